@@ -1,0 +1,146 @@
+//! Which of the six equations of motion the load cells let us write.
+
+use super::transfer;
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+/// Up to six combinations of the rows of `M a = f` that hold with what was measured:
+/// `rows · (M a - f) = 0`.
+///
+/// With six measured resultants this is the identity. A plane set-up or three vertical
+/// load cells measure fewer; then only some combinations remain. A weighted estimator
+/// multiplies them with the inverse square root of the noise covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Equations {
+    rows: Matrix6<f64>,
+    count: usize,
+    whitened: bool,
+}
+
+impl Default for Equations {
+    fn default() -> Self {
+        Self::all()
+    }
+}
+
+impl Equations {
+    /// All six equations, as equation (8) has them.
+    #[must_use]
+    pub fn all() -> Self {
+        Self {
+            rows: Matrix6::identity(),
+            count: 6,
+            whitened: false,
+        }
+    }
+
+    /// The equations spanned by the first `count` rows of `rows` (the others are
+    /// ignored), without weights.
+    pub(crate) fn spanned(rows: &Matrix6<f64>, count: usize) -> Self {
+        if count >= 6 {
+            return Self::all();
+        }
+        let (rows, count) = orthonormal_rows(rows, count);
+        Self {
+            rows,
+            count,
+            whitened: false,
+        }
+    }
+
+    /// The same equations after multiplication from the left with `weights`
+    /// (upper left `count` x `count` part).
+    pub(crate) fn whitened(&self, weights: &Matrix6<f64>) -> Self {
+        Self {
+            rows: weights * self.rows,
+            count: self.count,
+            whitened: true,
+        }
+    }
+
+    /// The matrix in front of `M a - f`; rows past [`Self::count`] are zero.
+    #[must_use]
+    pub fn rows(&self) -> &Matrix6<f64> {
+        &self.rows
+    }
+
+    /// Number of equations per acceleration vector, 0 to 6.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Whether the rows carry the weights of the noise. Then the least-squares answer
+    /// does not depend on the reference point.
+    #[must_use]
+    pub fn is_whitened(&self) -> bool {
+        self.whitened
+    }
+
+    /// Share of resultant `j` that is measured, 1 all of it, 0 none. Not for whitened
+    /// equations.
+    #[must_use]
+    pub fn measured(&self, j: usize) -> f64 {
+        self.rows.column(j).norm_squared()
+    }
+
+    /// The same equations about a point `shift = r_B - r_A` (m) away: with
+    /// `f_A = Tᵀ f_B` the rows become `rows · Tᵀ`. Unweighted equations are made
+    /// orthonormal again, so that six measured resultants stay the six rows of
+    /// equation (8) at every reference point, as the paper has it.
+    #[must_use]
+    pub fn at(&self, shift: &Vector3<f64>) -> Self {
+        let rows = self.rows * transfer(shift).transpose();
+        if self.whitened {
+            Self { rows, ..*self }
+        } else {
+            Self::spanned(&rows, self.count)
+        }
+    }
+}
+
+/// Gram-Schmidt, twice for good measure. A row that depends on those before it is dropped.
+fn orthonormal_rows(rows: &Matrix6<f64>, count: usize) -> (Matrix6<f64>, usize) {
+    const DEPENDENT: f64 = 1e-9;
+    let mut basis = Matrix6::zeros();
+    let mut kept = 0;
+    for i in 0..count.min(6) {
+        let mut row: Vector6<f64> = rows.row(i).transpose();
+        let before = row.norm();
+        for _ in 0..2 {
+            for k in 0..kept {
+                let b: Vector6<f64> = basis.row(k).transpose();
+                row -= b * b.dot(&row);
+            }
+        }
+        let norm = row.norm();
+        if norm > DEPENDENT * before {
+            basis.set_row(kept, &(row / norm).transpose());
+            kept += 1;
+        }
+    }
+    (basis, kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn six_equations_stay_six_plain_equations() {
+        let e = Equations::all().at(&Vector3::new(1.0, 2.0, 3.0));
+        assert_eq!(e, Equations::all());
+    }
+
+    #[test]
+    fn plane_equations_stay_plane_within_the_plane() {
+        let mut rows = Matrix6::zeros();
+        rows[(0, 0)] = 1.0;
+        rows[(1, 2)] = 1.0;
+        rows[(2, 4)] = 1.0;
+        let e = Equations::spanned(&rows, 3).at(&Vector3::new(0.4, 0.0, -0.2));
+        assert_eq!(e.count(), 3);
+        for (j, share) in [1.0, 0.0, 1.0, 0.0, 1.0, 0.0].into_iter().enumerate() {
+            assert!((e.measured(j) - share).abs() < 1e-15, "{j}");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! What follows from σ: centre of gravity, inertia about any point, their error bars.
+
+use super::normal::Solved;
+use nalgebra::{SMatrix, SVector, Vector3};
+
+/// A value with its standard deviation, in the same unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// One standard deviation.
+    pub std: f64,
+}
+
+/// Six inertia terms xx, yy, zz, xy, xz, yz; `None` where not observable.
+pub type InertiaEstimate = [Option<Estimate>; 6];
+
+/// The two axes that a term of inertia multiplies: a moment about one axis is the sum of
+/// the squares along the other two.
+const TERMS: [Term; 6] = [
+    Term::Moment(1, 2),
+    Term::Moment(0, 2),
+    Term::Moment(0, 1),
+    Term::Product(0, 1),
+    Term::Product(0, 2),
+    Term::Product(1, 2),
+];
+
+#[derive(Clone, Copy)]
+enum Term {
+    Moment(usize, usize),
+    Product(usize, usize),
+}
+
+/// Mass, CG relative to the point of solution, and inertia about that point, with the
+/// covariance of these ten.
+pub(super) struct Body {
+    point: Vector3<f64>,
+    mass_known: bool,
+    indicator: Option<Estimate>,
+    mass: f64,
+    /// CG relative to `point`.
+    r: Vector3<f64>,
+    theta: [f64; 6],
+    covariance: SMatrix<f64, 10, 10>,
+    /// Mass, three of CG, six of inertia.
+    observable: [bool; 10],
+}
+
+impl Body {
+    pub(super) fn new(solved: &Solved, known_mass: Option<f64>) -> Self {
+        let s = &solved.sigma;
+        let mut jacobian = SMatrix::<f64, 10, 10>::identity();
+        let mut observable = solved.observable;
+        let mass = match known_mass {
+            // (7): the CG stands in σ itself, and the mass is exact.
+            Some(m) => {
+                jacobian[(0, 0)] = 0.0;
+                observable[0] = true;
+                m
+            }
+            // (6): divide the first moments by the mass.
+            None => {
+                for i in 1..4 {
+                    observable[i] &= observable[0];
+                    if observable[i] {
+                        jacobian[(i, i)] = 1.0 / s[0];
+                        jacobian[(i, 0)] = -s[i] / (s[0] * s[0]);
+                    }
+                }
+                s[0]
+            }
+        };
+        let divisor = if known_mass.is_some() { 1.0 } else { mass };
+        let r = Vector3::from_fn(|i, _| {
+            if observable[1 + i] { s[1 + i] / divisor } else { 0.0 }
+        });
+        let std = |j: usize| libm::sqrt(solved.covariance[(j, j)].max(0.0));
+        let indicator = (known_mass.is_some() && solved.observable[0]).then(|| Estimate {
+            value: s[0],
+            std: std(0),
+        });
+        Self {
+            point: solved.point,
+            mass_known: known_mass.is_some(),
+            indicator,
+            mass,
+            r,
+            theta: core::array::from_fn(|j| s[4 + j]),
+            covariance: jacobian * solved.covariance * jacobian.transpose(),
+            observable,
+        }
+    }
+
+    fn estimate(&self, value: f64, gradient: &SVector<f64, 10>) -> Estimate {
+        let variance = (gradient.transpose() * self.covariance * gradient)[0];
+        Estimate {
+            value,
+            std: libm::sqrt(variance.max(0.0)),
+        }
+    }
+
+    pub(super) fn mass(&self) -> Option<Estimate> {
+        let std = if self.mass_known {
+            0.0
+        } else {
+            libm::sqrt(self.covariance[(0, 0)].max(0.0))
+        };
+        self.observable[0].then_some(Estimate {
+            value: self.mass,
+            std,
+        })
+    }
+
+    pub(super) fn indicator(&self) -> Option<Estimate> {
+        self.indicator
+    }
+
+    pub(super) fn centre_of_gravity(&self) -> [Option<Estimate>; 3] {
+        core::array::from_fn(|i| {
+            self.observable[1 + i].then(|| Estimate {
+                value: self.point[i] + self.r[i],
+                std: libm::sqrt(self.covariance[(1 + i, 1 + i)].max(0.0)),
+            })
+        })
+    }
+
+    /// Inertia about `target`, m, by the parallel-axis rule.
+    pub(super) fn inertia_about(&self, target: &Vector3<f64>) -> InertiaEstimate {
+        let c = target - self.point;
+        core::array::from_fn(|j| self.term(j, &c, false))
+    }
+
+    /// Inertia about S.
+    pub(super) fn inertia_about_cg(&self) -> InertiaEstimate {
+        core::array::from_fn(|j| self.term(j, &self.r, true))
+    }
+
+    /// Θ about the point of solution plus m times the difference of `(r-c)(r-c)` and
+    /// `r r`. About S the offset c is r itself and moves with it.
+    fn term(&self, j: usize, c: &Vector3<f64>, about_cg: bool) -> Option<Estimate> {
+        let mut g = SVector::<f64, 10>::zeros();
+        let mut known = self.observable[4 + j];
+        let mut value = self.theta[j];
+        g[4 + j] = 1.0;
+        let (r, m) = (self.r, self.mass);
+        let mut add = |p: usize, q: usize| {
+            if about_cg {
+                known &= self.observable[0] && self.observable[1 + p] && self.observable[1 + q];
+                value -= m * r[p] * r[q];
+                g[0] -= r[p] * r[q];
+                g[1 + p] -= m * r[q];
+                g[1 + q] -= m * r[p];
+            } else if c[p] != 0.0 || c[q] != 0.0 {
+                known &= self.observable[0];
+                known &= self.observable[1 + q] || c[p] == 0.0;
+                known &= self.observable[1 + p] || c[q] == 0.0;
+                let change = c[p] * c[q] - c[p] * r[q] - c[q] * r[p];
+                value += m * change;
+                g[0] += change;
+                g[1 + q] -= m * c[p];
+                g[1 + p] -= m * c[q];
+            }
+        };
+        match TERMS[j] {
+            Term::Moment(p, q) => {
+                add(p, p);
+                add(q, q);
+            }
+            Term::Product(p, q) => add(p, q),
+        }
+        known.then(|| self.estimate(value, &g))
+    }
+}

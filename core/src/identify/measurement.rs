@@ -1,0 +1,54 @@
+//! Equation (8): the measurement matrix B of one acceleration vector.
+
+use nalgebra::{SMatrix, Vector6};
+
+/// Six equations by ten unknowns.
+pub type Measurement = SMatrix<f64, 6, 10>;
+
+/// The rows of B for one acceleration vector about A, equation (8).
+///
+/// With `mass` the known mass (kg) the unknowns are those of equation (7),
+/// `[Δ, x, y, z, Θxx, Θyy, Θzz, Θxy, Θxz, Θyz]`; with `mass` one they are those of
+/// equation (6), where m, mx, my, mz take the first four places.
+#[must_use]
+#[rustfmt::skip]
+pub fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Measurement {
+    let [ax, ay, az, alpha, beta, gamma] = (*acceleration).into();
+    let m = mass;
+    Measurement::from_row_slice(&[
+        //  Δ        x          y          z       Θxx    Θyy   Θzz    Θxy     Θxz     Θyz
+        m * ax,     0.0,   -m * gamma,  m * beta,  0.0,   0.0,  0.0,   0.0,    0.0,    0.0,
+        m * ay,  m * gamma,    0.0,    -m * alpha, 0.0,   0.0,  0.0,   0.0,    0.0,    0.0,
+        m * az, -m * beta,  m * alpha,     0.0,    0.0,   0.0,  0.0,   0.0,    0.0,    0.0,
+          0.0,      0.0,      m * az,   -m * ay,  alpha,  0.0,  0.0,  -beta,  -gamma,  0.0,
+          0.0,   -m * az,      0.0,      m * ax,   0.0,  beta,  0.0,  -alpha,  0.0,   -gamma,
+          0.0,    m * ay,   -m * ax,      0.0,     0.0,   0.0, gamma,  0.0,   -alpha, -beta,
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigid_body::{Inertia, RigidBody};
+    use nalgebra::{SVector, Vector3};
+
+    #[test]
+    fn equation_8_is_equation_1_rearranged() {
+        let body = RigidBody {
+            mass: 3.0,
+            centre_of_gravity: Vector3::new(0.1, -0.2, 0.3),
+            inertia: Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
+        };
+        let reference = Vector3::new(-0.3, 0.2, 0.7);
+        let a = Vector6::new(1.0, -2.0, 0.5, 0.3, 0.7, -0.9);
+        let sigma = SVector::<f64, 10>::from(body.sigma(&reference));
+        let force = body.mass_matrix(&reference) * a;
+        // A dozen products below 10: ten roundings are 1e-14.
+        assert!((measurement_matrix(&a, 1.0) * sigma - force).norm() < 1e-14);
+        let mut known = sigma;
+        for i in 0..4 {
+            known[i] /= body.mass;
+        }
+        assert!((measurement_matrix(&a, body.mass) * known - force).norm() < 1e-14);
+    }
+}

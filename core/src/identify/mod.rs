@@ -1,0 +1,219 @@
+//! From masslines to ten numbers: equations (6) to (11), chapters 4 and 5.
+//!
+//! | file | does |
+//! | --- | --- |
+//! | `measurement` | the rows of B, equation (8) |
+//! | `normal` | stacking (9), normal equations (10), observability |
+//! | `derived` | CG, inertia about A and S with their error bars |
+//!
+//! Observability is decided by rank, nowhere else: uniaxial tests (11), plane problems
+//! and too few runs all come out of one rule.
+
+mod derived;
+mod measurement;
+mod normal;
+
+pub use derived::{Estimate, InertiaEstimate};
+pub use measurement::{Measurement, measurement_matrix};
+pub use normal::SIGNAL_OVER_NOISE;
+
+use crate::masslines::Masslines;
+use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};
+use nalgebra::Vector3;
+use normal::Solved;
+
+/// Direct, or iterative as in figure 4.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Procedure {
+    /// Solve once at the given reference point; Θ about S by the parallel-axis rule.
+    #[default]
+    Direct,
+    /// Move the reference point to the identified S and solve again, until both
+    /// coincide.
+    Iterative {
+        /// Distance of S from A at which the iteration ends, m.
+        tolerance: f64,
+        /// Most iterations.
+        limit: u32,
+    },
+}
+
+impl Procedure {
+    /// Iterative with a tolerance of a tenth of a micrometre and at most 50 steps. The
+    /// paper's data converge in two or three.
+    pub const ITERATIVE: Self = Self::Iterative {
+        tolerance: 1e-7,
+        limit: 50,
+    };
+}
+
+/// What is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Question {
+    /// The weighed mass, kg; then the indicator Δ is estimated in its place (7).
+    pub known_mass: Option<f64>,
+    /// Direct or iterative.
+    pub procedure: Procedure,
+}
+
+/// Why there is no answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum IdentifyError {
+    /// No masslines were given.
+    NoMasslines,
+    /// Nothing that could be told from noise.
+    NothingObservable,
+    /// The known mass is not positive.
+    KnownMass(f64),
+    /// The iteration moves away; the distance between S and A at the last step, m.
+    Diverged(f64),
+    /// The iteration did not end within its limit; the last distance, m.
+    NotConverged(f64),
+    /// A number that is not finite.
+    NotFinite,
+}
+
+impl core::fmt::Display for IdentifyError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NoMasslines => f.write_str("there are no masslines to identify from"),
+            Self::NothingObservable => {
+                f.write_str("none of the ten rigid-body properties can be told from noise")
+            }
+            Self::KnownMass(m) => write!(f, "a known mass of {m} kg; it must be positive"),
+            Self::Diverged(d) => {
+                write!(f, "the iteration moves away from the CG, at last by {d} m")
+            }
+            Self::NotConverged(d) => {
+                write!(f, "the iteration has not ended, the last step was {d} m")
+            }
+            Self::NotFinite => f.write_str("the masslines hold numbers that are not finite"),
+        }
+    }
+}
+
+impl core::error::Error for IdentifyError {}
+
+/// The ten numbers with their error bars, and how they were come by.
+///
+/// All are SI, in the frame of the sensors. `None` is *not observable from this test*,
+/// never zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Identification {
+    /// The reference point A that was asked for, m.
+    pub reference: Vector3<f64>,
+    /// Overall mass, kg. A known mass is exact.
+    pub mass: Option<Estimate>,
+    /// Δ, if the mass was known: ideally one.
+    pub indicator: Option<Estimate>,
+    /// Centre of gravity S, m.
+    pub centre_of_gravity: [Option<Estimate>; 3],
+    /// Inertia about A, kg m²: xx, yy, zz, xy, xz, yz; products as ∫ x y dm.
+    pub inertia_reference: InertiaEstimate,
+    /// Inertia about S, kg m².
+    pub inertia_cg: InertiaEstimate,
+    /// Principal moments and axes about S, if all of it is known.
+    pub principal: Option<PrincipalInertia>,
+    /// Which of the ten the data determine.
+    pub observable: [bool; 10],
+    /// Condition number of the column-equilibrated normal equations of those.
+    pub condition_number: f64,
+    /// Iterations done; one for the direct procedure.
+    pub iterations: u32,
+    /// Residual over expected residual of the masslines, 1 where a rigid body explains
+    /// them to within their noise. Above one the error bars were widened with its root.
+    pub consistency: Option<f64>,
+    /// Largest share of an error bar's variance that the pull of acceleration noise has.
+    pub attenuation: f64,
+    /// Whether a body like this could exist.
+    pub plausibility: Plausibility,
+}
+
+impl Identification {
+    /// The parameters that this test does not determine.
+    pub fn unobservable(&self) -> impl Iterator<Item = Parameter> + '_ {
+        let flags = Parameter::ALL.into_iter().zip(self.observable);
+        flags.filter_map(|(p, seen)| (!seen).then_some(p))
+    }
+}
+
+/// Identifies the rigid body behind `masslines`, with respect to their first set's
+/// reference point. Sets may stand at different points; they are moved.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub fn identify(
+    masslines: &[Masslines],
+    question: &Question,
+) -> Result<Identification, IdentifyError> {
+    let first = masslines.first().ok_or(IdentifyError::NoMasslines)?;
+    if let Some(m) = question.known_mass {
+        if !(m > 0.0 && m.is_finite()) {
+            return Err(IdentifyError::KnownMass(m));
+        }
+    }
+    let reference = first.reference;
+    let mut solved = normal::solve(masslines, &reference, question.known_mass)?;
+    let mut iterations = 1;
+    if let Procedure::Iterative { tolerance, limit } = question.procedure {
+        let mut before = f64::INFINITY;
+        let mut away = 0;
+        loop {
+            let step = solved.step();
+            let distance = step.norm();
+            if distance <= tolerance {
+                break;
+            }
+            // A single longer step may happen on the way; two in a row do not return.
+            away = if distance > before { away + 1 } else { 0 };
+            if away >= 2 {
+                return Err(IdentifyError::Diverged(distance));
+            }
+            if iterations >= limit {
+                return Err(IdentifyError::NotConverged(distance));
+            }
+            before = distance;
+            let point = solved.point + step;
+            solved = normal::solve(masslines, &point, question.known_mass)?;
+            iterations += 1;
+        }
+    }
+    Ok(assemble(&solved, reference, question.known_mass, iterations))
+}
+
+fn assemble(
+    solved: &Solved,
+    reference: Vector3<f64>,
+    known_mass: Option<f64>,
+    iterations: u32,
+) -> Identification {
+    let body = derived::Body::new(solved, known_mass);
+    let inertia_cg = body.inertia_about_cg();
+    let all: Option<heapless::Vec<f64, 6>> = inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
+    let full = all.and_then(|v| Some(Inertia::from_terms(v.into_array().ok()?)));
+    let moments = [0, 1, 2].map(|j| inertia_cg[j].map(|t| t.value));
+    let mass = body.mass();
+    // What the error bars could move a principal moment by is no violation.
+    let uncertain = inertia_cg
+        .iter()
+        .flatten()
+        .map(|t| 2.0 * t.std)
+        .fold(0.0, f64::max);
+    let largest = moments.iter().flatten().fold(0.0, |a: f64, &b| a.max(b.abs()));
+    let rounding = if largest > 0.0 { uncertain / largest + 1e-12 } else { 0.0 };
+    Identification {
+        reference,
+        mass,
+        indicator: body.indicator(),
+        centre_of_gravity: body.centre_of_gravity(),
+        inertia_reference: body.inertia_about(&reference),
+        inertia_cg,
+        principal: full.map(|i| i.principal()),
+        observable: solved.observable,
+        condition_number: solved.condition_number,
+        iterations,
+        consistency: solved.consistency,
+        attenuation: solved.attenuation,
+        plausibility: check(mass.map(|m| m.value), full.as_ref(), &moments, rounding),
+    }
+}

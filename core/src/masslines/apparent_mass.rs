@@ -1,0 +1,350 @@
+//! The apparent mass with elastic terms: the recommended method.
+//!
+//! On a rigid interface the interface accelerometers alone give the base acceleration
+//! exactly, however elastic the structure is, and
+//!
+//! ```text
+//! f = M(ω) a,   M(ω) = M₀ + Σ_r L_rᵀ L_r D_r(ω),   D_r = ω² / (ω_r² - ω² + 2jζ_r ω_r ω)
+//! ```
+//!
+//! with the poles of the *fixed* structure. M₀ is exactly the rigid-body mass matrix
+//! (1). So nothing is averaged away: the poles are found once, and the elastic terms go
+//! into the regression as unknowns of their own and are eliminated from it again.
+
+use super::regression::{MAX_TERMS, Regression, Solution};
+use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use crate::geometry::Equations;
+use crate::modes::{MAX_MODES, Pole, find_poles};
+use core::ops::Range;
+use nalgebra::{Complex, Matrix6, Vector3, Vector6};
+
+/// Fewest lines of an averaging band.
+pub const MIN_LINES: usize = 3;
+
+/// Most runs whose noise levels are weighed against each other.
+const MAX_RUNS: usize = 24;
+
+/// Masslines by apparent mass, with the elastic terms that were eliminated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ApparentMass {
+    /// The pairs.
+    pub masslines: Masslines,
+    /// Poles of the fixed structure found in the lines.
+    pub poles: heapless::Vec<Pole, MAX_MODES>,
+    /// For each pole its effective mass matrix `L_rᵀ L_r` about the reference point, if
+    /// its term was needed in the averaging band. Only excited directions are filled.
+    pub effective_mass: [Option<Matrix6<f64>>; MAX_MODES],
+    /// What all modes above add per (Hz)², if that term was needed.
+    pub upper: Option<Matrix6<f64>>,
+    /// M₀ before the structure of equation (1) is imposed.
+    pub rigid: Matrix6<f64>,
+    /// Number of independent directions of base acceleration that the runs excite.
+    pub excited: usize,
+    /// Power over noise of the weakest of them.
+    pub weakest_excitation: f64,
+    /// Standard deviation of each resultant's residual, relative to its power.
+    pub misfit: Vector6<f64>,
+}
+
+impl ApparentMass {
+    /// The fitted apparent mass at `frequency` Hz, 6 x 6, in excited directions.
+    #[must_use]
+    pub fn at(&self, frequency: f64) -> Matrix6<Complex<f64>> {
+        let mut m = self.rigid.map(|x| Complex::new(x, 0.0));
+        for (pole, mass) in self.poles.iter().zip(&self.effective_mass) {
+            if let Some(mass) = mass {
+                let d = pole.amplification(frequency);
+                m += mass.map(|x| d * x);
+            }
+        }
+        if let Some(upper) = &self.upper {
+            m += upper.map(|x| Complex::new(x * frequency * frequency, 0.0));
+        }
+        m
+    }
+}
+
+/// Condenses the lines `band` to masslines about `reference`. All of the lines serve to
+/// find the poles. `work` holds one element per line.
+///
+/// # Errors
+/// [`MasslineError`] if the band is too short or nothing is excited or measured.
+pub fn apparent_mass<L: Lines>(
+    lines: &L,
+    band: Range<usize>,
+    reference: Vector3<f64>,
+    equations: &Equations,
+    work: &mut [Complex<f64>],
+) -> Result<ApparentMass, MasslineError> {
+    if band.len() < MIN_LINES {
+        return Err(MasslineError::TooFewLines(band.len()));
+    }
+    if equations.count() == 0 {
+        return Err(MasslineError::NoResultant);
+    }
+    let poles = poles_of(lines, &band, work);
+    let basis = Basis::new(lines, &poles, &band);
+    let equal = [1.0; MAX_RUNS];
+    let first = Condensed::new(lines, &band, equations, &basis, &equal)?;
+    // Runs differ in level, and so does the noise of sensors whose noise follows it.
+    let weights = first.run_weights(lines, &band, equations, &basis);
+    let last = Condensed::new(lines, &band, equations, &basis, &weights)?;
+    last.finish(poles, &basis, reference)
+}
+
+/// The poles, from the power-like scalar `Σ_runs a*f / a*W a`.
+fn poles_of<L: Lines>(
+    lines: &L,
+    band: &Range<usize>,
+    work: &mut [Complex<f64>],
+) -> heapless::Vec<Pole, MAX_MODES> {
+    // W makes translations and rotations comparable: force over acceleration, roughly
+    // the body's own mass and inertia.
+    let mut energy = Moments::zero();
+    for run in 0..lines.runs() {
+        for line in band.clone() {
+            lines.add_moments(run, line, 1.0, &mut energy);
+        }
+    }
+    let w = Vector6::from_fn(|j, _| {
+        let (a, f) = (energy.aa[(j, j)].re, energy.ff[(j, j)].re);
+        if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
+    });
+    let grid = lines.grid();
+    let count = grid.count.min(work.len());
+    for (line, t) in work.iter_mut().enumerate().take(count) {
+        *t = Complex::new(0.0, 0.0);
+        for run in 0..lines.runs() {
+            let mut power = Complex::new(0.0, 0.0);
+            let mut norm = 0.0;
+            if let Some((a, f)) = lines.pair(run, line) {
+                for j in 0..6 {
+                    power += f[j] * a[j].conj();
+                    norm += w[j] * a[j].norm_sqr();
+                }
+            } else {
+                let mut m = Moments::zero();
+                lines.add_moments(run, line, 1.0, &mut m);
+                for j in 0..6 {
+                    power += m.fa[(j, j)];
+                    norm += w[j] * m.aa[(j, j)].re;
+                }
+            }
+            if norm > 0.0 {
+                *t += power / norm;
+            }
+        }
+    }
+    find_poles(&work[..count], &grid)
+}
+
+/// The functions of frequency that the regression may use: 1, one per mode, and ω².
+struct Basis {
+    poles: heapless::Vec<Pole, MAX_MODES>,
+    grid: crate::spectra::LineGrid,
+    unit: f64,
+}
+
+impl Basis {
+    fn new<L: Lines>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
+        let grid = lines.grid();
+        Self {
+            poles: poles.iter().copied().collect(),
+            grid,
+            unit: grid.frequency(band.end.saturating_sub(1)),
+        }
+    }
+
+    fn terms(&self) -> usize {
+        2 + self.poles.len()
+    }
+
+    fn upper(&self) -> usize {
+        1 + self.poles.len()
+    }
+
+    fn at(&self, line: usize) -> [Complex<f64>; MAX_TERMS] {
+        let f = self.grid.frequency(line);
+        let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
+        phi[0] = Complex::new(1.0, 0.0);
+        for (slot, pole) in phi[1..].iter_mut().zip(&self.poles) {
+            *slot = pole.amplification(f);
+        }
+        let ratio = f / self.unit;
+        phi[self.upper()] = Complex::new(ratio * ratio, 0.0);
+        phi
+    }
+}
+
+struct Condensed {
+    regression: Regression,
+    solution: Solution,
+    excitation: Excitation,
+    noise: Vector6<f64>,
+    power: Vector6<f64>,
+}
+
+impl Condensed {
+    fn new<L: Lines>(
+        lines: &L,
+        band: &Range<usize>,
+        equations: &Equations,
+        basis: &Basis,
+        weights: &[f64; MAX_RUNS],
+    ) -> Result<Self, MasslineError> {
+        let runs = lines.runs().min(MAX_RUNS);
+        let mut energy = Moments::zero();
+        let mut noise = Vector6::zeros();
+        for (run, weight) in weights.iter().enumerate().take(runs) {
+            let per_line = lines.noise(run);
+            for j in 0..6 {
+                noise[j] += weight * per_line[j] * band.len() as f64;
+            }
+            for line in band.clone() {
+                lines.add_moments(run, line, *weight, &mut energy);
+            }
+        }
+        let excitation = Excitation::new(&energy.aa.map(|z| z.re), &noise);
+        if excitation.rank() == 0 {
+            return Err(MasslineError::NoExcitation);
+        }
+        let mut regression = Regression::new(
+            excitation,
+            *equations,
+            basis.terms(),
+            lines.correlation(),
+        );
+        for line in band.clone() {
+            let mut m = Moments::zero();
+            let mut count = 0.0;
+            for (run, weight) in weights.iter().enumerate().take(runs) {
+                lines.add_moments(run, line, *weight, &mut m);
+                // Real and imaginary part hold independently (chapter 6).
+                count += 2.0 * lines.equations_per_line(run);
+            }
+            regression.add(&m, &basis.at(line)[..basis.terms()], count);
+        }
+        let solution = best(&regression, basis).ok_or(MasslineError::Singular)?;
+        Ok(Self {
+            regression,
+            solution,
+            excitation,
+            noise,
+            power: energy.ff.diagonal().map(|z| z.re),
+        })
+    }
+
+    /// Inverse residual power of each run.
+    fn run_weights<L: Lines>(
+        &self,
+        lines: &L,
+        band: &Range<usize>,
+        equations: &Equations,
+        basis: &Basis,
+    ) -> [f64; MAX_RUNS] {
+        let terms: heapless::Vec<Matrix6<f64>, MAX_TERMS> = (0..basis.terms())
+            .map(|t| {
+                let m = self.regression.coefficient(&self.solution, t);
+                equations.rows() * m.unwrap_or_else(Matrix6::zeros)
+            })
+            .collect();
+        let scale = self.solution.residual().diagonal();
+        let runs = lines.runs().min(MAX_RUNS);
+        let mut power = [0.0; MAX_RUNS];
+        for line in band.clone() {
+            let phi = basis.at(line);
+            let mut model = Matrix6::<Complex<f64>>::zeros();
+            for (m, phi) in terms.iter().zip(&phi) {
+                model += m.map(|x| phi * x);
+            }
+            for (run, power) in power.iter_mut().enumerate().take(runs) {
+                let left = residual(lines, run, line, equations, &model);
+                for j in 0..equations.count() {
+                    *power += left[j] / scale[j];
+                }
+            }
+        }
+        let mut weights = [1.0; MAX_RUNS];
+        let mut mean = 0.0;
+        for (run, power) in power.iter_mut().enumerate().take(runs) {
+            *power /= lines.equations_per_line(run).max(1.0);
+            mean += *power / runs as f64;
+        }
+        for (weight, power) in weights.iter_mut().zip(power).take(runs) {
+            // A run is never trusted a thousand times more than the average one.
+            *weight = mean / power.max(1e-3 * mean).max(f64::MIN_POSITIVE);
+        }
+        if mean > 0.0 { weights } else { [1.0; MAX_RUNS] }
+    }
+
+    fn finish(
+        self,
+        poles: heapless::Vec<Pole, MAX_MODES>,
+        basis: &Basis,
+        reference: Vector3<f64>,
+    ) -> Result<ApparentMass, MasslineError> {
+        let mut masslines = self.regression.masslines(&self.solution, reference)?;
+        masslines.noise = Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
+        let coefficient = |t: usize| self.regression.coefficient(&self.solution, t);
+        let mut effective_mass = [None; MAX_MODES];
+        for (r, slot) in effective_mass.iter_mut().enumerate().take(poles.len()) {
+            *slot = coefficient(1 + r);
+        }
+        let measured = self.regression.residual_diagonal(&self.solution);
+        let misfit = measured.zip_map(&self.power, |c, p| {
+            if p > 0.0 { libm::sqrt(c / p) } else { 0.0 }
+        });
+        Ok(ApparentMass {
+            masslines,
+            effective_mass,
+            upper: coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit)),
+            rigid: coefficient(0).unwrap_or_else(Matrix6::zeros),
+            poles,
+            excited: self.excitation.rank(),
+            weakest_excitation: self.excitation.weakest(),
+            misfit,
+        })
+    }
+}
+
+/// The terms that explain most for what they cost: any number of modes from the lowest
+/// up, with or without the ω² term for those above.
+fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
+    let modes = basis.poles.len();
+    let mut best: Option<Solution> = None;
+    for count in (0..=modes).rev() {
+        for upper in [true, false] {
+            let mut chosen: heapless::Vec<usize, MAX_TERMS> = (0..=count).collect();
+            if upper {
+                // `MAX_TERMS` holds every mode and this one.
+                let _ = chosen.push(basis.upper());
+            }
+            if let Some(solution) = regression.solve(&chosen) {
+                let better = best
+                    .as_ref()
+                    .is_none_or(|b| solution.criterion < b.criterion);
+                if better {
+                    best = Some(solution);
+                }
+            }
+        }
+    }
+    best
+}
+
+/// Residual power of each measured equation for one run at one line.
+fn residual<L: Lines>(
+    lines: &L,
+    run: usize,
+    line: usize,
+    equations: &Equations,
+    model: &Matrix6<Complex<f64>>,
+) -> Vector6<f64> {
+    let mut m = Moments::zero();
+    lines.add_moments(run, line, 1.0, &mut m);
+    let e = equations.rows().map(|x| Complex::new(x, 0.0));
+    let ff = e * m.ff * e.transpose();
+    let fa = e * m.fa;
+    let left = ff - model * fa.adjoint() - fa * model.adjoint() + model * m.aa * model.adjoint();
+    left.diagonal().map(|z| z.re.max(0.0))
+}

@@ -1,0 +1,125 @@
+//! Which directions of base acceleration (or of force) the runs really excite.
+//!
+//! A direction that carries nothing but noise looks like a small excitation and would
+//! turn into ten confident wrong numbers. So every direction is held against the noise
+//! of the very channels it comes from, before anything is inverted.
+
+use crate::algebra::symmetric_eigen;
+use nalgebra::{Matrix6, Vector6};
+
+use crate::identify::SIGNAL_OVER_NOISE as EXCITED;
+
+/// The excited directions: a subspace of the six accelerations (or resultants).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Excitation {
+    /// First [`Self::rank`] columns: directions, in the units of the vector.
+    basis: Matrix6<f64>,
+    /// First [`Self::rank`] rows: coordinates of a vector along them.
+    coordinates: Matrix6<f64>,
+    rank: usize,
+    /// Power over noise of the weakest excited direction.
+    weakest: f64,
+}
+
+impl Excitation {
+    /// Decides from the summed real second moments `Σ a aᵀ` and the noise power in each
+    /// of their diagonal terms.
+    #[must_use]
+    pub fn new(moments: &Matrix6<f64>, noise: &Vector6<f64>) -> Self {
+        // In units of its own noise every channel is comparable. A channel that is
+        // exactly zero, because no sensor sees it, has no noise either and stays zero.
+        let scale = noise.map(|n| if n > 0.0 { libm::sqrt(n) } else { 0.0 });
+        let ratio = Matrix6::from_fn(|i, j| {
+            let s = scale[i] * scale[j];
+            if s > 0.0 { moments[(i, j)] / s } else { 0.0 }
+        });
+        let (values, vectors) = symmetric_eigen(&ratio);
+        let mut basis = Matrix6::zeros();
+        let mut coordinates = Matrix6::zeros();
+        let mut rank = 0;
+        let mut weakest = f64::INFINITY;
+        let all = values.iter().all(|&v| v > EXCITED);
+        for (i, &value) in values.iter().enumerate() {
+            if value <= EXCITED {
+                continue;
+            }
+            weakest = weakest.min(value);
+            // With all six excited any basis will do, and the plain axes cost no rounding.
+            if all {
+                basis[(i, i)] = 1.0;
+                coordinates[(i, i)] = 1.0;
+            } else {
+                for j in 0..6 {
+                    basis[(j, rank)] = vectors[(j, i)] * scale[j];
+                    coordinates[(rank, j)] = if scale[j] > 0.0 {
+                        vectors[(j, i)] / scale[j]
+                    } else {
+                        0.0
+                    };
+                }
+            }
+            rank += 1;
+        }
+        Self {
+            basis,
+            coordinates,
+            rank,
+            weakest,
+        }
+    }
+
+    /// Number of excited directions.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Power over noise of the weakest excited direction; infinite if there is none.
+    #[must_use]
+    pub fn weakest(&self) -> f64 {
+        self.weakest
+    }
+
+    /// Matrix whose first [`Self::rank`] columns turn coordinates into a vector of six.
+    #[must_use]
+    pub fn basis(&self) -> &Matrix6<f64> {
+        &self.basis
+    }
+
+    /// Matrix whose first [`Self::rank`] rows turn a vector of six into coordinates.
+    #[must_use]
+    pub fn coordinates(&self) -> &Matrix6<f64> {
+        &self.coordinates
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn noise_is_not_an_excitation() {
+        let mut m = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-6));
+        m[(0, 1)] = 0.3;
+        m[(1, 0)] = 0.3;
+        let e = Excitation::new(&m, &Vector6::repeat(1e-6));
+        assert_eq!(e.rank(), 3);
+        let back = e.coordinates() * e.basis();
+        // Orthonormal in units of noise: the coordinates of the basis are the axes.
+        for i in 0..3 {
+            for j in 0..3 {
+                let expected = f64::from(u8::from(i == j));
+                assert!((back[(i, j)] - expected).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn an_unseen_component_is_never_excited() {
+        let m = Matrix6::from_diagonal(&Vector6::new(1.0, 0.0, 1.0, 0.0, 1.0, 0.0));
+        let noise = Vector6::new(1e-9, 0.0, 1e-9, 0.0, 1e-9, 0.0);
+        let e = Excitation::new(&m, &noise);
+        assert_eq!(e.rank(), 3);
+        assert_eq!(e.basis().row(1).norm(), 0.0);
+    }
+}

@@ -1,0 +1,275 @@
+//! What the estimators read of the averaged spectra: second moments, line by line.
+//!
+//! With a drive channel a run gives one pair of amplitudes per line, `a = H_a` and
+//! `f = H_f`, weighted with the drive's power; without one it gives the cross-spectral
+//! matrix. Both come down to the same three matrices, `Σ a a*`, `Σ f a*` and `Σ f f*`,
+//! which is equation (13) before anyone averages over the band.
+
+use crate::algebra::incoherent_powers;
+use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::spectra::{Average, CrossAverage, LineGrid, RunResponses, Window};
+use nalgebra::{Complex, Matrix6, Vector6};
+
+/// A complex 6 x 6 matrix.
+pub type Complex6 = Matrix6<Complex<f64>>;
+
+/// Second moments of accelerations and forces at one line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    /// `Σ a a*`, Hermitian.
+    pub aa: Complex6,
+    /// `Σ f a*`; its adjoint is the paper's G_AF.
+    pub fa: Complex6,
+    /// `Σ f f*`, the paper's G_FF, Hermitian.
+    pub ff: Complex6,
+}
+
+impl Moments {
+    /// Nothing yet.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            aa: Complex6::zeros(),
+            fa: Complex6::zeros(),
+            ff: Complex6::zeros(),
+        }
+    }
+
+    /// Adds one pair of amplitudes with a weight.
+    pub fn add_pair(
+        &mut self,
+        a: &Vector6<Complex<f64>>,
+        f: &Vector6<Complex<f64>>,
+        weight: f64,
+    ) {
+        for j in 0..6 {
+            let (aj, fj) = (a[j].conj() * weight, f[j].conj() * weight);
+            for i in 0..6 {
+                self.fa[(i, j)] += f[i] * aj;
+                if i <= j {
+                    self.aa[(i, j)] += a[i] * aj;
+                    self.ff[(i, j)] += f[i] * fj;
+                }
+            }
+        }
+        for j in 0..6 {
+            for i in j + 1..6 {
+                self.aa[(i, j)] = self.aa[(j, i)].conj();
+                self.ff[(i, j)] = self.ff[(j, i)].conj();
+            }
+        }
+    }
+}
+
+/// Averaged spectra of one or more runs that share a reference point, a frame and the
+/// equations their load cells complete.
+pub trait Lines {
+    /// Where the lines lie.
+    fn grid(&self) -> LineGrid;
+    /// Number of runs.
+    fn runs(&self) -> usize;
+    /// Adds the moments of one run at one line, times `weight`.
+    fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments);
+    /// Noise power per line that `Σ a a*` (first six) and `Σ f f*` (last six) of a run
+    /// contain, mean over the averaging band.
+    fn noise(&self, run: usize) -> [f64; RESULTANTS];
+    /// Independent complex equations that one line of a run holds.
+    fn equations_per_line(&self, run: usize) -> f64;
+    /// Variance of a mean over lines relative to independent lines and blocks.
+    fn correlation(&self) -> f64;
+    /// The single pair of amplitudes of a run at a line, if it was referred to a drive.
+    fn pair(&self, run: usize, line: usize) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)>;
+}
+
+/// Runs referred to their drive signals.
+#[derive(Clone, Copy, Debug)]
+pub struct DriveLines<'a> {
+    runs: &'a [RunResponses<'a>],
+    correlation: f64,
+}
+
+impl<'a> DriveLines<'a> {
+    /// Lines of `runs`, which were averaged with `window`. `None` if there is no run
+    /// or their grids differ.
+    #[must_use]
+    pub fn new(runs: &'a [RunResponses<'a>], window: Window) -> Option<Self> {
+        let first = runs.first()?;
+        runs.iter().all(|r| r.grid == first.grid).then(|| Self {
+            runs,
+            correlation: window.line_correlation(),
+        })
+    }
+}
+
+fn halves(h: &[crate::spectra::Complex32; RESULTANTS]) -> [Vector6<Complex<f64>>; 2] {
+    let wide = |i: usize| Complex::new(f64::from(h[i].re), f64::from(h[i].im));
+    [
+        Vector6::from_fn(|i, _| wide(i)),
+        Vector6::from_fn(|i, _| wide(6 + i)),
+    ]
+}
+
+impl Lines for DriveLines<'_> {
+    fn grid(&self) -> LineGrid {
+        // `new` refuses an empty list.
+        self.runs[0].grid
+    }
+
+    fn runs(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+        if let Some((a, f)) = self.pair(run, line) {
+            let power = self.runs[run].drive.get(line).copied().unwrap_or(0.0);
+            into.add_pair(&a, &f, weight * f64::from(power));
+        }
+    }
+
+    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
+        self.runs
+            .get(run)
+            .map_or([0.0; RESULTANTS], |r| r.noise.map(f64::from))
+    }
+
+    fn equations_per_line(&self, _run: usize) -> f64 {
+        1.0
+    }
+
+    fn correlation(&self) -> f64 {
+        self.correlation
+    }
+
+    fn pair(
+        &self,
+        run: usize,
+        line: usize,
+    ) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)> {
+        let [a, f] = halves(self.runs.get(run)?.responses.get(line)?);
+        Some((a, f))
+    }
+}
+
+/// Runs without a drive: their cross-spectral matrices.
+#[derive(Debug)]
+pub struct CrossLines<'a, 's> {
+    runs: &'a [CrossAverage<'s>],
+    grid: LineGrid,
+    noise: heapless::Vec<[f64; RESULTANTS], MAX_CROSS_RUNS>,
+    line_correlation: f64,
+    block_correlation: f64,
+}
+
+/// Most runs without a drive.
+pub const MAX_CROSS_RUNS: usize = 24;
+
+impl<'a, 's> CrossLines<'a, 's> {
+    /// Lines of finished cross-spectral averages. `band` are the kept lines over which
+    /// the noise is taken, `hop` is the blocks' hop over their length, `maps` made the
+    /// resultants of each run. `None` if there is no run, more than [`MAX_CROSS_RUNS`],
+    /// or not one map a run.
+    #[must_use]
+    pub fn new(
+        runs: &'a [CrossAverage<'s>],
+        grid: LineGrid,
+        band: core::ops::Range<usize>,
+        window: Window,
+        hop: f64,
+        maps: &[ResultantMap],
+    ) -> Option<Self> {
+        if runs.is_empty() || maps.len() != runs.len() {
+            return None;
+        }
+        let mut lines = Self {
+            runs,
+            grid,
+            noise: heapless::Vec::new(),
+            line_correlation: window.line_correlation(),
+            block_correlation: window.block_correlation(hop),
+        };
+        for (run, map) in maps.iter().enumerate() {
+            let noise = lines.incoherent(run, band.clone(), map);
+            lines.noise.push(noise).ok()?;
+        }
+        Some(lines)
+    }
+
+    /// What of the accelerations the forces do not explain, and the other way round:
+    /// an upper bound of the sensors' noise, as the noise of both sides is in it.
+    fn incoherent(
+        &self,
+        run: usize,
+        band: core::ops::Range<usize>,
+        map: &ResultantMap,
+    ) -> [f64; RESULTANTS] {
+        let mut power = [0.0; RESULTANTS];
+        let mut noise = [0.0; RESULTANTS];
+        let blocks = f64::from(self.runs[run].blocks());
+        // Six explaining channels take six degrees of freedom.
+        let freedom = blocks / (blocks - 6.0).max(1.0);
+        let lines = band.len().max(1) as f64;
+        for line in band {
+            let mut m = Moments::zero();
+            self.add_moments(run, line, 1.0, &mut m);
+            let of_accelerations = incoherent_powers(&m.ff, &m.fa.adjoint(), &m.aa);
+            let of_forces = incoherent_powers(&m.aa, &m.fa, &m.ff);
+            for j in 0..6 {
+                power[j] += m.aa[(j, j)].re / lines;
+                power[6 + j] += m.ff[(j, j)].re / lines;
+                noise[j] += of_accelerations[j] * freedom / lines;
+                noise[6 + j] += of_forces[j] * freedom / lines;
+            }
+        }
+        let rounding = map.rounding_power(&power);
+        core::array::from_fn(|j| noise[j].max(rounding[j]))
+    }
+}
+
+impl Lines for CrossLines<'_, '_> {
+    fn grid(&self) -> LineGrid {
+        self.grid
+    }
+
+    fn runs(&self) -> usize {
+        self.runs.len()
+    }
+
+    fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+        let Some(average) = self.runs.get(run) else {
+            return;
+        };
+        let value = |i: usize, j: usize| {
+            let (re, im) = average.cross(i, j, line);
+            Complex::new(re, im) * weight
+        };
+        for j in 0..6 {
+            for i in 0..6 {
+                into.aa[(i, j)] += value(i, j);
+                into.fa[(i, j)] += value(6 + i, j);
+                into.ff[(i, j)] += value(6 + i, 6 + j);
+            }
+        }
+    }
+
+    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
+        self.noise.get(run).copied().unwrap_or([0.0; RESULTANTS])
+    }
+
+    fn equations_per_line(&self, run: usize) -> f64 {
+        self.runs
+            .get(run)
+            .map_or(0.0, |r| f64::from(r.blocks()) / self.block_correlation)
+    }
+
+    fn correlation(&self) -> f64 {
+        self.line_correlation * self.block_correlation
+    }
+
+    fn pair(
+        &self,
+        _run: usize,
+        _line: usize,
+    ) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)> {
+        None
+    }
+}

@@ -1,0 +1,326 @@
+//! Linear regression of forces on accelerations with nuisance terms, condensed to pairs.
+//!
+//! The model of a line is `f = (M + Σ_t E_t φ_t) a`, with the wanted real matrix M and
+//! unwanted ones E_t that multiply known functions φ_t of frequency. All rows of f share
+//! one normal matrix. Eliminating the E_t from it leaves a small matrix S for M alone,
+//! and `S = UᵀU` turns it into pairs: the rows of U are pseudo accelerations and `M̂ U`
+//! the forces that go with them. Nothing is lost: least squares on these pairs with any
+//! structure imposed on M is least squares on all lines with that structure imposed.
+
+use super::{Excitation, MasslineError, Masslines, Moments};
+use crate::geometry::Equations;
+use nalgebra::{Complex, Matrix6, SMatrix, SVector, Vector3, Vector6};
+
+/// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
+pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
+const SIZE: usize = 6 * MAX_TERMS;
+
+type Normal = SMatrix<f64, SIZE, SIZE>;
+type Right = SMatrix<f64, SIZE, 6>;
+
+/// Normal equations of the regression, in coordinates of the excited directions and of
+/// the measured equations.
+pub(super) struct Regression {
+    excitation: Excitation,
+    equations: Equations,
+    terms: usize,
+    normal: Normal,
+    right: Right,
+    power: Matrix6<f64>,
+    /// Real equations per row of f.
+    count: f64,
+    correlation: f64,
+}
+
+/// The solution with a chosen set of terms.
+pub(super) struct Solution {
+    terms: heapless::Vec<usize, MAX_TERMS>,
+    /// Coefficients of the chosen terms, in their order: `rank` rows each.
+    coefficients: Right,
+    /// What is left for the first term when the others are eliminated.
+    schur: Matrix6<f64>,
+    /// Covariance of one real equation, in measured-equation coordinates.
+    residual: Matrix6<f64>,
+    /// Corrected information criterion: smaller explains better for what it costs.
+    pub(super) criterion: f64,
+}
+
+impl Regression {
+    /// `correlation` is the variance of a mean over lines relative to independent ones.
+    pub(super) fn new(
+        excitation: Excitation,
+        equations: Equations,
+        terms: usize,
+        correlation: f64,
+    ) -> Self {
+        Self {
+            excitation,
+            equations,
+            terms: terms.clamp(1, MAX_TERMS),
+            normal: Normal::zeros(),
+            right: Right::zeros(),
+            power: Matrix6::zeros(),
+            count: 0.0,
+            correlation,
+        }
+    }
+
+    /// Adds the moments of one line, where term t has the value `phi[t]`, that hold
+    /// `equations` real equations.
+    pub(super) fn add(&mut self, moments: &Moments, phi: &[Complex<f64>], equations: f64) {
+        let rank = self.excitation.rank();
+        let p = self.excitation.coordinates().map(|x| Complex::new(x, 0.0));
+        let e = self.equations.rows().map(|x| Complex::new(x, 0.0));
+        let aa = p * moments.aa * p.transpose();
+        let fa = e * moments.fa * p.transpose();
+        for (t, phi_t) in phi.iter().enumerate().take(self.terms) {
+            for (u, phi_u) in phi.iter().enumerate().take(t + 1) {
+                // Re conj(φ_t a_i) φ_u a_j
+                let factor = phi_t.conj() * phi_u;
+                for i in 0..rank {
+                    for j in 0..rank {
+                        self.normal[(6 * t + i, 6 * u + j)] += (factor * aa[(j, i)]).re;
+                    }
+                }
+            }
+            let factor = phi_t.conj();
+            for i in 0..rank {
+                for j in 0..self.equations.count() {
+                    self.right[(6 * t + i, j)] += (factor * fa[(j, i)]).re;
+                }
+            }
+        }
+        self.power += (e * moments.ff * e.transpose()).map(|z| z.re);
+        self.count += equations;
+    }
+
+    /// Solves with the given terms, the first of which is the rigid one. `None` if the
+    /// chosen terms cannot be told apart or too few equations are left.
+    pub(super) fn solve(&self, chosen: &[usize]) -> Option<Solution> {
+        let rank = self.excitation.rank();
+        let rows = self.equations.count();
+        let unknowns = rank * chosen.len();
+        let freedom = self.count - unknowns as f64;
+        if unknowns == 0 || rows == 0 || freedom < 1.0 {
+            return None;
+        }
+        let at = |n: usize| 6 * chosen[n / rank] + n % rank;
+        let gathered = |i: usize, j: usize| {
+            let (i, j) = (at(i), at(j));
+            if i >= j { self.normal[(i, j)] } else { self.normal[(j, i)] }
+        };
+        // Column equilibration, then an LDLᵀ without pivoting that starts with the
+        // nuisance terms: what it leaves of the rigid block is the Schur complement.
+        let order = |n: usize| (n + rank) % unknowns;
+        let mut scale = SVector::<f64, SIZE>::zeros();
+        for n in 0..unknowns {
+            let d = gathered(order(n), order(n));
+            if !(d > 0.0 && d.is_finite()) {
+                return None;
+            }
+            scale[n] = 1.0 / libm::sqrt(d);
+        }
+        let mut l = Normal::zeros();
+        let nuisance = unknowns - rank;
+        let mut schur = Matrix6::zeros();
+        for j in 0..unknowns {
+            for i in j..unknowns {
+                let mut sum = gathered(order(i), order(j)) * scale[i] * scale[j];
+                let eliminated = j.min(nuisance);
+                for k in 0..eliminated {
+                    sum -= l[(i, k)] * l[(j, k)];
+                }
+                if j >= nuisance {
+                    let (a, b) = (i - nuisance, j - nuisance);
+                    let value = sum / (scale[i] * scale[j]);
+                    schur[(a, b)] = value;
+                    schur[(b, a)] = value;
+                }
+                for k in eliminated..j {
+                    sum -= l[(i, k)] * l[(j, k)];
+                }
+                if i == j {
+                    // 1e-12 of a unit diagonal: the column is a combination of others.
+                    if !(sum > 1e-12) {
+                        return None;
+                    }
+                    l[(j, j)] = libm::sqrt(sum);
+                } else {
+                    l[(i, j)] = sum / l[(j, j)];
+                }
+            }
+        }
+        let mut ordered = Right::zeros();
+        for c in 0..rows {
+            for i in 0..unknowns {
+                let mut sum = self.right[(at(order(i)), c)] * scale[i];
+                for k in 0..i {
+                    sum -= l[(i, k)] * ordered[(k, c)];
+                }
+                ordered[(i, c)] = sum / l[(i, i)];
+            }
+        }
+        // Residual before back substitution: power minus the squared projections.
+        let mut residual = self.power;
+        for c in 0..rows {
+            for d in 0..rows {
+                let mut explained = 0.0;
+                for i in 0..unknowns {
+                    explained += ordered[(i, c)] * ordered[(i, d)];
+                }
+                residual[(c, d)] -= explained;
+            }
+        }
+        let mut coefficients = Right::zeros();
+        for c in 0..rows {
+            for i in (0..unknowns).rev() {
+                let mut sum = ordered[(i, c)];
+                for k in i + 1..unknowns {
+                    sum -= l[(k, i)] * ordered[(k, c)];
+                }
+                ordered[(i, c)] = sum / l[(i, i)];
+                coefficients[(order(i), c)] = ordered[(i, c)] * scale[i];
+            }
+        }
+        let residual = self.floored(&(residual / freedom));
+        let criterion = self.criterion(&residual, unknowns);
+        Some(Solution {
+            terms: heapless::Vec::from_slice(chosen).ok()?,
+            coefficients,
+            schur,
+            residual,
+            criterion,
+        })
+    }
+
+    /// A residual covariance that can be inverted: no better than the `f32` spectra it
+    /// was computed from, and no more correlated than 0.999, since a residual of the
+    /// model points one way and would grant infinite trust to all others.
+    fn floored(&self, residual: &Matrix6<f64>) -> Matrix6<f64> {
+        const AMPLITUDE: f64 = 3e-8;
+        let mut c = (residual + residual.transpose()) * 0.5;
+        for j in 0..self.equations.count() {
+            let floor = AMPLITUDE * AMPLITUDE * self.power[(j, j)] / self.count;
+            c[(j, j)] = (c[(j, j)].max(0.0) * 1.001) + floor;
+            if c[(j, j)] <= 0.0 {
+                c[(j, j)] = f64::MIN_POSITIVE;
+            }
+        }
+        c
+    }
+
+    fn criterion(&self, residual: &Matrix6<f64>, unknowns: usize) -> f64 {
+        let rows = self.equations.count();
+        // Neighbouring lines repeat each other, so that many are independent.
+        let n = self.count / self.correlation;
+        let parameters = (rows * unknowns) as f64 + (rows * (rows + 1)) as f64 / 2.0;
+        let log_det: f64 = match lower(residual, rows) {
+            Some(l) => (0..rows).map(|j| 2.0 * libm::log(l[(j, j)])).sum(),
+            None => return f64::INFINITY,
+        };
+        // Hurvich and Tsai's correction for several outputs.
+        let left = n - unknowns as f64 - rows as f64 - 1.0;
+        if left <= 0.0 {
+            return f64::INFINITY;
+        }
+        n * log_det + 2.0 * parameters * n / left
+    }
+
+    /// The pairs, whitened by the residual.
+    pub(super) fn masslines(
+        &self,
+        solution: &Solution,
+        reference: Vector3<f64>,
+    ) -> Result<Masslines, MasslineError> {
+        let rank = self.excitation.rank();
+        let rows = self.equations.count();
+        let factor = lower(&solution.residual, rows).ok_or(MasslineError::Singular)?;
+        let whitener = inverse_lower(&factor, rows);
+        let mut set = Masslines::new(reference, self.equations.whitened(&whitener));
+        let u = lower(&solution.schur, rank).ok_or(MasslineError::Singular)?;
+        for p in 0..rank {
+            // Row p of U, with S = U Uᵀ here: column p of the lower factor.
+            let c = Vector6::from_fn(|i, _| if i < rank { u[(i, p)] } else { 0.0 });
+            let acceleration = self.excitation.basis() * c;
+            let measured = Vector6::from_fn(|j, _| {
+                (0..rank).map(|i| solution.coefficients[(i, j)] * c[i]).sum()
+            });
+            let force = self.equations.rows().transpose() * measured;
+            let mut variance = Vector6::zeros();
+            for j in 0..rows {
+                variance[j] = self.correlation;
+            }
+            set.push(acceleration, force, variance)?;
+        }
+        Ok(set)
+    }
+
+    /// Residual power of each resultant, summed over all real equations.
+    pub(super) fn residual_diagonal(&self, solution: &Solution) -> Vector6<f64> {
+        let e = self.equations.rows();
+        (e.transpose() * solution.residual * e).diagonal() * self.count
+    }
+
+    /// Coefficient matrix of one chosen term as a 6 x 6 matrix in the units of `f / a`,
+    /// zero where nothing was excited or measured.
+    pub(super) fn coefficient(&self, solution: &Solution, term: usize) -> Option<Matrix6<f64>> {
+        let rank = self.excitation.rank();
+        let n = solution.terms.iter().position(|&t| t == term)?;
+        let inner = Matrix6::from_fn(|j, i| {
+            if i < rank {
+                solution.coefficients[(n * rank + i, j)]
+            } else {
+                0.0
+            }
+        });
+        Some(self.equations.rows().transpose() * inner * self.excitation.coordinates())
+    }
+}
+
+impl Solution {
+    /// Whether a term was chosen.
+    pub(super) fn has(&self, term: usize) -> bool {
+        self.terms.contains(&term)
+    }
+
+    /// Residual covariance of one real equation, in measured-equation coordinates.
+    pub(super) fn residual(&self) -> &Matrix6<f64> {
+        &self.residual
+    }
+}
+
+/// Lower Cholesky factor of the leading `n` x `n` part.
+pub(super) fn lower(matrix: &Matrix6<f64>, n: usize) -> Option<Matrix6<f64>> {
+    let mut l = Matrix6::zeros();
+    for j in 0..n {
+        for i in j..n {
+            let mut sum = matrix[(i, j)];
+            for k in 0..j {
+                sum -= l[(i, k)] * l[(j, k)];
+            }
+            if i == j {
+                if !(sum > 0.0 && sum.is_finite()) {
+                    return None;
+                }
+                l[(j, j)] = libm::sqrt(sum);
+            } else {
+                l[(i, j)] = sum / l[(j, j)];
+            }
+        }
+    }
+    Some(l)
+}
+
+fn inverse_lower(l: &Matrix6<f64>, n: usize) -> Matrix6<f64> {
+    let mut inverse = Matrix6::zeros();
+    for c in 0..n {
+        for i in c..n {
+            let mut sum = if i == c { 1.0 } else { 0.0 };
+            for k in c..i {
+                sum -= l[(i, k)] * inverse[(k, c)];
+            }
+            inverse[(i, c)] = sum / l[(i, i)];
+        }
+    }
+    inverse
+}

@@ -1,0 +1,119 @@
+//! Static poses: specific force takes the place of acceleration.
+//!
+//! A DC-coupled accelerometer at rest reads `a - g`, and a load cell feels the same:
+//! `f = M (a - g)`. Tilting the specimen, or just putting it down, is an excitation.
+//! Offsets of the six resultants are constant over the poses; they are estimated along,
+//! which is the same as taking the means out of both sides.
+
+use super::regression::Regression;
+use super::{Excitation, MasslineError, Masslines, Moments};
+use crate::geometry::Equations;
+use nalgebra::{Complex, Matrix6, Vector3, Vector6};
+
+/// Running sums over poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaticPoses {
+    count: f64,
+    mean_a: Vector6<f64>,
+    mean_f: Vector6<f64>,
+    aa: Matrix6<f64>,
+    fa: Matrix6<f64>,
+    ff: Matrix6<f64>,
+}
+
+/// Masslines of static poses, with the offsets of the resultants.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaticFit {
+    /// The pairs.
+    pub masslines: Masslines,
+    /// Mean specific force over the poses.
+    pub mean_acceleration: Vector6<f64>,
+    /// Mean resultants over the poses; with the mass matrix this gives the offsets.
+    pub mean_force: Vector6<f64>,
+    /// Poses used.
+    pub poses: usize,
+    /// Number of independent directions of specific force.
+    pub excited: usize,
+}
+
+impl StaticPoses {
+    /// No pose yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            count: 0.0,
+            mean_a: Vector6::zeros(),
+            mean_f: Vector6::zeros(),
+            aa: Matrix6::zeros(),
+            fa: Matrix6::zeros(),
+            ff: Matrix6::zeros(),
+        }
+    }
+
+    /// Adds one pose: specific force and resultants at A.
+    pub fn add(&mut self, specific_force: &Vector6<f64>, resultants: &Vector6<f64>) {
+        // Welford's update: the means are taken out without cancellation.
+        self.count += 1.0;
+        let da = specific_force - self.mean_a;
+        let df = resultants - self.mean_f;
+        self.mean_a += da / self.count;
+        self.mean_f += df / self.count;
+        let da_after = specific_force - self.mean_a;
+        let df_after = resultants - self.mean_f;
+        self.aa += da * da_after.transpose();
+        self.fa += df * da_after.transpose();
+        self.ff += df * df_after.transpose();
+    }
+
+    /// Poses so far.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count as usize
+    }
+
+    /// Condenses the poses to masslines about `reference`. `noise` is the standard
+    /// deviation of each component of the specific force where it is known, and at
+    /// least its resolution.
+    ///
+    /// # Errors
+    /// [`MasslineError`] if the poses do not differ or nothing is measured.
+    pub fn masslines(
+        &self,
+        reference: Vector3<f64>,
+        equations: &Equations,
+        noise: &Vector6<f64>,
+    ) -> Result<StaticFit, MasslineError> {
+        if equations.count() == 0 {
+            return Err(MasslineError::NoResultant);
+        }
+        let symmetric = |m: &Matrix6<f64>| (m + m.transpose()) * 0.5;
+        let power = noise.map(|n| n * n * self.count);
+        let excitation = Excitation::new(&symmetric(&self.aa), &power);
+        if excitation.rank() == 0 {
+            return Err(MasslineError::NoExcitation);
+        }
+        let mut regression = Regression::new(excitation, *equations, 1, 1.0);
+        let complex = |m: Matrix6<f64>| m.map(|x| Complex::new(x, 0.0));
+        let moments = Moments {
+            aa: complex(symmetric(&self.aa)),
+            fa: complex(self.fa),
+            ff: complex(symmetric(&self.ff)),
+        };
+        // One equation per row went into the offset.
+        regression.add(&moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
+        let solution = regression.solve(&[0]).ok_or(MasslineError::Singular)?;
+        Ok(StaticFit {
+            masslines: regression.masslines(&solution, reference)?,
+            mean_acceleration: self.mean_a,
+            mean_force: self.mean_f,
+            poses: self.count(),
+            excited: excitation.rank(),
+        })
+    }
+}
+
+impl Default for StaticPoses {
+    fn default() -> Self {
+        Self::new()
+    }
+}

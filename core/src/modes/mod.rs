@@ -1,0 +1,35 @@
+//! Elastic modes: poles from the data.
+//!
+//! On a rigid interface the apparent mass has the poles of the *fixed* structure, and
+//! each of them adds a positive semidefinite matrix. Any power-like scalar of it, such
+//! as `a*f / a*W a`, therefore shows every mode with a positive residue: no two modes
+//! can cancel, and one scalar function is enough to find the poles of all entries.
+
+mod poles;
+
+pub use poles::find_poles;
+
+use nalgebra::Complex;
+
+/// Most modes that are fitted at once.
+pub const MAX_MODES: usize = 4;
+
+/// A mode's natural frequency and damping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pole {
+    /// Undamped natural frequency, Hz.
+    pub frequency: f64,
+    /// Share of critical damping ζ.
+    pub damping: f64,
+}
+
+impl Pole {
+    /// `D(ω) = ω² / (ω_r² - ω² + 2 j ζ ω_r ω)`: what this mode adds to the apparent mass
+    /// per unit of effective mass, at `frequency` Hz.
+    #[must_use]
+    pub fn amplification(&self, frequency: f64) -> Complex<f64> {
+        let ratio = frequency / self.frequency;
+        let squared = ratio * ratio;
+        Complex::new(squared, 0.0) / Complex::new(1.0 - squared, 2.0 * self.damping * ratio)
+    }
+}

@@ -1,0 +1,208 @@
+//! Averages referred to the drive signal: the cheapest, and free of noise bias.
+//!
+//! `H = G_xr / G_rr` of every channel x against the generator's drive r. Noise of a
+//! sensor does not correlate with the drive, so it averages out of H; only its scatter
+//! remains, and the coherence tells how much.
+
+use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
+use crate::geometry::{RESULTANTS, ResultantMap};
+
+/// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
+const fn sums_per_line(channels: usize) -> usize {
+    1 + 3 * channels
+}
+
+/// Running sums of the products with the drive. Channel 0 of the blocks is the drive,
+/// channels 1 and up are the responses.
+#[derive(Debug)]
+pub struct DriveAverage<'s> {
+    sums: &'s mut [Sum],
+    channels: usize,
+    lines: usize,
+    blocks: u32,
+}
+
+impl<'s> DriveAverage<'s> {
+    /// Elements of storage for `channels` responses (the drive not counted).
+    #[must_use]
+    pub fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
+        settings.grid().count * sums_per_line(channels)
+    }
+
+    /// An empty average over lent storage of [`Self::storage_len`].
+    ///
+    /// # Errors
+    /// [`SpectraError::Storage`] if it is too small.
+    pub fn new(
+        settings: &BlockSettings,
+        channels: usize,
+        storage: &'s mut [Sum],
+    ) -> Result<Self, SpectraError> {
+        let needed = Self::storage_len(settings, channels);
+        let given = storage.len();
+        let sums = storage
+            .get_mut(..needed)
+            .ok_or(SpectraError::Storage { needed, given })?;
+        sums.fill(Sum::ZERO);
+        Ok(Self {
+            sums,
+            channels,
+            lines: settings.grid().count,
+            blocks: 0,
+        })
+    }
+
+    fn line(&self, k: usize) -> &[Sum] {
+        let n = sums_per_line(self.channels);
+        self.sums.get(k * n..(k + 1) * n).unwrap_or(&[])
+    }
+
+    /// G_rr of line `k`, summed over the blocks (unscaled).
+    #[must_use]
+    pub fn drive_power(&self, k: usize) -> f64 {
+        self.line(k).first().map_or(0.0, Sum::value)
+    }
+
+    /// G_xr of response `c` (from 0) at line `k`, real and imaginary part.
+    #[must_use]
+    pub fn cross(&self, c: usize, k: usize) -> (f64, f64) {
+        match self.line(k).get(1 + 3 * c..3 + 3 * c) {
+            Some([re, im]) => (re.value(), im.value()),
+            _ => (0.0, 0.0),
+        }
+    }
+
+    /// G_xx of response `c` at line `k`.
+    #[must_use]
+    pub fn power(&self, c: usize, k: usize) -> f64 {
+        self.line(k).get(3 + 3 * c).map_or(0.0, Sum::value)
+    }
+
+    /// Coherence γ² of response `c` with the drive at line `k`, 0 to 1.
+    #[must_use]
+    pub fn coherence(&self, c: usize, k: usize) -> f64 {
+        let (re, im) = self.cross(c, k);
+        let powers = self.drive_power(k) * self.power(c, k);
+        if powers > 0.0 {
+            ((re * re + im * im) / powers).min(1.0)
+        } else {
+            0.0
+        }
+    }
+}
+
+impl Average for DriveAverage<'_> {
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        let n = sums_per_line(self.channels);
+        let drive = block.channel(0);
+        for (sums, r) in self.sums.chunks_exact_mut(n).zip(drive) {
+            if let Some(rr) = sums.first_mut() {
+                rr.add(r.re * r.re + r.im * r.im);
+            }
+        }
+        for c in 0..self.channels {
+            let at = 1 + 3 * c;
+            let products = drive.iter().zip(block.channel(1 + c));
+            for (sums, (r, x)) in self.sums.chunks_exact_mut(n).zip(products) {
+                if let Some([re, im, xx]) = sums.get_mut(at..at + 3) {
+                    re.add(x.re * r.re + x.im * r.im);
+                    im.add(x.im * r.re - x.re * r.im);
+                    xx.add(x.re * x.re + x.im * x.im);
+                }
+            }
+        }
+        self.blocks = self.blocks.saturating_add(1);
+    }
+
+    fn blocks(&self) -> u32 {
+        self.blocks
+    }
+
+    fn clear(&mut self) {
+        self.sums.fill(Sum::ZERO);
+        self.blocks = 0;
+    }
+}
+
+/// One finished run: the frequency responses of the twelve resultants to the drive,
+/// with what the estimators must know of their noise.
+#[derive(Clone, Copy, Debug)]
+pub struct RunResponses<'a> {
+    /// Where the lines lie.
+    pub grid: LineGrid,
+    /// H, line after line, twelve resultants each: `(a, f)` at A per unit drive.
+    pub responses: &'a [[Complex32; RESULTANTS]],
+    /// G_rr of each line, summed over the blocks.
+    pub drive: &'a [f32],
+    /// Power per line that does not come from the drive: the expected `G_rr |error of H|²`
+    /// of each resultant, averaged over the averaging band.
+    pub noise: [f32; RESULTANTS],
+    /// Blocks averaged.
+    pub blocks: u32,
+}
+
+impl<'a> RunResponses<'a> {
+    /// Finishes an average of the drive and the twelve resultants into lent storage,
+    /// one element a line each. `band` are the kept lines over which the noise is taken,
+    /// `block_correlation` is [`super::Window::block_correlation`], `map` made the
+    /// resultants.
+    ///
+    /// # Errors
+    /// [`SpectraError::Storage`] if the storage is too small.
+    pub fn finish(
+        average: &DriveAverage<'_>,
+        grid: LineGrid,
+        band: core::ops::Range<usize>,
+        block_correlation: f64,
+        map: &ResultantMap,
+        responses: &'a mut [[Complex32; RESULTANTS]],
+        drive: &'a mut [f32],
+    ) -> Result<Self, SpectraError> {
+        let needed = grid.count;
+        let given = responses.len().min(drive.len());
+        let (Some(responses), Some(drive)) = (responses.get_mut(..needed), drive.get_mut(..needed))
+        else {
+            return Err(SpectraError::Storage { needed, given });
+        };
+        for (k, (h, r)) in responses.iter_mut().zip(drive.iter_mut()).enumerate() {
+            let power = average.drive_power(k);
+            *r = power as f32;
+            for (c, h) in h.iter_mut().enumerate() {
+                let (re, im) = average.cross(c, k);
+                *h = if power > 0.0 {
+                    Complex32::new((re / power) as f32, (im / power) as f32)
+                } else {
+                    Complex32::new(0.0, 0.0)
+                };
+            }
+        }
+        let lines = band.len().max(1) as f64;
+        let mean = |of: &dyn Fn(usize, usize) -> f64| -> [f64; RESULTANTS] {
+            core::array::from_fn(|c| band.clone().map(|k| of(c, k)).sum::<f64>() / lines)
+        };
+        let scatter = mean(&|c, k| noise_power(average, c, k));
+        let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
+        let noise = core::array::from_fn(|c| {
+            (block_correlation * scatter[c]).max(rounding[c]) as f32
+        });
+        Ok(Self {
+            grid,
+            responses,
+            drive,
+            noise,
+            blocks: average.blocks(),
+        })
+    }
+}
+
+/// Power per block that the drive does not explain. One degree of freedom went into H.
+fn noise_power(average: &DriveAverage<'_>, c: usize, k: usize) -> f64 {
+    let blocks = f64::from(average.blocks());
+    let drive = average.drive_power(k);
+    if blocks < 2.0 || drive <= 0.0 {
+        return 0.0;
+    }
+    let (re, im) = average.cross(c, k);
+    let left = average.power(c, k) - (re * re + im * im) / drive;
+    left.max(0.0) / (blocks - 1.0)
+}
