@@ -1,0 +1,223 @@
+//! Other programs: what they said and how they failed.
+
+use std::fmt;
+use std::io::{self, Read};
+use std::process::{Command, ExitStatus, Stdio};
+
+/// Why a step failed.
+#[derive(Debug)]
+pub enum StepError {
+    /// A program could not be started.
+    Start {
+        /// The command line.
+        command: String,
+        /// What the system says about it.
+        source: io::Error,
+    },
+    /// A program ended with an error.
+    Exit {
+        /// The command line.
+        command: String,
+        /// How it ended.
+        status: ExitStatus,
+        /// All it wrote.
+        output: String,
+    },
+    /// A program said something else than what was expected of it.
+    Answer {
+        /// The command line.
+        command: String,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// Something is needed that is not there and could not be installed.
+    Missing {
+        /// What is needed.
+        what: &'static str,
+        /// What was tried, and how that went.
+        tried: String,
+        /// What to do by hand.
+        remedy: &'static str,
+    },
+    /// A file that a step made cannot be used.
+    File {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+impl StepError {
+    /// What to do about it, where that is known better than by the step that failed.
+    pub fn remedy(&self) -> Option<&'static str> {
+        match self {
+            Self::Missing { remedy, .. } => Some(remedy),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for StepError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Start { command, source } => write!(f, "{command}\ncannot be started: {source}"),
+            Self::Exit {
+                command,
+                status,
+                output,
+            } => write!(f, "{command}\n{}\n{status}", output.trim_end()),
+            Self::Answer { command, expected } => {
+                write!(f, "{command}\nended well but did not say {expected}")
+            }
+            Self::Missing { what, tried, .. } => {
+                write!(f, "{what} is missing\n{}", tried.trim_end())
+            }
+            Self::File { path, problem } => write!(f, "{path}: {problem}"),
+        }
+    }
+}
+
+impl std::error::Error for StepError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Start { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+/// Runs a program to its end and gives what it wrote, on both outputs in the order written.
+///
+/// # Errors
+///
+/// [`StepError::Start`] and [`StepError::Exit`].
+pub fn run(command: &mut Command) -> Result<String, StepError> {
+    let start = |command: &Command, source| StepError::Start {
+        command: describe(command),
+        source,
+    };
+    // One pipe for both outputs keeps an error next to the lines that explain it.
+    let (mut reader, writer) = io::pipe().map_err(|source| start(command, source))?;
+    let twin = writer
+        .try_clone()
+        .map_err(|source| start(command, source))?;
+    let spawned = command
+        .stdin(Stdio::null())
+        .stdout(writer)
+        .stderr(twin)
+        .spawn();
+    // The command keeps its ends of the pipe open; they must go, or reading never ends.
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = spawned.map_err(|source| start(command, source))?;
+    let mut output = Vec::new();
+    let read = reader.read_to_end(&mut output);
+    let status = child.wait().map_err(|source| start(command, source))?;
+    read.map_err(|source| start(command, source))?;
+    finish(command, status, output)
+}
+
+/// Runs a program to its end and gives what it wrote on its standard output.
+///
+/// # Errors
+///
+/// [`StepError::Start`] and [`StepError::Exit`], which then holds its standard error.
+pub fn answer(command: &mut Command) -> Result<String, StepError> {
+    let output = command
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|source| StepError::Start {
+            command: describe(command),
+            source,
+        })?;
+    let text = if output.status.success() {
+        output.stdout
+    } else {
+        output.stderr
+    };
+    finish(command, output.status, text)
+}
+
+fn finish(command: &Command, status: ExitStatus, output: Vec<u8>) -> Result<String, StepError> {
+    let output = String::from_utf8_lossy(&output).into_owned();
+    if status.success() {
+        Ok(output)
+    } else {
+        Err(StepError::Exit {
+            command: describe(command),
+            status,
+            output,
+        })
+    }
+}
+
+/// A command line to copy into a shell, with the variables that matter to its outcome.
+fn describe(command: &Command) -> String {
+    let mut line = String::from("$");
+    for (name, value) in command.get_envs() {
+        if let Some(value) = value.filter(|_| name != "CARGO_TERM_COLOR") {
+            line += &format!(" {}={}", name.display(), quoted(&value.to_string_lossy()));
+        }
+    }
+    line += &format!(" {}", quoted(&command.get_program().to_string_lossy()));
+    for argument in command.get_args() {
+        line += &format!(" {}", quoted(&argument.to_string_lossy()));
+    }
+    line
+}
+
+/// A word as a shell would have to be given it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_=./:,+@".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        command
+    }
+
+    #[test]
+    fn keeps_both_outputs_in_order() {
+        let output = run(&mut shell("echo one; echo two >&2; echo three")).unwrap();
+        assert_eq!(output, "one\ntwo\nthree\n");
+    }
+
+    #[test]
+    fn an_answer_is_only_the_standard_output() {
+        assert_eq!(
+            answer(&mut shell("echo noise >&2; echo answer")).unwrap(),
+            "answer\n"
+        );
+    }
+
+    #[test]
+    fn a_failure_shows_the_command_its_output_and_its_end() {
+        let error = run(shell("echo bad >&2; exit 3").env("RUSTDOCFLAGS", "-D warnings"))
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            error,
+            "$ RUSTDOCFLAGS='-D warnings' sh -c 'echo bad >&2; exit 3'\nbad\nexit status: 3"
+        );
+    }
+
+    #[test]
+    fn a_missing_program_is_named() {
+        let error = run(&mut Command::new("no-such-program")).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .starts_with("$ no-such-program\ncannot be started")
+        );
+    }
+}

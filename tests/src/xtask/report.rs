@@ -1,0 +1,214 @@
+//! What is shown: one line a step, more only for a failure.
+
+use std::env;
+use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use super::process::StepError;
+use super::steps::Step;
+
+/// How to show it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Style {
+    /// With colours.
+    pub colour: bool,
+    /// On a terminal, where a line can be shown first and written anew when it is known better.
+    pub live: bool,
+}
+
+impl Style {
+    /// The style for the standard output, with `NO_COLOR` honoured.
+    pub fn of_stdout() -> Self {
+        let set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
+        let dumb = env::var_os("TERM").is_some_and(|term| term == "dumb");
+        let live = io::stdout().is_terminal() && !dumb;
+        Self {
+            live,
+            colour: live && !set("NO_COLOR"),
+        }
+    }
+}
+
+/// How a step ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// Well, with a remark.
+    Passed(String),
+    /// It could not be done here, or has no point, for this reason.
+    Skipped(String),
+    /// Not well.
+    Failed(StepError),
+}
+
+/// Shows what happens, and counts.
+#[derive(Debug)]
+pub struct Report<W> {
+    out: W,
+    style: Style,
+    passed: usize,
+    skipped: Vec<&'static str>,
+    failed: Vec<&'static str>,
+}
+
+impl<W: Write> Report<W> {
+    /// A report with nothing in it.
+    pub fn new(out: W, style: Style) -> Self {
+        Self {
+            out,
+            style,
+            passed: 0,
+            skipped: Vec::new(),
+            failed: Vec::new(),
+        }
+    }
+
+    /// Shows a text as it is.
+    pub fn text(&mut self, text: &str) {
+        self.show(format_args!("{}\n", text.trim_end()));
+    }
+
+    /// Shows what steps there are.
+    pub fn list(&mut self, steps: &[Step]) {
+        for step in steps {
+            self.show(format_args!("{:<14}{}\n", step.name, step.about));
+        }
+    }
+
+    /// A step begins.
+    pub fn begin(&mut self, step: &Step) {
+        if self.style.live {
+            self.show(format_args!("{:<14}{} ...", step.name, step.about));
+        }
+    }
+
+    /// A step is over.
+    pub fn end(&mut self, step: &'static Step, ending: &Ending, took: Duration) {
+        let (status, colour, note) = match ending {
+            Ending::Passed(note) => ("ok", "32", note.as_str()),
+            Ending::Skipped(reason) => ("skipped", "33", reason.as_str()),
+            Ending::Failed(_) => ("FAILED", "31", ""),
+        };
+        let rewind = if self.style.live { "\r\x1b[2K" } else { "" };
+        let (on, off) = match self.style.colour {
+            true => (format!("\x1b[{colour}m"), "\x1b[0m"),
+            false => (String::new(), ""),
+        };
+        let line = format!(
+            "{rewind}{:<14}{on}{status:<7}{off}{:>7.1} s  {note}",
+            step.name,
+            took.as_secs_f64()
+        );
+        self.show(format_args!("{}\n", line.trim_end()));
+        match ending {
+            Ending::Passed(_) => self.passed += 1,
+            Ending::Skipped(_) => self.skipped.push(step.name),
+            Ending::Failed(error) => {
+                self.failed.push(step.name);
+                let remedy = error.remedy().unwrap_or(step.remedy);
+                self.show(format_args!(
+                    "\n{error}\n\nstep {} failed. What to do: {remedy}.\n\n",
+                    step.name
+                ));
+            }
+        }
+    }
+
+    /// Shows the sum of it and gives whether nothing failed.
+    pub fn summary(&mut self, took: Duration) -> bool {
+        let mut line = format!("{} passed", self.passed);
+        for (word, names) in [("skipped", &self.skipped), ("FAILED", &self.failed)] {
+            if !names.is_empty() {
+                line += &format!(", {} {word} ({})", names.len(), names.join(", "));
+            }
+        }
+        self.show(format_args!("\n{line} in {:.0} s\n", took.as_secs_f64()));
+        if !self.failed.is_empty() {
+            let again: String = self
+                .failed
+                .iter()
+                .map(|name| format!(" --only {name}"))
+                .collect();
+            self.show(format_args!("again: cargo xtask test{again}\n"));
+        }
+        self.failed.is_empty()
+    }
+
+    /// Shows something; nobody reading it (`| head`) is no reason to stop testing.
+    fn show(&mut self, what: std::fmt::Arguments<'_>) {
+        let _ = self.out.write_fmt(what).and_then(|()| self.out.flush());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xtask::steps;
+
+    const PLAIN: Style = Style {
+        colour: false,
+        live: false,
+    };
+
+    fn shown(style: Style, ending: &Ending) -> (String, bool) {
+        let step = steps::find("lints").unwrap();
+        let mut out = Vec::new();
+        let mut report = Report::new(&mut out, style);
+        report.begin(step);
+        report.end(step, ending, Duration::from_millis(1234));
+        let passed = report.summary(Duration::from_secs(2));
+        (String::from_utf8(out).unwrap(), passed)
+    }
+
+    #[test]
+    fn success_is_one_line_and_a_sum() {
+        let (text, passed) = shown(PLAIN, &Ending::Passed("3 crates".into()));
+        assert!(passed);
+        assert_eq!(
+            text,
+            "lints         ok         1.2 s  3 crates\n\n1 passed in 2 s\n"
+        );
+    }
+
+    #[test]
+    fn failure_shows_the_reason_the_step_and_what_to_do() {
+        let error = StepError::File {
+            path: "a.rs".into(),
+            problem: "line 3 is bad".into(),
+        };
+        let (text, passed) = shown(PLAIN, &Ending::Failed(error));
+        assert!(!passed);
+        for part in [
+            "lints         FAILED     1.2 s\n",
+            "a.rs: line 3 is bad\n",
+            "step lints failed. What to do: ",
+            "0 passed, 1 FAILED (lints) in 2 s\n",
+            "again: cargo xtask test --only lints\n",
+        ] {
+            assert!(text.contains(part), "{part:?} is not in {text:?}");
+        }
+        assert!(!text.contains('\x1b'));
+    }
+
+    #[test]
+    fn a_skipped_step_is_not_a_failure_but_is_told() {
+        let (text, passed) = shown(PLAIN, &Ending::Skipped("no clippy".into()));
+        assert!(passed);
+        assert!(text.contains("0 passed, 1 skipped (lints)"), "{text}");
+    }
+
+    #[test]
+    fn colours_only_where_wanted() {
+        let live = Style {
+            colour: false,
+            live: true,
+        };
+        let (text, _) = shown(live, &Ending::Passed(String::new()));
+        assert!(text.contains("\r\x1b[2K") && !text.contains("\x1b[32m"));
+        let colour = Style {
+            colour: true,
+            live: true,
+        };
+        let (text, _) = shown(colour, &Ending::Passed(String::new()));
+        assert!(text.contains("\x1b[32mok     \x1b[0m"));
+    }
+}

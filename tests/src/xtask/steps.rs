@@ -1,0 +1,399 @@
+//! What is tested, in which order, and what to do about a failure.
+//!
+//! Everything but this very program is built with the release profile: numerical tests are heavy,
+//! and the steps then share what they build.
+
+use std::env;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::emulator;
+
+use super::image;
+use super::packages;
+use super::process::{self, StepError};
+use super::report::Ending;
+use super::toolchain::{self, CLIPPY, RUSTFMT, Tool, Toolchain};
+
+const FIRMWARE: &str = "massline-firmware";
+
+/// Something that has to pass.
+#[derive(Debug)]
+pub struct Step {
+    /// What it is called on the command line.
+    pub name: &'static str,
+    /// What it does, in a line.
+    pub about: &'static str,
+    /// The steps whose results it uses.
+    pub needs: &'static [&'static str],
+    /// What to do when it fails; continues "What to do:".
+    pub remedy: &'static str,
+    /// Does it.
+    pub run: fn(&mut Context) -> Result<Ending, StepError>,
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Step {
+    /// Whether the other is this step or one that this needs, directly or not.
+    pub fn needs_also(&self, other: &Step) -> bool {
+        self == other
+            || self
+                .needs
+                .iter()
+                .filter_map(|name| find(name))
+                .any(|need| need.needs_also(other))
+    }
+}
+
+/// The steps, each after those it needs.
+pub const STEPS: &[Step] = &[
+    Step {
+        name: "toolchain",
+        about: "a compiler for the chip, installed if need be",
+        needs: &[],
+        remedy: "install what the message above names, by hand",
+        run: toolchain,
+    },
+    Step {
+        name: "qemu",
+        about: "an emulator of the chip, installed if need be",
+        needs: &[],
+        remedy: "install qemu-system-arm by hand, or name one in MASSLINE_QEMU",
+        run: qemu,
+    },
+    Step {
+        name: "format",
+        about: "sources are formatted",
+        needs: &[],
+        remedy: "run `cargo fmt --all`",
+        run: format,
+    },
+    Step {
+        name: "lints",
+        about: "no warning in the host's crates",
+        needs: &[],
+        remedy: "mend the code; an `allow` needs its reason beside it",
+        run: lints,
+    },
+    Step {
+        name: "tests",
+        about: "tests on this machine, with the documentation's examples",
+        needs: &[],
+        remedy: "read the assertion above; `cargo test --release NAME` runs one test alone",
+        run: host_tests,
+    },
+    Step {
+        name: "docs",
+        about: "documentation builds without a warning",
+        needs: &["toolchain"],
+        remedy: "mend the doc comment that the message names",
+        run: docs,
+    },
+    Step {
+        name: "core-on-chip",
+        about: "massline-core builds for the chip, alone and with its default features",
+        needs: &["toolchain"],
+        remedy: "keep `std`, and crates that need it, out of core and its default features",
+        run: core_on_chip,
+    },
+    Step {
+        name: "firmware",
+        about: "the firmware builds without a warning, as it is flashed",
+        needs: &["toolchain"],
+        remedy: "mend the code; an `allow` needs its reason beside it",
+        run: firmware,
+    },
+    Step {
+        name: "emulator",
+        about: "the firmware that is flashed, booted in the emulator",
+        needs: &["qemu", "firmware"],
+        remedy: "read the assertion above; what the board sent is in it",
+        run: emulator,
+    },
+];
+
+/// The step of a name.
+pub fn find(name: &str) -> Option<&'static Step> {
+    STEPS.iter().find(|step| step.name == name)
+}
+
+/// What the steps know, and what they tell each other.
+#[derive(Debug)]
+pub struct Context {
+    root: PathBuf,
+    cargo: OsString,
+    colour: bool,
+    chip: Option<Toolchain>,
+    elf: Option<PathBuf>,
+}
+
+impl Context {
+    /// The context at the beginning.
+    pub fn new(colour: bool) -> Self {
+        let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+        Self {
+            root: package.parent().unwrap_or(package).to_owned(),
+            cargo: env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")),
+            colour,
+            chip: None,
+            elf: None,
+        }
+    }
+
+    /// A cargo command for the host's crates, which are the workspace's default.
+    fn cargo(&self, arguments: &[&str]) -> Command {
+        self.set_up(Command::new(&self.cargo), arguments)
+    }
+
+    /// A cargo command for the chip; `flags` go behind a `--`.
+    fn cargo_for_chip(&self, arguments: &[&str], flags: &[&str]) -> Result<Command, StepError> {
+        let chip = self.chip()?;
+        let mut command = self.set_up(chip.cargo(), arguments);
+        command.args(chip.arguments());
+        if !flags.is_empty() {
+            command.arg("--").args(flags);
+        }
+        Ok(command)
+    }
+
+    fn set_up(&self, mut command: Command, arguments: &[&str]) -> Command {
+        command
+            .current_dir(&self.root)
+            .env(
+                "CARGO_TERM_COLOR",
+                if self.colour { "always" } else { "never" },
+            )
+            .env_remove(emulator::FIRMWARE_ELF)
+            .args(arguments);
+        command
+    }
+
+    fn host(&self) -> Toolchain {
+        Toolchain::Active {
+            cargo: self.cargo.clone(),
+        }
+    }
+
+    fn chip(&self) -> Result<&Toolchain, StepError> {
+        self.chip.as_ref().ok_or(StepError::Missing {
+            what: "the result of step toolchain",
+            tried: String::new(),
+            remedy: "put it before this step",
+        })
+    }
+}
+
+fn toolchain(context: &mut Context) -> Result<Ending, StepError> {
+    let provided = toolchain::provide(&context.cargo)?;
+    context.chip = Some(provided.toolchain);
+    Ok(Ending::Passed(provided.note))
+}
+
+fn qemu(_: &mut Context) -> Result<Ending, StepError> {
+    let program = emulator::program();
+    let version = || process::answer(Command::new(&program).arg("--version"));
+    let answer = match version() {
+        Ok(answer) => answer,
+        Err(_) if packages::available() => {
+            packages::install(&["qemu-system-arm"])?;
+            version()?
+        }
+        Err(error) => return Err(error),
+    };
+    Ok(Ending::Passed(
+        answer.lines().next().unwrap_or_default().to_owned(),
+    ))
+}
+
+fn format(context: &mut Context) -> Result<Ending, StepError> {
+    with_tool(&context.host(), RUSTFMT, || {
+        process::run(&mut context.cargo(&["fmt", "--all", "--check"]))?;
+        Ok(Ending::Passed(String::new()))
+    })
+}
+
+fn lints(context: &mut Context) -> Result<Ending, StepError> {
+    with_tool(&context.host(), CLIPPY, || {
+        let arguments = [
+            "clippy",
+            "--release",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ];
+        process::run(&mut context.cargo(&arguments))?;
+        Ok(Ending::Passed(String::new()))
+    })
+}
+
+fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
+    let output = process::run(&mut context.cargo(&["test", "--release", "--no-fail-fast"]))?;
+    Ok(Ending::Passed(counts(&output)))
+}
+
+fn docs(context: &mut Context) -> Result<Ending, StepError> {
+    const FLAGS: (&str, &str) = ("RUSTDOCFLAGS", "-D warnings");
+    let arguments = ["doc", "--release", "--no-deps"];
+    process::run(context.cargo(&arguments).env(FLAGS.0, FLAGS.1))?;
+    let arguments = ["doc", "--release", "--no-deps", "-p", FIRMWARE];
+    let mut for_chip = context.cargo_for_chip(&arguments, &[])?;
+    process::run(for_chip.env(FLAGS.0, FLAGS.1))?;
+    Ok(Ending::Passed(String::new()))
+}
+
+fn core_on_chip(context: &mut Context) -> Result<Ending, StepError> {
+    let arguments = ["build", "--release", "-p", "massline-core"];
+    process::run(&mut context.cargo_for_chip(&arguments, &[])?)?;
+    Ok(Ending::Passed(String::new()))
+}
+
+fn firmware(context: &mut Context) -> Result<Ending, StepError> {
+    let arguments = [
+        "build",
+        "--release",
+        "-p",
+        FIRMWARE,
+        "--message-format=json-render-diagnostics",
+    ];
+    let mut build = context.cargo_for_chip(&arguments, &[])?;
+    let messages = process::answer(&mut build)?;
+    let elf = executable(&messages).ok_or_else(|| StepError::Missing {
+        what: "the firmware's ELF",
+        tried: messages.clone(),
+        remedy: "report it: cargo's messages are not what they used to be",
+    })?;
+    let size = size_of(&elf, &context.root.join("memory.x"))?;
+    context.elf = Some(elf);
+
+    // After the build, so that a firmware that cannot be linted can still be booted.
+    let linted = with_tool(context.chip()?, CLIPPY, || {
+        let arguments = ["clippy", "--release", "-p", FIRMWARE];
+        process::run(&mut context.cargo_for_chip(&arguments, &["-D", "warnings"])?)?;
+        Ok(Ending::Passed(size.clone()))
+    })?;
+    Ok(match linted {
+        Ending::Skipped(reason) => Ending::Passed(format!("{size}; not linted: {reason}")),
+        other => other,
+    })
+}
+
+fn emulator(context: &mut Context) -> Result<Ending, StepError> {
+    let elf = context.elf.as_ref().ok_or(StepError::Missing {
+        what: "the result of step firmware",
+        tried: String::new(),
+        remedy: "put it before this step",
+    })?;
+    // Chosen by name, so that a new file of tests needs no line here.
+    let arguments = [
+        "test",
+        "--release",
+        "--test",
+        "firmware_*",
+        "--",
+        "--include-ignored",
+    ];
+    let mut command = context.cargo(&arguments);
+    let output = process::run(command.env(emulator::FIRMWARE_ELF, elf))?;
+    Ok(Ending::Passed(counts(&output)))
+}
+
+/// Does something that takes a tool, or says that the tool is not to be had here.
+fn with_tool(
+    toolchain: &Toolchain,
+    tool: Tool,
+    run: impl FnOnce() -> Result<Ending, StepError>,
+) -> Result<Ending, StepError> {
+    match toolchain::provide_tool(toolchain, tool) {
+        Ok(()) => run(),
+        Err(reason) => Ok(Ending::Skipped(reason)),
+    }
+}
+
+/// What a firmware takes of the memories that the map declares.
+fn size_of(elf: &Path, map: &Path) -> Result<String, StepError> {
+    let unusable = |path: &Path, problem: String| StepError::File {
+        path: path.display().to_string(),
+        problem,
+    };
+    let script = fs::read_to_string(map).map_err(|error| unusable(map, error.to_string()))?;
+    let bytes = fs::read(elf).map_err(|error| unusable(elf, error.to_string()))?;
+    image::usage(&bytes, &image::regions(&script))
+        .map(|usages| image::summary(&usages))
+        .ok_or_else(|| unusable(elf, "not an ELF for the chip".to_owned()))
+}
+
+/// The last program that cargo says it has made.
+fn executable(messages: &str) -> Option<PathBuf> {
+    const KEY: &str = "\"executable\":\"";
+    let line = messages.lines().rfind(|line| line.contains(KEY))?;
+    let (_, rest) = line.split_once(KEY)?;
+    let mut path = String::new();
+    let mut characters = rest.chars();
+    loop {
+        match characters.next()? {
+            '"' => return Some(PathBuf::from(path)),
+            // Backslashes and quotes are all that cargo has to escape in a sane path.
+            '\\' => path.push(characters.next()?),
+            other => path.push(other),
+        }
+    }
+}
+
+/// How many tests ran, summed over the programs that cargo ran.
+fn counts(output: &str) -> String {
+    let sum = |word: &str| -> usize {
+        output
+            .lines()
+            .filter(|line| line.starts_with("test result:"))
+            .flat_map(|line| line.split([';', '.']))
+            .filter_map(|part| part.trim().strip_suffix(word)?.trim().parse::<usize>().ok())
+            .sum()
+    };
+    let passed = match sum("passed") {
+        1 => "1 test".to_owned(),
+        many => format!("{many} tests"),
+    };
+    match sum("ignored") {
+        0 => passed,
+        ignored => format!("{passed}, {ignored} left to other steps"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_the_tests_of_several_programs() {
+        let output = "test a ... ok\n\
+            test result: ok. 3 passed; 0 failed; 1 ignored; 0 measured; 0 filtered out\n\
+            noise: 7 passed\n\
+            test result: ok. 12 passed; 0 failed; 0 ignored; 0 measured; 2 filtered out\n";
+        assert_eq!(counts(output), "15 tests, 1 left to other steps");
+        assert_eq!(
+            counts("test result: ok. 1 passed; 0 failed; 0 ignored"),
+            "1 test"
+        );
+    }
+
+    #[test]
+    fn finds_the_program_in_the_messages() {
+        let messages = r#"{"reason":"compiler-artifact","executable":null}
+{"reason":"compiler-artifact","executable":"/a b/massline-firmware","fresh":true}
+{"reason":"build-finished","success":true}"#;
+        assert_eq!(executable(messages), Some("/a b/massline-firmware".into()));
+        assert_eq!(
+            executable(r#"{"executable":"C:\\t\\m.elf"}"#),
+            Some(r"C:\t\m.elf".into())
+        );
+        assert_eq!(executable("{}"), None);
+    }
+}
