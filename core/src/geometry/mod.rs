@@ -15,9 +15,7 @@ mod resultants;
 pub use equations::Equations;
 pub use placement::Placement;
 pub use reference::{resultants_at, transfer};
-pub use resultants::{
-    AccelerationFit, ForceResultants, RESULTANTS, ResultantMap,
-};
+pub use resultants::{AccelerationFit, ForceResultants, RESULTANTS, ResultantMap};
 
 use nalgebra::{Matrix3, RowVector6, Vector3};
 
@@ -48,9 +46,9 @@ pub enum GeometryError {
 impl core::fmt::Display for GeometryError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Direction => {
-                f.write_str("a sensor's position or direction is not finite, or its direction is zero")
-            }
+            Self::Direction => f.write_str(
+                "a sensor's position or direction is not finite, or its direction is zero",
+            ),
             Self::TooManyChannels => write!(f, "more than {MAX_CHANNELS} channels in a run"),
             Self::NoAccelerometer => f.write_str("no accelerometer with a weight above zero"),
             Self::NoLoadCell => f.write_str("no load cell"),

@@ -124,7 +124,8 @@ mod tests {
     fn a_quarter_turn_is_exact() {
         let p = Placement::new(Vector3::new(0.0, 0.0, 90.0), Vector3::new(1.0, 2.0, 3.0)).unwrap();
         assert_eq!(p.rotation() * Vector3::x(), Vector3::y());
-        let cell = LoadCell::new(Vector3::new(1.0, 3.0, 3.0), Vector3::y(), Quantity::Force).unwrap();
+        let cell =
+            LoadCell::new(Vector3::new(1.0, 3.0, 3.0), Vector3::y(), Quantity::Force).unwrap();
         let seen = p.load_cell(&cell);
         assert_eq!(seen.position(), Vector3::x());
         assert_eq!(seen.direction(), Vector3::x());
@@ -132,7 +133,8 @@ mod tests {
 
     #[test]
     fn what_is_glued_to_the_structure_stays() {
-        let p = Placement::new(Vector3::new(30.0, 40.0, 50.0), Vector3::new(1.0, 2.0, 3.0)).unwrap();
+        let p =
+            Placement::new(Vector3::new(30.0, 40.0, 50.0), Vector3::new(1.0, 2.0, 3.0)).unwrap();
         let s = Accelerometer::new(Vector3::x(), Vector3::z(), Mount::Structure).unwrap();
         assert_eq!(p.accelerometer(&s), s);
     }

@@ -273,7 +273,10 @@ impl ResultantMap {
     pub fn rounding_power(&self, power: &[f64; RESULTANTS]) -> [f64; RESULTANTS] {
         const AMPLITUDE: f64 = 4.0 * f32::EPSILON as f64;
         let gains: [f64; RESULTANTS] = core::array::from_fn(|j| {
-            let squares = self.columns.iter().map(|c| f64::from(c[j]) * f64::from(c[j]));
+            let squares = self
+                .columns
+                .iter()
+                .map(|c| f64::from(c[j]) * f64::from(c[j]));
             squares.sum()
         });
         // Accelerations come from accelerometers, forces from load cells.
@@ -369,8 +372,8 @@ mod tests {
 
     #[test]
     fn one_triaxial_cell_measures_no_moment_wherever_a_is() {
-        let cells = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-            .map(|d| cell([0.0, 0.0, 0.0], d));
+        let cells =
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|d| cell([0.0, 0.0, 0.0], d));
         let f = ForceResultants::new(&cells, &Vector3::new(1.0, 2.0, 3.0)).unwrap();
         assert_eq!(f.equations().count(), 3);
     }
@@ -389,8 +392,7 @@ mod tests {
         let weights = [1.0, 0.25, 0.5, 1.0, 0.7, 0.3, 0.9];
         let reference = Vector3::new(0.2, -0.1, 0.3);
         let a = Vector6::new(1.0, -2.0, 0.5, 3.0, -1.0, 2.0);
-        let fit =
-            AccelerationFit::new(sensors.iter().zip(weights), &reference).unwrap();
+        let fit = AccelerationFit::new(sensors.iter().zip(weights), &reference).unwrap();
         let back: Vector6<f64> = sensors
             .iter()
             .zip(weights)

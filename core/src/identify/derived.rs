@@ -73,7 +73,11 @@ impl Body {
         };
         let divisor = if known_mass.is_some() { 1.0 } else { mass };
         let r = Vector3::from_fn(|i, _| {
-            if observable[1 + i] { s[1 + i] / divisor } else { 0.0 }
+            if observable[1 + i] {
+                s[1 + i] / divisor
+            } else {
+                0.0
+            }
         });
         let std = |j: usize| libm::sqrt(solved.covariance[(j, j)].max(0.0));
         let indicator = (known_mass.is_some() && solved.observable[0]).then(|| Estimate {

@@ -178,7 +178,12 @@ pub fn identify(
             iterations += 1;
         }
     }
-    Ok(assemble(&solved, reference, question.known_mass, iterations))
+    Ok(assemble(
+        &solved,
+        reference,
+        question.known_mass,
+        iterations,
+    ))
 }
 
 fn assemble(
@@ -189,7 +194,8 @@ fn assemble(
 ) -> Identification {
     let body = derived::Body::new(solved, known_mass);
     let inertia_cg = body.inertia_about_cg();
-    let all: Option<heapless::Vec<f64, 6>> = inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
+    let all: Option<heapless::Vec<f64, 6>> =
+        inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
     let full = all.and_then(|v| Some(Inertia::from_terms(v.into_array().ok()?)));
     let moments = [0, 1, 2].map(|j| inertia_cg[j].map(|t| t.value));
     let mass = body.mass();
@@ -199,8 +205,15 @@ fn assemble(
         .flatten()
         .map(|t| 2.0 * t.std)
         .fold(0.0, f64::max);
-    let largest = moments.iter().flatten().fold(0.0, |a: f64, &b| a.max(b.abs()));
-    let rounding = if largest > 0.0 { uncertain / largest + 1e-12 } else { 0.0 };
+    let largest = moments
+        .iter()
+        .flatten()
+        .fold(0.0, |a: f64, &b| a.max(b.abs()));
+    let rounding = if largest > 0.0 {
+        uncertain / largest + 1e-12
+    } else {
+        0.0
+    };
     Identification {
         reference,
         mass,

@@ -255,4 +255,3 @@ fn condition(matrix: &Matrix10, observable: &[bool; 10]) -> f64 {
     let (values, _) = symmetric_eigen(&reduced);
     values[0] / values[9]
 }
-

@@ -208,12 +208,8 @@ impl Condensed {
         if excitation.rank() == 0 {
             return Err(MasslineError::NoExcitation);
         }
-        let mut regression = Regression::new(
-            excitation,
-            *equations,
-            basis.terms(),
-            lines.correlation(),
-        );
+        let mut regression =
+            Regression::new(excitation, *equations, basis.terms(), lines.correlation());
         for line in band.clone() {
             let mut m = Moments::zero();
             let mut count = 0.0;
@@ -291,9 +287,12 @@ impl Condensed {
             *slot = coefficient(1 + r);
         }
         let measured = self.regression.residual_diagonal(&self.solution);
-        let misfit = measured.zip_map(&self.power, |c, p| {
-            if p > 0.0 { libm::sqrt(c / p) } else { 0.0 }
-        });
+        let misfit = measured.zip_map(
+            &self.power,
+            |c, p| {
+                if p > 0.0 { libm::sqrt(c / p) } else { 0.0 }
+            },
+        );
         Ok(ApparentMass {
             masslines,
             effective_mass,

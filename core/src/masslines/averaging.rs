@@ -44,7 +44,9 @@ impl Masslines {
             fa += pair.force * pair.acceleration.transpose();
             aa += pair.acceleration * pair.acceleration.transpose();
         }
-        let scale = aa.diagonal().map(|d: f64| if d > 0.0 { 1.0 / libm::sqrt(d) } else { 0.0 });
+        let scale = aa
+            .diagonal()
+            .map(|d: f64| if d > 0.0 { 1.0 / libm::sqrt(d) } else { 0.0 });
         let d = Matrix6::from_diagonal(&scale);
         let (values, vectors) = crate::algebra::symmetric_eigen(&(d * aa * d));
         let mut inverse = Matrix6::zeros();

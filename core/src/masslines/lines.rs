@@ -36,12 +36,7 @@ impl Moments {
     }
 
     /// Adds one pair of amplitudes with a weight.
-    pub fn add_pair(
-        &mut self,
-        a: &Vector6<Complex<f64>>,
-        f: &Vector6<Complex<f64>>,
-        weight: f64,
-    ) {
+    pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
         for j in 0..6 {
             let (aj, fj) = (a[j].conj() * weight, f[j].conj() * weight);
             for i in 0..6 {
@@ -78,7 +73,11 @@ pub trait Lines {
     /// Variance of a mean over lines relative to independent lines and blocks.
     fn correlation(&self) -> f64;
     /// The single pair of amplitudes of a run at a line, if it was referred to a drive.
-    fn pair(&self, run: usize, line: usize) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)>;
+    fn pair(
+        &self,
+        run: usize,
+        line: usize,
+    ) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)>;
 }
 
 /// Runs referred to their drive signals.

@@ -28,6 +28,58 @@ pub use static_poses::{StaticFit, StaticPoses};
 use crate::geometry::{Equations, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
+/// The ways to masslines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Apparent mass with elastic terms.
+    #[default]
+    ApparentMass,
+    /// Method b, averaged power spectra.
+    PowerSpectra,
+    /// Method b with Cholesky factorisation.
+    PowerSpectraCholesky,
+}
+
+impl Method {
+    /// All of them, the recommended one first.
+    pub const ALL: [Self; 3] = [
+        Self::ApparentMass,
+        Self::PowerSpectra,
+        Self::PowerSpectraCholesky,
+    ];
+
+    /// Short name, as typed on a command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ApparentMass => "apparent-mass",
+            Self::PowerSpectra => "b",
+            Self::PowerSpectraCholesky => "b-cholesky",
+        }
+    }
+
+    /// What it does, in one line.
+    #[must_use]
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::ApparentMass => {
+                "apparent mass with elastic terms, base acceleration from the interface"
+            }
+            Self::PowerSpectra => "averaged power spectra (method b)",
+            Self::PowerSpectraCholesky => {
+                "averaged power spectra with Cholesky factorisation (method b)"
+            }
+        }
+    }
+
+    /// Whether the base acceleration comes from the interface accelerometers alone. The
+    /// paper's methods use all accelerometers, equation (4).
+    #[must_use]
+    pub const fn interface_only(self) -> bool {
+        matches!(self, Self::ApparentMass)
+    }
+}
+
 /// Most pairs in one set.
 pub const MAX_PAIRS: usize = 36;
 
@@ -50,7 +102,10 @@ impl core::fmt::Display for MasslineError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::TooFewLines(n) => {
-                write!(f, "the averaging band holds {n} lines; at least 3 are needed")
+                write!(
+                    f,
+                    "the averaging band holds {n} lines; at least 3 are needed"
+                )
             }
             Self::NoExcitation => f.write_str(
                 "no direction of base acceleration rises above the accelerometers' noise",

@@ -66,7 +66,11 @@ pub fn power_spectra<L: Lines>(
     // The pairs are linear in the spectra, so noise has the same share in both.
     for j in 0..6 {
         let (noise, power) = (spectra.acceleration_noise[j], spectra.aa[(j, j)]);
-        let in_pairs: f64 = set.pairs.iter().map(|p| p.acceleration[j] * p.acceleration[j]).sum();
+        let in_pairs: f64 = set
+            .pairs
+            .iter()
+            .map(|p| p.acceleration[j] * p.acceleration[j])
+            .sum();
         if power > 0.0 {
             set.noise[(j, j)] = libm::sqrt(noise / power * in_pairs);
         }
@@ -123,7 +127,11 @@ impl Averaged {
     /// With fewer runs than degrees of freedom G_FF is singular. Then the factor is
     /// taken in the subspace of the strongest forces, as many as there are independent
     /// accelerations; least squares does not depend on which basis that subspace has.
-    fn columns(&self, factorisation: Factorisation, rank: usize) -> Result<Matrix6<f64>, MasslineError> {
+    fn columns(
+        &self,
+        factorisation: Factorisation,
+        rank: usize,
+    ) -> Result<Matrix6<f64>, MasslineError> {
         if factorisation == Factorisation::None {
             return Ok(Matrix6::identity());
         }

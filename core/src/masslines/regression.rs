@@ -30,6 +30,8 @@ pub(super) struct Regression {
     /// Real equations per row of f.
     count: f64,
     correlation: f64,
+    /// Whether the residuals of different resultants are taken as independent.
+    independent: bool,
 }
 
 /// The solution with a chosen set of terms.
@@ -62,6 +64,16 @@ impl Regression {
             power: Matrix6::zeros(),
             count: 0.0,
             correlation,
+            independent: false,
+        }
+    }
+
+    /// Takes the residuals of different resultants as independent: where there are too
+    /// few equations to learn how they correlate.
+    pub(super) fn with_independent_residuals(self) -> Self {
+        Self {
+            independent: true,
+            ..self
         }
     }
 
@@ -107,7 +119,11 @@ impl Regression {
         let at = |n: usize| 6 * chosen[n / rank] + n % rank;
         let gathered = |i: usize, j: usize| {
             let (i, j) = (at(i), at(j));
-            if i >= j { self.normal[(i, j)] } else { self.normal[(j, i)] }
+            if i >= j {
+                self.normal[(i, j)]
+            } else {
+                self.normal[(j, i)]
+            }
         };
         // Column equilibration, then an LDLᵀ without pivoting that starts with the
         // nuisance terms: what it leaves of the rigid block is the Schur complement.
@@ -193,12 +209,23 @@ impl Regression {
         })
     }
 
+    /// Takes `left`, the residual power of all six resultants from elsewhere, for the
+    /// solution's own.
+    pub(super) fn replace_residual(&self, solution: &mut Solution, left: &Matrix6<f64>) {
+        let e = self.equations.rows();
+        let freedom = (self.count - self.excitation.rank() as f64).max(1.0);
+        solution.residual = self.floored(&(e * left * e.transpose() / freedom));
+    }
+
     /// A residual covariance that can be inverted: no better than the `f32` spectra it
     /// was computed from, and no more correlated than 0.999, since a residual of the
     /// model points one way and would grant infinite trust to all others.
     fn floored(&self, residual: &Matrix6<f64>) -> Matrix6<f64> {
         const AMPLITUDE: f64 = 3e-8;
         let mut c = (residual + residual.transpose()) * 0.5;
+        if self.independent {
+            c = Matrix6::from_diagonal(&c.diagonal());
+        }
         for j in 0..self.equations.count() {
             let floor = AMPLITUDE * AMPLITUDE * self.power[(j, j)] / self.count;
             c[(j, j)] = (c[(j, j)].max(0.0) * 1.001) + floor;
@@ -243,7 +270,9 @@ impl Regression {
             let c = Vector6::from_fn(|i, _| if i < rank { u[(i, p)] } else { 0.0 });
             let acceleration = self.excitation.basis() * c;
             let measured = Vector6::from_fn(|j, _| {
-                (0..rank).map(|i| solution.coefficients[(i, j)] * c[i]).sum()
+                (0..rank)
+                    .map(|i| solution.coefficients[(i, j)] * c[i])
+                    .sum()
             });
             let force = self.equations.rows().transpose() * measured;
             let mut variance = Vector6::zeros();
@@ -278,11 +307,6 @@ impl Regression {
 }
 
 impl Solution {
-    /// Whether a term was chosen.
-    pub(super) fn has(&self, term: usize) -> bool {
-        self.terms.contains(&term)
-    }
-
     /// Residual covariance of one real equation, in measured-equation coordinates.
     pub(super) fn residual(&self) -> &Matrix6<f64> {
         &self.residual

@@ -75,6 +75,11 @@ impl StaticPoses {
     /// deviation of each component of the specific force where it is known, and at
     /// least its resolution.
     ///
+    /// The resultants are weighted with what a free linear fit leaves of each. Give
+    /// `mass_matrix`, about the same point, from a first identification to weight them
+    /// with what a rigid body leaves instead: with a couple of dozen poses the sensor's
+    /// own errors (cross-talk, misalignment) outweigh its noise, and a free fit hides them.
+    ///
     /// # Errors
     /// [`MasslineError`] if the poses do not differ or nothing is measured.
     pub fn masslines(
@@ -82,6 +87,7 @@ impl StaticPoses {
         reference: Vector3<f64>,
         equations: &Equations,
         noise: &Vector6<f64>,
+        mass_matrix: Option<&Matrix6<f64>>,
     ) -> Result<StaticFit, MasslineError> {
         if equations.count() == 0 {
             return Err(MasslineError::NoResultant);
@@ -92,7 +98,8 @@ impl StaticPoses {
         if excitation.rank() == 0 {
             return Err(MasslineError::NoExcitation);
         }
-        let mut regression = Regression::new(excitation, *equations, 1, 1.0);
+        let mut regression =
+            Regression::new(excitation, *equations, 1, 1.0).with_independent_residuals();
         let complex = |m: Matrix6<f64>| m.map(|x| Complex::new(x, 0.0));
         let moments = Moments {
             aa: complex(symmetric(&self.aa)),
@@ -101,7 +108,12 @@ impl StaticPoses {
         };
         // One equation per row went into the offset.
         regression.add(&moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
-        let solution = regression.solve(&[0]).ok_or(MasslineError::Singular)?;
+        let mut solution = regression.solve(&[0]).ok_or(MasslineError::Singular)?;
+        if let Some(m) = mass_matrix {
+            let explained = self.fa * m.transpose();
+            let left = self.ff - explained - explained.transpose() + m * self.aa * m.transpose();
+            regression.replace_residual(&mut solution, &left);
+        }
         Ok(StaticFit {
             masslines: regression.masslines(&solution, reference)?,
             mean_acceleration: self.mean_a,

@@ -105,18 +105,15 @@ impl RigidBody {
     pub fn sigma(&self, reference: &Vector3<f64>) -> [f64; 10] {
         let r = (self.centre_of_gravity - reference) * self.mass;
         let i = self.inertia_about(reference);
-        [
-            self.mass, r.x, r.y, r.z, i.xx, i.yy, i.zz, i.xy, i.xz, i.yz,
-        ]
+        [self.mass, r.x, r.y, r.z, i.xx, i.yy, i.zz, i.xy, i.xz, i.yz]
     }
 
     /// Two bodies fixed to each other.
     #[must_use]
     pub fn joined(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
-        let centre_of_gravity = (self.centre_of_gravity * self.mass
-            + other.centre_of_gravity * other.mass)
-            / mass;
+        let centre_of_gravity =
+            (self.centre_of_gravity * self.mass + other.centre_of_gravity * other.mass) / mass;
         let inertia =
             self.inertia_about(&centre_of_gravity) + other.inertia_about(&centre_of_gravity);
         Self {

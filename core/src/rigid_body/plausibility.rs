@@ -99,7 +99,12 @@ mod tests {
     use super::*;
 
     fn verdict(terms: [f64; 6]) -> Plausibility {
-        check(Some(1.0), Some(&Inertia::from_terms(terms)), &[None; 3], 1e-12)
+        check(
+            Some(1.0),
+            Some(&Inertia::from_terms(terms)),
+            &[None; 3],
+            1e-12,
+        )
     }
 
     #[test]

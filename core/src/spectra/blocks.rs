@@ -227,9 +227,8 @@ impl<'s> Blocks<'s> {
             for (k, w) in self.work.iter_mut().enumerate() {
                 // The oldest sample lies at the head.
                 let at = (self.head + k) % n;
-                let read = |ring: Option<&[f32]>| {
-                    ring.and_then(|r| r.get(at)).copied().unwrap_or(0.0)
-                };
+                let read =
+                    |ring: Option<&[f32]>| ring.and_then(|r| r.get(at)).copied().unwrap_or(0.0);
                 *w = Complex32::new(read(first), read(second));
             }
             transform(self.work);

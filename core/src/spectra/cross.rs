@@ -26,16 +26,29 @@ impl<'s> CrossAverage<'s> {
     /// # Errors
     /// [`SpectraError::Storage`] if it is too small.
     pub fn new(settings: &BlockSettings, storage: &'s mut [Sum]) -> Result<Self, SpectraError> {
+        let mut average = Self::resume(settings, storage, 0)?;
+        average.clear();
+        Ok(average)
+    }
+
+    /// Takes up sums of `blocks` blocks that an earlier average left in its storage.
+    ///
+    /// # Errors
+    /// [`SpectraError::Storage`] if it is too small.
+    pub fn resume(
+        settings: &BlockSettings,
+        storage: &'s mut [Sum],
+        blocks: u32,
+    ) -> Result<Self, SpectraError> {
         let needed = Self::storage_len(settings);
         let given = storage.len();
         let sums = storage
             .get_mut(..needed)
             .ok_or(SpectraError::Storage { needed, given })?;
-        sums.fill(Sum::ZERO);
         Ok(Self {
             sums,
             lines: settings.grid().count,
-            blocks: 0,
+            blocks,
         })
     }
 
@@ -48,11 +61,7 @@ impl<'s> CrossAverage<'s> {
     /// G_ij at line `k`, summed over the blocks: real and imaginary part of `x_i x_j*`.
     #[must_use]
     pub fn cross(&self, i: usize, j: usize, k: usize) -> (f64, f64) {
-        let at = |n: usize| {
-            self.sums
-                .get(k * SUMS_PER_LINE + n)
-                .map_or(0.0, Sum::value)
-        };
+        let at = |n: usize| self.sums.get(k * SUMS_PER_LINE + n).map_or(0.0, Sum::value);
         if i == j {
             (at(i), 0.0)
         } else if i < j {
@@ -74,9 +83,8 @@ const fn pair(i: usize, j: usize) -> usize {
 impl Average for CrossAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
         for (k, sums) in self.sums.chunks_exact_mut(SUMS_PER_LINE).enumerate() {
-            let x: [Complex32; RESULTANTS] = core::array::from_fn(|c| {
-                block.channel(c).get(k).copied().unwrap_or_default()
-            });
+            let x: [Complex32; RESULTANTS] =
+                core::array::from_fn(|c| block.channel(c).get(k).copied().unwrap_or_default());
             let (auto, cross) = sums.split_at_mut(RESULTANTS);
             for (sum, x) in auto.iter_mut().zip(&x) {
                 sum.add(x.re * x.re + x.im * x.im);

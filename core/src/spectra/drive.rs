@@ -18,7 +18,6 @@ const fn sums_per_line(channels: usize) -> usize {
 pub struct DriveAverage<'s> {
     sums: &'s mut [Sum],
     channels: usize,
-    lines: usize,
     blocks: u32,
 }
 
@@ -47,7 +46,6 @@ impl<'s> DriveAverage<'s> {
         Ok(Self {
             sums,
             channels,
-            lines: settings.grid().count,
             blocks: 0,
         })
     }
@@ -182,9 +180,8 @@ impl<'a> RunResponses<'a> {
         };
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
-        let noise = core::array::from_fn(|c| {
-            (block_correlation * scatter[c]).max(rounding[c]) as f32
-        });
+        let noise =
+            core::array::from_fn(|c| (block_correlation * scatter[c]).max(rounding[c]) as f32);
         Ok(Self {
             grid,
             responses,

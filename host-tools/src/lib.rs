@@ -1,0 +1,7 @@
+//! The parts of the `massline` host tool that other programs can use as well.
+
+pub mod identification;
+pub mod measure;
+pub mod recording;
+pub mod result;
+pub mod setup;

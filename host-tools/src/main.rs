@@ -1,0 +1,2 @@
+//! `massline`
+fn main() {}

@@ -1,0 +1,140 @@
+//! What keeps recordings from becoming spectra.
+
+use crate::recording::RecordingError;
+use massline_core::geometry::GeometryError;
+use massline_core::spectra::SpectraError;
+use std::path::PathBuf;
+
+/// What keeps recordings from becoming spectra: where, what, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// A recording that cannot be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Sensors that make no sense together.
+    #[error("run \"{run}\": {source}")]
+    Geometry {
+        /// Name of the run.
+        run: String,
+        /// What is wrong.
+        source: GeometryError,
+    },
+    /// The apparent mass needs accelerometers on the interface.
+    #[error(
+        "run \"{run}\": no accelerometer has `mount = \"interface\"`, but this method takes the base acceleration from those; mark the ones on the table or adapter, or use `--method b-cholesky`"
+    )]
+    NoInterface {
+        /// Name of the run.
+        run: String,
+    },
+    /// Spectral settings that do not fit the recording.
+    #[error("{}: {source}; check `block_length`, `overlap` and the bands in [processing]", file.display())]
+    Spectra {
+        /// The recording.
+        file: PathBuf,
+        /// What is wrong.
+        source: SpectraError,
+    },
+    /// A band that the spectrum does not hold.
+    #[error("{}: {reason}", file.display())]
+    Band {
+        /// The recording.
+        file: PathBuf,
+        /// What is wrong and what would fit.
+        reason: String,
+    },
+    /// A random run without [processing].
+    #[error(
+        "run \"{run}\": a random recording needs the section [processing] with an `averaging_band`"
+    )]
+    NoProcessing {
+        /// Name of the run.
+        run: String,
+    },
+    /// Runs with different sample rates.
+    #[error("{}: {found} samples per second, the runs before it have {expected}; record all runs at one rate", file.display())]
+    OtherRate {
+        /// The recording.
+        file: PathBuf,
+        /// Its rate, Hz.
+        found: f64,
+        /// The rate so far, Hz.
+        expected: f64,
+    },
+    /// Not even two blocks.
+    #[error("{}: {samples} samples give {blocks} block(s) of {block_length}; at least 2 are needed, and some 50 for small error bars; record longer or shorten `block_length`", file.display())]
+    TooShort {
+        /// The recording.
+        file: PathBuf,
+        /// Samples read.
+        samples: u64,
+        /// Blocks they gave.
+        blocks: u32,
+        /// Samples of a block.
+        block_length: usize,
+    },
+    /// Too few poses.
+    #[error("{}: {poses} pose(s); at least 3 are needed, six that turn every axis up and down are good", file.display())]
+    TooFewPoses {
+        /// The recording.
+        file: PathBuf,
+        /// Poses read.
+        poses: u64,
+    },
+    /// A channel that never moves.
+    #[error("{}, channel `{channel}`: it reads {reading} throughout, in every run; the sensor is dead or unplugged: repair it, or take it out of the setup", file.display())]
+    Dead {
+        /// The recording.
+        file: PathBuf,
+        /// The channel.
+        channel: String,
+        /// What it reads.
+        reading: f32,
+    },
+    /// A channel at its stop.
+    #[error("{}, channel `{channel}`: {samples} samples sit at {limit}, the signal is clipped; lower the gain or the level and record again", file.display())]
+    Clipped {
+        /// The recording.
+        file: PathBuf,
+        /// The channel.
+        channel: String,
+        /// The reading at which it clips.
+        limit: f32,
+        /// Samples there.
+        samples: u64,
+    },
+    /// The same data twice.
+    #[error(
+        "runs \"{first}\" and \"{second}\" hold the very same samples; one recording was copied or named twice: give each run its own"
+    )]
+    Copies {
+        /// A run.
+        first: String,
+        /// Its copy.
+        second: String,
+    },
+    /// Something this version cannot do.
+    #[error("run \"{run}\": {what} cannot be read by this version")]
+    NotYet {
+        /// Name of the run.
+        run: String,
+        /// The feature.
+        what: &'static str,
+    },
+}
+
+impl MeasureError {
+    /// Whether the input could be read but does not allow an answer (exit code 1), rather
+    /// than being unusable input (exit code 2).
+    #[must_use]
+    pub fn is_data(&self) -> bool {
+        matches!(
+            self,
+            Self::TooShort { .. }
+                | Self::TooFewPoses { .. }
+                | Self::Dead { .. }
+                | Self::Clipped { .. }
+                | Self::Copies { .. }
+        )
+    }
+}

@@ -1,0 +1,158 @@
+//! The setup's sensors as the core's geometry, for one run.
+
+use super::MeasureError;
+use crate::setup::{self, Run, Setup};
+use massline_core::geometry::{
+    ACCELERATION_NAMES, AccelerationFit, Accelerometer, Equations, ForceResultants, GeometryError,
+    LoadCell, Mount, Placement, Quantity, RESULTANT_NAMES, ResultantMap,
+};
+use nalgebra::Vector3;
+
+/// Which accelerometers the base acceleration comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Accelerations {
+    /// Those on the interface: exact however elastic the structure is.
+    Interface,
+    /// All of them, with the run's weights where `weighted`, equation (4).
+    All {
+        /// Whether weights are used.
+        weighted: bool,
+    },
+}
+
+/// Geometry of one run in the specimen's frame.
+#[derive(Clone, Debug)]
+pub struct RunGeometry {
+    /// The reference point A, m.
+    pub reference: Vector3<f64>,
+    /// The channels of the map, in its order.
+    pub channels: Vec<String>,
+    /// Channels to the twelve resultants.
+    pub map: ResultantMap,
+    /// The equations the load cells complete.
+    pub equations: Equations,
+    /// Share of each acceleration component that the accelerometers determine.
+    determined: [f64; 6],
+}
+
+/// The channels of a run in the order in which its samples are read: accelerometers,
+/// load cells, drive.
+pub(super) fn channel_names<'a>(setup: &'a Setup, run: &'a Run) -> Vec<&'a str> {
+    let sensors = setup.accelerometers.iter().map(|a| a.channel.as_str());
+    let cells = setup.load_cells.iter().map(|c| c.channel.as_str());
+    sensors
+        .chain(cells)
+        .chain(run.reference.as_deref())
+        .collect()
+}
+
+fn accelerometer(entry: &setup::AccelerometerEntry) -> Result<Accelerometer, GeometryError> {
+    let mount = match entry.mount {
+        setup::Mount::Interface => Mount::Interface,
+        setup::Mount::Structure => Mount::Structure,
+    };
+    Accelerometer::new(entry.position.into(), entry.direction.into(), mount)
+}
+
+fn load_cell(entry: &setup::LoadCellEntry) -> Result<LoadCell, GeometryError> {
+    let quantity = match entry.quantity {
+        setup::Quantity::Force => Quantity::Force,
+        setup::Quantity::Moment => Quantity::Moment,
+    };
+    LoadCell::new(entry.position.into(), entry.direction.into(), quantity)
+}
+
+impl RunGeometry {
+    /// Builds the geometry of `run`.
+    ///
+    /// # Errors
+    /// [`MeasureError::Geometry`] or [`MeasureError::NoInterface`].
+    pub fn new(
+        setup: &Setup,
+        run: &Run,
+        accelerations: Accelerations,
+    ) -> Result<Self, MeasureError> {
+        let wrong = |source| MeasureError::Geometry {
+            run: run.name.clone(),
+            source,
+        };
+        let placement =
+            Placement::new(run.rotation.into(), run.translation.into()).map_err(wrong)?;
+        let reference = Vector3::from(setup.reference_point);
+        let mut sensors = Vec::new();
+        for entry in &setup.accelerometers {
+            let sensor = placement.accelerometer(&accelerometer(entry).map_err(wrong)?);
+            let weight = match accelerations {
+                Accelerations::Interface => f64::from(u8::from(sensor.mount == Mount::Interface)),
+                Accelerations::All { weighted: false } => 1.0,
+                Accelerations::All { weighted: true } => {
+                    run.weights.get(&entry.channel).copied().unwrap_or(1.0)
+                }
+            };
+            sensors.push((sensor, weight, entry));
+        }
+        if sensors.iter().all(|(_, weight, _)| *weight == 0.0) {
+            return Err(MeasureError::NoInterface {
+                run: run.name.clone(),
+            });
+        }
+        let mut cells = Vec::new();
+        for entry in &setup.load_cells {
+            cells.push((
+                placement.load_cell(&load_cell(entry).map_err(wrong)?),
+                entry,
+            ));
+        }
+        let fit = AccelerationFit::new(sensors.iter().map(|(s, w, _)| (s, *w)), &reference)
+            .map_err(wrong)?;
+        let resultants =
+            ForceResultants::new(cells.iter().map(|(c, _)| c), &reference).map_err(wrong)?;
+        let mut map = ResultantMap::new();
+        let mut channels = Vec::new();
+        for (sensor, weight, entry) in &sensors {
+            let column = fit.column(sensor, *weight);
+            map.push_acceleration(&column, entry.scale).map_err(wrong)?;
+            channels.push(entry.channel.clone());
+        }
+        for (cell, entry) in &cells {
+            map.push_force(&resultants.column(cell), entry.scale)
+                .map_err(wrong)?;
+            channels.push(entry.channel.clone());
+        }
+        Ok(Self {
+            reference,
+            channels,
+            map,
+            equations: *resultants.equations(),
+            determined: core::array::from_fn(|j| fit.determined(j)),
+        })
+    }
+
+    /// Share of each acceleration component that the accelerometers determine, 0 to 1.
+    #[must_use]
+    pub fn determined(&self) -> [f64; 6] {
+        self.determined
+    }
+
+    /// Says what is taken as zero and which equations are left out.
+    pub(super) fn warn(&self, warnings: &mut Vec<String>) {
+        const WHOLE: f64 = 1.0 - 1e-6;
+        let missing = |names: &[&str; 6], share: &dyn Fn(usize) -> f64| {
+            let list: Vec<&str> = (0..6)
+                .filter(|&j| share(j) < WHOLE)
+                .map(|j| names[j])
+                .collect();
+            (!list.is_empty()).then(|| list.join(", "))
+        };
+        if let Some(list) = missing(&ACCELERATION_NAMES, &|j| self.determined[j]) {
+            warnings.push(format!(
+                "the accelerometers do not observe {list} of the reference point; taken as zero"
+            ));
+        }
+        if let Some(list) = missing(&RESULTANT_NAMES, &|j| self.equations.measured(j)) {
+            warnings.push(format!(
+                "the load cells do not measure {list}; the equations that need them are left out"
+            ));
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! From recordings to averaged spectra of the twelve resultants: the core's own blocks
+//! and averages, fed from files.
+
+mod error;
+mod geometry;
+mod poses;
+mod random;
+
+pub use error::MeasureError;
+pub use geometry::{Accelerations, RunGeometry};
+pub use poses::MeasuredPoses;
+pub use random::{MeasuredRun, Spectra};
+
+use crate::recording::{ChannelHealth, Complaint};
+use crate::setup::{Excitation, Setup};
+use massline_core::spectra::{BlockSettings, LineGrid, Window};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Told now and then how far the reading of recordings is.
+pub struct Progress<'a> {
+    /// Number of the run, from zero.
+    pub run: usize,
+    /// Number of runs.
+    pub runs: usize,
+    /// Name of the run.
+    pub name: &'a str,
+    /// Share of this run's recording that was read, 0 to 1.
+    pub share: f64,
+}
+
+/// Everything the estimators need, and what was noticed on the way.
+pub struct Measurement {
+    /// Random runs, in the order of the setup.
+    pub runs: Vec<MeasuredRun>,
+    /// Static runs, in the order of the setup.
+    pub poses: Vec<MeasuredPoses>,
+    /// Where the lines lie; `None` if all runs are static.
+    pub grid: Option<LineGrid>,
+    /// The averaging band, as indices into the kept lines.
+    pub band: Range<usize>,
+    /// Blocks' hop over their length.
+    pub hop: f64,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// The window of all random runs.
+pub const WINDOW: Window = Window::Hann;
+
+/// How far above the averaging band lines are kept where no mode band says how far:
+/// the first modes lie there.
+const REACH: f64 = 4.0;
+
+/// Reads all runs of a setup and averages them, with the base acceleration from the
+/// given accelerometers.
+///
+/// # Errors
+/// [`MeasureError`] that names file, line and channel.
+pub fn measure(
+    setup: &Setup,
+    accelerations: Accelerations,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Measurement, MeasureError> {
+    let mut measurement = Measurement {
+        runs: Vec::new(),
+        poses: Vec::new(),
+        grid: None,
+        band: 0..0,
+        hop: 0.5,
+        warnings: Vec::new(),
+    };
+    let mut settings: Option<BlockSettings> = None;
+    let mut health = Vec::new();
+    let mut fingerprints: HashMap<u64, String> = HashMap::new();
+    for (number, run) in setup.runs.iter().enumerate() {
+        let mut report = |share| {
+            progress(Progress {
+                run: number,
+                runs: setup.runs.len(),
+                name: &run.name,
+                share,
+            });
+        };
+        let geometry = RunGeometry::new(setup, run, accelerations)?;
+        geometry.warn(&mut measurement.warnings);
+        let fingerprint = match run.excitation {
+            Excitation::Static => {
+                let poses = poses::read(setup, run, geometry, &mut measurement.warnings)?;
+                let fingerprint = poses.fingerprint;
+                measurement.poses.push(poses);
+                fingerprint
+            }
+            Excitation::Random => {
+                let measured = random::read(
+                    setup,
+                    run,
+                    geometry,
+                    &mut settings,
+                    &mut measurement.warnings,
+                    &mut report,
+                )?;
+                health.push((run, measured.health.clone()));
+                let fingerprint = measured.fingerprint;
+                measurement.runs.push(measured);
+                fingerprint
+            }
+            Excitation::Sine => {
+                return Err(MeasureError::NotYet {
+                    run: run.name.clone(),
+                    what: "excitation = \"sine\"",
+                });
+            }
+        };
+        if let Some(other) = fingerprints.insert(fingerprint, run.name.clone()) {
+            return Err(MeasureError::Copies {
+                first: other,
+                second: run.name.clone(),
+            });
+        }
+        report(1.0);
+    }
+    if let Some(settings) = settings {
+        measurement.grid = Some(settings.grid());
+        measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
+        if let Some(p) = &setup.processing {
+            let [low, high] = p.averaging_band;
+            measurement.band = settings.grid().within(low, high);
+        }
+    }
+    check_channels(setup, &health)?;
+    dedup(&mut measurement.warnings);
+    Ok(measurement)
+}
+
+/// A channel that never moves in any run is dead; one that clips in one run is one too
+/// many.
+fn check_channels(
+    setup: &Setup,
+    health: &[(&crate::setup::Run, Vec<ChannelHealth>)],
+) -> Result<(), MeasureError> {
+    for (run, channels) in health {
+        let names = geometry::channel_names(setup, run);
+        for (channel, state) in names.iter().zip(channels) {
+            match state.complaint() {
+                Some(Complaint::Clipped { limit, samples }) => {
+                    return Err(MeasureError::Clipped {
+                        file: setup.recording_path(run),
+                        channel: (*channel).to_owned(),
+                        limit,
+                        samples,
+                    });
+                }
+                Some(Complaint::Dead) => {
+                    let alive = health.iter().any(|(other, states)| {
+                        let at = geometry::channel_names(setup, other)
+                            .iter()
+                            .position(|n| n == channel);
+                        at.and_then(|i| states.get(i))
+                            .is_some_and(|s| s.complaint() != Some(Complaint::Dead))
+                    });
+                    if !alive {
+                        return Err(MeasureError::Dead {
+                            file: setup.recording_path(run),
+                            channel: (*channel).to_owned(),
+                            reading: state.range[0],
+                        });
+                    }
+                }
+                None => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+fn dedup(warnings: &mut Vec<String>) {
+    let mut seen = std::collections::HashSet::new();
+    warnings.retain(|w| seen.insert(w.clone()));
+}

@@ -1,0 +1,84 @@
+//! Static runs: one pose a row.
+
+use super::MeasureError;
+use super::geometry::{RunGeometry, channel_names};
+use crate::recording::{Health, Recording};
+use crate::setup::{Run, Setup};
+use massline_core::masslines::StaticPoses;
+use nalgebra::Vector6;
+
+/// One static run.
+pub struct MeasuredPoses {
+    /// Name of the run.
+    pub name: String,
+    /// Its sensors.
+    pub geometry: RunGeometry,
+    /// Running sums over the poses.
+    pub poses: StaticPoses,
+    /// Resolution of each component of the specific force, m/s² or rad/s².
+    pub noise: Vector6<f64>,
+    /// Every pose: specific force and resultants at A.
+    pub rows: Vec<(Vector6<f64>, Vector6<f64>)>,
+    pub(super) fingerprint: u64,
+}
+
+/// Share of the specific force below which a difference between poses is none: static
+/// sensors and hands are not better than this.
+const RESOLUTION: f64 = 1e-6;
+
+/// Fewest poses: one for the offsets, one to differ from it.
+const FEWEST: u64 = 3;
+
+pub(super) fn read(
+    setup: &Setup,
+    run: &Run,
+    geometry: RunGeometry,
+    warnings: &mut Vec<String>,
+) -> Result<MeasuredPoses, MeasureError> {
+    let file = setup.recording_path(run);
+    let names = channel_names(setup, run);
+    let mut recording = Recording::open(&file, &names)?;
+    if !recording.ignored().is_empty() {
+        warnings.push(format!(
+            "{}: columns not used: {}",
+            file.display(),
+            recording.ignored().join(", ")
+        ));
+    }
+    let mut poses = StaticPoses::new();
+    let mut rows = Vec::new();
+    let mut health = Health::new(names.len());
+    let mut sample = vec![0.0_f32; names.len()];
+    let mut largest: f64 = 0.0;
+    while recording.next_row(&mut sample)? {
+        health.add(&sample);
+        let r = geometry.map.apply(&sample);
+        let a = Vector6::from_fn(|j, _| f64::from(r[j]));
+        let f = Vector6::from_fn(|j, _| f64::from(r[6 + j]));
+        largest = largest.max(a.fixed_rows::<3>(0).norm());
+        poses.add(&a, &f);
+        rows.push((a, f));
+    }
+    if recording.rows() < FEWEST {
+        return Err(MeasureError::TooFewPoses {
+            file,
+            poses: recording.rows(),
+        });
+    }
+    let determined = geometry.determined();
+    let noise = Vector6::from_fn(|j, _| {
+        if determined[j] > 0.0 {
+            RESOLUTION * largest
+        } else {
+            0.0
+        }
+    });
+    Ok(MeasuredPoses {
+        name: run.name.clone(),
+        geometry,
+        poses,
+        noise,
+        rows,
+        fingerprint: health.fingerprint(),
+    })
+}

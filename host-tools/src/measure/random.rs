@@ -1,0 +1,286 @@
+//! Random runs: Welch averages of the twelve resultants.
+
+use super::geometry::{RunGeometry, channel_names};
+use super::{MeasureError, REACH, WINDOW};
+use crate::recording::{ChannelHealth, Health, Recording};
+use crate::setup::{Run, Setup};
+use massline_core::geometry::RESULTANTS;
+use massline_core::spectra::{
+    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, RunResponses,
+    Sum,
+};
+use std::path::Path;
+
+/// Rows between two reports of progress.
+const REPORT_ROWS: u64 = 4096;
+
+/// Averaged spectra of one run.
+pub enum Spectra {
+    /// Referred to the drive.
+    Drive {
+        /// Responses of the twelve resultants, line by line.
+        responses: Vec<[Complex32; RESULTANTS]>,
+        /// G_rr of each line, summed over the blocks.
+        drive: Vec<f32>,
+        /// Noise power per line, mean over the averaging band.
+        noise: [f32; RESULTANTS],
+        /// Coherence of each resultant with the drive, line by line.
+        coherence: Vec<[f32; RESULTANTS]>,
+    },
+    /// Cross-spectral matrix.
+    Cross {
+        /// The running sums.
+        sums: Vec<Sum>,
+    },
+}
+
+/// One random run, averaged.
+pub struct MeasuredRun {
+    /// Name of the run.
+    pub name: String,
+    /// Its sensors.
+    pub geometry: RunGeometry,
+    /// Its spectra.
+    pub spectra: Spectra,
+    /// Auto spectra of the twelve resultants, units² per Hz, line by line.
+    pub density: Vec<[f64; RESULTANTS]>,
+    /// Blocks averaged.
+    pub blocks: u32,
+    /// Samples read.
+    pub samples: u64,
+    /// State of each channel.
+    pub health: Vec<ChannelHealth>,
+    pub(super) fingerprint: u64,
+    settings: BlockSettings,
+}
+
+impl MeasuredRun {
+    /// The responses as the core's estimators read them, if referred to a drive.
+    #[must_use]
+    pub fn responses(&self) -> Option<RunResponses<'_>> {
+        match &self.spectra {
+            Spectra::Drive {
+                responses,
+                drive,
+                noise,
+                ..
+            } => Some(RunResponses {
+                grid: self.settings.grid(),
+                responses,
+                drive,
+                noise: *noise,
+                blocks: self.blocks,
+            }),
+            Spectra::Cross { .. } => None,
+        }
+    }
+
+    /// The settings it was averaged with.
+    #[must_use]
+    pub fn settings(&self) -> &BlockSettings {
+        &self.settings
+    }
+}
+
+/// Reads and averages one run.
+pub(super) fn read(
+    setup: &Setup,
+    run: &Run,
+    geometry: RunGeometry,
+    settings: &mut Option<BlockSettings>,
+    warnings: &mut Vec<String>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<MeasuredRun, MeasureError> {
+    let file = setup.recording_path(run);
+    let names = channel_names(setup, run);
+    let mut recording = Recording::open(&file, &names)?;
+    if !recording.ignored().is_empty() {
+        warnings.push(format!(
+            "{}: columns not used: {}",
+            file.display(),
+            recording.ignored().join(", ")
+        ));
+    }
+    let settings = settle(setup, run, &file, &mut recording, settings)?;
+    let grid = settings.grid();
+    let spectral = |source| MeasureError::Spectra {
+        file: file.clone(),
+        source,
+    };
+
+    // The drive, where there is one, is channel 0 of the blocks.
+    let drive_at = run.reference.is_some().then_some(names.len() - 1);
+    let channels = RESULTANTS + usize::from(drive_at.is_some());
+    let zero = Complex32::new(0.0, 0.0);
+    let mut history = vec![0.0; settings.history_len(channels)];
+    let mut work = vec![zero; settings.block_length()];
+    let mut lines = vec![zero; settings.lines_len(channels)];
+    let mut blocks =
+        Blocks::new(settings, channels, &mut history, &mut work, &mut lines).map_err(spectral)?;
+    let mut sums = vec![
+        Sum::ZERO;
+        match drive_at {
+            Some(_) => DriveAverage::storage_len(&settings, RESULTANTS),
+            None => CrossAverage::storage_len(&settings),
+        }
+    ];
+    let mut health = Health::new(names.len());
+    let mut sample = vec![0.0_f32; names.len()];
+    let mut input = vec![0.0_f32; channels];
+    let mut feed = |average: &mut dyn Average| -> Result<(), MeasureError> {
+        while recording.next_row(&mut sample)? {
+            health.add(&sample);
+            let resultants = geometry.map.apply(&sample);
+            let (head, tail) = input.split_at_mut(channels - RESULTANTS);
+            if let (Some(slot), Some(at)) = (head.first_mut(), drive_at) {
+                *slot = sample[at];
+            }
+            tail.copy_from_slice(&resultants);
+            if let Some(block) = blocks.push(&input) {
+                average.add(&block);
+            }
+            if recording.rows() % REPORT_ROWS == 0 {
+                progress(recording.progress());
+            }
+        }
+        Ok(())
+    };
+
+    let averaged = if drive_at.is_some() {
+        let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums).map_err(spectral)?;
+        feed(&mut average)?;
+        finish_drive(setup, &geometry, &settings, &average).map_err(spectral)?
+    } else {
+        let mut average = CrossAverage::new(&settings, &mut sums).map_err(spectral)?;
+        feed(&mut average)?;
+        let blocks = average.blocks();
+        let power = |c: usize, k: usize| average.cross(c, c, k).0;
+        let density = densities(&grid, settings.density(), blocks, &power);
+        (Spectra::Cross { sums: Vec::new() }, density, blocks)
+    };
+    let (mut spectra, density, count) = averaged;
+    if let Spectra::Cross { sums: kept } = &mut spectra {
+        *kept = sums;
+    }
+    let samples = recording.rows();
+    if count < 2 {
+        return Err(MeasureError::TooShort {
+            file,
+            samples,
+            blocks: count,
+            block_length: settings.block_length(),
+        });
+    }
+    if count < 10 {
+        warnings.push(format!(
+            "run \"{}\": only {count} blocks were averaged; error bars are rough below ten",
+            run.name
+        ));
+    }
+    Ok(MeasuredRun {
+        name: run.name.clone(),
+        geometry,
+        spectra,
+        density,
+        blocks: count,
+        samples,
+        health: health.channels(),
+        fingerprint: health.fingerprint(),
+        settings,
+    })
+}
+
+type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);
+
+fn finish_drive(
+    setup: &Setup,
+    geometry: &RunGeometry,
+    settings: &BlockSettings,
+    average: &DriveAverage<'_>,
+) -> Result<Finished, massline_core::spectra::SpectraError> {
+    let grid = settings.grid();
+    let mut responses = vec![[Complex32::new(0.0, 0.0); RESULTANTS]; grid.count];
+    let mut drive = vec![0.0; grid.count];
+    let hop = settings.hop() as f64 / settings.block_length() as f64;
+    let band = setup.processing.as_ref().map_or(0..0, |p| {
+        grid.within(p.averaging_band[0], p.averaging_band[1])
+    });
+    let noise = RunResponses::finish(
+        average,
+        grid,
+        band,
+        settings.window().block_correlation(hop),
+        &geometry.map,
+        &mut responses,
+        &mut drive,
+    )?
+    .noise;
+    let coherence = (0..grid.count)
+        .map(|k| core::array::from_fn(|c| average.coherence(c, k) as f32))
+        .collect();
+    let power = |c: usize, k: usize| average.power(c, k);
+    let density = densities(&grid, settings.density(), average.blocks(), &power);
+    let spectra = Spectra::Drive {
+        responses,
+        drive,
+        noise,
+        coherence,
+    };
+    Ok((spectra, density, average.blocks()))
+}
+
+fn densities(
+    grid: &LineGrid,
+    density: f64,
+    blocks: u32,
+    power: &dyn Fn(usize, usize) -> f64,
+) -> Vec<[f64; RESULTANTS]> {
+    let scale = density / f64::from(blocks.max(1));
+    (0..grid.count)
+        .map(|k| core::array::from_fn(|c| power(c, k) * scale))
+        .collect()
+}
+
+/// Sample rate and kept lines; the first run decides, the others must agree.
+fn settle(
+    setup: &Setup,
+    run: &Run,
+    file: &Path,
+    recording: &mut Recording,
+    settled: &mut Option<BlockSettings>,
+) -> Result<BlockSettings, MeasureError> {
+    let Some(p) = &setup.processing else {
+        return Err(MeasureError::NoProcessing {
+            run: run.name.clone(),
+        });
+    };
+    let rate = recording.settle_rate(p.sample_rate)?;
+    if let Some(settings) = settled {
+        let expected = settings.grid().spacing * settings.block_length() as f64;
+        // Rates read off time columns agree to the columns' rounding.
+        if (rate / expected - 1.0).abs() > 1e-3 {
+            return Err(MeasureError::OtherRate {
+                file: file.to_owned(),
+                found: rate,
+                expected,
+            });
+        }
+        return Ok(*settings);
+    }
+    p.check_bands(rate).map_err(|e| MeasureError::Band {
+        file: file.to_owned(),
+        reason: e.to_string(),
+    })?;
+    let [low, high] = p.averaging_band;
+    let top = match p.mode_band {
+        Some([_, top]) => top.max(high),
+        None => (REACH * high).min(0.45 * rate).max(high),
+    };
+    let settings = BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, [low, top]);
+    let settings = settings.map_err(|source| MeasureError::Spectra {
+        file: file.to_owned(),
+        source,
+    })?;
+    *settled = Some(settings);
+    Ok(settings)
+}

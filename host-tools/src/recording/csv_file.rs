@@ -1,0 +1,365 @@
+//! CSV and gzipped CSV, one row at a time.
+
+use super::RecordingError;
+use csv::ByteRecord;
+use flate2::read::MultiGzDecoder;
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// Rows of which the time column is looked at to learn the sample rate.
+const RATE_ROWS: usize = 1000;
+
+/// A recording that is being read.
+pub struct Recording {
+    file: PathBuf,
+    reader: csv::Reader<Box<dyn Read>>,
+    names: Vec<String>,
+    columns: Vec<usize>,
+    ignored: Vec<String>,
+    time: Option<usize>,
+    clock: Option<Clock>,
+    record: ByteRecord,
+    rows: u64,
+    size: u64,
+    consumed: Rc<Cell<u64>>,
+}
+
+/// The time a row should carry.
+struct Clock {
+    start: f64,
+    rate: f64,
+}
+
+struct Counted<R> {
+    inner: R,
+    consumed: Rc<Cell<u64>>,
+}
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.inner.read(buffer)?;
+        self.consumed.set(self.consumed.get() + n as u64);
+        Ok(n)
+    }
+}
+
+impl Recording {
+    /// Opens a recording and looks for `channels` in its header; rows are then returned
+    /// in the order asked for.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if the file cannot be read or lacks one of them.
+    pub fn open(file: &Path, channels: &[&str]) -> Result<Self, RecordingError> {
+        let unreadable = |source| RecordingError::Unreadable {
+            file: file.to_owned(),
+            source,
+        };
+        let opened = File::open(file).map_err(unreadable)?;
+        let size = opened.metadata().map_err(unreadable)?.len();
+        if size == 0 {
+            return Err(RecordingError::Empty {
+                file: file.to_owned(),
+            });
+        }
+        let consumed = Rc::new(Cell::new(0));
+        let raw = Counted {
+            inner: opened,
+            consumed: Rc::clone(&consumed),
+        };
+        let zipped = file
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+        let input: Box<dyn Read> = if zipped {
+            Box::new(MultiGzDecoder::new(BufReader::new(raw)))
+        } else {
+            Box::new(raw)
+        };
+        let reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .from_reader(input);
+        let mut recording = Self {
+            file: file.to_owned(),
+            reader,
+            names: channels.iter().map(|&c| c.to_owned()).collect(),
+            columns: Vec::new(),
+            ignored: Vec::new(),
+            time: None,
+            clock: None,
+            record: ByteRecord::new(),
+            rows: 0,
+            size,
+            consumed,
+        };
+        recording.read_header()?;
+        Ok(recording)
+    }
+
+    fn read_header(&mut self) -> Result<(), RecordingError> {
+        if !self.advance()? {
+            return Err(RecordingError::Empty {
+                file: self.file.clone(),
+            });
+        }
+        let header: Vec<String> = self
+            .record
+            .iter()
+            .map(|f| {
+                String::from_utf8_lossy(f)
+                    .trim_start_matches('\u{feff}')
+                    .trim()
+                    .to_owned()
+            })
+            .collect();
+        for (i, name) in header.iter().enumerate() {
+            if let Some(first) = header[..i].iter().position(|n| n == name) {
+                return Err(RecordingError::DuplicateChannel {
+                    file: self.file.clone(),
+                    channel: name.clone(),
+                    first: first + 1,
+                    second: i + 1,
+                });
+            }
+        }
+        for name in &self.names {
+            let Some(column) = header.iter().position(|n| n == name) else {
+                return Err(RecordingError::MissingChannel {
+                    file: self.file.clone(),
+                    channel: name.clone(),
+                    hint: hint(name, &header),
+                });
+            };
+            self.columns.push(column);
+        }
+        self.time = header
+            .iter()
+            .position(|n| n.eq_ignore_ascii_case("time") && !self.names.contains(n));
+        self.ignored = header
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| Some(*i) != self.time && !self.columns.contains(i))
+            .map(|(_, n)| n.clone())
+            .collect();
+        self.record.clear();
+        Ok(())
+    }
+
+    fn advance(&mut self) -> Result<bool, RecordingError> {
+        self.reader
+            .read_byte_record(&mut self.record)
+            .map_err(|e| RecordingError::Damaged {
+                file: self.file.clone(),
+                line: e
+                    .position()
+                    .map_or_else(|| self.line() + 1, csv::Position::line),
+                reason: e.to_string(),
+            })
+    }
+
+    /// Line of the row read last, counted from one.
+    #[must_use]
+    pub fn line(&self) -> u64 {
+        self.record
+            .position()
+            .map_or(self.rows + 1, csv::Position::line)
+    }
+
+    /// Columns that nothing asked for.
+    #[must_use]
+    pub fn ignored(&self) -> &[String] {
+        &self.ignored
+    }
+
+    /// Rows read so far.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Share of the file that was read, 0 to 1.
+    #[must_use]
+    pub fn progress(&self) -> f64 {
+        self.consumed.get() as f64 / self.size.max(1) as f64
+    }
+
+    /// Settles the sample rate from the setup's and the time column's; from here on
+    /// every row's time is checked against it. To be called before the first row.
+    ///
+    /// # Errors
+    /// [`RecordingError::NoRate`] if neither tells, [`RecordingError::WrongRate`] if they
+    /// contradict each other.
+    pub fn settle_rate(&mut self, stated: Option<f64>) -> Result<f64, RecordingError> {
+        let Some((start, found)) = self.rate_of_time_column()? else {
+            return stated.ok_or_else(|| RecordingError::NoRate {
+                file: self.file.clone(),
+            });
+        };
+        let rate = stated.unwrap_or(found);
+        // A thousand rows of times with three decimals tell the rate to about 1e-3.
+        if (found / rate - 1.0).abs() > 2e-3 {
+            return Err(RecordingError::WrongRate {
+                file: self.file.clone(),
+                found,
+                stated: rate,
+            });
+        }
+        self.clock = Some(Clock { start, rate });
+        Ok(rate)
+    }
+
+    /// First time and mean rate over the first rows, read from a second opening.
+    fn rate_of_time_column(&self) -> Result<Option<(f64, f64)>, RecordingError> {
+        if self.time.is_none() {
+            return Ok(None);
+        }
+        let mut probe = Self::open(&self.file, &[])?;
+        let (mut first, mut last, mut steps) = (None, 0.0, 0.0);
+        while steps < RATE_ROWS as f64 && probe.next_row(&mut [])? {
+            let time = probe.time_of_row()?.unwrap_or(0.0);
+            match first {
+                None => first = Some(time),
+                Some(_) => steps += 1.0,
+            }
+            last = time;
+        }
+        let Some(first) = first else {
+            return Ok(None);
+        };
+        let rate = steps / (last - first);
+        if rate.is_finite() && rate > 0.0 {
+            Ok(Some((first, rate)))
+        } else {
+            Err(RecordingError::TimeJump {
+                file: self.file.clone(),
+                line: probe.line(),
+                found: last,
+                expected: first,
+            })
+        }
+    }
+
+    fn time_of_row(&self) -> Result<Option<f64>, RecordingError> {
+        match self.time {
+            Some(column) => self.number(column, "time").map(Some),
+            None => Ok(None),
+        }
+    }
+
+    fn number(&self, column: usize, channel: &str) -> Result<f64, RecordingError> {
+        let field = self.record.get(column).unwrap_or(&[]);
+        let text = || String::from_utf8_lossy(field).chars().take(40).collect();
+        let value: f64 = std::str::from_utf8(field)
+            .ok()
+            .and_then(|t| t.parse().ok())
+            .ok_or_else(|| RecordingError::NotANumber {
+                file: self.file.clone(),
+                line: self.line(),
+                channel: channel.to_owned(),
+                found: text(),
+            })?;
+        if (value as f32).is_finite() {
+            Ok(value)
+        } else {
+            Err(RecordingError::NotFinite {
+                file: self.file.clone(),
+                line: self.line(),
+                channel: channel.to_owned(),
+                found: text(),
+            })
+        }
+    }
+
+    /// Reads the next row into `sample`, in the order of the channels asked for.
+    /// `false` at the end.
+    ///
+    /// # Errors
+    /// [`RecordingError`] that names line and channel.
+    pub fn next_row(&mut self, sample: &mut [f32]) -> Result<bool, RecordingError> {
+        self.next_row_f64(|i, value| {
+            if let Some(slot) = sample.get_mut(i) {
+                *slot = value as f32;
+            }
+        })
+    }
+
+    /// The same in double precision: calls `store` with channel and reading.
+    ///
+    /// # Errors
+    /// [`RecordingError`] that names line and channel.
+    pub fn next_row_f64(
+        &mut self,
+        mut store: impl FnMut(usize, f64),
+    ) -> Result<bool, RecordingError> {
+        let header = self.columns.len() + self.ignored.len() + usize::from(self.time.is_some());
+        if !self.advance()? {
+            return if self.rows == 0 {
+                Err(RecordingError::HeaderOnly {
+                    file: self.file.clone(),
+                })
+            } else {
+                Ok(false)
+            };
+        }
+        if self.record.len() != header {
+            return Err(RecordingError::RowLength {
+                file: self.file.clone(),
+                line: self.line(),
+                found: self.record.len(),
+                expected: header,
+            });
+        }
+        for (i, &column) in self.columns.iter().enumerate() {
+            store(i, self.number(column, &self.names[i])?);
+        }
+        self.check_time()?;
+        self.rows += 1;
+        Ok(true)
+    }
+
+    fn check_time(&self) -> Result<(), RecordingError> {
+        let (Some(clock), Some(found)) = (&self.clock, self.time_of_row()?) else {
+            return Ok(());
+        };
+        let expected = clock.start + self.rows as f64 / clock.rate;
+        // Half a sample, and the drift of a rate that is known to 1e-4: a lost sample
+        // early in the file is a whole one.
+        let allowed = 0.6 / clock.rate + 1e-4 * (expected - clock.start).abs();
+        if (found - expected).abs() > allowed {
+            return Err(RecordingError::TimeJump {
+                file: self.file.clone(),
+                line: self.line(),
+                found,
+                expected,
+            });
+        }
+        Ok(())
+    }
+}
+
+fn hint(name: &str, header: &[String]) -> String {
+    let near = header
+        .iter()
+        .map(|h| (strsim::damerau_levenshtein(name, h), h))
+        .filter(|(d, _)| *d <= 2)
+        .min();
+    match near {
+        Some((_, h)) => format!("did you mean `{h}`?"),
+        None => {
+            let mut list = header
+                .iter()
+                .take(30)
+                .cloned()
+                .collect::<Vec<_>>()
+                .join(", ");
+            if header.len() > 30 {
+                list.push_str(", …");
+            }
+            format!("the file has: {list}")
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! What can be wrong with a recording.
+
+use std::path::PathBuf;
+
+/// What can be wrong with a recording: where, what, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {source}; check the `recording` of this run", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Damaged in the middle: a broken gzip stream, or no text.
+    #[error("{}, line {line}: the file breaks off or is damaged: {reason}; copy or export it again", file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// The line before which reading stopped.
+        line: u64,
+        /// The reader's reason.
+        reason: String,
+    },
+    /// Not a single byte.
+    #[error("{}: the file is empty; expected a header with channel names and rows of numbers", file.display())]
+    Empty {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Nothing below the header.
+    #[error("{}: there is a header but not one row of numbers below it", file.display())]
+    HeaderOnly {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A channel the setup names is not there.
+    #[error("{}, line 1: there is no channel `{channel}`; {hint}", file.display())]
+    MissingChannel {
+        /// The file.
+        file: PathBuf,
+        /// The channel asked for.
+        channel: String,
+        /// The nearest name, or all of them.
+        hint: String,
+    },
+    /// Two columns of one name.
+    #[error("{}, line 1: channel `{channel}` stands there twice, in columns {first} and {second}; rename one", file.display())]
+    DuplicateChannel {
+        /// The file.
+        file: PathBuf,
+        /// The name.
+        channel: String,
+        /// Columns, counted from one.
+        first: usize,
+        /// The second of them.
+        second: usize,
+    },
+    /// Text where a number should be.
+    #[error("{}, line {line}, channel `{channel}`: `{found}` is not a number", file.display())]
+    NotANumber {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// The channel.
+        channel: String,
+        /// What stands there.
+        found: String,
+    },
+    /// NaN, infinity, or more than single precision holds.
+    #[error("{}, line {line}, channel `{channel}`: {found} is not a finite reading; cut the recording before it, or record again", file.display())]
+    NotFinite {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// The channel.
+        channel: String,
+        /// What stands there.
+        found: String,
+    },
+    /// A row with too few or too many fields.
+    #[error("{}, line {line}: {found} fields where the header has {expected}; the row is cut or a channel is lost", file.display())]
+    RowLength {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Fields found.
+        found: usize,
+        /// Fields of the header.
+        expected: usize,
+    },
+    /// The time column contradicts the stated sample rate.
+    #[error("{}: its time column says {found:.6} samples per second, the setup says {stated:.6}; correct `sample_rate`", file.display())]
+    WrongRate {
+        /// The file.
+        file: PathBuf,
+        /// From the time column, Hz.
+        found: f64,
+        /// From the setup, Hz.
+        stated: f64,
+    },
+    /// Neither the recording nor the setup tells the sample rate.
+    #[error("{}: it has no `time` column, and the setup no `sample_rate`; give one of them", file.display())]
+    NoRate {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Time does not go on evenly: samples are missing or doubled.
+    #[error("{}, line {line}: time is {found} s where {expected:.6} s was due; samples are missing or doubled before this line", file.display())]
+    TimeJump {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// The time found, s.
+        found: f64,
+        /// The time expected, s.
+        expected: f64,
+    },
+}

@@ -1,0 +1,195 @@
+//! The result document, `massline/result/1`.
+
+use crate::identification::Answer;
+use massline_core::identify::{Estimate, InertiaEstimate, Procedure};
+use serde::Serialize;
+
+/// Version of the document's form.
+pub const SCHEMA: &str = "massline/result/1";
+
+/// A number with its error bar; `value` is null where the test does not tell it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Number {
+    /// The value, SI.
+    pub value: Option<f64>,
+    /// One standard deviation, SI.
+    pub std: Option<f64>,
+    /// Whether this test determines it.
+    pub observable: bool,
+}
+
+impl From<Option<Estimate>> for Number {
+    fn from(estimate: Option<Estimate>) -> Self {
+        Self {
+            value: estimate.map(|e| e.value),
+            std: estimate.map(|e| e.std),
+            observable: estimate.is_some(),
+        }
+    }
+}
+
+/// Six inertia terms, kg m²; products are ∫ x y dm, with a plus sign.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct InertiaTerms {
+    /// ∫ (y² + z²) dm
+    pub xx: Number,
+    /// ∫ (x² + z²) dm
+    pub yy: Number,
+    /// ∫ (x² + y²) dm
+    pub zz: Number,
+    /// ∫ x y dm
+    pub xy: Number,
+    /// ∫ x z dm
+    pub xz: Number,
+    /// ∫ y z dm
+    pub yz: Number,
+}
+
+impl From<InertiaEstimate> for InertiaTerms {
+    fn from(terms: InertiaEstimate) -> Self {
+        let [xx, yy, zz, xy, xz, yz] = terms.map(Number::from);
+        Self {
+            xx,
+            yy,
+            zz,
+            xy,
+            xz,
+            yz,
+        }
+    }
+}
+
+/// Whether a body like this could exist.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plausible {
+    /// No condition that could be checked is violated.
+    pub ok: bool,
+    /// The violated condition.
+    pub reason: Option<&'static str>,
+    /// Smallest principal moment over the largest; negative is not positive definite.
+    pub positive_definite_margin: Option<f64>,
+    /// What the two smaller principal moments exceed the largest by, over the largest.
+    pub triangle_margin: Option<f64>,
+}
+
+/// A mode of the fixed structure that the fit took account of.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct FixedMode {
+    /// Natural frequency, Hz.
+    pub frequency: f64,
+    /// Share of critical damping.
+    pub damping: f64,
+}
+
+/// Offsets of the resultants in a static run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Offsets {
+    /// Name of the run.
+    pub run: String,
+    /// fx, fy, fz (N), tx, ty, tz (N m) at the reference point.
+    pub resultants: [f64; 6],
+}
+
+/// The result document.
+#[derive(Clone, Debug, Serialize)]
+pub struct ResultDocument {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Heading of the setup.
+    pub title: String,
+    /// Name of the method.
+    pub method: &'static str,
+    /// Why this method, where the user left the choice.
+    pub recommended_because: Option<&'static str>,
+    /// Whether the reference point was iterated to the CG.
+    pub iterative: bool,
+    /// Whether accelerometer weights were used.
+    pub weighted: bool,
+    /// The reference point A, m.
+    pub reference_point: [f64; 3],
+    /// Overall mass, kg.
+    pub mass: Number,
+    /// Δ where the mass was known, else null.
+    pub indicator: Option<Number>,
+    /// Centre of gravity in the global frame, m.
+    pub centre_of_gravity: [Number; 3],
+    /// How the products of inertia are meant.
+    pub products_of_inertia: &'static str,
+    /// Inertia about the reference point, kg m².
+    pub inertia_reference: InertiaTerms,
+    /// Inertia about the centre of gravity, kg m².
+    pub inertia_cg: InertiaTerms,
+    /// Principal moments about the centre of gravity, ascending, kg m².
+    pub principal_moments: Option<[f64; 3]>,
+    /// Their axes, one unit vector each.
+    pub principal_axes: Option<[[f64; 3]; 3]>,
+    /// Of the column-equilibrated normal equations.
+    pub condition_number: f64,
+    /// Iterations done.
+    pub iterations: u32,
+    /// Residual of the masslines over what their noise explains; about one is good.
+    pub consistency: Option<f64>,
+    /// Whether a body like this could exist.
+    pub plausible: Plausible,
+    /// Modes of the fixed structure that were fitted along.
+    pub fixed_modes: Vec<FixedMode>,
+    /// Offsets estimated in static runs.
+    pub offsets: Vec<Offsets>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl ResultDocument {
+    /// The document of an answer.
+    #[must_use]
+    pub fn new(title: &str, answer: &Answer) -> Self {
+        let i = &answer.identification;
+        let p = &i.plausibility;
+        Self {
+            schema: SCHEMA,
+            title: title.to_owned(),
+            method: answer.method.name(),
+            recommended_because: answer.why,
+            iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
+            weighted: answer.weighted,
+            reference_point: i.reference.into(),
+            mass: i.mass.into(),
+            indicator: i.indicator.map(|e| Some(e).into()),
+            centre_of_gravity: i.centre_of_gravity.map(Number::from),
+            products_of_inertia: "integral of x y dm, plus sign",
+            inertia_reference: i.inertia_reference.into(),
+            inertia_cg: i.inertia_cg.into(),
+            principal_moments: i.principal.map(|p| p.moments.into()),
+            principal_axes: i
+                .principal
+                .map(|p| core::array::from_fn(|c| p.axes.column(c).into_owned().into())),
+            condition_number: i.condition_number,
+            iterations: i.iterations,
+            consistency: i.consistency,
+            plausible: Plausible {
+                ok: p.ok(),
+                reason: p.first_violation(),
+                positive_definite_margin: p.positive_definite.map(|m| m.relative),
+                triangle_margin: p.triangle.map(|m| m.relative),
+            },
+            fixed_modes: answer
+                .fits
+                .iter()
+                .flat_map(|f| &f.poles)
+                .map(|p| FixedMode {
+                    frequency: p.frequency,
+                    damping: p.damping,
+                })
+                .collect(),
+            offsets: answer
+                .offsets
+                .iter()
+                .map(|(run, resultants)| Offsets {
+                    run: run.clone(),
+                    resultants: *resultants,
+                })
+                .collect(),
+            warnings: answer.warnings.clone(),
+        }
+    }
+}
