@@ -1,0 +1,235 @@
+//! SETUP.toml: which sensors sit where, how to average, and which runs were recorded.
+//!
+//! All quantities are SI. Positions and directions are in the global frame, which is
+//! the frame of the table; for a specimen that is re-mounted between runs, structure
+//! accelerometers are given in the specimen's own frame, load cells and interface
+//! accelerometers in the table's (see [`Run::rotation`]).
+//!
+//! The types are plain data without knowledge of the identification: they say what the
+//! user wrote, checked for what can be checked without a recording.
+
+mod document;
+mod error;
+mod parse;
+mod print;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+pub(crate) use document::{Section, Source, nearest};
+pub use error::{BandError, DocumentError, Place, SetupError};
+pub(crate) use parse::unit;
+
+/// A measurement: sensors, processing and runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// Heading of reports.
+    pub title: String,
+    /// Starting point A of the identification, m, in the frame of the results.
+    pub reference_point: [f64; 3],
+    /// Mass found on a balance, kg; then the indicator Δ of eq (7) is estimated in its place.
+    pub known_mass: Option<f64>,
+    /// Averaging of time recordings; `None` only where every run is static.
+    pub processing: Option<Processing>,
+    /// At least one, channels unique among all sensors.
+    pub accelerometers: Vec<AccelerometerEntry>,
+    /// At least one, channels unique among all sensors.
+    pub load_cells: Vec<LoadCellEntry>,
+    /// At least one, names unique.
+    pub runs: Vec<Run>,
+    /// The folder that relative recordings are looked for in: the setup file's.
+    pub folder: PathBuf,
+}
+
+/// How time recordings become spectra, and which lines count.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Processing {
+    /// Samples per second, Hz; `None`: the recording carries it.
+    pub sample_rate: Option<f64>,
+    /// Samples of one transform, a power of two.
+    pub block_length: usize,
+    /// Share of a block that the next one uses again, 0 to 0.95.
+    pub overlap: f64,
+    /// Lower and upper frequency of the lines that the rigid body is read from, Hz.
+    pub averaging_band: [f64; 2],
+    /// Where the weighting strategy looks for the first elastic modes, Hz (chapter 7).
+    pub mode_band: Option<[f64; 2]>,
+}
+
+/// One channel of an accelerometer: a point and a direction (a row of X_a, eq 4).
+#[derive(Debug, Clone, PartialEq)]
+pub struct AccelerometerEntry {
+    /// Column of the recordings.
+    pub channel: String,
+    /// m.
+    pub position: [f64; 3],
+    /// Sensitive axis, unit length; positive acceleration along it reads positive.
+    pub direction: [f64; 3],
+    /// What it is fixed to.
+    pub mount: Mount,
+    /// m/s² per recorded unit; negative for a sensor that is mounted the wrong way round.
+    pub scale: f64,
+}
+
+/// What an accelerometer is fixed to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mount {
+    /// The table or adapter, rigid at all frequencies of interest.
+    Interface,
+    /// The specimen, elastic.
+    Structure,
+}
+
+/// One channel of a load cell (a row of X_f, eq 5).
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadCellEntry {
+    /// Column of the recordings.
+    pub channel: String,
+    /// m; a pure moment does not depend on it.
+    pub position: [f64; 3],
+    /// Unit vector; positive: the load acts ON the structure along or about it.
+    pub direction: [f64; 3],
+    /// Force or moment.
+    pub quantity: Quantity,
+    /// N or N m per recorded unit; negative turns the sign convention.
+    pub scale: f64,
+}
+
+/// What a load cell's channel measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// A force along the direction, N.
+    Force,
+    /// A moment about the direction, N m.
+    Moment,
+}
+
+/// One excitation configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Unique among the runs.
+    pub name: String,
+    /// As written: absolute, or relative to the setup file. See [`Setup::recording_path`].
+    pub recording: PathBuf,
+    /// What the recording holds.
+    pub excitation: Excitation,
+    /// Channel of the generator's drive signal, random runs only.
+    pub reference: Option<String>,
+    /// Weights given by hand, by accelerometer channel, each in (0, 1]; this run only.
+    pub weights: BTreeMap<String, f64>,
+    /// Rotation vector in degrees: x_interface = R x_specimen + translation.
+    pub rotation: [f64; 3],
+    /// Shift in m: where the specimen frame's origin lies in interface coordinates.
+    pub translation: [f64; 3],
+}
+
+/// What a recording holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Excitation {
+    /// Time samples under random excitation.
+    Random,
+    /// Frequency responses of a stepped sine test.
+    Sine,
+    /// One pose a row, DC-coupled.
+    Static,
+}
+
+/// Block length where the file names none: lines 0.5 Hz apart at 512 Hz.
+pub const DEFAULT_BLOCK_LENGTH: usize = 1024;
+/// Overlap where the file names none: what suits the Hann window.
+pub const DEFAULT_OVERLAP: f64 = 0.5;
+/// Allowed block lengths are the powers of two in this range.
+pub const BLOCK_LENGTHS: RangeInclusive<usize> = 16..=32768;
+/// A block that shares more than this with the next costs time and says nothing new.
+pub const OVERLAPS: RangeInclusive<f64> = 0.0..=0.95;
+/// Fewer lines than this in a band say nothing about a trend over frequency.
+pub const FEWEST_LINES: usize = 3;
+
+impl Setup {
+    /// Reads and checks a setup file.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the file, with line and section, and what to write instead.
+    pub fn read(path: &Path) -> Result<Self, SetupError> {
+        parse::setup(&Source::read(path)?)
+    }
+
+    /// The same from text; `path` names the file in messages and is not opened.
+    ///
+    /// # Errors
+    /// As [`Setup::read`].
+    pub fn from_str(text: &str, path: &Path) -> Result<Self, SetupError> {
+        parse::setup(&Source::new(text, path))
+    }
+
+    /// The setup as a commented file that reads back to an equal setup.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        print::setup(self)
+    }
+
+    /// Where the recording of a run lies.
+    #[must_use]
+    pub fn recording_path(&self, run: &Run) -> PathBuf {
+        self.folder.join(&run.recording)
+    }
+}
+
+impl Processing {
+    /// Numbers k of the lines k·sample_rate/block_length (Hz) inside a band (Hz).
+    ///
+    /// Line 0 is never among them: offsets of DC-coupled and drift of AC-coupled
+    /// sensors live there. The range is empty where the band falls between two lines.
+    #[must_use]
+    pub fn lines(&self, band: [f64; 2], sample_rate: f64) -> RangeInclusive<usize> {
+        // A bound that is meant to be a line may miss it by a rounding error.
+        const SLACK: f64 = 1e-9;
+        let per_hertz = self.block_length as f64 / sample_rate;
+        let first = libm::ceil(band[0] * per_hertz - SLACK).max(1.0) as usize;
+        let last = libm::floor(band[1] * per_hertz + SLACK).max(0.0) as usize;
+        first..=last.min(self.block_length / 2)
+    }
+
+    /// Whether both bands lie in the spectrum and hold enough lines at this rate (Hz).
+    ///
+    /// # Errors
+    /// Names the band, and what would make it fit.
+    pub fn check_bands(&self, sample_rate: f64) -> Result<(), BandError> {
+        let bands = [
+            ("averaging_band", Some(self.averaging_band)),
+            ("mode_band", self.mode_band),
+        ];
+        for (key, band) in bands {
+            let Some(band) = band else { continue };
+            if band[1] > sample_rate / 2.0 {
+                return Err(BandError::AboveSpectrum {
+                    key,
+                    band,
+                    sample_rate,
+                    limit: sample_rate / 2.0,
+                });
+            }
+            let lines = self.lines(band, sample_rate).count();
+            if lines < FEWEST_LINES {
+                return Err(BandError::TooFewLines {
+                    key,
+                    band,
+                    lines,
+                    spacing: sample_rate / self.block_length as f64,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Run {
+    /// Whether the specimen stands otherwise in this run than its coordinates say.
+    #[must_use]
+    pub fn is_remounted(&self) -> bool {
+        self.rotation != [0.0; 3] || self.translation != [0.0; 3]
+    }
+}

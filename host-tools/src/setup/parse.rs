@@ -1,0 +1,398 @@
+//! From the sections of a setup file to [`Setup`], with everything checked on the way.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::document::{Section, Source, nearest};
+use super::{
+    AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Excitation,
+    LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
+};
+
+const MOUNTS: [(&str, Mount); 2] = [
+    ("interface", Mount::Interface),
+    ("structure", Mount::Structure),
+];
+const QUANTITIES: [(&str, Quantity); 2] =
+    [("force", Quantity::Force), ("moment", Quantity::Moment)];
+const EXCITATIONS: [(&str, Excitation); 3] = [
+    ("random", Excitation::Random),
+    ("sine", Excitation::Sine),
+    ("static", Excitation::Static),
+];
+
+pub(super) fn word_of<T: PartialEq + Copy>(words: &[(&'static str, T)], value: T) -> &'static str {
+    words
+        .iter()
+        .find(|(_, candidate)| *candidate == value)
+        .map_or("", |(word, _)| word)
+}
+
+impl Mount {
+    /// The word of the setup file.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        word_of(&MOUNTS, self)
+    }
+}
+
+impl Quantity {
+    /// The word of the setup file.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        word_of(&QUANTITIES, self)
+    }
+}
+
+impl Excitation {
+    /// The word of the setup file.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        word_of(&EXCITATIONS, self)
+    }
+}
+
+/// Where each channel was first seen.
+type Channels = BTreeMap<String, String>;
+
+pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
+    let table = source.parse()?;
+    let root = Section::root(source, &table);
+    root.only(&[
+        "title",
+        "reference_point",
+        "known_mass",
+        "processing",
+        "accelerometer",
+        "load_cell",
+        "run",
+    ])?;
+
+    let known_mass = root.number_where(
+        "known_mass",
+        "the weighed mass in kg, more than 0 (leave it out to have the mass identified)",
+        |mass| mass > 0.0,
+    )?;
+    let processing = root
+        .section("processing")?
+        .map(|section| processing(&section))
+        .transpose()?;
+
+    let mut seen = Channels::new();
+    let accelerometers = root
+        .sections("accelerometer", "channel")?
+        .iter()
+        .map(|section| accelerometer(section, &mut seen))
+        .collect::<Result<Vec<_>, _>>()?;
+    let load_cells = root
+        .sections("load_cell", "channel")?
+        .iter()
+        .map(|section| load_cell(section, &mut seen))
+        .collect::<Result<Vec<_>, _>>()?;
+    not_empty(
+        source,
+        "accelerometer",
+        "no motion is known",
+        &accelerometers,
+    )?;
+    not_empty(source, "load_cell", "no force is known", &load_cells)?;
+
+    let sections = root.sections("run", "name")?;
+    not_empty(source, "run", "there is nothing to evaluate", &sections)?;
+    let mut names = BTreeMap::new();
+    let mut runs = Vec::with_capacity(sections.len());
+    for section in &sections {
+        let run = run(section, &accelerometers, &load_cells)?;
+        if let Some(first) = names.insert(run.name.clone(), section.title.clone()) {
+            return Err(SetupError::DuplicateRun {
+                place: section.place_of("name"),
+                name: run.name,
+                first,
+            });
+        }
+        if processing.is_none() && run.excitation != Excitation::Static {
+            return Err(SetupError::NoProcessing {
+                place: section.place(),
+            });
+        }
+        runs.push(run);
+    }
+
+    Ok(Setup {
+        title: root.text("title")?.unwrap_or_else(|| stem(&source.file)),
+        reference_point: root.vector("reference_point")?.unwrap_or_default(),
+        known_mass,
+        processing,
+        accelerometers,
+        load_cells,
+        runs,
+        folder: source.file.parent().map(Path::to_owned).unwrap_or_default(),
+    })
+}
+
+fn stem(file: &Path) -> String {
+    file.file_stem().map_or_else(
+        || "Untitled".to_owned(),
+        |stem| stem.to_string_lossy().into_owned(),
+    )
+}
+
+fn not_empty<T>(
+    source: &Source,
+    list: &'static str,
+    reason: &'static str,
+    entries: &[T],
+) -> Result<(), SetupError> {
+    if entries.is_empty() {
+        return Err(SetupError::NoEntries {
+            file: source.file.clone(),
+            list,
+            reason,
+        });
+    }
+    Ok(())
+}
+
+fn processing(section: &Section<'_>) -> Result<Processing, SetupError> {
+    section.only(&[
+        "sample_rate",
+        "block_length",
+        "overlap",
+        "averaging_band",
+        "mode_band",
+    ])?;
+    let sample_rate = section.number_where(
+        "sample_rate",
+        "samples per second in Hz, more than 0",
+        |rate| rate > 0.0,
+    )?;
+    let block_length = section.number_where(
+        "block_length",
+        &format!(
+            "a power of two from {} to {}",
+            BLOCK_LENGTHS.start(),
+            BLOCK_LENGTHS.end()
+        ),
+        // The cast is exact where it matters: what it would change fails the comparison.
+        |length| {
+            let whole = length as usize;
+            whole as f64 == length && whole.is_power_of_two() && BLOCK_LENGTHS.contains(&whole)
+        },
+    )?;
+    let overlap = section.number_where(
+        "overlap",
+        &format!(
+            "a share of the block from {} to {}",
+            OVERLAPS.start(),
+            OVERLAPS.end()
+        ),
+        |overlap| OVERLAPS.contains(&overlap),
+    )?;
+    let processing = Processing {
+        sample_rate,
+        block_length: block_length.map_or(DEFAULT_BLOCK_LENGTH, |length| length as usize),
+        overlap: overlap.unwrap_or(DEFAULT_OVERLAP),
+        averaging_band: band(section, "averaging_band")?.ok_or_else(|| {
+            section.missing(
+                "averaging_band",
+                "[low, high] in Hz, well below the first elastic natural frequency",
+            )
+        })?,
+        mode_band: band(section, "mode_band")?,
+    };
+    if let Some(rate) = sample_rate {
+        processing
+            .check_bands(rate)
+            .map_err(|source| SetupError::BandLines {
+                place: section.place_of(source.key()),
+                source,
+            })?;
+    }
+    Ok(processing)
+}
+
+impl super::BandError {
+    fn key(&self) -> &'static str {
+        match self {
+            Self::AboveSpectrum { key, .. } | Self::TooFewLines { key, .. } => key,
+        }
+    }
+}
+
+fn band(section: &Section<'_>, key: &'static str) -> Result<Option<[f64; 2]>, SetupError> {
+    match section.vector::<2>(key)? {
+        Some(found) if found[0] < 0.0 || found[1] <= found[0] => Err(SetupError::Band {
+            place: section.place_of(key),
+            key,
+            found,
+        }),
+        band => Ok(band),
+    }
+}
+
+fn accelerometer(
+    section: &Section<'_>,
+    seen: &mut Channels,
+) -> Result<AccelerometerEntry, SetupError> {
+    section.only(&["channel", "position", "direction", "mount", "scale"])?;
+    Ok(AccelerometerEntry {
+        channel: channel(section, seen)?,
+        position: position(section)?,
+        direction: direction(section)?,
+        mount: section
+            .choice("mount", &MOUNTS)?
+            .unwrap_or(Mount::Structure),
+        scale: scale(section)?,
+    })
+}
+
+fn load_cell(section: &Section<'_>, seen: &mut Channels) -> Result<LoadCellEntry, SetupError> {
+    section.only(&["channel", "position", "direction", "quantity", "scale"])?;
+    let quantity = section
+        .choice("quantity", &QUANTITIES)?
+        .unwrap_or(Quantity::Force);
+    Ok(LoadCellEntry {
+        channel: channel(section, seen)?,
+        position: match quantity {
+            Quantity::Force => position(section)?,
+            Quantity::Moment => section.vector("position")?.unwrap_or_default(),
+        },
+        direction: direction(section)?,
+        quantity,
+        scale: scale(section)?,
+    })
+}
+
+fn channel(section: &Section<'_>, seen: &mut Channels) -> Result<String, SetupError> {
+    let channel = section
+        .text("channel")?
+        .ok_or_else(|| section.missing("channel", "the column's name in the recordings"))?;
+    if let Some(first) = seen.insert(channel.clone(), section.title.clone()) {
+        return Err(SetupError::DuplicateChannel {
+            place: section.place_of("channel"),
+            channel,
+            first,
+        });
+    }
+    Ok(channel)
+}
+
+fn position(section: &Section<'_>) -> Result<[f64; 3], SetupError> {
+    Ok(section
+        .vector("position")?
+        .ok_or_else(|| section.missing("position", "[x, y, z] in m"))?)
+}
+
+fn direction(section: &Section<'_>) -> Result<[f64; 3], SetupError> {
+    let found = section.vector("direction")?.ok_or_else(|| {
+        section.missing(
+            "direction",
+            "the axis along which the channel reads positive, for example [0, 0, 1]",
+        )
+    })?;
+    unit(found).ok_or_else(|| SetupError::ZeroDirection {
+        place: section.place_of("direction"),
+    })
+}
+
+fn scale(section: &Section<'_>) -> Result<f64, SetupError> {
+    Ok(section
+        .number_where("scale", "SI units per recorded unit, not 0", |scale| {
+            scale != 0.0
+        })?
+        .unwrap_or(1.0))
+}
+
+/// The vector at unit length, `None` for the zero vector.
+///
+/// A vector that is a unit vector to rounding is returned untouched, so that a setup
+/// that was written and read again is bit for bit the same.
+pub(crate) fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+    // Scaled by the largest component first: squares of 1e-200 would vanish.
+    let largest = vector.iter().fold(0.0_f64, |max, c| max.max(c.abs()));
+    if largest == 0.0 {
+        return None;
+    }
+    let square: f64 = vector.iter().map(|c| c * c).sum();
+    // Three squares, two sums and the rounding of three components: below 8 ε.
+    if (square - 1.0).abs() <= 8.0 * f64::EPSILON {
+        return Some(vector);
+    }
+    let scaled = vector.map(|c| c / largest);
+    let length = scaled.iter().map(|c| c * c).sum::<f64>().sqrt();
+    Some(scaled.map(|c| c / length))
+}
+
+fn run(
+    section: &Section<'_>,
+    accelerometers: &[AccelerometerEntry],
+    load_cells: &[LoadCellEntry],
+) -> Result<Run, SetupError> {
+    section.only(&[
+        "name",
+        "recording",
+        "excitation",
+        "reference",
+        "weights",
+        "rotation",
+        "translation",
+    ])?;
+    let excitation = section
+        .choice("excitation", &EXCITATIONS)?
+        .unwrap_or(Excitation::Random);
+    let reference = section.text("reference")?;
+    if reference.is_some() && excitation != Excitation::Random {
+        return Err(SetupError::ReferenceUnused {
+            place: section.place_of("reference"),
+            excitation: excitation.word(),
+        });
+    }
+    Ok(Run {
+        name: section
+            .text("name")?
+            .ok_or_else(|| section.missing("name", "what the run is called in results"))?,
+        recording: section
+            .text("recording")?
+            .map(PathBuf::from)
+            .ok_or_else(|| section.missing("recording", "the recording's file name"))?,
+        excitation,
+        reference,
+        weights: weights(section, accelerometers, load_cells)?,
+        rotation: section.vector("rotation")?.unwrap_or_default(),
+        translation: section.vector("translation")?.unwrap_or_default(),
+    })
+}
+
+fn weights(
+    section: &Section<'_>,
+    accelerometers: &[AccelerometerEntry],
+    load_cells: &[LoadCellEntry],
+) -> Result<BTreeMap<String, f64>, SetupError> {
+    let mut weights = BTreeMap::new();
+    let Some(table) = section.section("weights")? else {
+        return Ok(weights);
+    };
+    for (channel, weight) in table.numbers()? {
+        let place = section.place_of("weights");
+        if load_cells.iter().any(|cell| cell.channel == channel) {
+            return Err(SetupError::WeightOnLoadCell { place, channel });
+        }
+        if !accelerometers.iter().any(|a| a.channel == channel) {
+            let hint = nearest(&channel, accelerometers.iter().map(|a| a.channel.as_str()));
+            return Err(SetupError::WeightUnknown {
+                place,
+                channel,
+                hint,
+            });
+        }
+        if !(weight > 0.0 && weight <= 1.0) {
+            return Err(SetupError::WeightRange {
+                place,
+                channel,
+                found: weight,
+            });
+        }
+        weights.insert(channel, weight);
+    }
+    Ok(weights)
+}

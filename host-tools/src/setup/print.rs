@@ -1,0 +1,148 @@
+//! A setup as a file that an engineer would like to read.
+
+use std::fmt::Write as _;
+
+use super::{Mount, Processing, Quantity, Run, Setup};
+
+/// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.
+pub(super) fn setup(setup: &Setup) -> String {
+    let mut out = String::new();
+    let _ = writeln!(out, "title = {}", quoted(&setup.title));
+    let _ = writeln!(
+        out,
+        "reference_point = {}  # m, starting point A of the identification",
+        list(&setup.reference_point)
+    );
+    match setup.known_mass {
+        Some(mass) => {
+            let _ = writeln!(out, "known_mass = {mass:?}  # kg, weighed");
+        }
+        None => out.push_str("# known_mass = 1.0  # kg, if the specimen was weighed\n"),
+    }
+    if let Some(processing) = &setup.processing {
+        print_processing(&mut out, processing);
+    }
+
+    out.push_str(
+        "\n# Accelerometers: position in m, positive along direction, scale in m/s² per unit.\n",
+    );
+    for entry in &setup.accelerometers {
+        let _ = writeln!(out, "\n[[accelerometer]]");
+        let _ = writeln!(out, "channel = {}", quoted(&entry.channel));
+        let _ = writeln!(out, "position = {}", list(&entry.position));
+        let _ = writeln!(out, "direction = {}", list(&entry.direction));
+        if entry.mount != Mount::Structure {
+            let _ = writeln!(out, "mount = \"{}\"", entry.mount.word());
+        }
+        print_scale(&mut out, entry.scale);
+    }
+
+    out.push_str(
+        "\n# Load cells: positive where the load acts ON the structure, scale in N or N m per unit.\n",
+    );
+    for entry in &setup.load_cells {
+        let _ = writeln!(out, "\n[[load_cell]]");
+        let _ = writeln!(out, "channel = {}", quoted(&entry.channel));
+        let _ = writeln!(out, "position = {}", list(&entry.position));
+        let _ = writeln!(out, "direction = {}", list(&entry.direction));
+        if entry.quantity != Quantity::Force {
+            let _ = writeln!(out, "quantity = \"{}\"", entry.quantity.word());
+        }
+        print_scale(&mut out, entry.scale);
+    }
+
+    out.push_str("\n# Runs: recordings lie beside this file.\n");
+    for run in &setup.runs {
+        print_run(&mut out, run);
+    }
+    out
+}
+
+fn print_processing(out: &mut String, processing: &Processing) {
+    out.push_str("\n[processing]\n");
+    if let Some(rate) = processing.sample_rate {
+        let _ = writeln!(out, "sample_rate = {rate:?}  # Hz");
+    }
+    let _ = writeln!(out, "block_length = {}  # samples", processing.block_length);
+    let _ = writeln!(out, "overlap = {:?}", processing.overlap);
+    let _ = writeln!(
+        out,
+        "averaging_band = {}  # Hz, below the first elastic natural frequency",
+        list(&processing.averaging_band)
+    );
+    if let Some(band) = &processing.mode_band {
+        let _ = writeln!(
+            out,
+            "mode_band = {}  # Hz, around the first elastic natural frequencies",
+            list(band)
+        );
+    }
+}
+
+fn print_scale(out: &mut String, scale: f64) {
+    if scale != 1.0 {
+        let _ = writeln!(out, "scale = {scale:?}");
+    }
+}
+
+fn print_run(out: &mut String, run: &Run) {
+    let _ = writeln!(out, "\n[[run]]");
+    let _ = writeln!(out, "name = {}", quoted(&run.name));
+    let _ = writeln!(
+        out,
+        "recording = {}",
+        quoted(&run.recording.to_string_lossy())
+    );
+    let _ = writeln!(out, "excitation = \"{}\"", run.excitation.word());
+    if let Some(reference) = &run.reference {
+        let _ = writeln!(out, "reference = {}", quoted(reference));
+    }
+    if !run.weights.is_empty() {
+        let weights: Vec<String> = run
+            .weights
+            .iter()
+            .map(|(channel, weight)| format!("{} = {weight:?}", quoted(channel)))
+            .collect();
+        let _ = writeln!(out, "weights = {{ {} }}", weights.join(", "));
+    }
+    if run.is_remounted() {
+        let _ = writeln!(
+            out,
+            "rotation = {}  # degrees, rotation vector from specimen to interface axes",
+            list(&run.rotation)
+        );
+        let _ = writeln!(
+            out,
+            "translation = {}  # m, the specimen's origin in interface coordinates",
+            list(&run.translation)
+        );
+    }
+}
+
+fn list(numbers: &[f64]) -> String {
+    // `{:?}` of an f64 is the shortest text that reads back to the same bits, and
+    // always has a point or an exponent, so that TOML takes it for a float.
+    let numbers: Vec<String> = numbers.iter().map(|n| format!("{n:?}")).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+/// A TOML basic string.
+fn quoted(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 2);
+    out.push('"');
+    for character in text.chars() {
+        match character {
+            '"' => out.push_str("\\\""),
+            '\\' => out.push_str("\\\\"),
+            '\n' => out.push_str("\\n"),
+            '\t' => out.push_str("\\t"),
+            '\r' => out.push_str("\\r"),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", u32::from(c));
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

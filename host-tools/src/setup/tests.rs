@@ -1,0 +1,332 @@
+//! Every sentence a wrong setup earns, and the round trip.
+
+use std::path::Path;
+
+use super::*;
+
+const GOOD: &str = r#"
+title = "Tuning fork on the shaker"
+reference_point = [0.0, 0.0, 0.0]
+known_mass = 0.63076
+
+[processing]
+sample_rate = 512.0
+block_length = 1024
+overlap = 0.5
+averaging_band = [0.5, 14.5]
+mode_band = [28.0, 50.0]
+
+[[accelerometer]]
+channel = "a1"
+position = [0.0, 0.0, 0.0]
+direction = [2, 0, 0]
+mount = "interface"
+
+[[accelerometer]]
+channel = "a4"
+position = [0.1, 0.2, 0.3]
+direction = [1, 2, 2]
+scale = -9.81
+
+[[load_cell]]
+channel = "fx"
+position = [0, 0, 0]
+direction = [1, 0, 0]
+
+[[load_cell]]
+channel = "ty"
+direction = [0, 1, 0]
+quantity = "moment"
+
+[[run]]
+name = "lateral X"
+recording = "lateral-x.csv"
+excitation = "random"
+reference = "drive"
+weights = { a4 = 0.5 }
+rotation = [0.0, 0.0, 90.0]
+
+[[run]]
+name = "poses"
+recording = "poses.csv"
+excitation = "static"
+"#;
+
+fn read(text: &str) -> Result<Setup, SetupError> {
+    Setup::from_str(text, Path::new("bench/setup.toml"))
+}
+
+/// The text after one replacement, which must apply.
+fn with(from: &str, to: &str) -> String {
+    assert!(GOOD.contains(from), "{from}");
+    GOOD.replacen(from, to, 1)
+}
+
+/// The message of a setup that must be refused.
+fn refused(text: &str) -> String {
+    read(text).expect_err("must be refused").to_string()
+}
+
+#[test]
+fn reads_what_is_written() {
+    let setup = read(GOOD).unwrap();
+    assert_eq!(setup.known_mass, Some(0.63076));
+    assert_eq!(setup.accelerometers[0].direction, [1.0, 0.0, 0.0]);
+    assert_eq!(setup.accelerometers[0].mount, Mount::Interface);
+    assert_eq!(setup.accelerometers[1].mount, Mount::Structure);
+    assert_eq!(setup.accelerometers[1].scale, -9.81);
+    let direction = setup.accelerometers[1].direction;
+    for (found, expected) in direction.iter().zip([1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0]) {
+        // One division and one square root: two roundings.
+        assert!((found - expected).abs() <= 2.0 * f64::EPSILON);
+    }
+    assert_eq!(setup.load_cells[1].quantity, Quantity::Moment);
+    assert_eq!(setup.runs[0].weights["a4"], 0.5);
+    assert_eq!(setup.runs[0].rotation, [0.0, 0.0, 90.0]);
+    assert!(setup.runs[0].is_remounted() && !setup.runs[1].is_remounted());
+    assert_eq!(
+        setup.recording_path(&setup.runs[0]),
+        Path::new("bench").join("lateral-x.csv")
+    );
+}
+
+#[test]
+fn writes_what_reads_back() {
+    let mut setup = read(GOOD).unwrap();
+    setup.title = "quotes \" and \\ and\nlines \u{1}".to_owned();
+    setup.runs[0].translation = [1e-9, -1.0 / 3.0, 1e12];
+    let again = read(&setup.to_toml()).unwrap();
+    assert_eq!(again, setup);
+
+    setup.known_mass = None;
+    setup.processing = None;
+    setup.runs.remove(0);
+    assert_eq!(read(&setup.to_toml()).unwrap(), setup);
+}
+
+#[test]
+fn open_choices_have_defaults() {
+    let text = with("block_length = 1024\noverlap = 0.5\n", "")
+        .replacen("title = \"Tuning fork on the shaker\"\n", "", 1)
+        .replacen("reference_point = [0.0, 0.0, 0.0]\n", "", 1);
+    let setup = read(&text).unwrap();
+    let processing = setup.processing.unwrap();
+    assert_eq!(processing.block_length, DEFAULT_BLOCK_LENGTH);
+    assert_eq!(processing.overlap, DEFAULT_OVERLAP);
+    assert_eq!(setup.title, "setup");
+    assert_eq!(setup.reference_point, [0.0; 3]);
+}
+
+#[test]
+fn lines_of_a_band() {
+    let processing = read(GOOD).unwrap().processing.unwrap();
+    assert_eq!(processing.lines([0.5, 14.5], 512.0), 1..=29);
+    assert_eq!(processing.lines([0.0, 14.4], 512.0), 1..=28);
+    // 0.1 + 0.2 Hz at lines of 0.1 Hz: meant is line 3, although the sum is above 0.3.
+    assert_eq!(processing.lines([0.1 + 0.2, 1.0], 102.4), 3..=10);
+    assert!(processing.lines([0.6, 0.9], 512.0).is_empty());
+    assert!(processing.check_bands(512.0).is_ok());
+    assert!(matches!(
+        processing.check_bands(80.0),
+        Err(BandError::AboveSpectrum {
+            key: "mode_band",
+            ..
+        })
+    ));
+}
+
+#[test]
+fn every_mistake_is_located_and_explained() {
+    let cases: &[(String, &[&str])] = &[
+        ("title = ".into(), &["bench/setup.toml, line 1", "not TOML"]),
+        (
+            with("direction = [1, 2, 2]", "direction = [0, 0, 0]"),
+            &[
+                "line 22",
+                "[[accelerometer]] 2 (channel \"a4\")",
+                "zero vector",
+            ],
+        ),
+        (
+            with("channel = \"a4\"", "channel = \"a1\""),
+            &[
+                "line 20",
+                "[[accelerometer]] 2",
+                "[[accelerometer]] 1 (channel \"a1\")",
+            ],
+        ),
+        (
+            with("channel = \"fx\"", "channel = \"a4\""),
+            &["[[load_cell]] 1", "[[accelerometer]] 2"],
+        ),
+        (
+            with("position = [0.1, 0.2, 0.3]\n", ""),
+            &["line 19", "`position` is missing", "in m"],
+        ),
+        (
+            with("position = [0.1, 0.2, 0.3]", "position = [0.1, nan, 0.3]"),
+            &["line 21", "`position` is NaN", "finite"],
+        ),
+        (
+            with("position = [0.1, 0.2, 0.3]", "position = [0.1, 0.2]"),
+            &["a list of 2 values", "a list of 3 numbers"],
+        ),
+        (
+            with("position = [0.1, 0.2, 0.3]", "position = \"top\""),
+            &["the text \"top\"", "a list of 3 numbers"],
+        ),
+        (
+            with("known_mass = 0.63076", "known_mass = 0"),
+            &["line 4", "`known_mass` is 0", "more than 0"],
+        ),
+        (
+            with("known_mass = 0.63076", "known_mass = -1.5"),
+            &["`known_mass` is -1.5"],
+        ),
+        (
+            with("overlap = 0.5", "overlap = 0.96"),
+            &["[processing]", "`overlap` is 0.96", "0.95"],
+        ),
+        (
+            with("block_length = 1024", "block_length = 1000"),
+            &["`block_length` is 1000", "power of two from 16 to 32768"],
+        ),
+        (
+            with("block_length = 1024", "block_length = 65536"),
+            &["power of two"],
+        ),
+        (
+            with("block_length = 1024", "block_length = 1024.5"),
+            &["power of two"],
+        ),
+        (
+            with("[0.5, 14.5]", "[14.5, 0.5]"),
+            &["line 10", "`averaging_band` is [14.5, 0.5]", "lower first"],
+        ),
+        (with("[0.5, 14.5]", "[-0.5, 14.5]"), &["not negative"]),
+        (with("[28.0, 50.0]", "[28.0, 28.0]"), &["`mode_band`"]),
+        (
+            with("[0.5, 14.5]", "[0.5, 300.0]"),
+            &["ends at 300 Hz", "256 Hz"],
+        ),
+        (
+            with("[0.5, 14.5]", "[0.5, 1.0]"),
+            &["holds 2 line(s)", "0.5 Hz", "block_length"],
+        ),
+        (
+            with("averaging_band = [0.5, 14.5]\n", ""),
+            &["`averaging_band` is missing"],
+        ),
+        (
+            with("sample_rate = 512.0", "sample_rate = 0"),
+            &["`sample_rate` is 0"],
+        ),
+        (
+            with("{ a4 = 0.5 }", "{ a5 = 0.5 }"),
+            &[
+                "[[run]] 1 (name \"lateral X\")",
+                "\"a5\"",
+                "known are `a1`, `a4`",
+            ],
+        ),
+        (with("{ a4 = 0.5 }", "{ fx = 0.5 }"), &["load cell \"fx\""]),
+        (
+            with("{ a4 = 0.5 }", "{ a4 = 0 }"),
+            &["weight of \"a4\" is 0"],
+        ),
+        (with("{ a4 = 0.5 }", "{ a4 = 1.1 }"), &["at most 1"]),
+        (
+            with("\"random\"", "\"noise\""),
+            &["\"noise\"", "\"random\" or \"sine\" or \"static\""],
+        ),
+        (
+            with("name = \"poses\"", "name = \"lateral X\""),
+            &["[[run]] 2", "[[run]] 1", "own name"],
+        ),
+        (
+            with("rotation = [0.0, 0.0, 90.0]", "rotation = [90.0]"),
+            &["`rotation` is a list of 1 values", "3 numbers"],
+        ),
+        (
+            with("recording = \"poses.csv\"", "recording = \" \""),
+            &["`recording` is empty"],
+        ),
+        (
+            with(
+                "excitation = \"static\"",
+                "excitation = \"static\"\nreference = \"drive\"",
+            ),
+            &["`reference`", "static run"],
+        ),
+        (with("scale = -9.81", "scale = 0"), &["`scale` is 0"]),
+        (
+            with("mount = \"interface\"", "monut = \"interface\""),
+            &["line 17", "`monut`", "did you mean `mount`?"],
+        ),
+        (
+            with("mount = \"interface\"", "xyz = 1"),
+            &["known are `channel`, `position`"],
+        ),
+        (
+            with("[processing]", "[procesing]"),
+            &["did you mean `processing`?"],
+        ),
+    ];
+    for (text, parts) in cases {
+        let message = refused(text);
+        for part in *parts {
+            assert!(message.contains(part), "«{part}» is not in: {message}");
+        }
+        assert!(message.starts_with("bench/setup.toml"), "{message}");
+    }
+}
+
+#[test]
+fn lists_must_not_be_empty() {
+    let head = &GOOD[..GOOD.find("[[accelerometer]]").unwrap()];
+    assert!(refused(head).contains("no [[accelerometer]]"));
+    let cells = &GOOD[..GOOD.find("[[load_cell]]").unwrap()];
+    assert!(refused(cells).contains("no [[load_cell]]"));
+    let runs = &GOOD[..GOOD.find("[[run]]").unwrap()];
+    assert!(refused(runs).contains("no [[run]]"));
+    assert!(refused("").contains("no [[accelerometer]]"));
+}
+
+#[test]
+fn random_runs_need_processing() {
+    let start = GOOD.find("[processing]").unwrap();
+    let end = GOOD.find("[[accelerometer]]").unwrap();
+    let text = format!("{}{}", &GOOD[..start], &GOOD[end..]);
+    assert!(refused(&text).contains("averaging_band"));
+}
+
+#[test]
+fn unreadable_files_are_named() {
+    let missing = Setup::read(Path::new("no/such/setup.toml")).unwrap_err();
+    assert!(missing.to_string().contains("no/such/setup.toml"));
+
+    let folder = std::env::temp_dir().join(format!("massline-setup-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("binary.toml");
+    std::fs::write(&file, b"title = \"\xff\"").unwrap();
+    let binary = Setup::read(&file).unwrap_err().to_string();
+    assert!(binary.contains("byte 9"), "{binary}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn unit_vectors_stay_untouched() {
+    let mut state = 1_u64;
+    for _ in 0..10_000 {
+        let mut component = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        let once = unit([component(), component(), component()]).unwrap();
+        assert_eq!(unit(once), Some(once));
+    }
+    assert_eq!(unit([0.0, -0.0, 0.0]), None);
+    assert_eq!(unit([0.0, 1e-200, 0.0]), Some([0.0, 1.0, 0.0]));
+}
