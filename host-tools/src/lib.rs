@@ -5,3 +5,4 @@ pub mod measure;
 pub mod recording;
 pub mod result;
 pub mod setup;
+pub mod simulate;

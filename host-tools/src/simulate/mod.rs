@@ -1,0 +1,412 @@
+//! A model to a test: recordings as the sensors would give them, the setup, and the truth.
+//!
+//! # Design
+//!
+//! * **Exact in time.** Signals are synthesised from the frequency responses of the
+//!   continuous structure, so that a noise-free recording differs from physics by the
+//!   rounding to f32 only. What the identification then misses is its own doing.
+//! * **The same on every machine.** No function of the system's mathematics library, no
+//!   kernel chosen at run time: a model, a seed and the options give the same bytes.
+//! * **Every signal has its own random stream**, named by run and channel. Adding a run
+//!   or a sensor leaves the drive and the noise of all others as they were.
+//! * **Independent of the identification.** Geometry and mass matrices are derived here
+//!   once more instead of taken from the core, so that a sign wrong there cannot cancel.
+
+mod beam;
+mod disturb;
+mod error;
+mod fourier;
+mod interface;
+mod lumped;
+mod model;
+mod model_file;
+mod random;
+mod sensor_file;
+mod specimen;
+mod synthesis;
+mod table_file;
+#[cfg(test)]
+mod tests;
+mod truth;
+mod write;
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+pub use error::{ModelError, SimulationError};
+pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Table};
+pub use specimen::{Mode, Specimen};
+pub use truth::{InertiaTruth, ModeTruth, Truth};
+pub use write::WriteError;
+
+use crate::setup::{Excitation, Mount, Run, Setup};
+use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
+use specimen::{Gains, motion_row, stack};
+use synthesis::{Drive, DriveResponse};
+
+/// Name of the channel that carries the generator's signal.
+pub const DRIVE: &str = "drive";
+/// Standard gravity, m/s².
+pub const GRAVITY: f64 = 9.80665;
+/// Most samples a channel: nine hours at 512 Hz.
+pub const MOST_SAMPLES: usize = 1 << 24;
+
+/// What may differ from the model's own measurement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// White noise on every channel, a share of the channel's RMS over all runs; `None`
+    /// as in the model, 0 for none at all.
+    pub noise: Option<f64>,
+    /// Same seed, same bytes.
+    pub seed: u64,
+    /// Length of each recording, s; `None` as in the model.
+    pub duration: Option<f64>,
+    /// Hz; `None` as in the model.
+    pub sample_rate: Option<f64>,
+    /// Whether drive signals are recorded; `None` as in the model.
+    pub drive: Option<bool>,
+    /// Whether the setup states the mass as weighed.
+    pub weighed: bool,
+}
+
+impl Default for Options {
+    /// Everything as in the model, seed 1, not weighed.
+    fn default() -> Self {
+        Self {
+            noise: None,
+            seed: 1,
+            duration: None,
+            sample_rate: None,
+            drive: None,
+            weighed: false,
+        }
+    }
+}
+
+/// How far a simulation has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress<'a> {
+    /// The run that is being recorded.
+    pub run: &'a str,
+    /// Channels finished over all runs.
+    pub done: usize,
+    /// Channels of all runs.
+    pub total: usize,
+}
+
+/// A simulated test.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    /// Refers to the recordings by file name; its folder is empty until it is read from one.
+    pub setup: Setup,
+    /// What should come out.
+    pub truth: Truth,
+    /// One for each run of the setup, in the same order.
+    pub recordings: Vec<Recording>,
+}
+
+/// The recording of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    /// File name in the simulation's folder.
+    pub file: String,
+    /// Hz; `None` for static poses.
+    pub sample_rate: Option<f64>,
+    /// Column names.
+    pub channels: Vec<String>,
+    /// One list a channel, all of one length; m/s², N, N m, and 1 for the drive.
+    pub samples: Vec<Vec<f32>>,
+}
+
+/// Simulates all runs of a model.
+///
+/// # Errors
+/// Options outside their range, recordings too short or too long, bands that do not fit
+/// the sample rate.
+pub fn simulate(
+    model: &Model,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Simulation, SimulationError> {
+    let measurement = measurement(model, options)?;
+    let samples = sample_count(&measurement)?;
+    let paths = load_paths(&model.load_cells, model.table.internal_forces, options.seed);
+    let sensors = model.accelerometers.len() + model.load_cells.len();
+    let total = sensors * model.runs.len();
+
+    let mut recordings = Vec::with_capacity(model.runs.len());
+    let mut files = BTreeSet::new();
+    for (index, plan) in model.runs.iter().enumerate() {
+        let mut report = |done: usize| {
+            progress(Progress {
+                run: &plan.name,
+                done: index * sensors + done.min(sensors),
+                total,
+            });
+        };
+        report(0);
+        let carry = mounting(&plan.rotation, &plan.translation);
+        let gains = all_gains(model, &carry, &paths);
+        let mut channels: Vec<String> = channel_names(model).map(str::to_owned).collect();
+        let recorded = match &plan.excitation {
+            Shaking::Random {
+                motion,
+                band,
+                drive,
+            } => {
+                let at_interface = table_motion(&model.table, motion, options.seed);
+                let at_specimen = TableMotion {
+                    steady: carry * at_interface.steady,
+                    resonant: carry * at_interface.resonant,
+                };
+                let mut responses = Vec::with_capacity(sensors + 1);
+                if options.drive.unwrap_or(*drive) {
+                    channels.insert(0, DRIVE.to_owned());
+                    responses.push(DriveResponse::drive());
+                }
+                for (on_table, gains) in &gains {
+                    let motion = if *on_table {
+                        &at_interface
+                    } else {
+                        &at_specimen
+                    };
+                    responses.push(DriveResponse::new(gains, &model.specimen, motion));
+                }
+                let rate = measurement.sample_rate;
+                let signal = Drive::new(options.seed, &plan.name, *band, rate, samples)
+                    .ok_or_else(|| SimulationError::SilentDrive {
+                        run: plan.name.clone(),
+                        band: band.unwrap_or_default(),
+                        sample_rate: rate,
+                    })?;
+                let modes = &model.specimen.modes;
+                signal.record(
+                    &responses,
+                    modes,
+                    model.table.resonance.as_ref(),
+                    &mut report,
+                )
+            }
+            Shaking::Poses(tilts) => gains
+                .iter()
+                .map(|(on_table, gains)| hold(tilts, gains, *on_table, &carry))
+                .collect(),
+        };
+        report(sensors);
+        recordings.push(Recording {
+            file: file_name(&plan.name, &mut files),
+            sample_rate: matches!(plan.excitation, Shaking::Random { .. })
+                .then_some(measurement.sample_rate),
+            channels,
+            samples: recorded,
+        });
+    }
+    disturb::disturb(model, &measurement, options.seed, &mut recordings);
+
+    let truth = Truth::of(model, measurement.sample_rate);
+    let setup = setup(model, &measurement, options, &recordings, truth.mass);
+    Ok(Simulation {
+        setup,
+        truth,
+        recordings,
+    })
+}
+
+/// The model's measurement with the options in place.
+fn measurement(model: &Model, options: &Options) -> Result<Measurement, SimulationError> {
+    let own = &model.measurement;
+    let measurement = Measurement {
+        noise: options.noise.unwrap_or(own.noise),
+        duration: options.duration.unwrap_or(own.duration),
+        sample_rate: options.sample_rate.unwrap_or(own.sample_rate),
+        ..own.clone()
+    };
+    for (what, found, least) in [
+        ("the noise", measurement.noise, 0.0),
+        ("the duration", measurement.duration, f64::MIN_POSITIVE),
+        (
+            "the sample rate",
+            measurement.sample_rate,
+            f64::MIN_POSITIVE,
+        ),
+    ] {
+        if !(found.is_finite() && found >= least) {
+            return Err(SimulationError::Option {
+                what,
+                found,
+                expected: if least == 0.0 {
+                    "a share of the RMS, 0 or more"
+                } else {
+                    "a number more than 0"
+                },
+            });
+        }
+    }
+    if is_shaken(model) {
+        measurement
+            .processing()
+            .check_bands(measurement.sample_rate)?;
+    }
+    Ok(measurement)
+}
+
+fn is_shaken(model: &Model) -> bool {
+    model
+        .runs
+        .iter()
+        .any(|run| matches!(run.excitation, Shaking::Random { .. }))
+}
+
+fn sample_count(measurement: &Measurement) -> Result<usize, SimulationError> {
+    let Measurement {
+        duration,
+        sample_rate,
+        block_length,
+        ..
+    } = *measurement;
+    let exact = libm::round(duration * sample_rate);
+    if exact > MOST_SAMPLES as f64 {
+        return Err(SimulationError::TooLong {
+            duration,
+            sample_rate,
+            limit: MOST_SAMPLES,
+        });
+    }
+    let samples = exact as usize;
+    if samples < block_length {
+        return Err(SimulationError::TooShort {
+            duration,
+            sample_rate,
+            samples,
+            block_length,
+        });
+    }
+    Ok(samples)
+}
+
+fn channel_names(model: &Model) -> impl Iterator<Item = &str> {
+    let motion = model
+        .accelerometers
+        .iter()
+        .map(|sensor| &sensor.entry.channel);
+    let force = model.load_cells.iter().map(|cell| &cell.channel);
+    motion.chain(force).map(String::as_str)
+}
+
+/// Gains of all channels in order; `true` where they act on the table's motion in the
+/// interface frame, `false` where on the specimen's in its own.
+fn all_gains(
+    model: &Model,
+    carry: &Matrix6<f64>,
+    paths: &nalgebra::DMatrix<f64>,
+) -> Vec<(bool, Gains)> {
+    let mut gains = Vec::with_capacity(model.accelerometers.len() + model.load_cells.len());
+    for sensor in &model.accelerometers {
+        let entry = &sensor.entry;
+        let (position, direction) = (entry.position.into(), entry.direction.into());
+        let on_table = entry.mount == Mount::Interface;
+        gains.push((
+            on_table,
+            Gains {
+                rigid: motion_row(&position, &direction),
+                modal: if on_table {
+                    Vec::new()
+                } else {
+                    sensor.shape.clone()
+                },
+            },
+        ));
+    }
+    for row in 0..model.load_cells.len() {
+        // p·f at the interface is (T p)·f at the specimen's origin, f_I = Tᵀ f_S.
+        let combination = Vector6::from_fn(|axis, _| paths[(row, axis)]);
+        gains.push((false, model.specimen.force_gains(&(carry * combination))));
+    }
+    gains
+}
+
+/// What a DC-coupled channel reads in each pose: load cells and accelerometers feel the
+/// specific force, acceleration minus gravity, of the table at rest. Sprung masses stay
+/// where they are; their sag moves no reading beyond second order.
+fn hold(tilts: &[[f64; 3]], gains: &Gains, on_table: bool, carry: &Matrix6<f64>) -> Vec<f32> {
+    tilts
+        .iter()
+        .map(|tilt| {
+            let up = rotation_matrix(tilt).transpose() * Vector3::z();
+            let at_interface = stack(&(up * GRAVITY), &Vector3::zeros());
+            let felt = if on_table {
+                at_interface
+            } else {
+                carry * at_interface
+            };
+            gains.rigid.dot(&felt) as f32
+        })
+        .collect()
+}
+
+/// A name that every file system takes: small letters, digits and hyphens, unique.
+fn file_name(run: &str, taken: &mut BTreeSet<String>) -> String {
+    let words: Vec<String> = run
+        .to_lowercase()
+        .split(|c: char| !c.is_ascii_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .map(str::to_owned)
+        .collect();
+    let stem = if words.is_empty() {
+        "run".to_owned()
+    } else {
+        words.join("-")
+    };
+    let mut candidate = stem.clone();
+    let mut number = 2;
+    while !taken.insert(candidate.clone()) {
+        candidate = format!("{stem}-{number}");
+        number += 1;
+    }
+    format!("{candidate}.csv")
+}
+
+fn setup(
+    model: &Model,
+    measurement: &Measurement,
+    options: &Options,
+    recordings: &[Recording],
+    mass: f64,
+) -> Setup {
+    Setup {
+        title: model.title.clone(),
+        reference_point: model.reference_point,
+        known_mass: options.weighed.then_some(mass),
+        processing: is_shaken(model).then(|| measurement.processing()),
+        accelerometers: model
+            .accelerometers
+            .iter()
+            .map(|sensor| sensor.entry.clone())
+            .collect(),
+        load_cells: model.load_cells.clone(),
+        runs: model
+            .runs
+            .iter()
+            .zip(recordings)
+            .map(|(plan, recording)| Run {
+                name: plan.name.clone(),
+                recording: PathBuf::from(&recording.file),
+                excitation: match plan.excitation {
+                    Shaking::Random { .. } => Excitation::Random,
+                    Shaking::Poses(_) => Excitation::Static,
+                },
+                reference: recording
+                    .channels
+                    .iter()
+                    .find(|channel| *channel == DRIVE)
+                    .cloned(),
+                weights: Default::default(),
+                rotation: plan.rotation,
+                translation: plan.translation,
+            })
+            .collect(),
+        folder: PathBuf::new(),
+    }
+}

@@ -1,0 +1,283 @@
+//! A model: a specimen, its sensors, the table under it, and the runs of the test.
+
+use std::path::Path;
+
+use super::beam::{BeamModel, ReducedBeam};
+use super::error::ModelError;
+use super::model_file;
+use super::specimen::Specimen;
+use crate::setup::{
+    AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity,
+    Source,
+};
+
+/// Everything that is simulated, in SI units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Heading of the setup.
+    pub title: String,
+    /// Where the setup starts its identification, m, specimen frame.
+    pub reference_point: [f64; 3],
+    /// The structure.
+    pub specimen: Specimen,
+    /// Accelerometers on table and specimen.
+    pub accelerometers: Vec<MotionSensor>,
+    /// Load cells between table and specimen, in the interface frame.
+    pub load_cells: Vec<LoadCellEntry>,
+    /// The table and what joins it to the specimen.
+    pub table: Table,
+    /// How it is recorded.
+    pub measurement: Measurement,
+    /// The runs.
+    pub runs: Vec<Plan>,
+}
+
+/// An accelerometer and how it takes part in the modes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionSensor {
+    /// Channel, place and mount.
+    pub entry: AccelerometerEntry,
+    /// Its reading of each mode shape (unit modal mass, 1/√kg); zeros on the interface.
+    pub shape: Vec<f64>,
+}
+
+/// The table under the specimen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Which of x, y, z, rx, ry, rz it can move; cross-talk reaches these only.
+    pub axes: [bool; 6],
+    /// Largest entry of the coupling between axes, a share of the driven motion.
+    pub cross_talk: f64,
+    /// A resonance of the table that makes the coupling vary with frequency.
+    pub resonance: Option<Resonance>,
+    /// How far out an angular acceleration counts as a linear one for cross-talk, m.
+    pub lever_arm: f64,
+    /// The point that the runs' motions are about, m, interface frame.
+    pub reference_point: [f64; 3],
+    /// Self-equilibrated forces among the load cells, a share of what they carry.
+    pub internal_forces: f64,
+}
+
+/// A damped resonance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resonance {
+    /// Hz.
+    pub frequency: f64,
+    /// Share of critical damping.
+    pub damping: f64,
+}
+
+/// How a test is recorded, and how the setup will have it evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measurement {
+    /// Hz.
+    pub sample_rate: f64,
+    /// Length of each recording, s.
+    pub duration: f64,
+    /// White noise on every channel, a share of the channel's RMS over all runs.
+    pub noise: f64,
+    /// Largest constant offset of a channel, a share of the same RMS.
+    pub dc_offset: f64,
+    /// Samples of one transform.
+    pub block_length: usize,
+    /// Share of a block that the next one uses again.
+    pub overlap: f64,
+    /// Hz.
+    pub averaging_band: [f64; 2],
+    /// Hz.
+    pub mode_band: Option<[f64; 2]>,
+}
+
+/// A run before it is recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Unique among the runs.
+    pub name: String,
+    /// What the table does.
+    pub excitation: Shaking,
+    /// Rotation vector in degrees: x_interface = R x_specimen + translation.
+    pub rotation: [f64; 3],
+    /// Where the specimen's origin stands in interface coordinates, m.
+    pub translation: [f64; 3],
+}
+
+/// What the table does in a run.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shaking {
+    /// White random noise.
+    Random {
+        /// RMS of the table's reference point along and about x, y, z: m/s², rad/s².
+        motion: [f64; 6],
+        /// Band of the drive, Hz; without one from 0 to 45 % of the sample rate.
+        band: Option<[f64; 2]>,
+        /// Whether the drive signal is recorded as channel `drive`.
+        drive: bool,
+    },
+    /// The table is tilted and held; rotation vectors in degrees that carry the level
+    /// table into each pose. Gravity is 9.80665 m/s² along -z of the level table.
+    Poses(Vec<[f64; 3]>),
+}
+
+impl Default for Table {
+    /// Six free axes, no cross-talk, no internal forces.
+    fn default() -> Self {
+        Self {
+            axes: [true; 6],
+            cross_talk: 0.0,
+            resonance: None,
+            lever_arm: 1.0,
+            reference_point: [0.0; 3],
+            internal_forces: 0.0,
+        }
+    }
+}
+
+/// Default record length, s: about a hundred blocks at the default rate and overlap.
+pub(super) const DEFAULT_DURATION: f64 = 51.0;
+/// Default sample rate, Hz.
+pub(super) const DEFAULT_SAMPLE_RATE: f64 = 512.0;
+
+impl Model {
+    /// Reads a model: `.toml` for bodies and sprung masses, `.json` for plane beams.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the file, with line and section, and what to write instead.
+    pub fn read(path: &Path) -> Result<Self, ModelError> {
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("toml") => model_file::model(Source::read(path)?),
+            Some("json") => Self::from_json(Source::read(path)?.text(), path),
+            _ => Err(ModelError::Format {
+                file: path.to_owned(),
+            }),
+        }
+    }
+
+    /// A model of bodies and sprung masses from text; `path` names the file in messages,
+    /// and `extends` is looked for beside it.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn from_toml(text: &str, path: &Path) -> Result<Self, ModelError> {
+        model_file::model(Source::new(text, path))
+    }
+
+    /// A plane beam model from text; `path` names the file in messages.
+    ///
+    /// The runs are lateral X and Z at 1 m/s² RMS and rotation about Y at 10 rad/s² RMS;
+    /// the averaging band reaches up to 80 % of the first fixed-base frequency.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn from_json(text: &str, path: &Path) -> Result<Self, ModelError> {
+        let beam = BeamModel::from_json(text, path)?;
+        let reduced = beam.reduce(path)?;
+        Ok(plane_test(&beam, reduced, path))
+    }
+
+    /// The numerical twin of a plane tuning fork, 0.63 kg, that the tool carries with it.
+    ///
+    /// # Errors
+    /// None in a released tool: the embedded file is read like any other.
+    pub fn fork() -> Result<Self, ModelError> {
+        const FORK: &str = include_str!("../../models/tuning-fork.json");
+        let mut model = Self::from_json(FORK, Path::new("tuning-fork.json"))?;
+        model.title = "Tuning fork".to_owned();
+        Ok(model)
+    }
+}
+
+/// The test of a plane model: every sensor as in the file, three resultants at the base
+/// node, one run for each motion of the plane.
+fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
+    let [x, z] = reduced.base;
+    let base = [x, 0.0, z];
+    let accelerometers = beam
+        .sensors
+        .iter()
+        .zip(reduced.sensors)
+        .enumerate()
+        .map(|(index, (sensor, (position, shape)))| MotionSensor {
+            entry: AccelerometerEntry {
+                channel: format!("a{}", index + 1),
+                position,
+                direction: sensor.direction().into(),
+                mount: if sensor.base_plate {
+                    Mount::Interface
+                } else {
+                    Mount::Structure
+                },
+                scale: 1.0,
+            },
+            shape,
+        })
+        .collect();
+    let cell = |channel: &str, direction, quantity| LoadCellEntry {
+        channel: channel.to_owned(),
+        position: base,
+        direction,
+        quantity,
+        scale: 1.0,
+    };
+    let run = |name: &str, axis: usize, level: f64| {
+        let mut motion = [0.0; 6];
+        motion[axis] = level;
+        Plan {
+            name: name.to_owned(),
+            excitation: Shaking::Random {
+                motion,
+                band: None,
+                drive: true,
+            },
+            rotation: [0.0; 3],
+            translation: [0.0; 3],
+        }
+    };
+    let measurement = plane_measurement(&reduced.specimen);
+    Model {
+        title: beam.title.clone().unwrap_or_else(|| {
+            path.file_stem()
+                .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+        }),
+        reference_point: [0.0; 3],
+        specimen: reduced.specimen,
+        accelerometers,
+        load_cells: vec![
+            cell("fx", [1.0, 0.0, 0.0], Quantity::Force),
+            cell("fz", [0.0, 0.0, 1.0], Quantity::Force),
+            cell("ty", [0.0, 1.0, 0.0], Quantity::Moment),
+        ],
+        table: Table {
+            axes: [true, false, true, false, true, false],
+            reference_point: base,
+            ..Table::default()
+        },
+        measurement,
+        runs: vec![
+            run("lateral X", 0, 1.0),
+            run("lateral Z", 2, 1.0),
+            run("rotation Y", 4, 10.0),
+        ],
+    }
+}
+
+/// Rate and bands that suit the first fixed-base frequency: the lines below 80 % of it
+/// serve the identification, those from 85 to 150 % show the first modes.
+fn plane_measurement(specimen: &Specimen) -> Measurement {
+    let first = specimen.modes.first().map_or(32.0, |mode| mode.frequency);
+    // 512 Hz as it stands for first frequencies from 26 to 51 Hz, else an octave that
+    // keeps the sixteenfold distance.
+    let octave = libm::round(libm::log2(first / 36.0));
+    let sample_rate = DEFAULT_SAMPLE_RATE * libm::exp2(octave);
+    let line = sample_rate / DEFAULT_BLOCK_LENGTH as f64;
+    let to_line = |frequency: f64| libm::round(frequency / line) * line;
+    Measurement {
+        sample_rate,
+        duration: DEFAULT_DURATION * DEFAULT_SAMPLE_RATE / sample_rate,
+        noise: 0.0,
+        dc_offset: 0.0,
+        block_length: DEFAULT_BLOCK_LENGTH,
+        overlap: DEFAULT_OVERLAP,
+        averaging_band: [line, to_line(0.8 * first)],
+        mode_band: Some([to_line(0.85 * first), to_line(1.5 * first)]),
+    }
+}

@@ -1,0 +1,130 @@
+//! What the identification of a simulated test should find.
+
+use nalgebra::{Matrix3, Matrix6, Vector3};
+use serde::Serialize;
+
+use super::model::Model;
+use super::specimen::shift;
+
+/// Exact properties of a simulated specimen, in its own frame; SI units.
+///
+/// What a plane model says nothing about is `None`, `null` in JSON.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Truth {
+    /// Version of this layout, `massline/truth/1`.
+    pub schema: &'static str,
+    /// The model's heading.
+    pub title: String,
+    /// Point A that `inertia_reference` and the effective masses are about, m.
+    pub reference_point: [f64; 3],
+    /// kg.
+    pub mass: f64,
+    /// m, in the specimen frame (not from the reference point).
+    pub centre_of_gravity: [Option<f64>; 3],
+    /// About the reference point, kg m².
+    pub inertia_reference: InertiaTruth,
+    /// About the centre of gravity, kg m².
+    pub inertia_cg: InertiaTruth,
+    /// Fixed-base modes below the sample rate, ascending.
+    pub modes: Vec<ModeTruth>,
+}
+
+/// Moments and products of inertia, kg m²; products are ∫xy dm with a plus sign.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct InertiaTruth {
+    /// ∫(y² + z²) dm.
+    pub xx: Option<f64>,
+    /// ∫(x² + z²) dm.
+    pub yy: Option<f64>,
+    /// ∫(x² + y²) dm.
+    pub zz: Option<f64>,
+    /// ∫xy dm.
+    pub xy: Option<f64>,
+    /// ∫xz dm.
+    pub xz: Option<f64>,
+    /// ∫yz dm.
+    pub yz: Option<f64>,
+}
+
+/// A mode of the specimen on a fixed interface.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModeTruth {
+    /// What moves.
+    pub name: String,
+    /// Undamped, Hz.
+    pub frequency: f64,
+    /// Share of critical damping.
+    pub damping: f64,
+    /// L_rᵀ L_r about the reference point, ordered as eq (1): kg, kg m, kg m².
+    pub effective_mass: [[f64; 6]; 6],
+}
+
+impl Truth {
+    /// Modes at or above `highest` (Hz) are left out.
+    pub(super) fn of(model: &Model, highest: f64) -> Self {
+        let specimen = &model.specimen;
+        let reference = Vector3::from(model.reference_point);
+        // The origin moves as seen from A: shift by -A, for the mass matrix about A.
+        let to_origin = shift(&-reference);
+        let about_reference = to_origin.tr_mul(&(specimen.mass_matrix * to_origin));
+        let (mass, centre) = mass_and_centre(&specimen.mass_matrix, specimen.plane);
+        let from_centre = shift(&-centre);
+        let about_centre = from_centre.tr_mul(&(specimen.mass_matrix * from_centre));
+        let modes = specimen
+            .modes
+            .iter()
+            .filter(|mode| mode.frequency < highest)
+            .map(|mode| {
+                let participation = to_origin.tr_mul(&mode.participation);
+                let effective = participation * participation.transpose();
+                ModeTruth {
+                    name: mode.name.clone(),
+                    frequency: mode.frequency,
+                    damping: mode.damping,
+                    effective_mass: std::array::from_fn(|row| {
+                        std::array::from_fn(|column| effective[(row, column)])
+                    }),
+                }
+            })
+            .collect();
+        Self {
+            schema: "massline/truth/1",
+            title: model.title.clone(),
+            reference_point: model.reference_point,
+            mass,
+            centre_of_gravity: match specimen.plane {
+                true => [Some(centre.x), None, Some(centre.z)],
+                false => [Some(centre.x), Some(centre.y), Some(centre.z)],
+            },
+            inertia_reference: InertiaTruth::of(&about_reference, specimen.plane),
+            inertia_cg: InertiaTruth::of(&about_centre, specimen.plane),
+            modes,
+        }
+    }
+}
+
+/// Reads eq (1) backwards: kg and m.
+fn mass_and_centre(matrix: &Matrix6<f64>, plane: bool) -> (f64, Vector3<f64>) {
+    let mass = matrix[(0, 0)];
+    let centre = match plane {
+        // Rows fx and fz, column β.
+        true => Vector3::new(-matrix[(2, 4)], 0.0, matrix[(0, 4)]),
+        false => Vector3::new(matrix[(1, 5)], matrix[(2, 3)], matrix[(0, 4)]),
+    };
+    (mass, centre / mass)
+}
+
+impl InertiaTruth {
+    fn of(matrix: &Matrix6<f64>, plane: bool) -> Self {
+        let tensor: Matrix3<f64> = matrix.fixed_view::<3, 3>(3, 3).into_owned();
+        let known = |value: f64| (!plane).then_some(value);
+        Self {
+            xx: known(tensor[(0, 0)]),
+            yy: Some(tensor[(1, 1)]),
+            zz: known(tensor[(2, 2)]),
+            xy: known(-tensor[(0, 1)]),
+            xz: known(-tensor[(0, 2)]),
+            yz: known(-tensor[(1, 2)]),
+        }
+    }
+}
