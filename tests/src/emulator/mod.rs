@@ -38,8 +38,11 @@ pub use error::EmulatorError;
 /// Environment variable that tells where the firmware's ELF is; `cargo xtask test` sets it.
 pub const FIRMWARE_ELF: &str = "MASSLINE_FIRMWARE_ELF";
 
-/// Environment variable that names another QEMU than the first `qemu-system-arm` of the path.
+/// Environment variable that names another QEMU than [`DEFAULT_PROGRAM`].
 pub const QEMU: &str = "MASSLINE_QEMU";
+
+/// The QEMU to use unless told otherwise; Debian's package of it has the same name.
+pub const DEFAULT_PROGRAM: &str = "qemu-system-arm";
 
 /// The emulated board with an STM32F405 that every QEMU since 5.0 knows.
 const MACHINE: &str = "netduinoplus2";
@@ -56,11 +59,11 @@ pub fn firmware_elf() -> Result<PathBuf, EmulatorError> {
         .ok_or(EmulatorError::NoFirmware)
 }
 
-/// The emulator to use: what [`QEMU`] names, else `qemu-system-arm`.
+/// The emulator to use: what [`QEMU`] names, else [`DEFAULT_PROGRAM`].
 pub fn program() -> OsString {
     env::var_os(QEMU)
         .filter(|program| !program.is_empty())
-        .unwrap_or_else(|| "qemu-system-arm".into())
+        .unwrap_or_else(|| DEFAULT_PROGRAM.into())
 }
 
 /// A running emulator with a board in it; dropping it ends it.

@@ -121,7 +121,7 @@ fn step(name: &str) -> Result<&'static Step, ArgumentError> {
 fn help() -> String {
     let mut text = format!("{USAGE}\n\n{HELP}\n\nsteps:\n");
     for step in steps::STEPS {
-        text += &format!("  {:<14}{}\n", step.name, step.about);
+        text += &format!("  {:<16}{}\n", step.name, step.about);
     }
     text
 }

@@ -1,5 +1,6 @@
 //! Debian's packages, for what cargo cannot bring.
 
+use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::process::Command;
 
@@ -29,19 +30,21 @@ pub fn install(packages: &[&str]) -> Result<(), StepError> {
 }
 
 fn apt_get(action: &str) -> Command {
+    // Named on the command line, since sudo keeps no environment.
+    const PROGRAM: [&str; 3] = ["env", "DEBIAN_FRONTEND=noninteractive", "apt-get"];
     let mut command = if is_root() {
-        Command::new("apt-get")
+        Command::new(PROGRAM[0])
     } else {
         let mut sudo = Command::new("sudo");
-        // Asked for on the terminal itself; where there is none, it must fail, not wait.
-        if !std::io::IsTerminal::is_terminal(&std::io::stdin()) {
+        // It asks on the terminal itself; where there is none, it must fail, not wait.
+        if !io::stdin().is_terminal() {
             sudo.arg("--non-interactive");
         }
-        sudo.arg("apt-get");
+        sudo.arg(PROGRAM[0]);
         sudo
     };
     command
-        .env("DEBIAN_FRONTEND", "noninteractive")
+        .args(&PROGRAM[1..])
         .args(["--quiet", "-o", "DPkg::Lock::Timeout=300"])
         .arg(action);
     command

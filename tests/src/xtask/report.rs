@@ -70,14 +70,14 @@ impl<W: Write> Report<W> {
     /// Shows what steps there are.
     pub fn list(&mut self, steps: &[Step]) {
         for step in steps {
-            self.show(format_args!("{:<14}{}\n", step.name, step.about));
+            self.show(format_args!("{:<16}{}\n", step.name, step.about));
         }
     }
 
     /// A step begins.
     pub fn begin(&mut self, step: &Step) {
         if self.style.live {
-            self.show(format_args!("{:<14}{} ...", step.name, step.about));
+            self.show(format_args!("{:<16}{} ...", step.name, step.about));
         }
     }
 
@@ -94,7 +94,7 @@ impl<W: Write> Report<W> {
             false => (String::new(), ""),
         };
         let line = format!(
-            "{rewind}{:<14}{on}{status:<7}{off}{:>7.1} s  {note}",
+            "{rewind}{:<16}{on}{status:<7}{off}{:>7.1} s  {note}",
             step.name,
             took.as_secs_f64()
         );
@@ -165,7 +165,7 @@ mod tests {
         assert!(passed);
         assert_eq!(
             text,
-            "lints         ok         1.2 s  3 crates\n\n1 passed in 2 s\n"
+            "lints           ok         1.2 s  3 crates\n\n1 passed in 2 s\n"
         );
     }
 
@@ -178,7 +178,7 @@ mod tests {
         let (text, passed) = shown(PLAIN, &Ending::Failed(error));
         assert!(!passed);
         for part in [
-            "lints         FAILED     1.2 s\n",
+            "lints           FAILED     1.2 s\n",
             "a.rs: line 3 is bad\n",
             "step lints failed. What to do: ",
             "0 passed, 1 FAILED (lints) in 2 s\n",

@@ -105,10 +105,17 @@ pub const STEPS: &[Step] = &[
     },
     Step {
         name: "firmware",
-        about: "the firmware builds without a warning, as it is flashed",
+        about: "the firmware builds, as it is flashed",
+        needs: &["toolchain"],
+        remedy: "mend the code, or memory.x when it is the linker that complains",
+        run: firmware,
+    },
+    Step {
+        name: "firmware-lints",
+        about: "no warning in the firmware, nor in core as it is built for it",
         needs: &["toolchain"],
         remedy: "mend the code; an `allow` needs its reason beside it",
-        run: firmware,
+        run: firmware_lints,
     },
     Step {
         name: "emulator",
@@ -147,40 +154,43 @@ impl Context {
         }
     }
 
-    /// A cargo command for the host's crates, which are the workspace's default.
-    fn cargo(&self, arguments: &[&str]) -> Command {
-        self.set_up(Command::new(&self.cargo), arguments)
+    /// A cargo command, its arguments between spaces.
+    fn cargo(&self, toolchain: &Toolchain, arguments: &str) -> Command {
+        self.set_up(toolchain.cargo(), arguments)
     }
 
-    /// A cargo command for the chip; `flags` go behind a `--`.
-    fn cargo_for_chip(&self, arguments: &[&str], flags: &[&str]) -> Result<Command, StepError> {
-        let chip = self.chip()?;
-        let mut command = self.set_up(chip.cargo(), arguments);
-        command.args(chip.arguments());
-        if !flags.is_empty() {
-            command.arg("--").args(flags);
-        }
-        Ok(command)
-    }
-
-    fn set_up(&self, mut command: Command, arguments: &[&str]) -> Command {
+    fn set_up(&self, mut command: Command, arguments: &str) -> Command {
+        let colour = if self.colour { "always" } else { "never" };
         command
             .current_dir(&self.root)
-            .env(
-                "CARGO_TERM_COLOR",
-                if self.colour { "always" } else { "never" },
-            )
+            .env("CARGO_TERM_COLOR", colour)
             .env_remove(emulator::FIRMWARE_ELF)
-            .args(arguments);
+            .args(arguments.split_whitespace());
         command
     }
 
+    /// Runs a tool that a machine may lack, or says that it is not to be had here.
+    fn run_tool(
+        &self,
+        toolchain: &Toolchain,
+        tool: Tool,
+        arguments: &str,
+    ) -> Result<Ending, StepError> {
+        if let Err(reason) = toolchain::provide_tool(toolchain, tool) {
+            return Ok(Ending::Skipped(reason));
+        }
+        process::run(&mut self.set_up(toolchain.tool(tool), arguments))?;
+        Ok(Ending::Passed(String::new()))
+    }
+
+    /// The toolchain for the host's crates, which are the workspace's default.
     fn host(&self) -> Toolchain {
         Toolchain::Active {
             cargo: self.cargo.clone(),
         }
     }
 
+    /// The toolchain for the chip.
     fn chip(&self) -> Result<&Toolchain, StepError> {
         self.chip.as_ref().ok_or(StepError::Missing {
             what: "the result of step toolchain",
@@ -201,8 +211,9 @@ fn qemu(_: &mut Context) -> Result<Ending, StepError> {
     let version = || process::answer(Command::new(&program).arg("--version"));
     let answer = match version() {
         Ok(answer) => answer,
-        Err(_) if packages::available() => {
-            packages::install(&["qemu-system-arm"])?;
+        // Another one that was named in vain is not replaced by this one.
+        Err(_) if program == emulator::DEFAULT_PROGRAM && packages::available() => {
+            packages::install(&[emulator::DEFAULT_PROGRAM])?;
             version()?
         }
         Err(error) => return Err(error),
@@ -213,76 +224,63 @@ fn qemu(_: &mut Context) -> Result<Ending, StepError> {
 }
 
 fn format(context: &mut Context) -> Result<Ending, StepError> {
-    with_tool(&context.host(), RUSTFMT, || {
-        process::run(&mut context.cargo(&["fmt", "--all", "--check"]))?;
-        Ok(Ending::Passed(String::new()))
-    })
+    // Not a terminal, but a TERM, is what the formatter takes for a wish for colours.
+    let colour = if context.colour { "always" } else { "never" };
+    let arguments = format!("--all --check -- --color {colour}");
+    context.run_tool(&context.host(), RUSTFMT, &arguments)
 }
 
 fn lints(context: &mut Context) -> Result<Ending, StepError> {
-    with_tool(&context.host(), CLIPPY, || {
-        let arguments = [
-            "clippy",
-            "--release",
-            "--all-targets",
-            "--",
-            "-D",
-            "warnings",
-        ];
-        process::run(&mut context.cargo(&arguments))?;
-        Ok(Ending::Passed(String::new()))
-    })
+    let arguments = "--release --all-targets -- -D warnings";
+    context.run_tool(&context.host(), CLIPPY, arguments)
 }
 
 fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
-    let output = process::run(&mut context.cargo(&["test", "--release", "--no-fail-fast"]))?;
-    Ok(Ending::Passed(counts(&output)))
+    let mut test = context.cargo(&context.host(), "test --release --no-fail-fast");
+    Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 
 fn docs(context: &mut Context) -> Result<Ending, StepError> {
-    const FLAGS: (&str, &str) = ("RUSTDOCFLAGS", "-D warnings");
-    let arguments = ["doc", "--release", "--no-deps"];
-    process::run(context.cargo(&arguments).env(FLAGS.0, FLAGS.1))?;
-    let arguments = ["doc", "--release", "--no-deps", "-p", FIRMWARE];
-    let mut for_chip = context.cargo_for_chip(&arguments, &[])?;
-    process::run(for_chip.env(FLAGS.0, FLAGS.1))?;
+    let chip = context.chip()?;
+    let for_chip = format!("-p {FIRMWARE} {}", chip.arguments());
+    for (toolchain, which) in [(&context.host(), ""), (chip, &for_chip)] {
+        let mut doc = context.cargo(toolchain, &format!("doc --release --no-deps {which}"));
+        process::run(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
+    }
     Ok(Ending::Passed(String::new()))
 }
 
 fn core_on_chip(context: &mut Context) -> Result<Ending, StepError> {
-    let arguments = ["build", "--release", "-p", "massline-core"];
-    process::run(&mut context.cargo_for_chip(&arguments, &[])?)?;
+    let chip = context.chip()?;
+    let arguments = format!("build --release -p massline-core {}", chip.arguments());
+    process::run(&mut context.cargo(chip, &arguments))?;
     Ok(Ending::Passed(String::new()))
 }
 
 fn firmware(context: &mut Context) -> Result<Ending, StepError> {
-    let arguments = [
-        "build",
-        "--release",
-        "-p",
-        FIRMWARE,
-        "--message-format=json-render-diagnostics",
-    ];
-    let mut build = context.cargo_for_chip(&arguments, &[])?;
-    let messages = process::answer(&mut build)?;
-    let elf = executable(&messages).ok_or_else(|| StepError::Missing {
+    let chip = context.chip()?;
+    let arguments = format!(
+        "build --release -p {FIRMWARE} --message-format=json-render-diagnostics {}",
+        chip.arguments()
+    );
+    let messages = process::answer(&mut context.cargo(chip, &arguments))?;
+    let elf = executable(&messages).ok_or(StepError::Missing {
         what: "the firmware's ELF",
-        tried: messages.clone(),
+        tried: messages,
         remedy: "report it: cargo's messages are not what they used to be",
     })?;
     let size = size_of(&elf, &context.root.join("memory.x"))?;
     context.elf = Some(elf);
+    Ok(Ending::Passed(size))
+}
 
-    // After the build, so that a firmware that cannot be linted can still be booted.
-    let linted = with_tool(context.chip()?, CLIPPY, || {
-        let arguments = ["clippy", "--release", "-p", FIRMWARE];
-        process::run(&mut context.cargo_for_chip(&arguments, &["-D", "warnings"])?)?;
-        Ok(Ending::Passed(size.clone()))
-    })?;
-    Ok(match linted {
-        Ending::Skipped(reason) => Ending::Passed(format!("{size}; not linted: {reason}")),
-        other => other,
-    })
+fn firmware_lints(context: &mut Context) -> Result<Ending, StepError> {
+    let chip = context.chip()?;
+    let arguments = format!(
+        "--release -p {FIRMWARE} {} -- -D warnings",
+        chip.arguments()
+    );
+    context.run_tool(chip, CLIPPY, &arguments)
 }
 
 fn emulator(context: &mut Context) -> Result<Ending, StepError> {
@@ -292,29 +290,10 @@ fn emulator(context: &mut Context) -> Result<Ending, StepError> {
         remedy: "put it before this step",
     })?;
     // Chosen by name, so that a new file of tests needs no line here.
-    let arguments = [
-        "test",
-        "--release",
-        "--test",
-        "firmware_*",
-        "--",
-        "--include-ignored",
-    ];
-    let mut command = context.cargo(&arguments);
-    let output = process::run(command.env(emulator::FIRMWARE_ELF, elf))?;
-    Ok(Ending::Passed(counts(&output)))
-}
-
-/// Does something that takes a tool, or says that the tool is not to be had here.
-fn with_tool(
-    toolchain: &Toolchain,
-    tool: Tool,
-    run: impl FnOnce() -> Result<Ending, StepError>,
-) -> Result<Ending, StepError> {
-    match toolchain::provide_tool(toolchain, tool) {
-        Ok(()) => run(),
-        Err(reason) => Ok(Ending::Skipped(reason)),
-    }
+    let arguments = "test --release --test firmware_* -- --include-ignored";
+    let mut test = context.cargo(&context.host(), arguments);
+    test.env(emulator::FIRMWARE_ELF, elf);
+    Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 
 /// What a firmware takes of the memories that the map declares.

@@ -55,28 +55,45 @@ impl Toolchain {
     pub fn cargo(&self) -> Command {
         match self {
             Self::Active { cargo } => Command::new(cargo),
-            Self::Debian { linker } => {
-                let mut command = Command::new(DEBIAN_CARGO);
-                command
-                    .env("RUSTC", DEBIAN_RUSTC)
-                    .env("RUSTDOC", DEBIAN_RUSTDOC)
-                    .env("RUSTC_BOOTSTRAP", "1")
-                    .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker)
-                    // What the other toolchain's cargo has put there for its own programs.
-                    .env_remove("RUSTUP_TOOLCHAIN")
-                    .env_remove("LD_LIBRARY_PATH");
-                command
-            }
+            Self::Debian { linker } => debian_command(DEBIAN_CARGO, linker),
         }
     }
 
-    /// The arguments that make a cargo command one for the chip.
-    pub fn arguments(&self) -> &'static [&'static str] {
-        match self {
-            Self::Active { .. } => &["--target", TARGET],
-            Self::Debian { .. } => &["--target", TARGET, "-Zbuild-std=core"],
-        }
+    /// This toolchain's cargo, already told to run a tool.
+    pub fn tool(&self, tool: Tool) -> Command {
+        let mut command = match self {
+            Self::Active { cargo } => Command::new(cargo),
+            // Cargo would look among rustup's programs first and find the tool of the compiler
+            // that cannot do this.
+            Self::Debian { linker } => debian_command(&tool.debian_program(), linker),
+        };
+        command.arg(tool.subcommand);
+        command
     }
+
+    /// The arguments that make a cargo command one for the chip, between spaces.
+    pub fn arguments(&self) -> String {
+        let build_core = match self {
+            Self::Active { .. } => "",
+            Self::Debian { .. } => " -Zbuild-std=core",
+        };
+        format!("--target {TARGET}{build_core}")
+    }
+}
+
+/// A program of Debian's toolchain, told to keep to that toolchain.
+fn debian_command(program: &str, linker: &Path) -> Command {
+    let mut command = Command::new(program);
+    command
+        .env("CARGO", DEBIAN_CARGO)
+        .env("RUSTC", DEBIAN_RUSTC)
+        .env("RUSTDOC", DEBIAN_RUSTDOC)
+        .env("RUSTC_BOOTSTRAP", "1")
+        .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker)
+        // What the other toolchain's cargo has put there for its own programs.
+        .env_remove("RUSTUP_TOOLCHAIN")
+        .env_remove("LD_LIBRARY_PATH");
+    command
 }
 
 /// A toolchain and how it came about.
@@ -122,8 +139,8 @@ fn debian(tried: &str) -> Result<Provided, StepError> {
         let missing = |how: &str| StepError::Missing {
             what: "a compiler for the chip",
             tried: format!("{tried}{how}"),
-            remedy: "run `rustup target add thumbv7em-none-eabihf`, or let the network through to \
-                     rustup's server",
+            remedy: "let one of these succeed: `rustup target add thumbv7em-none-eabihf`, or as \
+                     root `apt-get install rustc-web cargo-web rust-web-src`",
         };
         if !packages::available() {
             return Err(missing("there is no apt-get to install Debian's with"));
@@ -136,9 +153,9 @@ fn debian(tried: &str) -> Result<Provided, StepError> {
     let linker = linker()?;
     Ok(Provided {
         note: format!(
-            "no {TARGET} by rustup: Debian's rustc {} builds core, linker {}",
+            "Debian's rustc {} builds core for {TARGET}, {} links",
             version(DEBIAN_RUSTC),
-            linker.display()
+            linker.file_name().unwrap_or_default().display()
         ),
         toolchain: Toolchain::Debian { linker },
     })
@@ -219,6 +236,12 @@ pub struct Tool {
     package: &'static str,
 }
 
+impl Tool {
+    fn debian_program(self) -> String {
+        format!("{DEBIAN_CARGO}-{}", self.subcommand)
+    }
+}
+
 /// The formatter.
 pub const RUSTFMT: Tool = Tool {
     subcommand: "fmt",
@@ -235,10 +258,7 @@ pub const CLIPPY: Tool = Tool {
 
 /// Finds a tool of a toolchain, or installs it; says why not where that fails.
 pub fn provide_tool(toolchain: &Toolchain, tool: Tool) -> Result<(), String> {
-    let works = || {
-        let mut command = toolchain.cargo();
-        process::answer(command.args([tool.subcommand, "--version"])).is_ok()
-    };
+    let works = || process::answer(toolchain.tool(tool).arg("--version")).is_ok();
     if works() {
         return Ok(());
     }
