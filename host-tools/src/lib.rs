@@ -1,5 +1,6 @@
 //! The parts of the `massline` host tool that other programs can use as well.
 
+pub mod format;
 pub mod identification;
 pub mod measure;
 pub mod recording;

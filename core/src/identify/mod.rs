@@ -15,7 +15,6 @@ mod normal;
 
 pub use derived::{Estimate, InertiaEstimate};
 pub use measurement::{Measurement, measurement_matrix};
-pub use normal::SIGNAL_OVER_NOISE;
 
 use crate::masslines::Masslines;
 use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};

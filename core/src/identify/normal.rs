@@ -5,12 +5,6 @@ use crate::algebra::symmetric_eigen;
 use crate::masslines::Masslines;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 
-/// What an excitation must exceed the noise by, in power, to count as one.
-///
-/// Noise in the accelerations pulls what they multiply towards zero by noise over power,
-/// so 100 bounds that pull to 1 %. What is left of it enters the error bars.
-pub const SIGNAL_OVER_NOISE: f64 = 100.0;
-
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
 ///
 /// Their diagonal is one, so rounding is 1e-15. The smallest honest eigenvalue falls
@@ -134,12 +128,11 @@ pub(super) fn solve(
     n.noise = Normal::scaled(&n.noise, &d);
     n.right = n.right.component_mul(&d);
 
-    let above_noise = n.matrix - n.noise * SIGNAL_OVER_NOISE;
-    let observable = observability(&above_noise);
+    let observable = observability(&n.matrix);
     if !observable.contains(&true) {
         return Err(IdentifyError::NothingObservable);
     }
-    let kept = independent(&above_noise, &observable);
+    let kept = independent(&n.matrix, &observable);
     let inverse = inverse_of(&n.matrix, &kept).ok_or(IdentifyError::NothingObservable)?;
 
     let sigma = inverse * n.right;

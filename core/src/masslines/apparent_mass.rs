@@ -306,11 +306,17 @@ impl Condensed {
     }
 }
 
-/// The terms that explain most for what they cost: any number of modes from the lowest
-/// up, with or without the ω² term for those above.
+/// Chooses the terms that estimate M₀ with the least expected error.
+///
+/// Every elastic term that is kept costs precision, every one that is left out costs
+/// bias. The bias of a smaller set is seen in how far its M₀ lies from that of the full
+/// set, beyond the scatter that this distance has anyway (the focused information
+/// criterion of Claeskens and Hjort). What bias remains in the best set widens its error
+/// bars.
 fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
     let modes = basis.poles.len();
-    let mut best: Option<Solution> = None;
+    let mut full: Option<Solution> = None;
+    let mut best: Option<(f64, Solution)> = None;
     for count in (0..=modes).rev() {
         for upper in [true, false] {
             let mut chosen: heapless::Vec<usize, MAX_TERMS> = (0..=count).collect();
@@ -318,17 +324,17 @@ fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
                 // `MAX_TERMS` holds every mode and this one.
                 let _ = chosen.push(basis.upper());
             }
-            if let Some(solution) = regression.solve(&chosen) {
-                let better = best
-                    .as_ref()
-                    .is_none_or(|b| solution.criterion < b.criterion);
-                if better {
-                    best = Some(solution);
-                }
+            let Some(mut solution) = regression.solve(&chosen) else {
+                continue;
+            };
+            let reference = full.get_or_insert_with(|| solution.clone());
+            let risk = regression.risk(&mut solution, reference);
+            if best.as_ref().is_none_or(|(least, _)| risk < *least) {
+                best = Some((risk, solution));
             }
         }
     }
-    best
+    best.map(|(_, solution)| solution)
 }
 
 /// Residual power of each measured equation for one run at one line.

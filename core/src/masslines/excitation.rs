@@ -5,9 +5,13 @@
 //! of the very channels it comes from, before anything is inverted.
 
 use crate::algebra::symmetric_eigen;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use crate::identify::SIGNAL_OVER_NOISE as EXCITED;
+/// What an excitation must exceed the noise by, in power, to count as one.
+///
+/// Noise in the accelerations pulls what they multiply towards zero by noise over power,
+/// so 100 bounds that pull to 1 %. What is left of it enters the error bars.
+pub const EXCITED: f64 = 100.0;
 
 /// The excited directions: a subspace of the six accelerations (or resultants).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +23,8 @@ pub struct Excitation {
     rank: usize,
     /// Power over noise of the weakest excited direction.
     weakest: f64,
+    /// Takes translations and rotations that are nothing but noise out of a vector.
+    cleaner: Matrix6<f64>,
 }
 
 impl Excitation {
@@ -60,11 +66,20 @@ impl Excitation {
             }
             rank += 1;
         }
+        let mut cleaner = Matrix6::zeros();
+        for at in [0, 3] {
+            let block: Matrix3<f64> = ratio.fixed_view::<3, 3>(at, at).into();
+            let units = Vector3::new(scale[at], scale[at + 1], scale[at + 2]);
+            cleaner
+                .fixed_view_mut::<3, 3>(at, at)
+                .copy_from(&above_noise(&block, &units));
+        }
         Self {
-            basis,
+            basis: cleaner * basis,
             coordinates,
             rank,
             weakest,
+            cleaner,
         }
     }
 
@@ -80,6 +95,16 @@ impl Excitation {
         self.weakest
     }
 
+    /// Projector that removes translations, and rotations, that do not rise above noise.
+    ///
+    /// An excited direction mixes strong components with the chance noise of weak ones.
+    /// A rotation that is noise must become exactly zero, or its inertia would count as
+    /// observed; the rank rule of the identification then sees what is really there.
+    #[must_use]
+    pub fn cleaner(&self) -> &Matrix6<f64> {
+        &self.cleaner
+    }
+
     /// Matrix whose first [`Self::rank`] columns turn coordinates into a vector of six.
     #[must_use]
     pub fn basis(&self) -> &Matrix6<f64> {
@@ -93,6 +118,29 @@ impl Excitation {
     }
 }
 
+/// Projector on the directions of three components that rise above noise, where `ratio`
+/// is their second moments in units of their noise `units`.
+fn above_noise(ratio: &Matrix3<f64>, units: &Vector3<f64>) -> Matrix3<f64> {
+    let (values, vectors) = symmetric_eigen(ratio);
+    if values.iter().all(|&v| v > EXCITED) {
+        return Matrix3::identity();
+    }
+    let mut projector = Matrix3::zeros();
+    for (i, &value) in values.iter().enumerate() {
+        if value > EXCITED {
+            let v: Vector3<f64> = vectors.column(i).into();
+            projector += v * v.transpose();
+        }
+    }
+    Matrix3::from_fn(|i, j| {
+        if units[j] > 0.0 {
+            projector[(i, j)] * units[i] / units[j]
+        } else {
+            0.0
+        }
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,6 +152,7 @@ mod tests {
         m[(1, 0)] = 0.3;
         let e = Excitation::new(&m, &Vector6::repeat(1e-6));
         assert_eq!(e.rank(), 3);
+        assert_eq!(e.basis().fixed_rows::<3>(3).norm(), 0.0);
         let back = e.coordinates() * e.basis();
         // Orthonormal in units of noise: the coordinates of the basis are the axes.
         for i in 0..3 {

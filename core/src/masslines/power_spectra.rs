@@ -47,7 +47,10 @@ pub fn power_spectra<L: Lines>(
     let pairs = |m: &Moments, p: usize| {
         let column: Vector6<f64> = columns.column(p).into();
         let af = m.fa.adjoint().map(|z| z.re);
-        (af * column, m.ff.map(|z| z.re) * column)
+        (
+            excited.cleaner() * (af * column),
+            m.ff.map(|z| z.re) * column,
+        )
     };
     let mut set = Masslines::new(reference, *equations);
     let scale = 1.0 / band.len() as f64;

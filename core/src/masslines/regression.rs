@@ -35,6 +35,7 @@ pub(super) struct Regression {
 }
 
 /// The solution with a chosen set of terms.
+#[derive(Clone)]
 pub(super) struct Solution {
     terms: heapless::Vec<usize, MAX_TERMS>,
     /// Coefficients of the chosen terms, in their order: `rank` rows each.
@@ -43,8 +44,8 @@ pub(super) struct Solution {
     schur: Matrix6<f64>,
     /// Covariance of one real equation, in measured-equation coordinates.
     residual: Matrix6<f64>,
-    /// Corrected information criterion: smaller explains better for what it costs.
-    pub(super) criterion: f64,
+    /// Expected squared error over variance: above one where left-out terms may bias.
+    inflation: f64,
 }
 
 impl Regression {
@@ -199,13 +200,12 @@ impl Regression {
             }
         }
         let residual = self.floored(&(residual / freedom));
-        let criterion = self.criterion(&residual, unknowns);
         Some(Solution {
             terms: heapless::Vec::from_slice(chosen).ok()?,
             coefficients,
             schur,
             residual,
-            criterion,
+            inflation: 1.0,
         })
     }
 
@@ -221,7 +221,7 @@ impl Regression {
     /// was computed from, and no more correlated than 0.999, since a residual of the
     /// model points one way and would grant infinite trust to all others.
     fn floored(&self, residual: &Matrix6<f64>) -> Matrix6<f64> {
-        const AMPLITUDE: f64 = 3e-8;
+        const AMPLITUDE: f64 = 2e-7;
         let mut c = (residual + residual.transpose()) * 0.5;
         if self.independent {
             c = Matrix6::from_diagonal(&c.diagonal());
@@ -236,21 +236,31 @@ impl Regression {
         c
     }
 
-    fn criterion(&self, residual: &Matrix6<f64>, unknowns: usize) -> f64 {
-        let rows = self.equations.count();
-        // Neighbouring lines repeat each other, so that many are independent.
-        let n = self.count / self.correlation;
-        let parameters = (rows * unknowns) as f64 + (rows * (rows + 1)) as f64 / 2.0;
-        let log_det: f64 = match lower(residual, rows) {
-            Some(l) => (0..rows).map(|j| 2.0 * libm::log(l[(j, j)])).sum(),
-            None => return f64::INFINITY,
-        };
-        // Hurvich and Tsai's correction for several outputs.
-        let left = n - unknowns as f64 - rows as f64 - 1.0;
-        if left <= 0.0 {
+    /// Expected squared error of the first term's coefficients, summed relative to their
+    /// variances in `full`, a solution with more terms. Notes the share of bias in
+    /// `solution`, whose pairs then carry it in their variances.
+    pub(super) fn risk(&self, solution: &mut Solution, full: &Solution) -> f64 {
+        let rank = self.excitation.rank();
+        let (Some(p), Some(p_full)) = (
+            variances(&solution.schur, rank),
+            variances(&full.schur, rank),
+        ) else {
             return f64::INFINITY;
+        };
+        let (mut variance, mut distance) = (0.0, 0.0);
+        for i in 0..rank {
+            for j in 0..self.equations.count() {
+                let unit = p_full[i] * full.residual[(j, j)] * self.correlation;
+                let difference = solution.coefficients[(i, j)] - full.coefficients[(i, j)];
+                variance += p[i] / p_full[i];
+                // Between nested fits the variance of a difference is the difference of
+                // the variances.
+                distance += difference * difference / unit - (1.0 - p[i] / p_full[i]);
+            }
         }
-        n * log_det + 2.0 * parameters * n / left
+        let bias = distance.max(0.0);
+        solution.inflation = 1.0 + bias / variance;
+        variance + bias
     }
 
     /// The pairs, whitened by the residual.
@@ -277,7 +287,7 @@ impl Regression {
             let force = self.equations.rows().transpose() * measured;
             let mut variance = Vector6::zeros();
             for j in 0..rows {
-                variance[j] = self.correlation;
+                variance[j] = self.correlation * solution.inflation;
             }
             set.push(acceleration, force, variance)?;
         }
@@ -333,6 +343,14 @@ pub(super) fn lower(matrix: &Matrix6<f64>, n: usize) -> Option<Matrix6<f64>> {
         }
     }
     Some(l)
+}
+
+/// Diagonal of the inverse of the leading `n` x `n` part.
+fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
+    let inverse = inverse_lower(&lower(matrix, n)?, n);
+    Some(core::array::from_fn(|i| {
+        (0..n).map(|k| inverse[(k, i)] * inverse[(k, i)]).sum()
+    }))
 }
 
 fn inverse_lower(l: &Matrix6<f64>, n: usize) -> Matrix6<f64> {

@@ -46,6 +46,39 @@ pub(super) fn channel_names<'a>(setup: &'a Setup, run: &'a Run) -> Vec<&'a str> 
         .collect()
 }
 
+/// What a channel measures and which way it looks.
+#[derive(Clone, Copy)]
+pub(super) struct Axis<'a> {
+    pub(super) channel: &'a str,
+    kind: u8,
+    direction: Vector3<f64>,
+}
+
+impl Axis<'_> {
+    /// Whether both would see the same motion, or load, to at least one half.
+    pub(super) fn looks_like(&self, other: &Self) -> bool {
+        self.kind == other.kind
+            && self.channel != other.channel
+            && self.direction.dot(&other.direction).abs() > 0.5
+    }
+}
+
+/// The axes of all sensors of a setup.
+pub(super) fn axes(setup: &Setup) -> Vec<Axis<'_>> {
+    let sensors = setup.accelerometers.iter().map(|a| Axis {
+        channel: &a.channel,
+        // What is re-mounted with the specimen turns away from what stays.
+        kind: if a.mount == setup::Mount::Interface { 0 } else { 3 },
+        direction: a.direction.into(),
+    });
+    let cells = setup.load_cells.iter().map(|c| Axis {
+        channel: &c.channel,
+        kind: if c.quantity == setup::Quantity::Force { 1 } else { 2 },
+        direction: c.direction.into(),
+    });
+    sensors.chain(cells).collect()
+}
+
 fn accelerometer(entry: &setup::AccelerometerEntry) -> Result<Accelerometer, GeometryError> {
     let mount = match entry.mount {
         setup::Mount::Interface => Mount::Interface,
