@@ -13,6 +13,10 @@ use toml::de::{DeTable, DeValue};
 
 use super::error::{DocumentError, Place};
 
+/// Numbers beyond this are typing errors; below it, products of three of them, mass times
+/// length squared, stay finite.
+const LARGEST: f64 = 1e100;
+
 /// The text of a file, kept for its line numbers.
 pub(crate) struct Source {
     pub(crate) file: PathBuf,
@@ -171,7 +175,10 @@ impl<'a> Section<'a> {
 
     fn finite(&self, key: &str, value: &DeValue<'_>, expected: &str) -> Result<f64, DocumentError> {
         match number_of(value) {
-            Some(number) if number.is_finite() => Ok(number),
+            Some(number) if number.abs() <= LARGEST => Ok(number),
+            Some(number) if number.is_finite() => {
+                Err(self.unexpected(key, number, format!("{expected} of a size that exists")))
+            }
             Some(number) => Err(self.unexpected(key, number, format!("{expected} that is finite"))),
             None => Err(self.unexpected(key, describe(value), expected)),
         }

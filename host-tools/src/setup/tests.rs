@@ -168,6 +168,10 @@ fn every_mistake_is_located_and_explained() {
             &["line 21", "`position` is NaN", "finite"],
         ),
         (
+            with("position = [0.1, 0.2, 0.3]", "position = [0.1, 1e300, 0.3]"),
+            &["of a size that exists"],
+        ),
+        (
             with("position = [0.1, 0.2, 0.3]", "position = [0.1, 0.2]"),
             &["a list of 2 values", "a list of 3 numbers"],
         ),

@@ -12,6 +12,8 @@ use crate::setup::{
 };
 
 /// Everything that is simulated, in SI units.
+///
+/// The formats it is read from are described in `models/README.md`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// Heading of the setup.

@@ -41,6 +41,26 @@ fn every_example_simulates() {
     }
 }
 
+/// The formats as documented are the formats as read.
+#[test]
+fn documented_formats_are_read() {
+    let readme = include_str!("../../../models/README.md");
+    let block = |language: &str| {
+        let (_, rest) = readme.split_once(&format!("```{language}\n")).unwrap();
+        rest.split_once("```").unwrap().0
+    };
+    let toml: String = block("toml")
+        .lines()
+        .filter(|line| !line.starts_with("extends"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    let model = Model::from_toml(&toml, "README.md".as_ref()).unwrap();
+    assert_eq!((model.runs.len(), model.load_cells.len()), (2, 3));
+    assert!(run(&model, &Options::default()).setup.processing.is_some());
+    let beam = Model::from_json(block("json"), "README.md".as_ref()).unwrap();
+    assert_eq!(beam.specimen.modes.len(), 3);
+}
+
 #[test]
 fn truth_follows_from_the_parts() {
     let model = small_with("title = \"Small\"", "reference_point = [0.1, 0.0, 0.0]");
@@ -233,6 +253,7 @@ fn broken_beams_are_refused() {
         ("\"dir\": \"x\"", "\"dir\": \"y\"", "line"),
         ("\"zeta\": 0.01", "\"zeta\": -0.01", "the zeta"),
         ("\"base_node\": 0", "\"base_node\": 1", "base plate"),
+        ("\"A\": 0.00020860971648049349", "\"A\": 1e300", "singular"),
     ] {
         assert!(good.contains(from), "{from}");
         let message = Model::from_json(&good.replacen(from, to, 1), "fork.json".as_ref())
