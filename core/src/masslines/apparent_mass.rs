@@ -306,35 +306,34 @@ impl Condensed {
     }
 }
 
-/// Chooses the terms that estimate M₀ with the least expected error.
+/// Chooses how many modes get a term of their own; those above share the ω² term, which
+/// always stays.
 ///
-/// Every elastic term that is kept costs precision, every one that is left out costs
-/// bias. The bias of a smaller set is seen in how far its M₀ lies from that of the full
-/// set, beyond the scatter that this distance has anyway (the focused information
-/// criterion of Claeskens and Hjort). What bias remains in the best set widens its error
-/// bars.
+/// Every term that is kept costs precision, every one that is left out costs bias. The
+/// bias of a smaller set is seen in how far its M₀ lies from that of the full set, beyond
+/// the scatter that this distance has anyway (the focused information criterion of
+/// Claeskens and Hjort). What bias remains in the best set widens its error bars.
 fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
-    let modes = basis.poles.len();
     let mut full: Option<Solution> = None;
     let mut best: Option<(f64, Solution)> = None;
-    for count in (0..=modes).rev() {
-        for upper in [true, false] {
-            let mut chosen: heapless::Vec<usize, MAX_TERMS> = (0..=count).collect();
-            if upper {
-                // `MAX_TERMS` holds every mode and this one.
-                let _ = chosen.push(basis.upper());
-            }
-            let Some(mut solution) = regression.solve(&chosen) else {
-                continue;
-            };
-            let reference = full.get_or_insert_with(|| solution.clone());
-            let risk = regression.risk(&mut solution, reference);
-            if best.as_ref().is_none_or(|(least, _)| risk < *least) {
-                best = Some((risk, solution));
-            }
+    for modes in (0..=basis.poles.len()).rev() {
+        let mut chosen: heapless::Vec<usize, MAX_TERMS> = (0..=modes).collect();
+        // `MAX_TERMS` holds every mode and this one.
+        let _ = chosen.push(basis.upper());
+        let Some(mut solution) = regression.solve(&chosen) else {
+            continue;
+        };
+        let reference = full.get_or_insert_with(|| solution.clone());
+        let risk = regression.risk(&mut solution, reference);
+        if best.as_ref().is_none_or(|(least, _)| risk < *least) {
+            best = Some((risk, solution));
         }
     }
-    best.map(|(_, solution)| solution)
+    // Three lines of one run do not carry even that: then a plain average is left.
+    match best {
+        Some((_, solution)) => Some(solution),
+        None => regression.solve(&[0]),
+    }
 }
 
 /// Residual power of each measured equation for one run at one line.
