@@ -29,7 +29,7 @@ where
                 let apq = a[(p, q)];
                 // Negligible against the geometric mean of its diagonal partners.
                 let scale = libm::sqrt((a[(p, p)] * a[(q, q)]).abs());
-                if !(apq.abs() > 1e-17 * scale) || apq.abs() < f64::MIN_POSITIVE {
+                if apq.abs() <= 1e-17 * scale || apq.abs() < f64::MIN_POSITIVE || apq.is_nan() {
                     continue;
                 }
                 rotated = true;

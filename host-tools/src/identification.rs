@@ -310,7 +310,7 @@ fn condense<L: Lines>(
     let (reference, equations) = (geometry.reference, &geometry.equations);
     match method {
         Method::ApparentMass => {
-            let mut work = vec![Complex::new(0.0, 0.0); lines.grid().count];
+            let mut work = vec![Complex::new(0.0, 0.0); lines.count()];
             let fit = apparent_mass(lines, band, reference, equations, &mut work)?;
             Ok((fit.masslines.clone(), Some(fit)))
         }

@@ -9,3 +9,13 @@
 
 pub mod emulator;
 pub mod xtask;
+
+use std::path::PathBuf;
+
+/// A file of the fixtures folder.
+#[must_use]
+pub fn fixture(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures")
+        .join(name)
+}

@@ -146,10 +146,10 @@ pub fn identify(
     question: &Question,
 ) -> Result<Identification, IdentifyError> {
     let first = masslines.first().ok_or(IdentifyError::NoMasslines)?;
-    if let Some(m) = question.known_mass {
-        if !(m > 0.0 && m.is_finite()) {
-            return Err(IdentifyError::KnownMass(m));
-        }
+    if let Some(m) = question.known_mass
+        && !(m > 0.0 && m.is_finite())
+    {
+        return Err(IdentifyError::KnownMass(m));
     }
     let reference = first.reference;
     let mut solved = normal::solve(masslines, &reference, question.known_mass)?;

@@ -110,8 +110,7 @@ fn poles_of<L: Lines>(
         let (a, f) = (energy.aa[(j, j)].re, energy.ff[(j, j)].re);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    let grid = lines.grid();
-    let count = grid.count.min(work.len());
+    let count = lines.count().min(work.len());
     for (line, t) in work.iter_mut().enumerate().take(count) {
         *t = Complex::new(0.0, 0.0);
         for run in 0..lines.runs() {
@@ -135,23 +134,21 @@ fn poles_of<L: Lines>(
             }
         }
     }
-    find_poles(&work[..count], &grid)
+    find_poles(&work[..count], &|line| lines.frequency(line))
 }
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
 struct Basis {
     poles: heapless::Vec<Pole, MAX_MODES>,
-    grid: crate::spectra::LineGrid,
+    /// Frequency at which the ω² term is one, Hz.
     unit: f64,
 }
 
 impl Basis {
     fn new<L: Lines>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
-        let grid = lines.grid();
         Self {
             poles: poles.iter().copied().collect(),
-            grid,
-            unit: grid.frequency(band.end.saturating_sub(1)),
+            unit: lines.frequency(band.end.saturating_sub(1)),
         }
     }
 
@@ -163,8 +160,8 @@ impl Basis {
         1 + self.poles.len()
     }
 
-    fn at(&self, line: usize) -> [Complex<f64>; MAX_TERMS] {
-        let f = self.grid.frequency(line);
+    /// Values at frequency `f`, Hz.
+    fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
         phi[0] = Complex::new(1.0, 0.0);
         for (slot, pole) in phi[1..].iter_mut().zip(&self.poles) {
@@ -218,7 +215,7 @@ impl Condensed {
                 // Real and imaginary part hold independently (chapter 6).
                 count += 2.0 * lines.equations_per_line(run);
             }
-            regression.add(&m, &basis.at(line)[..basis.terms()], count);
+            regression.add(&m, &basis.at(lines.frequency(line))[..basis.terms()], count);
         }
         let solution = best(&regression, basis).ok_or(MasslineError::Singular)?;
         Ok(Self {
@@ -248,7 +245,7 @@ impl Condensed {
         let runs = lines.runs().min(MAX_RUNS);
         let mut power = [0.0; MAX_RUNS];
         for line in band.clone() {
-            let phi = basis.at(line);
+            let phi = basis.at(lines.frequency(line));
             let mut model = Matrix6::<Complex<f64>>::zeros();
             for (m, phi) in terms.iter().zip(&phi) {
                 model += m.map(|x| phi * x);

@@ -56,11 +56,16 @@ impl Moments {
     }
 }
 
+/// Complex amplitudes of acceleration and force at one line.
+pub type Amplitudes = (Vector6<Complex<f64>>, Vector6<Complex<f64>>);
+
 /// Averaged spectra of one or more runs that share a reference point, a frame and the
 /// equations their load cells complete.
 pub trait Lines {
-    /// Where the lines lie.
-    fn grid(&self) -> LineGrid;
+    /// Number of lines.
+    fn count(&self) -> usize;
+    /// Frequency of a line, Hz, ascending.
+    fn frequency(&self, line: usize) -> f64;
     /// Number of runs.
     fn runs(&self) -> usize;
     /// Adds the moments of one run at one line, times `weight`.
@@ -73,17 +78,14 @@ pub trait Lines {
     /// Variance of a mean over lines relative to independent lines and blocks.
     fn correlation(&self) -> f64;
     /// The single pair of amplitudes of a run at a line, if it was referred to a drive.
-    fn pair(
-        &self,
-        run: usize,
-        line: usize,
-    ) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)>;
+    fn pair(&self, run: usize, line: usize) -> Option<Amplitudes>;
 }
 
 /// Runs referred to their drive signals.
 #[derive(Clone, Copy, Debug)]
 pub struct DriveLines<'a> {
     runs: &'a [RunResponses<'a>],
+    grid: LineGrid,
     correlation: f64,
 }
 
@@ -95,6 +97,7 @@ impl<'a> DriveLines<'a> {
         let first = runs.first()?;
         runs.iter().all(|r| r.grid == first.grid).then(|| Self {
             runs,
+            grid: first.grid,
             correlation: window.line_correlation(),
         })
     }
@@ -109,9 +112,12 @@ fn halves(h: &[crate::spectra::Complex32; RESULTANTS]) -> [Vector6<Complex<f64>>
 }
 
 impl Lines for DriveLines<'_> {
-    fn grid(&self) -> LineGrid {
-        // `new` refuses an empty list.
-        self.runs[0].grid
+    fn count(&self) -> usize {
+        self.grid.count
+    }
+
+    fn frequency(&self, line: usize) -> f64 {
+        self.grid.frequency(line)
     }
 
     fn runs(&self) -> usize {
@@ -139,11 +145,7 @@ impl Lines for DriveLines<'_> {
         self.correlation
     }
 
-    fn pair(
-        &self,
-        run: usize,
-        line: usize,
-    ) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)> {
+    fn pair(&self, run: usize, line: usize) -> Option<Amplitudes> {
         let [a, f] = halves(self.runs.get(run)?.responses.get(line)?);
         Some((a, f))
     }
@@ -225,8 +227,12 @@ impl<'a, 's> CrossLines<'a, 's> {
 }
 
 impl Lines for CrossLines<'_, '_> {
-    fn grid(&self) -> LineGrid {
-        self.grid
+    fn count(&self) -> usize {
+        self.grid.count
+    }
+
+    fn frequency(&self, line: usize) -> f64 {
+        self.grid.frequency(line)
     }
 
     fn runs(&self) -> usize {
@@ -264,11 +270,7 @@ impl Lines for CrossLines<'_, '_> {
         self.line_correlation * self.block_correlation
     }
 
-    fn pair(
-        &self,
-        _run: usize,
-        _line: usize,
-    ) -> Option<(Vector6<Complex<f64>>, Vector6<Complex<f64>>)> {
+    fn pair(&self, _run: usize, _line: usize) -> Option<Amplitudes> {
         None
     }
 }

@@ -158,7 +158,7 @@ impl Regression {
                 }
                 if i == j {
                     // 1e-12 of a unit diagonal: the column is a combination of others.
-                    if !(sum > 1e-12) {
+                    if sum <= 1e-12 || sum.is_nan() {
                         return None;
                     }
                     l[(j, j)] = libm::sqrt(sum);

@@ -1,7 +1,6 @@
 //! Poles of one scalar function: peaks first, then a damped Gauss-Newton fit.
 
 use super::{MAX_MODES, Pole};
-use crate::spectra::LineGrid;
 use nalgebra::{Complex, SMatrix, SVector};
 
 /// Unknowns of the fit: a constant, one term for all modes above, and residue,
@@ -17,17 +16,20 @@ type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Parameters = SVector<f64, UNKNOWNS>;
 
 /// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ e_r D_r(ω)` with `e_r > 0` in the lines
-/// `trace` of `grid`, in ascending order. At most [`MAX_MODES`], the lowest ones; none
+/// `trace` at `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the lowest ones; none
 /// if no peak rises above the scatter of the lines.
 ///
 /// The fit is relative to `|t|`, so that the lines below a resonance count as much as
 /// the resonance itself: they carry the mass, and leakage does not bend them.
 #[must_use]
-pub fn find_poles(trace: &[Complex<f64>], grid: &LineGrid) -> heapless::Vec<Pole, MAX_MODES> {
-    let mut fit = Fit::start(trace, grid);
+pub fn find_poles(
+    trace: &[Complex<f64>],
+    frequency: &dyn Fn(usize) -> f64,
+) -> heapless::Vec<Pole, MAX_MODES> {
+    let mut fit = Fit::start(trace, frequency);
     while fit.modes > 0 {
-        fit.refine(trace, grid);
-        match fit.implausible(grid) {
+        fit.refine(trace, frequency);
+        match fit.implausible(frequency) {
             Some(mode) => fit.drop_mode(mode),
             None => break,
         }
@@ -46,13 +48,14 @@ struct Fit {
 }
 
 impl Fit {
-    fn start(trace: &[Complex<f64>], grid: &LineGrid) -> Self {
-        let usable = trace.len().min(grid.count);
+    fn start(trace: &[Complex<f64>], frequency: &dyn Fn(usize) -> f64) -> Self {
+        let usable = trace.len();
         let scale = mean_size(trace);
         let scatter = scatter(trace);
         let mut parameters = Parameters::zeros();
         let mut modes = 0;
         let mut lines = usable;
+        let mut last = 0;
         let imaginary = |k: usize| -trace[k].im;
         for k in 1..usable.saturating_sub(1) {
             let height = imaginary(k);
@@ -63,23 +66,22 @@ impl Fit {
             // Leakage ripples the flanks of a sharp peak; the next mode is one only if
             // the curve drops to half between them.
             if modes > 0 {
-                let last = grid_index(parameters[3 * modes], grid);
                 let valley = (last..k).map(imaginary).fold(f64::INFINITY, f64::min);
-                let lower = height.min(imaginary(last.min(usable - 1)));
-                if valley > 0.5 * lower {
-                    if height > imaginary(last.min(usable - 1)) {
-                        set_mode(&mut parameters, modes - 1, grid.frequency(k), height);
+                if valley > 0.5 * height.min(imaginary(last)) {
+                    if height > imaginary(last) {
+                        set_mode(&mut parameters, modes - 1, frequency(k), height);
+                        last = k;
                     }
                     continue;
                 }
             }
             if modes == MAX_MODES {
                 // Stay clear of the mode that there is no room for.
-                let last = grid_index(parameters[3 * modes], grid);
                 lines = (last + (k - last) / 2).max(3);
                 break;
             }
-            set_mode(&mut parameters, modes, grid.frequency(k), height);
+            set_mode(&mut parameters, modes, frequency(k), height);
+            last = k;
             modes += 1;
         }
         parameters[0] = trace.first().map_or(0.0, |t| t.re);
@@ -87,7 +89,7 @@ impl Fit {
             modes,
             parameters,
             lines,
-            unit: grid.frequency(usable.saturating_sub(1)),
+            unit: frequency(usable.saturating_sub(1)),
             floor: 0.05 * scale,
         }
     }
@@ -124,10 +126,15 @@ impl Fit {
         (value, d)
     }
 
-    fn cost(&self, p: &Parameters, trace: &[Complex<f64>], grid: &LineGrid) -> f64 {
+    fn cost(
+        &self,
+        p: &Parameters,
+        trace: &[Complex<f64>],
+        frequency: &dyn Fn(usize) -> f64,
+    ) -> f64 {
         let mut cost = 0.0;
         for (k, t) in trace.iter().enumerate().take(self.lines) {
-            let (value, _) = self.model(p, grid.frequency(k));
+            let (value, _) = self.model(p, frequency(k));
             let weight = 1.0 / (modulus(t) + self.floor);
             cost += (value - t).norm_sqr() * weight * weight;
         }
@@ -135,15 +142,15 @@ impl Fit {
     }
 
     /// Levenberg and Marquardt: the step is accepted only if it explains more.
-    fn refine(&mut self, trace: &[Complex<f64>], grid: &LineGrid) {
+    fn refine(&mut self, trace: &[Complex<f64>], frequency: &dyn Fn(usize) -> f64) {
         let n = self.unknowns();
         let mut lambda = 1e-3;
-        let mut cost = self.cost(&self.parameters, trace, grid);
+        let mut cost = self.cost(&self.parameters, trace, frequency);
         for _ in 0..STEPS {
             let mut normal = Normal::zeros();
             let mut right = Parameters::zeros();
             for (k, t) in trace.iter().enumerate().take(self.lines) {
-                let (value, d) = self.model(&self.parameters, grid.frequency(k));
+                let (value, d) = self.model(&self.parameters, frequency(k));
                 let weight = 1.0 / (modulus(t) + self.floor);
                 let weight = weight * weight;
                 let residual = (t - value) * weight;
@@ -158,7 +165,7 @@ impl Fit {
             while lambda < 1e9 {
                 if let Some(step) = damped_step(&normal, &right, n, lambda) {
                     let tried = self.bounded(&(self.parameters + step));
-                    let tried_cost = self.cost(&tried, trace, grid);
+                    let tried_cost = self.cost(&tried, trace, frequency);
                     if tried_cost < cost {
                         let gain = (cost - tried_cost) / cost;
                         self.parameters = tried;
@@ -186,11 +193,11 @@ impl Fit {
     }
 
     /// A mode that is none: outside the lines, without mass, or overdamped.
-    fn implausible(&self, grid: &LineGrid) -> Option<usize> {
-        let last = grid.frequency(self.lines.saturating_sub(1));
+    fn implausible(&self, frequency: &dyn Fn(usize) -> f64) -> Option<usize> {
+        let last = frequency(self.lines.saturating_sub(1));
         (0..self.modes).find(|&r| {
             let pole = self.pole(r);
-            let inside = pole.frequency > grid.frequency(0) && pole.frequency < last;
+            let inside = pole.frequency > frequency(0) && pole.frequency < last;
             let positive = self.parameters[2 + 3 * r] > 0.0;
             !(inside && positive && pole.damping < DAMPING.end)
         })
@@ -216,11 +223,6 @@ fn set_mode(p: &mut Parameters, mode: usize, frequency: f64, height: f64) {
     p[2 + 3 * mode] = height * 2.0 * FIRST_DAMPING;
     p[3 + 3 * mode] = frequency;
     p[4 + 3 * mode] = FIRST_DAMPING;
-}
-
-fn grid_index(frequency: f64, grid: &LineGrid) -> usize {
-    let line = libm::round(frequency / grid.spacing).max(0.0) as usize;
-    line.saturating_sub(grid.first)
 }
 
 fn modulus(z: &Complex<f64>) -> f64 {
@@ -300,16 +302,14 @@ fn damped_step(normal: &Normal, right: &Parameters, n: usize, lambda: f64) -> Op
 mod tests {
     use super::*;
 
-    const GRID: LineGrid = LineGrid {
-        first: 1,
-        count: 120,
-        spacing: 0.5,
-    };
+    fn frequency(line: usize) -> f64 {
+        0.5 * (line as f64 + 1.0)
+    }
 
     fn trace(modes: &[(f64, f64, f64)]) -> heapless::Vec<Complex<f64>, 120> {
-        (0..GRID.count)
+        (0..120)
             .map(|k| {
-                let f = GRID.frequency(k);
+                let f = frequency(k);
                 modes.iter().fold(Complex::new(1.0, 0.0), |t, &(e, fr, z)| {
                     let pole = Pole {
                         frequency: fr,
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn exact_lines_return_their_poles() {
-        let found = find_poles(&trace(&[(0.3, 32.5, 0.01), (0.1, 41.1, 0.02)]), &GRID);
+        let found = find_poles(&trace(&[(0.3, 32.5, 0.01), (0.1, 41.1, 0.02)]), &frequency);
         assert_eq!(found.len(), 2);
         for (pole, (f, z)) in found.iter().zip([(32.5, 0.01), (41.1, 0.02)]) {
             // The last accepted step gains less than 1e-9 of a cost that is zero at the
@@ -335,16 +335,16 @@ mod tests {
 
     #[test]
     fn a_rigid_body_has_none() {
-        assert!(find_poles(&trace(&[]), &GRID).is_empty());
+        assert!(find_poles(&trace(&[]), &frequency).is_empty());
     }
 
     #[test]
     fn a_mode_above_the_lines_is_not_invented() {
-        assert!(find_poles(&trace(&[(0.3, 90.0, 0.01)]), &GRID).is_empty());
+        assert!(find_poles(&trace(&[(0.3, 90.0, 0.01)]), &frequency).is_empty());
     }
 
     #[test]
     fn no_lines_no_poles() {
-        assert!(find_poles(&[], &GRID).is_empty());
+        assert!(find_poles(&[], &frequency).is_empty());
     }
 }

@@ -232,10 +232,10 @@ impl<'s> Blocks<'s> {
                 *w = Complex32::new(read(first), read(second));
             }
             transform(self.work);
-            if self.settings.remove_mean {
-                if let Some(mean) = self.work.first_mut() {
-                    *mean = Complex32::new(0.0, 0.0);
-                }
+            if self.settings.remove_mean
+                && let Some(mean) = self.work.first_mut()
+            {
+                *mean = Complex32::new(0.0, 0.0);
             }
             let (a, rest) = lines.split_at_mut(count.min(lines.len()));
             let (b, rest) = rest.split_at_mut(count.min(rest.len()));

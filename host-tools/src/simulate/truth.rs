@@ -1,7 +1,7 @@
 //! What the identification of a simulated test should find.
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::model::Model;
 use super::specimen::shift;
@@ -9,10 +9,10 @@ use super::specimen::shift;
 /// Exact properties of a simulated specimen, in its own frame; SI units.
 ///
 /// What a plane model says nothing about is `None`, `null` in JSON.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct Truth {
     /// Version of this layout, `massline/truth/1`.
-    pub schema: &'static str,
+    pub schema: String,
     /// The model's heading.
     pub title: String,
     /// Point A that `inertia_reference` and the effective masses are about, m.
@@ -30,7 +30,7 @@ pub struct Truth {
 }
 
 /// Moments and products of inertia, kg m²; products are ∫xy dm with a plus sign.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 pub struct InertiaTruth {
     /// ∫(y² + z²) dm.
     pub xx: Option<f64>,
@@ -47,7 +47,7 @@ pub struct InertiaTruth {
 }
 
 /// A mode of the specimen on a fixed interface.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct ModeTruth {
     /// What moves.
     pub name: String,
@@ -88,7 +88,7 @@ impl Truth {
             })
             .collect();
         Self {
-            schema: "massline/truth/1",
+            schema: "massline/truth/1".to_owned(),
             title: model.title.clone(),
             reference_point: model.reference_point,
             mass,
