@@ -148,3 +148,91 @@ pub(crate) fn incoherent_powers(
         left.max(0.0)
     })
 }
+
+/// `G = L D Lᴴ` of a Hermitian positive definite matrix in the leading rows and columns.
+pub(crate) struct HermitianFactor {
+    l: Matrix6<Complex<f64>>,
+    d: [f64; 6],
+    n: usize,
+}
+
+/// Factorises the leading `n` x `n` part. `None` if it is not positive definite to within
+/// rounding.
+pub(crate) fn factor_hermitian(g: &Matrix6<Complex<f64>>, n: usize) -> Option<HermitianFactor> {
+    let mut l = Matrix6::<Complex<f64>>::identity();
+    let mut d = [0.0; 6];
+    for k in 0..n {
+        let full = g[(k, k)].re;
+        let pivot = full - (0..k).map(|m| l[(k, m)].norm_sqr() * d[m]).sum::<f64>();
+        if pivot <= 1e-14 * full || !pivot.is_finite() {
+            return None;
+        }
+        d[k] = pivot;
+        for i in k + 1..n {
+            let mut sum = g[(i, k)];
+            for m in 0..k {
+                sum -= l[(i, m)] * l[(k, m)].conj() * d[m];
+            }
+            l[(i, k)] = sum / pivot;
+        }
+    }
+    Some(HermitianFactor { l, d, n })
+}
+
+impl HermitianFactor {
+    /// `G⁻¹ B` in the leading rows; the others are zero.
+    pub(crate) fn solve(&self, b: &Matrix6<Complex<f64>>) -> Matrix6<Complex<f64>> {
+        let mut x = Matrix6::zeros();
+        for c in 0..6 {
+            for i in 0..self.n {
+                let mut sum = b[(i, c)];
+                for k in 0..i {
+                    sum -= self.l[(i, k)] * x[(k, c)];
+                }
+                x[(i, c)] = sum;
+            }
+            for i in (0..self.n).rev() {
+                let mut sum = x[(i, c)] / self.d[i];
+                for k in i + 1..self.n {
+                    sum -= self.l[(k, i)].conj() * x[(k, c)];
+                }
+                x[(i, c)] = sum;
+            }
+        }
+        x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hermitian_system_is_solved() {
+        let random = |i: usize, j: usize| {
+            let x = ((i * 7 + j * 13 + 3) % 11) as f64 - 5.0;
+            let y = ((i * 5 + j * 3 + 1) % 7) as f64 - 3.0;
+            Complex::new(x, y)
+        };
+        let a = Matrix6::from_fn(random) + Matrix6::identity() * Complex::new(9.0, 0.0);
+        let g = a * a.adjoint();
+        let b = Matrix6::from_fn(|i, j| random(j + 2, i));
+        let x = factor_hermitian(&g, 6).unwrap().solve(&b);
+        // Entries of order 100 with a condition of order 1e3.
+        assert!((g * x - b).map(|z| z.norm_sqr()).sum() < 1e-20);
+        assert!(factor_hermitian(&(g - g), 6).is_none());
+    }
+
+    #[test]
+    fn what_is_explained_leaves_nothing() {
+        let x = Matrix6::from_fn(|i, j| Complex::new((i + 2 * j) as f64 + 1.0, i as f64 - 3.0))
+            + Matrix6::identity() * Complex::new(20.0, 0.0);
+        let gxx = x * x.adjoint();
+        let map = Matrix6::from_fn(|i, j| Complex::new(i as f64 - j as f64, 1.0));
+        let (gyx, gyy) = (map * gxx, map * gxx * map.adjoint());
+        let left = incoherent_powers(&gxx, &gyx, &gyy);
+        for (j, left) in left.iter().enumerate() {
+            assert!(left / gyy[(j, j)].re < 1e-12);
+        }
+    }
+}

@@ -8,8 +8,8 @@ use crate::measure::{
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Identification, IdentifyError, Procedure, Question};
 use massline_core::masslines::{
-    ApparentMass, CrossLines, DriveLines, Factorisation, Lines, MasslineError, Masslines, Method,
-    StaticFit, apparent_mass, power_spectra,
+    self, ApparentMass, Bands, Condensed, CrossLines, DriveLines, Lines, MasslineError, Masslines,
+    Method, StaticFit,
 };
 use massline_core::rigid_body::{Inertia, RigidBody};
 use massline_core::spectra::{CrossAverage, RunResponses};
@@ -104,6 +104,15 @@ impl From<MasslineError> for AnswerError {
             }
             MasslineError::NoResultant => "add load cells until every load path is measured",
             MasslineError::TooManyPairs => "identify from fewer runs",
+            MasslineError::NoReference => {
+                "record the generator's signal and name it as `reference`, or use --method apparent-mass"
+            }
+            MasslineError::TooFewRuns { .. } => {
+                "add runs that move the table in other directions, or use --method apparent-mass, which needs fewer"
+            }
+            MasslineError::NoMode => {
+                "extend `mode_band` to where the structure rings, or use --method c-squared, which needs no modes"
+            }
             MasslineError::Singular => "check the recordings for channels without signal",
         };
         Self::Masslines { source, advice }
@@ -183,9 +192,9 @@ fn from_measurement(
     let mut sets: Vec<Masslines> = Vec::new();
     let mut fits = Vec::new();
     for group in groups(&measurement.runs) {
-        let (set, fit) = masslines_of(&group, method, &measurement)?;
-        sets.push(set);
-        fits.extend(fit);
+        let condensed = masslines_of(&group, method, &measurement)?;
+        sets.push(condensed.masslines);
+        fits.extend(condensed.apparent_mass);
     }
     let question = Question {
         known_mass: setup.known_mass,
@@ -269,7 +278,7 @@ fn masslines_of(
     group: &[&MeasuredRun],
     method: Method,
     measurement: &Measurement,
-) -> Result<(Masslines, Option<ApparentMass>), AnswerError> {
+) -> Result<Condensed, AnswerError> {
     let responses: Vec<RunResponses<'_>> = group.iter().filter_map(|r| r.responses()).collect();
     if let Some(lines) = DriveLines::new(&responses, WINDOW) {
         return condense(&lines, group[0], method, measurement);
@@ -304,25 +313,18 @@ fn condense<L: Lines>(
     first: &MeasuredRun,
     method: Method,
     measurement: &Measurement,
-) -> Result<(Masslines, Option<ApparentMass>), AnswerError> {
-    let band = measurement.band.clone();
+) -> Result<Condensed, AnswerError> {
     let geometry = &first.geometry;
-    let (reference, equations) = (geometry.reference, &geometry.equations);
-    match method {
-        Method::ApparentMass => {
-            let mut work = vec![Complex::new(0.0, 0.0); lines.count()];
-            let fit = apparent_mass(lines, band, reference, equations, &mut work)?;
-            Ok((fit.masslines.clone(), Some(fit)))
-        }
-        Method::PowerSpectra => {
-            let set = power_spectra(lines, band, Factorisation::None, reference, equations)?;
-            Ok((set, None))
-        }
-        Method::PowerSpectraCholesky => {
-            let set = power_spectra(lines, band, Factorisation::Cholesky, reference, equations)?;
-            Ok((set, None))
-        }
-    }
+    let bands = Bands::new(measurement.band.clone(), lines.count());
+    let mut work = vec![Complex::new(0.0, 0.0); lines.count()];
+    Ok(masslines::condense(
+        method,
+        lines,
+        &bands,
+        geometry.reference,
+        &geometry.equations,
+        &mut work,
+    )?)
 }
 
 /// What the load cells read besides `M (a - g)`.

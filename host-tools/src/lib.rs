@@ -1,9 +1,12 @@
 //! The parts of the `massline` host tool that other programs can use as well.
 
+pub mod cli;
+pub mod commands;
 pub mod format;
 pub mod identification;
 pub mod measure;
 pub mod recording;
+pub mod report;
 pub mod result;
 pub mod setup;
 pub mod simulate;

@@ -11,15 +11,13 @@
 //! (1). So nothing is averaged away: the poles are found once, and the elastic terms go
 //! into the regression as unknowns of their own and are eliminated from it again.
 
+use super::averaging::MIN_LINES;
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::geometry::Equations;
-use crate::modes::{MAX_MODES, Pole, find_poles};
+use crate::modes::{MAX_MODES, Pole, Residues, find_poles};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
-
-/// Fewest lines of an averaging band.
-pub const MIN_LINES: usize = 3;
 
 /// Most runs whose noise levels are weighed against each other.
 const MAX_RUNS: usize = 24;
@@ -134,7 +132,9 @@ fn poles_of<L: Lines>(
             }
         }
     }
-    find_poles(&work[..count], &|line| lines.frequency(line))
+    find_poles(&work[..count], Residues::Positive, &|line| {
+        lines.frequency(line)
+    })
 }
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².

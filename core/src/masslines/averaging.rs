@@ -1,44 +1,150 @@
-//! What the scatter of the lines around their average says about the average.
+//! Averages over the lines of a band, and what the scatter of the lines says about them.
 
-use super::Masslines;
+use super::{Lines, MasslineError, Masslines};
 use core::ops::Range;
 use nalgebra::{Matrix6, Vector6};
 
-impl Masslines {
-    /// Sets the variance of every pair from the scatter of the lines it is the mean of.
-    ///
-    /// `line_pair(line, p)` gives pair p at one line. The scatter is that of the force
-    /// left over by the mass matrix that fits the averages best; the level of the
-    /// excitation, which also changes from line to line, drops out of it that way. The
-    /// slope that elastic modes put into the band counts as scatter, and should.
-    pub(super) fn scatter_over_lines(
-        &mut self,
-        band: &Range<usize>,
-        correlation: f64,
-        line_pair: impl Fn(usize, usize) -> Option<(Vector6<f64>, Vector6<f64>)>,
-    ) {
-        let count = band.len() as f64;
-        if count < 2.0 {
-            return;
+/// Fewest lines of an averaging band.
+pub const MIN_LINES: usize = 3;
+
+/// What is taken to be the same for all lines of the band.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Trend {
+    /// The rigid body only: the lines are averaged.
+    Constant,
+    /// The rigid body plus a term in ω², the leading one of all modes above the band:
+    /// the average is replaced by the value of the fit at ω = 0.
+    Squared,
+}
+
+/// Weights that turn the lines of a band into their value at ω = 0, and into the slope
+/// over ω²: the least-squares fit of the trend.
+struct LineWeights {
+    trend: Trend,
+    count: f64,
+    /// Mean of x and of (x - mean)², where x = ω² in units of the band's upper end.
+    mean: f64,
+    spread: f64,
+    unit: f64,
+}
+
+impl LineWeights {
+    fn new<L: Lines>(lines: &L, band: &Range<usize>, trend: Trend) -> Self {
+        let unit = lines.frequency(band.end.saturating_sub(1));
+        let mut w = Self {
+            trend,
+            count: band.len() as f64,
+            mean: 0.0,
+            spread: 0.0,
+            unit: unit * unit,
+        };
+        for line in band.clone() {
+            w.mean += w.x(lines.frequency(line)) / w.count;
         }
+        for line in band.clone() {
+            let d = w.x(lines.frequency(line)) - w.mean;
+            w.spread += d * d / w.count;
+        }
+        w
+    }
+
+    fn x(&self, frequency: f64) -> f64 {
+        frequency * frequency / self.unit
+    }
+
+    /// Weight of a line in the value at ω = 0, and in the slope.
+    fn at(&self, frequency: f64) -> (f64, f64) {
+        match self.trend {
+            Trend::Constant => (1.0 / self.count, 0.0),
+            Trend::Squared => {
+                let slope = (self.x(frequency) - self.mean) / (self.count * self.spread);
+                (1.0 / self.count - self.mean * slope, slope)
+            }
+        }
+    }
+
+    /// Parameters that the trend fits per number.
+    fn fitted(&self) -> f64 {
+        match self.trend {
+            Trend::Constant => 1.0,
+            Trend::Squared => 2.0,
+        }
+    }
+}
+
+impl Masslines {
+    /// Adds one pair for each `p` that `line_pair(line, p)` knows, averaged over the
+    /// lines `band` with the given trend, with the variance that their scatter tells.
+    ///
+    /// # Errors
+    /// [`MasslineError::TooFewLines`] below [`MIN_LINES`], [`MasslineError::Singular`].
+    pub(super) fn average<L: Lines>(
+        &mut self,
+        lines: &L,
+        band: &Range<usize>,
+        trend: Trend,
+        count: usize,
+        mut line_pairs: impl FnMut(
+            usize,
+            &mut [(Vector6<f64>, Vector6<f64>)],
+        ) -> Result<(), MasslineError>,
+    ) -> Result<(), MasslineError> {
+        if band.len() < MIN_LINES {
+            return Err(MasslineError::TooFewLines(band.len()));
+        }
+        let zero = (Vector6::zeros(), Vector6::zeros());
+        let count = count.min(MAX_AVERAGED);
+        let mut buffer = [zero; MAX_AVERAGED];
+        let weights = LineWeights::new(lines, band, trend);
+        let (mut value, mut slope) = ([zero; MAX_AVERAGED], [zero; MAX_AVERAGED]);
+        for line in band.clone() {
+            let (w, s) = weights.at(lines.frequency(line));
+            line_pairs(line, &mut buffer[..count])?;
+            for p in 0..count {
+                let (a, f) = buffer[p];
+                value[p].0 += a * w;
+                value[p].1 += f * w;
+                slope[p].0 += a * s;
+                slope[p].1 += f * s;
+            }
+        }
+        let first = self.pairs.len();
+        for (a, f) in value.iter().take(count) {
+            self.push(*a, *f, Vector6::zeros())?;
+        }
+        // The level of the excitation changes from line to line and is no error: what
+        // scatters is the force left over by the matrix that fits the averages best.
         let mass = self.best_matrix();
         let rows = *self.equations.rows();
-        for (p, pair) in self.pairs.iter_mut().enumerate() {
-            let mean = rows * (pair.force - mass * pair.acceleration);
-            let mut squares = Vector6::zeros();
-            for line in band.clone() {
-                if let Some((a, f)) = line_pair(line, p) {
-                    let left = rows * (f - mass * a) - mean;
-                    squares += left.component_mul(&left);
-                }
+        let left = |(a, f): (Vector6<f64>, Vector6<f64>)| rows * (f - mass * a);
+        let freedom = weights.count - weights.fitted();
+        let mut squares = [Vector6::<f64>::zeros(); MAX_AVERAGED];
+        let mut gain = 0.0;
+        for line in band.clone() {
+            let frequency = lines.frequency(line);
+            let (w, _) = weights.at(frequency);
+            gain += w * w;
+            line_pairs(line, &mut buffer[..count])?;
+            for p in 0..count {
+                let scatter = match trend {
+                    Trend::Constant => left(buffer[p]) - left(value[p]),
+                    Trend::Squared => {
+                        let x = weights.x(frequency);
+                        left(buffer[p]) - left(value[p]) - left(slope[p]) * x
+                    }
+                };
+                squares[p] += scatter.component_mul(&scatter);
             }
-            pair.variance = squares * (correlation / (count - 1.0) / count);
         }
+        for (pair, squares) in self.pairs[first..].iter_mut().zip(&squares) {
+            pair.variance = squares * (lines.correlation() * gain / freedom.max(1.0));
+        }
+        Ok(())
     }
 
     /// The matrix that maps accelerations to forces best, without any structure imposed:
     /// `Σ f aᵀ (Σ a aᵀ)⁻¹` on the directions the pairs span.
-    fn best_matrix(&self) -> Matrix6<f64> {
+    pub(super) fn best_matrix(&self) -> Matrix6<f64> {
         let (mut fa, mut aa) = (Matrix6::zeros(), Matrix6::zeros());
         for pair in &self.pairs {
             fa += pair.force * pair.acceleration.transpose();
@@ -60,3 +166,6 @@ impl Masslines {
         fa * (d * inverse * d)
     }
 }
+
+/// Most pairs that are averaged at once: one a run, or one a force direction.
+pub(super) const MAX_AVERAGED: usize = 24;

@@ -7,78 +7,43 @@
 //!
 //! | file | method |
 //! | --- | --- |
+//! | `frequency_responses` | a, averaged frequency responses |
 //! | `power_spectra` | b, averaged power spectra, with and without Cholesky |
+//! | `free_responses` | c, averaged frequency responses of the free system, also with a term in ω² |
+//! | `curve_fit` | d, curve fit of the free system's responses |
+//! | `synthesis` | e, averaged responses of the rigid body, elastic modes subtracted |
 //! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
 //! | `static_poses` | poses of a DC-coupled measurement |
 
 mod apparent_mass;
 mod averaging;
+mod condense;
+mod curve_fit;
 mod excitation;
+mod free_responses;
+mod free_system;
+mod frequency_responses;
 mod lines;
 mod power_spectra;
 mod regression;
 mod static_poses;
+mod synthesis;
 
 pub use apparent_mass::{ApparentMass, apparent_mass};
-pub use excitation::Excitation;
+pub use averaging::MIN_LINES;
+pub use condense::{Bands, Condensed, Method, condense};
+pub use curve_fit::curve_fit;
+pub use excitation::{EXCITED, Excitation};
+pub use free_responses::free_responses;
+pub use free_system::{FreeModes, FreeSystem};
+pub use frequency_responses::frequency_responses;
 pub use lines::{Complex6, CrossLines, DriveLines, Lines, MAX_CROSS_RUNS, Moments};
 pub use power_spectra::{Factorisation, power_spectra};
 pub use static_poses::{StaticFit, StaticPoses};
+pub use synthesis::synthesis;
 
 use crate::geometry::{Equations, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
-
-/// The ways to masslines.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Apparent mass with elastic terms.
-    #[default]
-    ApparentMass,
-    /// Method b, averaged power spectra.
-    PowerSpectra,
-    /// Method b with Cholesky factorisation.
-    PowerSpectraCholesky,
-}
-
-impl Method {
-    /// All of them, the recommended one first.
-    pub const ALL: [Self; 3] = [
-        Self::ApparentMass,
-        Self::PowerSpectra,
-        Self::PowerSpectraCholesky,
-    ];
-
-    /// Short name, as typed on a command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ApparentMass => "apparent-mass",
-            Self::PowerSpectra => "b",
-            Self::PowerSpectraCholesky => "b-cholesky",
-        }
-    }
-
-    /// What it does, in one line.
-    #[must_use]
-    pub const fn description(self) -> &'static str {
-        match self {
-            Self::ApparentMass => {
-                "apparent mass with elastic terms, base acceleration from the interface"
-            }
-            Self::PowerSpectra => "averaged power spectra (method b)",
-            Self::PowerSpectraCholesky => {
-                "averaged power spectra with Cholesky factorisation (method b)"
-            }
-        }
-    }
-
-    /// Whether the base acceleration comes from the interface accelerometers alone. The
-    /// paper's methods use all accelerometers, equation (4).
-    #[must_use]
-    pub const fn interface_only(self) -> bool {
-        matches!(self, Self::ApparentMass)
-    }
-}
 
 /// Most pairs in one set.
 pub const MAX_PAIRS: usize = 36;
@@ -96,6 +61,17 @@ pub enum MasslineError {
     TooManyPairs,
     /// Numbers that are not finite, or a matrix that cannot be factorised.
     Singular,
+    /// The method needs frequency responses: a drive channel or a stepped sine.
+    NoReference,
+    /// The method needs as many independent runs as resultants are measured.
+    TooFewRuns {
+        /// Independent runs needed.
+        needed: usize,
+        /// Independent runs found.
+        found: usize,
+    },
+    /// The method fits elastic modes, and none was found in the lines.
+    NoMode,
 }
 
 impl core::fmt::Display for MasslineError {
@@ -113,6 +89,14 @@ impl core::fmt::Display for MasslineError {
             Self::NoResultant => f.write_str("the load cells complete no equation of motion"),
             Self::TooManyPairs => write!(f, "more than {MAX_PAIRS} masslines"),
             Self::Singular => f.write_str("the averaged spectra are not finite"),
+            Self::NoReference => f.write_str(
+                "this method needs responses referred to a drive channel or a stepped sine",
+            ),
+            Self::TooFewRuns { needed, found } => write!(
+                f,
+                "this method needs {needed} independent runs, as many as resultants are measured; found {found}"
+            ),
+            Self::NoMode => f.write_str("no elastic mode was found in the lines"),
         }
     }
 }
@@ -190,6 +174,23 @@ impl Masslines {
                 variance,
             })
             .map_err(|_| MasslineError::TooManyPairs)
+    }
+
+    /// Sets the noise of the pairs: the share that `noise` has in `power`, component by
+    /// component. Pairs that are linear in spectra keep their share.
+    pub(crate) fn share_noise(&mut self, power: &Vector6<f64>, noise: &Vector6<f64>) {
+        for j in 0..6 {
+            let squares = self
+                .pairs
+                .iter()
+                .map(|p| p.acceleration[j] * p.acceleration[j]);
+            let in_pairs: f64 = squares.sum();
+            self.noise[(j, j)] = if power[j] > 0.0 {
+                libm::sqrt(noise[j] / power[j] * in_pairs)
+            } else {
+                0.0
+            };
+        }
     }
 
     /// The same masslines about another reference point (m): exact, nothing is

@@ -1,6 +1,6 @@
 //! Method b: averaged power spectra, `M G_AF = G_FF` (13), without and with Cholesky.
 
-use super::apparent_mass::MIN_LINES;
+use super::averaging::Trend;
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::geometry::Equations;
 use core::ops::Range;
@@ -32,9 +32,6 @@ pub fn power_spectra<L: Lines>(
     reference: Vector3<f64>,
     equations: &Equations,
 ) -> Result<Masslines, MasslineError> {
-    if band.len() < MIN_LINES {
-        return Err(MasslineError::TooFewLines(band.len()));
-    }
     if equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
@@ -44,45 +41,20 @@ pub fn power_spectra<L: Lines>(
         return Err(MasslineError::NoExcitation);
     }
     let columns = spectra.columns(factorisation, excited.rank())?;
-    let pairs = |m: &Moments, p: usize| {
-        let column: Vector6<f64> = columns.column(p).into();
-        let af = m.fa.adjoint().map(|z| z.re);
-        (
-            excited.cleaner() * (af * column),
-            m.ff.map(|z| z.re) * column,
-        )
-    };
     let mut set = Masslines::new(reference, *equations);
-    let scale = 1.0 / band.len() as f64;
-    for p in 0..6 {
-        if columns.column(p).norm_squared() == 0.0 {
-            continue;
-        }
-        let (mut a, mut f) = (Vector6::zeros(), Vector6::zeros());
-        for line in band.clone() {
-            let (al, fl) = pairs(&summed(lines, line), p);
-            a += al * scale;
-            f += fl * scale;
-        }
-        set.push(a, f, Vector6::zeros())?;
-    }
-    // The pairs are linear in the spectra, so noise has the same share in both.
-    for j in 0..6 {
-        let (noise, power) = (spectra.acceleration_noise[j], spectra.aa[(j, j)]);
-        let in_pairs: f64 = set
-            .pairs
-            .iter()
-            .map(|p| p.acceleration[j] * p.acceleration[j])
-            .sum();
-        if power > 0.0 {
-            set.noise[(j, j)] = libm::sqrt(noise / power * in_pairs);
-        }
-    }
-    set.scatter_over_lines(&band, lines.correlation(), |line, p| {
+    let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
+    let used: heapless::Vec<usize, 6> = used.collect();
+    set.average(lines, &band, Trend::Constant, used.len(), |line, pairs| {
         let m = summed(lines, line);
-        let mut used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
-        used.nth(p).map(|c| pairs(&m, c))
-    });
+        let af = m.fa.adjoint().map(|z| z.re);
+        let ff = m.ff.map(|z| z.re);
+        for (pair, &c) in pairs.iter_mut().zip(&used) {
+            let column: Vector6<f64> = columns.column(c).into();
+            *pair = (excited.cleaner() * (af * column), ff * column);
+        }
+        Ok(())
+    })?;
+    set.share_noise(&spectra.aa.diagonal(), &spectra.acceleration_noise);
     Ok(set)
 }
 

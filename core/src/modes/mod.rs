@@ -7,7 +7,7 @@
 
 mod poles;
 
-pub use poles::find_poles;
+pub use poles::{Residues, find_poles};
 
 use nalgebra::Complex;
 

@@ -15,7 +15,16 @@ const STEPS: usize = 40;
 type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Parameters = SVector<f64, UNKNOWNS>;
 
-/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ e_r D_r(ω)` with `e_r > 0` in the lines
+/// What is known of the residues beforehand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Residues {
+    /// Positive, as in a power-like scalar of the apparent mass: no two modes cancel.
+    Positive,
+    /// Of either sign.
+    Any,
+}
+
+/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ e_r D_r(ω)` in the lines
 /// `trace` at `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the lowest ones; none
 /// if no peak rises above the scatter of the lines.
 ///
@@ -24,9 +33,10 @@ type Parameters = SVector<f64, UNKNOWNS>;
 #[must_use]
 pub fn find_poles(
     trace: &[Complex<f64>],
+    residues: Residues,
     frequency: &dyn Fn(usize) -> f64,
 ) -> heapless::Vec<Pole, MAX_MODES> {
-    let mut fit = Fit::start(trace, frequency);
+    let mut fit = Fit::start(trace, residues, frequency);
     while fit.modes > 0 {
         fit.refine(trace, frequency);
         match fit.implausible(frequency) {
@@ -45,10 +55,11 @@ struct Fit {
     /// Frequency that scales the ω² term, Hz.
     unit: f64,
     floor: f64,
+    residues: Residues,
 }
 
 impl Fit {
-    fn start(trace: &[Complex<f64>], frequency: &dyn Fn(usize) -> f64) -> Self {
+    fn start(trace: &[Complex<f64>], residues: Residues, frequency: &dyn Fn(usize) -> f64) -> Self {
         let usable = trace.len();
         let scale = mean_size(trace);
         let scatter = scatter(trace);
@@ -56,7 +67,11 @@ impl Fit {
         let mut modes = 0;
         let mut lines = usable;
         let mut last = 0;
-        let imaginary = |k: usize| -trace[k].im;
+        let signed = |k: usize| trace.get(k).map_or(0.0, |t| -t.im);
+        let imaginary = |k: usize| match residues {
+            Residues::Positive => signed(k),
+            Residues::Any => signed(k).abs(),
+        };
         for k in 1..usable.saturating_sub(1) {
             let height = imaginary(k);
             let peak = height > imaginary(k - 1) && height >= imaginary(k + 1);
@@ -69,7 +84,7 @@ impl Fit {
                 let valley = (last..k).map(imaginary).fold(f64::INFINITY, f64::min);
                 if valley > 0.5 * height.min(imaginary(last)) {
                     if height > imaginary(last) {
-                        set_mode(&mut parameters, modes - 1, frequency(k), height);
+                        set_mode(&mut parameters, modes - 1, frequency(k), signed(k));
                         last = k;
                     }
                     continue;
@@ -80,7 +95,7 @@ impl Fit {
                 lines = (last + (k - last) / 2).max(3);
                 break;
             }
-            set_mode(&mut parameters, modes, frequency(k), height);
+            set_mode(&mut parameters, modes, frequency(k), signed(k));
             last = k;
             modes += 1;
         }
@@ -91,6 +106,7 @@ impl Fit {
             lines,
             unit: frequency(usable.saturating_sub(1)),
             floor: 0.05 * scale,
+            residues,
         }
     }
 
@@ -198,7 +214,7 @@ impl Fit {
         (0..self.modes).find(|&r| {
             let pole = self.pole(r);
             let inside = pole.frequency > frequency(0) && pole.frequency < last;
-            let positive = self.parameters[2 + 3 * r] > 0.0;
+            let positive = self.residues == Residues::Any || self.parameters[2 + 3 * r] > 0.0;
             !(inside && positive && pole.damping < DAMPING.end)
         })
     }
@@ -323,7 +339,11 @@ mod tests {
 
     #[test]
     fn exact_lines_return_their_poles() {
-        let found = find_poles(&trace(&[(0.3, 32.5, 0.01), (0.1, 41.1, 0.02)]), &frequency);
+        let found = find_poles(
+            &trace(&[(0.3, 32.5, 0.01), (0.1, 41.1, 0.02)]),
+            Residues::Positive,
+            &frequency,
+        );
         assert_eq!(found.len(), 2);
         for (pole, (f, z)) in found.iter().zip([(32.5, 0.01), (41.1, 0.02)]) {
             // The last accepted step gains less than 1e-9 of a cost that is zero at the
@@ -335,16 +355,18 @@ mod tests {
 
     #[test]
     fn a_rigid_body_has_none() {
-        assert!(find_poles(&trace(&[]), &frequency).is_empty());
+        assert!(find_poles(&trace(&[]), Residues::Positive, &frequency).is_empty());
     }
 
     #[test]
     fn a_mode_above_the_lines_is_not_invented() {
-        assert!(find_poles(&trace(&[(0.3, 90.0, 0.01)]), &frequency).is_empty());
+        assert!(
+            find_poles(&trace(&[(0.3, 90.0, 0.01)]), Residues::Positive, &frequency).is_empty()
+        );
     }
 
     #[test]
     fn no_lines_no_poles() {
-        assert!(find_poles(&[], &frequency).is_empty());
+        assert!(find_poles(&[], Residues::Positive, &frequency).is_empty());
     }
 }

@@ -1,0 +1,174 @@
+//! One door to all methods: averaged lines in, masslines out.
+
+use super::{
+    ApparentMass, Factorisation, FreeModes, Lines, MasslineError, Masslines, apparent_mass,
+    curve_fit, free_responses, frequency_responses, power_spectra, synthesis,
+};
+use crate::geometry::Equations;
+use crate::modes::MAX_MODES;
+use core::ops::Range;
+use nalgebra::{Complex, Vector3};
+
+/// The ways to masslines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Apparent mass with elastic terms.
+    #[default]
+    ApparentMass,
+    /// Method a, averaged frequency responses.
+    FrequencyResponses,
+    /// Method b, averaged power spectra.
+    PowerSpectra,
+    /// Method b with Cholesky factorisation.
+    PowerSpectraCholesky,
+    /// Method c, averaged frequency responses of the free system.
+    FreeResponses,
+    /// Method c with a term in ω².
+    FreeResponsesSquared,
+    /// Method d, curve fit.
+    CurveFit,
+    /// Method e, synthesised rigid-body responses.
+    Synthesis,
+}
+
+impl Method {
+    /// All of them, the recommended one first, then in the paper's order.
+    pub const ALL: [Self; 8] = [
+        Self::ApparentMass,
+        Self::FrequencyResponses,
+        Self::PowerSpectra,
+        Self::PowerSpectraCholesky,
+        Self::FreeResponses,
+        Self::FreeResponsesSquared,
+        Self::CurveFit,
+        Self::Synthesis,
+    ];
+
+    /// Short name, as typed on a command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ApparentMass => "apparent-mass",
+            Self::FrequencyResponses => "a",
+            Self::PowerSpectra => "b",
+            Self::PowerSpectraCholesky => "b-cholesky",
+            Self::FreeResponses => "c",
+            Self::FreeResponsesSquared => "c-squared",
+            Self::CurveFit => "d",
+            Self::Synthesis => "e",
+        }
+    }
+
+    /// What it does, in one line.
+    #[must_use]
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::ApparentMass => "apparent mass with elastic terms",
+            Self::FrequencyResponses => "averaged frequency responses (method a)",
+            Self::PowerSpectra => "averaged power spectra (method b)",
+            Self::PowerSpectraCholesky => "averaged power spectra, Cholesky (method b)",
+            Self::FreeResponses => "averaged responses of the free system (method c)",
+            Self::FreeResponsesSquared => {
+                "responses of the free system at ω = 0 (method c with ω² term)"
+            }
+            Self::CurveFit => "curve fit of the free system's responses (method d)",
+            Self::Synthesis => "synthesised rigid-body responses (method e)",
+        }
+    }
+
+    /// Whether the base acceleration comes from the interface accelerometers alone. The
+    /// paper's methods use all accelerometers, equation (4).
+    #[must_use]
+    pub const fn interface_only(self) -> bool {
+        matches!(self, Self::ApparentMass)
+    }
+}
+
+/// Which of the kept lines serve for what.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bands {
+    /// The averaging band: the rigid body is read from these.
+    pub averaging: Range<usize>,
+    /// Lines in which elastic modes are looked for and fitted.
+    pub fit: Range<usize>,
+    /// Most elastic modes that methods d and e take account of.
+    pub modes: usize,
+}
+
+impl Bands {
+    /// The averaging band, with modes looked for in all `count` lines.
+    #[must_use]
+    pub fn new(averaging: Range<usize>, count: usize) -> Self {
+        Self {
+            averaging,
+            fit: 0..count,
+            modes: MAX_MODES,
+        }
+    }
+}
+
+/// What a method gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condensed {
+    /// The pairs.
+    pub masslines: Masslines,
+    /// The fit behind them, for [`Method::ApparentMass`].
+    pub apparent_mass: Option<ApparentMass>,
+    /// The modes behind them, for [`Method::CurveFit`] and [`Method::Synthesis`].
+    pub free_modes: Option<FreeModes>,
+}
+
+/// Condenses `lines` to masslines about `reference` by `method`. `work` holds one element
+/// per line.
+///
+/// # Errors
+/// [`MasslineError`], what the method lacks.
+pub fn condense<L: Lines>(
+    method: Method,
+    lines: &L,
+    bands: &Bands,
+    reference: Vector3<f64>,
+    equations: &Equations,
+    work: &mut [Complex<f64>],
+) -> Result<Condensed, MasslineError> {
+    let band = bands.averaging.clone();
+    let fit = bands.fit.clone();
+    let plain = |masslines| Condensed {
+        masslines,
+        apparent_mass: None,
+        free_modes: None,
+    };
+    let with_modes = |(masslines, modes)| Condensed {
+        free_modes: Some(modes),
+        ..plain(masslines)
+    };
+    match method {
+        Method::ApparentMass => {
+            apparent_mass(lines, band, reference, equations, work).map(|fit| Condensed {
+                apparent_mass: Some(fit.clone()),
+                ..plain(fit.masslines)
+            })
+        }
+        Method::FrequencyResponses => {
+            frequency_responses(lines, band, reference, equations).map(plain)
+        }
+        Method::PowerSpectra => {
+            power_spectra(lines, band, Factorisation::None, reference, equations).map(plain)
+        }
+        Method::PowerSpectraCholesky => {
+            power_spectra(lines, band, Factorisation::Cholesky, reference, equations).map(plain)
+        }
+        Method::FreeResponses => {
+            free_responses(lines, band, false, reference, equations).map(plain)
+        }
+        Method::FreeResponsesSquared => {
+            free_responses(lines, band, true, reference, equations).map(plain)
+        }
+        Method::CurveFit => {
+            curve_fit(lines, band, fit, bands.modes, reference, equations, work).map(with_modes)
+        }
+        Method::Synthesis => {
+            synthesis(lines, band, fit, bands.modes, reference, equations, work).map(with_modes)
+        }
+    }
+}

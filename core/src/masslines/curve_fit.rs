@@ -1,0 +1,38 @@
+//! Method d: curve fit of the free system's frequency responses.
+
+use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines};
+use crate::geometry::Equations;
+use core::ops::Range;
+use nalgebra::{Complex, Vector3, Vector6};
+
+/// Masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
+/// `modes` elastic modes with common poles, and one term for those above. The lines
+/// `band` only judge the excitation.
+///
+/// # Errors
+/// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
+/// [`MasslineError::NoMode`].
+pub fn curve_fit<L: Lines>(
+    lines: &L,
+    band: Range<usize>,
+    fit: Range<usize>,
+    modes: usize,
+    reference: Vector3<f64>,
+    equations: &Equations,
+    work: &mut [Complex<f64>],
+) -> Result<(Masslines, FreeModes), MasslineError> {
+    let system = FreeSystem::new(lines, &band, equations)?;
+    let modes = system.modes(fit, modes, work)?;
+    let mut set = system.empty(reference);
+    for j in 0..system.forces() {
+        let a = system.noise_filter() * modes.constant.column(j);
+        set.push(a, system.unit_force(j), Vector6::zeros())?;
+    }
+    // An error of the acceleration counts as the force that would make it.
+    let rows = *set.equations.rows();
+    let gain = (rows * set.best_matrix()).map(|x| x * x);
+    for (j, pair) in set.pairs.iter_mut().enumerate() {
+        pair.variance = gain * modes.constant_variance.column(j);
+    }
+    Ok((set, modes))
+}

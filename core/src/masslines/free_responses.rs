@@ -1,0 +1,39 @@
+//! Method c: averaged frequency responses of the free system.
+
+use super::averaging::Trend;
+use super::{FreeSystem, Lines, MasslineError, Masslines};
+use crate::geometry::Equations;
+use core::ops::Range;
+use nalgebra::Vector3;
+
+/// Masslines from the real part of H over the lines `band`: unit forces and the
+/// accelerations that go with them.
+///
+/// With `squared` the average is replaced by the value at ω = 0 of `Re H = H₀ + H₂ ω²`,
+/// the leading term of all elastic modes: the best that can be done without their poles.
+///
+/// # Errors
+/// [`MasslineError`], among them [`MasslineError::TooFewRuns`].
+pub fn free_responses<L: Lines>(
+    lines: &L,
+    band: Range<usize>,
+    squared: bool,
+    reference: Vector3<f64>,
+    equations: &Equations,
+) -> Result<Masslines, MasslineError> {
+    let system = FreeSystem::new(lines, &band, equations)?;
+    let trend = if squared {
+        Trend::Squared
+    } else {
+        Trend::Constant
+    };
+    let mut set = system.empty(reference);
+    set.average(lines, &band, trend, system.forces(), |line, pairs| {
+        let h = system.response(line)?.map(|z| z.re);
+        for (j, pair) in pairs.iter_mut().enumerate() {
+            *pair = (system.noise_filter() * h.column(j), system.unit_force(j));
+        }
+        Ok(())
+    })?;
+    Ok(set)
+}

@@ -1,0 +1,78 @@
+//! Method a: averaged frequency responses of base acceleration and interface force.
+
+use super::averaging::{MAX_AVERAGED, Trend};
+use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use crate::geometry::Equations;
+use core::ops::Range;
+use nalgebra::{Complex, Vector3, Vector6};
+
+/// Masslines from the real parts of the measured frequency responses, averaged over the
+/// lines `band`: one pair per run, which needs a drive or a stepped sine.
+///
+/// Real parts mean something only where the base moves in phase with what the responses
+/// are referred to. A drive signal reaches the table late, so every line is first turned
+/// to the phase of the strongest base acceleration.
+///
+/// # Errors
+/// [`MasslineError`] if the band is too short, nothing is excited or measured, or the
+/// runs have no common reference.
+pub fn frequency_responses<L: Lines>(
+    lines: &L,
+    band: Range<usize>,
+    reference: Vector3<f64>,
+    equations: &Equations,
+) -> Result<Masslines, MasslineError> {
+    if equations.count() == 0 {
+        return Err(MasslineError::NoResultant);
+    }
+    let mut energy = Moments::zero();
+    let mut noise = Vector6::zeros();
+    for run in 0..lines.runs() {
+        let per_line = lines.noise(run);
+        for j in 0..6 {
+            noise[j] += per_line[j] * band.len() as f64;
+        }
+        for line in band.clone() {
+            if lines.pair(run, line).is_none() {
+                return Err(MasslineError::NoReference);
+            }
+            lines.add_moments(run, line, 1.0, &mut energy);
+        }
+    }
+    let excited = Excitation::new(&energy.aa.map(|z| z.re), &noise);
+    if excited.rank() == 0 {
+        return Err(MasslineError::NoExcitation);
+    }
+    // Powers in units of noise, so that a rotation may lead as well.
+    let units = noise.map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
+    let mut set = Masslines::new(reference, *equations);
+    let runs = lines.runs().min(MAX_AVERAGED);
+    let leaders: heapless::Vec<usize, MAX_AVERAGED> = (0..runs)
+        .map(|run| {
+            let mut m = Moments::zero();
+            for line in band.clone() {
+                lines.add_moments(run, line, 1.0, &mut m);
+            }
+            m.aa.diagonal().map(|z| z.re).component_mul(&units).imax()
+        })
+        .collect();
+    set.average(lines, &band, Trend::Constant, runs, |line, pairs| {
+        for (run, pair) in pairs.iter_mut().enumerate() {
+            let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
+            let lead = a[leaders[run]];
+            let size = libm::sqrt(lead.norm_sqr());
+            let turn = if size > 0.0 {
+                lead.conj() / size
+            } else {
+                Complex::new(1.0, 0.0)
+            };
+            *pair = (
+                excited.cleaner() * a.map(|z| (z * turn).re),
+                f.map(|z| (z * turn).re),
+            );
+        }
+        Ok(())
+    })?;
+    set.share_noise(&energy.aa.diagonal().map(|z| z.re), &noise);
+    Ok(set)
+}

@@ -1,0 +1,69 @@
+//! The command line: one file a command, in [`crate::commands`].
+
+use crate::commands::{self, demo, identify, simulate};
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Weigh what is on the shaker, from the test you run anyway.
+///
+/// Load cells at the interface and accelerometers measure what a shaking table puts into
+/// a structure. From that massline finds the structure's mass, centre of gravity and
+/// inertia, with error bars, and says which of the ten this test cannot tell.
+#[derive(Parser)]
+#[command(
+    name = "massline",
+    version,
+    arg_required_else_help = true,
+    after_help = "Start here:\n  massline demo\n  massline simulate fork --out fork && massline identify fork/setup.toml"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    verbosity: Verbosity,
+}
+
+/// How much is said on stderr.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct Verbosity {
+    /// No progress and no warnings
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// More about what was done
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    pub verbose: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Arguments),
+    Identify(identify::Arguments),
+    Simulate(simulate::Arguments),
+    /// Print a completion script for your shell
+    #[command(after_help = "Example:\n  massline completions bash > ~/.local/share/bash-completion/completions/massline")]
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Runs the command line of this process.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let verbosity = cli.verbosity;
+    let done = match cli.command {
+        Command::Demo(a) => demo::run(&a, verbosity),
+        Command::Identify(a) => identify::run(&a, verbosity),
+        Command::Simulate(a) => simulate::run(&a, verbosity),
+        Command::Completions { shell } => {
+            let mut command = <Cli as clap::CommandFactory>::command();
+            clap_complete::generate(shell, &mut command, "massline", &mut std::io::stdout());
+            Ok(())
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => commands::report(&failure),
+    }
+}

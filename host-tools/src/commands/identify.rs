@@ -1,0 +1,119 @@
+//! `massline identify`: recordings to ten numbers.
+
+use super::{Bar, Failure, print_answer, print_json, true_body, warn, write_file};
+use crate::cli::Verbosity;
+use crate::identification::{Answer, Choice, answer};
+use crate::report;
+use crate::result::ResultDocument;
+use crate::setup::Setup;
+use crate::simulate::Truth;
+use massline_core::identify::Procedure;
+use massline_core::masslines::Method;
+use std::path::{Path, PathBuf};
+
+/// Identify the ten rigid-body properties from recordings
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass"
+)]
+pub struct Arguments {
+    /// The setup: sensors, processing and runs
+    setup: PathBuf,
+    /// How masslines are found; the recommended method if absent
+    #[arg(long, value_parser = parse_method, value_name = "NAME")]
+    method: Option<Method>,
+    /// Move the reference point to the centre of gravity until both coincide
+    #[arg(long, overrides_with = "direct")]
+    iterative: bool,
+    /// Solve once at the given reference point (default)
+    #[arg(long, overrides_with = "iterative")]
+    direct: bool,
+    /// Weigh all accelerometers alike
+    #[arg(long)]
+    no_weights: bool,
+    /// One JSON document on stdout and nothing else
+    #[arg(long)]
+    json: bool,
+    /// Write a report with plots
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Compare with the truth.json of a simulation
+    #[arg(long, value_name = "FILE.json")]
+    truth: Option<PathBuf>,
+}
+
+fn parse_method(name: &str) -> Result<Method, String> {
+    let known = || {
+        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+        names.join(", ")
+    };
+    Method::ALL
+        .into_iter()
+        .find(|m| m.name() == name)
+        .ok_or_else(|| format!("the methods are: {}", known()))
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`] with the reason.
+pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let truth = arguments.truth.as_deref().map(read_truth).transpose()?;
+    let choice = Choice {
+        method: arguments.method,
+        procedure: if arguments.iterative {
+            Procedure::ITERATIVE
+        } else {
+            Procedure::Direct
+        },
+        weighted: !arguments.no_weights,
+    };
+    let answer = with_progress(&setup, &choice, verbosity)?;
+    if let Some(path) = &arguments.report {
+        write_file(path, &report::render(&setup, &answer, truth.as_ref().map(true_body).as_ref()))?;
+    }
+    if arguments.json {
+        return print_json(&ResultDocument::new(&setup.title, &answer));
+    }
+    warn(&answer.warnings, verbosity);
+    show(&setup.title, &answer, truth.as_ref())?;
+    if let Some(path) = &arguments.report {
+        if !verbosity.quiet {
+            eprintln!("report: {}", path.display());
+        }
+    }
+    Ok(())
+}
+
+/// The answer to a setup, with a bar on the terminal meanwhile.
+///
+/// # Errors
+/// As [`answer`].
+pub(super) fn with_progress(
+    setup: &Setup,
+    choice: &Choice,
+    verbosity: Verbosity,
+) -> Result<Answer, Failure> {
+    let bar = Bar::new("reading", verbosity);
+    let answer = answer(setup, choice, &mut |p| {
+        bar.set((p.run as f64 + p.share) / p.runs as f64, p.name);
+    })?;
+    Ok(answer)
+}
+
+pub(super) fn show(title: &str, answer: &Answer, truth: Option<&Truth>) -> Result<(), Failure> {
+    print_answer(&mut anstream::stdout(), title, answer, truth)
+        .map_err(|e| Failure::input(format!("stdout: {e}")))
+}
+
+fn read_truth(path: &Path) -> Result<Truth, Failure> {
+    let wrong = |e: &dyn std::fmt::Display| {
+        Failure::input(format!(
+            "{}: {e}; expected the truth.json that `massline simulate` writes",
+            path.display()
+        ))
+    };
+    let text = std::fs::read_to_string(path).map_err(|e| wrong(&e))?;
+    serde_json::from_str(&text).map_err(|e| wrong(&e))
+}

@@ -1,0 +1,109 @@
+//! One file a command; what they share of talking to the user.
+
+pub mod demo;
+pub mod identify;
+pub mod simulate;
+
+mod progress;
+mod table;
+
+pub use progress::Bar;
+pub use table::print_answer;
+
+use crate::cli::Verbosity;
+use crate::report::TrueBody;
+use crate::simulate::{InertiaTruth, Truth};
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Why a command ends without doing what was asked.
+#[derive(Debug)]
+pub struct Failure {
+    /// 1: the data do not allow an answer. 2: wrong usage or unreadable input.
+    pub code: u8,
+    /// What is wrong, where, and what to do.
+    pub message: String,
+}
+
+impl Failure {
+    /// Unusable input.
+    pub fn input(error: impl std::fmt::Display) -> Self {
+        Self {
+            code: 2,
+            message: error.to_string(),
+        }
+    }
+
+    /// The file system refused to take a result.
+    pub fn write(path: &Path, error: &std::io::Error) -> Self {
+        Self::input(format!(
+            "{}: cannot be written: {error}; choose another place with --out",
+            path.display()
+        ))
+    }
+}
+
+impl From<crate::identification::AnswerError> for Failure {
+    fn from(error: crate::identification::AnswerError) -> Self {
+        Self {
+            code: error.exit_code(),
+            message: error.to_string(),
+        }
+    }
+}
+
+/// Prints the failure and turns it into the exit code.
+pub fn report(failure: &Failure) -> ExitCode {
+    let style = anstyle::AnsiColor::Red.on_default().bold();
+    let _ = writeln!(
+        anstream::stderr(),
+        "{style}error:{style:#} {}",
+        failure.message
+    );
+    ExitCode::from(failure.code)
+}
+
+/// Prints warnings on stderr unless asked to be quiet.
+pub fn warn(warnings: &[String], verbosity: Verbosity) {
+    if verbosity.quiet {
+        return;
+    }
+    let style = anstyle::AnsiColor::Yellow.on_default().bold();
+    let mut err = anstream::stderr();
+    for warning in warnings {
+        let _ = writeln!(err, "{style}note:{style:#} {warning}");
+    }
+}
+
+/// Writes a text file, its folder included.
+///
+/// # Errors
+/// [`Failure`] that names the file.
+pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|e| Failure::write(folder, &e))?;
+    }
+    std::fs::write(path, text).map_err(|e| Failure::write(path, &e))
+}
+
+/// The truth of a simulation as the report wants it.
+#[must_use]
+pub fn true_body(truth: &Truth) -> TrueBody {
+    let terms = |i: &InertiaTruth| [i.xx, i.yy, i.zz, i.xy, i.xz, i.yz];
+    TrueBody {
+        mass: Some(truth.mass),
+        centre_of_gravity: truth.centre_of_gravity,
+        inertia_reference: terms(&truth.inertia_reference),
+        inertia_cg: terms(&truth.inertia_cg),
+    }
+}
+
+/// Prints one JSON document on stdout.
+///
+/// # Errors
+/// [`Failure`] if stdout is gone.
+pub fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(document).map_err(Failure::input)?;
+    writeln!(std::io::stdout(), "{text}").map_err(|e| Failure::input(format!("stdout: {e}")))
+}

@@ -1,0 +1,45 @@
+//! Progress on stderr, on a terminal only.
+
+use crate::cli::Verbosity;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// A bar from 0 to 1 with a word on what is being done.
+pub struct Bar {
+    bar: ProgressBar,
+}
+
+/// Steps of a bar: finer than any terminal is wide.
+const STEPS: u64 = 1000;
+
+impl Bar {
+    /// A bar headed `verb`; invisible if quiet or stderr is no terminal.
+    #[must_use]
+    pub fn new(verb: &'static str, verbosity: Verbosity) -> Self {
+        let target = if verbosity.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
+        let bar = ProgressBar::with_draw_target(Some(STEPS), target);
+        if let Ok(style) =
+            ProgressStyle::with_template("{prefix:>12} {bar:30} {percent:>3} %  {wide_msg}")
+        {
+            bar.set_style(style.progress_chars("━╸─"));
+        }
+        bar.set_prefix(verb);
+        Self { bar }
+    }
+
+    /// `share` of the whole, 0 to 1, is done; now it is about `what`.
+    pub fn set(&self, share: f64, what: &str) {
+        self.bar
+            .set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
+        self.bar.set_message(what.to_owned());
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,160 @@
+//! The table of ten on a terminal.
+
+use crate::format::{significant, with_std};
+use crate::identification::Answer;
+use crate::simulate::Truth;
+use anstyle::{AnsiColor, Style};
+use massline_core::identify::{Estimate, Procedure};
+use std::io::Write;
+
+/// Half width of a 95 % interval in standard deviations.
+const TWO_SIDED_95: f64 = 1.959_963_985;
+
+struct Row {
+    name: String,
+    unit: &'static str,
+    /// Displayed units per SI unit.
+    scale: f64,
+    estimate: Option<Estimate>,
+    truth: Option<f64>,
+}
+
+fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
+    let i = &answer.identification;
+    let mut rows = Vec::new();
+    let mut add = |name: String, unit, scale, estimate, truth| {
+        rows.push(Row {
+            name,
+            unit,
+            scale,
+            estimate,
+            truth,
+        });
+    };
+    match i.indicator {
+        Some(indicator) => add(
+            "indicator Δ".into(),
+            "",
+            1.0,
+            Some(indicator),
+            truth.map(|_| 1.0),
+        ),
+        None => add("mass".into(), "kg", 1.0, i.mass, truth.map(|t| t.mass)),
+    }
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        add(
+            format!("CG {name}"),
+            "mm",
+            1e3,
+            i.centre_of_gravity[axis],
+            truth.and_then(|t| t.centre_of_gravity[axis]),
+        );
+    }
+    let names = ["Θxx", "Θyy", "Θzz", "Θxy", "Θxz", "Θyz"];
+    let abouts = [
+        ("A", i.inertia_reference, truth.map(|t| t.inertia_reference)),
+        ("S", i.inertia_cg, truth.map(|t| t.inertia_cg)),
+    ];
+    for (point, terms, truth) in abouts {
+        let largest = terms
+            .iter()
+            .flatten()
+            .fold(0.0_f64, |a, t| a.max(t.value.abs()));
+        let (unit, scale) = if largest < 0.1 { ("g m²", 1e3) } else { ("kg m²", 1.0) };
+        for (j, name) in names.into_iter().enumerate() {
+            let truth = truth.and_then(|t| [t.xx, t.yy, t.zz, t.xy, t.xz, t.yz][j]);
+            add(format!("{name} about {point}"), unit, scale, terms[j], truth);
+        }
+    }
+    rows
+}
+
+/// Prints the ten numbers with their error bars, and the truth beside them if it is known.
+///
+/// # Errors
+/// If the terminal is gone.
+pub fn print_answer(
+    out: &mut dyn Write,
+    title: &str,
+    answer: &Answer,
+    truth: Option<&Truth>,
+) -> std::io::Result<()> {
+    let bold = Style::new().bold();
+    let dim = Style::new().dimmed();
+    let i = &answer.identification;
+    writeln!(out, "{bold}{title}{bold:#}")?;
+    let procedure = match answer.procedure {
+        Procedure::Direct => "direct".to_owned(),
+        Procedure::Iterative { .. } => format!("iterative, {} steps", i.iterations),
+    };
+    writeln!(out, "{} ({procedure})", answer.method.description())?;
+    if let Some(why) = answer.why {
+        writeln!(out, "{dim}recommended: {why}{dim:#}")?;
+    }
+    let [x, y, z] = i.reference.into();
+    writeln!(
+        out,
+        "{dim}reference point A = ({}, {}, {}) m, S = centre of gravity, products Θxy = ∫ x y dm{dim:#}",
+        significant(x, 4),
+        significant(y, 4),
+        significant(z, 4)
+    )?;
+    if let (Some(mass), Some(_)) = (i.mass, i.indicator) {
+        writeln!(out, "{dim}mass weighed: {} kg{dim:#}", significant(mass.value, 6))?;
+    }
+    writeln!(out)?;
+    write!(out, "{bold}{:<14}{:>12}  {:<13}", "", "value", "95 % interval")?;
+    if truth.is_some() {
+        write!(out, "{:>12}{:>11}", "truth", "error")?;
+    }
+    writeln!(out, "{bold:#}")?;
+    let mut unseen = Vec::new();
+    for row in rows(answer, truth) {
+        match row.estimate {
+            Some(e) => print_row(out, &row, e, truth.is_some())?,
+            None => unseen.push(row.name),
+        }
+    }
+    if !unseen.is_empty() {
+        let yellow = AnsiColor::Yellow.on_default();
+        writeln!(out)?;
+        writeln!(
+            out,
+            "{yellow}not observable from this test:{yellow:#} {}",
+            unseen.join(", ")
+        )?;
+    }
+    if let Some(p) = i.principal {
+        let m: Vec<String> = p.moments.iter().map(|&m| significant(m, 4)).collect();
+        writeln!(out)?;
+        writeln!(out, "principal moments about S: {} kg m²", m.join(", "))?;
+    }
+    Ok(())
+}
+
+fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> std::io::Result<()> {
+    let (value, half) = with_std(e.value * row.scale, e.std * row.scale * TWO_SIDED_95);
+    let interval = format!("± {half} {}", row.unit);
+    write!(out, "{:<14}{value:>12}  {interval:<13}", row.name)?;
+    if with_truth {
+        match row.truth {
+            Some(truth) => {
+                let error = e.value - truth;
+                let inside = error.abs() <= e.std * TWO_SIDED_95 || e.std == 0.0;
+                let style = if inside { AnsiColor::Green } else { AnsiColor::Yellow }.on_default();
+                let (shown, _) = with_std(truth * row.scale, e.std * row.scale * TWO_SIDED_95 / 10.0);
+                let percent = if truth == 0.0 {
+                    String::new()
+                } else {
+                    format!("{:+.3} %", 100.0 * error / truth.abs())
+                };
+                write!(out, "{shown:>12}{style}{percent:>11}{style:#}")?;
+                if !inside {
+                    write!(out, "  outside")?;
+                }
+            }
+            None => write!(out, "{:>12}", "-")?,
+        }
+    }
+    writeln!(out)
+}
