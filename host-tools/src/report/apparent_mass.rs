@@ -1,0 +1,334 @@
+//! The section on the apparent mass: is the fit good, and is the band free of modes?
+
+use super::lines::groups;
+use super::markup::escape;
+use super::number::{fixed, significant, with_unit};
+use super::page::{Section, panels};
+use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, Tone, legend};
+use super::response::{Entries, Entry, entries};
+use super::scales::axis_factor;
+use crate::identification::Answer;
+use massline_core::masslines::ApparentMass;
+use nalgebra::Matrix6;
+use std::fmt::Write;
+
+/// What every panel of the section needs to know.
+struct View<'a> {
+    /// Averaging band, Hz.
+    band: [f64; 2],
+    /// Highest kept line, Hz.
+    top: f64,
+    fit: Option<&'a ApparentMass>,
+}
+
+/// The section, or `None` without spectra.
+pub(super) fn section(answer: &Answer) -> Option<Section> {
+    let grid = answer.measurement.grid?;
+    let band = &answer.measurement.band;
+    let groups = groups(answer);
+    let mut html = String::new();
+    for group in &groups {
+        let view = View {
+            band: [
+                grid.frequency(band.start),
+                grid.frequency(band.end.saturating_sub(1)),
+            ],
+            top: grid.frequency(grid.count.saturating_sub(1)),
+            fit: group.fit,
+        };
+        let entries = entries(group, answer);
+        if groups.len() > 1 {
+            let names: Vec<String> = group.runs.iter().map(|r| escape(&r.name)).collect();
+            let _ = write!(html, "<h3>Runs {}</h3>", names.join(", "));
+        }
+        html.push_str(&introduction(&entries, &view));
+        html.push_str(&overview(&entries, &view));
+        html.push_str(&closeup(&entries, &view));
+        if let Some(fit) = group.fit {
+            html.push_str(&modes(fit, answer));
+        }
+    }
+    Some(Section::new("apparent-mass", "Apparent mass", html))
+}
+
+fn introduction(entries: &Entries, view: &View<'_>) -> String {
+    let mut text = String::from("<p>");
+    text.push_str(if entries.list.is_empty() {
+        "No base acceleration rises above its noise, so there is nothing to draw."
+    } else if entries.solved {
+        "Force resultants per base acceleration, solved line by line from all runs. Towards \
+         zero frequency they become the entries of the rigid body's mass matrix."
+    } else {
+        "These runs do not separate the directions of motion line by line. Shown is, for each \
+         run, every force resultant per that run's strongest base acceleration; the other \
+         directions move along, in the fit as well."
+    });
+    if view.fit.is_some() && !entries.list.is_empty() {
+        text.push_str(
+            " The fit is a rigid body plus the modes of the fixed structure, made inside the \
+             shaded averaging band; outside it is an extrapolation.",
+        );
+    }
+    if entries.left_out > 0 {
+        let _ = write!(text, " {} more runs are not drawn.", entries.left_out);
+    }
+    text.push_str("</p>");
+    text
+}
+
+/// Magnitudes of the direct entries over all kept lines, logarithmic: where are the modes?
+fn overview(entries: &Entries, view: &View<'_>) -> String {
+    let direct: Vec<&Entry> = entries.list.iter().filter(|e| e.direct).collect();
+    if direct.is_empty() {
+        return String::new();
+    }
+    let mut key = vec![(Tone::Measured, Mark::Dots, "magnitude, measured")];
+    if view.fit.is_some() {
+        key.push((Tone::Fit, Mark::Line, "fit"));
+        key.push((Tone::Muted, Mark::Dashed, "modes of the fixed structure"));
+    }
+    key.push((Tone::Identified, Mark::Dashed, "identified rigid body"));
+    let charts = direct.iter().map(|e| magnitude(e, view));
+    format!(
+        "<h3>Magnitude over all lines</h3>{}{}",
+        legend(&key),
+        panels(charts)
+    )
+}
+
+fn magnitude(entry: &Entry, view: &View<'_>) -> String {
+    let size = |points: &[(f64, nalgebra::Complex<f64>)]| -> Vec<[f64; 2]> {
+        points
+            .iter()
+            .map(|(f, z)| [*f, libm::hypot(z.re, z.im)])
+            .collect()
+    };
+    let measured = size(&entry.measured);
+    let fit = size(&entry.fit);
+    let mut extent =
+        Extent::within_quantiles(Mapping::Log, measured.iter().map(|p| p[1]), 0.004..1.0);
+    let rigid: Vec<[f64; 2]> = entry.rigid.iter().map(|p| [p[0], p[1].abs()]).collect();
+    rigid.iter().for_each(|p| extent.see(p[1]));
+    let domain = extent.domain(0.08);
+    let mut chart = LineChart::panel(
+        entry.symbol,
+        Axis::linear("Hz", [0.0, view.top]),
+        Axis::new(title(entry, ""), Mapping::Log, domain),
+    );
+    chart.spans.push(band(view, "averaging band"));
+    chart.rules = poles(view);
+    chart.series.push(Series::new(
+        "identified rigid body",
+        Tone::Identified,
+        Mark::Dashed,
+        rigid,
+    ));
+    chart.series.push(Series::new(
+        "measured",
+        Tone::Measured,
+        Mark::Dots,
+        measured,
+    ));
+    push_fit(&mut chart, view, fit);
+    chart.svg()
+}
+
+/// Real parts inside the band, without what the fit says is elastic: what the ten numbers
+/// come from. Lines that scatter around a level are a good test, a slope is a poor fit.
+fn closeup(entries: &Entries, view: &View<'_>) -> String {
+    if entries.list.is_empty() {
+        return String::new();
+    }
+    let mut key = Vec::new();
+    let heading = if view.fit.is_some() {
+        key.push((
+            Tone::Measured,
+            Mark::Dots,
+            "measured, elastic part taken off",
+        ));
+        key.push((Tone::Fit, Mark::Thin, "fit with its elastic part"));
+        "Real part inside the averaging band, elastic part taken off"
+    } else {
+        key.push((Tone::Measured, Mark::Dots, "measured"));
+        "Real part inside the averaging band"
+    };
+    key.push((Tone::Identified, Mark::Dashed, "identified rigid body"));
+    let charts = entries.list.iter().map(|e| real_part(e, view));
+    format!("<h3>{heading}</h3>{}{}", legend(&key), panels(charts))
+}
+
+/// Least half height of a close-up, as a share of the level: what is flatter is flat.
+const FLAT: f64 = 1e-3;
+
+fn real_part(entry: &Entry, view: &View<'_>) -> String {
+    let [low, high] = view.band;
+    let inside = |f: f64| f >= low && f <= high;
+    let measured: Vec<[f64; 2]> = entry
+        .measured
+        .iter()
+        .enumerate()
+        .filter(|(_, (f, _))| inside(*f))
+        .map(|(k, (f, z))| [*f, z.re - entry.elastic.get(k).copied().unwrap_or(0.0)])
+        .collect();
+    let mut extent =
+        Extent::within_quantiles(Mapping::Linear, measured.iter().map(|p| p[1]), 0.01..0.99);
+    for [_, level] in entry.rigid.iter().filter(|p| inside(p[0])) {
+        extent.see(level * (1.0 - FLAT));
+        extent.see(level * (1.0 + FLAT));
+    }
+    let domain = extent.domain(0.1);
+    let (factor, prefix) = axis_factor(domain[0].abs().max(domain[1].abs()));
+    let scaled = |points: &mut dyn Iterator<Item = [f64; 2]>| -> Vec<[f64; 2]> {
+        points.map(|p| [p[0], p[1] * factor]).collect()
+    };
+    let margin = 0.04 * (high - low);
+    let mut chart = LineChart::panel(
+        entry.symbol,
+        Axis::linear("Hz", [(low - margin).max(0.0), high + margin]),
+        Axis::linear(title(entry, &prefix), domain.map(|v| v * factor)),
+    );
+    chart.spans.push(band(view, ""));
+    match entry.rigid.as_slice() {
+        // A constant is a rule with its value at the end.
+        [[_, a], [_, b]] if a == b => chart.rules.push(Rule::Horizontal {
+            y: a * factor,
+            label: significant(a * factor, 5),
+            tone: Tone::Identified,
+        }),
+        rigid => chart.series.push(Series::new(
+            "identified rigid body",
+            Tone::Identified,
+            Mark::Dashed,
+            scaled(&mut rigid.iter().copied()),
+        )),
+    }
+    chart.series.push(Series::new(
+        "measured",
+        Tone::Measured,
+        Mark::Dots,
+        scaled(&mut measured.into_iter()),
+    ));
+    let fit = entry.fit.iter().filter(|(f, _)| inside(*f));
+    chart.series.push(Series::new(
+        "fit",
+        Tone::Fit,
+        Mark::Thin,
+        scaled(&mut fit.map(|(f, z)| [*f, z.re])),
+    ));
+    chart.svg()
+}
+
+fn title(entry: &Entry, prefix: &str) -> String {
+    format!("{}, {prefix}{}", entry.detail, entry.unit)
+}
+
+/// The fit: a full line where it was made, a thin one where it is extrapolated. Far above
+/// the last mode it means nothing.
+fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
+    const FAR: f64 = 1.1;
+    let [low, high] = view.band;
+    let poles = view.fit.into_iter().flat_map(|f| &f.poles);
+    let last = FAR * poles.map(|p| p.frequency).fold(high, f64::max);
+    let mut part = |name: &str, mark: Mark, from: f64, to: f64| {
+        let points = fit.iter().filter(|p| p[0] >= from && p[0] <= to);
+        let series = Series::new(name, Tone::Fit, mark, points.copied().collect());
+        chart.series.push(series);
+    };
+    part("fit, extrapolated", Mark::Thin, 0.0, last);
+    part("fit", Mark::Line, low, high);
+}
+
+fn band(view: &View<'_>, label: &str) -> Span {
+    Span {
+        x: view.band,
+        label: label.to_owned(),
+    }
+}
+
+fn poles(view: &View<'_>) -> Vec<Rule> {
+    let poles = view.fit.into_iter().flat_map(|f| &f.poles);
+    poles
+        .map(|p| Rule::Vertical {
+            x: p.frequency,
+            label: significant(p.frequency, 3),
+            tone: Tone::Muted,
+        })
+        .collect()
+}
+
+/// Effective masses below this share of the whole are not worth a number.
+const NEGLIGIBLE: f64 = 1e-4;
+
+/// The modes that were fitted along: the other result that interface forces allow.
+fn modes(fit: &ApparentMass, answer: &Answer) -> String {
+    if fit.poles.is_empty() {
+        return "<p>No mode of the fixed structure was found in the lines.</p>".to_owned();
+    }
+    let rigid = super::rigid::matrix(&answer.identification);
+    let directions = ["x", "y", "z", "about x", "about y", "about z"];
+    let known: Vec<usize> = (0..6)
+        .filter(|j| rigid[(*j, *j)] > 0.0 && fit.rigid[(*j, *j)] > 0.0)
+        .collect();
+    let mut html = String::from(
+        "<h3>Modes of the fixed structure</h3><div class=\"wide\"><table class=\"plain\">\
+         <thead><tr><th scope=\"col\" class=\"num\">Frequency, Hz</th>\
+         <th scope=\"col\" class=\"num\">Damping, %</th>",
+    );
+    for j in &known {
+        let _ = write!(
+            html,
+            "<th scope=\"col\" class=\"num\">Effective {} {}</th>",
+            if *j < 3 { "mass" } else { "inertia" },
+            directions[*j]
+        );
+    }
+    html.push_str("</tr></thead><tbody>");
+    for (pole, mass) in fit.poles.iter().zip(&fit.effective_mass) {
+        let _ = write!(
+            html,
+            "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td>",
+            fixed(pole.frequency, 2),
+            fixed(100.0 * pole.damping, 2)
+        );
+        for j in &known {
+            let _ = write!(
+                html,
+                "<td class=\"num\">{}</td>",
+                effective(mass, &rigid, *j)
+            );
+        }
+        html.push_str("</tr>");
+    }
+    html.push_str("</tbody></table></div>");
+    let unused = fit.effective_mass.iter().take(fit.poles.len());
+    let unused = unused.filter(|m| m.is_none()).count();
+    let _ = write!(
+        html,
+        "<p class=\"small\">Effective mass and inertia in percent of the rigid body's, about \
+         the reference point.{}{}</p>",
+        if unused > 0 {
+            " Modes without a number were found in the lines, but the averaging band does \
+             not need them."
+        } else {
+            ""
+        },
+        if fit.upper.is_some() {
+            " Modes above were fitted together, as one term that grows with the square of \
+             frequency."
+        } else {
+            ""
+        }
+    );
+    html
+}
+
+fn effective(mass: &Option<Matrix6<f64>>, rigid: &Matrix6<f64>, j: usize) -> String {
+    mass.map_or(String::new(), |m| {
+        let share = m[(j, j)] / rigid[(j, j)];
+        if share.abs() < NEGLIGIBLE {
+            with_unit("0", "%")
+        } else {
+            with_unit(&fixed(100.0 * share, 2), "%")
+        }
+    })
+}

@@ -1,0 +1,60 @@
+//! The report: one HTML file that an engineer can read, print and send.
+//!
+//! Inline style and inline SVG, no script, nothing fetched. Page assembly and drawing are
+//! apart: `plot` knows nothing of rigid bodies and serves other pages as well, `sketch`
+//! draws the three views, the other files say what a section contains.
+//!
+//! | file | section |
+//! | --- | --- |
+//! | `verdict` | title, method, verdict, warnings |
+//! | `table` | the ten numbers with error bars |
+//! | `apparent_mass`, `response` | apparent mass with the fit |
+//! | `coherence`, `base_spectra` | was the excitation good enough |
+//! | `poses` | static poses: loads, residuals |
+//! | `sketch` | sensors, CG and inertia in three views |
+//! | `runs` | runs, channels, processing, how to read it |
+
+mod apparent_mass;
+mod base_spectra;
+mod coherence;
+mod lines;
+pub mod markup;
+pub mod number;
+pub mod page;
+pub mod plot;
+mod poses;
+mod response;
+mod rigid;
+mod runs;
+mod scales;
+mod sketch;
+mod table;
+mod truth;
+mod verdict;
+
+pub use truth::TrueBody;
+
+use crate::identification::Answer;
+use crate::setup::Setup;
+use page::Section;
+
+/// The report of an answer as an HTML page; `truth` is what should have come out, where
+/// that is known.
+#[must_use]
+pub fn render(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
+    let ten = Section::new("ten", "The ten numbers", table::table(answer, truth));
+    let mut sections = vec![ten];
+    sections.extend(apparent_mass::section(answer));
+    sections.extend(poses::section(answer));
+    sections.extend(coherence::section(answer));
+    sections.extend(base_spectra::section(answer));
+    sections.push(sketch::section(setup, answer, truth));
+    sections.push(runs::section(setup, answer));
+    sections.push(runs::reading(answer));
+    page::page(
+        verdict::title(setup),
+        &verdict::header(setup, answer, truth),
+        &sections,
+        &format!("Made by massline {}.", env!("CARGO_PKG_VERSION")),
+    )
+}

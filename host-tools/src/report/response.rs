@@ -1,0 +1,268 @@
+//! Apparent mass, entry by entry, as measured and as fitted.
+//!
+//! With as many independent runs as directions of motion, `M = F A⁻¹` line by line. With
+//! fewer, no entry is measured on its own; then each run shows its resultants per its own
+//! strongest base acceleration, and the fit is asked for the same ratio.
+
+use super::lines::{Excited, Group, comparable, determined_accelerations, measured_forces};
+use super::rigid;
+use super::scales::lever;
+use crate::identification::Answer;
+use crate::measure::MeasuredRun;
+use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
+use massline_core::masslines::{ApparentMass, Complex6, Lines, Moments};
+use nalgebra::Complex;
+
+/// A frequency, Hz, and a complex ratio of force to acceleration.
+pub(super) type Point = (f64, Complex<f64>);
+
+/// One panel's data.
+pub(super) struct Entry {
+    /// What it is for a rigid body, such as `m z`; empty for a ratio of one run.
+    pub symbol: &'static str,
+    /// Which force per which acceleration, and in which run.
+    pub detail: String,
+    pub unit: &'static str,
+    /// Whether force and acceleration belong to the same direction.
+    pub direct: bool,
+    /// Line by line.
+    pub measured: Vec<Point>,
+    /// Real part of what the fit ascribes to elasticity, at the measured lines.
+    pub elastic: Vec<f64>,
+    /// The fit, at as many frequencies as it takes to draw it.
+    pub fit: Vec<Point>,
+    /// What the identified rigid body has in its place, over frequency.
+    pub rigid: Vec<[f64; 2]>,
+}
+
+/// The entries of a group of runs.
+pub(super) struct Entries {
+    /// Whether they are entries of the matrix, or ratios of single runs.
+    pub solved: bool,
+    pub list: Vec<Entry>,
+    /// Runs of the group that were left out because there are so many.
+    pub left_out: usize,
+}
+
+/// More runs than this are not drawn one by one.
+const MOST_RUNS: usize = 6;
+/// Points of a fitted curve.
+const FIT_POINTS: usize = 600;
+/// Share of the strongest resultant's power below which one is not drawn.
+const FAINT: f64 = 1e-4;
+
+/// Entries of one group.
+pub(super) fn entries(group: &Group<'_>, answer: &Answer) -> Entries {
+    let measurement = &answer.measurement;
+    let solved = Group::read(&group.runs, measurement, |lines| {
+        matrix_entries(group, lines, answer)
+    });
+    if let Some(list) = solved.flatten() {
+        return Entries {
+            solved: true,
+            list,
+            left_out: 0,
+        };
+    }
+    let mut list = Vec::new();
+    for run in group.runs.iter().take(MOST_RUNS) {
+        let ratios = Group::read(&[run], measurement, |lines| {
+            ratios(run, group.fit, lines, answer)
+        });
+        list.extend(ratios.into_iter().flatten());
+    }
+    Entries {
+        solved: false,
+        list,
+        left_out: group.runs.len().saturating_sub(MOST_RUNS),
+    }
+}
+
+/// The upper triangle of M, if the runs determine it line by line.
+fn matrix_entries(group: &Group<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
+    let excited = Excited::new(lines, &answer.measurement.band);
+    let count = excited.count();
+    let drives = group.runs[0].responses().is_some();
+    if count == 0 || excited.rank != count || (drives && group.runs.len() < count) {
+        return None;
+    }
+    let forces = measured_forces(group.runs[0]);
+    let places = places(&excited.components, &forces);
+    let mut measured: Vec<Vec<Point>> = vec![Vec::with_capacity(lines.count()); places.len()];
+    for line in 0..lines.count() {
+        let mut moments = Moments::zero();
+        for run in 0..lines.runs() {
+            lines.add_moments(run, line, 1.0, &mut moments);
+        }
+        let Some(m) = quotient(&moments, &excited.components) else {
+            continue;
+        };
+        for (points, (i, j)) in measured.iter_mut().zip(&places) {
+            points.push((lines.frequency(line), m[(*i, *j)]));
+        }
+    }
+    let top = lines.frequency(lines.count().saturating_sub(1));
+    let elastic = |i: usize, j: usize, points: &[Point]| -> Vec<f64> {
+        let Some(fit) = group.fit else {
+            return Vec::new();
+        };
+        let part = |f: f64| fit.at(f)[(i, j)].re - fit.rigid[(i, j)];
+        points.iter().map(|(f, _)| part(*f)).collect()
+    };
+    let entry = |((i, j), measured): ((usize, usize), Vec<Point>)| Entry {
+        elastic: elastic(i, j, &measured),
+        symbol: rigid::SYMBOLS[i][j],
+        detail: format!("{} per {}", RESULTANT_NAMES[i], ACCELERATION_NAMES[j]),
+        unit: rigid::unit(i, j),
+        direct: i == j,
+        measured,
+        fit: group.fit.map_or_else(Vec::new, |fit| curve(fit, top, i, j)),
+        rigid: rigid::entry(&answer.identification, i, j)
+            .map_or_else(Vec::new, |v| vec![[0.0, v], [top, v]]),
+    };
+    Some(places.into_iter().zip(measured).map(entry).collect())
+}
+
+/// Which entries to show: not those that are zero for every rigid body, and of two that
+/// mirror each other the upper one, if it was measured.
+fn places(accelerations: &[bool; 6], forces: &[bool; 6]) -> Vec<(usize, usize)> {
+    let there = |i: usize, j: usize| forces[i] && accelerations[j];
+    let mut places = Vec::new();
+    // The diagonal first, then mass moments, then products of inertia.
+    for kind in 0..3 {
+        for i in 0..6 {
+            for j in i..6 {
+                let this = match (i == j, i < 3) {
+                    (true, _) => 0,
+                    (false, true) => 1,
+                    (false, false) => 2,
+                };
+                if this != kind || rigid::SYMBOLS[i][j].is_empty() {
+                    continue;
+                }
+                if there(i, j) {
+                    places.push((i, j));
+                } else if there(j, i) {
+                    places.push((j, i));
+                }
+            }
+        }
+    }
+    places
+}
+
+/// `Σ f a* (Σ a a*)⁻¹` on the excited components, zero elsewhere.
+pub(super) fn quotient(moments: &Moments, components: &[bool; 6]) -> Option<Complex6> {
+    let zero = Complex::new(0.0, 0.0);
+    let size = |j: usize| moments.aa[(j, j)].re.sqrt();
+    // Every component in units of its own size, so that rotations do not look singular.
+    let scaled = Complex6::from_fn(|i, j| {
+        if i == j {
+            Complex::new(1.0, 0.0)
+        } else if components[i] && components[j] {
+            moments.aa[(i, j)] / (size(i) * size(j))
+        } else {
+            zero
+        }
+    });
+    let right = Complex6::from_fn(|i, j| {
+        if components[j] {
+            moments.fa[(i, j)] / size(j)
+        } else {
+            zero
+        }
+    });
+    let factor = scaled.cholesky()?;
+    let left = factor.solve(&right.adjoint()).adjoint();
+    let m = Complex6::from_fn(|i, j| {
+        if components[j] {
+            left[(i, j)] / size(j)
+        } else {
+            zero
+        }
+    });
+    m.iter()
+        .all(|z| z.re.is_finite() && z.im.is_finite())
+        .then_some(m)
+}
+
+/// One entry of the fit, dense enough for its peaks.
+fn curve(fit: &ApparentMass, top: f64, i: usize, j: usize) -> Vec<Point> {
+    let mut at: Vec<f64> = (0..=FIT_POINTS)
+        .map(|k| top * k as f64 / FIT_POINTS as f64)
+        .collect();
+    for pole in &fit.poles {
+        // Five half-widths on either side of each peak.
+        let width = pole.frequency * pole.damping;
+        at.extend((-10..=10).map(|k| pole.frequency + 0.5 * width * f64::from(k)));
+    }
+    at.retain(|f| f.is_finite() && (0.0..=top).contains(f));
+    at.sort_by(f64::total_cmp);
+    at.into_iter().map(|f| (f, fit.at(f)[(i, j)])).collect()
+}
+
+/// Every resultant of a run that its excitation moves, per its strongest acceleration.
+fn ratios(
+    run: &MeasuredRun,
+    fit: Option<&ApparentMass>,
+    lines: &dyn Lines,
+    answer: &Answer,
+) -> Vec<Entry> {
+    let lever = lever(&answer.identification);
+    let excited = Excited::new(lines, &answer.measurement.band);
+    let accelerations = comparable(&excited.accelerations, lever, false);
+    let determined = determined_accelerations(run);
+    let strongest = (0..6)
+        .filter(|j| determined[*j] && excited.components[*j])
+        .max_by(|a, b| accelerations[*a].total_cmp(&accelerations[*b]));
+    let Some(d) = strongest else {
+        return Vec::new();
+    };
+    let forces = comparable(&excited.forces, lever, true);
+    let faint = FAINT * forces.max();
+    let rigid_matrix = rigid::matrix(&answer.identification);
+    let rigid_matrix = rigid_matrix.map(|x| Complex::new(x, 0.0));
+    let shown: Vec<usize> = (0..6)
+        .filter(|i| measured_forces(run)[*i] && forces[*i] > faint)
+        .collect();
+    let mut list: Vec<Entry> = shown
+        .iter()
+        .map(|&i| Entry {
+            symbol: "",
+            detail: format!(
+                "{} per {}, {}",
+                RESULTANT_NAMES[i], ACCELERATION_NAMES[d], run.name
+            ),
+            unit: rigid::unit(i, d),
+            direct: i == d,
+            measured: Vec::new(),
+            elastic: Vec::new(),
+            fit: Vec::new(),
+            rigid: Vec::new(),
+        })
+        .collect();
+    for line in 0..lines.count() {
+        let mut m = Moments::zero();
+        lines.add_moments(0, line, 1.0, &mut m);
+        let power = m.aa[(d, d)].re;
+        if power.is_nan() || power <= 0.0 {
+            continue;
+        }
+        let f = lines.frequency(line);
+        let fitted = fit.map(|fit| {
+            let whole = fit.at(f);
+            let rigid = fit.rigid.map(|x| Complex::new(x, 0.0));
+            (whole * m.aa, (whole - rigid) * m.aa)
+        });
+        let rigid = rigid_matrix * m.aa;
+        for (entry, &i) in list.iter_mut().zip(&shown) {
+            entry.measured.push((f, m.fa[(i, d)] / power));
+            entry.rigid.push([f, rigid[(i, d)].re / power]);
+            if let Some((whole, elastic)) = &fitted {
+                entry.fit.push((f, whole[(i, d)] / power));
+                entry.elastic.push(elastic[(i, d)].re / power);
+            }
+        }
+    }
+    list
+}

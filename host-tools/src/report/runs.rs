@@ -1,0 +1,305 @@
+//! The section on runs, channels and processing, and how to read the error bars.
+
+use super::markup::escape;
+use super::number::{exact, fixed, significant, with_unit};
+use super::page::Section;
+use crate::identification::Answer;
+use crate::measure::{MeasuredRun, WINDOW};
+use crate::recording::{ChannelHealth, Complaint};
+use crate::setup::{Mount, Quantity, Setup};
+use massline_core::spectra::Window;
+use std::fmt::Write;
+
+/// The section.
+pub(super) fn section(setup: &Setup, answer: &Answer) -> Section {
+    let mut html = runs(setup, answer);
+    html.push_str(&processing(answer));
+    html.push_str("<h3>Channels</h3>");
+    html.push_str(&channels(setup, answer));
+    Section::new("runs", "Runs, channels, processing", html)
+}
+
+/// How to read the error bars.
+pub(super) fn reading(answer: &Answer) -> Section {
+    let spectral = !answer.measurement.runs.is_empty();
+    let mut html = String::from(
+        "<p>An error bar is one standard deviation of the value; the true value lies within \
+         1.96 of them in 95 of 100 tests, as long as nothing but noise is wrong.",
+    );
+    if spectral {
+        html.push_str(
+            " It comes from the scatter of the lines around the fit, enlarged for what the \
+             window does: neighbouring lines share samples and resemble each other, so that \
+             a hundred lines say less than a hundred independent ones.",
+        );
+    } else {
+        html.push_str(" It comes from the scatter of the poses around the identified body.");
+    }
+    html.push_str(
+        " Where a rigid body leaves more of the masslines than their noise explains, all \
+         error bars are widened by the root of that ratio. Errors that are the same in \
+         every line stay invisible to them: a wrong sensor position, direction or \
+         sensitivity moves the result and not the bar.</p>",
+    );
+    html.push_str(
+        "<p>Moments of inertia are ∫ (y² + z²) dm and so on; products of inertia are \
+         ∫ x y dm, ∫ x z dm, ∫ y z dm with a plus sign, and enter the inertia tensor with a \
+         minus sign. Forces and moments are those exerted on the structure, at the reference \
+         point A.</p>",
+    );
+    Section::new("reading", "How to read the error bars", html)
+}
+
+fn runs(setup: &Setup, answer: &Answer) -> String {
+    let mut html = String::from(
+        "<div class=\"wide\"><table class=\"plain\"><thead><tr><th scope=\"col\">Run</th>\
+         <th scope=\"col\">Recording</th><th scope=\"col\">Excitation</th>\
+         <th scope=\"col\">Drive</th><th scope=\"col\" class=\"num\">Samples</th>\
+         <th scope=\"col\" class=\"num\">Duration</th>\
+         <th scope=\"col\" class=\"num\">Blocks</th><th scope=\"col\">Mounting</th>\
+         </tr></thead><tbody>",
+    );
+    for run in &setup.runs {
+        let random = answer.measurement.runs.iter().find(|r| r.name == run.name);
+        let poses = answer.measurement.poses.iter().find(|r| r.name == run.name);
+        let (kind, samples, duration, blocks) = match (random, poses) {
+            (Some(r), _) => {
+                let rate = r.settings().grid().spacing * r.settings().block_length() as f64;
+                let seconds = r.samples as f64 / rate;
+                (
+                    "random",
+                    fixed(r.samples as f64, 0),
+                    with_unit(&significant(seconds, 4), "s"),
+                    r.blocks.to_string(),
+                )
+            }
+            (None, Some(p)) => (
+                "static poses",
+                format!("{} poses", p.rows.len()),
+                String::new(),
+                String::new(),
+            ),
+            (None, None) => ("not used", String::new(), String::new(), String::new()),
+        };
+        let mounting = if run.is_remounted() {
+            format!(
+                "turned by ({}) degrees, shifted by ({}) m",
+                run.rotation.map(exact).join(", "),
+                run.translation.map(exact).join(", ")
+            )
+        } else {
+            "as drawn".to_owned()
+        };
+        let _ = write!(
+            html,
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{kind}</td><td>{}</td>\
+             <td class=\"num\">{samples}</td><td class=\"num\">{duration}</td>\
+             <td class=\"num\">{blocks}</td><td>{mounting}</td></tr>",
+            escape(&run.name),
+            escape(&run.recording.display().to_string()),
+            escape(run.reference.as_deref().unwrap_or("none")),
+        );
+    }
+    html.push_str("</tbody></table></div>");
+    html
+}
+
+fn processing(answer: &Answer) -> String {
+    let i = &answer.identification;
+    let m = &answer.measurement;
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    if let (Some(grid), Some(run)) = (m.grid, m.runs.first()) {
+        let block = run.settings().block_length();
+        let rate = grid.spacing * block as f64;
+        let [low, high] = [m.band.start, m.band.end.saturating_sub(1)].map(|k| grid.frequency(k));
+        rows.push(("Sample rate", with_unit(&exact(round(rate)), "Hz")));
+        rows.push((
+            "Blocks",
+            format!(
+                "{block} samples, {} overlap, {} window",
+                with_unit(&exact(round(100.0 * (1.0 - m.hop))), "%"),
+                window(WINDOW)
+            ),
+        ));
+        rows.push((
+            "Lines",
+            format!(
+                "every {}, kept up to {}",
+                with_unit(&exact(round(grid.spacing)), "Hz"),
+                with_unit(
+                    &exact(round(grid.frequency(grid.count.saturating_sub(1)))),
+                    "Hz"
+                )
+            ),
+        ));
+        rows.push((
+            "Averaging band",
+            format!(
+                "{} to {}, {} lines",
+                exact(round(low)),
+                with_unit(&exact(round(high)), "Hz"),
+                m.band.len()
+            ),
+        ));
+    }
+    rows.push((
+        "Condition number",
+        format!(
+            "{} of the equilibrated normal equations",
+            significant(i.condition_number, 3)
+        ),
+    ));
+    rows.push((
+        "Consistency",
+        i.consistency.map_or_else(
+            || "not determined: there are no more equations than unknowns".to_owned(),
+            |c| {
+                format!(
+                    "{} times the power that noise explains is left by the rigid body; about 1 is good",
+                    significant(c, 3)
+                )
+            },
+        ),
+    ));
+    rows.push((
+        "Iterations",
+        format!(
+            "{}{}",
+            i.iterations,
+            if i.iterations == 1 { ", direct" } else { "" }
+        ),
+    ));
+    for fit in &answer.fits {
+        rows.push((
+            "Excitation",
+            format!(
+                "{} independent directions, the weakest {} times its noise in power",
+                fit.excited,
+                significant(fit.weakest_excitation, 2)
+            ),
+        ));
+    }
+    let mut html =
+        String::from("<h3>Processing</h3><div class=\"wide\"><table class=\"plain\"><tbody>");
+    for (name, text) in rows {
+        let _ = write!(
+            html,
+            "<tr><th scope=\"row\">{name}</th><td class=\"wrap\">{text}</td></tr>"
+        );
+    }
+    html.push_str("</tbody></table></div>");
+    html
+}
+
+/// Ten digits: what a rate loses on its way through a spacing is not worth printing.
+fn round(value: f64) -> f64 {
+    format!("{value:.9e}").parse().unwrap_or(value)
+}
+
+fn window(window: Window) -> &'static str {
+    match window {
+        Window::Rectangular => "rectangular",
+        Window::Hann => "Hann",
+        Window::Hamming => "Hamming",
+        Window::Blackman => "Blackman",
+        Window::BlackmanHarris => "Blackman-Harris",
+        Window::FlatTop => "flat-top",
+    }
+}
+
+/// A channel of the setup.
+struct Channel<'a> {
+    name: &'a str,
+    kind: &'static str,
+    unit: &'static str,
+    scale: f64,
+    place: String,
+}
+
+fn channels(setup: &Setup, answer: &Answer) -> String {
+    let place = |position: [f64; 3], direction: [f64; 3]| {
+        format!(
+            "<td class=\"num\">({})</td><td class=\"num\">({})</td>",
+            position.map(|x| fixed(1e3 * x, 1)).join(", "),
+            direction.map(|x| exact((1e4 * x).round() / 1e4)).join(", ")
+        )
+    };
+    let accelerometers = setup.accelerometers.iter().map(|a| Channel {
+        name: &a.channel,
+        kind: match a.mount {
+            Mount::Interface => "accelerometer, interface",
+            Mount::Structure => "accelerometer, structure",
+        },
+        unit: "m/s²",
+        scale: a.scale,
+        place: place(a.position, a.direction),
+    });
+    let cells = setup.load_cells.iter().map(|c| {
+        let (kind, unit) = match c.quantity {
+            Quantity::Force => ("load cell, force", "N"),
+            Quantity::Moment => ("load cell, moment", "N m"),
+        };
+        Channel {
+            name: &c.channel,
+            kind,
+            unit,
+            scale: c.scale,
+            place: place(c.position, c.direction),
+        }
+    });
+    let runs = &answer.measurement.runs;
+    let mut html = String::from(
+        "<div class=\"wide\"><table class=\"plain\"><thead><tr><th scope=\"col\">Channel</th>\
+         <th scope=\"col\">Sensor</th><th scope=\"col\" class=\"num\">Position, mm</th>\
+         <th scope=\"col\" class=\"num\">Direction</th><th scope=\"col\">Unit</th>",
+    );
+    for run in runs {
+        let name = super::markup::shortened(&run.name, 16);
+        let _ = write!(
+            html,
+            "<th scope=\"col\" class=\"num\">RMS, {}</th>",
+            escape(&name)
+        );
+    }
+    html.push_str("<th scope=\"col\">Remarks</th></tr></thead><tbody>");
+    for (at, channel) in accelerometers.chain(cells).enumerate() {
+        let _ = write!(
+            html,
+            "<tr><th scope=\"row\">{}</th><td>{}</td>{}<td>{}</td>",
+            escape(channel.name),
+            channel.kind,
+            channel.place,
+            channel.unit
+        );
+        for run in runs {
+            let rms = run.health.get(at).map_or(f64::NAN, |h| h.rms);
+            let rms = significant((rms * channel.scale).abs(), 3);
+            let _ = write!(html, "<td class=\"num\">{rms}</td>");
+        }
+        let _ = write!(html, "<td class=\"wrap\">{}</td></tr>", remarks(runs, at));
+    }
+    html.push_str("</tbody></table></div>");
+    html
+}
+
+fn remarks(runs: &[MeasuredRun], at: usize) -> String {
+    let mut text: Vec<String> = Vec::new();
+    for run in runs {
+        if let Some(remark) = run.health.get(at).and_then(remark) {
+            text.push(format!("{}: {remark}", run.name));
+        }
+    }
+    escape(&text.join("; "))
+}
+
+/// A mean this many times the RMS eats the range of the converter.
+const LARGE_OFFSET: f64 = 3.0;
+
+fn remark(health: &ChannelHealth) -> Option<String> {
+    match health.complaint() {
+        Some(Complaint::Dead) => Some("no signal".to_owned()),
+        Some(Complaint::Clipped { samples, .. }) => Some(format!("{samples} samples at the stop")),
+        None if health.mean.abs() > LARGE_OFFSET * health.rms => Some("large offset".to_owned()),
+        None => None,
+    }
+}

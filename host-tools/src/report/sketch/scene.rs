@@ -1,0 +1,230 @@
+//! What there is to draw, in metres and in the frame of the results.
+
+use crate::identification::Answer;
+use crate::report::TrueBody;
+use crate::setup::{self, Setup};
+use massline_core::geometry::{Accelerometer, LoadCell, Mount, Placement, Quantity};
+use massline_core::identify::Estimate;
+use nalgebra::{Matrix3, Vector3};
+
+/// What sits at a spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    LoadCell,
+    Interface,
+    Structure,
+}
+
+impl Kind {
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::LoadCell => "load cell",
+            Self::Interface => "accelerometer on the interface",
+            Self::Structure => "accelerometer on the structure",
+        }
+    }
+
+    pub fn class(self) -> &'static str {
+        match self {
+            Self::LoadCell => "cell",
+            Self::Interface => "base",
+            Self::Structure => "structure",
+        }
+    }
+}
+
+/// A measured direction.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Axis {
+    pub channel: String,
+    pub direction: Vector3<f64>,
+    pub moment: bool,
+}
+
+/// Sensors of one kind at one place: a tri-axial one is a spot with three axes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Spot {
+    pub kind: Kind,
+    pub position: Vector3<f64>,
+    pub axes: Vec<Axis>,
+}
+
+/// The ellipsoid of uniform density with the body's mass and inertia.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Ellipsoid {
+    pub centre: Vector3<f64>,
+    /// Semi-axes, m.
+    pub radii: Vector3<f64>,
+    /// Their directions as columns.
+    pub axes: Matrix3<f64>,
+}
+
+impl Ellipsoid {
+    /// The matrix whose projections are the ellipsoid's outlines.
+    pub fn shape(&self) -> Matrix3<f64> {
+        let squares = Matrix3::from_diagonal(&self.radii.component_mul(&self.radii));
+        self.axes * squares * self.axes.transpose()
+    }
+}
+
+/// Everything.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Scene {
+    pub spots: Vec<Spot>,
+    pub reference: Vector3<f64>,
+    pub centre: [Option<Estimate>; 3],
+    pub true_centre: [Option<f64>; 3],
+    /// Or why there is none.
+    pub ellipsoid: Result<Ellipsoid, &'static str>,
+    /// Sensors whose place is not finite.
+    pub left_out: usize,
+}
+
+impl Scene {
+    pub fn new(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> Self {
+        let i = &answer.identification;
+        let placement = setup
+            .runs
+            .first()
+            .and_then(|r| Placement::new(r.rotation.into(), r.translation.into()).ok())
+            .unwrap_or_default();
+        let mut scene = Self {
+            spots: Vec::new(),
+            reference: i.reference,
+            centre: i.centre_of_gravity,
+            true_centre: truth.map_or([None; 3], |t| t.centre_of_gravity),
+            ellipsoid: ellipsoid(answer),
+            left_out: 0,
+        };
+        for entry in &setup.load_cells {
+            scene.add(&entry.channel, load_cell(entry, &placement));
+        }
+        for entry in &setup.accelerometers {
+            scene.add(&entry.channel, accelerometer(entry, &placement));
+        }
+        scene
+    }
+
+    fn add(&mut self, channel: &str, sensor: Option<(Kind, Vector3<f64>, Vector3<f64>, bool)>) {
+        // A micrometre apart is the same place.
+        const SAME: f64 = 1e-6;
+        let Some((kind, position, direction, moment)) = sensor else {
+            self.left_out += 1;
+            return;
+        };
+        let axis = Axis {
+            channel: channel.to_owned(),
+            direction,
+            moment,
+        };
+        let here = |s: &&mut Spot| s.kind == kind && (s.position - position).norm() < SAME;
+        match self.spots.iter_mut().find(here) {
+            Some(spot) => spot.axes.push(axis),
+            None => self.spots.push(Spot {
+                kind,
+                position,
+                axes: vec![axis],
+            }),
+        }
+    }
+
+    /// The centre of gravity seen along one axis, if both other coordinates are known.
+    pub fn centre_in(&self, u: usize, v: usize) -> Option<[Estimate; 2]> {
+        let finite = |e: Estimate| e.value.is_finite();
+        Some([
+            self.centre[u].filter(|e| finite(*e))?,
+            self.centre[v].filter(|e| finite(*e))?,
+        ])
+    }
+
+    /// Lowest and highest coordinate of everything along one axis.
+    pub fn extent(&self, axis: usize) -> [f64; 2] {
+        let mut low = self.reference[axis];
+        let mut high = low;
+        let mut see = |x: f64| {
+            if x.is_finite() {
+                low = low.min(x);
+                high = high.max(x);
+            }
+        };
+        self.spots.iter().for_each(|s| see(s.position[axis]));
+        if let Some(e) = self.centre[axis] {
+            see(e.value);
+        }
+        if let Ok(e) = &self.ellipsoid {
+            let half = e.shape()[(axis, axis)].max(0.0).sqrt();
+            see(e.centre[axis] - half);
+            see(e.centre[axis] + half);
+        }
+        [low, high]
+    }
+
+    /// The longest of the three extents, m.
+    pub fn longest(&self) -> f64 {
+        (0..3)
+            .map(|axis| {
+                let [low, high] = self.extent(axis);
+                high - low
+            })
+            .fold(0.0, f64::max)
+    }
+}
+
+fn load_cell(
+    entry: &setup::LoadCellEntry,
+    placement: &Placement,
+) -> Option<(Kind, Vector3<f64>, Vector3<f64>, bool)> {
+    let quantity = match entry.quantity {
+        setup::Quantity::Force => Quantity::Force,
+        setup::Quantity::Moment => Quantity::Moment,
+    };
+    let cell = LoadCell::new(entry.position.into(), entry.direction.into(), quantity).ok()?;
+    let cell = placement.load_cell(&cell);
+    let moment = quantity == Quantity::Moment;
+    Some((Kind::LoadCell, cell.position(), cell.direction(), moment))
+}
+
+fn accelerometer(
+    entry: &setup::AccelerometerEntry,
+    placement: &Placement,
+) -> Option<(Kind, Vector3<f64>, Vector3<f64>, bool)> {
+    let (mount, kind) = match entry.mount {
+        setup::Mount::Interface => (Mount::Interface, Kind::Interface),
+        setup::Mount::Structure => (Mount::Structure, Kind::Structure),
+    };
+    let sensor = Accelerometer::new(entry.position.into(), entry.direction.into(), mount).ok()?;
+    let sensor = placement.accelerometer(&sensor);
+    Some((kind, sensor.position(), sensor.direction(), false))
+}
+
+/// A solid ellipsoid of mass m has `Θ_1 = m (b² + c²) / 5`, so that
+/// `a² = 5 (Θ_2 + Θ_3 - Θ_1) / 2 m`.
+fn ellipsoid(answer: &Answer) -> Result<Ellipsoid, &'static str> {
+    const INCOMPLETE: &str =
+        "No ellipsoid of inertia is drawn: it needs all six terms of inertia about S.";
+    const IMPOSSIBLE: &str =
+        "No ellipsoid of inertia is drawn: no body has the principal moments found.";
+    let i = &answer.identification;
+    let principal = i.principal.ok_or(INCOMPLETE)?;
+    let mass = i.mass.ok_or(INCOMPLETE)?.value;
+    let [Some(x), Some(y), Some(z)] = i.centre_of_gravity else {
+        return Err(INCOMPLETE);
+    };
+    let sum: f64 = principal.moments.sum();
+    let largest = principal.moments.amax();
+    let mut radii = Vector3::zeros();
+    for k in 0..3 {
+        let square = 2.5 / mass * (sum - 2.0 * principal.moments[k]);
+        // A flat body has a zero here, give or take its rounding.
+        let rounding = 1e-9 * largest / mass.abs();
+        if !(square.is_finite() && square >= -rounding) {
+            return Err(IMPOSSIBLE);
+        }
+        radii[k] = square.max(0.0).sqrt();
+    }
+    Ok(Ellipsoid {
+        centre: Vector3::new(x.value, y.value, z.value),
+        radii,
+        axes: principal.axes,
+    })
+}

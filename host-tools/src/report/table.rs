@@ -1,0 +1,367 @@
+//! The table of ten, with error bars.
+
+use super::TrueBody;
+use super::markup::escape;
+use super::number::{self, decimals_of, fixed, significant, uncertain, with_unit};
+use super::plot::{Anchor, Svg};
+use super::scales::{Natural, Unit};
+use crate::identification::Answer;
+use massline_core::identify::{Estimate, InertiaEstimate};
+use std::fmt::Write;
+
+/// Half of a 95 % interval of a normal distribution, in standard deviations.
+pub(super) const HALF_WIDTH_95: f64 = 1.96;
+
+/// The six terms of inertia, in their fixed order.
+pub(super) const TERMS: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
+
+struct Row {
+    symbol: String,
+    /// What the symbol means, in words.
+    words: &'static str,
+    estimate: Option<Estimate>,
+    truth: Option<f64>,
+    /// What its error is a share of, SI.
+    whole: Option<f64>,
+    unit: Unit,
+    /// What to say behind the number.
+    remark: &'static str,
+}
+
+/// The whole table.
+pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
+    let groups = groups(answer, truth);
+    let widest = groups
+        .iter()
+        .flat_map(|(_, rows)| rows)
+        .filter_map(share)
+        .fold(0.0, f64::max);
+    let mut html = String::from("<div class=\"wide\"><table class=\"ten\">");
+    html.push_str(
+        "<thead><tr><th scope=\"col\">Property</th>\
+         <th scope=\"col\" class=\"num\">Value ± standard deviation</th><th></th>\
+         <th scope=\"col\" class=\"num\">±</th>",
+    );
+    if truth.is_some() {
+        html.push_str(
+            "<th scope=\"col\">95 % interval, truth</th>\
+             <th scope=\"col\" class=\"num\">Truth</th>\
+             <th scope=\"col\" class=\"num\" colspan=\"2\">Error</th>",
+        );
+    } else {
+        let _ = write!(
+            html,
+            "<th scope=\"col\">95 % interval{}</th>",
+            if widest > 0.0 {
+                let half = significant(HALF_WIDTH_95 * widest * 100.0, 2);
+                format!(", ±{} at full width", with_unit(&half, "%"))
+            } else {
+                String::new()
+            }
+        );
+    }
+    html.push_str("</tr></thead>");
+    for (heading, rows) in &groups {
+        let columns = if truth.is_some() { 8 } else { 5 };
+        let _ = write!(
+            html,
+            "<tbody><tr class=\"group\"><th colspan=\"{columns}\" scope=\"rowgroup\">{}</th></tr>",
+            escape(heading)
+        );
+        for row in rows {
+            write_row(&mut html, row, truth.is_some(), widest);
+        }
+        html.push_str("</tbody>");
+    }
+    html.push_str("</table></div>");
+    html.push_str(&footnote(answer, truth.is_some()));
+    html
+}
+
+fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> {
+    let i = &answer.identification;
+    let natural = Natural::new(i, truth);
+    let known = i.indicator.is_some() || i.mass.is_some_and(|m| m.std == 0.0);
+    let mass = Row {
+        symbol: "m".to_owned(),
+        words: "overall mass",
+        estimate: i.mass,
+        truth: truth.and_then(|t| t.mass),
+        whole: natural.mass,
+        unit: Unit::of_mass(i.mass.map_or(1.0, |m| m.value)),
+        remark: if known { "weighed" } else { "" },
+    };
+    let mut masses = vec![mass];
+    if known {
+        masses.push(Row {
+            symbol: "Δ".to_owned(),
+            words: "indicator, ideally 1",
+            estimate: i.indicator,
+            truth: truth.map(|_| 1.0),
+            whole: Some(1.0),
+            unit: Unit::ONE,
+            remark: "",
+        });
+    }
+    let centre = ["x", "y", "z"]
+        .into_iter()
+        .enumerate()
+        .map(|(axis, name)| Row {
+            symbol: name.to_owned(),
+            words: "centre of gravity S",
+            estimate: i.centre_of_gravity[axis],
+            truth: truth.and_then(|t| t.centre_of_gravity[axis]),
+            whole: natural.length,
+            unit: Unit::MILLIMETRE,
+            remark: "",
+        });
+    let inertia = |terms: &InertiaEstimate, truths: Option<&[Option<f64>; 6]>| {
+        let largest = |moments: &[Option<Estimate>]| {
+            let sizes = moments.iter().flatten().map(|e| e.value.abs());
+            sizes.fold(0.0, f64::max)
+        };
+        let unit = Unit::of_inertia(largest(terms));
+        let true_moments = truths.iter().flat_map(|t| &t[..3]).flatten();
+        let moment = true_moments
+            .copied()
+            .filter(|t| *t > 0.0)
+            .reduce(f64::max)
+            .unwrap_or(largest(&terms[..3]));
+        (0..6)
+            .map(|t| Row {
+                symbol: format!("Θ<sub>{}</sub>", TERMS[t]),
+                words: if t < 3 {
+                    "moment of inertia"
+                } else {
+                    "product of inertia"
+                },
+                estimate: terms[t],
+                truth: truths.and_then(|truths| truths[t]),
+                whole: (moment > 0.0).then_some(moment),
+                unit,
+                remark: "",
+            })
+            .collect()
+    };
+    let r = i.reference;
+    let point = [r.x, r.y, r.z].map(|x| number::exact(x * 1e3));
+    let mut groups = vec![
+        ("Mass".to_owned(), masses),
+        ("Centre of gravity S".to_owned(), centre.collect()),
+        (
+            format!(
+                "Inertia about the reference point A = ({}) mm",
+                point.join(", ")
+            ),
+            inertia(&i.inertia_reference, truth.map(|t| &t.inertia_reference)),
+        ),
+        (
+            "Inertia about the centre of gravity S".to_owned(),
+            inertia(&i.inertia_cg, truth.map(|t| &t.inertia_cg)),
+        ),
+    ];
+    for (_, rows) in &mut groups {
+        for row in rows {
+            row.truth = row.truth.filter(|t| t.is_finite());
+        }
+    }
+    groups
+}
+
+/// The standard deviation as a share of what it is naturally compared with.
+fn share(row: &Row) -> Option<f64> {
+    let (estimate, whole) = row.estimate.zip(row.whole)?;
+    let share = estimate.std / whole.abs();
+    (share.is_finite() && share > 0.0).then_some(share)
+}
+
+fn write_row(html: &mut String, row: &Row, with_truth: bool, widest: f64) {
+    let _ = write!(
+        html,
+        "<tr><th scope=\"row\"><i>{}</i> <span class=\"words\">{}</span></th>",
+        row.symbol, row.words
+    );
+    let Some(e) = row.estimate else {
+        html.push_str("<td class=\"none\" colspan=\"4\">not observable from this test</td>");
+        if with_truth {
+            let _ = write!(html, "{}<td></td><td></td>", truth_cell(row));
+        }
+        html.push_str("</tr>");
+        return;
+    };
+    let (value, std) = (e.value / row.unit.si, e.std / row.unit.si);
+    let _ = write!(
+        html,
+        "<td class=\"num value\">{}</td><td class=\"unit\">{}{}{}</td><td class=\"num\">{}</td>",
+        uncertain(value, std),
+        row.unit.symbol,
+        if row.remark.is_empty() || row.unit.symbol.is_empty() {
+            ""
+        } else {
+            ", "
+        },
+        row.remark,
+        share(row).map_or(String::new(), |s| with_unit(
+            &significant(100.0 * s, 2),
+            "%"
+        ))
+    );
+    let _ = write!(
+        html,
+        "<td class=\"bar\">{}</td>",
+        bar(row, &e, with_truth, widest)
+    );
+    if with_truth {
+        html.push_str(&truth_cell(row));
+        html.push_str(&error_cells(row, &e));
+    }
+    html.push_str("</tr>");
+}
+
+fn truth_cell(row: &Row) -> String {
+    let text = row.truth.map_or(String::new(), |t| {
+        let t = t / row.unit.si;
+        match row.estimate {
+            // One digit more than the answer shows, where that is not more than is known.
+            Some(e) if e.std > 0.0 => fixed(t, (decimals_of(e.std / row.unit.si) + 1).min(9)),
+            _ => significant(t, 5),
+        }
+    });
+    format!("<td class=\"num\">{text}</td>")
+}
+
+/// Error in percent and in standard deviations.
+fn error_cells(row: &Row, e: &Estimate) -> String {
+    let Some(truth) = row.truth else {
+        return "<td></td><td></td>".to_owned();
+    };
+    let error = e.value - truth;
+    if e.std == 0.0 && error == 0.0 {
+        return "<td></td><td></td>".to_owned();
+    }
+    let percent = row.whole.map_or(String::new(), |whole| {
+        with_unit(&signed(significant(100.0 * error / whole, 2)), "%")
+    });
+    let (class, stds) = if e.std > 0.0 {
+        let stds = error / e.std;
+        let class = if stds.abs() > HALF_WIDTH_95 {
+            " outside"
+        } else {
+            ""
+        };
+        (class, with_unit(&signed(fixed(stds, 1)), "σ"))
+    } else {
+        ("", String::new())
+    };
+    format!("<td class=\"num\">{percent}</td><td class=\"num{class}\">{stds}</td>")
+}
+
+fn signed(text: String) -> String {
+    let zero = text.chars().all(|c| c == '0' || c == '.');
+    if text.starts_with(number::MINUS) || zero || text == number::NO_NUMBER {
+        text
+    } else {
+        format!("+{text}")
+    }
+}
+
+/// The 95 % interval. With a truth the bar is as long for every property and the truth
+/// lies where it lies; without one, bars compare the properties with each other.
+fn bar(row: &Row, e: &Estimate, with_truth: bool, widest: f64) -> String {
+    const WIDTH: f64 = 132.0;
+    const MIDDLE: f64 = WIDTH / 2.0;
+    /// Standard deviations from the middle to the end.
+    const REACH: f64 = 4.0;
+    let mut svg = Svg::new(WIDTH, 14.0, "");
+    let half = if with_truth {
+        (e.std > 0.0).then_some(HALF_WIDTH_95 / REACH)
+    } else {
+        share(row).map(|s| s / widest)
+    };
+    let Some(half) = half.filter(|h| h.is_finite()) else {
+        return String::new();
+    };
+    let room = MIDDLE - 6.0;
+    let half = (half.min(1.0) * room).max(0.6);
+    svg.line("bar-axis", [0.0, 7.0], [WIDTH, 7.0]);
+    svg.rectangle("interval", [MIDDLE - half, 3.5], [2.0 * half, 7.0]);
+    svg.line("centre", [MIDDLE, 1.5], [MIDDLE, 12.5]);
+    if let Some(truth) = row.truth.filter(|_| with_truth) {
+        let off = (truth - e.value) / (REACH * e.std);
+        if off.abs() <= 1.0 {
+            let x = MIDDLE + off * room;
+            svg.path("truth-mark", &diamond(x, 7.0));
+        } else if off.is_finite() {
+            let (x, anchor, arrow) = if off > 0.0 {
+                (WIDTH, Anchor::End, "▸")
+            } else {
+                (0.0, Anchor::Start, "◂")
+            };
+            svg.text("truth-arrow", [x, 11.0], anchor, arrow);
+        }
+    }
+    svg.finish_inline()
+}
+
+fn diamond(x: f64, y: f64) -> String {
+    const R: f64 = 4.0;
+    super::plot::path::line(&[
+        Some([x - R, y]),
+        Some([x, y - R]),
+        Some([x + R, y]),
+        Some([x, y + R]),
+        Some([x - R, y]),
+    ])
+}
+
+fn footnote(answer: &Answer, with_truth: bool) -> String {
+    let mut text = String::from(
+        "<p class=\"small\">± is the standard deviation in percent: of the mass; for \
+         coordinates, of the radius of gyration about S; for inertia, of the largest \
+         moment about the same point.",
+    );
+    if with_truth {
+        text.push_str(
+            " Errors are given in the same percent and in standard deviations σ; bars end \
+             at the 95 % interval, ◆ is the truth.",
+        );
+    }
+    let i = &answer.identification;
+    if let Some(p) = &i.principal {
+        let largest = p.moments.amax();
+        let unit = Unit::of_inertia(largest);
+        let std = i
+            .inertia_cg
+            .iter()
+            .flatten()
+            .map(|e| e.std)
+            .fold(0.0, f64::max);
+        let decimals = decimals_of(std / unit.si);
+        let moments: Vec<String> = p
+            .moments
+            .iter()
+            .map(|m| fixed(m / unit.si, decimals))
+            .collect();
+        text.push_str("</p><table class=\"principal\"><caption>Principal moments and axes about S</caption><tbody>");
+        for (k, moment) in moments.iter().enumerate() {
+            let axis = p.axes.column(k);
+            let axis: Vec<String> = axis.iter().map(|a| fixed(*a, 4)).collect();
+            let _ = write!(
+                text,
+                "<tr><th scope=\"row\"><i>Θ<sub>{}</sub></i></th><td class=\"num value\">{}</td>\
+                 <td class=\"unit\">{}</td><td class=\"num\">({})</td></tr>",
+                k + 1,
+                moment,
+                unit.symbol,
+                axis.join(", ")
+            );
+        }
+        text.push_str("</tbody></table>");
+    } else {
+        text.push_str(
+            " Principal moments need all six terms of inertia about S; this test does not \
+             give them.</p>",
+        );
+    }
+    text
+}

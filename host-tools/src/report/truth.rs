@@ -1,0 +1,16 @@
+//! What should have come out, where it is known.
+
+/// The true body of a simulated or otherwise known specimen. SI units, in the frame of
+/// the results; `None` where nobody knows, as out of the plane of a plane model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrueBody {
+    /// Overall mass, kg.
+    pub mass: Option<f64>,
+    /// Centre of gravity S, m.
+    pub centre_of_gravity: [Option<f64>; 3],
+    /// xx, yy, zz, xy, xz, yz about the setup's reference point, kg m²; products are
+    /// ∫ x y dm with a plus sign.
+    pub inertia_reference: [Option<f64>; 6],
+    /// The same about S.
+    pub inertia_cg: [Option<f64>; 6],
+}

@@ -1,0 +1,286 @@
+//! The beginning of the report: what was found, how sure it is, what to look out for.
+
+use super::TrueBody;
+use super::markup::escape;
+use super::number::{exact, in_words, significant, uncertain, with_unit};
+use super::scales::{Natural, Unit};
+use super::table::TERMS;
+use crate::identification::Answer;
+use crate::setup::Setup;
+use massline_core::identify::{Estimate, Identification, Procedure};
+use std::fmt::Write;
+
+/// Title, method, verdict and warnings.
+pub(super) fn header(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
+    let title = title(setup);
+    let mut html = format!(
+        "<header><p class=\"kicker\">Rigid-body properties from a base-excitation test</p>\
+         <h1>{}</h1><p class=\"method\">{}</p></header>",
+        escape(title),
+        method(answer)
+    );
+    let natural = Natural::new(&answer.identification, None);
+    let _ = write!(
+        html,
+        "<section class=\"verdict\"><p class=\"lead\">{}</p>{}</section>",
+        sentence(answer, &natural, truth),
+        tiles(&answer.identification, &natural)
+    );
+    html.push_str(&warnings(answer));
+    html
+}
+
+/// The setup's title, or something to call it.
+pub(super) fn title(setup: &Setup) -> &str {
+    let title = setup.title.trim();
+    if title.is_empty() {
+        "Untitled test"
+    } else {
+        title
+    }
+}
+
+fn method(answer: &Answer) -> String {
+    let mut text = if answer.measurement.runs.is_empty() {
+        "Static poses: resultants over specific force".to_owned()
+    } else {
+        let mut description = answer.method.description().to_owned();
+        if let Some(first) = description.get(..1).map(str::to_uppercase) {
+            description.replace_range(..1, &first);
+        }
+        if !answer.measurement.poses.is_empty() {
+            description.push_str(", together with static poses");
+        }
+        description
+    };
+    text.push_str(match answer.procedure {
+        Procedure::Direct => "; direct",
+        Procedure::Iterative { .. } => "; iterated to the centre of gravity",
+    });
+    if answer.weighted {
+        text.push_str(", accelerometers weighted");
+    }
+    text.push('.');
+    let mut html = escape(&text);
+    if let Some(why) = answer.why.filter(|_| !answer.measurement.runs.is_empty()) {
+        let _ = write!(html, " Chosen because {}.", escape(why));
+    }
+    html
+}
+
+/// An error bar as a share, and whose it is.
+struct Weakest {
+    share: f64,
+    name: String,
+}
+
+fn weakest(i: &Identification, natural: &Natural) -> Option<Weakest> {
+    let mut all: Vec<(String, Option<Estimate>, Option<f64>)> = vec![match i.indicator {
+        Some(delta) => ("the indicator Δ".to_owned(), Some(delta), Some(1.0)),
+        None => ("the mass".to_owned(), i.mass, natural.mass),
+    }];
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let name = format!("the CG's {name}");
+        all.push((name, i.centre_of_gravity[axis], natural.length));
+    }
+    for (t, name) in TERMS.into_iter().enumerate() {
+        let name = format!("Θ<sub>{name}</sub> about S");
+        all.push((name, i.inertia_cg[t], natural.inertia));
+    }
+    all.into_iter()
+        .filter_map(|(name, estimate, whole)| {
+            let share = estimate?.std / whole?.abs();
+            share.is_finite().then_some(Weakest { share, name })
+        })
+        .max_by(|a, b| a.share.total_cmp(&b.share))
+}
+
+fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> String {
+    let i = &answer.identification;
+    let count = i.observable.iter().filter(|o| **o).count();
+    let mut text = if count == 10 {
+        "<strong>All ten</strong> rigid-body properties are observable".to_owned()
+    } else {
+        let verb = if count == 1 { "is" } else { "are" };
+        let words = capitalised(&in_words(count));
+        format!("<strong>{words} of ten</strong> rigid-body properties {verb} observable")
+    };
+    if let Some(w) = weakest(i, natural) {
+        let _ = write!(
+            text,
+            "; the weakest error bar is that of {}, ±{}",
+            w.name,
+            with_unit(&significant(100.0 * w.share, 2), "%")
+        );
+    }
+    text.push_str(". ");
+    match i.plausibility.first_violation() {
+        Some(reason) => {
+            let _ = write!(
+                text,
+                "<strong class=\"bad\">No real body is like this:</strong> {}.",
+                escape(reason)
+            );
+        }
+        None => text.push_str("A real body can be like this."),
+    }
+    if let Some(truth) = truth {
+        text.push_str(&covered(i, truth));
+    }
+    text
+}
+
+/// How many of the known true values lie in their 95 % intervals.
+fn covered(i: &Identification, truth: &TrueBody) -> String {
+    let mut pairs = vec![(i.mass, truth.mass)];
+    pairs.extend(i.centre_of_gravity.into_iter().zip(truth.centre_of_gravity));
+    pairs.extend(i.inertia_cg.into_iter().zip(truth.inertia_cg));
+    let inside: Vec<bool> = pairs
+        .into_iter()
+        .filter_map(|(e, t)| e.zip(t))
+        .filter(|(e, t)| e.std > 0.0 && t.is_finite())
+        .map(|(e, t)| (e.value - t).abs() <= super::table::HALF_WIDTH_95 * e.std)
+        .collect();
+    if inside.is_empty() {
+        return String::new();
+    }
+    let hits = inside.iter().filter(|x| **x).count();
+    let all = in_words(inside.len());
+    let of_them = match (hits == inside.len(), inside.len()) {
+        (true, 1) => "The true value that is known lies within its 95 % interval.".to_owned(),
+        (true, _) => {
+            format!("All {all} true values that are known lie within their 95 % intervals.")
+        }
+        (false, _) => format!(
+            "{} of the {all} true values that are known lie within their 95 % intervals.",
+            capitalised(&in_words(hits))
+        ),
+    };
+    format!(" {of_them}")
+}
+
+fn capitalised(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map_or(String::new(), |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}
+
+/// Mass, CG, inertia and plausibility at a glance.
+fn tiles(i: &Identification, natural: &Natural) -> String {
+    let mass = i.mass.map_or_else(not_observable, |m| {
+        let unit = Unit::of_mass(m.value);
+        let (value, std) = (m.value / unit.si, m.std / unit.si);
+        let below = match i.indicator {
+            Some(delta) => format!("weighed; Δ = {}", uncertain(delta.value, delta.std)),
+            None if m.std == 0.0 => "weighed".to_owned(),
+            None => percent(m.std, natural.mass, "of it"),
+        };
+        (with_unit(&uncertain(value, std), unit.symbol), below)
+    });
+    let seen: Vec<&Estimate> = i.centre_of_gravity.iter().flatten().collect();
+    let centre = if seen.is_empty() {
+        not_observable()
+    } else {
+        let worst = seen.iter().map(|e| e.std).fold(0.0, f64::max);
+        let decimals = super::number::decimals_of(worst * 1e3);
+        let values = i.centre_of_gravity.map(|e| {
+            e.map_or_else(
+                || super::number::NO_NUMBER.to_owned(),
+                |e| super::number::fixed(e.value * 1e3, decimals),
+            )
+        });
+        (
+            with_unit(&format!("({})", values.join(", ")), "mm"),
+            format!(
+                "each within ±{}",
+                with_unit(&significant(worst * 1e3, 2), "mm")
+            ),
+        )
+    };
+    let terms: Vec<&Estimate> = i.inertia_cg.iter().flatten().collect();
+    let inertia = if terms.is_empty() {
+        not_observable()
+    } else {
+        let worst = terms.iter().map(|e| e.std).fold(0.0, f64::max);
+        let largest = natural.inertia.unwrap_or(f64::NAN);
+        let unit = Unit::of_inertia(largest);
+        let count = match terms.len() {
+            6 => "all six terms".to_owned(),
+            n => format!("{} of six terms", in_words(n)),
+        };
+        (
+            with_unit(
+                &format!("±{}", significant(worst / unit.si, 2)),
+                unit.symbol,
+            ),
+            format!(
+                "{count}; {}",
+                percent(worst, natural.inertia, "of the largest")
+            ),
+        )
+    };
+    let plausible = plausible(i);
+    let mut html = String::from("<dl class=\"tiles\">");
+    for (name, (value, below)) in [
+        ("Mass", mass),
+        ("Centre of gravity S", centre),
+        ("Inertia about S", inertia),
+        ("Plausible", plausible),
+    ] {
+        let _ = write!(
+            html,
+            "<div><dt>{name}</dt><dd><b>{value}</b><span>{below}</span></dd></div>"
+        );
+    }
+    html.push_str("</dl>");
+    html
+}
+
+fn plausible(i: &Identification) -> (String, String) {
+    let p = &i.plausibility;
+    match p.first_violation() {
+        Some(_) => ("no".to_owned(), "see above".to_owned()),
+        None => {
+            let checked = match (p.positive_definite, p.triangle) {
+                (Some(_), Some(triangle)) => format!(
+                    "positive definite; triangle margin {}",
+                    with_unit(&significant(100.0 * triangle.relative, 2), "%")
+                ),
+                (Some(_), None) => "as far as this test can tell".to_owned(),
+                _ => "the mass is positive".to_owned(),
+            };
+            ("yes".to_owned(), checked)
+        }
+    }
+}
+
+fn not_observable() -> (String, String) {
+    (
+        super::number::NO_NUMBER.to_owned(),
+        "not observable from this test".to_owned(),
+    )
+}
+
+fn percent(std: f64, whole: Option<f64>, of: &str) -> String {
+    match whole {
+        Some(whole) if whole != 0.0 => {
+            let text = significant(100.0 * std / whole.abs(), 2);
+            format!("±{} {of}", with_unit(&text, "%"))
+        }
+        _ => format!("±{}", exact(std)),
+    }
+}
+
+fn warnings(answer: &Answer) -> String {
+    if answer.warnings.is_empty() {
+        return String::new();
+    }
+    let mut html = String::from("<section class=\"notes\"><h2>Please note</h2><ul>");
+    for warning in &answer.warnings {
+        let text = capitalised(warning.trim_end_matches('.'));
+        let _ = write!(html, "<li>{}.</li>", escape(&text));
+    }
+    html.push_str("</ul></section>");
+    html
+}
