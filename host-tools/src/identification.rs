@@ -8,7 +8,7 @@ use crate::measure::{
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Identification, IdentifyError, Procedure, Question};
 use massline_core::masslines::{
-    self, ApparentMass, Bands, Condensed, CrossLines, DriveLines, Lines, MasslineError, Masslines,
+    self, ApparentMass, Bands, Condensed, CrossLines, DriveLines, FreeModes, Lines, MasslineError, Masslines,
     Method, StaticFit,
 };
 use massline_core::rigid_body::{Inertia, RigidBody};
@@ -52,6 +52,8 @@ pub struct Answer {
     pub measurement: Measurement,
     /// The fit of each group of runs, where the method is the apparent mass.
     pub fits: Vec<ApparentMass>,
+    /// The modes of the free structure behind each group of runs, where the method fits them.
+    pub free_modes: Vec<FreeModes>,
     /// Constant offsets of the six resultants of each static run, N and N m.
     pub offsets: Vec<(String, [f64; 6])>,
     /// What the user should know.
@@ -191,10 +193,12 @@ fn from_measurement(
     let mut warnings = measurement.warnings.clone();
     let mut sets: Vec<Masslines> = Vec::new();
     let mut fits = Vec::new();
+    let mut free_modes = Vec::new();
     for group in groups(&measurement.runs) {
         let condensed = masslines_of(&group, method, &measurement)?;
         sets.push(condensed.masslines);
         fits.extend(condensed.apparent_mass);
+        free_modes.extend(condensed.free_modes);
     }
     let question = Question {
         known_mass: setup.known_mass,
@@ -222,6 +226,7 @@ fn from_measurement(
         identification,
         measurement,
         fits,
+        free_modes,
         offsets,
         warnings,
     })
@@ -316,7 +321,7 @@ fn condense<L: Lines>(
 ) -> Result<Condensed, AnswerError> {
     let geometry = &first.geometry;
     let bands = Bands::new(measurement.band.clone(), lines.count());
-    let mut work = vec![Complex::new(0.0, 0.0); lines.count()];
+    let mut work = vec![Complex::new(0.0, 0.0); 2 * lines.count()];
     Ok(masslines::condense(
         method,
         lines,

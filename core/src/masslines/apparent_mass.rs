@@ -15,7 +15,7 @@ use super::averaging::MIN_LINES;
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::geometry::Equations;
-use crate::modes::{MAX_MODES, Pole, Residues, find_poles};
+use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
@@ -63,7 +63,7 @@ impl ApparentMass {
 }
 
 /// Condenses the lines `band` to masslines about `reference`. All of the lines serve to
-/// find the poles. `work` holds one element per line.
+/// find the poles. `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
@@ -108,7 +108,7 @@ fn poles_of<L: Lines>(
         let (a, f) = (energy.aa[(j, j)].re, energy.ff[(j, j)].re);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    let count = lines.count().min(work.len());
+    let count = lines.count().min(work.len() / 2);
     for (line, t) in work.iter_mut().enumerate().take(count) {
         *t = Complex::new(0.0, 0.0);
         for run in 0..lines.runs() {
@@ -132,9 +132,8 @@ fn poles_of<L: Lines>(
             }
         }
     }
-    find_poles(&work[..count], Residues::Positive, &|line| {
-        lines.frequency(line)
-    })
+    let trace = Trace::new(&mut work[..2 * count]);
+    find_poles(&trace, Residues::Positive, &|line| lines.frequency(line))
 }
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².

@@ -118,7 +118,7 @@ pub struct Condensed {
     pub free_modes: Option<FreeModes>,
 }
 
-/// Condenses `lines` to masslines about `reference` by `method`. `work` holds one element
+/// Condenses `lines` to masslines about `reference` by `method`. `work` holds two elements
 /// per line.
 ///
 /// # Errors

@@ -11,7 +11,7 @@
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{HermitianFactor, factor_hermitian};
 use crate::geometry::Equations;
-use crate::modes::{MAX_MODES, Pole, Residues, find_poles};
+use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, SMatrix, Vector6};
 
@@ -117,7 +117,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
     }
 
     /// Modes of the free structure from all lines `fit`, at most `limit` of them.
-    /// `work` holds one element per line.
+    /// `work` holds two elements per line.
     ///
     /// # Errors
     /// [`MasslineError::NoMode`] if there is none in the lines.
@@ -127,7 +127,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
         limit: usize,
         work: &mut [Complex<f64>],
     ) -> Result<FreeModes, MasslineError> {
-        let fit = fit.start..fit.end.min(fit.start + work.len());
+        let fit = fit.start..fit.end.min(fit.start + work.len() / 2);
         let n = self.forces();
         // Every diagonal entry counts by its own size, so that rotations and translations
         // are comparable.
@@ -139,7 +139,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
             }
         }
         let lines = fit.len() as f64;
-        let work = &mut work[..fit.len()];
+        let work = &mut work[..2 * fit.len()];
         for (line, t) in fit.clone().zip(work.iter_mut()) {
             let h = self.diagonal(line)?;
             *t = Complex::new(0.0, 0.0);
@@ -149,12 +149,13 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
             }
         }
         let frequency = |k: usize| self.lines.frequency(fit.start + k);
-        let mut poles = find_poles(work, Residues::Any, &frequency);
+        let trace = Trace::new(work);
+        let mut poles = find_poles(&trace, Residues::Any, &frequency);
         poles.truncate(limit);
         if poles.is_empty() {
             return Err(MasslineError::NoMode);
         }
-        self.fit(&fit, poles, work)
+        self.fit(&fit, poles, &trace)
     }
 
     /// H in force directions: what a unit force j moves along itself.
@@ -171,7 +172,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
         &self,
         fit: &Range<usize>,
         poles: heapless::Vec<Pole, MAX_MODES>,
-        trace: &[Complex<f64>],
+        trace: &Trace<'_>,
     ) -> Result<FreeModes, MasslineError> {
         let unit = self.lines.frequency(fit.end.saturating_sub(1));
         let mut modes = FreeModes {
@@ -183,13 +184,6 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
             unit,
         };
         let terms = modes.terms();
-        let mean = trace.iter().map(|t| libm::sqrt(t.norm_sqr())).sum::<f64>() / fit.len() as f64;
-        // Leakage and noise grow with the resonance; relative weights keep the lines
-        // below it in the game.
-        let weight = |k: usize| {
-            let w = 1.0 / (libm::sqrt(trace[k].norm_sqr()) + 0.05 * mean);
-            w * w
-        };
         let mut normal = SMatrix::<f64, TERMS, TERMS>::identity();
         for i in 0..terms {
             normal[(i, i)] = 0.0;
@@ -199,7 +193,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
             let phi = modes.basis(self.lines.frequency(line));
             let h = self.response(line)?;
             for i in 0..terms {
-                let conjugate = phi[i].conj() * weight(k);
+                let conjugate = phi[i].conj() * trace.weight(k);
                 for j in 0..terms {
                     normal[(i, j)] += (conjugate * phi[j]).re;
                 }
@@ -218,7 +212,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
         let mut squares = Matrix6::<f64>::zeros();
         for (k, line) in fit.clone().enumerate() {
             let left = self.response(line)? - modes.at(self.lines.frequency(line));
-            squares += left.map(|z| z.norm_sqr()) * weight(k);
+            squares += left.map(|z| z.norm_sqr()) * trace.weight(k);
         }
         let freedom = (2.0 * fit.len() as f64 - terms as f64).max(1.0);
         modes.constant_variance = squares * (inverse[(0, 0)] * self.lines.correlation() / freedom);

@@ -6,8 +6,10 @@
 //! can cancel, and one scalar function is enough to find the poles of all entries.
 
 mod poles;
+mod trace;
 
 pub use poles::{Residues, find_poles};
+pub use trace::Trace;
 
 use nalgebra::Complex;
 
