@@ -2,7 +2,7 @@
 //! eigenproblems that cannot fail to return, and triangular solves.
 
 use nalgebra::allocator::Allocator;
-use nalgebra::{Complex, DefaultAllocator, DimName, Matrix6, OMatrix, OVector};
+use nalgebra::{Complex, DefaultAllocator, DimName, Matrix6, OMatrix, OVector, SMatrix, SVector};
 
 /// Cyclic Jacobi sweeps; a 10 x 10 matrix is diagonal to rounding after six or seven.
 const SWEEPS: usize = 24;
@@ -99,6 +99,76 @@ where
         }
     }
     (values, vectors)
+}
+
+/// Lower Cholesky factor of the leading `n` x `n` part, of which the lower triangle is
+/// read. `None` if it is not positive definite.
+pub(crate) fn lower<const N: usize>(
+    matrix: &SMatrix<f64, N, N>,
+    n: usize,
+) -> Option<SMatrix<f64, N, N>> {
+    let mut l = SMatrix::<f64, N, N>::zeros();
+    for j in 0..n {
+        for i in j..n {
+            let mut sum = matrix[(i, j)];
+            for k in 0..j {
+                sum -= l[(i, k)] * l[(j, k)];
+            }
+            if i == j {
+                if sum <= 0.0 || !sum.is_finite() {
+                    return None;
+                }
+                l[(j, j)] = libm::sqrt(sum);
+            } else {
+                l[(i, j)] = sum / l[(j, j)];
+            }
+        }
+    }
+    Some(l)
+}
+
+/// Inverse of the leading `n` x `n` part of a lower factor.
+pub(crate) fn inverse_lower<const N: usize>(
+    l: &SMatrix<f64, N, N>,
+    n: usize,
+) -> SMatrix<f64, N, N> {
+    let mut inverse = SMatrix::<f64, N, N>::zeros();
+    for c in 0..n {
+        for i in c..n {
+            let mut sum = if i == c { 1.0 } else { 0.0 };
+            for k in c..i {
+                sum -= l[(i, k)] * inverse[(k, c)];
+            }
+            inverse[(i, c)] = sum / l[(i, i)];
+        }
+    }
+    inverse
+}
+
+/// Solves the leading `n` equations of a positive definite system, of which the lower
+/// triangle is read.
+pub(crate) fn solve_positive<const N: usize>(
+    matrix: &SMatrix<f64, N, N>,
+    right: &SVector<f64, N>,
+    n: usize,
+) -> Option<SVector<f64, N>> {
+    let l = lower(matrix, n)?;
+    let mut x = SVector::<f64, N>::zeros();
+    for i in 0..n {
+        let mut sum = right[i];
+        for k in 0..i {
+            sum -= l[(i, k)] * x[k];
+        }
+        x[i] = sum / l[(i, i)];
+    }
+    for i in (0..n).rev() {
+        let mut sum = x[i];
+        for k in i + 1..n {
+            sum -= l[(k, i)] * x[k];
+        }
+        x[i] = sum / l[(i, i)];
+    }
+    Some(x)
 }
 
 /// What the six channels `x` leave unexplained of the power of each of the six

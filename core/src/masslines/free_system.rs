@@ -15,8 +15,8 @@ use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, SMatrix, Vector6};
 
-/// Terms of the modal fit: constant, modes, and one for those above.
-const TERMS: usize = 2 + MAX_MODES;
+/// Terms of the modal fit: constant, one for the modes above, and two per mode.
+const TERMS: usize = 2 + 2 * MAX_MODES;
 
 /// Accelerations of A per unit interface force, line by line.
 #[derive(Debug)]
@@ -150,7 +150,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
         }
         let frequency = |k: usize| self.lines.frequency(fit.start + k);
         let trace = Trace::new(work);
-        let mut poles = find_poles(&trace, Residues::Any, &frequency);
+        let mut poles = find_poles(&trace, Residues::Complex, &frequency);
         poles.truncate(limit);
         if poles.is_empty() {
             return Err(MasslineError::NoMode);
@@ -179,6 +179,7 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
             poles,
             constant: Matrix6::zeros(),
             residues: [Matrix6::zeros(); MAX_MODES],
+            quadratures: [Matrix6::zeros(); MAX_MODES],
             upper: Matrix6::zeros(),
             constant_variance: Matrix6::zeros(),
             unit,
@@ -206,7 +207,8 @@ impl<'l, L: Lines> FreeSystem<'l, L> {
         modes.constant = solved(0);
         modes.upper = solved(1);
         for r in 0..modes.poles.len() {
-            modes.residues[r] = solved(2 + r);
+            modes.residues[r] = solved(2 + 2 * r);
+            modes.quadratures[r] = solved(3 + 2 * r);
         }
         // Scatter of each entry about the fit, as the lines count.
         let mut squares = Matrix6::<f64>::zeros();
@@ -232,8 +234,10 @@ pub struct FreeModes {
     pub poles: heapless::Vec<Pole, MAX_MODES>,
     /// The rigid body's share: what remains of H at ω = 0, m/s² per N and so on.
     pub constant: Matrix6<f64>,
-    /// Residue of each pole: H holds `residue · D_r(ω)`.
+    /// Residue of each pole: H holds `(residue + quadrature jω/ω_r) D_r(ω)`.
     pub residues: [Matrix6<f64>; MAX_MODES],
+    /// Quadrature of each residue, zero where damping does not couple the modes.
+    pub quadratures: [Matrix6<f64>; MAX_MODES],
     /// Share of all modes above, per (ω / unit)².
     upper: Matrix6<f64>,
     /// Variance of each entry of the constant.
@@ -244,7 +248,7 @@ pub struct FreeModes {
 
 impl FreeModes {
     fn terms(&self) -> usize {
-        2 + self.poles.len()
+        2 + 2 * self.poles.len()
     }
 
     fn basis(&self, frequency: f64) -> [Complex<f64>; TERMS] {
@@ -252,8 +256,10 @@ impl FreeModes {
         let ratio = frequency / self.unit;
         phi[0] = Complex::new(1.0, 0.0);
         phi[1] = Complex::new(ratio * ratio, 0.0);
-        for (slot, pole) in phi[2..].iter_mut().zip(&self.poles) {
-            *slot = pole.amplification(frequency);
+        for (pair, pole) in phi[2..].chunks_exact_mut(2).zip(&self.poles) {
+            let d = pole.amplification(frequency);
+            pair[0] = d;
+            pair[1] = d * Complex::new(0.0, frequency / pole.frequency);
         }
         phi
     }
@@ -263,8 +269,9 @@ impl FreeModes {
     pub fn elastic(&self, frequency: f64) -> Matrix6<Complex<f64>> {
         let phi = self.basis(frequency);
         let mut h = self.upper.map(|x| phi[1] * x);
-        for (residue, phi) in self.residues.iter().zip(&phi[2..]).take(self.poles.len()) {
-            h += residue.map(|x| phi * x);
+        let residues = self.residues.iter().zip(&self.quadratures);
+        for ((residue, quadrature), phi) in residues.zip(phi[2..].chunks_exact(2)) {
+            h += residue.map(|x| phi[0] * x) + quadrature.map(|x| phi[1] * x);
         }
         h
     }

@@ -26,6 +26,7 @@ mod frequency_responses;
 mod lines;
 mod power_spectra;
 mod regression;
+mod sine;
 mod static_poses;
 mod synthesis;
 
@@ -39,6 +40,7 @@ pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;
 pub use lines::{Complex6, CrossLines, DriveLines, Lines, MAX_CROSS_RUNS, Moments};
 pub use power_spectra::{Factorisation, power_spectra};
+pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
 pub use synthesis::synthesis;
 

@@ -2,6 +2,7 @@
 
 use super::averaging::Trend;
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use crate::algebra::{inverse_lower, lower};
 use crate::geometry::Equations;
 use core::ops::Range;
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -118,17 +119,8 @@ impl Averaged {
         // In noise units: V G Vᵀ = RᵀR, so R⁻¹ = Vᵀ (its own Cholesky factor)⁻ᵀ.
         let v = forces.coordinates();
         let inner = v * (self.ff / self.lines) * v.transpose();
-        let l = super::regression::lower(&inner, rank).ok_or(MasslineError::Singular)?;
-        let mut inverse = Matrix6::zeros();
-        for c in 0..rank {
-            for i in c..rank {
-                let mut sum = if i == c { 1.0 } else { 0.0 };
-                for k in c..i {
-                    sum -= l[(i, k)] * inverse[(k, c)];
-                }
-                inverse[(i, c)] = sum / l[(i, i)];
-            }
-        }
+        let l = lower(&inner, rank).ok_or(MasslineError::Singular)?;
+        let inverse = inverse_lower(&l, rank);
         Ok(v.transpose() * inverse.transpose())
     }
 }

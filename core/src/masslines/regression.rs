@@ -8,6 +8,7 @@
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
 use super::{Excitation, MasslineError, Masslines, Moments};
+use crate::algebra::{inverse_lower, lower};
 use crate::geometry::Equations;
 use nalgebra::{Complex, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
@@ -323,46 +324,10 @@ impl Solution {
     }
 }
 
-/// Lower Cholesky factor of the leading `n` x `n` part.
-pub(super) fn lower(matrix: &Matrix6<f64>, n: usize) -> Option<Matrix6<f64>> {
-    let mut l = Matrix6::zeros();
-    for j in 0..n {
-        for i in j..n {
-            let mut sum = matrix[(i, j)];
-            for k in 0..j {
-                sum -= l[(i, k)] * l[(j, k)];
-            }
-            if i == j {
-                if !(sum > 0.0 && sum.is_finite()) {
-                    return None;
-                }
-                l[(j, j)] = libm::sqrt(sum);
-            } else {
-                l[(i, j)] = sum / l[(j, j)];
-            }
-        }
-    }
-    Some(l)
-}
-
 /// Diagonal of the inverse of the leading `n` x `n` part.
 fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
     let inverse = inverse_lower(&lower(matrix, n)?, n);
     Some(core::array::from_fn(|i| {
         (0..n).map(|k| inverse[(k, i)] * inverse[(k, i)]).sum()
     }))
-}
-
-fn inverse_lower(l: &Matrix6<f64>, n: usize) -> Matrix6<f64> {
-    let mut inverse = Matrix6::zeros();
-    for c in 0..n {
-        for i in c..n {
-            let mut sum = if i == c { 1.0 } else { 0.0 };
-            for k in c..i {
-                sum -= l[(i, k)] * inverse[(k, c)];
-            }
-            inverse[(i, c)] = sum / l[(i, i)];
-        }
-    }
-    inverse
 }

@@ -1,11 +1,12 @@
 //! Poles of one scalar function: peaks first, then a damped Gauss-Newton fit.
 
 use super::{MAX_MODES, Pole, Trace};
+use crate::algebra::solve_positive;
 use nalgebra::{Complex, SMatrix, SVector};
 
-/// Unknowns of the fit: a constant, one term for all modes above, and residue,
-/// frequency and damping of each mode.
-const UNKNOWNS: usize = 2 + 3 * MAX_MODES;
+/// Unknowns of the fit: a constant, one term for all modes above, and frequency, damping
+/// and up to two residues of each mode.
+const UNKNOWNS: usize = 2 + 4 * MAX_MODES;
 /// Damping that the search starts from.
 const FIRST_DAMPING: f64 = 0.01;
 /// Bounds of a damping that a mode of a structure can have.
@@ -20,11 +21,12 @@ type Parameters = SVector<f64, UNKNOWNS>;
 pub enum Residues {
     /// Positive, as in a power-like scalar of the apparent mass: no two modes cancel.
     Positive,
-    /// Of either sign.
-    Any,
+    /// Of either sign and phase, as in the free structure: damping couples its modes even
+    /// where it leaves those of the fixed one apart.
+    Complex,
 }
 
-/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ e_r D_r(ω)` in a trace whose lines lie at
+/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace whose lines lie at
 /// `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones;
 /// none if no peak rises above what the lines scatter by.
 #[must_use]
@@ -108,7 +110,7 @@ impl Fit {
             let im = -self.left(trace, line, frequency).im;
             let height = match self.residues {
                 Residues::Positive => im,
-                Residues::Any => im.abs(),
+                Residues::Complex => im.abs(),
             } * libm::sqrt(trace.weight(line));
             if !taken && !edge && height > highest {
                 highest = height;
@@ -120,7 +122,7 @@ impl Fit {
 
     /// One more mode whose resonance leaves `imaginary` to explain.
     fn with_mode(&self, frequency: f64, imaginary: f64) -> Self {
-        let at = 2 + 3 * self.modes;
+        let at = self.at(self.modes);
         let mut parameters = self.parameters;
         // At resonance Im D = -1 / 2ζ.
         parameters[at] = -imaginary * 2.0 * FIRST_DAMPING;
@@ -133,15 +135,25 @@ impl Fit {
         }
     }
 
+    /// Where a mode's unknowns begin: residue, frequency, damping, and the quadrature
+    /// residue where there is one.
+    fn at(&self, mode: usize) -> usize {
+        let each = match self.residues {
+            Residues::Positive => 3,
+            Residues::Complex => 4,
+        };
+        2 + each * mode
+    }
+
     fn pole(&self, mode: usize) -> Pole {
         Pole {
-            frequency: self.parameters[3 + 3 * mode],
-            damping: self.parameters[4 + 3 * mode],
+            frequency: self.parameters[self.at(mode) + 1],
+            damping: self.parameters[self.at(mode) + 2],
         }
     }
 
     fn unknowns(&self) -> usize {
-        2 + 3 * self.modes
+        self.at(self.modes)
     }
 
     /// Value and derivatives at one frequency.
@@ -153,14 +165,22 @@ impl Fit {
         d[1] = Complex::new(above * above, 0.0);
         let mut value = d[0] * p[0] + d[1] * p[1];
         for r in 0..self.modes {
-            let (e, fr, z) = (p[2 + 3 * r], p[3 + 3 * r], p[4 + 3 * r]);
+            let at = self.at(r);
+            let (fr, z) = (p[at + 1], p[at + 2]);
+            // The residue and, per ω/ω_r, its quadrature.
+            let ahead = Complex::new(0.0, f / fr);
+            let mut residue = Complex::new(p[at], 0.0);
             let below = Complex::new(fr * fr - f * f, 2.0 * z * fr * f);
             let unit = Complex::new(f * f, 0.0) / below;
-            d[2 + 3 * r] = unit;
-            let slope = -unit / below * e;
-            d[3 + 3 * r] = slope * Complex::new(2.0 * fr, 2.0 * z * f);
-            d[4 + 3 * r] = slope * Complex::new(0.0, 2.0 * fr * f);
-            value += unit * e;
+            d[at] = unit;
+            if self.residues == Residues::Complex {
+                d[at + 3] = unit * ahead;
+                residue += ahead * p[at + 3];
+            }
+            let slope = -unit / below * residue;
+            d[at + 1] = slope * Complex::new(2.0 * fr, 2.0 * z * f);
+            d[at + 2] = slope * Complex::new(0.0, 2.0 * fr * f);
+            value += unit * residue;
         }
         (value, d)
     }
@@ -195,7 +215,11 @@ impl Fit {
             }
             let mut improved = false;
             while lambda < 1e9 {
-                if let Some(step) = damped_step(&normal, &right, n, lambda) {
+                let mut damped = normal;
+                for i in 0..n {
+                    damped[(i, i)] *= 1.0 + lambda;
+                }
+                if let Some(step) = solve_positive(&damped, &right, n) {
                     let tried = self.bounded(&(self.parameters + step));
                     let tried_cost = self.cost(&tried, trace, frequency);
                     if tried_cost < cost {
@@ -219,8 +243,9 @@ impl Fit {
     fn bounded(&self, p: &Parameters) -> Parameters {
         let mut p = *p;
         for r in 0..self.modes {
-            p[3 + 3 * r] = p[3 + 3 * r].max(1e-3 * self.unit);
-            p[4 + 3 * r] = p[4 + 3 * r].clamp(DAMPING.start, DAMPING.end);
+            let at = self.at(r);
+            p[at + 1] = p[at + 1].max(1e-3 * self.unit);
+            p[at + 2] = p[at + 2].clamp(DAMPING.start, DAMPING.end);
         }
         p
     }
@@ -233,7 +258,7 @@ impl Fit {
         (0..self.modes).any(|r| {
             let pole = self.pole(r);
             let inside = pole.frequency > first && pole.frequency < last;
-            let positive = self.residues == Residues::Any || self.parameters[2 + 3 * r] > 0.0;
+            let positive = self.residues == Residues::Complex || self.parameters[self.at(r)] > 0.0;
             let twin =
                 (0..r).any(|q| (self.pole(q).frequency - pole.frequency).abs() < 2.0 * spacing);
             !(inside && positive && pole.damping < DAMPING.end) || twin
@@ -246,46 +271,6 @@ impl Fit {
         poles.sort_unstable_by(|a, b| a.frequency.total_cmp(&b.frequency));
         poles
     }
-}
-
-/// `(N + λ diag N) step = right`, lower triangle of N given.
-fn damped_step(normal: &Normal, right: &Parameters, n: usize, lambda: f64) -> Option<Parameters> {
-    let mut l = Normal::zeros();
-    let mut x = Parameters::zeros();
-    for j in 0..n {
-        for i in j..n {
-            let mut sum = normal[(i, j)];
-            if i == j {
-                sum *= 1.0 + lambda;
-            }
-            for k in 0..j {
-                sum -= l[(i, k)] * l[(j, k)];
-            }
-            if i == j {
-                if !(sum > 0.0 && sum.is_finite()) {
-                    return None;
-                }
-                l[(j, j)] = libm::sqrt(sum);
-            } else {
-                l[(i, j)] = sum / l[(j, j)];
-            }
-        }
-    }
-    for i in 0..n {
-        let mut sum = right[i];
-        for k in 0..i {
-            sum -= l[(i, k)] * x[k];
-        }
-        x[i] = sum / l[(i, i)];
-    }
-    for i in (0..n).rev() {
-        let mut sum = x[i];
-        for k in i + 1..n {
-            sum -= l[(k, i)] * x[k];
-        }
-        x[i] = sum / l[(i, i)];
-    }
-    Some(x)
 }
 
 #[cfg(test)]
@@ -315,7 +300,7 @@ mod tests {
 
     #[test]
     fn exact_lines_return_their_poles() {
-        for (residues, sign) in [(Residues::Positive, 1.0), (Residues::Any, -1.0)] {
+        for (residues, sign) in [(Residues::Positive, 1.0), (Residues::Complex, -1.0)] {
             let modes = [(0.3, 32.5, 0.01), (sign * 0.1, 41.1, 0.02)];
             let found = found(&modes, residues);
             assert_eq!(found.len(), 2);
@@ -351,6 +336,6 @@ mod tests {
     #[test]
     fn no_lines_no_poles() {
         let none = Trace::new(&mut []);
-        assert!(find_poles(&none, Residues::Any, &frequency).is_empty());
+        assert!(find_poles(&none, Residues::Complex, &frequency).is_empty());
     }
 }

@@ -1,0 +1,146 @@
+//! The sending end: messages in, numbered frames out.
+
+use super::frame::{EncodeError, Header, write};
+use super::{Event, PROTOCOL_VERSION, Reply, Request};
+
+/// Turns messages into frames and counts every one of them.
+///
+/// One for each direction and link. The box's takes [`reply`](Self::reply) and
+/// [`event`](Self::event), the host's takes [`request`](Self::request).
+///
+/// A number is used up by every message that was *produced*, also by one that could not
+/// be written and by one that found no room in a queue ([`skip`](Self::skip)): nothing
+/// disappears without its gap.
+#[derive(Clone, Copy, Debug)]
+pub struct Sender {
+    session: u16,
+    next: u32,
+}
+
+impl Sender {
+    /// Starts a session with frame zero.
+    ///
+    /// `session` must differ from the two before it on the same side. A box counts its
+    /// resets in memory that outlives them; a host takes a new one, from its clock for
+    /// instance, each time it opens the link or says [`Request::Hello`] again.
+    #[must_use]
+    pub const fn new(session: u16) -> Self {
+        Self { session, next: 0 }
+    }
+
+    /// Frames produced in this session, modulo 2³².
+    #[must_use]
+    pub const fn produced(&self) -> u32 {
+        self.next
+    }
+
+    /// Counts a message that is given up before it becomes a frame, because the queue
+    /// to the link is full.
+    pub const fn skip(&mut self) {
+        self.next = self.next.wrapping_add(1);
+    }
+
+    fn header(&mut self, number: u8, request: u16) -> Header {
+        let sequence = self.next;
+        self.skip();
+        Header {
+            version: PROTOCOL_VERSION,
+            number,
+            session: self.session,
+            sequence,
+            request,
+        }
+    }
+
+    /// Writes a request into `out` and returns its frame. `id` comes back with the reply;
+    /// it is not zero and not that of a request which is still unanswered.
+    ///
+    /// # Errors
+    /// [`EncodeError`]; the frame's number is used up all the same.
+    pub fn request<'o>(
+        &mut self,
+        id: u16,
+        message: &Request<'_>,
+        out: &'o mut [u8],
+    ) -> Result<&'o [u8], EncodeError> {
+        let header = self.header(message.number(), id);
+        if id == 0 {
+            return Err(EncodeError::NoRequestId);
+        }
+        let length = message.write(header, out)?;
+        out.get(..length).ok_or(EncodeError::BufferTooShort)
+    }
+
+    /// Writes the reply to request `id` into `out` and returns its frame.
+    ///
+    /// # Errors
+    /// [`EncodeError`]; the frame's number is used up all the same.
+    pub fn reply<'o>(
+        &mut self,
+        id: u16,
+        message: &Reply<'_>,
+        out: &'o mut [u8],
+    ) -> Result<&'o [u8], EncodeError> {
+        let header = self.header(message.number(), id);
+        let length = message.write(header, out)?;
+        out.get(..length).ok_or(EncodeError::BufferTooShort)
+    }
+
+    /// Writes an event into `out` and returns its frame.
+    ///
+    /// # Errors
+    /// [`EncodeError`]; the frame's number is used up all the same.
+    pub fn event<'o>(
+        &mut self,
+        message: &Event<'_>,
+        out: &'o mut [u8],
+    ) -> Result<&'o [u8], EncodeError> {
+        let header = self.header(message.number(), 0);
+        let length = message.write(header, out)?;
+        out.get(..length).ok_or(EncodeError::BufferTooShort)
+    }
+}
+
+/// Ids for requests: 1 to 65535 and around again, never zero.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RequestIds(u16);
+
+impl RequestIds {
+    /// Starts with one.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(0)
+    }
+
+    /// The next id.
+    pub const fn fresh(&mut self) -> u16 {
+        self.0 = match self.0 {
+            u16::MAX => 1,
+            id => id + 1,
+        };
+        self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_go_around_without_zero() {
+        let mut ids = RequestIds(u16::MAX - 1);
+        assert_eq!([ids.fresh(), ids.fresh(), ids.fresh()], [u16::MAX, 1, 2]);
+    }
+
+    #[test]
+    fn what_could_not_be_written_leaves_a_gap() {
+        let mut sender = Sender::new(1);
+        let mut out = [0; 8];
+        let nothing = sender.request(0, &Request::Hello, &mut out);
+        assert_eq!(nothing, Err(EncodeError::NoRequestId));
+        let nothing = sender.request(1, &Request::Hello, &mut out);
+        assert_eq!(nothing, Err(EncodeError::BufferTooShort));
+        sender.skip();
+        assert_eq!(sender.produced(), 3);
+    }
+}
