@@ -9,5 +9,7 @@ pub mod masslines;
 pub mod modes;
 pub mod rigid_body;
 pub mod spectra;
+pub mod wire;
+pub mod weighting;
 
 mod algebra;

@@ -40,7 +40,9 @@ enum Command {
     Identify(identify::Arguments),
     Simulate(simulate::Arguments),
     /// Print a completion script for your shell
-    #[command(after_help = "Example:\n  massline completions bash > ~/.local/share/bash-completion/completions/massline")]
+    #[command(
+        after_help = "Example:\n  massline completions bash > ~/.local/share/bash-completion/completions/massline"
+    )]
     Completions {
         /// The shell
         shell: clap_complete::Shell,

@@ -8,8 +8,8 @@ use crate::measure::{
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Identification, IdentifyError, Procedure, Question};
 use massline_core::masslines::{
-    self, ApparentMass, Bands, Condensed, CrossLines, DriveLines, FreeModes, Lines, MasslineError, Masslines,
-    Method, StaticFit,
+    self, ApparentMass, Bands, Condensed, CrossLines, DriveLines, FreeModes, Lines, MasslineError,
+    Masslines, Method, StaticFit,
 };
 use massline_core::rigid_body::{Inertia, RigidBody};
 use massline_core::spectra::{CrossAverage, RunResponses};
@@ -351,13 +351,13 @@ fn notice(identification: &Identification, measurement: &Measurement, warnings: 
     if let Some(reason) = identification.plausibility.first_violation() {
         warnings.push(format!("no real body has these properties: {reason}"));
     }
-    if let Some(ratio) = identification.consistency {
-        if ratio > 4.0 {
-            warnings.push(format!(
-                "a rigid body leaves {:.1} times more than the noise explains; error bars were widened. Check sensor positions, directions and scales",
-                ratio.sqrt()
-            ));
-        }
+    if let Some(ratio) = identification.consistency
+        && ratio > 4.0
+    {
+        warnings.push(format!(
+            "a rigid body leaves {:.1} times more than the noise explains; error bars were widened. Check sensor positions, directions and scales",
+            ratio.sqrt()
+        ));
     }
     if identification.attenuation > 0.25 {
         warnings.push(

@@ -38,18 +38,20 @@ pub fn find_poles(
     let mut fit = Fit::start(trace, residues, frequency);
     let mut cost = fit.refine(trace, frequency, ROUGH);
     // Strongest first, one at a time, each next one in what the others leave.
+    let mut refused: heapless::Vec<usize, TRIES> = heapless::Vec::new();
     while fit.modes < MAX_MODES {
-        let Some(line) = fit.strongest_peak(trace, frequency) else {
+        let Some(line) = fit.strongest_peak(trace, frequency, &refused) else {
             break;
         };
         let mut more = fit.with_mode(frequency(line), fit.left(trace, line, frequency).im);
         let lower = more.refine(trace, frequency, ROUGH);
         let gain = trace.len() as f64 * libm::log(cost / lower);
-        if gain <= WORTH || gain.is_nan() || more.implausible(trace.len(), frequency) {
+        if gain > WORTH && !more.implausible(trace.len(), frequency) {
+            fit = more;
+            cost = lower;
+        } else if refused.push(line).is_err() {
             break;
         }
-        fit = more;
-        cost = lower;
     }
     fit.refine(trace, frequency, FINE);
     fit.poles()
@@ -59,6 +61,8 @@ pub fn find_poles(
 /// average, twice that where the window makes neighbouring lines alike, and the largest
 /// of a hundred peaks some three times more.
 const WORTH: f64 = 20.0;
+/// Peaks that may turn out to be none before the search ends.
+const TRIES: usize = 6;
 /// Relative gain of a step at which a fit ends: while modes are looked for, and at last.
 const ROUGH: f64 = 1e-3;
 const FINE: f64 = 1e-9;
@@ -93,11 +97,24 @@ impl Fit {
         trace.value(line) - self.model(&self.parameters, frequency(line)).0
     }
 
-    /// The line whose imaginary part stands out most from the fit and its neighbours.
-    fn strongest_peak(&self, trace: &Trace<'_>, frequency: &dyn Fn(usize) -> f64) -> Option<usize> {
+    /// The highest peak of the imaginary part that the fit leaves, away from the modes
+    /// that are there and from what was refused before.
+    fn strongest_peak(
+        &self,
+        trace: &Trace<'_>,
+        frequency: &dyn Fn(usize) -> f64,
+        refused: &[usize],
+    ) -> Option<usize> {
+        let height = |line: usize| {
+            let im = -self.left(trace, line, frequency).im;
+            match self.residues {
+                Residues::Positive => im,
+                Residues::Complex => im.abs(),
+            }
+        };
         let mut best = None;
         let mut highest = 0.0;
-        for line in 0..trace.len() {
+        for line in 1..trace.len().saturating_sub(1) {
             let f = frequency(line);
             // Leakage bends the flanks of a mode that is already there; what it leaves
             // is not another mode.
@@ -106,14 +123,11 @@ impl Fit {
                 let pole = self.pole(r);
                 (pole.frequency - f).abs() < 3.0 * spacing + 3.0 * pole.damping * f
             });
-            let edge = line == 0 || line + 1 == trace.len();
-            let im = -self.left(trace, line, frequency).im;
-            let height = match self.residues {
-                Residues::Positive => im,
-                Residues::Complex => im.abs(),
-            } * libm::sqrt(trace.weight(line));
-            if !taken && !edge && height > highest {
-                highest = height;
+            let tried = refused.iter().any(|&r| line.abs_diff(r) < 3);
+            let here = height(line);
+            let peak = here > height(line - 1) && here >= height(line + 1);
+            if peak && !taken && !tried && here > highest {
+                highest = here;
                 best = Some(line);
             }
         }

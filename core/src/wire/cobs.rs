@@ -191,7 +191,11 @@ mod tests {
                 let mut body = Bytes::new();
                 for i in 0..n {
                     // `period` 1 is all zeros, 2000 has none.
-                    let byte = if (i + 1) % period == 0 { 0 } else { 1 + (i % 255) as u8 };
+                    let byte = if (i + 1) % period == 0 {
+                        0
+                    } else {
+                        1 + (i % 255) as u8
+                    };
                     body.push(byte).unwrap();
                 }
                 let wire = encoded(&body);

@@ -56,18 +56,7 @@ impl Header {
         let [s0, s1] = self.session.to_le_bytes();
         let [n0, n1, n2, n3] = self.sequence.to_le_bytes();
         let [r0, r1] = self.request.to_le_bytes();
-        [
-            self.version,
-            self.number,
-            s0,
-            s1,
-            n0,
-            n1,
-            n2,
-            n3,
-            r0,
-            r1,
-        ]
+        [self.version, self.number, s0, s1, n0, n1, n2, n3, r0, r1]
     }
 
     const fn from_bytes(bytes: [u8; HEADER]) -> Self {

@@ -182,7 +182,9 @@ mod tests {
 
     #[test]
     fn counts_of_24_bits_keep_their_sign() {
-        for count in [0, 1, -1, 0x7F, -0x80, 0x1234, -0x1234, 0x7F_FFFF, -0x80_0000] {
+        for count in [
+            0, 1, -1, 0x7F, -0x80, 0x1234, -0x1234, 0x7F_FFFF, -0x80_0000,
+        ] {
             let packed = Count24::new(count).unwrap();
             assert_eq!(Count24::from_bytes(&packed.to_bytes()), Some(packed));
             assert_eq!(packed.get(), count);
@@ -200,9 +202,15 @@ mod tests {
         assert_eq!((bytes.len(), bytes[0]), (17, 16));
         let received: Packed<'_, f32> = postcard::from_bytes(bytes).unwrap();
         assert_eq!(received, lent);
-        assert_ne!(received, Packed::new(&[1.0, 0.0, f32::NAN, f32::MIN_POSITIVE]));
+        assert_ne!(
+            received,
+            Packed::new(&[1.0, 0.0, f32::NAN, f32::MIN_POSITIVE])
+        );
         assert_eq!(received.iter().count(), 4);
-        assert_eq!((received.get(3), received.get(4)), (Some(f32::MIN_POSITIVE), None));
+        assert_eq!(
+            (received.get(3), received.get(4)),
+            (Some(f32::MIN_POSITIVE), None)
+        );
         let mut again = [0; 32];
         assert_eq!(postcard::to_slice(&received, &mut again).unwrap(), bytes);
         bytes[0] = 15;

@@ -1,6 +1,6 @@
 //! The sending end: messages in, numbered frames out.
 
-use super::frame::{EncodeError, Header, write};
+use super::frame::{EncodeError, Header};
 use super::{Event, PROTOCOL_VERSION, Reply, Request};
 
 /// Turns messages into frames and counts every one of them.

@@ -202,7 +202,11 @@ mod tests {
             restarted: true,
         };
         assert_eq!(t.arrive(2, 3), restart);
-        assert_eq!(t.arrive(1, 901), Arrival::OutOfOrder, "its session has ended");
+        assert_eq!(
+            t.arrive(1, 901),
+            Arrival::OutOfOrder,
+            "its session has ended"
+        );
         assert_eq!(t.arrive(2, 4), new(0));
         assert_eq!(t.before(), 900, "of the first session only");
     }

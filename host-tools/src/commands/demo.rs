@@ -49,7 +49,10 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let setup = Setup::read(&path).map_err(Failure::input)?;
     let answer = identify::with_progress(&setup, &Choice::default(), verbosity)?;
     let html = arguments.out.join("report.html");
-    write_file(&html, &report::render(&setup, &answer, Some(&true_body(&truth))))?;
+    write_file(
+        &html,
+        &report::render(&setup, &answer, Some(&true_body(&truth))),
+    )?;
     let result = ResultDocument::new(&setup.title, &answer);
     if arguments.json {
         return print_json(&Document { result, truth });
@@ -59,7 +62,10 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     if !verbosity.quiet {
         eprintln!();
         eprintln!("report:  {}", html.display());
-        eprintln!("try it:  massline identify {} --method b-cholesky", path.display());
+        eprintln!(
+            "try it:  massline identify {} --method b-cholesky",
+            path.display()
+        );
     }
     Ok(())
 }

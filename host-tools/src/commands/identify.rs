@@ -71,17 +71,20 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     };
     let answer = with_progress(&setup, &choice, verbosity)?;
     if let Some(path) = &arguments.report {
-        write_file(path, &report::render(&setup, &answer, truth.as_ref().map(true_body).as_ref()))?;
+        write_file(
+            path,
+            &report::render(&setup, &answer, truth.as_ref().map(true_body).as_ref()),
+        )?;
     }
     if arguments.json {
         return print_json(&ResultDocument::new(&setup.title, &answer));
     }
     warn(&answer.warnings, verbosity);
     show(&setup.title, &answer, truth.as_ref())?;
-    if let Some(path) = &arguments.report {
-        if !verbosity.quiet {
-            eprintln!("report: {}", path.display());
-        }
+    if let Some(path) = &arguments.report
+        && !verbosity.quiet
+    {
+        eprintln!("report: {}", path.display());
     }
     Ok(())
 }

@@ -12,6 +12,8 @@ const TWO_SIDED_95: f64 = 1.959_963_985;
 
 struct Row {
     name: String,
+    /// What it is called where it is missing, and about which point.
+    group: &'static str,
     unit: &'static str,
     /// Displayed units per SI unit.
     scale: f64,
@@ -22,9 +24,10 @@ struct Row {
 fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
     let i = &answer.identification;
     let mut rows = Vec::new();
-    let mut add = |name: String, unit, scale, estimate, truth| {
+    let mut add = |name: String, group, unit, scale, estimate, truth| {
         rows.push(Row {
             name,
+            group,
             unit,
             scale,
             estimate,
@@ -35,15 +38,17 @@ fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
         Some(indicator) => add(
             "indicator Δ".into(),
             "",
+            "",
             1.0,
             Some(indicator),
             truth.map(|_| 1.0),
         ),
-        None => add("mass".into(), "kg", 1.0, i.mass, truth.map(|t| t.mass)),
+        None => add("mass".into(), "", "kg", 1.0, i.mass, truth.map(|t| t.mass)),
     }
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         add(
             format!("CG {name}"),
+            "",
             "mm",
             1e3,
             i.centre_of_gravity[axis],
@@ -52,18 +57,26 @@ fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
     }
     let names = ["Θxx", "Θyy", "Θzz", "Θxy", "Θxz", "Θyz"];
     let abouts = [
-        ("A", i.inertia_reference, truth.map(|t| t.inertia_reference)),
-        ("S", i.inertia_cg, truth.map(|t| t.inertia_cg)),
+        (
+            " about A",
+            i.inertia_reference,
+            truth.map(|t| t.inertia_reference),
+        ),
+        (" about S", i.inertia_cg, truth.map(|t| t.inertia_cg)),
     ];
     for (point, terms, truth) in abouts {
         let largest = terms
             .iter()
             .flatten()
             .fold(0.0_f64, |a, t| a.max(t.value.abs()));
-        let (unit, scale) = if largest < 0.1 { ("g m²", 1e3) } else { ("kg m²", 1.0) };
+        let (unit, scale) = if largest < 0.1 {
+            ("g m²", 1e3)
+        } else {
+            ("kg m²", 1.0)
+        };
         for (j, name) in names.into_iter().enumerate() {
             let truth = truth.and_then(|t| [t.xx, t.yy, t.zz, t.xy, t.xz, t.yz][j]);
-            add(format!("{name} about {point}"), unit, scale, terms[j], truth);
+            add(name.to_owned(), point, unit, scale, terms[j], truth);
         }
     }
     rows
@@ -100,19 +113,35 @@ pub fn print_answer(
         significant(z, 4)
     )?;
     if let (Some(mass), Some(_)) = (i.mass, i.indicator) {
-        writeln!(out, "{dim}mass weighed: {} kg{dim:#}", significant(mass.value, 6))?;
+        writeln!(
+            out,
+            "{dim}mass weighed: {} kg{dim:#}",
+            significant(mass.value, 6)
+        )?;
     }
     writeln!(out)?;
-    write!(out, "{bold}{:<14}{:>12}  {:<13}", "", "value", "95 % interval")?;
+    write!(
+        out,
+        "{bold}{:<14}{:>12}  {:<13}",
+        "", "value", "95 % interval"
+    )?;
     if truth.is_some() {
         write!(out, "{:>12}{:>11}", "truth", "error")?;
     }
     writeln!(out, "{bold:#}")?;
-    let mut unseen = Vec::new();
+    let mut unseen: Vec<String> = Vec::new();
+    let mut about = "";
     for row in rows(answer, truth) {
         match row.estimate {
             Some(e) => print_row(out, &row, e, truth.is_some())?,
-            None => unseen.push(row.name),
+            None if row.group.is_empty() || row.group == about => unseen.push(row.name),
+            // What is not known about one point is seldom known about the other: the
+            // second list only names what the first did not.
+            None if !unseen.contains(&row.name) => {
+                about = row.group;
+                unseen.push(row.name);
+            }
+            None => {}
         }
     }
     if !unseen.is_empty() {
@@ -135,14 +164,21 @@ pub fn print_answer(
 fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> std::io::Result<()> {
     let (value, half) = with_std(e.value * row.scale, e.std * row.scale * TWO_SIDED_95);
     let interval = format!("± {half} {}", row.unit);
-    write!(out, "{:<14}{value:>12}  {interval:<13}", row.name)?;
+    let name = format!("{}{}", row.name, row.group);
+    write!(out, "{name:<14}{value:>12}  {interval:<13}")?;
     if with_truth {
         match row.truth {
             Some(truth) => {
                 let error = e.value - truth;
                 let inside = error.abs() <= e.std * TWO_SIDED_95 || e.std == 0.0;
-                let style = if inside { AnsiColor::Green } else { AnsiColor::Yellow }.on_default();
-                let (shown, _) = with_std(truth * row.scale, e.std * row.scale * TWO_SIDED_95 / 10.0);
+                let style = if inside {
+                    AnsiColor::Green
+                } else {
+                    AnsiColor::Yellow
+                }
+                .on_default();
+                let (shown, _) =
+                    with_std(truth * row.scale, e.std * row.scale * TWO_SIDED_95 / 10.0);
                 let percent = if truth == 0.0 {
                     String::new()
                 } else {

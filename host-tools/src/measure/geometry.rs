@@ -68,12 +68,20 @@ pub(super) fn axes(setup: &Setup) -> Vec<Axis<'_>> {
     let sensors = setup.accelerometers.iter().map(|a| Axis {
         channel: &a.channel,
         // What is re-mounted with the specimen turns away from what stays.
-        kind: if a.mount == setup::Mount::Interface { 0 } else { 3 },
+        kind: if a.mount == setup::Mount::Interface {
+            0
+        } else {
+            3
+        },
         direction: a.direction.into(),
     });
     let cells = setup.load_cells.iter().map(|c| Axis {
         channel: &c.channel,
-        kind: if c.quantity == setup::Quantity::Force { 1 } else { 2 },
+        kind: if c.quantity == setup::Quantity::Force {
+            1
+        } else {
+            2
+        },
         direction: c.direction.into(),
     });
     sensors.chain(cells).collect()

@@ -143,16 +143,25 @@ fn check_channels(
 ) -> Result<(), MeasureError> {
     let state = |channel: &str| -> Vec<(&Run, &ChannelHealth)> {
         let of_run = |(run, states): &'_ &(&Run, Vec<ChannelHealth>)| -> Option<usize> {
-            let at = geometry::channel_names(setup, run).iter().position(|n| *n == channel)?;
+            let at = geometry::channel_names(setup, run)
+                .iter()
+                .position(|n| *n == channel)?;
             (at < states.len()).then_some(at)
         };
-        let found = health.iter().filter_map(|r| of_run(&r).map(|at| (r.0, &r.1[at])));
+        let found = health
+            .iter()
+            .filter_map(|r| of_run(&r).map(|at| (r.0, &r.1[at])));
         found.collect()
     };
-    let moves =
-        |channel: &str| state(channel).iter().any(|(_, s)| s.complaint() != Some(Complaint::Dead));
+    let moves = |channel: &str| {
+        state(channel)
+            .iter()
+            .any(|(_, s)| s.complaint() != Some(Complaint::Dead))
+    };
     let sensors = geometry::axes(setup);
-    let names = health.iter().flat_map(|(run, _)| geometry::channel_names(setup, run));
+    let names = health
+        .iter()
+        .flat_map(|(run, _)| geometry::channel_names(setup, run));
     for channel in names.collect::<std::collections::BTreeSet<_>>() {
         for (run, s) in state(channel) {
             if let Some(Complaint::Clipped { limit, samples }) = s.complaint() {
@@ -171,9 +180,9 @@ fn check_channels(
             continue;
         };
         let own = sensors.iter().find(|a| a.channel == channel);
-        let sibling = sensors.iter().any(|other| {
-            own.is_some_and(|own| own.looks_like(other)) && moves(other.channel)
-        });
+        let sibling = sensors
+            .iter()
+            .any(|other| own.is_some_and(|own| own.looks_like(other)) && moves(other.channel));
         // A drive has no siblings, and a silent one moves nothing.
         if sibling || own.is_none() {
             return Err(MeasureError::Dead {

@@ -2,14 +2,13 @@
 
 use super::lines::groups;
 use super::markup::escape;
-use super::number::{fixed, significant, with_unit};
+use super::number::{fixed, significant};
 use super::page::{Section, panels};
 use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, Tone, legend};
 use super::response::{Entries, Entry, entries};
 use super::scales::axis_factor;
 use crate::identification::Answer;
 use massline_core::masslines::ApparentMass;
-use nalgebra::Matrix6;
 use std::fmt::Write;
 
 /// What every panel of the section needs to know.
@@ -45,7 +44,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
         html.push_str(&overview(&entries, &view));
         html.push_str(&closeup(&entries, &view));
         if let Some(fit) = group.fit {
-            html.push_str(&modes(fit, answer));
+            html.push_str(&modes(fit));
         }
     }
     Some(Section::new("apparent-mass", "Apparent mass", html))
@@ -111,9 +110,9 @@ fn magnitude(entry: &Entry, view: &View<'_>) -> String {
     rigid.iter().for_each(|p| extent.see(p[1]));
     let domain = extent.domain(0.08);
     let mut chart = LineChart::panel(
-        entry.symbol,
+        entry.title.clone(),
         Axis::linear("Hz", [0.0, view.top]),
-        Axis::new(title(entry, ""), Mapping::Log, domain),
+        Axis::new(detail(entry, ""), Mapping::Log, domain),
     );
     chart.spans.push(band(view, "averaging band"));
     chart.rules = poles(view);
@@ -183,9 +182,9 @@ fn real_part(entry: &Entry, view: &View<'_>) -> String {
     };
     let margin = 0.04 * (high - low);
     let mut chart = LineChart::panel(
-        entry.symbol,
+        entry.title.clone(),
         Axis::linear("Hz", [(low - margin).max(0.0), high + margin]),
-        Axis::linear(title(entry, &prefix), domain.map(|v| v * factor)),
+        Axis::linear(detail(entry, &prefix), domain.map(|v| v * factor)),
     );
     chart.spans.push(band(view, ""));
     match entry.rigid.as_slice() {
@@ -199,7 +198,7 @@ fn real_part(entry: &Entry, view: &View<'_>) -> String {
             "identified rigid body",
             Tone::Identified,
             Mark::Dashed,
-            scaled(&mut rigid.iter().copied()),
+            scaled(&mut rigid.iter().filter(|p| inside(p[0])).copied()),
         )),
     }
     chart.series.push(Series::new(
@@ -218,17 +217,21 @@ fn real_part(entry: &Entry, view: &View<'_>) -> String {
     chart.svg()
 }
 
-fn title(entry: &Entry, prefix: &str) -> String {
+fn detail(entry: &Entry, prefix: &str) -> String {
     format!("{}, {prefix}{}", entry.detail, entry.unit)
 }
 
-/// The fit: a full line where it was made, a thin one where it is extrapolated. Far above
-/// the last mode it means nothing.
+/// The fit: a full line where it was made, a thin one where it is extrapolated. Above
+/// the last mode that has a term of its own it means nothing.
 fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
     const FAR: f64 = 1.1;
     let [low, high] = view.band;
-    let poles = view.fit.into_iter().flat_map(|f| &f.poles);
-    let last = FAR * poles.map(|p| p.frequency).fold(high, f64::max);
+    let own = view.fit.into_iter().flat_map(|f| {
+        let used = f.poles.iter().zip(&f.effective_mass);
+        used.filter(|(_, mass)| mass.is_some())
+            .map(|(pole, _)| pole.frequency)
+    });
+    let last = FAR * own.fold(high, f64::max);
     let mut part = |name: &str, mark: Mark, from: f64, to: f64| {
         let points = fit.iter().filter(|p| p[0] >= from && p[0] <= to);
         let series = Series::new(name, Tone::Fit, mark, points.copied().collect());
@@ -256,79 +259,34 @@ fn poles(view: &View<'_>) -> Vec<Rule> {
         .collect()
 }
 
-/// Effective masses below this share of the whole are not worth a number.
-const NEGLIGIBLE: f64 = 1e-4;
-
-/// The modes that were fitted along: the other result that interface forces allow.
-fn modes(fit: &ApparentMass, answer: &Answer) -> String {
+/// The modes that the fit took account of. Its elastic terms are made to be taken off
+/// inside the band; neighbours share what is there, so they are no effective masses.
+fn modes(fit: &ApparentMass) -> String {
     if fit.poles.is_empty() {
         return "<p>No mode of the fixed structure was found in the lines.</p>".to_owned();
     }
-    let rigid = super::rigid::matrix(&answer.identification);
-    let directions = ["x", "y", "z", "about x", "about y", "about z"];
-    let known: Vec<usize> = (0..6)
-        .filter(|j| rigid[(*j, *j)] > 0.0 && fit.rigid[(*j, *j)] > 0.0)
-        .collect();
     let mut html = String::from(
         "<h3>Modes of the fixed structure</h3><div class=\"wide\"><table class=\"plain\">\
          <thead><tr><th scope=\"col\" class=\"num\">Frequency, Hz</th>\
-         <th scope=\"col\" class=\"num\">Damping, %</th>",
+         <th scope=\"col\" class=\"num\">Damping, %</th>\
+         <th scope=\"col\">In the fit</th></tr></thead><tbody>",
     );
-    for j in &known {
-        let _ = write!(
-            html,
-            "<th scope=\"col\" class=\"num\">Effective {} {}</th>",
-            if *j < 3 { "mass" } else { "inertia" },
-            directions[*j]
-        );
-    }
-    html.push_str("</tr></thead><tbody>");
     for (pole, mass) in fit.poles.iter().zip(&fit.effective_mass) {
+        let role = match (mass, &fit.upper) {
+            (Some(_), _) => "a term of its own",
+            (None, Some(_)) => "in the term for all modes above",
+            (None, None) => "not needed inside the band",
+        };
         let _ = write!(
             html,
-            "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td>",
+            "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td><td>{role}</td></tr>",
             fixed(pole.frequency, 2),
             fixed(100.0 * pole.damping, 2)
         );
-        for j in &known {
-            let _ = write!(
-                html,
-                "<td class=\"num\">{}</td>",
-                effective(mass, &rigid, *j)
-            );
-        }
-        html.push_str("</tr>");
     }
-    html.push_str("</tbody></table></div>");
-    let unused = fit.effective_mass.iter().take(fit.poles.len());
-    let unused = unused.filter(|m| m.is_none()).count();
-    let _ = write!(
-        html,
-        "<p class=\"small\">Effective mass and inertia in percent of the rigid body's, about \
-         the reference point.{}{}</p>",
-        if unused > 0 {
-            " Modes without a number were found in the lines, but the averaging band does \
-             not need them."
-        } else {
-            ""
-        },
-        if fit.upper.is_some() {
-            " Modes above were fitted together, as one term that grows with the square of \
-             frequency."
-        } else {
-            ""
-        }
+    html.push_str(
+        "</tbody></table></div><p class=\"small\">In percent of critical damping; the window \
+         widens sharp peaks, so that the true damping is rather lower.</p>",
     );
     html
-}
-
-fn effective(mass: &Option<Matrix6<f64>>, rigid: &Matrix6<f64>, j: usize) -> String {
-    mass.map_or(String::new(), |m| {
-        let share = m[(j, j)] / rigid[(j, j)];
-        if share.abs() < NEGLIGIBLE {
-            with_unit("0", "%")
-        } else {
-            with_unit(&fixed(100.0 * share, 2), "%")
-        }
-    })
 }

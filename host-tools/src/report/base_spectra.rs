@@ -57,8 +57,8 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
         .collect();
     let mut html = String::from(
         "<p>Power spectral density of the base acceleration at the reference point, run by \
-         run. Translations share one scale, rotations another; what lies flat far below the \
-         others is sensor noise.</p>",
+         run. Translations share one scale, rotations another; what lies far below the \
+         highest is cross-talk of the table, or noise of the sensors.</p>",
     );
     html.push_str(&legend(&names));
     if runs.len() > MOST_COLOURS {

@@ -17,8 +17,8 @@ use std::ops::Range;
 /// Share of a run's strongest component, in power, that counts as excited: a tenth in
 /// amplitude.
 const EXCITED: f64 = 1e-2;
-/// Median coherence from which a component counts as excited, however small it is.
-const COHERENT: f64 = 0.5;
+/// Up to so many components of a kind are drawn one by one.
+const FEW: usize = 4;
 /// What is nearer to one than this is drawn there.
 const NEAREST: f64 = 1.0 - 1e-7;
 
@@ -81,7 +81,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
             key.push((c.tone, Mark::Line, c.name));
         }
     }
-    if all(&runs).any(|c| c.components.len() > 1) {
+    if all(&runs).any(|c| c.components.len() > FEW) {
         key.push((Tone::Muted, Mark::Area, "from the lowest to the highest"));
     }
     html.push_str(&legend(&key));
@@ -113,40 +113,43 @@ fn chart(
         ],
         label: String::new(),
     });
-    for group in curves.iter().filter(|c| !c.components.is_empty()) {
-        let edge = |pick: fn(&[f64]) -> f64| -> Vec<[f64; 2]> {
-            (0..grid.count)
-                .map(|k| {
-                    let mut values: Vec<f64> = group
-                        .components
-                        .iter()
-                        .filter_map(|(_, v)| v.get(k).copied())
-                        .collect();
-                    values.sort_by(f64::total_cmp);
-                    [grid.frequency(k), pick(&values)]
-                })
-                .collect()
-        };
-        let first = |v: &[f64]| v.first().copied().unwrap_or(f64::NAN);
-        let last = |v: &[f64]| v.last().copied().unwrap_or(f64::NAN);
-        let middle = |v: &[f64]| v.get(v.len() / 2).copied().unwrap_or(f64::NAN);
-        if group.components.len() > 1 {
-            let area = Series::area(
-                format!("{}, lowest to highest", group.name),
-                group.tone,
-                edge(last),
-                edge(first),
-            );
-            chart.series.push(area);
+    for kind in curves {
+        if kind.components.len() <= FEW {
+            for (name, values) in &kind.components {
+                let points = values.iter().enumerate();
+                let points = points.map(|(k, v)| [grid.frequency(k), *v]).collect();
+                let series = Series::new(*name, kind.tone, Mark::Thin, points);
+                chart.series.push(series.labelled());
+            }
+        } else {
+            push_range(&mut chart, kind, grid);
         }
-        chart.series.push(Series::new(
-            format!("{}, median", group.name),
-            group.tone,
-            Mark::Thin,
-            edge(middle),
-        ));
     }
     chart.svg()
+}
+
+/// Many components: their median between the lowest and the highest.
+fn push_range(chart: &mut LineChart, kind: &Curves, grid: &LineGrid) {
+    let ranked = |pick: fn(&[f64]) -> Option<&f64>| -> Vec<[f64; 2]> {
+        (0..grid.count)
+            .map(|k| {
+                let here = kind
+                    .components
+                    .iter()
+                    .filter_map(|(_, v)| v.get(k).copied());
+                let mut here: Vec<f64> = here.collect();
+                here.sort_by(f64::total_cmp);
+                [grid.frequency(k), pick(&here).copied().unwrap_or(f64::NAN)]
+            })
+            .collect()
+    };
+    let (low, high) = (ranked(|v| v.first()), ranked(|v| v.last()));
+    let range = format!("{}, lowest to highest", kind.name);
+    chart.series.push(Series::area(range, kind.tone, high, low));
+    let middle = ranked(|v| v.get(v.len() / 2));
+    chart
+        .series
+        .push(Series::new(kind.name, kind.tone, Mark::Thin, middle));
 }
 
 /// The lowest in the band, and who is not in the picture.
@@ -169,14 +172,6 @@ fn caption(curves: &[Curves], grid: &LineGrid, band: &Range<usize>) -> String {
         ),
         None => "This run excites nothing.".to_owned(),
     };
-    let drawn: Vec<&str> = curves
-        .iter()
-        .flat_map(|c| &c.components)
-        .map(|c| c.0)
-        .collect();
-    if !drawn.is_empty() {
-        text.push_str(&format!(" Drawn: {}.", drawn.join(", ")));
-    }
     let idle: Vec<&str> = curves.iter().flat_map(|c| c.idle.clone()).collect();
     if !idle.is_empty() {
         text.push_str(&format!(" Not excited by this run: {}.", idle.join(", ")));
@@ -222,7 +217,6 @@ fn curves(run: &MeasuredRun, answer: &Answer) -> Vec<Curves> {
                     &ACCELERATION_NAMES,
                     &determined,
                     &comparable(&power(0), lever, false),
-                    &band,
                     of,
                 ),
                 sorted(
@@ -231,7 +225,6 @@ fn curves(run: &MeasuredRun, answer: &Answer) -> Vec<Curves> {
                     &RESULTANT_NAMES,
                     &forces,
                     &comparable(&power(6), lever, true),
-                    &band,
                     |j| of(6 + j),
                 ),
             ]
@@ -244,7 +237,6 @@ fn curves(run: &MeasuredRun, answer: &Answer) -> Vec<Curves> {
                 &RESULTANT_NAMES,
                 &forces,
                 &comparable(&power(6), lever, true),
-                &band,
                 |j| multiple.iter().map(|line| line[j].min(NEAREST)).collect(),
             )]
         }
@@ -258,7 +250,6 @@ fn sorted(
     names: &[&'static str; 6],
     measured: &[bool; 6],
     power: &Vector6<f64>,
-    band: &Range<usize>,
     values: impl Fn(usize) -> Vec<f64>,
 ) -> Curves {
     let strongest = (0..6)
@@ -272,12 +263,8 @@ fn sorted(
         idle: Vec::new(),
     };
     for j in (0..6).filter(|j| measured[*j]) {
-        let values = values(j);
-        let mut inside: Vec<f64> = values.get(band.clone()).unwrap_or_default().to_vec();
-        inside.sort_by(f64::total_cmp);
-        let median = inside.get(inside.len() / 2).copied().unwrap_or(0.0);
-        if power[j] > 0.0 && (power[j] >= EXCITED * strongest || median >= COHERENT) {
-            curves.components.push((names[j], values));
+        if power[j] > 0.0 && power[j] >= EXCITED * strongest {
+            curves.components.push((names[j], values(j)));
         } else {
             curves.idle.push(names[j]);
         }

@@ -5,7 +5,7 @@ use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Measurement, Spectra, WINDOW};
 use massline_core::masslines::{ApparentMass, CrossLines, DriveLines, Excitation, Lines, Moments};
 use massline_core::spectra::{CrossAverage, RunResponses, Sum};
-use nalgebra::Vector6;
+use nalgebra::{Matrix6, Vector6};
 use std::ops::Range;
 
 /// Runs that were condensed together, and the fit to them.
@@ -81,6 +81,8 @@ pub(super) struct Excited {
     pub components: [bool; 6],
     /// Independent directions among them.
     pub rank: usize,
+    /// Takes out of an acceleration what is not along those directions: noise.
+    pub projector: Matrix6<f64>,
     /// Power of each acceleration over the band.
     pub accelerations: Vector6<f64>,
     /// Power of each resultant over the band.
@@ -103,9 +105,11 @@ impl Excited {
         let real = energy.aa.map(|z| z.re);
         let components =
             core::array::from_fn(|j| noise[j] > 0.0 && real[(j, j)] > ABOVE_NOISE * noise[j]);
+        let excitation = Excitation::new(&real, &noise);
         Self {
             components,
-            rank: Excitation::new(&real, &noise).rank(),
+            rank: excitation.rank(),
+            projector: excitation.basis() * excitation.coordinates(),
             accelerations: real.diagonal(),
             forces: energy.ff.diagonal().map(|z| z.re),
         }

@@ -4,7 +4,7 @@ use super::lines;
 use super::markup::escape;
 use super::number::{fixed, significant, with_unit};
 use super::page::{Section, panels};
-use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Tone, legend};
+use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Series, Tone, legend};
 use super::rigid;
 use super::scales::axis_factor;
 use crate::identification::Answer;
@@ -70,17 +70,7 @@ fn one(c: &Compared<'_>) -> String {
         "<h3>What is left</h3><p>Measured minus identified, pose by pose. A pattern instead \
          of scatter points to cross-talk, misaligned axes or a bent cable.</p>",
     );
-    let kinds = [("Forces", "N", 0..3), ("Moments", "N m", 3..6)];
-    let kinds = kinds.into_iter().map(|(name, unit, range)| {
-        let these: Vec<usize> = range.filter(|i| c.measured[*i]).collect();
-        (name, unit, these)
-    });
-    let kinds: Vec<_> = kinds.filter(|(_, _, these)| !these.is_empty()).collect();
-    html.push_str(&panels(
-        kinds
-            .iter()
-            .map(|(name, unit, these)| left(c, name, unit, these)),
-    ));
+    html.push_str(&panels(shown.iter().map(|&i| left(c, i))));
     html.push_str(&offsets(c, &shown));
     html
 }
@@ -126,31 +116,26 @@ fn load(c: &Compared<'_>, i: usize) -> String {
     chart.svg()
 }
 
-fn left(c: &Compared<'_>, name: &str, unit: &str, these: &[usize]) -> String {
-    let residuals: Vec<(usize, Vec<f64>)> = these.iter().map(|&i| (i, c.residual(i))).collect();
-    let all = residuals.iter().flat_map(|(_, r)| r.iter().copied());
-    let mut extent = Extent::of(Mapping::Linear, all);
+fn left(c: &Compared<'_>, i: usize) -> String {
+    let residual = c.residual(i);
+    let mut extent = Extent::of(Mapping::Linear, residual.iter().copied());
     extent.see(0.0);
-    let domain = extent.domain(0.08);
+    let domain = extent.domain(0.1);
     let (factor, prefix) = axis_factor(domain[0].abs().max(domain[1].abs()));
-    let last = c.run.rows.len() as f64;
     let mut chart = LineChart::panel(
-        name,
-        Axis::linear("pose", [0.0, last + 1.0]),
-        Axis::linear(format!("{prefix}{unit}"), domain.map(|v| v * factor)),
+        RESULTANT_NAMES[i],
+        Axis::linear("pose", [0.0, residual.len() as f64 + 1.0]),
+        Axis::linear(format!("{prefix}{}", unit(i)), domain.map(|v| v * factor)),
     );
-    chart.size = [540.0, 230.0];
-    chart.rules.push(Rule::Horizontal {
-        y: 0.0,
-        label: String::new(),
-        tone: Tone::Muted,
-    });
-    for (n, (i, residual)) in residuals.into_iter().enumerate() {
-        let points = residual.iter().enumerate();
-        let points = points.map(|(k, r)| [k as f64 + 1.0, r * factor]).collect();
-        let series = Series::new(RESULTANT_NAMES[i], Tone::Colour(n), Mark::Knots, points);
-        chart.series.push(series.labelled());
-    }
+    chart.size[1] = 160.0;
+    let points = residual.iter().enumerate();
+    let points = points.map(|(k, r)| [k as f64 + 1.0, r * factor]).collect();
+    chart.series.push(Series::new(
+        "residual",
+        Tone::Measured,
+        Mark::Points,
+        points,
+    ));
     chart.svg()
 }
 

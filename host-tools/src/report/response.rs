@@ -11,16 +11,16 @@ use crate::identification::Answer;
 use crate::measure::MeasuredRun;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::{ApparentMass, Complex6, Lines, Moments};
-use nalgebra::Complex;
+use nalgebra::{Complex, Matrix6};
 
 /// A frequency, Hz, and a complex ratio of force to acceleration.
 pub(super) type Point = (f64, Complex<f64>);
 
 /// One panel's data.
 pub(super) struct Entry {
-    /// What it is for a rigid body, such as `m z`; empty for a ratio of one run.
-    pub symbol: &'static str,
-    /// Which force per which acceleration, and in which run.
+    /// What it is for a rigid body, such as `m z`, or which force per which acceleration.
+    pub title: String,
+    /// Which force per which acceleration, or in which run.
     pub detail: String,
     pub unit: &'static str,
     /// Whether force and acceleration belong to the same direction.
@@ -64,10 +64,15 @@ pub(super) fn entries(group: &Group<'_>, answer: &Answer) -> Entries {
             left_out: 0,
         };
     }
+    let band = &measurement.band;
+    let projector = Group::read(&group.runs, measurement, |lines| {
+        Excited::new(lines, band).projector
+    });
+    let rigid = rigid::matrix(&answer.identification) * projector.unwrap_or_else(Matrix6::identity);
     let mut list = Vec::new();
     for run in group.runs.iter().take(MOST_RUNS) {
         let ratios = Group::read(&[run], measurement, |lines| {
-            ratios(run, group.fit, lines, answer)
+            ratios(run, group.fit, lines, &rigid, answer)
         });
         list.extend(ratios.into_iter().flatten());
     }
@@ -111,7 +116,7 @@ fn matrix_entries(group: &Group<'_>, lines: &dyn Lines, answer: &Answer) -> Opti
     };
     let entry = |((i, j), measured): ((usize, usize), Vec<Point>)| Entry {
         elastic: elastic(i, j, &measured),
-        symbol: rigid::SYMBOLS[i][j],
+        title: rigid::SYMBOLS[i][j].to_owned(),
         detail: format!("{} per {}", RESULTANT_NAMES[i], ACCELERATION_NAMES[j]),
         unit: rigid::unit(i, j),
         direct: i == j,
@@ -206,6 +211,7 @@ fn ratios(
     run: &MeasuredRun,
     fit: Option<&ApparentMass>,
     lines: &dyn Lines,
+    rigid: &Matrix6<f64>,
     answer: &Answer,
 ) -> Vec<Entry> {
     let lever = lever(&answer.identification);
@@ -220,19 +226,15 @@ fn ratios(
     };
     let forces = comparable(&excited.forces, lever, true);
     let faint = FAINT * forces.max();
-    let rigid_matrix = rigid::matrix(&answer.identification);
-    let rigid_matrix = rigid_matrix.map(|x| Complex::new(x, 0.0));
+    let rigid_matrix = rigid.map(|x| Complex::new(x, 0.0));
     let shown: Vec<usize> = (0..6)
         .filter(|i| measured_forces(run)[*i] && forces[*i] > faint)
         .collect();
     let mut list: Vec<Entry> = shown
         .iter()
         .map(|&i| Entry {
-            symbol: "",
-            detail: format!(
-                "{} per {}, {}",
-                RESULTANT_NAMES[i], ACCELERATION_NAMES[d], run.name
-            ),
+            title: format!("{} per {}", RESULTANT_NAMES[i], ACCELERATION_NAMES[d]),
+            detail: run.name.clone(),
             unit: rigid::unit(i, d),
             direct: i == d,
             measured: Vec::new(),

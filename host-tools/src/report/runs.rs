@@ -14,7 +14,7 @@ use std::fmt::Write;
 pub(super) fn section(setup: &Setup, answer: &Answer) -> Section {
     let mut html = runs(setup, answer);
     html.push_str(&processing(answer));
-    html.push_str("<h3>Channels</h3>");
+    html.push_str("<h3>Channels</h3><p class=\"small\">Interface and structure: accelerometers fixed to the table or adapter, and to the specimen.</p>");
     html.push_str(&channels(setup, answer));
     Section::new("runs", "Runs, channels, processing", html)
 }
@@ -220,15 +220,15 @@ fn channels(setup: &Setup, answer: &Answer) -> String {
     let place = |position: [f64; 3], direction: [f64; 3]| {
         format!(
             "<td class=\"num\">({})</td><td class=\"num\">({})</td>",
-            position.map(|x| fixed(1e3 * x, 1)).join(", "),
+            position.map(|x| exact((1e4 * x).round() / 10.0)).join(", "),
             direction.map(|x| exact((1e4 * x).round() / 1e4)).join(", ")
         )
     };
     let accelerometers = setup.accelerometers.iter().map(|a| Channel {
         name: &a.channel,
         kind: match a.mount {
-            Mount::Interface => "accelerometer, interface",
-            Mount::Structure => "accelerometer, structure",
+            Mount::Interface => "interface",
+            Mount::Structure => "structure",
         },
         unit: "m/s²",
         scale: a.scale,
@@ -248,21 +248,12 @@ fn channels(setup: &Setup, answer: &Answer) -> String {
         }
     });
     let runs = &answer.measurement.runs;
-    let mut html = String::from(
-        "<div class=\"wide\"><table class=\"plain\"><thead><tr><th scope=\"col\">Channel</th>\
-         <th scope=\"col\">Sensor</th><th scope=\"col\" class=\"num\">Position, mm</th>\
-         <th scope=\"col\" class=\"num\">Direction</th><th scope=\"col\">Unit</th>",
-    );
-    for run in runs {
-        let name = super::markup::shortened(&run.name, 16);
-        let _ = write!(
-            html,
-            "<th scope=\"col\" class=\"num\">RMS, {}</th>",
-            escape(&name)
-        );
-    }
-    html.push_str("<th scope=\"col\">Remarks</th></tr></thead><tbody>");
-    for (at, channel) in accelerometers.chain(cells).enumerate() {
+    let remarks: Vec<String> = (0..setup.accelerometers.len() + setup.load_cells.len())
+        .map(|at| remarks(runs, at))
+        .collect();
+    let remarkable = remarks.iter().any(|r| !r.is_empty());
+    let mut html = channel_heads(runs, remarkable);
+    for (at, (channel, remark)) in accelerometers.chain(cells).zip(&remarks).enumerate() {
         let _ = write!(
             html,
             "<tr><th scope=\"row\">{}</th><td>{}</td>{}<td>{}</td>",
@@ -271,25 +262,94 @@ fn channels(setup: &Setup, answer: &Answer) -> String {
             channel.place,
             channel.unit
         );
-        for run in runs {
+        let rms = |run: &MeasuredRun| {
             let rms = run.health.get(at).map_or(f64::NAN, |h| h.rms);
-            let rms = significant((rms * channel.scale).abs(), 3);
-            let _ = write!(html, "<td class=\"num\">{rms}</td>");
+            (rms * channel.scale).abs()
+        };
+        let levels: Vec<f64> = if runs.len() > MOST_COLUMNS {
+            vec![runs.iter().map(rms).fold(0.0, f64::max)]
+        } else {
+            runs.iter().map(rms).collect()
+        };
+        for level in levels {
+            let _ = write!(html, "<td class=\"num\">{}</td>", significant(level, 3));
         }
-        let _ = write!(html, "<td class=\"wrap\">{}</td></tr>", remarks(runs, at));
+        if remarkable {
+            let _ = write!(html, "<td class=\"wrap\">{remark}</td>");
+        }
+        html.push_str("</tr>");
     }
     html.push_str("</tbody></table></div>");
     html
 }
 
-fn remarks(runs: &[MeasuredRun], at: usize) -> String {
-    let mut text: Vec<String> = Vec::new();
-    for run in runs {
-        if let Some(remark) = run.health.get(at).and_then(remark) {
-            text.push(format!("{}: {remark}", run.name));
+/// More runs than this share one column.
+const MOST_COLUMNS: usize = 6;
+
+fn channel_heads(runs: &[MeasuredRun], remarkable: bool) -> String {
+    let columns = if runs.len() > MOST_COLUMNS {
+        1
+    } else {
+        runs.len()
+    };
+    let rows = if columns > 1 { 2 } else { 1 };
+    let mut html = format!(
+        "<div class=\"wide\"><table class=\"plain channels\"><thead><tr>\
+         <th scope=\"col\" rowspan=\"{rows}\">Channel</th>\
+         <th scope=\"col\" rowspan=\"{rows}\">Sensor</th>\
+         <th scope=\"col\" rowspan=\"{rows}\" class=\"num\">Position, mm</th>\
+         <th scope=\"col\" rowspan=\"{rows}\" class=\"num\">Direction</th>\
+         <th scope=\"col\" rowspan=\"{rows}\">Unit</th>"
+    );
+    match (columns, runs.len()) {
+        (0, _) => {}
+        (1, 1) => html.push_str("<th scope=\"col\" class=\"num\">RMS</th>"),
+        (1, _) => html.push_str("<th scope=\"col\" class=\"num\">RMS, highest</th>"),
+        _ => {
+            let _ = write!(
+                html,
+                "<th class=\"over\" colspan=\"{columns}\">RMS in run</th>"
+            );
         }
     }
-    escape(&text.join("; "))
+    if remarkable {
+        let _ = write!(html, "<th scope=\"col\" rowspan=\"{rows}\">Remarks</th>");
+    }
+    html.push_str("</tr>");
+    if rows == 2 {
+        html.push_str("<tr>");
+        for run in runs {
+            let name = super::markup::shortened(&run.name, 14);
+            let _ = write!(
+                html,
+                "<th scope=\"col\" class=\"num\">{}</th>",
+                escape(&name)
+            );
+        }
+        html.push_str("</tr>");
+    }
+    html.push_str("</thead><tbody>");
+    html
+}
+
+fn remarks(runs: &[MeasuredRun], at: usize) -> String {
+    let found: Vec<(&str, Option<String>)> = runs
+        .iter()
+        .map(|run| (run.name.as_str(), run.health.get(at).and_then(remark)))
+        .collect();
+    let text = match found.first() {
+        Some((_, Some(first))) if found.iter().all(|(_, r)| r.as_ref() == Some(first)) => {
+            let all = if found.len() > 1 { " in all runs" } else { "" };
+            format!("{first}{all}")
+        }
+        _ => {
+            let some = found
+                .iter()
+                .filter_map(|(run, r)| Some(format!("{run}: {}", r.as_ref()?)));
+            some.collect::<Vec<String>>().join("; ")
+        }
+    };
+    escape(&text)
 }
 
 /// A mean this many times the RMS eats the range of the converter.

@@ -43,7 +43,8 @@ impl Unit {
 pub(super) struct Natural {
     /// kg.
     pub mass: Option<f64>,
-    /// Radius of gyration about the CG, m: the largest of those known.
+    /// Radius of gyration about the CG, m: the largest of those known; without any, the
+    /// distance of the CG from the reference point.
     pub length: Option<f64>,
     /// Largest moment of inertia about the CG, kg m².
     pub inertia: Option<f64>,
@@ -64,7 +65,12 @@ impl Natural {
         let inertia = truth
             .and_then(|t| largest(&mut t.inertia_cg[..3].iter().copied()))
             .or(largest(&mut i.inertia_cg[..3].iter().map(value)));
-        let length = mass.zip(inertia).map(|(m, t)| (t / m).sqrt());
+        let length = mass.zip(inertia).map(|(m, t)| (t / m).sqrt()).or_else(|| {
+            let known = i.centre_of_gravity.iter().enumerate();
+            let known = known.filter_map(|(axis, e)| Some(e.as_ref()?.value - i.reference[axis]));
+            let distance = known.map(|d| d * d).sum::<f64>().sqrt();
+            Some(distance).filter(positive)
+        });
         Self {
             mass,
             length,

@@ -9,7 +9,7 @@ use crate::identification::Answer;
 use massline_core::identify::{Estimate, InertiaEstimate};
 use std::fmt::Write;
 
-/// Half of a 95 % interval of a normal distribution, in standard deviations.
+/// Half of a 95\u{202f}% interval of a normal distribution, in standard deviations.
 pub(super) const HALF_WIDTH_95: f64 = 1.96;
 
 /// The six terms of inertia, in their fixed order.
@@ -40,18 +40,18 @@ pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
     html.push_str(
         "<thead><tr><th scope=\"col\">Property</th>\
          <th scope=\"col\" class=\"num\">Value ± standard deviation</th><th></th>\
-         <th scope=\"col\" class=\"num\">±</th>",
+         <th scope=\"col\" class=\"num\">Relative</th>",
     );
     if truth.is_some() {
         html.push_str(
-            "<th scope=\"col\">95 % interval, truth</th>\
+            "<th scope=\"col\">95\u{202f}% interval, truth</th>\
              <th scope=\"col\" class=\"num\">Truth</th>\
              <th scope=\"col\" class=\"num\" colspan=\"2\">Error</th>",
         );
     } else {
         let _ = write!(
             html,
-            "<th scope=\"col\">95 % interval{}</th>",
+            "<th scope=\"col\">95\u{202f}% interval{}</th>",
             if widest > 0.0 {
                 let half = significant(HALF_WIDTH_95 * widest * 100.0, 2);
                 format!(", ±{} at full width", with_unit(&half, "%"))
@@ -74,7 +74,7 @@ pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
         html.push_str("</tbody>");
     }
     html.push_str("</table></div>");
-    html.push_str(&footnote(answer, truth.is_some()));
+    html.push_str(&footnote(answer, truth));
     html
 }
 
@@ -120,7 +120,8 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
             let sizes = moments.iter().flatten().map(|e| e.value.abs());
             sizes.fold(0.0, f64::max)
         };
-        let unit = Unit::of_inertia(largest(terms));
+        let true_terms = truths.iter().flat_map(|t| t.iter()).flatten();
+        let unit = Unit::of_inertia(true_terms.fold(largest(terms), |a, t| a.max(t.abs())));
         let true_moments = truths.iter().flat_map(|t| &t[..3]).flatten();
         let moment = true_moments
             .copied()
@@ -224,7 +225,9 @@ fn truth_cell(row: &Row) -> String {
         match row.estimate {
             // One digit more than the answer shows, where that is not more than is known.
             Some(e) if e.std > 0.0 => fixed(t, (decimals_of(e.std / row.unit.si) + 1).min(9)),
-            _ => significant(t, 5),
+            Some(_) => significant(t, 5),
+            // There is no other number in the row that would carry the unit.
+            None => with_unit(&significant(t, 5), row.unit.symbol),
         }
     });
     format!("<td class=\"num\">{text}</td>")
@@ -265,7 +268,7 @@ fn signed(text: String) -> String {
     }
 }
 
-/// The 95 % interval. With a truth the bar is as long for every property and the truth
+/// The 95\u{202f}% interval. With a truth the bar is as long for every property and the truth
 /// lies where it lies; without one, bars compare the properties with each other.
 fn bar(row: &Row, e: &Estimate, with_truth: bool, widest: f64) -> String {
     const WIDTH: f64 = 132.0;
@@ -314,16 +317,23 @@ fn diamond(x: f64, y: f64) -> String {
     ])
 }
 
-fn footnote(answer: &Answer, with_truth: bool) -> String {
+fn footnote(answer: &Answer, truth: Option<&TrueBody>) -> String {
+    let with_inertia = Natural::new(&answer.identification, truth)
+        .inertia
+        .is_some();
     let mut text = String::from(
-        "<p class=\"small\">± is the standard deviation in percent: of the mass; for \
-         coordinates, of the radius of gyration about S; for inertia, of the largest \
-         moment about the same point.",
+        "<p class=\"small\">Relative is the standard deviation in percent: of the mass; for \
+         coordinates, of the ",
     );
-    if with_truth {
+    text.push_str(if with_inertia {
+        "radius of gyration about S; for inertia, of the largest moment about the same point."
+    } else {
+        "distance of S from A."
+    });
+    if truth.is_some() {
         text.push_str(
             " Errors are given in the same percent and in standard deviations σ; bars end \
-             at the 95 % interval, ◆ is the truth.",
+             at the 95\u{202f}% interval, ◆ is the truth.",
         );
     }
     let i = &answer.identification;

@@ -122,7 +122,7 @@ fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> Str
                 escape(reason)
             );
         }
-        None => text.push_str("A real body can be like this."),
+        None => text.push_str("The numbers are physically plausible."),
     }
     if let Some(truth) = truth {
         text.push_str(&covered(i, truth));
@@ -130,7 +130,7 @@ fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> Str
     text
 }
 
-/// How many of the known true values lie in their 95 % intervals.
+/// How many of the known true values lie in their 95\u{202f}% intervals.
 fn covered(i: &Identification, truth: &TrueBody) -> String {
     let mut pairs = vec![(i.mass, truth.mass)];
     pairs.extend(i.centre_of_gravity.into_iter().zip(truth.centre_of_gravity));
@@ -145,18 +145,18 @@ fn covered(i: &Identification, truth: &TrueBody) -> String {
         return String::new();
     }
     let hits = inside.iter().filter(|x| **x).count();
-    let all = in_words(inside.len());
-    let of_them = match (hits == inside.len(), inside.len()) {
-        (true, 1) => "The true value that is known lies within its 95 % interval.".to_owned(),
-        (true, _) => {
-            format!("All {all} true values that are known lie within their 95 % intervals.")
-        }
-        (false, _) => format!(
-            "{} of the {all} true values that are known lie within their 95 % intervals.",
-            capitalised(&in_words(hits))
-        ),
+    let known = in_words(inside.len());
+    let lie = match (hits == inside.len(), hits) {
+        (true, 1) => "it lies in its 95\u{202f}% interval",
+        (true, _) => "all lie in their 95\u{202f}% intervals",
+        (false, 1) => "one lies in its 95\u{202f}% interval",
+        (false, _) => &format!("{} lie in their 95\u{202f}% intervals", in_words(hits)),
     };
-    format!(" {of_them}")
+    if inside.len() == 1 {
+        format!(" The true value of one of them is known: {lie}.")
+    } else {
+        format!(" The true values of {known} of them are known: {lie}.")
+    }
 }
 
 fn capitalised(word: &str) -> String {
@@ -279,8 +279,27 @@ fn warnings(answer: &Answer) -> String {
     let mut html = String::from("<section class=\"notes\"><h2>Please note</h2><ul>");
     for warning in &answer.warnings {
         let text = capitalised(warning.trim_end_matches('.'));
-        let _ = write!(html, "<li>{}.</li>", escape(&text));
+        let _ = write!(html, "<li>{}.</li>", with_code(&text));
     }
     html.push_str("</ul></section>");
+    html
+}
+
+/// Escaped text in which what stands between backquotes is code.
+fn with_code(text: &str) -> String {
+    let mut html = String::new();
+    let parts: Vec<&str> = text.split('`').collect();
+    for (i, part) in parts.iter().enumerate() {
+        let closed = i + 1 < parts.len();
+        match (i % 2 == 1, closed) {
+            (true, true) => {
+                let _ = write!(html, "<code>{}</code>", escape(part));
+            }
+            (true, false) => {
+                let _ = write!(html, "`{}", escape(part));
+            }
+            _ => html.push_str(&escape(part)),
+        }
+    }
     html
 }

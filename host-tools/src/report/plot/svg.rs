@@ -163,7 +163,12 @@ impl Svg {
     /// The element, as wide as the page lets it be, but no larger than it was drawn.
     #[must_use]
     pub fn finish_at_most(self) -> String {
-        let style = format!("<svg style=\"max-width:{}px\" ", Number(self.width));
+        // On a narrow page it scrolls rather than shrinks to nothing.
+        let style = format!(
+            "<svg style=\"max-width:{}px;min-width:{}px\" ",
+            Number(self.width),
+            Number(self.width.min(SHRUNK))
+        );
         self.finish().replacen("<svg ", &style, 1)
     }
 
@@ -191,6 +196,9 @@ impl Svg {
         let _ = self.body.write_fmt(what);
     }
 }
+
+/// Width below which a large drawing does not shrink.
+const SHRUNK: f64 = 520.0;
 
 /// A coordinate: one decimal, none where it is zero, always finite.
 pub(super) struct Number(pub f64);

@@ -134,13 +134,16 @@ fn logarithmic(low: f64, high: f64, most: usize) -> Ticks {
         } else if e >= first {
             minor.push(power_of_ten(e));
         }
-        if stride == 1 {
+        if decades <= FEW_DECADES {
             let between = (2..10).map(|d| f64::from(d) * power_of_ten(e));
             minor.extend(between.filter(|v| inside(*v)));
         }
     }
     Ticks { major, minor }
 }
+
+/// Up to so many decades have ticks between them.
+const FEW_DECADES: i32 = 3;
 
 /// Powers of ten that are written out.
 const PLAIN_DECADES: core::ops::RangeInclusive<i32> = -3..=4;

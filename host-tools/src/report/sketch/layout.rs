@@ -14,7 +14,7 @@ const ABOVE: f64 = 20.0;
 const EDGE: f64 = 8.0;
 /// Largest drawing.
 const WIDTH: f64 = 1000.0;
-const HEIGHT: f64 = 700.0;
+const HEIGHT: f64 = 720.0;
 /// An extent shorter than this share of the longest is drawn as long as that.
 const SHORTEST: f64 = 0.12;
 

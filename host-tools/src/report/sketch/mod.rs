@@ -99,7 +99,7 @@ fn notes(scene: &Scene, setup: &Setup, magnification: f64) -> String {
          show positive directions; ⊙ points at the reader, ⊗ away; a double head is a moment.",
     );
     if scene.centre.iter().flatten().any(|e| e.std > 0.0) {
-        text.push_str(" The cross at S is its 95 % interval");
+        text.push_str(" The cross at S is its 95\u{202f}% interval");
         if magnification > 1.0 {
             let _ = write!(text, ", drawn {} times as large", exact(magnification));
         }

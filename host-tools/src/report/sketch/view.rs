@@ -22,7 +22,7 @@ pub(super) fn draw(scene: &Scene, layout: &Layout, magnification: f64) -> String
         layout.size[1],
         "Three views of the sensors, the reference point, the centre of gravity and the inertia",
     );
-    let unit = if scene.longest() < 2.0 {
+    let unit = if scene.longest() < 1.0 {
         Unit::MILLIMETRE
     } else {
         Unit::METRE
@@ -97,9 +97,28 @@ fn draw_view(
     }
 }
 
+/// The channels of a spot; what they begin with is written once.
 fn names(spot: &Spot) -> String {
     let names: Vec<&str> = spot.axes.iter().map(|a| a.channel.as_str()).collect();
-    crate::report::markup::shortened(&names.join(" "), 18)
+    let first = names.first().copied().unwrap_or_default();
+    let shared = first
+        .char_indices()
+        .map(|(at, c)| at + c.len_utf8())
+        .take_while(|end| names.iter().all(|n| n.get(..*end) == first.get(..*end)))
+        .last()
+        .unwrap_or(0);
+    let ends: Vec<&str> = names.iter().filter_map(|n| n.get(shared..)).collect();
+    let short = names.len() > 1 && shared > 0 && ends.iter().all(|e| (1..=2).contains(&e.len()));
+    let text = if short {
+        format!(
+            "{}{}",
+            first.get(..shared).unwrap_or_default(),
+            ends.join("/")
+        )
+    } else {
+        names.join(" ")
+    };
+    crate::report::markup::shortened(&text, 18)
 }
 
 fn draw_axes(svg: &mut Svg, layout: &Layout, view: &View, unit: Unit, scales: [&Scale; 2]) {
@@ -109,7 +128,7 @@ fn draw_axes(svg: &mut Svg, layout: &Layout, view: &View, unit: Unit, scales: [&
     let (right, bottom) = (left + width, top + height);
     let ticks_of = |axis: usize, pixels: f64| {
         let domain = layout.domain(axis).map(|m| m / unit.si);
-        ticks(Mapping::Linear, domain, (pixels / 70.0).max(1.0) as usize)
+        ticks(Mapping::Linear, domain, (pixels / 52.0).max(1.0) as usize)
     };
     svg.rectangle("grid", view.corner, view.size);
     for tick in ticks_of(view.axes[0], width).major {
