@@ -29,6 +29,8 @@ mod runs;
 mod scales;
 mod sketch;
 mod table;
+#[cfg(test)]
+mod tests;
 mod truth;
 mod verdict;
 

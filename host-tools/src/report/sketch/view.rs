@@ -105,6 +105,8 @@ fn names(spot: &Spot) -> String {
         .char_indices()
         .map(|(at, c)| at + c.len_utf8())
         .take_while(|end| names.iter().all(|n| n.get(..*end) == first.get(..*end)))
+        // Not in the middle of a number.
+        .filter(|end| !first[..*end].ends_with(|c: char| c.is_ascii_digit()))
         .last()
         .unwrap_or(0);
     let ends: Vec<&str> = names.iter().filter_map(|n| n.get(shared..)).collect();
