@@ -139,6 +139,32 @@ pub struct ResultDocument {
     pub warnings: Vec<String>,
 }
 
+/// All methods side by side, `massline/comparison/1`.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparisonDocument {
+    /// Version of the document's form.
+    pub schema: &'static str,
+    /// Heading of the setup.
+    pub title: String,
+    /// Name of the recommended method.
+    pub recommended: &'static str,
+    /// Why it is.
+    pub recommended_because: &'static str,
+    /// What the methods gave.
+    pub results: Vec<ResultDocument>,
+    /// The methods that gave nothing, and why.
+    pub failed: Vec<FailedMethod>,
+}
+
+/// A method that gave no answer.
+#[derive(Clone, Debug, Serialize)]
+pub struct FailedMethod {
+    /// Name of the method.
+    pub method: &'static str,
+    /// What it lacks.
+    pub reason: String,
+}
+
 impl ResultDocument {
     /// The document of an answer.
     #[must_use]
@@ -151,7 +177,7 @@ impl ResultDocument {
             method: answer.method.name(),
             recommended_because: answer.why,
             iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
-            weighted: answer.weighted,
+            weighted: answer.weighted(),
             reference_point: i.reference.into(),
             mass: i.mass.into(),
             indicator: i.indicator.map(|e| Some(e).into()),

@@ -1,13 +1,12 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::{Bar, Failure, print_answer, print_json, true_body, warn, write_file};
+use super::{Bar, Failure, compare, print_answer, print_json, true_body, warn, write_file};
 use crate::cli::Verbosity;
-use crate::identification::{Answer, Choice, answer};
+use crate::identification::{Answer, Choice, OnProgress, Session};
 use crate::report;
 use crate::result::ResultDocument;
 use crate::setup::Setup;
 use crate::simulate::Truth;
-use massline_core::identify::Procedure;
 use massline_core::masslines::Method;
 use std::path::{Path, PathBuf};
 
@@ -20,8 +19,8 @@ pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
     /// How masslines are found; the recommended method if absent
-    #[arg(long, value_parser = parse_method, value_name = "NAME")]
-    method: Option<Method>,
+    #[arg(long, value_parser = parse_method, value_name = "NAME|all")]
+    method: Option<Wanted>,
     /// Move the reference point to the centre of gravity until both coincide
     #[arg(long, overrides_with = "direct")]
     iterative: bool,
@@ -42,15 +41,26 @@ pub struct Arguments {
     truth: Option<PathBuf>,
 }
 
-fn parse_method(name: &str) -> Result<Method, String> {
+/// One method, or all of them side by side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Wanted {
+    One(Method),
+    All,
+}
+
+fn parse_method(name: &str) -> Result<Wanted, String> {
     let known = || {
         let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
         names.join(", ")
     };
+    if name == "all" {
+        return Ok(Wanted::All);
+    }
     Method::ALL
         .into_iter()
         .find(|m| m.name() == name)
-        .ok_or_else(|| format!("the methods are: {}", known()))
+        .map(Wanted::One)
+        .ok_or_else(|| format!("the methods are: {}, and all", known()))
 }
 
 /// Runs the command.
@@ -61,14 +71,16 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
     let truth = arguments.truth.as_deref().map(read_truth).transpose()?;
     let choice = Choice {
-        method: arguments.method,
-        procedure: if arguments.iterative {
-            Procedure::ITERATIVE
-        } else {
-            Procedure::Direct
+        method: match arguments.method {
+            Some(Wanted::One(method)) => Some(method),
+            _ => None,
         },
+        iterative: arguments.iterative,
         weighted: !arguments.no_weights,
     };
+    if arguments.method == Some(Wanted::All) {
+        return compare::run(&setup, &choice, truth.as_ref(), arguments.json, verbosity);
+    }
     let answer = with_progress(&setup, &choice, verbosity)?;
     if let Some(path) = &arguments.report {
         write_file(
@@ -92,17 +104,23 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
 /// The answer to a setup, with a bar on the terminal meanwhile.
 ///
 /// # Errors
-/// As [`answer`].
+/// As [`Session::answer`].
 pub(super) fn with_progress(
     setup: &Setup,
     choice: &Choice,
     verbosity: Verbosity,
 ) -> Result<Answer, Failure> {
+    let mut session = Session::new(setup);
+    reading(verbosity, |progress| Ok(session.answer(choice, progress)?))
+}
+
+/// Does something that reads recordings, with a bar on the terminal meanwhile.
+pub(super) fn reading<T>(
+    verbosity: Verbosity,
+    work: impl FnOnce(OnProgress<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let bar = Bar::new("reading", verbosity);
-    let answer = answer(setup, choice, &mut |p| {
-        bar.set((p.run as f64 + p.share) / p.runs as f64, p.name);
-    })?;
-    Ok(answer)
+    work(&mut |p| bar.set((p.run as f64 + p.share) / p.runs as f64, p.name))
 }
 
 pub(super) fn show(title: &str, answer: &Answer, truth: Option<&Truth>) -> Result<(), Failure> {

@@ -4,6 +4,7 @@ pub mod demo;
 pub mod identify;
 pub mod simulate;
 
+mod compare;
 mod progress;
 mod table;
 

@@ -8,20 +8,21 @@ use massline_core::identify::{Estimate, Procedure};
 use std::io::Write;
 
 /// Half width of a 95 % interval in standard deviations.
-const TWO_SIDED_95: f64 = 1.959_963_985;
+pub(super) const TWO_SIDED_95: f64 = 1.959_963_985;
 
-struct Row {
-    name: String,
+pub(super) struct Row {
+    pub(super) name: String,
     /// What it is called where it is missing, and about which point.
-    group: &'static str,
-    unit: &'static str,
+    pub(super) group: &'static str,
+    pub(super) unit: &'static str,
     /// Displayed units per SI unit.
-    scale: f64,
-    estimate: Option<Estimate>,
-    truth: Option<f64>,
+    pub(super) scale: f64,
+    pub(super) estimate: Option<Estimate>,
+    pub(super) truth: Option<f64>,
 }
 
-fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
+/// The rows of an answer: mass or indicator, CG, inertia about A and about S.
+pub(super) fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
     let i = &answer.identification;
     let mut rows = Vec::new();
     let mut add = |name: String, group, unit, scale, estimate, truth| {

@@ -113,13 +113,25 @@ pub enum MeasureError {
         /// Its copy.
         second: String,
     },
-    /// Something this version cannot do.
-    #[error("run \"{run}\": {what} cannot be read by this version")]
-    NotYet {
-        /// Name of the run.
-        run: String,
-        /// The feature.
-        what: &'static str,
+    /// Frequencies that do not ascend.
+    #[error("{}, line {line}: {found} Hz after {before} Hz; frequencies must ascend, each once: sort the rows and take out repeated ones", file.display())]
+    FrequencyOrder {
+        /// The recording.
+        file: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// The frequency found, Hz.
+        found: f64,
+        /// The one before it, Hz.
+        before: f64,
+    },
+    /// Sine runs at different frequencies.
+    #[error("{}: its frequencies differ from those of the sine runs before it, first at {frequency} Hz; step all runs through the same frequencies", file.display())]
+    OtherFrequencies {
+        /// The recording.
+        file: PathBuf,
+        /// The first frequency that is missing or additional, Hz.
+        frequency: f64,
     },
 }
 

@@ -4,20 +4,33 @@ use super::MeasureError;
 use crate::setup::{self, Run, Setup};
 use massline_core::geometry::{
     ACCELERATION_NAMES, AccelerationFit, Accelerometer, Equations, ForceResultants, GeometryError,
-    LoadCell, Mount, Placement, Quantity, RESULTANT_NAMES, ResultantMap,
+    LoadCell, Mount, Placement, Quantity, RESULTANT_NAMES, RESULTANTS, ResultantMap,
 };
 use nalgebra::Vector3;
 
 /// Which accelerometers the base acceleration comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Accelerations {
     /// Those on the interface: exact however elastic the structure is.
     Interface,
-    /// All of them, with the run's weights where `weighted`, equation (4).
-    All {
-        /// Whether weights are used.
-        weighted: bool,
-    },
+    /// All of them, equation (4), with one weight a run and accelerometer, in the order
+    /// of the setup; `None` for equal weights.
+    All(Option<Vec<Vec<f64>>>),
+}
+
+impl Accelerations {
+    /// Weight of accelerometer `sensor` in run number `run`.
+    fn weight(&self, run: usize, sensor: usize, mount: Mount) -> f64 {
+        match self {
+            Self::Interface => f64::from(u8::from(mount == Mount::Interface)),
+            Self::All(None) => 1.0,
+            Self::All(Some(weights)) => weights
+                .get(run)
+                .and_then(|w| w.get(sensor))
+                .copied()
+                .unwrap_or(1.0),
+        }
+    }
 }
 
 /// Geometry of one run in the specimen's frame.
@@ -27,8 +40,10 @@ pub struct RunGeometry {
     pub reference: Vector3<f64>,
     /// The channels of the map, in its order.
     pub channels: Vec<String>,
-    /// Channels to the twelve resultants.
+    /// Channels to the twelve resultants, in single precision, sample by sample.
     pub map: ResultantMap,
+    /// The same in double precision: what one unit of each channel adds.
+    pub columns: Vec<[f64; RESULTANTS]>,
     /// The equations the load cells complete.
     pub equations: Equations,
     /// Share of each acceleration component that the accelerometers determine.
@@ -104,15 +119,16 @@ fn load_cell(entry: &setup::LoadCellEntry) -> Result<LoadCell, GeometryError> {
 }
 
 impl RunGeometry {
-    /// Builds the geometry of `run`.
+    /// Builds the geometry of run `number` of the setup.
     ///
     /// # Errors
     /// [`MeasureError::Geometry`] or [`MeasureError::NoInterface`].
     pub fn new(
         setup: &Setup,
-        run: &Run,
-        accelerations: Accelerations,
+        number: usize,
+        accelerations: &Accelerations,
     ) -> Result<Self, MeasureError> {
+        let run = &setup.runs[number];
         let wrong = |source| MeasureError::Geometry {
             run: run.name.clone(),
             source,
@@ -121,15 +137,9 @@ impl RunGeometry {
             Placement::new(run.rotation.into(), run.translation.into()).map_err(wrong)?;
         let reference = Vector3::from(setup.reference_point);
         let mut sensors = Vec::new();
-        for entry in &setup.accelerometers {
+        for (index, entry) in setup.accelerometers.iter().enumerate() {
             let sensor = placement.accelerometer(&accelerometer(entry).map_err(wrong)?);
-            let weight = match accelerations {
-                Accelerations::Interface => f64::from(u8::from(sensor.mount == Mount::Interface)),
-                Accelerations::All { weighted: false } => 1.0,
-                Accelerations::All { weighted: true } => {
-                    run.weights.get(&entry.channel).copied().unwrap_or(1.0)
-                }
-            };
+            let weight = accelerations.weight(number, index, sensor.mount);
             sensors.push((sensor, weight, entry));
         }
         if sensors.iter().all(|(_, weight, _)| *weight == 0.0) {
@@ -150,20 +160,28 @@ impl RunGeometry {
             ForceResultants::new(cells.iter().map(|(c, _)| c), &reference).map_err(wrong)?;
         let mut map = ResultantMap::new();
         let mut channels = Vec::new();
+        let mut columns = Vec::new();
         for (sensor, weight, entry) in &sensors {
             let column = fit.column(sensor, *weight);
             map.push_acceleration(&column, entry.scale).map_err(wrong)?;
             channels.push(entry.channel.clone());
+            let mut wide = [0.0; RESULTANTS];
+            wide[..6].copy_from_slice((column * entry.scale).as_slice());
+            columns.push(wide);
         }
         for (cell, entry) in &cells {
-            map.push_force(&resultants.column(cell), entry.scale)
-                .map_err(wrong)?;
+            let column = resultants.column(cell);
+            map.push_force(&column, entry.scale).map_err(wrong)?;
             channels.push(entry.channel.clone());
+            let mut wide = [0.0; RESULTANTS];
+            wide[6..].copy_from_slice((column * entry.scale).as_slice());
+            columns.push(wide);
         }
         Ok(Self {
             reference,
             channels,
             map,
+            columns,
             equations: *resultants.equations(),
             determined: core::array::from_fn(|j| fit.determined(j)),
         })

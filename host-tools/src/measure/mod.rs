@@ -5,11 +5,15 @@ mod error;
 mod geometry;
 mod poses;
 mod random;
+mod sine;
+mod survey;
 
 pub use error::MeasureError;
 pub use geometry::{Accelerations, RunGeometry};
 pub use poses::MeasuredPoses;
 pub use random::{MeasuredRun, Spectra};
+pub use sine::MeasuredSine;
+pub use survey::{Survey, SurveyedRun, survey};
 
 use crate::recording::{ChannelHealth, Complaint};
 use crate::setup::{Excitation, Run, Setup};
@@ -33,6 +37,8 @@ pub struct Progress<'a> {
 pub struct Measurement {
     /// Random runs, in the order of the setup.
     pub runs: Vec<MeasuredRun>,
+    /// Stepped sine runs, in the order of the setup.
+    pub sines: Vec<MeasuredSine>,
     /// Static runs, in the order of the setup.
     pub poses: Vec<MeasuredPoses>,
     /// Where the lines lie; `None` if all runs are static.
@@ -59,11 +65,12 @@ const REACH: f64 = 4.0;
 /// [`MeasureError`] that names file, line and channel.
 pub fn measure(
     setup: &Setup,
-    accelerations: Accelerations,
+    accelerations: &Accelerations,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Measurement, MeasureError> {
     let mut measurement = Measurement {
         runs: Vec::new(),
+        sines: Vec::new(),
         poses: Vec::new(),
         grid: None,
         band: 0..0,
@@ -82,7 +89,7 @@ pub fn measure(
                 share,
             });
         };
-        let geometry = RunGeometry::new(setup, run, accelerations)?;
+        let geometry = RunGeometry::new(setup, number, accelerations)?;
         geometry.warn(&mut measurement.warnings);
         let fingerprint = match run.excitation {
             Excitation::Static => {
@@ -106,10 +113,11 @@ pub fn measure(
                 fingerprint
             }
             Excitation::Sine => {
-                return Err(MeasureError::NotYet {
-                    run: run.name.clone(),
-                    what: "excitation = \"sine\"",
-                });
+                let before = measurement.sines.first().map(|s| s.frequencies.as_slice());
+                let measured = sine::read(setup, run, geometry, before, &mut measurement.warnings)?;
+                let fingerprint = measured.fingerprint;
+                measurement.sines.push(measured);
+                fingerprint
             }
         };
         if let Some(other) = fingerprints.insert(fingerprint, run.name.clone()) {

@@ -108,15 +108,7 @@ pub(super) fn read(
         source,
     };
 
-    // The drive, where there is one, is channel 0 of the blocks.
     let drive_at = run.reference.is_some().then_some(names.len() - 1);
-    let channels = RESULTANTS + usize::from(drive_at.is_some());
-    let zero = Complex32::new(0.0, 0.0);
-    let mut history = vec![0.0; settings.history_len(channels)];
-    let mut work = vec![zero; settings.block_length()];
-    let mut lines = vec![zero; settings.lines_len(channels)];
-    let mut blocks =
-        Blocks::new(settings, channels, &mut history, &mut work, &mut lines).map_err(spectral)?;
     let mut sums = vec![
         Sum::ZERO;
         match drive_at {
@@ -125,25 +117,20 @@ pub(super) fn read(
         }
     ];
     let mut health = Health::new(names.len());
-    let mut sample = vec![0.0_f32; names.len()];
-    let mut input = vec![0.0_f32; channels];
-    let mut feed = |average: &mut dyn Average| -> Result<(), MeasureError> {
-        while recording.next_row(&mut sample)? {
-            health.add(&sample);
-            let resultants = geometry.map.apply(&sample);
-            let (head, tail) = input.split_at_mut(channels - RESULTANTS);
-            if let (Some(slot), Some(at)) = (head.first_mut(), drive_at) {
-                *slot = sample[at];
-            }
-            tail.copy_from_slice(&resultants);
-            if let Some(block) = blocks.push(&input) {
-                average.add(&block);
-            }
-            if recording.rows() % REPORT_ROWS == 0 {
-                progress(recording.progress());
-            }
-        }
-        Ok(())
+    let mut feed = |average: &mut dyn Average| {
+        let resultants = |sample: &[f32], into: &mut [f32]| {
+            into.copy_from_slice(&geometry.map.apply(sample));
+        };
+        stream(
+            &mut recording,
+            &settings,
+            drive_at,
+            RESULTANTS,
+            &resultants,
+            average,
+            &mut |sample| health.add(sample),
+            progress,
+        )
     };
 
     let averaged = if drive_at.is_some() {
@@ -188,6 +175,55 @@ pub(super) fn read(
         fingerprint: health.fingerprint(),
         settings,
     })
+}
+
+/// Streams a recording through blocks into an average. `transform` turns a sample of all
+/// channels into the `channels` numbers that are averaged; the drive, where there is one,
+/// comes before them as channel 0.
+#[allow(clippy::too_many_arguments)]
+pub(super) fn stream(
+    recording: &mut Recording,
+    settings: &BlockSettings,
+    drive_at: Option<usize>,
+    channels: usize,
+    transform: &dyn Fn(&[f32], &mut [f32]),
+    average: &mut dyn Average,
+    watch: &mut dyn FnMut(&[f32]),
+    progress: &mut dyn FnMut(f64),
+) -> Result<(), MeasureError> {
+    let lead = usize::from(drive_at.is_some());
+    let zero = Complex32::new(0.0, 0.0);
+    let mut history = vec![0.0; settings.history_len(lead + channels)];
+    let mut work = vec![zero; settings.block_length()];
+    let mut lines = vec![zero; settings.lines_len(lead + channels)];
+    let blocks = Blocks::new(
+        *settings,
+        lead + channels,
+        &mut history,
+        &mut work,
+        &mut lines,
+    );
+    let mut blocks = blocks.map_err(|source| MeasureError::Spectra {
+        file: recording.file().to_owned(),
+        source,
+    })?;
+    let mut sample = vec![0.0_f32; recording.channels()];
+    let mut input = vec![0.0_f32; lead + channels];
+    while recording.next_row(&mut sample)? {
+        watch(&sample);
+        let (head, tail) = input.split_at_mut(lead);
+        if let (Some(slot), Some(at)) = (head.first_mut(), drive_at) {
+            *slot = sample.get(at).copied().unwrap_or(0.0);
+        }
+        transform(&sample, tail);
+        if let Some(block) = blocks.push(&input) {
+            average.add(&block);
+        }
+        if recording.rows().is_multiple_of(REPORT_ROWS) {
+            progress(recording.progress());
+        }
+    }
+    Ok(())
 }
 
 type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);
@@ -242,7 +278,7 @@ fn densities(
 }
 
 /// Sample rate and kept lines; the first run decides, the others must agree.
-fn settle(
+pub(super) fn settle(
     setup: &Setup,
     run: &Run,
     file: &Path,

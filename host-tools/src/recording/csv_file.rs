@@ -169,6 +169,18 @@ impl Recording {
             .map_or(self.rows + 1, csv::Position::line)
     }
 
+    /// The file that is read.
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Number of channels asked for.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.names.len()
+    }
+
     /// Columns that nothing asked for.
     #[must_use]
     pub fn ignored(&self) -> &[String] {

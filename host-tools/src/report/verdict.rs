@@ -57,7 +57,7 @@ fn method(answer: &Answer) -> String {
         Procedure::Direct => "; direct",
         Procedure::Iterative { .. } => "; iterated to the centre of gravity",
     });
-    if answer.weighted {
+    if answer.weighted() {
         text.push_str(", accelerometers weighted");
     }
     text.push('.');

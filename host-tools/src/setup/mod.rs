@@ -34,6 +34,8 @@ pub struct Setup {
     pub known_mass: Option<f64>,
     /// Averaging of time recordings; `None` only where every run is static.
     pub processing: Option<Processing>,
+    /// How masslines become ten numbers, where the defaults do not fit.
+    pub estimation: Estimation,
     /// At least one, channels unique among all sensors.
     pub accelerometers: Vec<AccelerometerEntry>,
     /// At least one, channels unique among all sensors.
@@ -57,6 +59,33 @@ pub struct Processing {
     pub averaging_band: [f64; 2],
     /// Where the weighting strategy looks for the first elastic modes, Hz (chapter 7).
     pub mode_band: Option<[f64; 2]>,
+}
+
+/// Choices of the estimators, chapters 5 to 7.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimation {
+    /// W_min: the weight of the accelerometer that sees the first modes most.
+    pub minimum_weight: f64,
+    /// Most elastic modes that methods d and e fit.
+    pub modes: usize,
+    /// Where methods d and e fit, Hz; `None`: all lines that are kept.
+    pub fit_band: Option<[f64; 2]>,
+    /// Distance of CG and reference point at which the iteration ends, m.
+    pub tolerance: f64,
+    /// Most iterations.
+    pub iterations: u32,
+}
+
+impl Default for Estimation {
+    fn default() -> Self {
+        Self {
+            minimum_weight: massline_core::weighting::MINIMUM_WEIGHT,
+            modes: massline_core::modes::MAX_MODES,
+            fit_band: None,
+            tolerance: 1e-7,
+            iterations: 50,
+        }
+    }
 }
 
 /// One channel of an accelerometer: a point and a direction (a row of X_a, eq 4).

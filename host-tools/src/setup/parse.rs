@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::document::{Section, Source, nearest};
 use super::{
-    AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Excitation,
-    LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
+    AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
+    Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
 };
 
 const MOUNTS: [(&str, Mount); 2] = [
@@ -63,6 +63,7 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         "reference_point",
         "known_mass",
         "processing",
+        "estimation",
         "accelerometer",
         "load_cell",
         "run",
@@ -77,6 +78,12 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         .section("processing")?
         .map(|section| processing(&section))
         .transpose()?;
+
+    let estimation = root
+        .section("estimation")?
+        .map(|section| estimation(&section))
+        .transpose()?
+        .unwrap_or_default();
 
     let mut seen = Channels::new();
     let accelerometers = root
@@ -123,6 +130,7 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         reference_point: root.vector("reference_point")?.unwrap_or_default(),
         known_mass,
         processing,
+        estimation,
         accelerometers,
         load_cells,
         runs,
@@ -209,6 +217,41 @@ fn processing(section: &Section<'_>) -> Result<Processing, SetupError> {
             })?;
     }
     Ok(processing)
+}
+
+fn estimation(section: &Section<'_>) -> Result<Estimation, SetupError> {
+    section.only(&[
+        "minimum_weight",
+        "modes",
+        "fit_band",
+        "tolerance",
+        "iterations",
+    ])?;
+    let default = Estimation::default();
+    let most = default.modes as f64;
+    let whole = |number: f64| number.fract() == 0.0;
+    let minimum_weight = section.number_where(
+        "minimum_weight",
+        "the weight of the accelerometer that sees the modes most, more than 0 and at most 1",
+        |weight| weight > 0.0 && weight <= 1.0,
+    )?;
+    let modes = section.number_where(
+        "modes",
+        &format!("a whole number of modes from 1 to {most}"),
+        |modes| whole(modes) && (1.0..=most).contains(&modes),
+    )?;
+    let tolerance =
+        section.number_where("tolerance", "a distance in m, more than 0", |t| t > 0.0)?;
+    let iterations = section.number_where("iterations", "a whole number from 1 to 1000", |n| {
+        whole(n) && (1.0..=1000.0).contains(&n)
+    })?;
+    Ok(Estimation {
+        minimum_weight: minimum_weight.unwrap_or(default.minimum_weight),
+        modes: modes.map_or(default.modes, |modes| modes as usize),
+        fit_band: band(section, "fit_band")?,
+        tolerance: tolerance.unwrap_or(default.tolerance),
+        iterations: iterations.map_or(default.iterations, |n| n as u32),
+    })
 }
 
 impl super::BandError {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Mount, Processing, Quantity, Run, Setup};
+use super::{Estimation, Mount, Processing, Quantity, Run, Setup};
 
 /// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.
 pub(super) fn setup(setup: &Setup) -> String {
@@ -22,6 +22,7 @@ pub(super) fn setup(setup: &Setup) -> String {
     if let Some(processing) = &setup.processing {
         print_processing(&mut out, processing);
     }
+    print_estimation(&mut out, &setup.estimation);
 
     out.push_str(
         "\n# Accelerometers: position in m, positive along direction, scale in m/s² per unit.\n",
@@ -77,6 +78,21 @@ fn print_processing(out: &mut String, processing: &Processing) {
             list(band)
         );
     }
+}
+
+fn print_estimation(out: &mut String, estimation: &Estimation) {
+    let default = Estimation::default();
+    if *estimation == default {
+        return;
+    }
+    out.push_str("\n[estimation]\n");
+    let _ = writeln!(out, "minimum_weight = {:?}", estimation.minimum_weight);
+    let _ = writeln!(out, "modes = {}", estimation.modes);
+    if let Some(band) = &estimation.fit_band {
+        let _ = writeln!(out, "fit_band = {}  # Hz", list(band));
+    }
+    let _ = writeln!(out, "tolerance = {:?}  # m", estimation.tolerance);
+    let _ = writeln!(out, "iterations = {}", estimation.iterations);
 }
 
 fn print_scale(out: &mut String, scale: f64) {

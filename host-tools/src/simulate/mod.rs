@@ -41,7 +41,7 @@ pub use specimen::{Mode, Specimen};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 pub use write::WriteError;
 
-use crate::setup::{Excitation, Mount, Run, Setup};
+use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
 use specimen::{Gains, motion_row, stack};
 use synthesis::{Drive, DriveResponse};
@@ -380,6 +380,7 @@ fn setup(
         reference_point: model.reference_point,
         known_mass: options.weighed.then_some(mass),
         processing: is_shaken(model).then(|| measurement.processing()),
+        estimation: Estimation::default(),
         accelerometers: model
             .accelerometers
             .iter()

@@ -1,0 +1,83 @@
+//! Why there is no answer, and what to do about it.
+
+use crate::measure::MeasureError;
+use massline_core::identify::IdentifyError;
+use massline_core::masslines::MasslineError;
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum AnswerError {
+    /// The recordings cannot be measured.
+    #[error(transparent)]
+    Measure(#[from] MeasureError),
+    /// The spectra do not give masslines.
+    #[error("{source}; {advice}")]
+    Masslines {
+        /// What is wrong.
+        source: MasslineError,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The masslines do not give an answer.
+    #[error("{source}; {advice}")]
+    Identify {
+        /// What is wrong.
+        source: IdentifyError,
+        /// What to do.
+        advice: &'static str,
+    },
+}
+
+impl AnswerError {
+    /// 1 where the data do not allow an answer, 2 where the input is unusable.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Measure(e) if !e.is_data() => 2,
+            _ => 1,
+        }
+    }
+}
+
+impl From<MasslineError> for AnswerError {
+    fn from(source: MasslineError) -> Self {
+        let advice = match source {
+            MasslineError::TooFewLines(_) => {
+                "widen `averaging_band` or lengthen `block_length` for finer lines"
+            }
+            MasslineError::NoExcitation => {
+                "shake harder, record longer, or check that the interface accelerometers and the drive belong to this recording"
+            }
+            MasslineError::NoResultant => "add load cells until every load path is measured",
+            MasslineError::TooManyPairs => "identify from fewer runs",
+            MasslineError::NoReference => {
+                "record the generator's signal and name it as `reference`, or use --method apparent-mass"
+            }
+            MasslineError::TooFewRuns { .. } => {
+                "add runs that move the table in other directions, or use --method apparent-mass, which needs fewer"
+            }
+            MasslineError::NoMode => {
+                "extend `mode_band` to where the structure rings, or use --method c-squared, which needs no modes"
+            }
+            MasslineError::Singular => "check the recordings for channels without signal",
+        };
+        Self::Masslines { source, advice }
+    }
+}
+
+impl From<IdentifyError> for AnswerError {
+    fn from(source: IdentifyError) -> Self {
+        let advice = match source {
+            IdentifyError::NoMasslines => "the setup needs at least one run",
+            IdentifyError::NothingObservable => {
+                "check that load cells and accelerometers share one recording and that the table moved"
+            }
+            IdentifyError::KnownMass(_) => "correct `known_mass` or leave it out",
+            IdentifyError::Diverged(_) | IdentifyError::NotConverged(_) => {
+                "use --direct, or a reference point nearer to the specimen"
+            }
+            IdentifyError::NotFinite => "check the recordings for channels without signal",
+        };
+        Self::Identify { source, advice }
+    }
+}

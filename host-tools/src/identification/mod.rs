@@ -1,0 +1,232 @@
+//! From averaged spectra to the answer: chooses the method, condenses groups of runs to
+//! masslines and asks the core for the ten numbers.
+
+mod condense;
+mod error;
+mod notice;
+mod statics;
+mod weights;
+
+pub use error::AnswerError;
+
+use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
+use crate::setup::{Mount, Setup};
+use massline_core::identify::{self, Identification, Procedure, Question};
+use massline_core::masslines::{ApparentMass, FreeModes, Masslines, Method};
+use std::rc::Rc;
+
+/// What the user chose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// `None`: the recommended one.
+    pub method: Option<Method>,
+    /// Whether the reference point is iterated to the CG.
+    pub iterative: bool,
+    /// Whether weights of the accelerometers are used.
+    pub weighted: bool,
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Self {
+            method: None,
+            iterative: false,
+            weighted: true,
+        }
+    }
+}
+
+/// The answer, and what it was made of.
+pub struct Answer {
+    /// The method used.
+    pub method: Method,
+    /// Why this one, if the user left the choice.
+    pub why: Option<&'static str>,
+    /// Weights of the accelerometers, one list a run, where the method used any.
+    pub weights: Option<Vec<Vec<f64>>>,
+    /// Direct or iterative.
+    pub procedure: Procedure,
+    /// The ten numbers.
+    pub identification: Identification,
+    /// Averaged spectra.
+    pub measurement: Rc<Measurement>,
+    /// The fit of each group of runs, where the method is the apparent mass.
+    pub fits: Vec<ApparentMass>,
+    /// The modes of the free structure behind each group of runs, where the method fits
+    /// them.
+    pub free_modes: Vec<FreeModes>,
+    /// Constant offsets of the six resultants of each static run, N and N m.
+    pub offsets: Vec<(String, [f64; 6])>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl Answer {
+    /// Whether accelerometer weights were used.
+    #[must_use]
+    pub fn weighted(&self) -> bool {
+        self.weights.is_some()
+    }
+}
+
+/// The recommended method for a setup, and why it is.
+#[must_use]
+pub fn recommended(setup: &Setup) -> (Method, &'static str) {
+    let interface = |m: &crate::setup::AccelerometerEntry| m.mount == Mount::Interface;
+    if setup.accelerometers.iter().any(interface) {
+        (
+            Method::ApparentMass,
+            "its base acceleration comes from the interface, so the structure's elasticity does not bias it",
+        )
+    } else {
+        (
+            Method::FreeResponsesSquared,
+            "no accelerometer is marked `mount = \"interface\"`, which the apparent mass would need",
+        )
+    }
+}
+
+/// Told how far the reading of recordings is.
+pub type OnProgress<'a> = &'a mut dyn FnMut(Progress<'_>);
+
+/// Answers about one setup. Recordings are read once for each selection and weighting of
+/// accelerometers, however many methods ask.
+pub struct Session<'s> {
+    setup: &'s Setup,
+    survey: Option<Rc<Survey>>,
+    measurements: Vec<(Accelerations, Rc<Measurement>)>,
+}
+
+impl<'s> Session<'s> {
+    /// A session that has read nothing yet.
+    #[must_use]
+    pub fn new(setup: &'s Setup) -> Self {
+        Self {
+            setup,
+            survey: None,
+            measurements: Vec::new(),
+        }
+    }
+
+    /// Reads what is needed and identifies the body.
+    ///
+    /// # Errors
+    /// [`AnswerError`].
+    pub fn answer(
+        &mut self,
+        choice: &Choice,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        let (method, why) = match choice.method {
+            Some(method) => (method, None),
+            None => {
+                let (method, why) = recommended(self.setup);
+                (method, Some(why))
+            }
+        };
+        let mut warnings = Vec::new();
+        let accelerations = if method.interface_only() {
+            Accelerations::Interface
+        } else if choice.weighted {
+            self.weighted(method, &mut warnings, progress)?
+        } else {
+            Accelerations::All(None)
+        };
+        let measurement = self.measurement(&accelerations, progress)?;
+        warnings.splice(0..0, measurement.warnings.iter().cloned());
+        let weights = match accelerations {
+            Accelerations::All(weights) => weights,
+            Accelerations::Interface => None,
+        };
+        let mut answer = self.identify(method, choice, measurement, warnings)?;
+        answer.why = why;
+        answer.weights = weights;
+        Ok(answer)
+    }
+
+    /// The survey of single accelerometers.
+    ///
+    /// # Errors
+    /// [`AnswerError`].
+    pub fn survey(&mut self, progress: OnProgress<'_>) -> Result<Rc<Survey>, AnswerError> {
+        if let Some(survey) = &self.survey {
+            return Ok(Rc::clone(survey));
+        }
+        let survey = Rc::new(measure::survey(self.setup, progress)?);
+        self.survey = Some(Rc::clone(&survey));
+        Ok(survey)
+    }
+
+    fn measurement(
+        &mut self,
+        accelerations: &Accelerations,
+        progress: OnProgress<'_>,
+    ) -> Result<Rc<Measurement>, AnswerError> {
+        if let Some((_, known)) = self.measurements.iter().find(|(a, _)| a == accelerations) {
+            return Ok(Rc::clone(known));
+        }
+        let measured = Rc::new(measure::measure(self.setup, accelerations, progress)?);
+        self.measurements
+            .push((accelerations.clone(), Rc::clone(&measured)));
+        Ok(measured)
+    }
+
+    fn identify(
+        &self,
+        method: Method,
+        choice: &Choice,
+        measurement: Rc<Measurement>,
+        mut warnings: Vec<String>,
+    ) -> Result<Answer, AnswerError> {
+        let mut sets: Vec<Masslines> = Vec::new();
+        let (mut fits, mut free_modes) = (Vec::new(), Vec::new());
+        for condensed in condense::all(self.setup, method, &measurement)? {
+            sets.push(condensed.masslines);
+            fits.extend(condensed.apparent_mass);
+            free_modes.extend(condensed.free_modes);
+        }
+        let estimation = &self.setup.estimation;
+        let procedure = if choice.iterative {
+            Procedure::Iterative {
+                tolerance: estimation.tolerance,
+                limit: estimation.iterations,
+            }
+        } else {
+            Procedure::Direct
+        };
+        let question = Question {
+            known_mass: self.setup.known_mass,
+            procedure,
+        };
+        let (identification, offsets) = if measurement.poses.is_empty() {
+            (identify::identify(&sets, &question)?, Vec::new())
+        } else {
+            statics::identify_with(&measurement.poses, sets, &question)?
+        };
+        notice::notice(&identification, &measurement, &mut warnings);
+        Ok(Answer {
+            method,
+            why: None,
+            weights: None,
+            procedure,
+            identification,
+            measurement,
+            fits,
+            free_modes,
+            offsets,
+            warnings,
+        })
+    }
+}
+
+/// Reads the recordings of a setup and identifies the body.
+///
+/// # Errors
+/// [`AnswerError`].
+pub fn answer(
+    setup: &Setup,
+    choice: &Choice,
+    progress: OnProgress<'_>,
+) -> Result<Answer, AnswerError> {
+    Session::new(setup).answer(choice, progress)
+}

@@ -1,0 +1,41 @@
+//! What the numbers themselves say about the test.
+
+use crate::measure::{MeasuredRun, Measurement, Spectra};
+use massline_core::identify::Identification;
+
+/// Adds what the user should know of an answer.
+pub(super) fn notice(
+    identification: &Identification,
+    measurement: &Measurement,
+    warnings: &mut Vec<String>,
+) {
+    let missing: Vec<&str> = identification.unobservable().map(|p| p.name()).collect();
+    if !missing.is_empty() {
+        warnings.push(format!(
+            "not observable from this test: {}",
+            missing.join(", ")
+        ));
+    }
+    if let Some(reason) = identification.plausibility.first_violation() {
+        warnings.push(format!("no real body has these properties: {reason}"));
+    }
+    if let Some(ratio) = identification.consistency
+        && ratio > 4.0
+    {
+        warnings.push(format!(
+            "a rigid body leaves {:.1} times more than the noise explains; error bars were widened. Check sensor positions, directions and scales",
+            ratio.sqrt()
+        ));
+    }
+    if identification.attenuation > 0.25 {
+        warnings.push(
+            "noise in the base acceleration pulls some results towards zero by as much as their error bars say; shake harder in rotation".to_owned(),
+        );
+    }
+    let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
+    if measurement.runs.iter().any(cross) {
+        warnings.push(
+            "without a drive channel (`reference`) the noise of the accelerometers biases the result; record the generator's signal if you can".to_owned(),
+        );
+    }
+}

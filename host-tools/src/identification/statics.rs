@@ -1,0 +1,69 @@
+//! Static poses join the masslines, and their offsets come out.
+
+use super::AnswerError;
+use crate::measure::MeasuredPoses;
+use massline_core::identify::{self, Estimate, Identification, Question};
+use massline_core::masslines::{Masslines, StaticFit};
+use massline_core::rigid_body::{Inertia, RigidBody};
+use nalgebra::Vector6;
+
+/// Offsets of the six resultants, by run.
+type Offsets = Vec<(String, [f64; 6])>;
+
+/// Identifies from `sets` and the poses. A second pass weights the poses with what the
+/// rigid body of the first leaves of them.
+pub(super) fn identify_with(
+    poses: &[MeasuredPoses],
+    mut sets: Vec<Masslines>,
+    question: &Question,
+) -> Result<(Identification, Offsets), AnswerError> {
+    let dynamic = sets.len();
+    add(poses, None, &mut sets)?;
+    let first = identify::identify(&sets, question)?;
+    sets.truncate(dynamic);
+    let fits = add(poses, Some(&first), &mut sets)?;
+    let identification = identify::identify(&sets, question)?;
+    let offsets = poses
+        .iter()
+        .zip(&fits)
+        .map(|(poses, fit)| (poses.name.clone(), offsets(&identification, fit)))
+        .collect();
+    Ok((identification, offsets))
+}
+
+fn add(
+    runs: &[MeasuredPoses],
+    first: Option<&Identification>,
+    sets: &mut Vec<Masslines>,
+) -> Result<Vec<StaticFit>, AnswerError> {
+    let matrix = first.map(|i| at_rest(i).mass_matrix(&i.reference));
+    let mut fits = Vec::new();
+    for poses in runs {
+        let fit = poses.poses.masslines(
+            poses.geometry.reference,
+            &poses.geometry.equations,
+            &poses.noise,
+            matrix.as_ref(),
+        )?;
+        sets.push(fit.masslines.clone());
+        fits.push(fit);
+    }
+    Ok(fits)
+}
+
+/// The body as far as it matters where nothing turns: unknown terms are zero.
+fn at_rest(identification: &Identification) -> RigidBody {
+    let value = |e: Option<Estimate>| e.map_or(0.0, |e| e.value);
+    RigidBody {
+        mass: value(identification.mass),
+        centre_of_gravity: identification.centre_of_gravity.map(value).into(),
+        inertia: Inertia::default(),
+    }
+}
+
+/// What the load cells read besides `M (a - g)`.
+fn offsets(identification: &Identification, fit: &StaticFit) -> [f64; 6] {
+    let matrix = at_rest(identification).mass_matrix(&identification.reference);
+    let left: Vector6<f64> = fit.mean_force - matrix * fit.mean_acceleration;
+    left.into()
+}

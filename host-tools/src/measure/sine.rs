@@ -1,0 +1,144 @@
+//! Stepped sine runs: frequency responses, one frequency a row.
+
+use super::MeasureError;
+use super::geometry::{RunGeometry, channel_names};
+use crate::recording::Recording;
+use crate::setup::{Run, Setup};
+use massline_core::geometry::RESULTANTS;
+use massline_core::masslines::SineRun;
+use nalgebra::Complex;
+use std::hash::{DefaultHasher, Hasher};
+use std::ops::Range;
+
+/// One stepped sine run.
+pub struct MeasuredSine {
+    /// Name of the run.
+    pub name: String,
+    /// Its sensors.
+    pub geometry: RunGeometry,
+    /// Hz, ascending.
+    pub frequencies: Vec<f64>,
+    /// Responses of the twelve resultants, frequency by frequency.
+    pub responses: Vec<[Complex<f64>; RESULTANTS]>,
+    /// Responses of the accelerometers, m/s², frequency by frequency.
+    pub sensors: Vec<Vec<Complex<f64>>>,
+    /// Resolution of each resultant, as a power per line.
+    pub noise: [f64; RESULTANTS],
+    pub(super) fingerprint: u64,
+}
+
+/// Relative resolution of responses that come as text of six digits.
+const RESOLUTION: f64 = 1e-6;
+
+impl MeasuredSine {
+    /// As the core's estimators read it.
+    #[must_use]
+    pub fn run(&self) -> SineRun<'_> {
+        SineRun {
+            responses: &self.responses,
+            noise: self.noise,
+        }
+    }
+
+    /// Lines from `low` to `high` Hz, both ends included.
+    #[must_use]
+    pub fn within(&self, [low, high]: [f64; 2]) -> Range<usize> {
+        let slack = 1e-9 * high;
+        let start = self.frequencies.partition_point(|&f| f < low - slack);
+        let end = self.frequencies.partition_point(|&f| f <= high + slack);
+        start..end.max(start)
+    }
+}
+
+/// Reads one run; `before` are the frequencies of the sine runs before it.
+pub(super) fn read(
+    setup: &Setup,
+    run: &Run,
+    geometry: RunGeometry,
+    before: Option<&[f64]>,
+    warnings: &mut Vec<String>,
+) -> Result<MeasuredSine, MeasureError> {
+    if setup.processing.is_none() {
+        return Err(MeasureError::NoProcessing {
+            run: run.name.clone(),
+        });
+    }
+    let file = setup.recording_path(run);
+    let names = channel_names(setup, run);
+    let mut columns = vec!["frequency".to_owned()];
+    for name in &names {
+        columns.push(format!("{name}.re"));
+        columns.push(format!("{name}.im"));
+    }
+    let wanted: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut recording = Recording::open(&file, &wanted)?;
+    if !recording.ignored().is_empty() {
+        warnings.push(format!(
+            "{}: columns not used: {}",
+            file.display(),
+            recording.ignored().join(", ")
+        ));
+    }
+    let sensors_of = setup.accelerometers.len();
+    let mut measured = MeasuredSine {
+        name: run.name.clone(),
+        geometry,
+        frequencies: Vec::new(),
+        responses: Vec::new(),
+        sensors: Vec::new(),
+        noise: [0.0; RESULTANTS],
+        fingerprint: 0,
+    };
+    let mut hash = DefaultHasher::new();
+    let mut row = vec![0.0; columns.len()];
+    while recording.next_row_f64(|i, x| row[i] = x)? {
+        let frequency = row[0];
+        let last = measured.frequencies.last().copied().unwrap_or(0.0);
+        if frequency <= last {
+            return Err(MeasureError::FrequencyOrder {
+                file,
+                line: recording.line(),
+                found: frequency,
+                before: last,
+            });
+        }
+        measured.frequencies.push(frequency);
+        let mut response = [Complex::new(0.0, 0.0); RESULTANTS];
+        let mut sensors = Vec::with_capacity(sensors_of);
+        for (c, pair) in row[1..].chunks_exact(2).enumerate() {
+            let x = Complex::new(pair[0], pair[1]);
+            hash.write_u64(pair[0].to_bits());
+            hash.write_u64(pair[1].to_bits());
+            let column = &measured.geometry.columns[c];
+            for (j, r) in response.iter_mut().enumerate() {
+                *r += x * column[j];
+                measured.noise[j] += x.norm_sqr() * column[j] * column[j];
+            }
+            if c < sensors_of {
+                sensors.push(x * setup.accelerometers[c].scale);
+            }
+        }
+        measured.responses.push(response);
+        measured.sensors.push(sensors);
+    }
+    let lines = measured.frequencies.len().max(1) as f64;
+    for noise in &mut measured.noise {
+        *noise *= RESOLUTION * RESOLUTION / lines;
+    }
+    measured.fingerprint = hash.finish();
+    if let Some(before) = before
+        && let Some(frequency) = first_difference(before, &measured.frequencies)
+    {
+        return Err(MeasureError::OtherFrequencies { file, frequency });
+    }
+    Ok(measured)
+}
+
+fn first_difference(a: &[f64], b: &[f64]) -> Option<f64> {
+    let differ = |x: &f64, y: &f64| (x - y).abs() > 1e-9 * x.abs();
+    if let Some((x, y)) = a.iter().zip(b).find(|(x, y)| differ(x, y)) {
+        return Some(x.min(*y));
+    }
+    let longer = if a.len() > b.len() { a } else { b };
+    longer.get(a.len().min(b.len())).copied()
+}
