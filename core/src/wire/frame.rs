@@ -1,17 +1,9 @@
-//! One frame: header, payload, checksum, and how they lie on the wire.
+//! One frame: header, payload, checksum, and how they lie on the wire. The layout is
+//! drawn in the description of [`super`].
 //!
-//! ```text
-//! 00 | cobs( version number session sequence request | payload | crc ) | 00
-//!        u8      u8     u16     u32      u16     postcard  u32
-//! ```
-//!
-//! Integers are little-endian, the checksum is over header and payload. A frame is
-//! delimited on both sides: a broken byte then costs the frame it lies in and no other,
-//! and what noise an opening port has made is ended before the first frame. Receivers
-//! skip the empty frame between two delimiters.
-//!
-//! All of this except the payload is the *envelope*, which no version changes: so two
-//! sides of different versions can still tell each other that they are.
+//! With a delimiter on one side only, a broken delimiter would join two frames and cost
+//! both, and so would the noise of a port that opens. The second one costs a byte.
+//! Receivers skip the empty frame between two of them.
 
 use super::cobs::{Encoder, Full};
 use super::crc::Crc32;

@@ -28,7 +28,7 @@ pub struct Start {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Pass {
     /// To see how far each accelerometer moves near the first elastic modes, and to set
-    /// the run's weights by that. No lines are stored.
+    /// weights by that as [`super::Weighting`] says. No lines are stored.
     Survey,
     /// To measure. Replaces the stored run of that number.
     Measure,
@@ -260,14 +260,11 @@ impl Word for Line {
 
 /// What a survey found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Survey<'a> {
+pub struct Peaks<'a> {
     /// The run.
     pub run: u8,
-    /// Largest amplitude in the mode band of each sensor, by its number; zero at a load
-    /// cell.
+    /// Largest amplitude in the mode band of each sensor, by its number, per unit of
+    /// drive where there is one; zero at a load cell.
     #[serde(borrow)]
-    pub peaks: Packed<'a, f32>,
-    /// The run's weights as they are now, by the sensors' numbers.
-    #[serde(borrow)]
-    pub weights: Packed<'a, f64>,
+    pub peaks: Packed<'a, f64>,
 }

@@ -17,45 +17,61 @@
 //!    [`Request::Abort`] without a run is done at once, samples that the box has are
 //!    skipped. Only [`Request::Reboot`] and [`Request::Provoke`] act each time: after
 //!    them, wait for the box's new session instead.
-//! 3. **Events** carry state, not changes of it, and all that matters can be read back:
-//!    nothing depends on an event's arrival. A run goes on when the host is unplugged.
+//! 3. **Events** tell the present state, and all that matters can be read back: nothing
+//!    depends on an event's arrival. A run goes on when the host is unplugged, and
+//!    [`Request::Status`] says to one that comes back where things are.
 //! 4. **Numbers** are SI. Floating-point numbers travel as their bits. Lists and texts
-//!    have the bounds that are stated; a set-up is uploaded in pieces that fit.
+//!    have the bounds that are stated, and every message at its bounds fits a frame.
 //!
-//! A typical measurement:
+//! # A measurement
 //!
 //! ```text
-//! Hello                                            -> Info
-//! BeginSetup, SetProcessing, SetSensor…, SetRun…   -> Done each
-//! EndSetup                                         -> Grid
-//! Start, Samples…, Stop                            -> Done, Taken…, Summary    for each run
-//! ReadLines…                                       -> Lines…
-//! Identify                                         -> Identified
+//! Hello                                              Info
+//! BeginSetup, SetProcessing, SetSensor…, SetRun…     Done each
+//! EndSetup                                           Grid
+//! Start, Samples…, Stop                              Done, Taken…, Summary     for each run
+//! ReadLines…                                         Lines…
+//! Identify                                           Identified
 //! ```
 //!
-//! With weighting by survey, each run is started twice: as [`Pass::Survey`], which sets its
-//! weights, and as [`Pass::Measure`].
+//! The set-up comes in pieces. [`Request::BeginSetup`] forgets the one before it and all
+//! stored runs; the pieces then come in any order and may be repeated, the last one
+//! counts; [`Request::EndSetup`] has the box check the whole. Where weights come from
+//! surveys, every run is started first as [`Pass::Survey`] and then as [`Pass::Measure`].
+//!
+//! Samples are sent ahead of their replies, but not more requests than
+//! [`Capacity::window`]. They are numbered, so a gap is as long as it is; [`Gaps`] says
+//! whether it is refused, to be sent again, or measured around.
 //!
 //! # Frames
 //!
-//! [`Sender`] makes them, [`Receiver`] finds them; the module `frame` holds the layout. Each has
-//! a sequence number that counts what its sender *produced*, so a receiver knows its loss
-//! to the frame, and a session number, so that a restart of the peer is neither loss nor
-//! a flood of old numbers. [`Tracker`] has the rules. Corrupt, truncated, oversized,
-//! repeated and overtaken frames are counted in [`LinkCounters`] and go no further; the
-//! next sound frame is read, whatever came before it.
+//! ```text
+//! 00 | cobs( version number session sequence request | payload | crc ) | 00
+//!        u8      u8     u16     u32      u16     postcard  u32
+//! ```
 //!
-//! A corrupted frame passes the checksum once in 2³² times, and never if the change lies
-//! within 32 bits of the body. Of a stream in which one frame in a thousand is garbled, at
-//! a thousand frames a second, that is one wrong frame in 136 years, and its payload would
-//! still have to be well-formed.
+//! Integers of the header and the checksum are little-endian, the checksum is
+//! CRC-32/ISO-HDLC over header and payload, [`HEADER`] to [`FRAME_MAX`] are the sizes. A
+//! frame is delimited on both sides: a broken byte then costs the frame it lies in and no
+//! other. All of this except the payload is the *envelope*.
+//!
+//! [`Sender`] makes frames, [`Receiver`] finds them. The sequence number counts what its
+//! sender *produced*, so a receiver knows its loss to the frame; the session number tells
+//! a restart of the peer from both loss and old frames ([`Tracker`] has the rules).
+//! Corrupt, truncated, oversized, repeated and overtaken frames are counted in
+//! [`LinkCounters`] and go no further; the next sound frame is read, whatever came before.
+//!
+//! A garbled frame passes the checksum once in 2³² times, and never if all that changed
+//! lies within 32 bits of the body. At a thousand frames a second, of which one in a
+//! thousand is garbled, that is one in 136 years, and it would still have to be a
+//! well-formed message.
 //!
 //! # Versions
 //!
 //! [`PROTOCOL_VERSION`] is in every frame. It grows whenever existing bytes change their
 //! meaning. It stays when a message is added or a variant is appended to an enum: a peer
 //! that does not know it refuses that one message, with a typed error and in step. The
-//! frame's envelope never changes, so peers of different versions still tell each other
+//! envelope never changes, so peers of different versions still tell each other
 //! ([`Refusal::Version`], [`Problem::Version`]).
 
 mod answer;
@@ -89,8 +105,8 @@ pub use exact::Exact;
 pub use frame::{BODY_MAX, CHECKSUM, EncodeError, FRAME_MAX, HEADER, Header, PAYLOAD_MAX};
 pub use health::{ChannelHealth, Health, Levels};
 pub use measure::{
-    Block, Gaps, Line, Lines, Outcome, Pass, RESULTANTS, ReadLines, Samples, Source, Start,
-    Summary, Survey, Taken, Values,
+    Block, Gaps, Line, Lines, Outcome, Pass, Peaks, RESULTANTS, ReadLines, Samples, Source, Start,
+    Summary, Taken, Values,
 };
 pub use packed::{Count24, Packed, Word};
 pub use problem::{Field, Item, Problem, Refused};
@@ -100,7 +116,7 @@ pub use sequence::{Arrival, Tracker};
 pub use settings::{Circuit, Date, Input, Saved, Setting, SettingKey};
 pub use setup::{
     Accelerations, Carries, Excitation, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Run,
-    Scale, Sensor, SensorKind, Weights, Window,
+    Scale, Sensor, SensorKind, Weighting, Weights, Window,
 };
 pub use table::{Direction, Event, FromBox, Reply, Request, ToBox, ToHost};
 

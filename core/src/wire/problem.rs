@@ -177,8 +177,8 @@ pub enum Field {
     Translation,
     /// The weight of an accelerometer.
     Weight,
-    /// The least weight.
-    LeastWeight,
+    /// The minimum weight.
+    MinimumWeight,
     /// The sample rate.
     SampleRate,
     /// The block length.

@@ -1,9 +1,4 @@
 //! Settings of the box, which outlive a set-up.
-//!
-//! A setting that is written holds at once, except the link's rate, which holds from the
-//! next start; it outlives the power switch once [`super::Request::SaveSettings`] was
-//! answered. One item at a time, so that each fits a frame and an unknown item is refused
-//! without harm to the others.
 
 use super::{NAME_MAX, Storage};
 use serde::{Deserialize, Serialize};
@@ -23,7 +18,11 @@ pub enum SettingKey {
     Input(u8),
 }
 
-/// A setting with its value.
+/// A setting with its value: one item at a time, so that each fits a frame and one that
+/// the box does not know is refused without harm to the others.
+///
+/// What is written holds at once, except the link's rate, which holds from the next
+/// start. It outlives the power switch once [`super::Request::SaveSettings`] was answered.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Setting<'a> {
     /// What this box is called, at most 32 bytes.

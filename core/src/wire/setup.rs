@@ -1,13 +1,4 @@
 //! The set-up in pieces, each of which fits a frame.
-//!
-//! [`super::Request::BeginSetup`] with the [`Plan`] forgets the set-up before it and all
-//! stored runs. The pieces then come in any order and may be repeated, the last one
-//! counts. [`super::Request::EndSetup`] has the box check the whole; only then does it
-//! hold, and the answer is the [`Grid`] of lines that follows from it.
-//!
-//! Coordinates, units and rules are those of the set-up file: SI, the frame of the table,
-//! accelerometers on the structure in the specimen's frame. Directions need not be of
-//! unit length, but must be the very numbers that the host gives its own core.
 
 use super::{Exact, Packed};
 use serde::{Deserialize, Serialize};
@@ -16,6 +7,10 @@ use serde::{Deserialize, Serialize};
 pub const NAME_MAX: usize = 32;
 
 /// What a set-up consists of.
+///
+/// Coordinates and rules are those of the set-up file: the frame of the table, and that
+/// of the specimen for accelerometers on it. The box hands all numbers to its core as
+/// they come, so a host that wants equal bits sends what it gives its own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Number of sensors: accelerometers and load cells, without the drive.
@@ -48,8 +43,22 @@ pub struct Processing {
     pub mode_band: Option<[f64; 2]>,
     /// Which accelerometers give the base acceleration of a measuring pass.
     pub accelerations: Accelerations,
-    /// W_min of the weighting strategy: the weight of the sensor that moves most.
-    pub least_weight: f64,
+    /// Where the weights come from.
+    pub weighting: Weighting,
+    /// Weight of the sensor that moves most in the mode band; the one that moves least
+    /// has weight one.
+    pub minimum_weight: f64,
+}
+
+/// Where the weights of a run come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Weighting {
+    /// The host sends them; surveys leave them alone.
+    Given,
+    /// From the survey of the same run.
+    EachRun,
+    /// From all surveys so far, the same for all runs.
+    Joined,
 }
 
 /// The window of each block.
@@ -83,7 +92,7 @@ pub enum Accelerations {
     Weighted,
 }
 
-/// One accelerometer or load cell.
+/// One accelerometer or load cell. Its direction need not be of unit length.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensor<'a> {
     /// Its number, from zero, below [`Plan::sensors`].

@@ -2,10 +2,10 @@
 
 use super::frame::{EncodeError, Header, write};
 use super::{
-    Block, ChannelHealth, Fault, Grid, Identified, Info, Levels, Lines, Ping, Plan, Pong,
+    Block, ChannelHealth, Fault, Grid, Identified, Info, Levels, Lines, Peaks, Ping, Plan, Pong,
     Processing, Provoke, Question, ReadLines, Refusal, Refused, Run, Samples, Saved, Selftest,
-    Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary, Survey, Taken,
-    Telemetry, Weights,
+    Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary, Taken, Telemetry,
+    Weights,
 };
 use serde::Deserialize;
 
@@ -124,8 +124,8 @@ messages! {
         0x12 SetSensor(Sensor<'a>);
         /// One of its runs. [`Reply::Done`]. While setting up.
         0x13 SetRun(Run<'a>);
-        /// Weights of a run. [`Reply::Done`]. While setting up, and when ready: then they
-        /// replace those of a survey.
+        /// Weights of a run. [`Reply::Done`]. While setting up, and when ready: they replace
+        /// those of a survey.
         0x14 SetWeights(Weights<'a>);
         /// That is all of it. [`Reply::Grid`], and the box is ready.
         0x15 EndSetup;
@@ -147,8 +147,10 @@ messages! {
         0x30 ReadSummary(u8);
         /// Lines of a stored run. [`Reply::Lines`], as many as fit.
         0x31 ReadLines(ReadLines);
-        /// What the survey of a run found. [`Reply::Survey`].
-        0x32 ReadSurvey(u8);
+        /// What the survey of a run found. [`Reply::Peaks`].
+        0x32 ReadPeaks(u8);
+        /// The weights of a run as they are now. [`Reply::Weights`].
+        0x33 ReadWeights(u8);
 
         /// Identify. [`Reply::Identified`] when it is done; other requests are answered in
         /// the meantime. When ready.
@@ -192,13 +194,15 @@ messages! {
         /// Lines of a stored run.
         0x89 Lines(Lines<'a>);
         /// What a survey found.
-        0x8A Survey(Survey<'a>);
+        0x8A Peaks(Peaks<'a>);
+        /// The weights of a run.
+        0x8B Weights(Weights<'a>);
         /// The ten numbers.
-        0x8B Identified(Identified);
+        0x8C Identified(Identified);
         /// One setting.
-        0x8C Setting(Setting<'a>);
+        0x8D Setting(Setting<'a>);
         /// The settings are kept.
-        0x8D Saved(Saved);
+        0x8E Saved(Saved);
     }
 }
 
