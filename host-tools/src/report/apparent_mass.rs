@@ -8,6 +8,7 @@ use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, To
 use super::response::{Entries, Entry, entries};
 use super::scales::axis_factor;
 use crate::identification::Answer;
+use crate::setup::Setup;
 use massline_core::masslines::ApparentMass;
 use std::fmt::Write;
 
@@ -18,27 +19,33 @@ struct View<'a> {
     /// Highest kept line, Hz.
     top: f64,
     fit: Option<&'a ApparentMass>,
+    /// Whether the acceleration comes from the interface alone.
+    interface_only: bool,
 }
 
 /// The section, or `None` without spectra.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
-    let grid = answer.measurement.grid?;
-    let band = &answer.measurement.band;
-    let groups = groups(answer);
+pub(super) fn section(setup: &Setup, answer: &Answer) -> Option<Section> {
+    let groups = groups(setup, answer);
     let mut html = String::new();
     for group in &groups {
+        let Some((band, top)) = group.read(None, |lines| {
+            let last = group.band.end.saturating_sub(1);
+            let band = [lines.frequency(group.band.start), lines.frequency(last)];
+            (band, lines.frequency(lines.count().saturating_sub(1)))
+        }) else {
+            continue;
+        };
         let view = View {
-            band: [
-                grid.frequency(band.start),
-                grid.frequency(band.end.saturating_sub(1)),
-            ],
-            top: grid.frequency(grid.count.saturating_sub(1)),
+            band,
+            top,
             fit: group.fit,
+            interface_only: answer.method.interface_only(),
         };
         let entries = entries(group, answer);
         if groups.len() > 1 {
-            let names: Vec<String> = group.runs.iter().map(|r| escape(&r.name)).collect();
-            let _ = write!(html, "<h3>Runs {}</h3>", names.join(", "));
+            let names: Vec<String> = group.names().into_iter().map(escape).collect();
+            let runs = if names.len() == 1 { "Run" } else { "Runs" };
+            let _ = write!(html, "<h3>{runs} {}</h3>", names.join(", "));
         }
         html.push_str(&introduction(&entries, &view));
         html.push_str(&overview(&entries, &view));
@@ -47,7 +54,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
             html.push_str(&modes(fit));
         }
     }
-    Some(Section::new("apparent-mass", "Apparent mass", html))
+    (!html.is_empty()).then(|| Section::new("apparent-mass", "Apparent mass", html))
 }
 
 fn introduction(entries: &Entries, view: &View<'_>) -> String {
@@ -62,10 +69,17 @@ fn introduction(entries: &Entries, view: &View<'_>) -> String {
          run, every force resultant per that run's strongest base acceleration; the other \
          directions move along, in the fit as well."
     });
-    if view.fit.is_some() && !entries.list.is_empty() {
+    let drawn = !entries.list.is_empty();
+    if drawn && view.fit.is_some() {
         text.push_str(
             " The fit is a rigid body plus the modes of the fixed structure, made inside the \
-             shaded averaging band; outside it is an extrapolation.",
+             shaded averaging band; the thin line extrapolates it to the first mode.",
+        );
+    } else if drawn && !view.interface_only {
+        text.push_str(
+            " This method takes the acceleration from all accelerometers, with what the \
+             elastic structure adds to it: the curves bend away from the rigid body towards \
+             the modes.",
         );
     }
     if entries.left_out > 0 {
@@ -221,17 +235,17 @@ fn detail(entry: &Entry, prefix: &str) -> String {
     format!("{}, {prefix}{}", entry.detail, entry.unit)
 }
 
-/// The fit: a full line where it was made, a thin one where it is extrapolated. Above
-/// the last mode that has a term of its own it means nothing.
+/// The fit: a full line where it was made, a thin one where it is extrapolated. That goes
+/// as far as the first mode with a term of its own: which of the modes there gets how
+/// much, the lines inside the band cannot tell.
 fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
-    const FAR: f64 = 1.1;
     let [low, high] = view.band;
     let own = view.fit.into_iter().flat_map(|f| {
         let used = f.poles.iter().zip(&f.effective_mass);
         used.filter(|(_, mass)| mass.is_some())
             .map(|(pole, _)| pole.frequency)
     });
-    let last = FAR * own.fold(high, f64::max);
+    let last = own.filter(|f| *f > high).reduce(f64::min).unwrap_or(high);
     let mut part = |name: &str, mark: Mark, from: f64, to: f64| {
         let points = fit.iter().filter(|p| p[0] >= from && p[0] <= to);
         let series = Series::new(name, Tone::Fit, mark, points.copied().collect());

@@ -7,13 +7,16 @@ use crate::identification::Answer;
 use crate::measure::MeasuredRun;
 use massline_core::geometry::ACCELERATION_NAMES;
 use massline_core::spectra::LineGrid;
+use std::fmt::Write;
 
 /// Runs up to which each has a colour of its own.
 const MOST_COLOURS: usize = 7;
+/// Runs drawn in one panel: those that move its component most.
+const MOST_SERIES: usize = 8;
 /// Decades that are shown below the highest peak; deeper lies only noise.
 const DECADES: f64 = 9.0;
 
-/// The section, or `None` without spectra.
+/// The section, or `None` without random runs.
 pub(super) fn section(answer: &Answer) -> Option<Section> {
     let grid = answer.measurement.grid?;
     let runs = &answer.measurement.runs;
@@ -21,7 +24,10 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
         return None;
     }
     let seen: Vec<usize> = (0..6)
-        .filter(|j| runs.iter().any(|r| determined_accelerations(r)[*j]))
+        .filter(|j| {
+            runs.iter()
+                .any(|r| determined_accelerations(&r.geometry)[*j])
+        })
         .collect();
     let translation = domain(runs, seen.iter().copied().filter(|j| *j < 3));
     let rotation = domain(runs, seen.iter().copied().filter(|j| *j >= 3));
@@ -51,7 +57,6 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
     });
     let names: Vec<(Tone, Mark, &str)> = runs
         .iter()
-        .take(MOST_COLOURS)
         .enumerate()
         .map(|(n, run)| (Tone::Colour(n), Mark::Line, run.name.as_str()))
         .collect();
@@ -62,7 +67,11 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
     );
     html.push_str(&legend(&names));
     if runs.len() > MOST_COLOURS {
-        html.push_str("<p class=\"small\">Further runs repeat the colours.</p>");
+        let _ = write!(
+            html,
+            "<p class=\"small\">Further runs repeat the colours; each panel shows the \
+             {MOST_SERIES} runs that move its component most.</p>"
+        );
     }
     html.push_str(&panels(charts));
     Some(Section::new("base-spectra", "Base spectra", html))
@@ -72,7 +81,7 @@ fn series(runs: &[MeasuredRun], grid: &LineGrid, j: usize) -> Vec<Series> {
     let mut list: Vec<Series> = runs
         .iter()
         .enumerate()
-        .filter(|(_, run)| determined_accelerations(run)[j])
+        .filter(|(_, run)| determined_accelerations(&run.geometry)[j])
         .map(|(n, run)| {
             let points = run.density.iter().enumerate();
             let points = points.map(|(k, d)| [grid.frequency(k), d[j]]).collect();
@@ -82,13 +91,16 @@ fn series(runs: &[MeasuredRun], grid: &LineGrid, j: usize) -> Vec<Series> {
     // The strongest is drawn last, so that noise does not cover it.
     let strength = |s: &Series| s.points.iter().map(|p| p[1]).sum::<f64>();
     list.sort_by(|a, b| strength(a).total_cmp(&strength(b)));
-    list
+    list.split_off(list.len().saturating_sub(MOST_SERIES))
 }
 
 fn domain(runs: &[MeasuredRun], components: impl Iterator<Item = usize>) -> [f64; 2] {
     let mut extent = Extent::new(Mapping::Log);
     for j in components {
-        for run in runs.iter().filter(|r| determined_accelerations(r)[j]) {
+        for run in runs
+            .iter()
+            .filter(|r| determined_accelerations(&r.geometry)[j])
+        {
             let values = run.density.iter().map(|d| d[j]);
             let share = Extent::within_quantiles(Mapping::Log, values, 0.01..1.0);
             if !share.is_empty() {

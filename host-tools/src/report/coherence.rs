@@ -12,6 +12,7 @@ use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::Moments;
 use massline_core::spectra::LineGrid;
 use nalgebra::Vector6;
+use std::fmt::Write;
 use std::ops::Range;
 
 /// Share of a run's strongest component, in power, that counts as excited: a tenth in
@@ -19,6 +20,8 @@ use std::ops::Range;
 const EXCITED: f64 = 1e-2;
 /// Up to so many components of a kind are drawn one by one.
 const FEW: usize = 4;
+/// More runs than this are not drawn.
+const MOST_RUNS: usize = 12;
 /// What is nearer to one than this is drawn there.
 const NEAREST: f64 = 1.0 - 1e-7;
 
@@ -31,14 +34,18 @@ struct Curves {
     idle: Vec<&'static str>,
 }
 
-/// The section, or `None` without spectra.
+/// The section, or `None` without random runs.
 pub(super) fn section(answer: &Answer) -> Option<Section> {
     let grid = answer.measurement.grid?;
+    if answer.measurement.runs.is_empty() {
+        return None;
+    }
     let band = answer.measurement.band.clone();
     let runs: Vec<(&MeasuredRun, Vec<Curves>)> = answer
         .measurement
         .runs
         .iter()
+        .take(MOST_RUNS)
         .map(|run| (run, curves(run, answer)))
         .collect();
     let mut extent = Extent::new(Mapping::Nines);
@@ -73,6 +80,9 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
         " The axis is stretched towards one: from 0.9 to 0.99 is as far as from 0.99 to \
          0.999.</p>",
     );
+    if answer.measurement.runs.len() > MOST_RUNS {
+        let _ = write!(html, "<p>The first {MOST_RUNS} runs are drawn.</p>");
+    }
     let mut key = Vec::new();
     for kind in 0..2 {
         if let Some(c) =
@@ -194,8 +204,8 @@ fn near_one(value: f64) -> String {
 fn curves(run: &MeasuredRun, answer: &Answer) -> Vec<Curves> {
     let lever = lever(&answer.identification);
     let band = answer.measurement.band.clone();
-    let determined = determined_accelerations(run);
-    let forces = measured_forces(run);
+    let determined = determined_accelerations(&run.geometry);
+    let forces = measured_forces(&run.geometry);
     let power = |offset: usize| {
         Vector6::from_fn(|j, _| {
             let lines = band.clone().filter_map(|k| run.density.get(k));
@@ -274,7 +284,7 @@ fn sorted(
 
 /// Share of each force that the accelerations explain, line by line.
 fn multiple_coherence(run: &MeasuredRun, answer: &Answer) -> Vec<[f64; 6]> {
-    let read = Group::read(&[run], &answer.measurement, |lines| {
+    let read = Group::of_run(run, &answer.measurement).read(None, |lines| {
         let excited = Excited::new(lines, &answer.measurement.band);
         (0..lines.count())
             .map(|line| {

@@ -8,7 +8,6 @@ use super::lines::{Excited, Group, comparable, determined_accelerations, measure
 use super::rigid;
 use super::scales::lever;
 use crate::identification::Answer;
-use crate::measure::MeasuredRun;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::{ApparentMass, Complex6, Lines, Moments};
 use nalgebra::{Complex, Matrix6};
@@ -53,10 +52,7 @@ const FAINT: f64 = 1e-4;
 
 /// Entries of one group.
 pub(super) fn entries(group: &Group<'_>, answer: &Answer) -> Entries {
-    let measurement = &answer.measurement;
-    let solved = Group::read(&group.runs, measurement, |lines| {
-        matrix_entries(group, lines, answer)
-    });
+    let solved = group.read(None, |lines| matrix_entries(group, lines, answer));
     if let Some(list) = solved.flatten() {
         return Entries {
             solved: true,
@@ -64,34 +60,29 @@ pub(super) fn entries(group: &Group<'_>, answer: &Answer) -> Entries {
             left_out: 0,
         };
     }
-    let band = &measurement.band;
-    let projector = Group::read(&group.runs, measurement, |lines| {
-        Excited::new(lines, band).projector
-    });
+    let projector = group.read(None, |lines| Excited::new(lines, &group.band).projector);
     let rigid = rigid::matrix(&answer.identification) * projector.unwrap_or_else(Matrix6::identity);
+    let names = group.names();
     let mut list = Vec::new();
-    for run in group.runs.iter().take(MOST_RUNS) {
-        let ratios = Group::read(&[run], measurement, |lines| {
-            ratios(run, group.fit, lines, &rigid, answer)
-        });
+    for (k, name) in names.iter().enumerate().take(MOST_RUNS) {
+        let ratios = group.read(Some(k), |lines| ratios(group, name, lines, &rigid, answer));
         list.extend(ratios.into_iter().flatten());
     }
     Entries {
         solved: false,
         list,
-        left_out: group.runs.len().saturating_sub(MOST_RUNS),
+        left_out: names.len().saturating_sub(MOST_RUNS),
     }
 }
 
 /// The upper triangle of M, if the runs determine it line by line.
 fn matrix_entries(group: &Group<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
-    let excited = Excited::new(lines, &answer.measurement.band);
+    let excited = Excited::new(lines, &group.band);
     let count = excited.count();
-    let drives = group.runs[0].responses().is_some();
-    if count == 0 || excited.rank != count || (drives && group.runs.len() < count) {
+    if count == 0 || excited.rank != count || (group.is_paired() && lines.runs() < count) {
         return None;
     }
-    let forces = measured_forces(group.runs[0]);
+    let forces = measured_forces(group.geometry());
     let places = places(&excited.components, &forces);
     let mut measured: Vec<Vec<Point>> = vec![Vec::with_capacity(lines.count()); places.len()];
     for line in 0..lines.count() {
@@ -208,16 +199,16 @@ fn curve(fit: &ApparentMass, top: f64, i: usize, j: usize) -> Vec<Point> {
 
 /// Every resultant of a run that its excitation moves, per its strongest acceleration.
 fn ratios(
-    run: &MeasuredRun,
-    fit: Option<&ApparentMass>,
+    group: &Group<'_>,
+    name: &str,
     lines: &dyn Lines,
     rigid: &Matrix6<f64>,
     answer: &Answer,
 ) -> Vec<Entry> {
     let lever = lever(&answer.identification);
-    let excited = Excited::new(lines, &answer.measurement.band);
+    let excited = Excited::new(lines, &group.band);
     let accelerations = comparable(&excited.accelerations, lever, false);
-    let determined = determined_accelerations(run);
+    let determined = determined_accelerations(group.geometry());
     let strongest = (0..6)
         .filter(|j| determined[*j] && excited.components[*j])
         .max_by(|a, b| accelerations[*a].total_cmp(&accelerations[*b]));
@@ -228,13 +219,13 @@ fn ratios(
     let faint = FAINT * forces.max();
     let rigid_matrix = rigid.map(|x| Complex::new(x, 0.0));
     let shown: Vec<usize> = (0..6)
-        .filter(|i| measured_forces(run)[*i] && forces[*i] > faint)
+        .filter(|i| measured_forces(group.geometry())[*i] && forces[*i] > faint)
         .collect();
     let mut list: Vec<Entry> = shown
         .iter()
         .map(|&i| Entry {
             title: format!("{} per {}", RESULTANT_NAMES[i], ACCELERATION_NAMES[d]),
-            detail: run.name.clone(),
+            detail: name.to_owned(),
             unit: rigid::unit(i, d),
             direct: i == d,
             measured: Vec::new(),
@@ -251,7 +242,7 @@ fn ratios(
             continue;
         }
         let f = lines.frequency(line);
-        let fitted = fit.map(|fit| {
+        let fitted = group.fit.map(|fit| {
             let whole = fit.at(f);
             let rigid = fit.rigid.map(|x| Complex::new(x, 0.0));
             (whole * m.aa, (whole - rigid) * m.aa)

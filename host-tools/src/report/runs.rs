@@ -21,17 +21,20 @@ pub(super) fn section(setup: &Setup, answer: &Answer) -> Section {
 
 /// How to read the error bars.
 pub(super) fn reading(answer: &Answer) -> Section {
-    let spectral = !answer.measurement.runs.is_empty();
+    let random = !answer.measurement.runs.is_empty();
+    let sine = !answer.measurement.sines.is_empty();
     let mut html = String::from(
         "<p>An error bar is one standard deviation of the value; the true value lies within \
          1.96 of them in 95 of 100 tests, as long as nothing but noise is wrong.",
     );
-    if spectral {
+    if random {
         html.push_str(
             " It comes from the scatter of the lines around the fit, enlarged for what the \
              window does: neighbouring lines share samples and resemble each other, so that \
              a hundred lines say less than a hundred independent ones.",
         );
+    } else if sine {
+        html.push_str(" It comes from the scatter of the lines around the fit.");
     } else {
         html.push_str(" It comes from the scatter of the poses around the identified body.");
     }
@@ -62,8 +65,9 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
     for run in &setup.runs {
         let random = answer.measurement.runs.iter().find(|r| r.name == run.name);
         let poses = answer.measurement.poses.iter().find(|r| r.name == run.name);
-        let (kind, samples, duration, blocks) = match (random, poses) {
-            (Some(r), _) => {
+        let sine = answer.measurement.sines.iter().find(|r| r.name == run.name);
+        let (kind, samples, duration, blocks) = match (random, sine, poses) {
+            (Some(r), _, _) => {
                 let rate = r.settings().grid().spacing * r.settings().block_length() as f64;
                 let seconds = r.samples as f64 / rate;
                 (
@@ -73,13 +77,19 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
                     r.blocks.to_string(),
                 )
             }
-            (None, Some(p)) => (
+            (None, Some(s), _) => (
+                "stepped sine",
+                format!("{} frequencies", s.frequencies.len()),
+                String::new(),
+                String::new(),
+            ),
+            (None, None, Some(p)) => (
                 "static poses",
                 format!("{} poses", p.rows.len()),
                 String::new(),
                 String::new(),
             ),
-            (None, None) => ("not used", String::new(), String::new(), String::new()),
+            (None, None, None) => ("not used", String::new(), String::new(), String::new()),
         };
         let mounting = if run.is_remounted() {
             format!(

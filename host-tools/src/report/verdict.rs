@@ -41,14 +41,16 @@ pub(super) fn title(setup: &Setup) -> &str {
 }
 
 fn method(answer: &Answer) -> String {
-    let mut text = if answer.measurement.runs.is_empty() {
+    let measurement = &answer.measurement;
+    let dynamic = !(measurement.runs.is_empty() && measurement.sines.is_empty());
+    let mut text = if !dynamic {
         "Static poses: resultants over specific force".to_owned()
     } else {
         let mut description = answer.method.description().to_owned();
         if let Some(first) = description.get(..1).map(str::to_uppercase) {
             description.replace_range(..1, &first);
         }
-        if !answer.measurement.poses.is_empty() {
+        if !measurement.poses.is_empty() {
             description.push_str(", together with static poses");
         }
         description
@@ -62,7 +64,7 @@ fn method(answer: &Answer) -> String {
     }
     text.push('.');
     let mut html = escape(&text);
-    if let Some(why) = answer.why.filter(|_| !answer.measurement.runs.is_empty()) {
+    if let Some(why) = answer.why.filter(|_| dynamic) {
         let _ = write!(html, " Chosen because {}.", escape(why));
     }
     html

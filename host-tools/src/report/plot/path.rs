@@ -1,15 +1,15 @@
 //! Data to path strings.
 //!
 //! Points arrive in pixels, `None` where a line breaks. Long lists are thinned to the
-//! lowest and the highest of every half pixel, which looks the same.
+//! lowest and the highest of every unit of the drawing, which looks the same.
 
 use super::svg::Number;
 use std::fmt::Write;
 
 /// Lists up to this long are drawn point by point.
-const MOST_POINTS: usize = 700;
+const MOST_POINTS: usize = 600;
 /// Pixels that share their extremes once a list is longer.
-const COLUMN: f64 = 0.5;
+const COLUMN: f64 = 1.0;
 
 /// A line through the points, broken at each `None`.
 #[must_use]
@@ -69,32 +69,32 @@ fn append(data: &mut String, points: &[[f64; 2]], first: char) {
     }
 }
 
-/// First, lowest, highest and last point of every column, in their order.
+/// Lowest and highest point of every column, in their order, and both ends of the list.
 fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let [first, .., last] = points else {
+        return points.to_vec();
+    };
     if points.len() <= MOST_POINTS {
         return points.to_vec();
     }
     let column = |p: &[f64; 2]| libm::floor(p[0] / COLUMN);
-    let mut kept = Vec::new();
+    let mut kept = vec![*first];
     for chunk in points.chunk_by(|a, b| column(a) == column(b)) {
-        let by_height = |a: &(usize, &[f64; 2]), b: &(usize, &[f64; 2])| a.1[1].total_cmp(&b.1[1]);
-        let last = chunk.len() - 1;
-        let mut wanted = [0, 0, 0, last];
-        if let Some((i, _)) = chunk.iter().enumerate().min_by(by_height) {
-            wanted[1] = i;
-        }
-        if let Some((i, _)) = chunk.iter().enumerate().max_by(by_height) {
-            wanted[2] = i;
-        }
-        wanted.sort_unstable();
-        let mut before = None;
-        for i in wanted {
-            if before != Some(i) {
-                kept.push(chunk[i]);
+        let (mut low, mut high) = (0, 0);
+        for (i, p) in chunk.iter().enumerate() {
+            if p[1] < chunk[low][1] {
+                low = i;
             }
-            before = Some(i);
+            if p[1] > chunk[high][1] {
+                high = i;
+            }
+        }
+        kept.push(chunk[low.min(high)]);
+        if low != high {
+            kept.push(chunk[low.max(high)]);
         }
     }
+    kept.push(*last);
     kept
 }
 
@@ -127,8 +127,8 @@ mod tests {
             .collect();
         let data = line(&points);
         assert!(data.contains(" 100"), "the peak is gone");
-        // 300 pixels, 600 columns, at most four points of a dozen characters each.
-        assert!(data.len() < 600 * 4 * 12);
-        assert!(dots(&points).len() < 600 * 4 * 18);
+        // 300 columns, at most two points of a dozen characters each.
+        assert!(data.len() < 302 * 2 * 12);
+        assert!(dots(&points).len() < 302 * 2 * 18);
     }
 }
