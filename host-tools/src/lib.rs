@@ -5,6 +5,7 @@ pub mod commands;
 pub mod format;
 pub mod identification;
 pub mod measure;
+pub mod modal;
 pub mod recording;
 pub mod report;
 pub mod result;

@@ -1,6 +1,7 @@
 //! The result document, `massline/result/1`.
 
 use crate::identification::Answer;
+use crate::setup::Setup;
 use massline_core::identify::{Estimate, InertiaEstimate, Procedure};
 use serde::Serialize;
 
@@ -72,13 +73,106 @@ pub struct Plausible {
     pub triangle_margin: Option<f64>,
 }
 
-/// A mode of the fixed structure that the fit took account of.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct FixedMode {
+/// Deflection of a mode at an accelerometer, largest one.
+#[derive(Clone, Debug, Serialize)]
+pub struct Deflection {
+    /// The accelerometer's channel.
+    pub channel: String,
+    /// Along its direction.
+    pub value: f64,
+}
+
+/// A mode of the structure on the fixed interface.
+#[derive(Clone, Debug, Serialize)]
+pub struct FixedModeDocument {
     /// Natural frequency, Hz.
     pub frequency: f64,
     /// Share of critical damping.
     pub damping: f64,
+    /// Effective masses along and about x, y, z of the reference point: kg, kg m²; null
+    /// where not excited or not measured.
+    pub effective_mass: [Option<f64>; 6],
+    /// Share of the whole mass or inertia that each is.
+    pub effective_mass_share: [Option<f64>; 6],
+    /// Participation per square root of modal mass, √kg and √kg m.
+    pub participation: [Option<f64>; 6],
+    /// Modal mass for a shape whose largest deflection is one, kg.
+    pub modal_mass: Option<f64>,
+    /// Shape at the accelerometers, relative to the base.
+    pub shape: Option<Vec<Deflection>>,
+    /// Share of the fitted effective mass matrix that one shape explains.
+    pub purity: f64,
+}
+
+/// A mode of the free structure.
+#[derive(Clone, Debug, Serialize)]
+pub struct FreeModeDocument {
+    /// Natural frequency, Hz.
+    pub frequency: f64,
+    /// Share of critical damping.
+    pub damping: f64,
+    /// Shape at the accelerometers.
+    pub shape: Option<Vec<Deflection>>,
+}
+
+fn deflections(channels: &[String], shape: Option<&Vec<f64>>) -> Option<Vec<Deflection>> {
+    shape.map(|shape| {
+        let pairs = channels.iter().zip(shape);
+        pairs
+            .map(|(channel, value)| Deflection {
+                channel: channel.clone(),
+                value: *value,
+            })
+            .collect()
+    })
+}
+
+/// What the whole body has of each: mass along the axes, inertia about them.
+fn whole(identification: &massline_core::identify::Identification) -> [Option<f64>; 6] {
+    let mass = identification.mass.map(|m| m.value);
+    let i = identification.inertia_reference;
+    [
+        mass,
+        mass,
+        mass,
+        i[0].map(|t| t.value),
+        i[1].map(|t| t.value),
+        i[2].map(|t| t.value),
+    ]
+}
+
+fn fixed_modes(channels: &[String], answer: &Answer) -> Vec<FixedModeDocument> {
+    let whole = whole(&answer.identification);
+    let modal = answer.modal.iter().flat_map(|m| &m.fixed);
+    modal
+        .map(|m| {
+            let diagonal = m.mode.effective_mass.diagonal();
+            let seen = |j: usize, x: f64| (diagonal[j] > 0.0).then_some(x);
+            FixedModeDocument {
+                frequency: m.mode.pole.frequency,
+                damping: m.mode.pole.damping,
+                effective_mass: core::array::from_fn(|j| seen(j, diagonal[j])),
+                effective_mass_share: core::array::from_fn(|j| {
+                    seen(j, diagonal[j]).zip(whole[j]).map(|(e, w)| e / w)
+                }),
+                participation: core::array::from_fn(|j| seen(j, m.mode.participation[j])),
+                modal_mass: m.modal_mass,
+                shape: deflections(channels, m.shape.as_ref()),
+                purity: m.mode.rank_one,
+            }
+        })
+        .collect()
+}
+
+fn free_modes(channels: &[String], answer: &Answer) -> Vec<FreeModeDocument> {
+    let modal = answer.modal.iter().flat_map(|m| &m.free);
+    modal
+        .map(|m| FreeModeDocument {
+            frequency: m.pole.frequency,
+            damping: m.pole.damping,
+            shape: deflections(channels, m.shape.as_ref()),
+        })
+        .collect()
 }
 
 /// Offsets of the resultants in a static run.
@@ -131,8 +225,10 @@ pub struct ResultDocument {
     pub consistency: Option<f64>,
     /// Whether a body like this could exist.
     pub plausible: Plausible,
-    /// Modes of the fixed structure that were fitted along.
-    pub fixed_modes: Vec<FixedMode>,
+    /// Modes of the structure on the fixed interface, with effective masses.
+    pub fixed_modes: Vec<FixedModeDocument>,
+    /// Modes of the free structure, where enough runs were recorded.
+    pub free_modes: Vec<FreeModeDocument>,
     /// Offsets estimated in static runs.
     pub offsets: Vec<Offsets>,
     /// What the user should know.
@@ -166,14 +262,19 @@ pub struct FailedMethod {
 }
 
 impl ResultDocument {
-    /// The document of an answer.
+    /// The document of an answer to `setup`.
     #[must_use]
-    pub fn new(title: &str, answer: &Answer) -> Self {
+    pub fn new(setup: &Setup, answer: &Answer) -> Self {
+        let channels: Vec<String> = setup
+            .accelerometers
+            .iter()
+            .map(|a| a.channel.clone())
+            .collect();
         let i = &answer.identification;
         let p = &i.plausibility;
         Self {
             schema: SCHEMA,
-            title: title.to_owned(),
+            title: setup.title.clone(),
             method: answer.method.name(),
             recommended_because: answer.why,
             iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
@@ -198,15 +299,8 @@ impl ResultDocument {
                 positive_definite_margin: p.positive_definite.map(|m| m.relative),
                 triangle_margin: p.triangle.map(|m| m.relative),
             },
-            fixed_modes: answer
-                .fits
-                .iter()
-                .flat_map(|f| &f.poles)
-                .map(|p| FixedMode {
-                    frequency: p.frequency,
-                    damping: p.damping,
-                })
-                .collect(),
+            fixed_modes: fixed_modes(&channels, answer),
+            free_modes: free_modes(&channels, answer),
             offsets: answer
                 .offsets
                 .iter()

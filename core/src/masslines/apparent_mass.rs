@@ -80,7 +80,7 @@ pub fn apparent_mass<L: Lines>(
     if equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
-    let poles = poles_of(lines, &band, work);
+    let (poles, _) = find_fixed_poles(lines, &band, work);
     let basis = Basis::new(lines, &poles, &band);
     let equal = [1.0; MAX_RUNS];
     let first = Condensed::new(lines, &band, equations, &basis, &equal)?;
@@ -90,12 +90,13 @@ pub fn apparent_mass<L: Lines>(
     last.finish(poles, &basis, reference)
 }
 
-/// The poles, from the power-like scalar `Σ_runs a*f / a*W a`.
-fn poles_of<L: Lines>(
+/// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
+/// and that scalar with its weights.
+pub(super) fn find_fixed_poles<'w, L: Lines>(
     lines: &L,
     band: &Range<usize>,
-    work: &mut [Complex<f64>],
-) -> heapless::Vec<Pole, MAX_MODES> {
+    work: &'w mut [Complex<f64>],
+) -> (heapless::Vec<Pole, MAX_MODES>, Trace<'w>) {
     // W makes translations and rotations comparable: force over acceleration, roughly
     // the body's own mass and inertia.
     let mut energy = Moments::zero();
@@ -133,25 +134,26 @@ fn poles_of<L: Lines>(
         }
     }
     let trace = Trace::new(&mut work[..2 * count]);
-    find_poles(&trace, Residues::Positive, &|line| lines.frequency(line))
+    let poles = find_poles(&trace, Residues::Positive, &|line| lines.frequency(line));
+    (poles, trace)
 }
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
-struct Basis {
+pub(super) struct Basis {
     poles: heapless::Vec<Pole, MAX_MODES>,
     /// Frequency at which the ω² term is one, Hz.
     unit: f64,
 }
 
 impl Basis {
-    fn new<L: Lines>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
+    pub(super) fn new<L: Lines>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
         Self {
             poles: poles.iter().copied().collect(),
             unit: lines.frequency(band.end.saturating_sub(1)),
         }
     }
 
-    fn terms(&self) -> usize {
+    pub(super) fn terms(&self) -> usize {
         2 + self.poles.len()
     }
 
@@ -160,7 +162,7 @@ impl Basis {
     }
 
     /// Values at frequency `f`, Hz.
-    fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
+    pub(super) fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
         phi[0] = Complex::new(1.0, 0.0);
         for (slot, pole) in phi[1..].iter_mut().zip(&self.poles) {

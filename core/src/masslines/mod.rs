@@ -13,6 +13,7 @@
 //! | `curve_fit` | d, curve fit of the free system's responses |
 //! | `synthesis` | e, averaged responses of the rigid body, elastic modes subtracted |
 //! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
+//! | `fixed_modes` | effective masses of the fixed structure, from the same fit over all lines |
 //! | `static_poses` | poses of a DC-coupled measurement |
 
 mod apparent_mass;
@@ -20,6 +21,7 @@ mod averaging;
 mod condense;
 mod curve_fit;
 mod excitation;
+mod fixed_modes;
 mod free_responses;
 mod free_system;
 mod frequency_responses;
@@ -35,6 +37,7 @@ pub use averaging::MIN_LINES;
 pub use condense::{Bands, Condensed, Method, condense};
 pub use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
+pub use fixed_modes::{FixedMode, fixed_modes};
 pub use free_responses::free_responses;
 pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;

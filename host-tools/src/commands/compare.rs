@@ -63,7 +63,7 @@ pub(super) fn run(
             recommended_because: because,
             results: answers
                 .iter()
-                .map(|a| ResultDocument::new(&setup.title, a))
+                .map(|a| ResultDocument::new(setup, a))
                 .collect(),
             failed,
         });

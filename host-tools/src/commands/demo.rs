@@ -53,7 +53,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         &html,
         &report::render(&setup, &answer, Some(&true_body(&truth))),
     )?;
-    let result = ResultDocument::new(&setup.title, &answer);
+    let result = ResultDocument::new(&setup, &answer);
     if arguments.json {
         return print_json(&Document { result, truth });
     }

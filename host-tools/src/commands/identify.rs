@@ -89,7 +89,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         )?;
     }
     if arguments.json {
-        return print_json(&ResultDocument::new(&setup.title, &answer));
+        return print_json(&ResultDocument::new(&setup, &answer));
     }
     warn(&answer.warnings, verbosity);
     show(&setup.title, &answer, truth.as_ref())?;
@@ -111,7 +111,9 @@ pub(super) fn with_progress(
     verbosity: Verbosity,
 ) -> Result<Answer, Failure> {
     let mut session = Session::new(setup);
-    reading(verbosity, |progress| Ok(session.answer(choice, progress)?))
+    reading(verbosity, |progress| {
+        Ok(session.answer_with_modes(choice, progress)?)
+    })
 }
 
 /// Does something that reads recordings, with a bar on the terminal meanwhile.

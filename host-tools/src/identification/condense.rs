@@ -4,11 +4,23 @@ use super::AnswerError;
 use crate::measure::{MeasuredRun, MeasuredSine, Measurement, RunGeometry, Spectra, WINDOW};
 use crate::setup::Setup;
 use massline_core::masslines::{
-    self, Bands, Condensed, CrossLines, DriveLines, Lines, MasslineError, Method, SineLines,
+    self, Bands, Condensed, CrossLines, DriveLines, FixedMode, Lines, MasslineError, Method,
+    SineLines,
 };
 use massline_core::spectra::{CrossAverage, RunResponses, Sum};
 use nalgebra::Complex;
 use std::ops::Range;
+
+/// What is done with the lines of a group.
+trait Task {
+    type Output;
+    fn of<L: Lines>(
+        &self,
+        lines: &L,
+        band: Range<usize>,
+        geometry: &RunGeometry,
+    ) -> Result<Self::Output, AnswerError>;
+}
 
 /// Masslines of every group of runs.
 pub(super) fn all(
@@ -16,16 +28,33 @@ pub(super) fn all(
     method: Method,
     measurement: &Measurement,
 ) -> Result<Vec<Condensed>, AnswerError> {
-    let mut condensed = Vec::new();
+    each_group(setup, measurement, &ToMasslines { setup, method })
+}
+
+/// Modes of the fixed structure, from the group of runs that shows most of them.
+pub(super) fn fixed_modes(
+    setup: &Setup,
+    measurement: &Measurement,
+) -> Result<Vec<FixedMode>, AnswerError> {
+    let groups = each_group(setup, measurement, &ToFixedModes)?;
+    Ok(groups.into_iter().max_by_key(Vec::len).unwrap_or_default())
+}
+
+fn each_group<T: Task>(
+    setup: &Setup,
+    measurement: &Measurement,
+    task: &T,
+) -> Result<Vec<T::Output>, AnswerError> {
+    let mut done = Vec::new();
     for group in groups(&measurement.runs, |a, b| {
         alike(&a.geometry, &b.geometry) && a.responses().is_some() == b.responses().is_some()
     }) {
-        condensed.push(random(setup, method, &group, measurement)?);
+        done.push(random(task, &group, measurement)?);
     }
     for group in groups(&measurement.sines, |a, b| alike(&a.geometry, &b.geometry)) {
-        condensed.push(sine(setup, method, &group)?);
+        done.push(sine(setup, task, &group)?);
     }
-    Ok(condensed)
+    Ok(done)
 }
 
 fn alike(a: &RunGeometry, b: &RunGeometry) -> bool {
@@ -44,17 +73,16 @@ fn groups<T>(runs: &[T], alike: impl Fn(&T, &T) -> bool) -> Vec<Vec<&T>> {
     groups
 }
 
-fn random(
-    setup: &Setup,
-    method: Method,
+fn random<T: Task>(
+    task: &T,
     group: &[&MeasuredRun],
     measurement: &Measurement,
-) -> Result<Condensed, AnswerError> {
+) -> Result<T::Output, AnswerError> {
     let band = measurement.band.clone();
     let geometry = &group[0].geometry;
     let responses: Vec<RunResponses<'_>> = group.iter().filter_map(|r| r.responses()).collect();
     if let Some(lines) = DriveLines::new(&responses, WINDOW) {
-        return of_lines(setup, method, &lines, band, geometry);
+        return task.of(&lines, band, geometry);
     }
     let settings = *group[0].settings();
     let mut storage: Vec<(Vec<Sum>, u32)> = group
@@ -78,41 +106,72 @@ fn random(
         &maps,
     )
     .ok_or(MasslineError::TooManyPairs)?;
-    of_lines(setup, method, &lines, band, geometry)
+    task.of(&lines, band, geometry)
 }
 
-fn sine(setup: &Setup, method: Method, group: &[&MeasuredSine]) -> Result<Condensed, AnswerError> {
+fn sine<T: Task>(
+    setup: &Setup,
+    task: &T,
+    group: &[&MeasuredSine],
+) -> Result<T::Output, AnswerError> {
     let runs: Vec<_> = group.iter().map(|s| s.run()).collect();
     let lines = SineLines::new(&group[0].frequencies, &runs).ok_or(MasslineError::Singular)?;
     let band = setup
         .processing
         .as_ref()
         .map_or(0..0, |p| group[0].within(p.averaging_band));
-    of_lines(setup, method, &lines, band, &group[0].geometry)
+    task.of(&lines, band, &group[0].geometry)
 }
 
-fn of_lines<L: Lines>(
-    setup: &Setup,
+fn work<L: Lines>(lines: &L) -> Vec<Complex<f64>> {
+    vec![Complex::new(0.0, 0.0); 2 * lines.count()]
+}
+
+struct ToMasslines<'s> {
+    setup: &'s Setup,
     method: Method,
-    lines: &L,
-    band: Range<usize>,
-    geometry: &RunGeometry,
-) -> Result<Condensed, AnswerError> {
-    let mut bands = Bands::new(band, lines.count());
-    bands.modes = setup.estimation.modes;
-    if let Some([low, high]) = setup.estimation.fit_band {
-        let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
-        let start = (0..lines.count()).find(inside).unwrap_or(0);
-        let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
-        bands.fit = start..end;
+}
+
+impl Task for ToMasslines<'_> {
+    type Output = Condensed;
+
+    fn of<L: Lines>(
+        &self,
+        lines: &L,
+        band: Range<usize>,
+        geometry: &RunGeometry,
+    ) -> Result<Condensed, AnswerError> {
+        let mut bands = Bands::new(band, lines.count());
+        bands.modes = self.setup.estimation.modes;
+        if let Some([low, high]) = self.setup.estimation.fit_band {
+            let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
+            let start = (0..lines.count()).find(inside).unwrap_or(0);
+            let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
+            bands.fit = start..end;
+        }
+        Ok(masslines::condense(
+            self.method,
+            lines,
+            &bands,
+            geometry.reference,
+            &geometry.equations,
+            &mut work(lines),
+        )?)
     }
-    let mut work = vec![Complex::new(0.0, 0.0); 2 * lines.count()];
-    Ok(masslines::condense(
-        method,
-        lines,
-        &bands,
-        geometry.reference,
-        &geometry.equations,
-        &mut work,
-    )?)
+}
+
+struct ToFixedModes;
+
+impl Task for ToFixedModes {
+    type Output = Vec<FixedMode>;
+
+    fn of<L: Lines>(
+        &self,
+        lines: &L,
+        band: Range<usize>,
+        geometry: &RunGeometry,
+    ) -> Result<Vec<FixedMode>, AnswerError> {
+        let modes = masslines::fixed_modes(lines, band, &geometry.equations, &mut work(lines))?;
+        Ok(modes.to_vec())
+    }
 }

@@ -10,9 +10,10 @@ mod weights;
 pub use error::AnswerError;
 
 use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
+use crate::modal::Modal;
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Identification, Procedure, Question};
-use massline_core::masslines::{ApparentMass, FreeModes, Masslines, Method};
+use massline_core::masslines::{ApparentMass, FixedMode, FreeModes, Masslines, Method};
 use std::rc::Rc;
 
 /// What the user chose.
@@ -55,6 +56,8 @@ pub struct Answer {
     /// The modes of the free structure behind each group of runs, where the method fits
     /// them.
     pub free_modes: Vec<FreeModes>,
+    /// Modal data, where they were asked for.
+    pub modal: Option<Modal>,
     /// Constant offsets of the six resultants of each static run, N and N m.
     pub offsets: Vec<(String, [f64; 6])>,
     /// What the user should know.
@@ -144,6 +147,24 @@ impl<'s> Session<'s> {
         Ok(answer)
     }
 
+    /// The same with the modal data beside the rigid body.
+    ///
+    /// # Errors
+    /// [`AnswerError`].
+    pub fn answer_with_modes(
+        &mut self,
+        choice: &Choice,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        let mut answer = self.answer(choice, progress)?;
+        if !(answer.measurement.runs.is_empty() && answer.measurement.sines.is_empty()) {
+            let modal = self.modal(progress)?;
+            answer.warnings.extend(modal.warnings.iter().cloned());
+            answer.modal = Some(modal);
+        }
+        Ok(answer)
+    }
+
     /// The survey of single accelerometers.
     ///
     /// # Errors
@@ -155,6 +176,39 @@ impl<'s> Session<'s> {
         let survey = Rc::new(measure::survey(self.setup, progress)?);
         self.survey = Some(Rc::clone(&survey));
         Ok(survey)
+    }
+
+    /// The setup this session is about.
+    #[must_use]
+    pub fn setup(&self) -> &'s Setup {
+        self.setup
+    }
+
+    /// Modes of the fixed structure from the interface accelerometers; none without them.
+    ///
+    /// # Errors
+    /// [`AnswerError`] if the recordings cannot be read.
+    pub fn fixed_modes(&mut self, progress: OnProgress<'_>) -> Result<Vec<FixedMode>, AnswerError> {
+        if recommended(self.setup).0 != Method::ApparentMass {
+            return Ok(Vec::new());
+        }
+        let measurement = self.measurement(&Accelerations::Interface, progress)?;
+        condense::fixed_modes(self.setup, &measurement)
+    }
+
+    /// Modes of the free structure; `None` where the runs do not suffice.
+    ///
+    /// # Errors
+    /// [`AnswerError`] if the recordings cannot be read.
+    pub fn free_modes(
+        &mut self,
+        progress: OnProgress<'_>,
+    ) -> Result<Option<FreeModes>, AnswerError> {
+        let measurement = self.measurement(&Accelerations::All(None), progress)?;
+        let condensed = condense::all(self.setup, Method::Synthesis, &measurement);
+        Ok(condensed
+            .ok()
+            .and_then(|c| c.into_iter().find_map(|c| c.free_modes)))
     }
 
     fn measurement(
@@ -213,6 +267,7 @@ impl<'s> Session<'s> {
             measurement,
             fits,
             free_modes,
+            modal: None,
             offsets,
             warnings,
         })

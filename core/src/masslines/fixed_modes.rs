@@ -1,0 +1,131 @@
+//! Modes of the fixed structure with their effective masses: the other result that
+//! interface forces allow.
+//!
+//! The apparent mass on a rigid interface is `M₀ + Σ_r L_rᵀ L_r D_r(ω)`. The row L_r is
+//! the participation of mode r in the six motions of the base, per square root of its
+//! modal mass, and the diagonal of `L_rᵀ L_r` holds the effective masses. Over all modes
+//! they add up to the rigid-body mass matrix.
+
+use super::apparent_mass::{Basis, find_fixed_poles};
+use super::regression::Regression;
+use super::{Excitation, Lines, MasslineError, Moments};
+use crate::algebra::symmetric_eigen;
+use crate::geometry::Equations;
+use crate::modes::{MAX_MODES, Pole, Trace};
+use core::ops::Range;
+use nalgebra::{Complex, Matrix6, Vector6};
+
+/// A mode of the structure on a fixed interface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedMode {
+    /// Natural frequency and damping.
+    pub pole: Pole,
+    /// Effective mass matrix `L_rᵀ L_r` about the reference point: kg, kg m, kg m², ordered
+    /// as equation (1). Only what was excited and measured is filled.
+    pub effective_mass: Matrix6<f64>,
+    /// L_r for unit modal mass: √kg and √kg m.
+    pub participation: Vector6<f64>,
+    /// Share of the fitted matrix that one row explains; one for a clean mode.
+    pub rank_one: f64,
+}
+
+/// The modes of the fixed structure in the lines, ascending. The lines `band` judge the
+/// excitation, all lines are fitted. `work` holds two elements per line.
+///
+/// # Errors
+/// [`MasslineError`] if nothing is excited or measured; no mode is an empty list.
+pub fn fixed_modes<L: Lines>(
+    lines: &L,
+    band: Range<usize>,
+    equations: &Equations,
+    work: &mut [Complex<f64>],
+) -> Result<heapless::Vec<FixedMode, MAX_MODES>, MasslineError> {
+    let (poles, trace) = find_fixed_poles(lines, &band, work);
+    let mut modes = heapless::Vec::new();
+    if poles.is_empty() {
+        return Ok(modes);
+    }
+    let regression = regress(lines, &band, equations, &poles, &trace)?;
+    let count = 2 + poles.len();
+    let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..count).collect();
+    let solution = regression.solve(&chosen).ok_or(MasslineError::Singular)?;
+    for (r, pole) in poles.iter().enumerate() {
+        let raw = regression
+            .coefficient(&solution, 1 + r)
+            .unwrap_or_else(Matrix6::zeros);
+        // A mode has one shape and so one row: what is left over is noise, and in the
+        // small terms more of it than signal.
+        let (participation, rank_one) = rank_one(&((raw + raw.transpose()) * 0.5));
+        let _ = modes.push(FixedMode {
+            pole: *pole,
+            effective_mass: participation * participation.transpose(),
+            participation,
+            rank_one,
+        });
+    }
+    Ok(modes)
+}
+
+fn regress<L: Lines>(
+    lines: &L,
+    band: &Range<usize>,
+    equations: &Equations,
+    poles: &[Pole],
+    trace: &Trace<'_>,
+) -> Result<Regression, MasslineError> {
+    let mut energy = Moments::zero();
+    let mut noise = Vector6::zeros();
+    for run in 0..lines.runs() {
+        let per_line = lines.noise(run);
+        for j in 0..6 {
+            noise[j] += per_line[j] * band.len() as f64;
+        }
+        for line in band.clone() {
+            lines.add_moments(run, line, 1.0, &mut energy);
+        }
+    }
+    let excitation = Excitation::new(&energy.aa.map(|z| z.re), &noise);
+    if excitation.rank() == 0 {
+        return Err(MasslineError::NoExcitation);
+    }
+    let all = 0..trace.len();
+    let basis = Basis::new(lines, poles, &all);
+    let terms = basis.terms();
+    let mut regression = Regression::new(excitation, *equations, terms, lines.correlation());
+    for line in all {
+        let mut m = Moments::zero();
+        let mut count = 0.0;
+        for run in 0..lines.runs() {
+            lines.add_moments(run, line, trace.weight(line), &mut m);
+            count += 2.0 * lines.equations_per_line(run);
+        }
+        regression.add(&m, &basis.at(lines.frequency(line))[..terms], count);
+    }
+    Ok(regression)
+}
+
+/// The row L with `LᵀL` closest to a symmetric matrix, and the share it explains.
+///
+/// Kilogram and kilogram metre squared mix, so the matrix is equilibrated first.
+fn rank_one(matrix: &Matrix6<f64>) -> (Vector6<f64>, f64) {
+    let scale = matrix
+        .diagonal()
+        .map(|d| if d > 0.0 { libm::sqrt(d) } else { 0.0 });
+    let scaled = Matrix6::from_fn(|i, j| {
+        let s = scale[i] * scale[j];
+        if s > 0.0 { matrix[(i, j)] / s } else { 0.0 }
+    });
+    let (values, vectors) = symmetric_eigen(&scaled);
+    let total: f64 = values.iter().map(|v| v.abs()).sum();
+    if values[0] <= 0.0 || total <= 0.0 {
+        return (Vector6::zeros(), 0.0);
+    }
+    let root = libm::sqrt(values[0]);
+    let mut row = Vector6::from_fn(|i, _| vectors[(i, 0)] * root * scale[i]);
+    // A mode has no sense; the largest participation positive makes it unique.
+    let weight = Vector6::from_fn(|i, _| vectors[(i, 0)].abs());
+    if row[weight.imax()] < 0.0 {
+        row = -row;
+    }
+    (row, values[0] / total)
+}
