@@ -234,6 +234,11 @@ impl Regression {
                 c[(j, j)] = f64::MIN_POSITIVE;
             }
         }
+        // Where the spectra fit to their last digit, the residual is the difference of
+        // large numbers and its correlations mean nothing.
+        if lower(&c, self.equations.count()).is_none() {
+            c = Matrix6::from_diagonal(&c.diagonal());
+        }
         c
     }
 
