@@ -157,6 +157,9 @@ impl Writer<'_, '_> {
 impl Flavor for Writer<'_, '_> {
     type Output = usize;
 
+    // Every field of every message ends here: a copy inlined at each of them would take
+    // 16 KiB of flash.
+    #[inline(never)]
     fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
         if self.length >= BODY_MAX - CHECKSUM {
             return Err(self.fail(EncodeError::MessageTooLong));

@@ -231,6 +231,32 @@ fn the_box_can_say_what_is_wrong_with_a_sound_frame() {
 }
 
 #[test]
+fn the_host_refuses_what_is_no_answer_and_no_event() {
+    let refusal = |number, id, payload: &[u8]| {
+        let wire = frame(&header(number, 0, id), payload);
+        let mut buffer = [0; BODY_MAX];
+        let mut receiver = Receiver::<ToHost>::new(&mut buffer);
+        let mut rest = &wire[..];
+        match receiver.next(&mut rest) {
+            Some(Received::Refused(_, refusal)) => Some(refusal),
+            Some(Received::Message(..)) => None,
+            None => panic!("{number:#04x} was not taken"),
+        }
+    };
+    // An event answers nothing, and an error may answer a request that had no id.
+    let started = [0, 0];
+    assert_eq!(refusal(0xC0, 0, &started), None);
+    let with_id = Refusal::RequestId { number: 0xC0 };
+    assert_eq!(refusal(0xC0, 5, &started), Some(with_id));
+    assert_eq!(refusal(0x81, 0, &[0x22, 3]), None);
+    assert_eq!(refusal(0x80, 5, &[]), None);
+    let unknown = |found| Some(Refusal::UnknownNumber { found });
+    for number in [0x00, 0x01, 0x7F, 0xBF, 0xFF] {
+        assert_eq!(refusal(number, 5, &[]), unknown(number));
+    }
+}
+
+#[test]
 fn frames_that_are_too_long_or_too_short_are_counted_as_such() {
     let mut buffer = [0; BODY_MAX];
     let mut receiver = Receiver::<ToBox>::new(&mut buffer);

@@ -112,7 +112,7 @@ const HEALTH: &str = "000401c201010101010101034d0401020105d68f7bac00";
 #[test]
 fn every_message_keeps_its_layout() {
     let mut materials = vec![Material::largest()];
-    for seed in 0..60_u32 {
+    for seed in 0..1000_u32 {
         let byte = |i: u32| ((i + 1).wrapping_mul(seed + 1).wrapping_mul(0x9E37_79B1) >> 24) as u8;
         materials.push(Material::new(
             (0..400).map(byte).collect(),

@@ -6,5 +6,6 @@ mod draw;
 mod golden;
 mod messages;
 mod parts;
+mod problems;
 mod reference;
 mod round_trip;

@@ -3,6 +3,7 @@
 
 use crate::draw::{Draw, SENSORS};
 use crate::parts::*;
+use crate::problems::problem;
 use massline_core::wire::*;
 
 pub fn request<'a>(number: u8, d: &mut Draw<'a>) -> Request<'a> {
