@@ -50,7 +50,8 @@ pub(super) fn section(setup: &Setup, answer: &Answer) -> Option<Section> {
         html.push_str(&introduction(&entries, &view));
         html.push_str(&overview(&entries, &view));
         html.push_str(&closeup(&entries, &view));
-        if let Some(fit) = group.fit {
+        // The modes have a section of their own where they were asked for.
+        if let Some(fit) = group.fit.filter(|_| answer.modal.is_none()) {
             html.push_str(&modes(fit));
         }
     }

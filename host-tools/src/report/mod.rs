@@ -9,16 +9,19 @@
 //! | `verdict` | title, method, verdict, warnings |
 //! | `table` | the ten numbers with error bars |
 //! | `apparent_mass`, `response` | apparent mass with the fit |
+//! | `modes` | modes with effective masses |
 //! | `coherence`, `base_spectra` | was the excitation good enough |
 //! | `poses` | static poses: loads, residuals |
 //! | `sketch` | sensors, CG and inertia in three views |
-//! | `runs` | runs, channels, processing, how to read it |
+//! | `runs`, `channels` | runs, processing, channels, how to read it |
 
 mod apparent_mass;
 mod base_spectra;
+mod channels;
 mod coherence;
 mod lines;
 pub mod markup;
+mod modes;
 pub mod number;
 pub mod page;
 pub mod plot;
@@ -47,6 +50,7 @@ pub fn render(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> Strin
     let ten = Section::new("ten", "The ten numbers", table::table(answer, truth));
     let mut sections = vec![ten];
     sections.extend(apparent_mass::section(setup, answer));
+    sections.extend(modes::section(answer));
     sections.extend(poses::section(answer));
     sections.extend(coherence::section(answer));
     sections.extend(base_spectra::section(answer));

@@ -1,21 +1,21 @@
 //! The section on runs, channels and processing, and how to read the error bars.
 
+use super::channels;
 use super::markup::escape;
 use super::number::{exact, fixed, significant, with_unit};
 use super::page::Section;
 use crate::identification::Answer;
-use crate::measure::{MeasuredRun, WINDOW};
-use crate::recording::{ChannelHealth, Complaint};
-use crate::setup::{Mount, Quantity, Setup};
+use crate::measure::WINDOW;
+use crate::setup::Setup;
 use massline_core::spectra::Window;
 use std::fmt::Write;
 
 /// The section.
 pub(super) fn section(setup: &Setup, answer: &Answer) -> Section {
     let mut html = runs(setup, answer);
-    html.push_str(&processing(answer));
+    html.push_str(&processing(setup, answer));
     html.push_str("<h3>Channels</h3><p class=\"small\">Interface and structure: accelerometers fixed to the table or adapter, and to the specimen.</p>");
-    html.push_str(&channels(setup, answer));
+    html.push_str(&channels::table(setup, answer));
     Section::new("runs", "Runs, channels, processing", html)
 }
 
@@ -114,7 +114,7 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
     html
 }
 
-fn processing(answer: &Answer) -> String {
+fn processing(setup: &Setup, answer: &Answer) -> String {
     let i = &answer.identification;
     let m = &answer.measurement;
     let mut rows: Vec<(&str, String)> = Vec::new();
@@ -149,6 +149,18 @@ fn processing(answer: &Answer) -> String {
                 exact(round(low)),
                 with_unit(&exact(round(high)), "Hz"),
                 m.band.len()
+            ),
+        ));
+    }
+    if let (Some(sine), Some(p)) = (m.sines.first(), &setup.processing) {
+        let [low, high] = p.averaging_band;
+        rows.push((
+            "Averaging band of sines",
+            format!(
+                "{} to {}, {} frequencies",
+                exact(low),
+                with_unit(&exact(high), "Hz"),
+                sine.within(p.averaging_band).len()
             ),
         ));
     }
@@ -214,162 +226,5 @@ fn window(window: Window) -> &'static str {
         Window::Blackman => "Blackman",
         Window::BlackmanHarris => "Blackman-Harris",
         Window::FlatTop => "flat-top",
-    }
-}
-
-/// A channel of the setup.
-struct Channel<'a> {
-    name: &'a str,
-    kind: &'static str,
-    unit: &'static str,
-    scale: f64,
-    place: String,
-}
-
-fn channels(setup: &Setup, answer: &Answer) -> String {
-    let place = |position: [f64; 3], direction: [f64; 3]| {
-        format!(
-            "<td class=\"num\">({})</td><td class=\"num\">({})</td>",
-            position.map(|x| exact((1e4 * x).round() / 10.0)).join(", "),
-            direction.map(|x| exact((1e4 * x).round() / 1e4)).join(", ")
-        )
-    };
-    let accelerometers = setup.accelerometers.iter().map(|a| Channel {
-        name: &a.channel,
-        kind: match a.mount {
-            Mount::Interface => "interface",
-            Mount::Structure => "structure",
-        },
-        unit: "m/s²",
-        scale: a.scale,
-        place: place(a.position, a.direction),
-    });
-    let cells = setup.load_cells.iter().map(|c| {
-        let (kind, unit) = match c.quantity {
-            Quantity::Force => ("load cell, force", "N"),
-            Quantity::Moment => ("load cell, moment", "N m"),
-        };
-        Channel {
-            name: &c.channel,
-            kind,
-            unit,
-            scale: c.scale,
-            place: place(c.position, c.direction),
-        }
-    });
-    let runs = &answer.measurement.runs;
-    let remarks: Vec<String> = (0..setup.accelerometers.len() + setup.load_cells.len())
-        .map(|at| remarks(runs, at))
-        .collect();
-    let remarkable = remarks.iter().any(|r| !r.is_empty());
-    let mut html = channel_heads(runs, remarkable);
-    for (at, (channel, remark)) in accelerometers.chain(cells).zip(&remarks).enumerate() {
-        let _ = write!(
-            html,
-            "<tr><th scope=\"row\">{}</th><td>{}</td>{}<td>{}</td>",
-            escape(channel.name),
-            channel.kind,
-            channel.place,
-            channel.unit
-        );
-        let rms = |run: &MeasuredRun| {
-            let rms = run.health.get(at).map_or(f64::NAN, |h| h.rms);
-            (rms * channel.scale).abs()
-        };
-        let levels: Vec<f64> = if runs.len() > MOST_COLUMNS {
-            vec![runs.iter().map(rms).fold(0.0, f64::max)]
-        } else {
-            runs.iter().map(rms).collect()
-        };
-        for level in levels {
-            let _ = write!(html, "<td class=\"num\">{}</td>", significant(level, 3));
-        }
-        if remarkable {
-            let _ = write!(html, "<td class=\"wrap\">{remark}</td>");
-        }
-        html.push_str("</tr>");
-    }
-    html.push_str("</tbody></table></div>");
-    html
-}
-
-/// More runs than this share one column.
-const MOST_COLUMNS: usize = 6;
-
-fn channel_heads(runs: &[MeasuredRun], remarkable: bool) -> String {
-    let columns = if runs.len() > MOST_COLUMNS {
-        1
-    } else {
-        runs.len()
-    };
-    let rows = if columns > 1 { 2 } else { 1 };
-    let mut html = format!(
-        "<div class=\"wide\"><table class=\"plain channels\"><thead><tr>\
-         <th scope=\"col\" rowspan=\"{rows}\">Channel</th>\
-         <th scope=\"col\" rowspan=\"{rows}\">Sensor</th>\
-         <th scope=\"col\" rowspan=\"{rows}\" class=\"num\">Position, mm</th>\
-         <th scope=\"col\" rowspan=\"{rows}\" class=\"num\">Direction</th>\
-         <th scope=\"col\" rowspan=\"{rows}\">Unit</th>"
-    );
-    match (columns, runs.len()) {
-        (0, _) => {}
-        (1, 1) => html.push_str("<th scope=\"col\" class=\"num\">RMS</th>"),
-        (1, _) => html.push_str("<th scope=\"col\" class=\"num\">RMS, highest</th>"),
-        _ => {
-            let _ = write!(
-                html,
-                "<th class=\"over\" colspan=\"{columns}\">RMS in run</th>"
-            );
-        }
-    }
-    if remarkable {
-        let _ = write!(html, "<th scope=\"col\" rowspan=\"{rows}\">Remarks</th>");
-    }
-    html.push_str("</tr>");
-    if rows == 2 {
-        html.push_str("<tr>");
-        for run in runs {
-            let name = super::markup::shortened(&run.name, 14);
-            let _ = write!(
-                html,
-                "<th scope=\"col\" class=\"num\">{}</th>",
-                escape(&name)
-            );
-        }
-        html.push_str("</tr>");
-    }
-    html.push_str("</thead><tbody>");
-    html
-}
-
-fn remarks(runs: &[MeasuredRun], at: usize) -> String {
-    let found: Vec<(&str, Option<String>)> = runs
-        .iter()
-        .map(|run| (run.name.as_str(), run.health.get(at).and_then(remark)))
-        .collect();
-    let text = match found.first() {
-        Some((_, Some(first))) if found.iter().all(|(_, r)| r.as_ref() == Some(first)) => {
-            let all = if found.len() > 1 { " in all runs" } else { "" };
-            format!("{first}{all}")
-        }
-        _ => {
-            let some = found
-                .iter()
-                .filter_map(|(run, r)| Some(format!("{run}: {}", r.as_ref()?)));
-            some.collect::<Vec<String>>().join("; ")
-        }
-    };
-    escape(&text)
-}
-
-/// A mean this many times the RMS eats the range of the converter.
-const LARGE_OFFSET: f64 = 3.0;
-
-fn remark(health: &ChannelHealth) -> Option<String> {
-    match health.complaint() {
-        Some(Complaint::Dead) => Some("no signal".to_owned()),
-        Some(Complaint::Clipped { samples, .. }) => Some(format!("{samples} samples at the stop")),
-        None if health.mean.abs() > LARGE_OFFSET * health.rms => Some("large offset".to_owned()),
-        None => None,
     }
 }

@@ -1,0 +1,123 @@
+//! The section on modes: the other result that interface forces allow.
+
+use super::number::{fixed, significant, with_unit};
+use super::page::Section;
+use super::rigid;
+use crate::identification::Answer;
+use crate::modal::{FixedShape, FreeShape};
+use std::fmt::Write;
+
+/// The section, or `None` where nobody asked for modes or none was found.
+pub(super) fn section(answer: &Answer) -> Option<Section> {
+    let modal = answer.modal.as_ref()?;
+    if modal.fixed.is_empty() && modal.free.is_empty() {
+        return None;
+    }
+    let mut html = String::new();
+    if !modal.fixed.is_empty() {
+        html.push_str(&fixed_modes(&modal.fixed, answer));
+    }
+    if !modal.free.is_empty() {
+        html.push_str(&free_modes(&modal.free));
+    }
+    Some(Section::new("modes", "Modes", html))
+}
+
+/// Frequencies, damping and what share of the rigid body each mode moves.
+fn fixed_modes(modes: &[FixedShape], answer: &Answer) -> String {
+    let whole = rigid::matrix(&answer.identification);
+    let share = |mode: &FixedShape, j: usize| {
+        let share = mode.mode.effective_mass[(j, j)] / whole[(j, j)];
+        (whole[(j, j)] > 0.0 && share.is_finite()).then_some(share)
+    };
+    let seen = |j: &usize| modes.iter().any(|m| share(m, *j).is_some_and(|s| s > 0.0));
+    let along: Vec<usize> = (0..3).filter(seen).collect();
+    let about: Vec<usize> = (3..6).filter(seen).collect();
+    let with_mass = modes.iter().any(|m| m.modal_mass.is_some());
+    let mut html = String::from(
+        "<h3>On the fixed interface</h3><div class=\"wide\"><table class=\"plain\"><thead><tr>\
+         <th scope=\"col\" rowspan=\"2\" class=\"num\">Frequency, Hz</th>\
+         <th scope=\"col\" rowspan=\"2\" class=\"num\">Damping, %</th>",
+    );
+    for (words, axes) in [
+        ("Effective mass along", &along),
+        ("Effective inertia about", &about),
+    ] {
+        if !axes.is_empty() {
+            let _ = write!(
+                html,
+                "<th class=\"over\" colspan=\"{}\">{words}</th>",
+                axes.len()
+            );
+        }
+    }
+    if with_mass {
+        html.push_str("<th scope=\"col\" rowspan=\"2\" class=\"num\">Modal mass, kg</th>");
+    }
+    html.push_str("<th scope=\"col\" rowspan=\"2\" class=\"num\">Purity</th></tr><tr>");
+    for j in along.iter().chain(&about) {
+        let axis = ["x", "y", "z"][j % 3];
+        let _ = write!(html, "<th scope=\"col\" class=\"num\">{axis}</th>");
+    }
+    html.push_str("</tr></thead><tbody>");
+    let percent = |share: f64| with_unit(&fixed(100.0 * share, 1), "%");
+    for mode in modes {
+        let pole = mode.mode.pole;
+        let _ = write!(
+            html,
+            "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td>",
+            fixed(pole.frequency, 2),
+            fixed(100.0 * pole.damping, 2)
+        );
+        for j in along.iter().chain(&about) {
+            let text = share(mode, *j).map_or_else(String::new, percent);
+            let _ = write!(html, "<td class=\"num\">{text}</td>");
+        }
+        if with_mass {
+            let text = mode
+                .modal_mass
+                .map_or_else(String::new, |m| significant(m, 3));
+            let _ = write!(html, "<td class=\"num\">{text}</td>");
+        }
+        let _ = write!(
+            html,
+            "<td class=\"num\">{}</td></tr>",
+            percent(mode.mode.rank_one)
+        );
+    }
+    if modes.len() > 1 && !(along.is_empty() && about.is_empty()) {
+        html.push_str("<tr><th scope=\"row\" colspan=\"2\">Together</th>");
+        for j in along.iter().chain(&about) {
+            let sum = modes.iter().filter_map(|m| share(m, *j)).sum();
+            let _ = write!(html, "<td class=\"num\">{}</td>", percent(sum));
+        }
+        let rest = if with_mass { 2 } else { 1 };
+        let _ = write!(html, "<td colspan=\"{rest}\"></td></tr>");
+    }
+    html.push_str(
+        "</tbody></table></div><p class=\"small\">Effective masses and inertias are shares of \
+         the rigid body's, about the reference point; those of all modes, seen and unseen, \
+         add up to 100\u{202f}%. Modal mass is for a shape whose largest deflection at an \
+         accelerometer is one. Purity is what a single shape explains of a mode; neighbours \
+         that are too close lower it.</p>",
+    );
+    html
+}
+
+fn free_modes(modes: &[FreeShape]) -> String {
+    let mut html = String::from(
+        "<h3>Of the free structure</h3><div class=\"wide\"><table class=\"plain\"><thead><tr>\
+         <th scope=\"col\" class=\"num\">Frequency, Hz</th>\
+         <th scope=\"col\" class=\"num\">Damping, %</th></tr></thead><tbody>",
+    );
+    for mode in modes {
+        let _ = write!(
+            html,
+            "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
+            fixed(mode.pole.frequency, 2),
+            fixed(100.0 * mode.pole.damping, 2)
+        );
+    }
+    html.push_str("</tbody></table></div>");
+    html
+}
