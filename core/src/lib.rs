@@ -9,7 +9,7 @@ pub mod masslines;
 pub mod modes;
 pub mod rigid_body;
 pub mod spectra;
-pub mod wire;
 pub mod weighting;
+pub mod wire;
 
 mod algebra;
