@@ -39,7 +39,9 @@ fn cases() -> Vec<Case> {
         let overlap = case["overlap"].as_f64().unwrap();
         let rows = case["cross"].as_array().unwrap();
         Case {
-            settings: BlockSettings::new(length, overlap, window, rate, band).unwrap(),
+            settings: BlockSettings::new(length, overlap, window, rate, band)
+                .unwrap()
+                .without_decimation(),
             channels: case["channels"]
                 .as_array()
                 .unwrap()

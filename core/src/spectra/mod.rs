@@ -11,6 +11,7 @@
 
 mod blocks;
 mod cross;
+mod decimate;
 mod drive;
 mod fft;
 mod sum;
