@@ -29,9 +29,10 @@ pub struct ApparentMass {
     pub masslines: Masslines,
     /// Poles of the fixed structure found in the lines.
     pub poles: heapless::Vec<Pole, MAX_MODES>,
-    /// For each pole its effective mass matrix `L_rᵀ L_r` about the reference point, if
-    /// its term was needed in the averaging band. Only excited directions are filled.
-    pub effective_mass: [Option<Matrix6<f64>>; MAX_MODES],
+    /// What each pole's term was multiplied with in the averaging band, if it was needed
+    /// there. Below the modes their terms resemble each other and share what they explain;
+    /// for effective masses see [`super::fixed_modes`].
+    pub elastic: [Option<Matrix6<f64>>; MAX_MODES],
     /// What all modes above add per (Hz)², if that term was needed.
     pub upper: Option<Matrix6<f64>>,
     /// M₀ before the structure of equation (1) is imposed.
@@ -49,7 +50,7 @@ impl ApparentMass {
     #[must_use]
     pub fn at(&self, frequency: f64) -> Matrix6<Complex<f64>> {
         let mut m = self.rigid.map(|x| Complex::new(x, 0.0));
-        for (pole, mass) in self.poles.iter().zip(&self.effective_mass) {
+        for (pole, mass) in self.poles.iter().zip(&self.elastic) {
             if let Some(mass) = mass {
                 let d = pole.amplification(frequency);
                 m += mass.map(|x| d * x);
@@ -62,14 +63,15 @@ impl ApparentMass {
     }
 }
 
-/// Condenses the lines `band` to masslines about `reference`. All of the lines serve to
-/// find the poles. `work` holds two elements per line.
+/// Condenses the lines `band` to masslines about `reference`. The lines `fit` serve to find
+/// the poles. `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
 pub fn apparent_mass<L: Lines>(
     lines: &L,
     band: Range<usize>,
+    fit: Range<usize>,
     reference: Vector3<f64>,
     equations: &Equations,
     work: &mut [Complex<f64>],
@@ -80,7 +82,7 @@ pub fn apparent_mass<L: Lines>(
     if equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
-    let (poles, _) = find_fixed_poles(lines, &band, work);
+    let (poles, _) = find_fixed_poles(lines, &band, fit, work);
     let basis = Basis::new(lines, &poles, &band);
     let equal = [1.0; MAX_RUNS];
     let first = Condensed::new(lines, &band, equations, &basis, &equal)?;
@@ -95,6 +97,7 @@ pub fn apparent_mass<L: Lines>(
 pub(super) fn find_fixed_poles<'w, L: Lines>(
     lines: &L,
     band: &Range<usize>,
+    fit: Range<usize>,
     work: &'w mut [Complex<f64>],
 ) -> (heapless::Vec<Pole, MAX_MODES>, Trace<'w>) {
     // W makes translations and rotations comparable: force over acceleration, roughly
@@ -109,8 +112,9 @@ pub(super) fn find_fixed_poles<'w, L: Lines>(
         let (a, f) = (energy.aa[(j, j)].re, energy.ff[(j, j)].re);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    let count = lines.count().min(work.len() / 2);
-    for (line, t) in work.iter_mut().enumerate().take(count) {
+    let end = fit.end.min(lines.count()).min(fit.start + work.len() / 2);
+    let count = end.saturating_sub(fit.start);
+    for (line, t) in (fit.start..end).zip(work.iter_mut()) {
         *t = Complex::new(0.0, 0.0);
         for run in 0..lines.runs() {
             let mut power = Complex::new(0.0, 0.0);
@@ -134,7 +138,9 @@ pub(super) fn find_fixed_poles<'w, L: Lines>(
         }
     }
     let trace = Trace::new(&mut work[..2 * count]);
-    let poles = find_poles(&trace, Residues::Positive, &|line| lines.frequency(line));
+    let poles = find_poles(&trace, Residues::Positive, &|k| {
+        lines.frequency(fit.start + k)
+    });
     (poles, trace)
 }
 
@@ -280,8 +286,8 @@ impl Condensed {
         let mut masslines = self.regression.masslines(&self.solution, reference)?;
         masslines.noise = Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
         let coefficient = |t: usize| self.regression.coefficient(&self.solution, t);
-        let mut effective_mass = [None; MAX_MODES];
-        for (r, slot) in effective_mass.iter_mut().enumerate().take(poles.len()) {
+        let mut elastic = [None; MAX_MODES];
+        for (r, slot) in elastic.iter_mut().enumerate().take(poles.len()) {
             *slot = coefficient(1 + r);
         }
         let measured = self.regression.residual_diagonal(&self.solution);
@@ -293,7 +299,7 @@ impl Condensed {
         );
         Ok(ApparentMass {
             masslines,
-            effective_mass,
+            elastic,
             upper: coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit)),
             rigid: coefficient(0).unwrap_or_else(Matrix6::zeros),
             poles,
@@ -327,10 +333,19 @@ fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
             best = Some((risk, solution));
         }
     }
-    // Three lines of one run do not carry even that: then a plain average is left.
-    match best {
-        Some((_, solution)) => Some(solution),
-        None => regression.solve(&[0]),
+    // Where no mode shows at all, the ω² term has to be worth its cost, too. And three
+    // lines of one run do not carry even that: then a plain average is left.
+    let plain = regression.solve(&[0]);
+    match (best, full, plain) {
+        (Some((risk, solution)), Some(reference), Some(mut plain)) if basis.poles.is_empty() => {
+            if regression.risk(&mut plain, &reference) < risk {
+                Some(plain)
+            } else {
+                Some(solution)
+            }
+        }
+        (Some((_, solution)), ..) => Some(solution),
+        (None, _, plain) => plain,
     }
 }
 

@@ -144,7 +144,7 @@ pub fn condense<L: Lines>(
     };
     match method {
         Method::ApparentMass => {
-            apparent_mass(lines, band, reference, equations, work).map(|fit| Condensed {
+            apparent_mass(lines, band, fit, reference, equations, work).map(|fit| Condensed {
                 apparent_mass: Some(fit.clone()),
                 ..plain(fit.masslines)
             })

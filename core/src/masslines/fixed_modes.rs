@@ -30,22 +30,24 @@ pub struct FixedMode {
 }
 
 /// The modes of the fixed structure in the lines, ascending. The lines `band` judge the
-/// excitation, all lines are fitted. `work` holds two elements per line.
+/// excitation, the lines `fit` are fitted. `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`] if nothing is excited or measured; no mode is an empty list.
 pub fn fixed_modes<L: Lines>(
     lines: &L,
     band: Range<usize>,
+    fit: Range<usize>,
     equations: &Equations,
     work: &mut [Complex<f64>],
 ) -> Result<heapless::Vec<FixedMode, MAX_MODES>, MasslineError> {
-    let (poles, trace) = find_fixed_poles(lines, &band, work);
+    let start = fit.start;
+    let (poles, trace) = find_fixed_poles(lines, &band, fit, work);
     let mut modes = heapless::Vec::new();
     if poles.is_empty() {
         return Ok(modes);
     }
-    let regression = regress(lines, &band, equations, &poles, &trace)?;
+    let regression = regress(lines, &band, start, equations, &poles, &trace)?;
     let count = 2 + poles.len();
     let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..count).collect();
     let solution = regression.solve(&chosen).ok_or(MasslineError::Singular)?;
@@ -69,6 +71,7 @@ pub fn fixed_modes<L: Lines>(
 fn regress<L: Lines>(
     lines: &L,
     band: &Range<usize>,
+    start: usize,
     equations: &Equations,
     poles: &[Pole],
     trace: &Trace<'_>,
@@ -88,7 +91,7 @@ fn regress<L: Lines>(
     if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
-    let all = 0..trace.len();
+    let all = start..start + trace.len();
     let basis = Basis::new(lines, poles, &all);
     let terms = basis.terms();
     let mut regression = Regression::new(excitation, *equations, terms, lines.correlation());
@@ -96,7 +99,7 @@ fn regress<L: Lines>(
         let mut m = Moments::zero();
         let mut count = 0.0;
         for run in 0..lines.runs() {
-            lines.add_moments(run, line, trace.weight(line), &mut m);
+            lines.add_moments(run, line, trace.weight(line - start), &mut m);
             count += 2.0 * lines.equations_per_line(run);
         }
         regression.add(&m, &basis.at(lines.frequency(line))[..terms], count);

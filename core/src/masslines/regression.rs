@@ -223,21 +223,17 @@ impl Regression {
     /// model points one way and would grant infinite trust to all others.
     fn floored(&self, residual: &Matrix6<f64>) -> Matrix6<f64> {
         const AMPLITUDE: f64 = 2e-7;
+        const NOTHING: f64 = 1e-12;
         let mut c = (residual + residual.transpose()) * 0.5;
         if self.independent {
             c = Matrix6::from_diagonal(&c.diagonal());
         }
+        let largest = self.power.diagonal().max();
         for j in 0..self.equations.count() {
-            let floor = AMPLITUDE * AMPLITUDE * self.power[(j, j)] / self.count;
-            c[(j, j)] = (c[(j, j)].max(0.0) * 1.001) + floor;
-            if c[(j, j)] <= 0.0 {
-                c[(j, j)] = f64::MIN_POSITIVE;
-            }
-        }
-        // Where the spectra fit to their last digit, the residual is the difference of
-        // large numbers and its correlations mean nothing.
-        if lower(&c, self.equations.count()).is_none() {
-            c = Matrix6::from_diagonal(&c.diagonal());
+            // A resultant that is zero throughout, exactly, is no better known than that.
+            let power = self.power[(j, j)].max(NOTHING * largest);
+            let floor = AMPLITUDE * AMPLITUDE * power / self.count;
+            c[(j, j)] = c[(j, j)].max(0.0) * 1.001 + floor.max(f64::MIN_POSITIVE);
         }
         c
     }

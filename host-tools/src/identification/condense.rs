@@ -36,7 +36,7 @@ pub(super) fn fixed_modes(
     setup: &Setup,
     measurement: &Measurement,
 ) -> Result<Vec<FixedMode>, AnswerError> {
-    let groups = each_group(setup, measurement, &ToFixedModes)?;
+    let groups = each_group(setup, measurement, &ToFixedModes { setup })?;
     Ok(groups.into_iter().max_by_key(Vec::len).unwrap_or_default())
 }
 
@@ -127,6 +127,21 @@ fn work<L: Lines>(lines: &L) -> Vec<Complex<f64>> {
     vec![Complex::new(0.0, 0.0); 2 * lines.count()]
 }
 
+/// Lines in which modes are looked for: those asked for, else up to the mode band's end,
+/// else as far as recordings are kept by default. Modes far above would only cost.
+fn fit_lines<L: Lines>(setup: &Setup, lines: &L) -> Range<usize> {
+    let Some([low, high]) = setup.estimation.fit_band.or_else(|| {
+        let p = setup.processing.as_ref()?;
+        Some([p.averaging_band[0], p.kept_up_to(None)])
+    }) else {
+        return 0..lines.count();
+    };
+    let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
+    let start = (0..lines.count()).find(inside).unwrap_or(0);
+    let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
+    start..end
+}
+
 struct ToMasslines<'s> {
     setup: &'s Setup,
     method: Method,
@@ -143,12 +158,7 @@ impl Task for ToMasslines<'_> {
     ) -> Result<Condensed, AnswerError> {
         let mut bands = Bands::new(band, lines.count());
         bands.modes = self.setup.estimation.modes;
-        if let Some([low, high]) = self.setup.estimation.fit_band {
-            let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
-            let start = (0..lines.count()).find(inside).unwrap_or(0);
-            let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
-            bands.fit = start..end;
-        }
+        bands.fit = fit_lines(self.setup, lines);
         Ok(masslines::condense(
             self.method,
             lines,
@@ -160,9 +170,11 @@ impl Task for ToMasslines<'_> {
     }
 }
 
-struct ToFixedModes;
+struct ToFixedModes<'s> {
+    setup: &'s Setup,
+}
 
-impl Task for ToFixedModes {
+impl Task for ToFixedModes<'_> {
     type Output = Vec<FixedMode>;
 
     fn of<L: Lines>(
@@ -171,7 +183,9 @@ impl Task for ToFixedModes {
         band: Range<usize>,
         geometry: &RunGeometry,
     ) -> Result<Vec<FixedMode>, AnswerError> {
-        let modes = masslines::fixed_modes(lines, band, &geometry.equations, &mut work(lines))?;
+        let fit = fit_lines(self.setup, lines);
+        let modes =
+            masslines::fixed_modes(lines, band, fit, &geometry.equations, &mut work(lines))?;
         Ok(modes.to_vec())
     }
 }

@@ -43,7 +43,7 @@ pub enum MeasureError {
         /// What is wrong and what would fit.
         reason: String,
     },
-    /// A random run without [processing].
+    /// A random run without `[processing]`.
     #[error(
         "run \"{run}\": a random recording needs the section [processing] with an `averaging_band`"
     )]

@@ -54,10 +54,6 @@ pub struct Measurement {
 /// The window of all random runs.
 pub const WINDOW: Window = Window::Hann;
 
-/// How far above the averaging band lines are kept where no mode band says how far:
-/// the first modes lie there.
-const REACH: f64 = 4.0;
-
 /// Reads all runs of a setup and averages them, with the base acceleration from the
 /// given accelerometers.
 ///

@@ -1,7 +1,7 @@
 //! Random runs: Welch averages of the twelve resultants.
 
 use super::geometry::{RunGeometry, channel_names};
-use super::{MeasureError, REACH, WINDOW};
+use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Recording};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::RESULTANTS;
@@ -307,12 +307,8 @@ pub(super) fn settle(
         file: file.to_owned(),
         reason: e.to_string(),
     })?;
-    let [low, high] = p.averaging_band;
-    let top = match p.mode_band {
-        Some([_, top]) => top.max(high),
-        None => (REACH * high).min(0.45 * rate).max(high),
-    };
-    let settings = BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, [low, top]);
+    let band = [p.averaging_band[0], p.kept_up_to(Some(rate))];
+    let settings = BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, band);
     let settings = settings.map_err(|source| MeasureError::Spectra {
         file: file.to_owned(),
         source,

@@ -242,7 +242,7 @@ fn detail(entry: &Entry, prefix: &str) -> String {
 fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
     let [low, high] = view.band;
     let own = view.fit.into_iter().flat_map(|f| {
-        let used = f.poles.iter().zip(&f.effective_mass);
+        let used = f.poles.iter().zip(&f.elastic);
         used.filter(|(_, mass)| mass.is_some())
             .map(|(pole, _)| pole.frequency)
     });
@@ -286,7 +286,7 @@ fn modes(fit: &ApparentMass) -> String {
          <th scope=\"col\" class=\"num\">Damping, %</th>\
          <th scope=\"col\">In the fit</th></tr></thead><tbody>",
     );
-    for (pole, mass) in fit.poles.iter().zip(&fit.effective_mass) {
+    for (pole, mass) in fit.poles.iter().zip(&fit.elastic) {
         let role = match (mass, &fit.upper) {
             (Some(_), _) => "a term of its own",
             (None, Some(_)) => "in the term for all modes above",

@@ -222,6 +222,22 @@ impl Processing {
         first..=last.min(self.block_length / 2)
     }
 
+    /// Highest frequency of the lines that are kept, Hz: where the mode band ends, or,
+    /// without one, some way above the averaging band, for the first modes lie there. At a
+    /// known sample rate (Hz) it stays clear of the anti-aliasing filter.
+    #[must_use]
+    pub fn kept_up_to(&self, sample_rate: Option<f64>) -> f64 {
+        const REACH: f64 = 4.0;
+        const CLEAR: f64 = 0.45;
+        let high = self.averaging_band[1];
+        match self.mode_band {
+            Some([_, top]) => top.max(high),
+            None => sample_rate
+                .map_or(REACH * high, |rate| (REACH * high).min(CLEAR * rate))
+                .max(high),
+        }
+    }
+
     /// Whether both bands lie in the spectrum and hold enough lines at this rate (Hz).
     ///
     /// # Errors
