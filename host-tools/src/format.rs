@@ -47,6 +47,8 @@ fn fixed(value: f64, decimals: i32) -> String {
     } else if decimals < 0 {
         let unit = 10_f64.powi(-decimals);
         format!("{:.0}", (value / unit).round() * unit)
+    } else if value == 0.0 {
+        "0".to_owned()
     } else {
         format!("{value:.1e}")
     }

@@ -275,7 +275,7 @@ impl ResultDocument {
         Self {
             schema: SCHEMA,
             title: setup.title.clone(),
-            method: answer.method.name(),
+            method: answer.method_name(),
             recommended_because: answer.why,
             iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
             weighted: answer.weighted(),

@@ -68,7 +68,7 @@ impl ApparentMass {
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
-pub fn apparent_mass<L: Lines>(
+pub fn apparent_mass<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,
@@ -94,7 +94,7 @@ pub fn apparent_mass<L: Lines>(
 
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
 /// and that scalar with its weights.
-pub(super) fn find_fixed_poles<'w, L: Lines>(
+pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     lines: &L,
     band: &Range<usize>,
     fit: Range<usize>,
@@ -152,7 +152,7 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    pub(super) fn new<L: Lines>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
+    pub(super) fn new<L: Lines + ?Sized>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
         Self {
             poles: poles.iter().copied().collect(),
             unit: lines.frequency(band.end.saturating_sub(1)),
@@ -189,7 +189,7 @@ struct Condensed {
 }
 
 impl Condensed {
-    fn new<L: Lines>(
+    fn new<L: Lines + ?Sized>(
         lines: &L,
         band: &Range<usize>,
         equations: &Equations,
@@ -235,7 +235,7 @@ impl Condensed {
     }
 
     /// Inverse residual power of each run.
-    fn run_weights<L: Lines>(
+    fn run_weights<L: Lines + ?Sized>(
         &self,
         lines: &L,
         band: &Range<usize>,
@@ -350,7 +350,7 @@ fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
 }
 
 /// Residual power of each measured equation for one run at one line.
-fn residual<L: Lines>(
+fn residual<L: Lines + ?Sized>(
     lines: &L,
     run: usize,
     line: usize,

@@ -29,7 +29,7 @@ struct LineWeights {
 }
 
 impl LineWeights {
-    fn new<L: Lines>(lines: &L, band: &Range<usize>, trend: Trend) -> Self {
+    fn new<L: Lines + ?Sized>(lines: &L, band: &Range<usize>, trend: Trend) -> Self {
         let unit = lines.frequency(band.end.saturating_sub(1));
         let mut w = Self {
             trend,
@@ -78,7 +78,7 @@ impl Masslines {
     ///
     /// # Errors
     /// [`MasslineError::TooFewLines`] below [`MIN_LINES`], [`MasslineError::Singular`].
-    pub(super) fn average<L: Lines>(
+    pub(super) fn average<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
         band: &Range<usize>,

@@ -123,7 +123,7 @@ pub struct Condensed {
 ///
 /// # Errors
 /// [`MasslineError`], what the method lacks.
-pub fn condense<L: Lines>(
+pub fn condense<L: Lines + ?Sized>(
     method: Method,
     lines: &L,
     bands: &Bands,

@@ -12,7 +12,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
-pub fn curve_fit<L: Lines>(
+pub fn curve_fit<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,

@@ -34,7 +34,7 @@ pub struct FixedMode {
 ///
 /// # Errors
 /// [`MasslineError`] if nothing is excited or measured; no mode is an empty list.
-pub fn fixed_modes<L: Lines>(
+pub fn fixed_modes<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,
@@ -68,7 +68,7 @@ pub fn fixed_modes<L: Lines>(
     Ok(modes)
 }
 
-fn regress<L: Lines>(
+fn regress<L: Lines + ?Sized>(
     lines: &L,
     band: &Range<usize>,
     start: usize,

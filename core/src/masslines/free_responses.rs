@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 ///
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`].
-pub fn free_responses<L: Lines>(
+pub fn free_responses<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     squared: bool,

@@ -20,7 +20,7 @@ const TERMS: usize = 2 + 2 * MAX_MODES;
 
 /// Accelerations of A per unit interface force, line by line.
 #[derive(Debug)]
-pub struct FreeSystem<'l, L> {
+pub struct FreeSystem<'l, L: ?Sized> {
     lines: &'l L,
     equations: Equations,
     /// Inverse root powers of the measured resultants: equilibration of G_FF.
@@ -28,7 +28,7 @@ pub struct FreeSystem<'l, L> {
     acceleration: Excitation,
 }
 
-impl<'l, L: Lines> FreeSystem<'l, L> {
+impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     /// The free system behind `lines`, whose band serves to judge the excitation.
     ///
     /// # Errors

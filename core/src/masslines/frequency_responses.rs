@@ -16,7 +16,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 /// # Errors
 /// [`MasslineError`] if the band is too short, nothing is excited or measured, or the
 /// runs have no common reference.
-pub fn frequency_responses<L: Lines>(
+pub fn frequency_responses<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     reference: Vector3<f64>,

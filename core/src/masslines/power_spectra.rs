@@ -26,7 +26,7 @@ pub enum Factorisation {
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
-pub fn power_spectra<L: Lines>(
+pub fn power_spectra<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     factorisation: Factorisation,
@@ -59,7 +59,7 @@ pub fn power_spectra<L: Lines>(
     Ok(set)
 }
 
-fn summed<L: Lines>(lines: &L, line: usize) -> Moments {
+fn summed<L: Lines + ?Sized>(lines: &L, line: usize) -> Moments {
     let mut m = Moments::zero();
     for run in 0..lines.runs() {
         lines.add_moments(run, line, 1.0, &mut m);
@@ -77,7 +77,7 @@ struct Averaged {
 }
 
 impl Averaged {
-    fn new<L: Lines>(lines: &L, band: &Range<usize>) -> Self {
+    fn new<L: Lines + ?Sized>(lines: &L, band: &Range<usize>) -> Self {
         let mut total = Moments::zero();
         let mut noise = [0.0; 12];
         for run in 0..lines.runs() {

@@ -13,7 +13,7 @@ use nalgebra::{Complex, Vector3};
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
-pub fn synthesis<L: Lines>(
+pub fn synthesis<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,

@@ -101,7 +101,7 @@ pub fn print_answer(
         Procedure::Direct => "direct".to_owned(),
         Procedure::Iterative { .. } => format!("iterative, {} steps", i.iterations),
     };
-    writeln!(out, "{} ({procedure})", answer.method.description())?;
+    writeln!(out, "{} ({procedure})", answer.method_description())?;
     if let Some(why) = answer.why {
         writeln!(out, "{dim}recommended: {why}{dim:#}")?;
     }

@@ -65,6 +65,32 @@ pub struct Answer {
 }
 
 impl Answer {
+    /// Whether any run shook the table; otherwise all of them are static poses.
+    #[must_use]
+    pub fn is_dynamic(&self) -> bool {
+        !(self.measurement.runs.is_empty() && self.measurement.sines.is_empty())
+    }
+
+    /// Short name of what gave the masslines.
+    #[must_use]
+    pub fn method_name(&self) -> &'static str {
+        if self.is_dynamic() {
+            self.method.name()
+        } else {
+            "static-poses"
+        }
+    }
+
+    /// What gave the masslines, in words.
+    #[must_use]
+    pub fn method_description(&self) -> &'static str {
+        if self.is_dynamic() {
+            self.method.description()
+        } else {
+            "static poses, specific force in place of acceleration"
+        }
+    }
+
     /// Whether accelerometer weights were used.
     #[must_use]
     pub fn weighted(&self) -> bool {
@@ -142,7 +168,7 @@ impl<'s> Session<'s> {
             Accelerations::Interface => None,
         };
         let mut answer = self.identify(method, choice, measurement, warnings)?;
-        answer.why = why;
+        answer.why = why.filter(|_| answer.is_dynamic());
         answer.weights = weights;
         Ok(answer)
     }
@@ -157,7 +183,7 @@ impl<'s> Session<'s> {
         progress: OnProgress<'_>,
     ) -> Result<Answer, AnswerError> {
         let mut answer = self.answer(choice, progress)?;
-        if !(answer.measurement.runs.is_empty() && answer.measurement.sines.is_empty()) {
+        if answer.is_dynamic() {
             let modal = self.modal(progress)?;
             answer.warnings.extend(modal.warnings.iter().cloned());
             answer.modal = Some(modal);

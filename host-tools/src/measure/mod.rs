@@ -3,6 +3,7 @@
 
 mod error;
 mod geometry;
+mod group;
 mod poses;
 mod random;
 mod sine;
@@ -10,6 +11,7 @@ mod survey;
 
 pub use error::MeasureError;
 pub use geometry::{Accelerations, RunGeometry};
+pub use group::Group;
 pub use poses::MeasuredPoses;
 pub use random::{MeasuredRun, Spectra};
 pub use sine::MeasuredSine;
@@ -163,6 +165,7 @@ fn check_channels(
             .any(|(_, s)| s.complaint() != Some(Complaint::Dead))
     };
     let sensors = geometry::axes(setup);
+    let mut still = Vec::new();
     let names = health
         .iter()
         .flat_map(|(run, _)| geometry::channel_names(setup, run));
@@ -195,9 +198,12 @@ fn check_channels(
                 reading: s.range[0],
             });
         }
+        still.push(channel.to_owned());
+    }
+    if !still.is_empty() {
         warnings.push(format!(
-            "channel `{channel}` reads {} throughout; nothing else looks its way, so it may be dead or the table never moved that way",
-            s.range[0]
+            "no reading changes in {}; nothing else looks their way, so they may be dead or the table never moved that way",
+            still.join(", ")
         ));
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! The section on the apparent mass: is the fit good, and is the band free of modes?
 
-use super::lines::groups;
+use super::lines::fitted;
 use super::markup::escape;
 use super::number::{fixed, significant};
 use super::page::{Section, panels};
@@ -25,7 +25,7 @@ struct View<'a> {
 
 /// The section, or `None` without spectra.
 pub(super) fn section(setup: &Setup, answer: &Answer) -> Option<Section> {
-    let groups = groups(setup, answer);
+    let groups = fitted(setup, answer);
     let mut html = String::new();
     for group in &groups {
         let Some((band, top)) = group.read(None, |lines| {

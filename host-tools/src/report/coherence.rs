@@ -1,6 +1,6 @@
 //! The section on coherence: does what is measured come from what was driven?
 
-use super::lines::{Excited, Group, comparable, determined_accelerations, measured_forces};
+use super::lines::{Excited, comparable, determined_accelerations, measured_forces};
 use super::markup::escape;
 use super::number::{exact, significant, with_unit};
 use super::page::{Section, captioned, panels};
@@ -284,7 +284,7 @@ fn sorted(
 
 /// Share of each force that the accelerations explain, line by line.
 fn multiple_coherence(run: &MeasuredRun, answer: &Answer) -> Vec<[f64; 6]> {
-    let read = Group::of_run(run, &answer.measurement).read(None, |lines| {
+    let read = answer.measurement.group_of(run).read(None, |lines| {
         let excited = Excited::new(lines, &answer.measurement.band);
         (0..lines.count())
             .map(|line| {

@@ -2,28 +2,18 @@
 //! moments line by line.
 
 use crate::identification::Answer;
-use crate::measure::{MeasuredRun, MeasuredSine, Measurement, RunGeometry, Spectra, WINDOW};
+use crate::measure::{Group, RunGeometry};
 use crate::setup::Setup;
-use massline_core::masslines::{
-    ApparentMass, CrossLines, DriveLines, Excitation, Lines, Moments, SineLines,
-};
-use massline_core::spectra::{CrossAverage, RunResponses, Sum};
+use massline_core::masslines::{ApparentMass, Excitation, Lines, Moments};
 use nalgebra::{Matrix6, Vector6};
 use std::ops::Range;
 
 /// Runs that were condensed together, and the fit to them.
-pub(super) struct Group<'a> {
-    members: Members<'a>,
-    measurement: &'a Measurement,
-    /// Averaging band, as indices into the lines.
-    pub band: Range<usize>,
+pub(super) struct Fitted<'a> {
+    /// The runs.
+    pub group: Group<'a>,
     /// What the apparent mass was fitted with.
     pub fit: Option<&'a ApparentMass>,
-}
-
-enum Members<'a> {
-    Random(Vec<&'a MeasuredRun>),
-    Sine(Vec<&'a MeasuredSine>),
 }
 
 /// Power over noise from which a component can be divided by: noise pulls the quotient
@@ -33,129 +23,23 @@ const ABOVE_NOISE: f64 = 100.0;
 /// Below this share a component counts as not measured.
 pub(super) const WHOLE: f64 = 1.0 - 1e-6;
 
-/// The groups of an answer, in the order in which its fits stand: random runs, then sines.
-pub(super) fn groups<'a>(setup: &Setup, answer: &'a Answer) -> Vec<Group<'a>> {
-    let measurement: &Measurement = &answer.measurement;
-    let random = gather(&measurement.runs, |a, b| {
-        alike(&a.geometry, &b.geometry) && a.responses().is_some() == b.responses().is_some()
-    });
-    let sines = gather(&measurement.sines, |a, b| alike(&a.geometry, &b.geometry));
-    let band = setup.processing.as_ref().map(|p| p.averaging_band);
-    let random = random.into_iter().map(|runs| Group {
-        members: Members::Random(runs),
-        measurement,
-        band: measurement.band.clone(),
-        fit: None,
-    });
-    let sines = sines.into_iter().map(|runs| Group {
-        band: band.map_or(0..0, |band| runs[0].within(band)),
-        members: Members::Sine(runs),
-        measurement,
-        fit: None,
-    });
-    let mut groups: Vec<Group<'a>> = random.chain(sines).collect();
-    for (group, fit) in groups.iter_mut().zip(&answer.fits) {
-        group.fit = Some(fit);
+impl<'a> std::ops::Deref for Fitted<'a> {
+    type Target = Group<'a>;
+
+    fn deref(&self) -> &Group<'a> {
+        &self.group
     }
+}
+
+/// The groups of an answer, each with its fit.
+pub(super) fn fitted<'a>(setup: &Setup, answer: &'a Answer) -> Vec<Fitted<'a>> {
+    let groups = answer.measurement.groups(setup).into_iter().enumerate();
     groups
-}
-
-fn alike(a: &RunGeometry, b: &RunGeometry) -> bool {
-    // Equal up to the rounding of a rotation matrix.
-    (a.equations.rows() - b.equations.rows()).norm() < 1e-9
-}
-
-fn gather<T>(runs: &[T], alike: impl Fn(&T, &T) -> bool) -> Vec<Vec<&T>> {
-    let mut groups: Vec<Vec<&T>> = Vec::new();
-    for run in runs {
-        match groups.iter_mut().find(|g| alike(g[0], run)) {
-            Some(group) => group.push(run),
-            None => groups.push(vec![run]),
-        }
-    }
-    groups
-}
-
-impl<'a> Group<'a> {
-    /// A group of one random run.
-    pub fn of_run(run: &'a MeasuredRun, measurement: &'a Measurement) -> Self {
-        Self {
-            members: Members::Random(vec![run]),
-            measurement,
-            band: measurement.band.clone(),
-            fit: None,
-        }
-    }
-
-    /// Names of the runs.
-    pub fn names(&self) -> Vec<&'a str> {
-        match &self.members {
-            Members::Random(runs) => runs.iter().map(|r| r.name.as_str()).collect(),
-            Members::Sine(runs) => runs.iter().map(|r| r.name.as_str()).collect(),
-        }
-    }
-
-    /// The sensors, which the runs share as far as it matters.
-    pub fn geometry(&self) -> &'a RunGeometry {
-        match &self.members {
-            Members::Random(runs) => &runs[0].geometry,
-            Members::Sine(runs) => &runs[0].geometry,
-        }
-    }
-
-    /// Whether each run is a single pair of acceleration and force at every line.
-    pub fn is_paired(&self) -> bool {
-        match &self.members {
-            Members::Random(runs) => runs[0].responses().is_some(),
-            Members::Sine(_) => true,
-        }
-    }
-
-    /// Lets `look` see the lines of all runs, or of one; `None` if they cannot be read
-    /// together.
-    pub fn read<R>(&self, one: Option<usize>, look: impl FnOnce(&dyn Lines) -> R) -> Option<R> {
-        let chosen = one.map_or(0..self.names().len(), |k| k..k + 1);
-        match &self.members {
-            Members::Sine(runs) => {
-                let frequencies = &runs[0].frequencies;
-                let runs: Vec<_> = runs.get(chosen)?.iter().map(|r| r.run()).collect();
-                SineLines::new(frequencies, &runs).map(|lines| look(&lines))
-            }
-            Members::Random(runs) => {
-                let runs = runs.get(chosen)?;
-                let responses: Vec<RunResponses<'_>> =
-                    runs.iter().filter_map(|r| r.responses()).collect();
-                if responses.len() == runs.len() {
-                    DriveLines::new(&responses, WINDOW).map(|lines| look(&lines))
-                } else {
-                    self.read_undriven(runs, look)
-                }
-            }
-        }
-    }
-
-    fn read_undriven<R>(
-        &self,
-        runs: &[&MeasuredRun],
-        look: impl FnOnce(&dyn Lines) -> R,
-    ) -> Option<R> {
-        let settings = *runs.first()?.settings();
-        let mut storage: Vec<(Vec<Sum>, u32)> = Vec::new();
-        for run in runs {
-            match &run.spectra {
-                Spectra::Cross { sums } => storage.push((sums.clone(), run.blocks)),
-                Spectra::Drive { .. } => return None,
-            }
-        }
-        let mut averages = Vec::new();
-        for (sums, blocks) in &mut storage {
-            averages.push(CrossAverage::resume(&settings, sums, *blocks).ok()?);
-        }
-        let maps: Vec<_> = runs.iter().map(|r| r.geometry.map.clone()).collect();
-        let band = self.measurement.band.clone();
-        let (grid, hop) = (settings.grid(), self.measurement.hop);
-        CrossLines::new(&averages, grid, band, WINDOW, hop, &maps).map(|lines| look(&lines))
-    }
+        .map(|(k, group)| Fitted {
+            group,
+            fit: answer.fits.get(k),
+        })
+        .collect()
 }
 
 /// Which accelerations a set of lines excites, judged over the averaging band.

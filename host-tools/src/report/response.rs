@@ -4,7 +4,7 @@
 //! fewer, no entry is measured on its own; then each run shows its resultants per its own
 //! strongest base acceleration, and the fit is asked for the same ratio.
 
-use super::lines::{Excited, Group, comparable, determined_accelerations, measured_forces};
+use super::lines::{Excited, Fitted, comparable, determined_accelerations, measured_forces};
 use super::rigid;
 use super::scales::lever;
 use crate::identification::Answer;
@@ -51,7 +51,7 @@ const FIT_POINTS: usize = 600;
 const FAINT: f64 = 1e-4;
 
 /// Entries of one group.
-pub(super) fn entries(group: &Group<'_>, answer: &Answer) -> Entries {
+pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
     let solved = group.read(None, |lines| matrix_entries(group, lines, answer));
     if let Some(list) = solved.flatten() {
         return Entries {
@@ -76,7 +76,7 @@ pub(super) fn entries(group: &Group<'_>, answer: &Answer) -> Entries {
 }
 
 /// The upper triangle of M, if the runs determine it line by line.
-fn matrix_entries(group: &Group<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
+fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
     let excited = Excited::new(lines, &group.band);
     let count = excited.count();
     if count == 0 || excited.rank != count || (group.is_paired() && lines.runs() < count) {
@@ -199,7 +199,7 @@ fn curve(fit: &ApparentMass, top: f64, i: usize, j: usize) -> Vec<Point> {
 
 /// Every resultant of a run that its excitation moves, per its strongest acceleration.
 fn ratios(
-    group: &Group<'_>,
+    group: &Fitted<'_>,
     name: &str,
     lines: &dyn Lines,
     rigid: &Matrix6<f64>,

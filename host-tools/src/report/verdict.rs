@@ -46,7 +46,7 @@ fn method(answer: &Answer) -> String {
     let mut text = if !dynamic {
         "Static poses: resultants over specific force".to_owned()
     } else {
-        let mut description = answer.method.description().to_owned();
+        let mut description = answer.method_description().to_owned();
         if let Some(first) = description.get(..1).map(str::to_uppercase) {
             description.replace_range(..1, &first);
         }
