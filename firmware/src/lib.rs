@@ -1,0 +1,6 @@
+//! The half of the firmware that knows neither chip nor board, so that hosts build it and test
+//! it: what the tasks of the binary call.
+
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
