@@ -1,0 +1,327 @@
+//! What is known of one input: how its counts become SI, how well, and who says so.
+
+use super::scale::range;
+use super::{Channel, Limits, Scale, Watch};
+use crate::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
+use heapless::String;
+
+/// A text of the contract, at most [`NAME_MAX`] bytes.
+pub type Text = String<NAME_MAX>;
+
+/// The calibration of one input, kept as it was written: the numbers, and what they rest on.
+///
+/// The same as [`Input`], but it owns its texts and has been checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Certificate {
+    circuit: Circuit,
+    serial: Text,
+    certificate: Text,
+    calibrated: Option<Date>,
+    per_count: f64,
+    offset: f64,
+    uncertainty: f64,
+    gain: u8,
+    limits: Limits,
+}
+
+impl Certificate {
+    /// An input to which nothing is wired: counts stay counts.
+    pub const UNUSED: Self = Self {
+        circuit: Circuit::Unused,
+        serial: Text::new(),
+        certificate: Text::new(),
+        calibrated: None,
+        per_count: 1.0,
+        offset: 0.0,
+        uncertainty: 0.0,
+        gain: 1,
+        limits: Limits::CONVERTER,
+    };
+
+    /// Checks what the host sends.
+    ///
+    /// # Errors
+    ///
+    /// [`Problem::Range`] with the input's number: sensitivity or offset that [`Scale::new`]
+    /// refuses, an uncertainty that is negative or not below one, a gain that is not a power of
+    /// two up to 128, limits that do not lie in order within 24 bits, no day of the calendar.
+    /// [`Problem::Capacity`]: a text that is too long.
+    pub fn new(input: &Input) -> Result<Self, Problem> {
+        Self::check(input).map_err(|problem| match problem {
+            Problem::Range {
+                field,
+                found,
+                low,
+                high,
+                ..
+            } => Problem::Range {
+                field,
+                index: u32::from(input.input),
+                found,
+                low,
+                high,
+            },
+            other => other,
+        })
+    }
+
+    fn check(input: &Input) -> Result<Self, Problem> {
+        Scale::new(input.per_count, input.offset)?;
+        if !(0.0..1.0).contains(&input.uncertainty) {
+            return Err(range(Field::Uncertainty, input.uncertainty, 0.0, 1.0));
+        }
+        if !input.gain.is_power_of_two() {
+            return Err(range(Field::Gain, f64::from(input.gain), 1.0, 128.0));
+        }
+        let [low, high] = input.limits;
+        let ends = Limits::CONVERTER;
+        if low < ends.low || low >= high {
+            let highest = f64::from(high.min(ends.high)) - 1.0;
+            let lowest = f64::from(ends.low);
+            return Err(range(Field::CountLimit, f64::from(low), lowest, highest));
+        }
+        if high > ends.high {
+            let [found, low, end] = [high, low, ends.high].map(f64::from);
+            return Err(range(Field::CountLimit, found, low + 1.0, end));
+        }
+        if let Some(date) = input.calibrated {
+            check_date(date)?;
+        }
+        Ok(Self {
+            circuit: input.circuit,
+            serial: text(input.serial)?,
+            certificate: text(input.certificate)?,
+            calibrated: input.calibrated,
+            per_count: input.per_count,
+            offset: input.offset,
+            uncertainty: input.uncertainty,
+            gain: input.gain,
+            limits: Limits { low, high },
+        })
+    }
+
+    /// As it goes over the wire, for the input of this number.
+    #[must_use]
+    pub fn input(&self, number: u8) -> Input<'_> {
+        Input {
+            input: number,
+            circuit: self.circuit,
+            serial: &self.serial,
+            certificate: &self.certificate,
+            calibrated: self.calibrated,
+            per_count: self.per_count,
+            offset: self.offset,
+            uncertainty: self.uncertainty,
+            gain: self.gain,
+            limits: [self.limits.low, self.limits.high],
+        }
+    }
+
+    /// How the sensor is wired.
+    #[must_use]
+    pub const fn circuit(&self) -> Circuit {
+        self.circuit
+    }
+
+    /// Gain of the converter's amplifier.
+    #[must_use]
+    pub const fn gain(&self) -> u8 {
+        self.gain
+    }
+
+    /// The line from counts to SI.
+    #[must_use]
+    pub fn scale(&self) -> Scale {
+        // It was checked when this was made.
+        Scale::new(self.per_count, self.offset).unwrap_or(Scale::ONE)
+    }
+
+    /// The channel at a sample rate in Hz. An input that nothing is wired to is not watched.
+    #[must_use]
+    pub fn channel(&self, sample_rate: f32) -> Channel {
+        match self.circuit {
+            Circuit::Unused => Channel::unwatched(self.scale()),
+            _ => Channel::watched(self.scale(), Watch::new(self.limits, sample_rate)),
+        }
+    }
+}
+
+impl Default for Certificate {
+    fn default() -> Self {
+        Self::UNUSED
+    }
+}
+
+fn text(found: &str) -> Result<Text, Problem> {
+    Text::try_from(found).map_err(|_| Problem::Capacity {
+        item: Item::Byte,
+        found: u32::try_from(found.len()).unwrap_or(u32::MAX),
+        limit: NAME_MAX as u32,
+    })
+}
+
+fn check_date(date: Date) -> Result<(), Problem> {
+    let leap = date.year.is_multiple_of(4)
+        && (!date.year.is_multiple_of(100) || date.year.is_multiple_of(400));
+    let days = match date.month {
+        1 | 3 | 5 | 7 | 8 | 10 | 12 => 31,
+        4 | 6 | 9 | 11 => 30,
+        2 if leap => 29,
+        2 => 28,
+        month => return Err(range(Field::Date, f64::from(month), 1.0, 12.0)),
+    };
+    if (1..=days).contains(&date.day) {
+        Ok(())
+    } else {
+        let [found, last] = [date.day, days].map(f64::from);
+        Err(range(Field::Date, found, 1.0, last))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::{Exact, Health};
+
+    fn bridge() -> Input<'static> {
+        Input {
+            input: 7,
+            circuit: Circuit::Bridge,
+            serial: "LC-0815",
+            certificate: "D-K-15183 2026-03",
+            calibrated: Some(Date {
+                year: 2024,
+                month: 2,
+                day: 29,
+            }),
+            per_count: -1.25e-3,
+            offset: 1042.5,
+            uncertainty: 2e-3,
+            gain: 64,
+            limits: [-8_000_000, 8_000_000],
+        }
+    }
+
+    #[test]
+    fn what_is_written_comes_out_again() {
+        let kept = Certificate::new(&bridge()).unwrap();
+        assert_eq!(kept.input(7), bridge());
+        assert_eq!(Certificate::UNUSED.input(3).circuit, Circuit::Unused);
+        let unused = Certificate::new(&Certificate::UNUSED.input(3)).unwrap();
+        assert_eq!(unused, Certificate::UNUSED);
+    }
+
+    #[test]
+    fn offset_and_polarity_reach_the_samples() {
+        let mut channel = Certificate::new(&bridge()).unwrap().channel(512.0);
+        assert_eq!(channel.count(1042, Health::GOOD).0, 0.5 * 1.25e-3);
+        assert_eq!(channel.count(9042, Health::GOOD).0, -7999.5 * 1.25e-3);
+        assert_eq!(channel.count(8_000_000, Health::GOOD).1, Health::OVERLOAD);
+    }
+
+    #[test]
+    fn an_unused_input_has_no_faults_of_its_own() {
+        let mut channel = Certificate::UNUSED.channel(512.0);
+        for _ in 0..2000 {
+            assert_eq!(channel.count(-(1 << 23), Health::GOOD).1, Health::GOOD);
+        }
+    }
+
+    #[test]
+    fn each_value_out_of_range_is_refused_by_its_name() {
+        let bad_day = |year, month, day| {
+            let calibrated = Some(Date { year, month, day });
+            Input {
+                calibrated,
+                ..bridge()
+            }
+        };
+        let bad_limits = |limits| Input { limits, ..bridge() };
+        let per_count = 0.0;
+        let offset = f64::NAN;
+        let cases = [
+            (
+                Input {
+                    per_count,
+                    ..bridge()
+                },
+                Field::Scale,
+                0.0,
+            ),
+            (Input { offset, ..bridge() }, Field::Offset, f64::NAN),
+            (
+                Input {
+                    uncertainty: -0.1,
+                    ..bridge()
+                },
+                Field::Uncertainty,
+                -0.1,
+            ),
+            (
+                Input {
+                    uncertainty: 1.0,
+                    ..bridge()
+                },
+                Field::Uncertainty,
+                1.0,
+            ),
+            (
+                Input {
+                    gain: 0,
+                    ..bridge()
+                },
+                Field::Gain,
+                0.0,
+            ),
+            (
+                Input {
+                    gain: 3,
+                    ..bridge()
+                },
+                Field::Gain,
+                3.0,
+            ),
+            (bad_limits([5, 5]), Field::CountLimit, 5.0),
+            (
+                bad_limits([i32::MIN, 5]),
+                Field::CountLimit,
+                -2_147_483_648.0,
+            ),
+            (
+                bad_limits([0, i32::MAX]),
+                Field::CountLimit,
+                2_147_483_647.0,
+            ),
+            (bad_day(2023, 2, 29), Field::Date, 29.0),
+            (bad_day(1900, 2, 29), Field::Date, 29.0),
+            (bad_day(2024, 4, 31), Field::Date, 31.0),
+            (bad_day(2024, 13, 1), Field::Date, 13.0),
+            (bad_day(2024, 1, 0), Field::Date, 0.0),
+        ];
+        for (input, field, value) in cases {
+            let refused = Certificate::new(&input).unwrap_err();
+            let Problem::Range {
+                field: named,
+                index,
+                found,
+                ..
+            } = refused
+            else {
+                panic!("{refused:?}")
+            };
+            assert_eq!((named, index, found), (field, 7, Exact(value)));
+        }
+    }
+
+    #[test]
+    fn a_text_that_is_too_long_is_refused() {
+        let serial = "0123456789012345678901234567890123";
+        let refused = Certificate::new(&Input { serial, ..bridge() });
+        let problem = Problem::Capacity {
+            item: Item::Byte,
+            found: 34,
+            limit: 32,
+        };
+        assert_eq!(refused, Err(problem));
+    }
+}
