@@ -6,6 +6,7 @@
 pub mod calibration;
 pub mod geometry;
 pub mod identify;
+pub mod instrument;
 pub mod masslines;
 pub mod modes;
 pub mod rigid_body;

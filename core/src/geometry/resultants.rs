@@ -2,6 +2,7 @@
 
 use super::{Accelerometer, Equations, GeometryError, LoadCell, MAX_CHANNELS};
 use crate::algebra::symmetric_eigen;
+use core::borrow::Borrow;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// Numbers that a sample becomes: six accelerations of A, then six resultants at A.
@@ -34,8 +35,8 @@ impl AccelerationFit {
     /// # Errors
     /// [`GeometryError::Weight`] for a negative or non-finite weight,
     /// [`GeometryError::NoAccelerometer`] if nothing carries weight.
-    pub fn new<'a>(
-        sensors: impl IntoIterator<Item = (&'a Accelerometer, f64)>,
+    pub fn new(
+        sensors: impl IntoIterator<Item = (impl Borrow<Accelerometer>, f64)>,
         reference: &Vector3<f64>,
     ) -> Result<Self, GeometryError> {
         let mut normal = Matrix6::zeros();
@@ -44,7 +45,7 @@ impl AccelerationFit {
             if !(weight.is_finite() && weight >= 0.0) {
                 return Err(GeometryError::Weight);
             }
-            let row = sensor.rigid_body_row(reference);
+            let row = sensor.borrow().rigid_body_row(reference);
             normal += row.transpose() * row * weight;
             total += weight;
         }

@@ -1,0 +1,103 @@
+//! The memory of the instrument: what is lent to it, and how much of it a chip needs.
+//!
+//! Two structures, because a chip's memory may come in two pieces. Neither is touched by
+//! DMA. On the STM32F405 [`RunStorage`] fills the core-coupled memory and
+//! [`WorkingStorage`] lies in the SRAM.
+
+use crate::geometry::RESULTANTS;
+use crate::spectra::{Complex32, Sum};
+use nalgebra::Complex;
+
+/// Channels of a sample.
+pub const CHANNELS: usize = 48;
+/// Sensors of a set-up.
+pub const SENSORS: usize = 48;
+/// Runs of a set-up, all of which can be stored.
+pub const RUNS: usize = 6;
+/// Lines of a run.
+pub const LINES: usize = 96;
+/// Samples of a block.
+pub const BLOCK_LENGTH: usize = 1024;
+
+/// The drive and the twelve resultants.
+const AVERAGED: usize = 1 + RESULTANTS;
+/// Decimated samples of a block. 96 lines of 1024 samples are decimated by four.
+const TRANSFORM: usize = BLOCK_LENGTH / 4;
+/// States of the filters that decimate by four.
+const FILTERS: usize = 140;
+
+/// Samples and filter states of the blocks that are under way.
+pub const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
+/// Lines of one block.
+pub const BLOCK_LINES: usize = AVERAGED * LINES;
+/// Running sums: the drive's power, and three numbers for each resultant.
+pub const SUMS: usize = (1 + 3 * RESULTANTS) * LINES;
+/// Lines of all stored runs.
+pub const STORED_LINES: usize = RUNS * LINES;
+
+const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
+
+/// What a run needs while it is going on, and what the identification works in.
+#[derive(Debug)]
+#[expect(dead_code, reason = "runs come with the next commit")]
+pub struct WorkingStorage {
+    pub(super) history: [f32; HISTORY],
+    pub(super) work: [Complex32; TRANSFORM],
+    pub(super) lines: [Complex32; BLOCK_LINES],
+    pub(super) sums: [Sum; SUMS],
+    pub(super) solver: [Complex<f64>; 2 * LINES],
+}
+
+impl WorkingStorage {
+    /// All zero.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            history: [0.0; HISTORY],
+            work: [NOTHING; TRANSFORM],
+            lines: [NOTHING; BLOCK_LINES],
+            sums: [Sum::ZERO; SUMS],
+            solver: [Complex::new(0.0, 0.0); 2 * LINES],
+        }
+    }
+}
+
+impl Default for WorkingStorage {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The stored runs.
+#[derive(Debug)]
+#[expect(dead_code, reason = "runs come with the next commit")]
+pub struct RunStorage {
+    pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
+    pub(super) drive: [f32; STORED_LINES],
+}
+
+impl RunStorage {
+    /// All zero.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            responses: [[NOTHING; RESULTANTS]; STORED_LINES],
+            drive: [0.0; STORED_LINES],
+        }
+    }
+}
+
+impl Default for RunStorage {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Storage that is lent to an instrument for its life.
+#[derive(Debug)]
+pub struct Memory<'m> {
+    /// For the run that is going on.
+    pub working: &'m mut WorkingStorage,
+    /// For those that are done.
+    pub runs: &'m mut RunStorage,
+}
