@@ -2,6 +2,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod device;
 pub mod format;
 pub mod identification;
 pub mod measure;

@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use massline_tests::emulator::{Emulator, firmware_elf};
+use massline::device::{Emulator, firmware};
 
 /// How long a boot may take before the test gives up; it takes well under a second.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -14,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn greets_and_reports_the_clock_that_runs() {
-    let elf = firmware_elf().unwrap_or_else(|error| panic!("{error}"));
+    let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));
     let mut board = Emulator::start(&elf).unwrap_or_else(|error| panic!("{error}"));
     let greeting = board
         .read_line(PATIENCE)
@@ -27,4 +27,13 @@ fn greets_and_reports_the_clock_that_runs() {
             " STM32F405 clock=hsi 16000000 Hz\r\n"
         )
     );
+}
+
+#[test]
+fn xtask_and_the_host_tool_name_firmware_and_emulator_alike() {
+    use massline::device::emulator;
+    use massline_tests::emulator as xtask;
+    assert_eq!(firmware::FIRMWARE_ELF, xtask::FIRMWARE_ELF);
+    assert_eq!(emulator::QEMU, xtask::QEMU);
+    assert_eq!(emulator::DEFAULT_PROGRAM, xtask::DEFAULT_PROGRAM);
 }

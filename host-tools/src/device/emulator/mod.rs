@@ -2,7 +2,7 @@
 //!
 //! The second serial port of the emulated board is USART2, the link to the host. It is connected
 //! to the emulator's standard input and output, so there is no port to choose, nothing to race
-//! for, and nothing left behind. A thread on each side keeps both directions moving: a test may
+//! for, and nothing left behind. A thread on each side keeps both directions moving: a caller may
 //! queue a megabyte with [`Emulator::send`] and read the answers at leisure.
 //!
 //! The emulated port takes and gives bytes without loss, whatever the baud rate says, at about
@@ -11,11 +11,10 @@
 //!
 //! ```no_run
 //! use std::time::Duration;
-//! use massline_tests::emulator::{Emulator, EmulatorError, firmware_elf};
+//! use massline::device::{Emulator, firmware};
 //!
-//! # fn main() -> Result<(), EmulatorError> {
-//! let mut board = Emulator::start(&firmware_elf()?)?;
-//! let greeting = board.read_line(Duration::from_secs(20))?;
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut board = Emulator::start(&firmware::find(None)?)?;
 //! board.send(&[0x00])?;
 //! let frame = board.read_until(0x00, Duration::from_secs(20))?;
 //! # Ok(()) }
@@ -25,7 +24,7 @@ use std::collections::VecDeque;
 use std::env;
 use std::ffi::OsString;
 use std::io::{self, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
@@ -35,9 +34,6 @@ mod error;
 
 pub use error::EmulatorError;
 
-/// Environment variable that tells where the firmware's ELF is; `cargo xtask test` sets it.
-pub const FIRMWARE_ELF: &str = "MASSLINE_FIRMWARE_ELF";
-
 /// Environment variable that names another QEMU than [`DEFAULT_PROGRAM`].
 pub const QEMU: &str = "MASSLINE_QEMU";
 
@@ -46,18 +42,6 @@ pub const DEFAULT_PROGRAM: &str = "qemu-system-arm";
 
 /// The emulated board with an STM32F405 that every QEMU since 5.0 knows.
 const MACHINE: &str = "netduinoplus2";
-
-/// Where the firmware to test is, as `cargo xtask test` tells it.
-///
-/// # Errors
-///
-/// [`EmulatorError::NoFirmware`] without [`FIRMWARE_ELF`].
-pub fn firmware_elf() -> Result<PathBuf, EmulatorError> {
-    env::var_os(FIRMWARE_ELF)
-        .filter(|path| !path.is_empty())
-        .map(PathBuf::from)
-        .ok_or(EmulatorError::NoFirmware)
-}
 
 /// The emulator to use: what [`QEMU`] names, else [`DEFAULT_PROGRAM`].
 pub fn program() -> OsString {
@@ -143,6 +127,30 @@ impl Emulator {
             Ok(()) => Ok(()),
             Err(_) => Err(self.ended()),
         }
+    }
+
+    /// Appends what has come from the board to `into`; if nothing has, waits for it, but no
+    /// longer than `timeout`. The number of bytes; zero is a timeout.
+    ///
+    /// # Errors
+    ///
+    /// [`EmulatorError::Ended`] when the emulator is gone and all it sent was taken.
+    pub fn receive(
+        &mut self,
+        into: &mut Vec<u8>,
+        timeout: Duration,
+    ) -> Result<usize, EmulatorError> {
+        if self.received.is_empty() {
+            match self.from_board.recv_timeout(timeout) {
+                Ok(chunk) => self.received.extend(chunk),
+                Err(RecvTimeoutError::Timeout) => return Ok(0),
+                Err(RecvTimeoutError::Disconnected) => return Err(self.ended()),
+            }
+        }
+        self.received.extend(self.from_board.try_iter().flatten());
+        let count = self.received.len();
+        into.extend(self.received.drain(..));
+        Ok(count)
     }
 
     /// The next `count` bytes from the board.

@@ -6,7 +6,7 @@ use std::io;
 use std::process::ExitStatus;
 use std::time::Duration;
 
-use super::FIRMWARE_ELF;
+use super::QEMU;
 
 /// Bytes of an unfinished answer that an error message shows.
 const SHOWN: usize = 240;
@@ -14,8 +14,6 @@ const SHOWN: usize = 240;
 /// Why the emulator did not do what was asked.
 #[derive(Debug)]
 pub enum EmulatorError {
-    /// There is no firmware to boot: [`FIRMWARE_ELF`] is not set.
-    NoFirmware,
     /// The emulator could not be started.
     Start {
         /// The program that was tried.
@@ -46,13 +44,12 @@ pub enum EmulatorError {
 impl fmt::Display for EmulatorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoFirmware => write!(
+            Self::Start { program, source } => write!(
                 f,
-                "{FIRMWARE_ELF} does not say where the firmware is: run `cargo xtask test --only emulator`"
+                "cannot start {}: {source}; install QEMU for Arm (Debian: `apt install \
+                 qemu-system-arm`), or name one in {QEMU}",
+                program.display()
             ),
-            Self::Start { program, source } => {
-                write!(f, "cannot start {}: {source}", program.display())
-            }
             Self::Timeout {
                 expected,
                 waited,

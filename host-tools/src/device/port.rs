@@ -1,0 +1,105 @@
+//! One trait for all that a box can be reached through.
+
+use super::{Emulator, EmulatorError};
+use std::time::Duration;
+
+/// An end of the link to a box: bytes go out, bytes come in, and neither side knows frames.
+pub trait Port {
+    /// What it is, for messages: `serial port /dev/ttyACM0`.
+    fn name(&self) -> String;
+
+    /// Hands bytes over, to go out in their order. May return before they are out.
+    ///
+    /// # Errors
+    /// [`PortError`] if there is nobody at the other end any more.
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError>;
+
+    /// Appends what has come to `into`. If nothing has, waits for it, but not longer than
+    /// `timeout`. The number of bytes; zero says that time is up.
+    ///
+    /// # Errors
+    /// [`PortError`] if there is nobody at the other end any more, and all that came before
+    /// was taken.
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError>;
+
+    /// How long a reply may take before it counts as lost: the longest that a request and its
+    /// reply are on their way behind a full window of others, several times over.
+    fn patience(&self) -> Duration;
+}
+
+/// Why an end of the link does not work.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// A serial port that cannot be opened.
+    #[error(
+        "{path}: {reason}; {}, try --emulator for a box without hardware",
+        listed(.present)
+    )]
+    Open {
+        /// As it was named.
+        path: String,
+        /// What the system says.
+        reason: String,
+        /// The ports there are.
+        present: Vec<String>,
+    },
+    /// It was unplugged, or the driver failed.
+    #[error(
+        "{name}: the connection is lost ({reason}); a run on the box goes on without it, plug the box in again and ask `massline board info`"
+    )]
+    Gone {
+        /// Of the port.
+        name: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// The emulator.
+    #[error(transparent)]
+    Emulator(#[from] EmulatorError),
+}
+
+fn listed(ports: &[String]) -> String {
+    if ports.is_empty() {
+        "this machine shows no serial port".to_owned()
+    } else {
+        format!("this machine has {}", ports.join(", "))
+    }
+}
+
+impl Port for Emulator {
+    fn name(&self) -> String {
+        "emulator".to_owned()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        Ok(Self::send(self, bytes)?)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        Ok(Self::receive(self, into, timeout)?)
+    }
+
+    /// It carries some 17 kB/s, a window of a few kilobytes in half a second; but emulated time
+    /// stands still while the machine is busy otherwise.
+    fn patience(&self) -> Duration {
+        Duration::from_secs(20)
+    }
+}
+
+impl<P: Port + ?Sized> Port for Box<P> {
+    fn name(&self) -> String {
+        (**self).name()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        (**self).send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        (**self).receive(into, timeout)
+    }
+
+    fn patience(&self) -> Duration {
+        (**self).patience()
+    }
+}
