@@ -1,4 +1,4 @@
-//! The parts of the `massline` host tool that other programs can use as well.
+#![doc = include_str!("../README.md")]
 
 pub mod cli;
 pub mod commands;
