@@ -1,14 +1,25 @@
 //! The box next to the table, and everything that stands for it.
 //!
 //! * [`Port`] is an end of the link: bytes out, bytes in. [`Serial`] is one, [`Emulator`]
-//!   another: the firmware in QEMU.
+//!   another: the firmware in QEMU. [`HostBox`] is the box in this program.
+//! * [`Client`] is the conversation over any of them.
 //! * [`firmware`] knows where the file is that is flashed and emulated.
 
+mod client;
 pub mod emulator;
 pub mod firmware;
+mod host_box;
+mod noisy_line;
 mod port;
 mod serial;
+#[cfg(test)]
+mod tests;
 
+pub use client::{
+    BoxInfo, Client, ClientError, ClientMemory, LinkReport, SampleSource, StreamError,
+};
 pub use emulator::{Emulator, EmulatorError};
+pub use host_box::{HostBox, HostBoxMemory};
+pub use noisy_line::{Damage, Noise, NoisyLine};
 pub use port::{Port, PortError};
 pub use serial::{BAUD, Serial, names as serial_ports};

@@ -103,3 +103,21 @@ impl<P: Port + ?Sized> Port for Box<P> {
         (**self).patience()
     }
 }
+
+impl<P: Port + ?Sized> Port for &mut P {
+    fn name(&self) -> String {
+        (**self).name()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        (**self).send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        (**self).receive(into, timeout)
+    }
+
+    fn patience(&self) -> Duration {
+        (**self).patience()
+    }
+}

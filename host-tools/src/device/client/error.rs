@@ -1,0 +1,88 @@
+//! Why a box did not do what was asked.
+
+use crate::device::PortError;
+use massline_core::wire::{EncodeError, PROTOCOL_VERSION, Refused, Reply, Request};
+use std::time::Duration;
+
+/// Why a box did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// The connection.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// No answer, however often it was asked.
+    #[error(
+        "{port}: no answer to {}, asked {attempts} times in {:.1} s; {}",
+        name(*.request), .waited.as_secs_f64(),
+        if *.heard {
+            "the link loses frames: look at the cable and the bit rate, or start the box again"
+        } else {
+            "nothing that a massline box says came: is it the right port, is the bit rate the box's (--baud), is the firmware on it (`massline flash`)?"
+        }
+    )]
+    Silent {
+        /// Name of the port.
+        port: String,
+        /// Number of the request.
+        request: u8,
+        /// How often it was sent.
+        attempts: u32,
+        /// For how long altogether.
+        waited: Duration,
+        /// Whether the box was ever heard on this link.
+        heard: bool,
+    },
+    /// The box has refused, and says why.
+    #[error("the box: {0}")]
+    Refused(Refused),
+    /// The box speaks another version of the contract.
+    #[error(
+        "the box speaks version {found} of the link and this program version {PROTOCOL_VERSION}: put this program's firmware on it by `massline flash`"
+    )]
+    Version {
+        /// The box's.
+        found: u8,
+    },
+    /// An answer of the wrong kind.
+    #[error(
+        "the box answered {} with {}; its firmware and this program are of different builds, flash this one by `massline flash`",
+        name(*.request), Reply::name(*.reply).unwrap_or("something that this program cannot read")
+    )]
+    Unexpected {
+        /// Number of the request.
+        request: u8,
+        /// Number of the reply.
+        reply: u8,
+    },
+    /// The box started anew while it was asked something.
+    #[error(
+        "the box has started anew in the middle of {}, its set-up and runs are gone; `massline board info` says why",
+        name(*.request)
+    )]
+    Restarted {
+        /// Number of the request.
+        request: u8,
+    },
+    /// The box wants samples again that it had said to have.
+    #[error(
+        "the box expects sample {next}, but had said to have all before {first}: somebody else has started a run on it; let only one program talk to it and replay again"
+    )]
+    Behind {
+        /// What it expects.
+        next: u64,
+        /// The first one that it has not confirmed.
+        first: u64,
+    },
+    /// A message that does not fit a frame.
+    #[error("{} does not fit the link: {source}", name(*.request))]
+    Encode {
+        /// Number of the request.
+        request: u8,
+        /// Why.
+        source: EncodeError,
+    },
+}
+
+fn name(request: u8) -> &'static str {
+    Request::name(request).unwrap_or("a request")
+}

@@ -1,0 +1,57 @@
+//! Who the box is, kept beyond the frame that told it.
+
+use massline_core::wire::{Capacity, ClockSource, FaultCounters, Info, ResetReason, Storage};
+
+/// What the box says of itself: [`Info`], with texts of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BoxInfo {
+    /// The firmware's name.
+    pub firmware: String,
+    /// Its version.
+    pub version: String,
+    /// What it was built from.
+    pub build: String,
+    /// The chip.
+    pub chip: String,
+    /// The chip's serial number.
+    pub serial: [u8; 12],
+    /// What drives the core.
+    pub clock: ClockSource,
+    /// The core's clock, Hz.
+    pub clock_hz: u32,
+    /// Ticks per second of all tick counts.
+    pub tick_hz: u32,
+    /// Where settings are kept.
+    pub storage: Storage,
+    /// Why it started.
+    pub reset: ResetReason,
+    /// Resets since it was last switched on.
+    pub resets: u32,
+    /// Text of the last panic.
+    pub panic: Option<String>,
+    /// Faults since they were last forgotten.
+    pub faults: FaultCounters,
+    /// What fits.
+    pub capacity: Capacity,
+}
+
+impl From<&Info<'_>> for BoxInfo {
+    fn from(info: &Info<'_>) -> Self {
+        Self {
+            firmware: info.firmware.to_owned(),
+            version: info.version.to_owned(),
+            build: info.build.to_owned(),
+            chip: info.chip.to_owned(),
+            serial: info.serial,
+            clock: info.clock,
+            clock_hz: info.clock_hz,
+            tick_hz: info.tick_hz,
+            storage: info.storage,
+            reset: info.reset,
+            resets: info.resets,
+            panic: info.panic.map(str::to_owned),
+            faults: info.faults,
+            capacity: info.capacity,
+        }
+    }
+}
