@@ -284,7 +284,9 @@ impl Condensed {
         reference: Vector3<f64>,
     ) -> Result<ApparentMass, MasslineError> {
         let mut masslines = self.regression.masslines(&self.solution, reference)?;
-        masslines.noise = Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
+        // Of the noise, the pairs hold only what lies along the excited directions.
+        let kept = self.excitation.basis() * self.excitation.coordinates();
+        masslines.noise = kept * Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
         let coefficient = |t: usize| self.regression.coefficient(&self.solution, t);
         let mut elastic = [None; MAX_MODES];
         for (r, slot) in elastic.iter_mut().enumerate().take(poles.len()) {

@@ -235,6 +235,11 @@ impl Regression {
             let floor = AMPLITUDE * AMPLITUDE * power / self.count;
             c[(j, j)] = c[(j, j)].max(0.0) * 1.001 + floor.max(f64::MIN_POSITIVE);
         }
+        // Where the spectra fit to their last digit, the residual is the difference of
+        // large numbers and its correlations mean nothing.
+        if lower(&c, self.equations.count()).is_none() {
+            c = Matrix6::from_diagonal(&c.diagonal());
+        }
         c
     }
 
