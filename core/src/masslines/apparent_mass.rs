@@ -87,9 +87,10 @@ pub fn apparent_mass<L: Lines + ?Sized>(
     let equal = [1.0; MAX_RUNS];
     let first = Condensed::new(lines, &band, equations, &basis, &equal)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
-    let weights = first.run_weights(lines, &band, equations, &basis);
+    let weights = first.run_weights(&first.left(lines, &band, &basis), lines.runs());
     let last = Condensed::new(lines, &band, equations, &basis, &weights)?;
-    last.finish(poles, &basis, reference)
+    let spread = last.spread(lines, &band, &weights, &last.left(lines, &band, &basis));
+    last.finish(poles, &basis, reference, &spread)
 }
 
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
@@ -234,47 +235,96 @@ impl Condensed {
         })
     }
 
-    /// Inverse residual power of each run.
-    fn run_weights<L: Lines + ?Sized>(
+    /// What the fit leaves in each run: power of each measured equation per independent
+    /// complex line, in units of the pooled residual.
+    fn left<L: Lines + ?Sized>(
         &self,
         lines: &L,
         band: &Range<usize>,
-        equations: &Equations,
         basis: &Basis,
-    ) -> [f64; MAX_RUNS] {
+    ) -> [Vector6<f64>; MAX_RUNS] {
+        let mut left = [Vector6::zeros(); MAX_RUNS];
+        let Some(whitened) = self.regression.whitened(&self.solution) else {
+            return left;
+        };
         let terms: heapless::Vec<Matrix6<f64>, MAX_TERMS> = (0..basis.terms())
             .map(|t| {
                 let m = self.regression.coefficient(&self.solution, t);
-                equations.rows() * m.unwrap_or_else(Matrix6::zeros)
+                whitened.rows() * m.unwrap_or_else(Matrix6::zeros)
             })
             .collect();
-        let scale = self.solution.residual().diagonal();
         let runs = lines.runs().min(MAX_RUNS);
-        let mut power = [0.0; MAX_RUNS];
         for line in band.clone() {
             let phi = basis.at(lines.frequency(line));
             let mut model = Matrix6::<Complex<f64>>::zeros();
             for (m, phi) in terms.iter().zip(&phi) {
                 model += m.map(|x| phi * x);
             }
-            for (run, power) in power.iter_mut().enumerate().take(runs) {
-                let left = residual(lines, run, line, equations, &model);
-                for j in 0..equations.count() {
-                    *power += left[j] / scale[j];
-                }
+            for (run, left) in left.iter_mut().enumerate().take(runs) {
+                *left += residual(lines, run, line, &whitened, &model);
             }
         }
-        let mut weights = [1.0; MAX_RUNS];
-        let mut mean = 0.0;
-        for (run, power) in power.iter_mut().enumerate().take(runs) {
-            *power /= lines.equations_per_line(run).max(1.0);
-            mean += *power / runs as f64;
+        for (run, left) in left.iter_mut().enumerate().take(runs) {
+            *left /= (lines.equations_per_line(run) * band.len() as f64).max(1.0);
         }
-        for (weight, power) in weights.iter_mut().zip(power).take(runs) {
+        left
+    }
+
+    /// Inverse residual power of each run.
+    fn run_weights(&self, left: &[Vector6<f64>; MAX_RUNS], runs: usize) -> [f64; MAX_RUNS] {
+        let runs = runs.min(MAX_RUNS);
+        let mut weights = [1.0; MAX_RUNS];
+        let mean = left
+            .iter()
+            .take(runs)
+            .map(|l| l.sum() / runs as f64)
+            .sum::<f64>();
+        for (weight, left) in weights.iter_mut().zip(left).take(runs) {
             // A run is never trusted a thousand times more than the average one.
-            *weight = mean / power.max(1e-3 * mean).max(f64::MIN_POSITIVE);
+            *weight = mean / left.sum().max(1e-3 * mean).max(f64::MIN_POSITIVE);
         }
         if mean > 0.0 { weights } else { [1.0; MAX_RUNS] }
+    }
+
+    /// Variance of the pairs' equations where runs differ in their noise: each pair has
+    /// that of the runs which excite its direction, in their shares of its power.
+    fn spread<L: Lines + ?Sized>(
+        &self,
+        lines: &L,
+        band: &Range<usize>,
+        weights: &[f64; MAX_RUNS],
+        left: &[Vector6<f64>; MAX_RUNS],
+    ) -> [Vector6<f64>; 6] {
+        let mut variance = [Vector6::zeros(); 6];
+        let mut total = [0.0; 6];
+        let mut mean = Vector6::zeros();
+        let mut counted = 0.0;
+        for (run, (weight, left)) in weights.iter().zip(left).enumerate().take(lines.runs()) {
+            let mut m = Moments::zero();
+            for line in band.clone() {
+                lines.add_moments(run, line, *weight, &mut m);
+            }
+            let share = self.regression.powers(&self.solution, &m.aa.map(|z| z.re));
+            for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
+                *variance += left * (share * *weight);
+                *total += share;
+            }
+            let lines_of_run = lines.equations_per_line(run);
+            mean += left * (lines_of_run * *weight);
+            counted += lines_of_run;
+        }
+        // In units of the pooled residual, whose degrees of freedom are taken off already.
+        for (variance, total) in variance.iter_mut().zip(total) {
+            for j in 0..6 {
+                let pooled = mean[j] * total;
+                variance[j] = if pooled > 0.0 {
+                    variance[j] * counted / pooled
+                } else {
+                    1.0
+                };
+            }
+        }
+        variance
     }
 
     fn finish(
@@ -282,8 +332,12 @@ impl Condensed {
         poles: heapless::Vec<Pole, MAX_MODES>,
         basis: &Basis,
         reference: Vector3<f64>,
+        spread: &[Vector6<f64>; 6],
     ) -> Result<ApparentMass, MasslineError> {
         let mut masslines = self.regression.masslines(&self.solution, reference)?;
+        for (pair, spread) in masslines.pairs.iter_mut().zip(spread) {
+            pair.variance.component_mul_assign(spread);
+        }
         // Of the noise, the pairs hold only what lies along the excited directions.
         let kept = self.excitation.basis() * self.excitation.coordinates();
         masslines.noise = kept * Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
@@ -351,7 +405,8 @@ fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
     }
 }
 
-/// Residual power of each measured equation for one run at one line.
+/// Power that `model`, the apparent mass in the rows of `equations`, leaves in each of
+/// them for one run at one line.
 fn residual<L: Lines + ?Sized>(
     lines: &L,
     run: usize,
@@ -359,11 +414,30 @@ fn residual<L: Lines + ?Sized>(
     equations: &Equations,
     model: &Matrix6<Complex<f64>>,
 ) -> Vector6<f64> {
+    let e = equations.rows();
+    if let Some((a, f)) = lines.pair(run, line) {
+        let weight = lines.pair_weight(run, line);
+        return Vector6::from_fn(|j, _| {
+            let mut left = Complex::new(0.0, 0.0);
+            for i in 0..6 {
+                left += f[i] * e[(j, i)] - model[(j, i)] * a[i];
+            }
+            left.norm_sqr() * weight
+        });
+    }
     let mut m = Moments::zero();
     lines.add_moments(run, line, 1.0, &mut m);
-    let e = equations.rows().map(|x| Complex::new(x, 0.0));
-    let ff = e * m.ff * e.transpose();
-    let fa = e * m.fa;
-    let left = ff - model * fa.adjoint() - fa * model.adjoint() + model * m.aa * model.adjoint();
-    left.diagonal().map(|z| z.re.max(0.0))
+    Vector6::from_fn(|j, _| {
+        let mut left = 0.0;
+        for i in 0..6 {
+            let (mut force, mut both) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
+            for k in 0..6 {
+                let (e, model) = (e[(j, k)], model[(j, k)].conj());
+                force += m.ff[(i, k)] * e - m.fa[(i, k)] * model;
+                both += m.fa[(k, i)].conj() * e - m.aa[(i, k)] * model;
+            }
+            left += e[(j, i)] * force.re - (model[(j, i)] * both).re;
+        }
+        left.max(0.0)
+    })
 }

@@ -79,6 +79,10 @@ pub trait Lines {
     fn correlation(&self) -> f64;
     /// The single pair of amplitudes of a run at a line, if it was referred to a drive.
     fn pair(&self, run: usize, line: usize) -> Option<Amplitudes>;
+    /// What the squares of that pair enter the moments with.
+    fn pair_weight(&self, _run: usize, _line: usize) -> f64 {
+        1.0
+    }
 }
 
 /// Runs referred to their drive signals.
@@ -126,8 +130,7 @@ impl Lines for DriveLines<'_> {
 
     fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
         if let Some((a, f)) = self.pair(run, line) {
-            let power = self.runs[run].drive.get(line).copied().unwrap_or(0.0);
-            into.add_pair(&a, &f, weight * f64::from(power));
+            into.add_pair(&a, &f, weight * self.pair_weight(run, line));
         }
     }
 
@@ -148,6 +151,12 @@ impl Lines for DriveLines<'_> {
     fn pair(&self, run: usize, line: usize) -> Option<Amplitudes> {
         let [a, f] = halves(self.runs.get(run)?.responses.get(line)?);
         Some((a, f))
+    }
+
+    /// The power of the drive.
+    fn pair_weight(&self, run: usize, line: usize) -> f64 {
+        let drive = self.runs.get(run).and_then(|r| r.drive.get(line));
+        drive.copied().map_or(0.0, f64::from)
     }
 }
 

@@ -270,6 +270,25 @@ impl Regression {
         variance + bias
     }
 
+    /// The equations in combinations whose residuals are independent and of variance one.
+    pub(super) fn whitened(&self, solution: &Solution) -> Option<Equations> {
+        let rows = self.equations.count();
+        let factor = lower(&solution.residual, rows)?;
+        Some(self.equations.whitened(&inverse_lower(&factor, rows)))
+    }
+
+    /// What second moments of acceleration, real part, contribute to each pair: its share
+    /// of the pair's power, apart from what the other terms take.
+    pub(super) fn powers(&self, solution: &Solution, moments: &Matrix6<f64>) -> [f64; 6] {
+        let rank = self.excitation.rank();
+        let Some(u) = lower(&solution.schur, rank) else {
+            return [0.0; 6];
+        };
+        let to_pairs = inverse_lower(&u, rank) * self.excitation.coordinates();
+        let inner = to_pairs * moments * to_pairs.transpose();
+        core::array::from_fn(|p| if p < rank { inner[(p, p)] } else { 0.0 })
+    }
+
     /// The pairs, whitened by the residual.
     pub(super) fn masslines(
         &self,
@@ -278,9 +297,8 @@ impl Regression {
     ) -> Result<Masslines, MasslineError> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
-        let factor = lower(&solution.residual, rows).ok_or(MasslineError::Singular)?;
-        let whitener = inverse_lower(&factor, rows);
-        let mut set = Masslines::new(reference, self.equations.whitened(&whitener));
+        let whitened = self.whitened(solution).ok_or(MasslineError::Singular)?;
+        let mut set = Masslines::new(reference, whitened);
         let u = lower(&solution.schur, rank).ok_or(MasslineError::Singular)?;
         for p in 0..rank {
             // Row p of U, with S = U Uᵀ here: column p of the lower factor.
@@ -320,13 +338,6 @@ impl Regression {
             }
         });
         Some(self.equations.rows().transpose() * inner * self.excitation.coordinates())
-    }
-}
-
-impl Solution {
-    /// Residual covariance of one real equation, in measured-equation coordinates.
-    pub(super) fn residual(&self) -> &Matrix6<f64> {
-        &self.residual
     }
 }
 

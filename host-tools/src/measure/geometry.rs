@@ -38,8 +38,6 @@ impl Accelerations {
 pub struct RunGeometry {
     /// The reference point A, m.
     pub reference: Vector3<f64>,
-    /// How the specimen stands.
-    pub placement: Placement,
     /// The channels of the map, in its order.
     pub channels: Vec<String>,
     /// Channels to the twelve resultants, in single precision, sample by sample.
@@ -181,7 +179,6 @@ impl RunGeometry {
         }
         Ok(Self {
             reference,
-            placement,
             channels,
             map,
             columns,

@@ -6,9 +6,7 @@ use massline_core::masslines::{CrossLines, DriveLines, Lines, SineLines};
 use massline_core::spectra::{CrossAverage, RunResponses, Sum};
 use std::ops::Range;
 
-/// Runs that condense together: alike in their equations, in how the specimen stands, and in
-/// what they are referred to. A re-mounted specimen turns the noise of the table's sensors
-/// along with it, and noise of another shape is weighed by itself.
+/// Runs that condense together: alike in their equations and in what they are referred to.
 pub struct Group<'a> {
     members: Members<'a>,
     hop: f64,
@@ -55,9 +53,8 @@ impl Measurement {
 }
 
 fn alike(a: &RunGeometry, b: &RunGeometry) -> bool {
-    a.placement == b.placement
-        // Equal up to the rounding of a rotation matrix.
-        && (a.equations.rows() - b.equations.rows()).norm() < 1e-9
+    // Equal up to the rounding of a rotation matrix.
+    (a.equations.rows() - b.equations.rows()).norm() < 1e-9
 }
 
 fn gather<T>(runs: &[T], alike: impl Fn(&T, &T) -> bool) -> Vec<Vec<&T>> {
