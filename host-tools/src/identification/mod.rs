@@ -122,6 +122,7 @@ pub type OnProgress<'a> = &'a mut dyn FnMut(Progress<'_>);
 /// accelerometers, however many methods ask.
 pub struct Session<'s> {
     setup: &'s Setup,
+    limit: Option<u64>,
     survey: Option<Rc<Survey>>,
     measurements: Vec<(Accelerations, Rc<Measurement>)>,
 }
@@ -130,8 +131,15 @@ impl<'s> Session<'s> {
     /// A session that has read nothing yet.
     #[must_use]
     pub fn new(setup: &'s Setup) -> Self {
+        Self::of_first(setup, None)
+    }
+
+    /// The same from at most the first `limit` samples of each random run.
+    #[must_use]
+    pub fn of_first(setup: &'s Setup, limit: Option<u64>) -> Self {
         Self {
             setup,
+            limit,
             survey: None,
             measurements: Vec::new(),
         }
@@ -199,7 +207,7 @@ impl<'s> Session<'s> {
         if let Some(survey) = &self.survey {
             return Ok(Rc::clone(survey));
         }
-        let survey = Rc::new(measure::survey(self.setup, progress)?);
+        let survey = Rc::new(measure::survey_first(self.setup, self.limit, progress)?);
         self.survey = Some(Rc::clone(&survey));
         Ok(survey)
     }
@@ -245,7 +253,12 @@ impl<'s> Session<'s> {
         if let Some((_, known)) = self.measurements.iter().find(|(a, _)| a == accelerations) {
             return Ok(Rc::clone(known));
         }
-        let measured = Rc::new(measure::measure(self.setup, accelerations, progress)?);
+        let measured = Rc::new(measure::measure_first(
+            self.setup,
+            accelerations,
+            self.limit,
+            progress,
+        )?);
         self.measurements
             .push((accelerations.clone(), Rc::clone(&measured)));
         Ok(measured)

@@ -15,7 +15,7 @@ pub use group::Group;
 pub use poses::MeasuredPoses;
 pub use random::{MeasuredRun, Spectra};
 pub use sine::MeasuredSine;
-pub use survey::{Survey, SurveyedRun, survey};
+pub use survey::{Survey, SurveyedRun, survey, survey_first};
 
 use crate::recording::{ChannelHealth, Complaint};
 use crate::setup::{Excitation, Run, Setup};
@@ -66,6 +66,19 @@ pub fn measure(
     accelerations: &Accelerations,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Measurement, MeasureError> {
+    measure_first(setup, accelerations, None, progress)
+}
+
+/// The same with at most the first `limit` samples of each random run.
+///
+/// # Errors
+/// [`MeasureError`] that names file, line and channel.
+pub fn measure_first(
+    setup: &Setup,
+    accelerations: &Accelerations,
+    limit: Option<u64>,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Measurement, MeasureError> {
     let mut measurement = Measurement {
         runs: Vec::new(),
         sines: Vec::new(),
@@ -101,6 +114,7 @@ pub fn measure(
                     setup,
                     run,
                     geometry,
+                    limit,
                     &mut settings,
                     &mut measurement.warnings,
                     &mut report,

@@ -87,6 +87,7 @@ pub(super) fn read(
     setup: &Setup,
     run: &Run,
     geometry: RunGeometry,
+    limit: Option<u64>,
     settings: &mut Option<BlockSettings>,
     warnings: &mut Vec<String>,
     progress: &mut dyn FnMut(f64),
@@ -94,6 +95,7 @@ pub(super) fn read(
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
     let mut recording = Recording::open(&file, &names)?;
+    recording.limit(limit);
     if !recording.ignored().is_empty() {
         warnings.push(format!(
             "{}: columns not used: {}",

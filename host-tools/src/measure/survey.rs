@@ -8,7 +8,7 @@ use super::geometry::{Accelerations, RunGeometry, channel_names};
 use super::random::{settle, stream};
 use super::{MeasureError, Progress, sine};
 use crate::recording::Recording;
-use crate::setup::{Excitation, Run, Setup};
+use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};
 use massline_core::spectra::{Average, BlockSettings, DriveAverage, Sum};
 use massline_core::weighting::{join_peaks, weights_from_peaks};
@@ -48,6 +48,18 @@ pub fn survey(
     setup: &Setup,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Survey, MeasureError> {
+    survey_first(setup, None, progress)
+}
+
+/// The same with at most the first `limit` samples of each random run.
+///
+/// # Errors
+/// [`MeasureError`] that names file, line and channel.
+pub fn survey_first(
+    setup: &Setup,
+    limit: Option<u64>,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Survey, MeasureError> {
     let mut survey = Survey {
         frequencies: Vec::new(),
         runs: Vec::new(),
@@ -69,7 +81,7 @@ pub fn survey(
         let surveyed = match run.excitation {
             Excitation::Random if run.reference.is_some() => {
                 let (grid, surveyed) =
-                    random(setup, number, run, &geometry, &mut settings, &mut report)?;
+                    random(setup, number, &geometry, limit, &mut settings, &mut report)?;
                 survey.frequencies = grid;
                 surveyed
             }
@@ -107,14 +119,16 @@ fn from_sine(number: usize, measured: &super::MeasuredSine) -> SurveyedRun {
 fn random(
     setup: &Setup,
     number: usize,
-    run: &Run,
     geometry: &RunGeometry,
+    limit: Option<u64>,
     settings: &mut Option<BlockSettings>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<(Vec<f64>, SurveyedRun), MeasureError> {
+    let run = &setup.runs[number];
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
     let mut recording = Recording::open(&file, &names)?;
+    recording.limit(limit);
     let settings = settle(setup, run, &file, &mut recording, settings)?;
     let sensors = setup.accelerometers.len().min(MAX_CHANNELS);
     let channels = sensors + 12;
@@ -246,18 +260,30 @@ impl Survey {
         start..end.max(start)
     }
 
+    /// Largest amplitude in the mode band of each accelerometer, in the order of the setup,
+    /// m/s² per unit of drive.
+    #[must_use]
+    pub fn peaks(&self, run: &SurveyedRun, band: [f64; 2]) -> Vec<f64> {
+        let sensors = run.sensors.first().map_or(0, Vec::len);
+        let mut peaks = vec![0.0_f64; sensors];
+        for line in self.lines_within(band) {
+            for (peak, x) in peaks.iter_mut().zip(&run.sensors[line]) {
+                *peak = peak.max(x.norm_sqr());
+            }
+        }
+        for peak in &mut peaks {
+            *peak = peak.sqrt();
+        }
+        peaks
+    }
+
     /// Weights of chapter 7 from each run's own responses in the mode band: for method a.
     /// One list a run of the setup; runs that were not surveyed weigh equally.
     #[must_use]
     pub fn weights_per_run(&self, setup: &Setup, band: [f64; 2], minimum: f64) -> Vec<Vec<f64>> {
         let mut weights = vec![vec![1.0; setup.accelerometers.len()]; setup.runs.len()];
         for run in &self.runs {
-            let mut peaks = vec![0.0_f64; setup.accelerometers.len()];
-            for line in self.lines_within(band) {
-                for (peak, x) in peaks.iter_mut().zip(&run.sensors[line]) {
-                    *peak = peak.max(x.norm_sqr().sqrt());
-                }
-            }
+            let mut peaks = self.peaks(run, band);
             weights_from_peaks(&mut peaks, minimum);
             weights[run.number] = peaks;
         }
@@ -283,11 +309,7 @@ impl Survey {
             }
         } else {
             for run in &self.runs {
-                let peak = |s: usize| {
-                    let at = run.sensors[lines.clone()].iter().map(|x| x[s].norm_sqr());
-                    at.fold(0.0, f64::max).sqrt()
-                };
-                join_peaks(&mut joined, &(0..count).map(peak).collect::<Vec<_>>());
+                join_peaks(&mut joined, &self.peaks(run, band));
             }
         }
         weights_from_peaks(&mut joined, minimum);

@@ -23,6 +23,8 @@ pub struct Recording {
     clock: Option<Clock>,
     record: ByteRecord,
     rows: u64,
+    /// Rows after which the recording counts as ended.
+    limit: Option<u64>,
     size: u64,
     consumed: Rc<Cell<u64>>,
 }
@@ -93,6 +95,7 @@ impl Recording {
             clock: None,
             record: ByteRecord::new(),
             rows: 0,
+            limit: None,
             size,
             consumed,
         };
@@ -193,9 +196,18 @@ impl Recording {
         self.rows
     }
 
-    /// Share of the file that was read, 0 to 1.
+    /// Has the recording end after `rows` rows, if it is not shorter; `None`: not before
+    /// its end.
+    pub fn limit(&mut self, rows: Option<u64>) {
+        self.limit = rows;
+    }
+
+    /// Share of what is to be read that was read, 0 to 1.
     #[must_use]
     pub fn progress(&self) -> f64 {
+        if let Some(limit) = self.limit {
+            return self.rows as f64 / limit.max(1) as f64;
+        }
         self.consumed.get() as f64 / self.size.max(1) as f64
     }
 
@@ -308,6 +320,9 @@ impl Recording {
         mut store: impl FnMut(usize, f64),
     ) -> Result<bool, RecordingError> {
         let header = self.columns.len() + self.ignored.len() + usize::from(self.time.is_some());
+        if self.limit.is_some_and(|limit| self.rows >= limit) {
+            return Ok(false);
+        }
         if !self.advance()? {
             return if self.rows == 0 {
                 Err(RecordingError::HeaderOnly {
