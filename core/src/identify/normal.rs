@@ -2,8 +2,9 @@
 
 use super::{IdentifyError, measurement_matrix};
 use crate::algebra::symmetric_eigen;
+use crate::geometry::{resultants_at, transfer};
 use crate::masslines::Masslines;
-use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
 ///
@@ -52,6 +53,24 @@ impl Solved {
     }
 }
 
+const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
+
+/// Adds `Bᵀ diag(weights) B`.
+fn add_square(sum: &mut Matrix10, b: &SMatrix<f64, 6, 10>, weights: &Vector6<f64>) {
+    for i in 0..10 {
+        for j in 0..=i {
+            let mut entry = 0.0;
+            for k in 0..6 {
+                entry += b[(k, i)] * weights[k] * b[(k, j)];
+            }
+            sum[(i, j)] += entry;
+            if i != j {
+                sum[(j, i)] += entry;
+            }
+        }
+    }
+}
+
 /// Normal equations of all sets about one point.
 struct Normal {
     matrix: Matrix10,
@@ -67,6 +86,7 @@ struct Normal {
 }
 
 impl Normal {
+    #[inline(never)]
     fn stack(sets: &[Masslines], point: &Vector3<f64>, mass: f64) -> Self {
         let mut n = Self {
             matrix: Matrix10::zeros(),
@@ -78,22 +98,24 @@ impl Normal {
             variance: 0.0,
         };
         for set in sets {
-            let set = set.at(point);
-            let e = set.equations.rows();
+            let shift = point - set.reference;
+            let t = transfer(&shift);
+            let equations = set.equations.at(&shift);
+            let e = equations.rows();
             for pair in &set.pairs {
-                let b = e * measurement_matrix(&pair.acceleration, mass);
-                let f = e * pair.force;
-                n.matrix += b.transpose() * b;
-                n.right += b.transpose() * f;
-                n.meat += b.transpose() * Matrix6::from_diagonal(&pair.variance) * b;
+                let b = e * measurement_matrix(&(t * pair.acceleration), mass);
+                let f = e * resultants_at(&shift, &pair.force);
+                add_square(&mut n.matrix, &b, &ONES);
+                add_square(&mut n.meat, &b, &pair.variance);
+                n.right += b.tr_mul(&f);
                 n.forces += f.norm_squared();
-                n.rows += set.equations.count() as f64;
+                n.rows += equations.count() as f64;
                 n.variance += pair.variance.sum();
             }
             for j in 0..6 {
-                let column: Vector6<f64> = set.noise.column(j).into();
+                let column = t * set.noise.column(j);
                 let b = e * measurement_matrix(&column, mass);
-                n.noise += b.transpose() * b;
+                add_square(&mut n.noise, &b, &ONES);
             }
         }
         n
@@ -173,6 +195,7 @@ pub(super) fn solve(
 }
 
 /// The one rule: a parameter is observable if no undetermined direction involves it.
+#[inline(never)]
 fn observability(matrix: &Matrix10) -> [bool; 10] {
     let (values, vectors) = symmetric_eigen(matrix);
     let mut undetermined = [0.0; 10];
@@ -189,6 +212,7 @@ fn observability(matrix: &Matrix10) -> [bool; 10] {
 /// A largest set of columns that determine each other: all observable ones, and of the
 /// others as many as are independent. They contribute to the forces and must not be
 /// struck, though none of them has a value of its own.
+#[inline(never)]
 fn independent(matrix: &Matrix10, observable: &[bool; 10]) -> [bool; 10] {
     let mut order: heapless::Vec<usize, 10> = (0..10).filter(|&j| observable[j]).collect();
     order.extend((0..10).filter(|&j| !observable[j]));
@@ -216,6 +240,7 @@ fn independent(matrix: &Matrix10, observable: &[bool; 10]) -> [bool; 10] {
 }
 
 /// Inverse on the kept rows and columns by Cholesky, zero elsewhere.
+#[inline(never)]
 fn inverse_of(matrix: &Matrix10, kept: &[bool; 10]) -> Option<Matrix10> {
     let reduced = Matrix10::from_fn(|i, j| {
         if kept[i] && kept[j] {
@@ -235,6 +260,7 @@ fn inverse_of(matrix: &Matrix10, kept: &[bool; 10]) -> Option<Matrix10> {
     Some(inverse)
 }
 
+#[inline(never)]
 fn condition(matrix: &Matrix10, observable: &[bool; 10]) -> f64 {
     let reduced = Matrix10::from_fn(|i, j| {
         if observable[i] && observable[j] {

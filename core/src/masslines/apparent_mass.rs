@@ -22,11 +22,9 @@ use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 /// Most runs whose noise levels are weighed against each other.
 const MAX_RUNS: usize = 24;
 
-/// Masslines by apparent mass, with the elastic terms that were eliminated.
+/// The fit behind masslines by apparent mass, with the elastic terms that were eliminated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ApparentMass {
-    /// The pairs.
-    pub masslines: Masslines,
     /// Poles of the fixed structure found in the lines.
     pub poles: heapless::Vec<Pole, MAX_MODES>,
     /// What each pole's term was multiplied with in the averaging band, if it was needed
@@ -68,6 +66,7 @@ impl ApparentMass {
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
+#[inline(never)] // One method's working memory at a time.
 pub fn apparent_mass<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
@@ -75,7 +74,7 @@ pub fn apparent_mass<L: Lines + ?Sized>(
     reference: Vector3<f64>,
     equations: &Equations,
     work: &mut [Complex<f64>],
-) -> Result<ApparentMass, MasslineError> {
+) -> Result<(Masslines, ApparentMass), MasslineError> {
     if band.len() < MIN_LINES {
         return Err(MasslineError::TooFewLines(band.len()));
     }
@@ -84,17 +83,22 @@ pub fn apparent_mass<L: Lines + ?Sized>(
     }
     let (poles, _) = find_fixed_poles(lines, &band, fit, work);
     let basis = Basis::new(lines, &poles, &band);
-    let equal = [1.0; MAX_RUNS];
-    let first = Condensed::new(lines, &band, equations, &basis, &equal)?;
+    let mut fit = Fit::new(lines, &band, equations, &basis)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
-    let weights = first.run_weights(&first.left(lines, &band, &basis), lines.runs());
-    let last = Condensed::new(lines, &band, equations, &basis, &weights)?;
-    let spread = last.spread(lines, &band, &weights, &last.left(lines, &band, &basis));
-    last.finish(poles, &basis, reference, &spread)
+    fit.weigh_runs(lines, &band, &basis);
+    fit.solve(lines, &band, &basis)?;
+    let spread = fit.spread(lines, &band, &fit.left(lines, &band, &basis));
+    let mut masslines = fit.regression.masslines(&fit.solution, reference)?;
+    for (pair, spread) in masslines.pairs.iter_mut().zip(&spread) {
+        pair.variance.component_mul_assign(spread);
+    }
+    masslines.noise = fit.noise_of_pairs();
+    Ok((masslines, fit.describe(poles, &basis)))
 }
 
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
 /// and that scalar with its weights.
+#[inline(never)] // Gone from the stack before the regression needs it.
 pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     lines: &L,
     band: &Range<usize>,
@@ -181,62 +185,83 @@ impl Basis {
     }
 }
 
-struct Condensed {
+struct Fit {
     regression: Regression,
     solution: Solution,
-    excitation: Excitation,
+    /// What each run's squares count.
+    weights: [f64; MAX_RUNS],
+    runs: usize,
     noise: Vector6<f64>,
     power: Vector6<f64>,
 }
 
-impl Condensed {
+impl Fit {
+    /// With all runs counting alike.
     fn new<L: Lines + ?Sized>(
         lines: &L,
         band: &Range<usize>,
         equations: &Equations,
         basis: &Basis,
-        weights: &[f64; MAX_RUNS],
     ) -> Result<Self, MasslineError> {
-        let runs = lines.runs().min(MAX_RUNS);
+        let mut fit = Self {
+            regression: Regression::new(
+                Excitation::none(),
+                *equations,
+                basis.terms(),
+                lines.correlation(),
+            ),
+            solution: Solution::none(),
+            weights: [1.0; MAX_RUNS],
+            runs: lines.runs().min(MAX_RUNS),
+            noise: Vector6::zeros(),
+            power: Vector6::zeros(),
+        };
+        fit.solve(lines, band, basis)?;
+        Ok(fit)
+    }
+
+    /// Regression over all lines of the band with the weights as they are.
+    #[inline(never)] // Its moments are off the stack when pairs are made.
+    fn solve<L: Lines + ?Sized>(
+        &mut self,
+        lines: &L,
+        band: &Range<usize>,
+        basis: &Basis,
+    ) -> Result<(), MasslineError> {
         let mut energy = Moments::zero();
-        let mut noise = Vector6::zeros();
-        for (run, weight) in weights.iter().enumerate().take(runs) {
+        self.noise = Vector6::zeros();
+        for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
             let per_line = lines.noise(run);
-            for j in 0..6 {
-                noise[j] += weight * per_line[j] * band.len() as f64;
+            for (sum, noise) in self.noise.iter_mut().zip(per_line) {
+                *sum += weight * noise * band.len() as f64;
             }
             for line in band.clone() {
                 lines.add_moments(run, line, *weight, &mut energy);
             }
         }
-        let excitation = Excitation::new(&energy.aa.map(|z| z.re), &noise);
+        self.power = energy.ff.diagonal().map(|z| z.re);
+        let excitation = Excitation::new(&energy.aa.map(|z| z.re), &self.noise);
         if excitation.rank() == 0 {
             return Err(MasslineError::NoExcitation);
         }
-        let mut regression =
-            Regression::new(excitation, *equations, basis.terms(), lines.correlation());
+        self.regression.restart(excitation);
         for line in band.clone() {
             let mut m = Moments::zero();
             let mut count = 0.0;
-            for (run, weight) in weights.iter().enumerate().take(runs) {
+            for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
                 lines.add_moments(run, line, *weight, &mut m);
                 // Real and imaginary part hold independently (chapter 6).
                 count += 2.0 * lines.equations_per_line(run);
             }
-            regression.add(&m, &basis.at(lines.frequency(line))[..basis.terms()], count);
+            let phi = basis.at(lines.frequency(line));
+            self.regression.add(&m, &phi[..basis.terms()], count);
         }
-        let solution = best(&regression, basis).ok_or(MasslineError::Singular)?;
-        Ok(Self {
-            regression,
-            solution,
-            excitation,
-            noise,
-            power: energy.ff.diagonal().map(|z| z.re),
-        })
+        best(&self.regression, basis, &mut self.solution).ok_or(MasslineError::Singular)
     }
 
     /// What the fit leaves in each run: power of each measured equation per independent
     /// complex line, in units of the pooled residual.
+    #[inline(never)]
     fn left<L: Lines + ?Sized>(
         &self,
         lines: &L,
@@ -247,17 +272,17 @@ impl Condensed {
         let Some(whitened) = self.regression.whitened(&self.solution) else {
             return left;
         };
-        let terms: heapless::Vec<Matrix6<f64>, MAX_TERMS> = (0..basis.terms())
+        let models: heapless::Vec<Matrix6<f64>, MAX_TERMS> = (0..basis.terms())
             .map(|t| {
                 let m = self.regression.coefficient(&self.solution, t);
                 whitened.rows() * m.unwrap_or_else(Matrix6::zeros)
             })
             .collect();
-        let runs = lines.runs().min(MAX_RUNS);
+        let runs = self.runs;
         for line in band.clone() {
             let phi = basis.at(lines.frequency(line));
             let mut model = Matrix6::<Complex<f64>>::zeros();
-            for (m, phi) in terms.iter().zip(&phi) {
+            for (m, phi) in models.iter().zip(&phi) {
                 model += m.map(|x| phi * x);
             }
             for (run, left) in left.iter_mut().enumerate().take(runs) {
@@ -270,36 +295,33 @@ impl Condensed {
         left
     }
 
-    /// Inverse residual power of each run.
-    fn run_weights(&self, left: &[Vector6<f64>; MAX_RUNS], runs: usize) -> [f64; MAX_RUNS] {
-        let runs = runs.min(MAX_RUNS);
-        let mut weights = [1.0; MAX_RUNS];
-        let mean = left
-            .iter()
-            .take(runs)
-            .map(|l| l.sum() / runs as f64)
-            .sum::<f64>();
-        for (weight, left) in weights.iter_mut().zip(left).take(runs) {
-            // A run is never trusted a thousand times more than the average one.
-            *weight = mean / left.sum().max(1e-3 * mean).max(f64::MIN_POSITIVE);
+    /// Weighs each run with its inverse residual power.
+    fn weigh_runs<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
+        let left = self.left(lines, band, basis);
+        let left = left.iter().take(self.runs).map(Vector6::sum);
+        let mean = left.clone().sum::<f64>() / self.runs as f64;
+        if mean > 0.0 {
+            for (weight, left) in self.weights.iter_mut().zip(left) {
+                // A run is never trusted a thousand times more than the average one.
+                *weight = mean / left.max(1e-3 * mean);
+            }
         }
-        if mean > 0.0 { weights } else { [1.0; MAX_RUNS] }
     }
 
     /// Variance of the pairs' equations where runs differ in their noise: each pair has
     /// that of the runs which excite its direction, in their shares of its power.
+    #[inline(never)]
     fn spread<L: Lines + ?Sized>(
         &self,
         lines: &L,
         band: &Range<usize>,
-        weights: &[f64; MAX_RUNS],
         left: &[Vector6<f64>; MAX_RUNS],
     ) -> [Vector6<f64>; 6] {
         let mut variance = [Vector6::zeros(); 6];
         let mut total = [0.0; 6];
         let mut mean = Vector6::zeros();
         let mut counted = 0.0;
-        for (run, (weight, left)) in weights.iter().zip(left).enumerate().take(lines.runs()) {
+        for (run, (weight, left)) in self.weights.iter().zip(left).enumerate().take(self.runs) {
             let mut m = Moments::zero();
             for line in band.clone() {
                 lines.add_moments(run, line, *weight, &mut m);
@@ -327,20 +349,15 @@ impl Condensed {
         variance
     }
 
-    fn finish(
-        self,
-        poles: heapless::Vec<Pole, MAX_MODES>,
-        basis: &Basis,
-        reference: Vector3<f64>,
-        spread: &[Vector6<f64>; 6],
-    ) -> Result<ApparentMass, MasslineError> {
-        let mut masslines = self.regression.masslines(&self.solution, reference)?;
-        for (pair, spread) in masslines.pairs.iter_mut().zip(spread) {
-            pair.variance.component_mul_assign(spread);
-        }
-        // Of the noise, the pairs hold only what lies along the excited directions.
-        let kept = self.excitation.basis() * self.excitation.coordinates();
-        masslines.noise = kept * Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
+    /// Of the noise, the pairs hold only what lies along the excited directions.
+    fn noise_of_pairs(&self) -> Matrix6<f64> {
+        let excitation = self.regression.excitation();
+        let kept = excitation.basis() * excitation.coordinates();
+        kept * Matrix6::from_diagonal(&self.noise.map(libm::sqrt))
+    }
+
+    #[inline(never)]
+    fn describe(&self, poles: heapless::Vec<Pole, MAX_MODES>, basis: &Basis) -> ApparentMass {
         let coefficient = |t: usize| self.regression.coefficient(&self.solution, t);
         let mut elastic = [None; MAX_MODES];
         for (r, slot) in elastic.iter_mut().enumerate().take(poles.len()) {
@@ -353,16 +370,15 @@ impl Condensed {
                 if p > 0.0 { libm::sqrt(c / p) } else { 0.0 }
             },
         );
-        Ok(ApparentMass {
-            masslines,
+        ApparentMass {
             elastic,
             upper: coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit)),
             rigid: coefficient(0).unwrap_or_else(Matrix6::zeros),
             poles,
-            excited: self.excitation.rank(),
-            weakest_excitation: self.excitation.weakest(),
+            excited: self.regression.excitation().rank(),
+            weakest_excitation: self.regression.excitation().weakest(),
             misfit,
-        })
+        }
     }
 }
 
@@ -373,35 +389,55 @@ impl Condensed {
 /// bias of a smaller set is seen in how far its M₀ lies from that of the full set, beyond
 /// the scatter that this distance has anyway (the focused information criterion of
 /// Claeskens and Hjort). What bias remains in the best set widens its error bars.
-fn best(regression: &Regression, basis: &Basis) -> Option<Solution> {
-    let mut full: Option<Solution> = None;
-    let mut best: Option<(f64, Solution)> = None;
-    for modes in (0..=basis.poles.len()).rev() {
-        let mut chosen: heapless::Vec<usize, MAX_TERMS> = (0..=modes).collect();
-        // `MAX_TERMS` holds every mode and this one.
-        let _ = chosen.push(basis.upper());
-        let Some(mut solution) = regression.solve(&chosen) else {
-            continue;
-        };
-        let reference = full.get_or_insert_with(|| solution.clone());
-        let risk = regression.risk(&mut solution, reference);
-        if best.as_ref().is_none_or(|(least, _)| risk < *least) {
-            best = Some((risk, solution));
-        }
+///
+/// Leaves it in `best`; `None` if there is none.
+#[inline(never)]
+fn best(regression: &Regression, basis: &Basis, best: &mut Solution) -> Option<()> {
+    let modes = basis.poles.len();
+    let Some(full) = (0..=modes)
+        .rev()
+        .find_map(|m| regression.solve(&terms(m, basis)))
+    else {
+        // Three lines of one run carry no more than a plain average.
+        *best = regression.solve(&[0])?;
+        return Some(());
+    };
+    let mut least = f64::INFINITY;
+    for m in (0..=modes).rev() {
+        least = consider(regression, &terms(m, basis), &full, least, best);
     }
-    // Where no mode shows at all, the ω² term has to be worth its cost, too. And three
-    // lines of one run do not carry even that: then a plain average is left.
-    let plain = regression.solve(&[0]);
-    match (best, full, plain) {
-        (Some((risk, solution)), Some(reference), Some(mut plain)) if basis.poles.is_empty() => {
-            if regression.risk(&mut plain, &reference) < risk {
-                Some(plain)
-            } else {
-                Some(solution)
+    // Where no mode shows at all, the ω² term has to be worth its cost, too.
+    if modes == 0 {
+        consider(regression, &[0], &full, least, best);
+    }
+    Some(())
+}
+
+/// The rigid term, those of the first `modes` modes, and the ω² term.
+fn terms(modes: usize, basis: &Basis) -> heapless::Vec<usize, MAX_TERMS> {
+    // `MAX_TERMS` holds every mode and two more.
+    (0..=modes).chain([basis.upper()]).collect()
+}
+
+/// Keeps the solution with the terms `chosen` if its risk is below `least`. Returns the
+/// lowest risk.
+fn consider(
+    regression: &Regression,
+    chosen: &[usize],
+    full: &Solution,
+    least: f64,
+    best: &mut Solution,
+) -> f64 {
+    match regression.solve(chosen) {
+        Some(mut solution) => {
+            let risk = regression.risk(&mut solution, full);
+            if risk < least {
+                *best = solution;
+                return risk;
             }
+            least
         }
-        (Some((_, solution)), ..) => Some(solution),
-        (None, _, plain) => plain,
+        None => least,
     }
 }
 

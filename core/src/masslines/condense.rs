@@ -144,9 +144,10 @@ pub fn condense<L: Lines + ?Sized>(
     };
     match method {
         Method::ApparentMass => {
-            apparent_mass(lines, band, fit, reference, equations, work).map(|fit| Condensed {
-                apparent_mass: Some(fit.clone()),
-                ..plain(fit.masslines)
+            let fitted = apparent_mass(lines, band, fit, reference, equations, work);
+            fitted.map(|(masslines, fit)| Condensed {
+                apparent_mass: Some(fit),
+                ..plain(masslines)
             })
         }
         Method::FrequencyResponses => {

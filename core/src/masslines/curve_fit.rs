@@ -12,6 +12,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
+#[inline(never)] // One method's working memory at a time.
 pub fn curve_fit<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,

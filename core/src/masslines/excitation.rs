@@ -28,6 +28,17 @@ pub struct Excitation {
 }
 
 impl Excitation {
+    /// No direction.
+    pub(super) fn none() -> Self {
+        Self {
+            basis: Matrix6::zeros(),
+            coordinates: Matrix6::zeros(),
+            rank: 0,
+            weakest: f64::INFINITY,
+            cleaner: Matrix6::zeros(),
+        }
+    }
+
     /// Decides from the summed real second moments `Σ a aᵀ` and the noise power in each
     /// of their diagonal terms.
     #[must_use]

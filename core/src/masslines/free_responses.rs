@@ -14,6 +14,7 @@ use nalgebra::Vector3;
 ///
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`].
+#[inline(never)] // One method's working memory at a time.
 pub fn free_responses<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,

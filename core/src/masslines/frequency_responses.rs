@@ -16,6 +16,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 /// # Errors
 /// [`MasslineError`] if the band is too short, nothing is excited or measured, or the
 /// runs have no common reference.
+#[inline(never)] // One method's working memory at a time.
 pub fn frequency_responses<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,

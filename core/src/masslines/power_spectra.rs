@@ -26,6 +26,7 @@ pub enum Factorisation {
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
+#[inline(never)] // One method's working memory at a time.
 pub fn power_spectra<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,

@@ -10,14 +10,36 @@
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower};
 use crate::geometry::Equations;
+use core::ops::{Index, IndexMut};
 use nalgebra::{Complex, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
 const SIZE: usize = 6 * MAX_TERMS;
 
-type Normal = SMatrix<f64, SIZE, SIZE>;
 type Right = SMatrix<f64, SIZE, 6>;
+
+/// A lower triangle: half the memory of a square, and it is on a small stack.
+struct Triangle([f64; SIZE * (SIZE + 1) / 2]);
+
+impl Triangle {
+    const ZERO: Self = Self([0.0; SIZE * (SIZE + 1) / 2]);
+}
+
+/// Row and column, the column not past the row.
+impl Index<(usize, usize)> for Triangle {
+    type Output = f64;
+
+    fn index(&self, (i, j): (usize, usize)) -> &f64 {
+        &self.0[i * (i + 1) / 2 + j]
+    }
+}
+
+impl IndexMut<(usize, usize)> for Triangle {
+    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
+        &mut self.0[i * (i + 1) / 2 + j]
+    }
+}
 
 /// Normal equations of the regression, in coordinates of the excited directions and of
 /// the measured equations.
@@ -25,7 +47,7 @@ pub(super) struct Regression {
     excitation: Excitation,
     equations: Equations,
     terms: usize,
-    normal: Normal,
+    normal: Triangle,
     right: Right,
     power: Matrix6<f64>,
     /// Real equations per row of f.
@@ -61,13 +83,27 @@ impl Regression {
             excitation,
             equations,
             terms: terms.clamp(1, MAX_TERMS),
-            normal: Normal::zeros(),
+            normal: Triangle::ZERO,
             right: Right::zeros(),
             power: Matrix6::zeros(),
             count: 0.0,
             correlation,
             independent: false,
         }
+    }
+
+    /// Starts again with another excitation.
+    pub(super) fn restart(&mut self, excitation: Excitation) {
+        self.excitation = excitation;
+        self.normal.0.fill(0.0);
+        self.right.fill(0.0);
+        self.power.fill(0.0);
+        self.count = 0.0;
+    }
+
+    /// The directions it is done in.
+    pub(super) fn excitation(&self) -> &Excitation {
+        &self.excitation
     }
 
     /// Takes the residuals of different resultants as independent: where there are too
@@ -92,7 +128,8 @@ impl Regression {
                 // Re conj(φ_t a_i) φ_u a_j
                 let factor = phi_t.conj() * phi_u;
                 for i in 0..rank {
-                    for j in 0..rank {
+                    let columns = if t == u { i + 1 } else { rank };
+                    for j in 0..columns {
                         self.normal[(6 * t + i, 6 * u + j)] += (factor * aa[(j, i)]).re;
                     }
                 }
@@ -110,6 +147,7 @@ impl Regression {
 
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
+    #[inline(never)] // Its triangle is off the stack when the caller goes on.
     pub(super) fn solve(&self, chosen: &[usize]) -> Option<Solution> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
@@ -138,7 +176,7 @@ impl Regression {
             }
             scale[n] = 1.0 / libm::sqrt(d);
         }
-        let mut l = Normal::zeros();
+        let mut l = Triangle::ZERO;
         let nuisance = unknowns - rank;
         let mut schur = Matrix6::zeros();
         for j in 0..unknowns {
@@ -338,6 +376,19 @@ impl Regression {
             }
         });
         Some(self.equations.rows().transpose() * inner * self.excitation.coordinates())
+    }
+}
+
+impl Solution {
+    /// Nothing solved yet.
+    pub(super) fn none() -> Self {
+        Self {
+            terms: heapless::Vec::new(),
+            coefficients: Right::zeros(),
+            schur: Matrix6::zeros(),
+            residual: Matrix6::zeros(),
+            inflation: 1.0,
+        }
     }
 }
 

@@ -13,6 +13,7 @@ use nalgebra::{Complex, Vector3};
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
+#[inline(never)] // One method's working memory at a time.
 pub fn synthesis<L: Lines + ?Sized>(
     lines: &L,
     band: Range<usize>,
