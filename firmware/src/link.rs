@@ -1,26 +1,250 @@
-//! What the box says to the host.
+//! The link: bytes between the port and two queues, frames and messages behind them.
+//!
+//! [`Port`] is the interrupt's half. It moves bytes and looks into none of them, but for the
+//! zeros that end frames. [`Inbox`] and [`Post`] are the half of whoever attends to requests.
+//!
+//! | queue | bytes | why |
+//! | --- | --- | --- |
+//! | from the host | 4096 | holds [`WINDOW`] requests of any length: a host that keeps to it loses nothing, however long the box is busy |
+//! | to the host | 2048 | the longest reply finds room while the one before it is on its way |
+//!
+//! A reply is never given up: no request is taken before there is [`Post::has_room`] for its
+//! reply. Events are, and leave a gap in the frames' numbers.
 
-use core::fmt::{self, Write};
+use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::clocks::Clock;
+use heapless::spsc::{Consumer, Producer, Queue};
+use massline_core::instrument::Outbox;
+use massline_core::wire::{
+    BODY_MAX, EncodeError, Event, FRAME_MAX, LinkCounters, Received, Receiver, Reply, Request,
+    Sender, ToBox,
+};
+use stm32f4xx_hal::nb;
+use stm32f4xx_hal::pac::USART2;
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::serial::{Rx, Tx};
 
-/// Name the box answers by.
-const NAME: &str = "massline";
-/// Chip the firmware was built for.
-const CHIP: &str = "STM32F405";
+/// Slots of the queue from the host, one of which stays free.
+const FROM_HOST: usize = 4096;
+/// Slots of the queue to the host, one of which stays free.
+const TO_HOST: usize = 2048;
 
-/// Says who is there and on which clock, in one line that ends in CR LF:
-/// `massline 0.1.0 STM32F405 clock=hsi 16000000 Hz`.
-///
-/// # Errors
-///
-/// Those of `out`.
-pub fn greet(out: &mut impl Write, clock: &Clock) -> fmt::Result {
-    write!(
-        out,
-        "{NAME} {version} {CHIP} clock={source} {hertz} Hz\r\n",
-        version = env!("CARGO_PKG_VERSION"),
-        source = clock.source,
-        hertz = clock.core.raw(),
-    )
+/// Frames of any length that the queue from the host holds.
+pub const WINDOW: u8 = 3;
+
+const _: () = assert!(WINDOW as usize * FRAME_MAX < FROM_HOST);
+const _: () = assert!(FRAME_MAX < TO_HOST);
+
+/// Bytes from the host that found no room or came garbled by the port.
+static OVERRUN: AtomicU32 = AtomicU32::new(0);
+
+/// The memory of the link.
+pub struct Queues {
+    from_host: Queue<u8, FROM_HOST>,
+    to_host: Queue<u8, TO_HOST>,
+    body: [u8; BODY_MAX],
+}
+
+impl Queues {
+    /// Empty queues.
+    pub const fn new() -> Self {
+        Self {
+            from_host: Queue::new(),
+            to_host: Queue::new(),
+            body: [0; BODY_MAX],
+        }
+    }
+}
+
+/// The parts of a link over a port, in the session of this number.
+pub fn open(
+    rx: Rx<USART2>,
+    tx: Tx<USART2>,
+    session: u16,
+    queues: &'static mut Queues,
+) -> (Port, Inbox, Post) {
+    let (from_port, to_inbox) = queues.from_host.split();
+    let (from_post, to_port) = queues.to_host.split();
+    let port = Port {
+        rx,
+        tx,
+        from_host: from_port,
+        to_host: to_port,
+    };
+    let inbox = Inbox {
+        queue: to_inbox,
+        receiver: Receiver::new(&mut queues.body),
+    };
+    let post = Post {
+        sender: Sender::new(session),
+        queue: from_post,
+        frame: [0; FRAME_MAX],
+        dropped: 0,
+    };
+    (port, inbox, post)
+}
+
+/// The port's interrupt.
+pub struct Port {
+    rx: Rx<USART2>,
+    tx: Tx<USART2>,
+    from_host: Producer<'static, u8>,
+    to_host: Consumer<'static, u8>,
+}
+
+impl Port {
+    /// Listens for bytes.
+    pub fn start(&mut self) {
+        self.rx.listen();
+    }
+
+    /// Moves what can be moved without waiting. Whether there is something to do about it: a
+    /// frame has ended, or the way to the host is clear again.
+    ///
+    /// To be called at the port's interrupt and whenever there are bytes to send. It asks the
+    /// port for an interrupt as soon as that can take more; a port that always can, as the
+    /// emulator's, is given all at once.
+    pub fn serve(&mut self) -> bool {
+        let mut ended = false;
+        loop {
+            match self.rx.read() {
+                Ok(byte) => {
+                    ended |= byte == 0;
+                    if self.from_host.enqueue(byte).is_err() {
+                        count_overrun();
+                        // Whoever should take bytes out has not been told of a full queue.
+                        ended = true;
+                    }
+                }
+                Err(nb::Error::WouldBlock) => break,
+                // The frame that the byte was in does not pass its checksum.
+                Err(nb::Error::Other(_)) => count_overrun(),
+            }
+        }
+        let mut sent = false;
+        while let Some(&byte) = self.to_host.peek() {
+            if self.tx.write(byte).is_err() {
+                self.tx.listen();
+                return ended;
+            }
+            self.to_host.dequeue();
+            sent = true;
+        }
+        self.tx.unlisten();
+        ended || sent
+    }
+}
+
+fn count_overrun() {
+    OVERRUN.store(
+        OVERRUN.load(Ordering::Relaxed).saturating_add(1),
+        Ordering::Relaxed,
+    );
+}
+
+/// Bytes from the host that found no room.
+pub fn overrun() -> u32 {
+    OVERRUN.load(Ordering::Relaxed)
+}
+
+/// Messages from the host.
+pub struct Inbox {
+    queue: Consumer<'static, u8>,
+    receiver: Receiver<'static, ToBox>,
+}
+
+impl Inbox {
+    /// Hands the next message over, if one is complete.
+    pub fn take(&mut self, handle: impl FnOnce(Received<Request<'_>>)) -> bool {
+        while let Some(byte) = self.queue.dequeue() {
+            if let Some(received) = self.receiver.next(&mut &[byte][..]) {
+                handle(received);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// What was seen of the host's frames.
+    pub fn counters(&self) -> &LinkCounters {
+        self.receiver.counters()
+    }
+}
+
+/// Messages to the host.
+pub struct Post {
+    sender: Sender,
+    queue: Producer<'static, u8>,
+    frame: [u8; FRAME_MAX],
+    dropped: u32,
+}
+
+impl Post {
+    /// Whether any reply finds room.
+    pub fn has_room(&self) -> bool {
+        self.room() >= FRAME_MAX
+    }
+
+    /// Whether nothing is on its way from here to the port.
+    pub fn is_empty(&self) -> bool {
+        self.queue.len() == 0
+    }
+
+    /// Frames that were given up.
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    fn room(&self) -> usize {
+        self.queue.capacity() - self.queue.len()
+    }
+
+    /// Queues the frame that was written, if that leaves `spare` bytes free.
+    fn send(&mut self, length: usize, spare: usize) {
+        let room = self.room();
+        let Some(frame) = self
+            .frame
+            .get(..length)
+            .filter(|frame| frame.len() + spare <= room)
+        else {
+            self.dropped = self.dropped.saturating_add(1);
+            return;
+        };
+        for &byte in frame {
+            // There is room: this is the only end that bytes come in by.
+            let _ = self.queue.enqueue(byte);
+        }
+        crate::board::pend_link();
+    }
+
+    fn not_written(&mut self, error: EncodeError) {
+        self.dropped = self.dropped.saturating_add(1);
+        defmt::error!(
+            "a message did not become a frame: {}",
+            defmt::Display2Format(&error)
+        );
+    }
+}
+
+impl Outbox for Post {
+    fn reply(&mut self, request: u16, reply: &Reply<'_>) {
+        match self.sender.reply(request, reply, &mut self.frame) {
+            Ok(frame) => {
+                let length = frame.len();
+                self.send(length, 0);
+            }
+            Err(error) => self.not_written(error),
+        }
+    }
+
+    fn event(&mut self, event: &Event<'_>) {
+        match self.sender.event(event, &mut self.frame) {
+            // What is left must do for a reply.
+            Ok(frame) => {
+                let length = frame.len();
+                self.send(length, FRAME_MAX);
+            }
+            Err(error) => self.not_written(error),
+        }
+    }
 }

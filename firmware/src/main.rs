@@ -1,7 +1,19 @@
 //! The box next to the shaking table: `massline-core` on an STM32F405.
 //!
 //! This file holds the tasks and nothing else. Pins and peripherals are in [`board`], the choice
-//! of clock in [`clocks`], what goes over the serial port in [`link`].
+//! of clock in [`clocks`], the queues to the serial port in [`link`], the instrument and its
+//! dealings in [`office`], what becomes of a failure in [`faults`].
+//!
+//! # Tasks
+//!
+//! | priority | task | called by | works for | why there |
+//! | --- | --- | --- | --- | --- |
+//! | 6 | `roll_call` | SysTick, every 10 ms | microseconds | must see any other task hang |
+//! | 5 | `link` | USART2 | a microsecond a byte | the port holds one byte, 11 µs long; the rate of the port bounds its share of time, so that no traffic starves what is below |
+//! | 3 | `desk` | `link` at a frame's end | a message | answers while blocks are computed and jobs run |
+//! | 2 | `block` | `desk`, `roll_call` | a block | takes milliseconds, no one waits for it |
+//! | 2 | `telemetry` | `roll_call`, every 100 ms | a look at the stack | so does this |
+//! | 1 | `identify` | `desk` | a job of seconds | everything else goes on meanwhile |
 //!
 //! The chip is the only target on which this binary does its job:
 //!
@@ -17,48 +29,195 @@
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
+mod build_id;
+#[cfg(target_os = "none")]
 mod clocks;
 #[cfg(target_os = "none")]
-mod link;
-
-// Linked for what they define: the log's transport and the panic handler, which logs and stops.
+mod faults;
 #[cfg(target_os = "none")]
-use {defmt_rtt as _, panic_probe as _};
+mod link;
+#[cfg(target_os = "none")]
+mod memory;
+#[cfg(target_os = "none")]
+mod office;
+#[cfg(target_os = "none")]
+mod services;
+#[cfg(target_os = "none")]
+mod stack;
+#[cfg(target_os = "none")]
+mod ticks;
+
+// Linked for what it defines: the log's transport.
+#[cfg(target_os = "none")]
+use defmt_rtt as _;
 
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac)]
 mod app {
-    use crate::board::{self, Board, LinkTx};
-    use crate::clocks::Clock;
-    use crate::link;
+    use massline_core::instrument::{Memory, WorkingStorage};
+    use massline_firmware::retained::Cause;
+    use massline_firmware::roll_call::{Answers, RollCall};
+    use stm32f4xx_hal::prelude::*;
+    use stm32f4xx_hal::watchdog::IndependentWatchdog;
+
+    use crate::board::{self, Board, ROUNDS};
+    use crate::link::{Port, Queues, open};
+    use crate::office::{self, Office};
+    use crate::{build_id, faults, memory, services, ticks};
+
+    /// Who is called at the roll call, in the order of priority: where several are missing, the
+    /// first keeps the others from answering.
+    const NAMES: [&str; 5] = ["link", "desk", "block", "telemetry", "identify"];
+    const LINK: u8 = 0;
+    const DESK: u8 = 1;
+    const BLOCK: u8 = 2;
+    const TELEMETRY: u8 = 3;
+    const IDENTIFY: u8 = 4;
+
+    static ANSWERS: Answers = Answers::new();
 
     #[shared]
-    struct Shared {}
+    struct Shared {
+        office: Office,
+    }
 
     #[local]
     struct Local {
-        clock: Clock,
-        link_tx: LinkTx,
+        port: Port,
+        roll: RollCall<5>,
+        watchdog: IndependentWatchdog,
+        rounds: u32,
     }
 
-    #[init]
+    #[init(local = [
+        working: WorkingStorage = WorkingStorage::new(),
+        queues: Queues = Queues::new(),
+    ])]
     fn init(cx: init::Context) -> (Shared, Local) {
-        match Board::start(cx.device) {
-            Ok(Board { clock, link_tx }) => (Shared {}, Local { clock, link_tx }),
+        let flags = board::reset_flags(&cx.device.RCC);
+        let (record, reset) = faults::start(flags);
+        let (resets, session) = (record.resets, record.session);
+        let mut board = match Board::start(cx.device, board::LINK_BAUD) {
+            Ok(board) => board,
             Err(fault) => board::halt(fault),
+        };
+        let record = cortex_m::singleton!(: massline_firmware::retained::Record = record);
+        let build = cortex_m::singleton!(: heapless::String<16> = build_id::read());
+        let identity = office::identity(
+            &board.clock,
+            board.ticks.raw(),
+            build.map_or("", |text| text.as_str()),
+            reset,
+            resets,
+            record.and_then(|record| record.words()),
+        );
+        let Some(runs) = memory::runs() else {
+            panic!("the 64 KiB of core-coupled memory do not answer");
+        };
+        let storage = Memory {
+            working: cx.local.working,
+            runs,
+        };
+        let (mut port, inbox, post) = open(board.link_rx, board.link_tx, session, cx.local.queues);
+        port.start();
+        board::start_rounds(cx.core.SYST, board.clock.core);
+        board.watchdog.start(2_u32.secs());
+        board::pend_block();
+
+        // Patience of the roll call. A job may take 15 s at the highest clock, twelve times its
+        // budget; with a slower clock everything takes longer, so it is counted in cycles.
+        let cycles = |seconds: u32| seconds * (168_000_000 / (board.clock.core.raw() / ROUNDS));
+        // Telemetry is called in one of ten rounds, and must not be late before what hinders it.
+        let roll = RollCall::new([cycles(1), cycles(1), cycles(1), cycles(2), cycles(15)]);
+        (
+            Shared {
+                office: Office::new(storage, identity, inbox, post),
+            },
+            Local {
+                port,
+                roll,
+                watchdog: board.watchdog,
+                rounds: 0,
+            },
+        )
+    }
+
+    // Interrupts wake the processor though they are masked, so that sleep ends in the count
+    // before the work that ended it begins.
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        loop {
+            cortex_m::interrupt::free(|_| {
+                let begin = ticks::low();
+                cortex_m::asm::wfi();
+                services::count_sleep(ticks::low().wrapping_sub(begin));
+            });
         }
     }
 
-    // The greeting is sent from here, not from `init`, which runs with interrupts masked: at
-    // 921600 baud a line takes half a millisecond that sampling must not lose.
-    #[idle(local = [clock, link_tx])]
-    fn idle(cx: idle::Context) -> ! {
-        if link::greet(cx.local.link_tx, cx.local.clock).is_err() {
-            defmt::warn!("the greeting did not go out");
+    #[task(binds = SysTick, priority = 6, local = [roll, watchdog, rounds])]
+    fn roll_call(cx: roll_call::Context) {
+        ticks::now();
+        match cx.local.roll.round(&ANSWERS) {
+            Ok(()) => cx.local.watchdog.feed(),
+            Err(task) => faults::end(
+                Cause::Watchdog,
+                format_args!(
+                    "task {} did not answer the roll call",
+                    NAMES[usize::from(task)]
+                ),
+            ),
         }
-        loop {
-            cortex_m::asm::wfi();
+        *cx.local.rounds = cx.local.rounds.wrapping_add(1);
+        if cx.local.rounds.is_multiple_of(ROUNDS / 10) {
+            board::pend_telemetry();
         }
+        board::pend_link();
+        board::pend_desk();
+        board::pend_block();
+        board::pend_identify();
+    }
+
+    #[task(binds = USART2, priority = 5, local = [port])]
+    fn link(cx: link::Context) {
+        if cx.local.port.serve() {
+            board::pend_desk();
+        }
+        ANSWERS.present(LINK);
+    }
+
+    #[task(binds = CAN2_TX, priority = 3, shared = [office])]
+    fn desk(mut cx: desk::Context) {
+        while cx.shared.office.lock(Office::attend) {
+            board::pend_block();
+            board::pend_identify();
+        }
+        ANSWERS.present(DESK);
+    }
+
+    #[task(binds = CAN2_RX0, priority = 2, shared = [office])]
+    fn block(mut cx: block::Context) {
+        services::hang_if_provoked();
+        while cx.shared.office.lock(Office::poll) {}
+        ANSWERS.present(BLOCK);
+    }
+
+    #[task(binds = CAN2_RX1, priority = 2)]
+    fn telemetry(_: telemetry::Context) {
+        services::look_at_stack();
+        ANSWERS.present(TELEMETRY);
+    }
+
+    #[task(binds = CAN2_SCE, priority = 1, shared = [office])]
+    fn identify(mut cx: identify::Context) {
+        let mut out = cx.shared.office.lock(Office::take_job);
+        if let Some(job) = &mut out {
+            job.run();
+        }
+        while let Some(job) = out {
+            out = cx.shared.office.lock(|office| office.finish(job));
+        }
+        ANSWERS.present(IDENTIFY);
     }
 }
 

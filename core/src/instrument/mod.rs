@@ -17,8 +17,8 @@ pub use job::Job;
 pub use memory::{Memory, RunStorage, WorkingStorage};
 
 use crate::wire::{
-    Capacity, Info, Item, NAME_MAX, PANIC_MAX, Pong, Problem, Refused, Reply, Request, Saved,
-    State, Status, Subscription,
+    Capacity, Event, Info, Item, NAME_MAX, PANIC_MAX, Pong, Problem, Refused, Reply, Request,
+    Saved, Started, State, Status, Subscription,
 };
 
 /// The box.
@@ -29,6 +29,7 @@ pub struct Instrument<'m> {
     memory: Memory<'m>,
     state: State,
     subscription: Subscription,
+    told: bool,
 }
 
 impl<'m> Instrument<'m> {
@@ -41,6 +42,7 @@ impl<'m> Instrument<'m> {
             memory,
             state: State::Empty,
             subscription: Subscription::default(),
+            told: false,
         }
     }
 
@@ -91,6 +93,13 @@ impl<'m> Instrument<'m> {
                 board.reboot();
                 return;
             }
+            Request::Provoke(fault) => {
+                if board.provoke(*fault) {
+                    Ok(Reply::Done)
+                } else {
+                    Err(Problem::Unsupported(Item::Provoke))
+                }
+            }
             _ => Err(Problem::Unsupported(Item::Method)),
         };
         let refused = |problem| {
@@ -113,7 +122,14 @@ impl<'m> Instrument<'m> {
 
     /// Does what is due without a request. Call it whenever there is time, a hundred times
     /// a second or more; `true` if there is more to do at once.
-    pub fn poll(&mut self, _board: &mut impl Board, _out: &mut impl Outbox) -> bool {
+    pub fn poll(&mut self, _board: &mut impl Board, out: &mut impl Outbox) -> bool {
+        if !self.told {
+            self.told = true;
+            out.event(&Event::Started(Started {
+                reset: self.identity.reset,
+                resets: self.identity.resets,
+            }));
+        }
         false
     }
 

@@ -153,7 +153,16 @@ mod tests {
             named("CCM", 0x1000_0000, 64 << 10),
         ];
         assert_eq!(regions(MAP), expected);
-        assert_eq!(regions(include_str!("../../../memory.x")), expected);
+        let board = regions(include_str!("../../../memory.x"));
+        let names: Vec<_> = board.iter().map(|region| region.name.as_str()).collect();
+        assert_eq!(names, ["FLASH", "STACK", "RAM", "CCM"]);
+        let (stack, ram) = (&board[1], &board[2]);
+        assert_eq!(
+            stack.origin, 0x2000_0000,
+            "an overflow must leave the memory"
+        );
+        assert_eq!(stack.origin + stack.length, ram.origin);
+        assert_eq!(stack.length + ram.length, 128 << 10);
     }
 
     #[test]

@@ -1,0 +1,122 @@
+//! The office: the instrument with all that it deals with, behind one lock.
+//!
+//! The tasks of the desk, of blocks and of identification take turns at it, one message, one
+//! block or one job at a time. Neither the link's interrupt nor sampling ever waits for it: they
+//! hand over by queues.
+
+use massline_core::instrument::{Identity, Instrument, Job, Memory, Outbox};
+use massline_core::wire::{ClockSource, Received, Refused, Reply, ResetReason, Storage};
+
+use crate::board;
+use crate::clocks::{Clock, Source};
+use crate::link::{self, Inbox, Post};
+use crate::services::Services;
+
+/// The instrument and what it deals with.
+pub struct Office {
+    instrument: Instrument<'static>,
+    services: Services,
+    inbox: Inbox,
+    post: Post,
+}
+
+impl Office {
+    /// Opens it.
+    pub fn new(
+        memory: Memory<'static>,
+        identity: Identity<'static>,
+        inbox: Inbox,
+        post: Post,
+    ) -> Self {
+        Self {
+            instrument: Instrument::new(memory, identity),
+            services: Services::new(),
+            inbox,
+            post,
+        }
+    }
+
+    /// Deals with one message from the host; whether there may be more.
+    ///
+    /// Without room for a reply it leaves all messages where they are. The port calls the desk
+    /// again when it has sent something.
+    pub fn attend(&mut self) -> bool {
+        if self.services.is_ending() {
+            if self.post.is_empty() {
+                self.services.end();
+            }
+            return false;
+        }
+        if !self.post.has_room() {
+            return false;
+        }
+        let Self {
+            instrument,
+            services,
+            inbox,
+            post,
+        } = self;
+        let taken = inbox.take(|received| match received {
+            Received::Message(header, request) => {
+                instrument.request(header.request, &request, services, post);
+            }
+            Received::Refused(header, refusal) => post.reply(
+                header.request,
+                &Reply::Error(Refused::because(&header, refusal)),
+            ),
+        });
+        services.note_link(inbox.counters(), post.dropped());
+        taken
+    }
+
+    /// Does what is due without a request, a block at the most; whether there is more.
+    pub fn poll(&mut self) -> bool {
+        self.instrument.poll(&mut self.services, &mut self.post)
+    }
+
+    /// What takes seconds, if there is any of it.
+    pub fn take_job(&mut self) -> Option<Job<'static>> {
+        self.instrument.take_job()
+    }
+
+    /// Takes it back and answers; without room for the answer, the job stays out.
+    pub fn finish(&mut self, job: Job<'static>) -> Option<Job<'static>> {
+        if !self.post.has_room() {
+            return Some(job);
+        }
+        self.instrument
+            .finish(job, &mut self.services, &mut self.post);
+        None
+    }
+}
+
+/// Who the box is.
+pub fn identity(
+    clock: &Clock,
+    tick_hz: u32,
+    build: &'static str,
+    reset: ResetReason,
+    resets: u32,
+    panic: Option<&'static str>,
+) -> Identity<'static> {
+    Identity {
+        firmware: "massline",
+        version: env!("CARGO_PKG_VERSION"),
+        build,
+        chip: "STM32F405",
+        serial: board::serial_number(),
+        clock: match clock.source {
+            Source::CrystalPll => ClockSource::CrystalPll,
+            Source::InternalPll => ClockSource::InternalPll,
+            Source::Internal => ClockSource::Internal,
+        },
+        clock_hz: clock.core.raw(),
+        tick_hz,
+        storage: Storage::Volatile,
+        reset,
+        resets,
+        panic,
+        inputs: 0,
+        window: link::WINDOW,
+    }
+}

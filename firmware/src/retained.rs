@@ -1,0 +1,502 @@
+//! What the box remembers over a reset: how often it restarted, why, what went wrong, and the
+//! last words of whatever failed.
+//!
+//! The record lies in memory that the start-up code leaves alone. After the power was off it is
+//! noise, so a checksum says whether it is one. The code here knows bytes only; where they lie
+//! is the binary's business.
+
+use core::fmt::{self, Write};
+
+use massline_core::wire::{FaultCounters, PANIC_MAX, ResetReason, crc32};
+
+/// Bytes of a record in memory, its checksum included.
+pub const SIZE: usize = 4 * WORDS + 2 + 2 + 1 + 1 + PANIC_MAX + 2 + 4;
+
+/// Words of 32 bits in front: the mark, the resets, the fault counters.
+const WORDS: usize = 2 + 11;
+
+/// First word of a record. Its last digit counts the layouts that there have been.
+const MARK: u32 = 0x6D4C_0001;
+
+/// [`FaultCounters::default`], which is not for constants.
+const NO_FAULTS: FaultCounters = FaultCounters {
+    watchdog: 0,
+    brown_out: 0,
+    panic: 0,
+    hard_fault: 0,
+    stack_overflow: 0,
+    converter_checksum: 0,
+    converter_missed: 0,
+    converter_reset: 0,
+    out_of_step: 0,
+    overrun: 0,
+    storage: 0,
+};
+
+/// What ended the program, as far as the program itself knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// A panic.
+    Panic,
+    /// A fault of the processor.
+    HardFault,
+    /// The stack ran into its guard.
+    StackOverflow,
+    /// A task was missing at the roll call.
+    Watchdog,
+    /// The host asked for it.
+    Request,
+}
+
+impl Cause {
+    const ALL: [Self; 5] = [
+        Self::Panic,
+        Self::HardFault,
+        Self::StackOverflow,
+        Self::Watchdog,
+        Self::Request,
+    ];
+
+    /// Its number in memory; zero is none.
+    const fn code(self) -> u8 {
+        self as u8 + 1
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|cause| cause.code() == code)
+    }
+
+    const fn reason(self) -> ResetReason {
+        match self {
+            Self::Panic => ResetReason::Panic,
+            Self::HardFault => ResetReason::HardFault,
+            Self::StackOverflow => ResetReason::StackOverflow,
+            Self::Watchdog => ResetReason::Watchdog,
+            Self::Request => ResetReason::Request,
+        }
+    }
+}
+
+/// What the chip's reset controller says. Several may be set at once, and none in the emulator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ResetFlags {
+    /// The supply came up.
+    pub power_on: bool,
+    /// The supply was below the brown-out level; also set when it comes up.
+    pub brown_out: bool,
+    /// The chip's own watchdog bit.
+    pub watchdog: bool,
+    /// The reset pin; also set by every other reset, which pulls that pin.
+    pub pin: bool,
+    /// The program, or a debugger, asked for it.
+    pub software: bool,
+}
+
+/// What outlives a reset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Resets since the box was last switched on.
+    pub resets: u32,
+    /// Number of this session on the link.
+    pub session: u16,
+    /// Faults since they were last forgotten.
+    pub faults: FaultCounters,
+    cause: Option<Cause>,
+    words: Text,
+}
+
+impl Record {
+    /// The record at a start and why the box started.
+    ///
+    /// `noise` tells sessions apart that begin with the power switch, after which nothing is
+    /// remembered; the memory's own noise is good for it.
+    #[must_use]
+    pub fn start(previous: Option<Self>, flags: ResetFlags, noise: u16) -> (Self, ResetReason) {
+        let previous = previous.filter(|_| !flags.power_on);
+        let Some(mut record) = previous else {
+            let mut record = Self::new(noise);
+            // Memory that is lost without "power on" has lost it to a sagging supply.
+            let sagged = flags.brown_out && !flags.power_on;
+            if sagged {
+                record.faults.brown_out = 1;
+            }
+            return (
+                record,
+                if sagged {
+                    ResetReason::BrownOut
+                } else {
+                    ResetReason::PowerOn
+                },
+            );
+        };
+        record.resets = record.resets.saturating_add(1);
+        record.session = record.session.wrapping_add(1);
+        let reason = match record.cause.take() {
+            Some(cause) => cause.reason(),
+            None if flags.watchdog => {
+                count(&mut record.faults.watchdog);
+                ResetReason::Watchdog
+            }
+            None if flags.brown_out => {
+                count(&mut record.faults.brown_out);
+                ResetReason::BrownOut
+            }
+            // A debugger's, or that of a program in which this record is not known.
+            None if flags.software => ResetReason::Other,
+            None if flags.pin => ResetReason::Pin,
+            None => ResetReason::Other,
+        };
+        (record, reason)
+    }
+
+    const fn new(session: u16) -> Self {
+        Self {
+            resets: 0,
+            session,
+            faults: NO_FAULTS,
+            cause: None,
+            words: Text::new(),
+        }
+    }
+
+    /// Notes why the program ends, and its last words; those of a wish are not kept.
+    pub fn end(&mut self, cause: Cause, words: fmt::Arguments<'_>) {
+        self.cause = Some(cause);
+        let counter = match cause {
+            Cause::Panic => &mut self.faults.panic,
+            Cause::HardFault => &mut self.faults.hard_fault,
+            Cause::StackOverflow => &mut self.faults.stack_overflow,
+            Cause::Watchdog => &mut self.faults.watchdog,
+            Cause::Request => return,
+        };
+        count(counter);
+        self.words = Text::new();
+        // It cuts what is too long and never fails.
+        let _ = self.words.write_fmt(words);
+    }
+
+    /// The last words of whatever failed last.
+    #[must_use]
+    pub fn words(&self) -> Option<&str> {
+        Some(self.words.as_str()).filter(|words| !words.is_empty())
+    }
+
+    /// Forgets all faults and the last words.
+    pub fn forget(&mut self) {
+        self.faults = FaultCounters::default();
+        self.words = Text::new();
+    }
+
+    /// As it lies in memory.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; SIZE] {
+        let mut bytes = [0; SIZE];
+        let faults = &self.faults;
+        let mut out = Writer {
+            bytes: &mut bytes,
+            at: 0,
+        };
+        for word in [
+            MARK,
+            self.resets,
+            faults.watchdog,
+            faults.brown_out,
+            faults.panic,
+            faults.hard_fault,
+            faults.stack_overflow,
+            faults.converter_checksum,
+            faults.converter_missed,
+            faults.converter_reset,
+            faults.out_of_step,
+            faults.overrun,
+            faults.storage,
+        ] {
+            out.put(&word.to_le_bytes());
+        }
+        out.put(&self.session.to_le_bytes());
+        out.put(&self.words.length.to_le_bytes());
+        out.put(&[self.cause.map_or(0, Cause::code), 0]);
+        out.put(&self.words.bytes);
+        out.put(&[0; 2]);
+        let covered = out.at;
+        let checksum = crc32(bytes.get(..covered).unwrap_or(&[]));
+        if let Some(end) = bytes.last_chunk_mut() {
+            *end = checksum.to_le_bytes();
+        }
+        bytes
+    }
+
+    /// Reads it back; `None` if the bytes are no record.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8; SIZE]) -> Option<Self> {
+        let (covered, checksum) = bytes.split_last_chunk::<4>()?;
+        if crc32(covered) != u32::from_le_bytes(*checksum) {
+            return None;
+        }
+        let mut rest = covered;
+        let mut words = [0; WORDS];
+        for word in &mut words {
+            *word = u32::from_le_bytes(take(&mut rest)?);
+        }
+        let [
+            mark,
+            resets,
+            watchdog,
+            brown_out,
+            panic,
+            hard_fault,
+            stack_overflow,
+            converter_checksum,
+            converter_missed,
+            converter_reset,
+            out_of_step,
+            overrun,
+            storage,
+        ] = words;
+        let session = u16::from_le_bytes(take(&mut rest)?);
+        let length = u16::from_le_bytes(take(&mut rest)?);
+        let [code, _] = take(&mut rest)?;
+        let text = Text {
+            length,
+            bytes: take(&mut rest)?,
+        };
+        (mark == MARK).then_some(Self {
+            resets,
+            session,
+            faults: FaultCounters {
+                watchdog,
+                brown_out,
+                panic,
+                hard_fault,
+                stack_overflow,
+                converter_checksum,
+                converter_missed,
+                converter_reset,
+                out_of_step,
+                overrun,
+                storage,
+            },
+            cause: Cause::from_code(code),
+            words: text,
+        })
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
+
+fn take<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
+    let (front, back) = rest.split_first_chunk()?;
+    *rest = back;
+    Some(*front)
+}
+
+struct Writer<'b> {
+    bytes: &'b mut [u8],
+    at: usize,
+}
+
+impl Writer<'_> {
+    fn put(&mut self, bytes: &[u8]) {
+        for (slot, &byte) in self.bytes.iter_mut().skip(self.at).zip(bytes) {
+            *slot = byte;
+        }
+        self.at += bytes.len();
+    }
+}
+
+/// A text that is cut where it is too long, between two characters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Text {
+    length: u16,
+    bytes: [u8; PANIC_MAX],
+}
+
+impl Text {
+    const fn new() -> Self {
+        Self {
+            length: 0,
+            bytes: [0; PANIC_MAX],
+        }
+    }
+
+    fn as_str(&self) -> &str {
+        let bytes = self
+            .bytes
+            .get(..usize::from(self.length))
+            .unwrap_or(&self.bytes);
+        core::str::from_utf8(bytes).unwrap_or_default()
+    }
+}
+
+impl Write for Text {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for character in text.chars() {
+            let begin = usize::from(self.length);
+            let Some(slot) = self.bytes.get_mut(begin..begin + character.len_utf8()) else {
+                // Nothing may follow a character that was left out.
+                return Err(fmt::Error);
+            };
+            character.encode_utf8(slot);
+            self.length = (begin + slot.len()) as u16;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLD: ResetFlags = ResetFlags {
+        power_on: true,
+        brown_out: true,
+        watchdog: false,
+        pin: true,
+        software: false,
+    };
+    const NOTHING: ResetFlags = ResetFlags {
+        power_on: false,
+        brown_out: false,
+        watchdog: false,
+        pin: false,
+        software: false,
+    };
+
+    /// One start after another, as the memory sees it.
+    fn restart(record: &Record, flags: ResetFlags) -> (Record, ResetReason) {
+        Record::start(Record::from_bytes(&record.to_bytes()), flags, 77)
+    }
+
+    #[test]
+    fn comes_back_from_memory_as_it_was() {
+        let (mut record, _) = Record::start(None, COLD, 0xBEEF);
+        record.faults = FaultCounters {
+            watchdog: 1,
+            brown_out: 2,
+            panic: 3,
+            hard_fault: 4,
+            stack_overflow: 5,
+            converter_checksum: 6,
+            converter_missed: 7,
+            converter_reset: 8,
+            out_of_step: 9,
+            overrun: 10,
+            storage: u32::MAX,
+        };
+        record.end(Cause::StackOverflow, format_args!("at {}", "the bottom: Θ"));
+        assert_eq!(Record::from_bytes(&record.to_bytes()), Some(record));
+    }
+
+    #[test]
+    fn one_wrong_bit_is_no_record() {
+        let (mut record, _) = Record::start(None, COLD, 1);
+        record.end(Cause::Panic, format_args!("text"));
+        let bytes = record.to_bytes();
+        for bit in 0..8 * SIZE {
+            let mut bytes = bytes;
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(Record::from_bytes(&bytes), None, "bit {bit}");
+        }
+        assert_eq!(Record::from_bytes(&[0; SIZE]), None);
+        assert_eq!(Record::from_bytes(&[0xFF; SIZE]), None);
+    }
+
+    #[test]
+    fn what_the_program_knows_goes_before_what_the_chip_says() {
+        let (mut record, reason) = Record::start(None, COLD, 9);
+        assert_eq!(
+            (reason, record.resets, record.session),
+            (ResetReason::PowerOn, 0, 9)
+        );
+        let ends = [
+            (Cause::Panic, ResetReason::Panic),
+            (Cause::HardFault, ResetReason::HardFault),
+            (Cause::StackOverflow, ResetReason::StackOverflow),
+            (Cause::Watchdog, ResetReason::Watchdog),
+            (Cause::Request, ResetReason::Request),
+        ];
+        for (k, (cause, expected)) in ends.into_iter().enumerate() {
+            record.end(cause, format_args!("number {k}"));
+            let software = ResetFlags {
+                software: true,
+                pin: true,
+                ..NOTHING
+            };
+            let (next, reason) = restart(&record, software);
+            assert_eq!(reason, expected);
+            assert_eq!(next.resets as usize, k + 1);
+            assert_eq!(usize::from(next.session), 9 + k + 1);
+            record = next;
+            // Told once, then it is history.
+            assert_eq!(restart(&record, NOTHING).1, ResetReason::Other);
+        }
+        assert_eq!(record.words(), Some("number 3"), "a wish leaves no words");
+        let faults = record.faults;
+        let counted = [
+            faults.panic,
+            faults.hard_fault,
+            faults.stack_overflow,
+            faults.watchdog,
+        ];
+        assert_eq!(counted, [1; 4]);
+        record.forget();
+        assert_eq!(
+            (record.words(), record.faults),
+            (None, FaultCounters::default())
+        );
+        assert_eq!(record.resets, 5, "resets are not faults");
+    }
+
+    #[test]
+    fn what_only_the_chip_knows() {
+        let (record, _) = Record::start(None, COLD, 9);
+        let said = |flags| {
+            let (record, reason) = restart(&record, flags);
+            (reason, record.faults.watchdog, record.faults.brown_out)
+        };
+        let pin = ResetFlags {
+            pin: true,
+            ..NOTHING
+        };
+        let watchdog = ResetFlags {
+            watchdog: true,
+            ..pin
+        };
+        let sagged = ResetFlags {
+            brown_out: true,
+            ..pin
+        };
+        let debugger = ResetFlags {
+            software: true,
+            ..pin
+        };
+        assert_eq!(said(pin), (ResetReason::Pin, 0, 0));
+        assert_eq!(said(watchdog), (ResetReason::Watchdog, 1, 0));
+        assert_eq!(said(sagged), (ResetReason::BrownOut, 0, 1));
+        assert_eq!(said(debugger), (ResetReason::Other, 0, 0));
+        assert_eq!(said(NOTHING), (ResetReason::Other, 0, 0));
+        assert_eq!(
+            said(COLD),
+            (ResetReason::PowerOn, 0, 0),
+            "switched on forgets"
+        );
+        let (record, reason) = Record::start(None, sagged, 3);
+        assert_eq!(
+            (reason, record.faults.brown_out),
+            (ResetReason::BrownOut, 1)
+        );
+    }
+
+    #[test]
+    fn long_words_are_cut_between_characters() {
+        let (mut record, _) = Record::start(None, COLD, 1);
+        // Three bytes each, which 256 is no multiple of.
+        let long = "√".repeat(100);
+        record.end(Cause::Panic, format_args!("{long}{}", "never"));
+        assert_eq!(record.words(), Some("√".repeat(PANIC_MAX / 3).as_str()));
+        let back = Record::from_bytes(&record.to_bytes());
+        assert_eq!(back, Some(record));
+    }
+}

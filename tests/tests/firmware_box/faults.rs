@@ -1,0 +1,88 @@
+//! A box that fails says why after its reset, until it is asked to forget.
+
+use massline_core::wire::{FaultCounters, Provoke, Request, ResetReason};
+
+use crate::talk::Talk;
+
+/// Has the box fail and waits for its new session.
+fn provoke(talk: &mut Talk, fault: Provoke) {
+    talk.done(&Request::Provoke(fault));
+    talk.started();
+}
+
+/// What a hello says of failures: reason, resets, last words, counters.
+fn failures(talk: &mut Talk) -> (ResetReason, u32, Option<String>, FaultCounters) {
+    talk.hello(|info| {
+        (
+            info.reset,
+            info.resets,
+            info.panic.map(str::to_owned),
+            info.faults,
+        )
+    })
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn a_panic_is_told_after_the_reset_until_it_is_forgotten() {
+    let mut talk = Talk::boot();
+    provoke(&mut talk, Provoke::Panic);
+    let counted = FaultCounters {
+        panic: 1,
+        ..FaultCounters::default()
+    };
+    for _ in 0..2 {
+        let (reset, resets, words, faults) = failures(&mut talk);
+        assert_eq!((reset, resets, faults), (ResetReason::Panic, 1, counted));
+        let words = words.expect("a panic has last words");
+        let place = words.strip_suffix(": provoked by the host");
+        let line = place.and_then(|place| place.strip_prefix("firmware/src/services.rs:"));
+        assert!(
+            line.is_some_and(|line| line.parse::<u32>().is_ok()),
+            "{words}"
+        );
+    }
+    // A restart is not a reason to forget it.
+    talk.done(&Request::Reboot);
+    let started = talk.started();
+    assert_eq!((started.reset, started.resets), (ResetReason::Request, 2));
+    let (reset, resets, words, faults) = failures(&mut talk);
+    assert_eq!((reset, resets, faults), (ResetReason::Request, 2, counted));
+    assert!(words.is_some());
+    talk.done(&Request::ForgetFaults);
+    let (_, _, words, faults) = failures(&mut talk);
+    assert_eq!((words, faults), (None, FaultCounters::default()));
+    talk.done(&Request::Reboot);
+    talk.started();
+    let (_, resets, words, faults) = failures(&mut talk);
+    assert_eq!((resets, words, faults), (3, None, FaultCounters::default()));
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn an_overflow_of_the_stack_runs_into_its_guard() {
+    let mut talk = Talk::boot();
+    provoke(&mut talk, Provoke::StackOverflow);
+    let (reset, _, words, faults) = failures(&mut talk);
+    assert_eq!(reset, ResetReason::StackOverflow);
+    assert_eq!(faults.stack_overflow, 1);
+    let words = words.expect("an overflow has last words");
+    assert!(words.ends_with("the stack ends at 0x20000000"), "{words}");
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn the_watchdog_bites_a_task_that_hangs_and_names_it() {
+    let mut talk = Talk::boot();
+    talk.done(&Request::Provoke(Provoke::Hang));
+    // Tasks of higher priority do not notice.
+    talk.hello(|info| assert_eq!(info.reset, ResetReason::PowerOn));
+    talk.started();
+    let (reset, _, words, faults) = failures(&mut talk);
+    assert_eq!(reset, ResetReason::Watchdog);
+    assert_eq!(faults.watchdog, 1);
+    assert_eq!(
+        words.as_deref(),
+        Some("task block did not answer the roll call")
+    );
+}

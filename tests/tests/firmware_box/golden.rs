@@ -1,0 +1,25 @@
+//! Outputs that were looked at once and are compared from then on.
+
+use std::fs;
+
+use massline_tests::fixture;
+
+/// Environment variable that has new outputs taken for good.
+const ACCEPT: &str = "MASSLINE_ACCEPT";
+
+/// Compares with the fixture of this name, or writes it if [`ACCEPT`] is set.
+pub fn compare(name: &str, found: &str) {
+    let path = fixture("firmware").join(name);
+    if std::env::var_os(ACCEPT).is_some_and(|value| value == "1") {
+        fs::create_dir_all(fixture("firmware")).expect("the folder can be made");
+        fs::write(&path, found).expect("the fixture can be written");
+        return;
+    }
+    let expected = fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        found == expected,
+        "{} is not what the box says now. If the new text is right, run this again with \
+         {ACCEPT}=1 and commit the file.\nexpected:\n{expected}\nfound:\n{found}",
+        path.display()
+    );
+}

@@ -1,0 +1,65 @@
+//! What the box says of itself.
+
+use massline::device::firmware;
+use massline_core::wire::{ClockSource, Info, ResetReason, Storage};
+
+use crate::golden;
+use crate::talk::Talk;
+
+/// The answer to a hello as text, a line for each thing it says.
+fn text(info: &Info<'_>) -> String {
+    format!("{info:#?}\n")
+}
+
+// What is told of the build differs with every change and compiler; it has a test of its own.
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn says_who_it_is() {
+    let mut talk = Talk::boot();
+    let said = talk.hello(|info| {
+        text(&Info {
+            build: "(build)",
+            version: "(version)",
+            ..*info
+        })
+    });
+    golden::compare("hello.txt", &said);
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn tells_its_version_and_the_digest_of_the_very_elf() {
+    let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));
+    let elf = std::fs::read(&elf).expect("the firmware can be read");
+    // The note's name and what lies behind it.
+    let name = b"\x04\0\0\0\x14\0\0\0\x03\0\0\0GNU\0";
+    let at = elf.windows(name.len()).position(|bytes| bytes == name);
+    let digest = &elf[at.expect("the linker has left a digest") + name.len()..][..8];
+    let expected: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    Talk::boot().hello(|info| {
+        assert_eq!(info.build, expected);
+        assert_eq!(info.version, env!("CARGO_PKG_VERSION"));
+    });
+}
+
+// The emulator raises neither "crystal ready" nor "PLL locked", as a board with a dead crystal
+// and a dead PLL, so the last fallback must run. Its flash cannot be programmed.
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn reports_the_fallback_of_clock_and_storage() {
+    Talk::boot().hello(|info| {
+        assert_eq!(info.clock, ClockSource::Internal);
+        assert_eq!(info.clock_hz, 16_000_000);
+        assert_eq!(info.storage, Storage::Volatile);
+        assert_eq!((info.reset, info.resets), (ResetReason::PowerOn, 0));
+    });
+}
+
+#[test]
+fn xtask_and_the_host_tool_name_firmware_and_emulator_alike() {
+    use massline::device::emulator;
+    use massline_tests::emulator as xtask;
+    assert_eq!(firmware::FIRMWARE_ELF, xtask::FIRMWARE_ELF);
+    assert_eq!(emulator::QEMU, xtask::QEMU);
+    assert_eq!(emulator::DEFAULT_PROGRAM, xtask::DEFAULT_PROGRAM);
+}
