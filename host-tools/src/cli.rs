@@ -1,6 +1,6 @@
 //! The command line: one file a command, in [`crate::commands`].
 
-use crate::commands::{self, demo, identify, simulate};
+use crate::commands::{self, demo, identify, simulate, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -39,6 +39,7 @@ enum Command {
     Demo(demo::Arguments),
     Identify(identify::Arguments),
     Simulate(simulate::Arguments),
+    Study(study::Arguments),
     /// Print a completion script for your shell
     #[command(
         after_help = "Example:\n  massline completions bash > ~/.local/share/bash-completion/completions/massline"
@@ -58,6 +59,7 @@ pub fn main() -> ExitCode {
         Command::Demo(a) => demo::run(&a, verbosity),
         Command::Identify(a) => identify::run(&a, verbosity),
         Command::Simulate(a) => simulate::run(&a, verbosity),
+        Command::Study(a) => study::run(&a, verbosity),
         Command::Completions { shell } => {
             let mut command = <Cli as clap::CommandFactory>::command();
             clap_complete::generate(shell, &mut command, "massline", &mut std::io::stdout());

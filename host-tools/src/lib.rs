@@ -12,3 +12,4 @@ pub mod report;
 pub mod result;
 pub mod setup;
 pub mod simulate;
+pub mod study;

@@ -3,6 +3,7 @@
 pub mod demo;
 pub mod identify;
 pub mod simulate;
+pub mod study;
 
 mod compare;
 mod progress;

@@ -37,6 +37,7 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 pub use error::{ModelError, SimulationError};
 pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Table};
+pub(crate) use random::Stream;
 pub use specimen::{Mode, Specimen};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 pub use write::WriteError;

@@ -11,11 +11,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// One stream of random numbers.
-pub(super) struct Stream(ChaCha8Rng);
+pub(crate) struct Stream(ChaCha8Rng);
 
 impl Stream {
     /// The stream of a signal; `names` say which one, for example purpose, run, channel.
-    pub(super) fn new(seed: u64, names: &[&str]) -> Self {
+    pub(crate) fn new(seed: u64, names: &[&str]) -> Self {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
         let mut generator = ChaCha8Rng::from_seed(key);
@@ -35,7 +35,7 @@ impl Stream {
     }
 
     /// Two independent standard normal deviates as the parts of one complex number.
-    pub(super) fn normal(&mut self) -> Complex<f64> {
+    pub(crate) fn normal(&mut self) -> Complex<f64> {
         let radius = libm::sqrt(-2.0 * libm::log(self.uniform()));
         let (sin, cos) = libm::sincos(2.0 * std::f64::consts::PI * self.uniform());
         Complex::new(radius * cos, radius * sin)

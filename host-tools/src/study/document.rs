@@ -1,0 +1,367 @@
+//! The study as JSON, `massline/study/1`: all rows, so that a script can check the pattern.
+
+use super::estimate::{Answer, Numbers, Outcome};
+use super::monte_carlo::Errors;
+use super::paper::{self, Printed};
+use super::rows::{Range, Row};
+use super::{Check, FrequencyTable, Options, Study};
+use serde::Serialize;
+
+/// The document. Lengths in m, inertia in kg m², frequencies in Hz, errors in per cent.
+#[derive(Debug, Serialize)]
+pub struct Document {
+    /// Version of the document's form.
+    pub schema: &'static str,
+    /// What was studied.
+    pub model: &'static str,
+    /// How the numbers are meant.
+    pub units: &'static str,
+    /// All choices, the defaults included.
+    pub options: Options,
+    /// What should come out.
+    pub exact: Values,
+    /// Mass that was given as weighed, kg.
+    pub mass: f64,
+    /// First and last line of averaging ranges I and II, Hz.
+    pub ranges: [[f64; 2]; 2],
+    /// Table 1.
+    pub fixed_frequencies: Vec<Frequency>,
+    /// Table 2.
+    pub free_frequencies: Vec<Frequency>,
+    /// Weights of chapter 7.
+    pub weights: Weights,
+    /// Tables 3 and 4 and the rows that the paper lacks, noise-free.
+    pub rows: Vec<RowEntry>,
+    /// Method e, noise-free, with a modal analysis that misses a mode.
+    pub e_with_fewer_modes: FewerEntry,
+    /// The rows under noise.
+    pub noise: Vec<LevelEntry>,
+    /// Claims and figures.
+    pub pattern: Vec<Check>,
+    /// What the reader should know.
+    pub notes: Vec<&'static str>,
+}
+
+/// x, z, Θ about A and S (both about y), and Δ; null where there is none.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Values {
+    /// CG along x.
+    pub x: f64,
+    /// CG along z.
+    pub z: f64,
+    /// Inertia about A.
+    pub theta_a: f64,
+    /// Inertia about the CG.
+    pub theta_s: f64,
+    /// Δ.
+    pub indicator: f64,
+}
+
+/// One natural frequency.
+#[derive(Debug, Serialize)]
+pub struct Frequency {
+    /// Number of the mode in the paper.
+    pub mode: usize,
+    /// As printed.
+    pub paper: f64,
+    /// From the twin's model.
+    pub twin: f64,
+    /// The twin's over the paper's, per cent.
+    pub difference_percent: f64,
+    /// From the noise-free responses, where the mode lies in the lines.
+    pub identified: Option<f64>,
+    /// Share of critical damping, likewise.
+    pub damping: Option<f64>,
+}
+
+/// Weights of the accelerometers.
+#[derive(Debug, Serialize)]
+pub struct Weights {
+    /// Their names.
+    pub channels: Vec<String>,
+    /// The same for all runs, from the responses to unit interface forces.
+    pub joined: Vec<f64>,
+    /// Of each run's own responses.
+    pub per_run: Vec<RunWeights>,
+}
+
+/// Weights of one run.
+#[derive(Debug, Serialize)]
+pub struct RunWeights {
+    /// Its name.
+    pub run: String,
+    /// In the order of the channels.
+    pub weights: Vec<f64>,
+}
+
+/// One row, noise-free.
+#[derive(Debug, Serialize)]
+pub struct RowEntry {
+    /// Which row.
+    #[serde(flatten)]
+    pub key: Key,
+    /// Solved once at A: table 3.
+    pub direct: Answered,
+    /// With A moved to S: table 4.
+    pub iterative: Answered,
+    /// Table 3 as printed.
+    pub paper_table_3: Option<PrintedEntry>,
+    /// Table 4 as printed.
+    pub paper_table_4: Option<PrintedPair>,
+}
+
+/// Method e with fewer modes than there are.
+#[derive(Debug, Serialize)]
+pub struct FewerEntry {
+    /// Modes fitted.
+    pub modes: usize,
+    /// The rows of method e.
+    pub rows: Vec<RowEntry>,
+}
+
+/// What names a row.
+#[derive(Debug, Serialize)]
+pub struct Key {
+    /// Method, range and weights in words.
+    pub row: String,
+    /// As `massline identify --method` takes it.
+    pub method: &'static str,
+    /// Averaging range; null for method d, which averages nothing.
+    pub range: Option<Range>,
+    /// Whether the accelerometers were weighted.
+    pub weighted: bool,
+}
+
+/// What a row gave.
+#[derive(Debug, Serialize)]
+pub struct Answered {
+    /// The numbers, or null.
+    pub values: Option<Values>,
+    /// Their errors, per cent.
+    pub errors_percent: Option<Values>,
+    /// Solutions until A and S coincided.
+    pub iterations: Option<u32>,
+    /// Why there are no numbers.
+    pub failure: Option<String>,
+}
+
+/// A row of table 3 or 4 as printed, in SI units.
+#[derive(Debug, Serialize)]
+pub struct PrintedEntry {
+    /// CG along x.
+    pub x: f64,
+    /// CG along z.
+    pub z: f64,
+    /// Inertia about A in table 3, about S in table 4.
+    pub theta: f64,
+    /// Δ, table 3 only.
+    pub indicator: Option<f64>,
+    /// Printed errors of x, z and Θ, per cent.
+    pub errors_percent: [f64; 3],
+}
+
+/// Table 4's two lines of a method.
+#[derive(Debug, Serialize)]
+pub struct PrintedPair {
+    /// Solved once at A.
+    pub direct: PrintedEntry,
+    /// With A moved to S.
+    pub iterative: PrintedEntry,
+}
+
+/// All rows at one level of noise.
+#[derive(Debug, Serialize)]
+pub struct LevelEntry {
+    /// Share of each channel's RMS.
+    pub noise: f64,
+    /// The rows.
+    pub rows: Vec<NoisyEntry>,
+}
+
+/// One row over the draws.
+#[derive(Debug, Serialize)]
+pub struct NoisyEntry {
+    /// Which row.
+    #[serde(flatten)]
+    pub key: Key,
+    /// Solved once at A.
+    pub direct: ErrorsEntry,
+    /// With A moved to S.
+    pub iterative: ErrorsEntry,
+}
+
+/// Errors over the draws, per cent.
+#[derive(Debug, Serialize)]
+pub struct ErrorsEntry {
+    /// Root mean square.
+    pub rms_percent: Values,
+    /// Mean, the systematic part.
+    pub mean_percent: Values,
+    /// Draws that gave an answer.
+    pub answered: usize,
+    /// Draws that gave none.
+    pub failed: usize,
+    /// Why the first of them gave none.
+    pub reason: Option<String>,
+}
+
+impl From<[f64; Numbers::COUNT]> for Values {
+    fn from([x, z, theta_a, theta_s, indicator]: [f64; Numbers::COUNT]) -> Self {
+        Self {
+            x,
+            z,
+            theta_a,
+            theta_s,
+            indicator,
+        }
+    }
+}
+
+impl From<&Row> for Key {
+    fn from(row: &Row) -> Self {
+        Self {
+            row: row.name(),
+            method: row.method.name(),
+            range: (row.range != Range::Fit).then_some(row.range),
+            weighted: row.weighted,
+        }
+    }
+}
+
+impl From<Printed> for PrintedEntry {
+    fn from(printed: Printed) -> Self {
+        let [x, z, theta, indicator] = printed.values;
+        Self {
+            x: x * 1e-3,
+            z: z * 1e-3,
+            theta: theta * 1e-3,
+            indicator: indicator.is_finite().then_some(indicator * 1e-2),
+            errors_percent: printed.errors,
+        }
+    }
+}
+
+impl From<&Errors> for ErrorsEntry {
+    fn from(errors: &Errors) -> Self {
+        Self {
+            rms_percent: errors.rms.into(),
+            mean_percent: errors.mean.into(),
+            answered: errors.answered,
+            failed: errors.failed,
+            reason: errors.reason.clone(),
+        }
+    }
+}
+
+impl Answered {
+    fn new(outcome: &Outcome, exact: &Numbers) -> Self {
+        match outcome {
+            Ok(solution) => Self {
+                values: Some(solution.numbers.list().into()),
+                errors_percent: Some(solution.numbers.errors(exact).into()),
+                iterations: Some(solution.iterations),
+                failure: None,
+            },
+            Err(reason) => Self {
+                values: None,
+                errors_percent: None,
+                iterations: None,
+                failure: Some(reason.clone()),
+            },
+        }
+    }
+}
+
+impl RowEntry {
+    fn new(row: &Row, answer: &Answer, exact: &Numbers) -> Self {
+        Self {
+            key: row.into(),
+            direct: Answered::new(&answer.direct, exact),
+            iterative: Answered::new(&answer.iterative, exact),
+            paper_table_3: paper::table_3(row).map(PrintedEntry::from),
+            paper_table_4: paper::table_4(row).map(|[direct, iterative]| PrintedPair {
+                direct: direct.into(),
+                iterative: iterative.into(),
+            }),
+        }
+    }
+}
+
+impl Document {
+    /// The document of a study.
+    #[must_use]
+    pub fn new(study: &Study) -> Self {
+        let [fixed, free] = study.tables().map(|t| frequencies(&t));
+        let setup = &study.twin.setup;
+        let per_run = setup.runs.iter().zip(&study.weights.per_run);
+        Self {
+            schema: "massline/study/1",
+            model: "tuning-fork",
+            units: "m, kg, kg m2, Hz; errors in per cent; inertia about the y axis",
+            options: study.options.clone(),
+            exact: study.exact.list().into(),
+            mass: study.twin.truth.mass,
+            ranges: [study.range(Range::I), study.range(Range::II)],
+            fixed_frequencies: fixed,
+            free_frequencies: free,
+            weights: Weights {
+                channels: setup
+                    .accelerometers
+                    .iter()
+                    .map(|a| a.channel.clone())
+                    .collect(),
+                joined: study.weights.joined.clone(),
+                per_run: per_run
+                    .map(|(run, weights)| RunWeights {
+                        run: run.name.clone(),
+                        weights: weights.clone(),
+                    })
+                    .collect(),
+            },
+            rows: study
+                .rows()
+                .map(|(row, answer)| RowEntry::new(&row, answer, &study.exact))
+                .collect(),
+            e_with_fewer_modes: FewerEntry {
+                modes: study.fewer_modes.modes,
+                rows: study
+                    .fewer_modes
+                    .rows
+                    .iter()
+                    .map(|(row, answer)| RowEntry::new(row, answer, &study.exact))
+                    .collect(),
+            },
+            noise: study
+                .levels
+                .iter()
+                .map(|level| LevelEntry {
+                    noise: level.noise,
+                    rows: Row::all()
+                        .iter()
+                        .zip(&level.rows)
+                        .map(|(row, errors)| NoisyEntry {
+                            key: row.into(),
+                            direct: (&errors.direct).into(),
+                            iterative: (&errors.iterative).into(),
+                        })
+                        .collect(),
+                })
+                .collect(),
+            pattern: study.checks.clone(),
+            notes: vec![paper::FOOTNOTE],
+        }
+    }
+}
+
+fn frequencies(table: &FrequencyTable) -> Vec<Frequency> {
+    let rows = table.modes.iter();
+    rows.map(|row| Frequency {
+        mode: row.number,
+        paper: row.paper,
+        twin: row.twin,
+        difference_percent: 100.0 * (row.twin / row.paper - 1.0),
+        identified: row.identified.map(|p| p.frequency),
+        damping: row.identified.map(|p| p.damping),
+    })
+    .collect()
+}
