@@ -1,6 +1,25 @@
 //! The weighting strategy of chapter 7: accelerometers that see the first elastic modes
 //! most count least.
 
+use crate::spectra::DriveAverage;
+use core::ops::Range;
+
+/// Largest amplitude of response `c` per unit of the drive over the lines `lines` of an
+/// average.
+#[must_use]
+pub fn peak_response(average: &DriveAverage<'_>, c: usize, lines: Range<usize>) -> f64 {
+    let mut peak = 0.0_f64;
+    for line in lines {
+        let power = average.drive_power(line);
+        if power > 0.0 {
+            let (re, im) = average.cross(c, line);
+            let (re, im) = (re / power, im / power);
+            peak = peak.max(libm::sqrt(re * re + im * im));
+        }
+    }
+    peak
+}
+
 /// Smallest weight where none is chosen: the paper's.
 pub const MINIMUM_WEIGHT: f64 = 0.25;
 

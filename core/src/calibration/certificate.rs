@@ -129,6 +129,12 @@ impl Certificate {
         self.gain
     }
 
+    /// Counts at which a sample is an overload.
+    #[must_use]
+    pub const fn limits(&self) -> Limits {
+        self.limits
+    }
+
     /// The line from counts to SI.
     #[must_use]
     pub fn scale(&self) -> Scale {

@@ -76,6 +76,13 @@ impl Equations {
         self.whitened
     }
 
+    /// Whether two runs that were measured with these can be condensed together: the same
+    /// rows, up to the rounding of a rotation matrix.
+    #[must_use]
+    pub fn alike(&self, other: &Self) -> bool {
+        (self.rows - other.rows).norm() < 1e-9
+    }
+
     /// Share of resultant `j` that is measured, 1 all of it, 0 none. Not for whitened
     /// equations.
     #[must_use]

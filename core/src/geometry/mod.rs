@@ -11,11 +11,13 @@ mod equations;
 mod placement;
 mod reference;
 mod resultants;
+mod run;
 
 pub use equations::Equations;
 pub use placement::Placement;
 pub use reference::{resultants_at, transfer};
 pub use resultants::{AccelerationFit, ForceResultants, RESULTANTS, ResultantMap};
+pub use run::{RunGeometry, RunSensor};
 
 use nalgebra::{Matrix3, RowVector6, Vector3};
 

@@ -129,14 +129,14 @@ impl ForceResultants {
     ///
     /// # Errors
     /// [`GeometryError::NoLoadCell`] if there is none.
-    pub fn new<'a>(
-        cells: impl IntoIterator<Item = &'a LoadCell, IntoIter: Clone>,
+    pub fn new(
+        cells: impl IntoIterator<Item = impl Borrow<LoadCell>, IntoIter: Clone>,
         reference: &Vector3<f64>,
     ) -> Result<Self, GeometryError> {
         let cells = cells.into_iter();
         let (mut sum, mut count) = (Vector3::zeros(), 0.0);
         for cell in cells.clone() {
-            sum += cell.position();
+            sum += cell.borrow().position();
             count += 1.0;
         }
         if count == 0.0 {
@@ -145,12 +145,12 @@ impl ForceResultants {
         let centre = sum / count;
         let spread = cells
             .clone()
-            .map(|c| (c.position() - centre).norm())
+            .map(|c| (c.borrow().position() - centre).norm())
             .fold(0.0, f64::max);
         let length = if spread > 0.0 { spread } else { 1.0 };
         let mut gram = Matrix6::zeros();
         for cell in cells {
-            let mut row = cell.rigid_body_row(&centre);
+            let mut row = cell.borrow().rigid_body_row(&centre);
             for j in 3..6 {
                 row[j] /= length;
             }
@@ -190,11 +190,20 @@ impl ForceResultants {
     }
 }
 
-/// Equations (4) and (5) as one linear map, applied sample by sample in `f32`: channel
-/// readings in, `(a, f)` at A out.
+/// What one channel adds to the resultants. An accelerometer adds to the accelerations
+/// only, a load cell to forces and moments only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Column {
+    /// Whether it is a load cell's.
+    force: bool,
+    gains: [f32; 6],
+}
+
+/// Equations (4) and (5) as one linear map, applied sample by sample in `f32`: SI samples
+/// of the channels in, `(a, f)` at A out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResultantMap {
-    columns: heapless::Vec<[f32; RESULTANTS], MAX_CHANNELS>,
+    columns: heapless::Vec<Column, MAX_CHANNELS>,
 }
 
 impl ResultantMap {
@@ -206,42 +215,27 @@ impl ResultantMap {
         }
     }
 
-    fn push(&mut self, column: [f32; RESULTANTS]) -> Result<(), GeometryError> {
+    fn push(&mut self, force: bool, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
+        let gains = core::array::from_fn(|j| contribution[j] as f32);
         self.columns
-            .push(column)
+            .push(Column { force, gains })
             .map_err(|_| GeometryError::TooManyChannels)
     }
 
-    /// The next channel is this accelerometer; `scale` turns a reading into m/s².
+    /// The next channel is this accelerometer, in m/s².
     ///
     /// # Errors
     /// [`GeometryError::TooManyChannels`].
-    pub fn push_acceleration(
-        &mut self,
-        contribution: &Vector6<f64>,
-        scale: f64,
-    ) -> Result<(), GeometryError> {
-        let mut column = [0.0; RESULTANTS];
-        for j in 0..6 {
-            column[j] = (contribution[j] * scale) as f32;
-        }
-        self.push(column)
+    pub fn push_acceleration(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
+        self.push(false, contribution)
     }
 
-    /// The next channel is this load cell; `scale` turns a reading into N or N m.
+    /// The next channel is this load cell, in N or N m.
     ///
     /// # Errors
     /// [`GeometryError::TooManyChannels`].
-    pub fn push_force(
-        &mut self,
-        contribution: &Vector6<f64>,
-        scale: f64,
-    ) -> Result<(), GeometryError> {
-        let mut column = [0.0; RESULTANTS];
-        for j in 0..6 {
-            column[6 + j] = (contribution[j] * scale) as f32;
-        }
-        self.push(column)
+    pub fn push_force(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
+        self.push(true, contribution)
     }
 
     /// Number of channels.
@@ -254,13 +248,19 @@ impl ResultantMap {
     /// or missing from the sample, count as zero.
     #[must_use]
     pub fn apply(&self, sample: &[f32]) -> [f32; RESULTANTS] {
-        let mut out = [0.0; RESULTANTS];
-        for (column, &reading) in self.columns.iter().zip(sample) {
-            for (o, c) in out.iter_mut().zip(column) {
-                *o += c * reading;
+        let mut acceleration = [0.0; 6];
+        let mut force = [0.0; 6];
+        for (column, &x) in self.columns.iter().zip(sample) {
+            let half = if column.force {
+                &mut force
+            } else {
+                &mut acceleration
+            };
+            for (sum, gain) in half.iter_mut().zip(&column.gains) {
+                *sum += gain * x;
             }
         }
-        out
+        core::array::from_fn(|j| if j < 6 { acceleration[j] } else { force[j - 6] })
     }
 
     /// Power of the rounding errors in each resultant, given the resultants' own powers.
@@ -274,11 +274,9 @@ impl ResultantMap {
     pub fn rounding_power(&self, power: &[f64; RESULTANTS]) -> [f64; RESULTANTS] {
         const AMPLITUDE: f64 = 4.0 * f32::EPSILON as f64;
         let gains: [f64; RESULTANTS] = core::array::from_fn(|j| {
-            let squares = self
-                .columns
-                .iter()
-                .map(|c| f64::from(c[j]) * f64::from(c[j]));
-            squares.sum()
+            let half = self.columns.iter().filter(|c| c.force == (j >= 6));
+            let gains = half.map(|c| f64::from(c.gains[j % 6]));
+            gains.map(|g| g * g).sum()
         });
         // Accelerations come from accelerometers, forces from load cells.
         let channels = |range: core::ops::Range<usize>| {
@@ -347,7 +345,7 @@ mod tests {
     fn four_vertical_cells_measure_three_resultants() {
         let cells = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]]
             .map(|[x, y]| cell([x, y, 0.2], [0.0, 0.0, 1.0]));
-        let f = ForceResultants::new(&cells, &Vector3::zeros()).unwrap();
+        let f = ForceResultants::new(cells, &Vector3::zeros()).unwrap();
         assert_eq!(f.equations().count(), 3);
         // About the centre of the cells they are fz, tx, ty; 0.2 m lower tx and ty
         // would need the lateral forces, which nobody measures.
@@ -375,7 +373,7 @@ mod tests {
     fn one_triaxial_cell_measures_no_moment_wherever_a_is() {
         let cells =
             [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|d| cell([0.0, 0.0, 0.0], d));
-        let f = ForceResultants::new(&cells, &Vector3::new(1.0, 2.0, 3.0)).unwrap();
+        let f = ForceResultants::new(cells, &Vector3::new(1.0, 2.0, 3.0)).unwrap();
         assert_eq!(f.equations().count(), 3);
     }
 

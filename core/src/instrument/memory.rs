@@ -15,16 +15,16 @@ pub const SENSORS: usize = 48;
 /// Runs of a set-up, all of which can be stored.
 pub const RUNS: usize = 6;
 /// Lines of a run.
-pub const LINES: usize = 96;
+pub const LINES: usize = 100;
 /// Samples of a block.
 pub const BLOCK_LENGTH: usize = 1024;
 
 /// The drive and the twelve resultants.
 const AVERAGED: usize = 1 + RESULTANTS;
-/// Decimated samples of a block. 96 lines of 1024 samples are decimated by four.
-const TRANSFORM: usize = BLOCK_LENGTH / 4;
+/// Decimated samples of a block. 100 lines of 1024 samples are decimated by four.
+pub const TRANSFORM: usize = BLOCK_LENGTH / 4;
 /// States of the filters that decimate by four.
-const FILTERS: usize = 140;
+const FILTERS: usize = 156;
 
 /// Samples and filter states of the blocks that are under way.
 pub const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
@@ -39,7 +39,6 @@ const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 
 /// What a run needs while it is going on, and what the identification works in.
 #[derive(Debug)]
-#[expect(dead_code, reason = "runs come with the next commit")]
 pub struct WorkingStorage {
     pub(super) history: [f32; HISTORY],
     pub(super) work: [Complex32; TRANSFORM],
@@ -70,7 +69,6 @@ impl Default for WorkingStorage {
 
 /// The stored runs.
 #[derive(Debug)]
-#[expect(dead_code, reason = "runs come with the next commit")]
 pub struct RunStorage {
     pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
     pub(super) drive: [f32; STORED_LINES],

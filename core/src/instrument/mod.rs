@@ -1,48 +1,155 @@
 //! The box as a state machine, without hardware: requests and samples in, replies and
 //! events out.
 //!
-//! The firmware runs this very type, and so does the host where it stands in for a box:
-//! what they compute is the same to the last bit. The contract is [`crate::wire`].
+//! The firmware runs this very type, and so does a host that stands in for a box: what
+//! they compute is the same to the last bit. The contract is [`crate::wire`].
 //!
 //! Nothing here waits or takes long: [`Instrument::request`], [`Instrument::sample`] and
-//! [`Instrument::poll`] return after one block at the most. What takes seconds leaves as a
-//! [`Job`], which a task of low priority runs while requests are still answered.
+//! [`Instrument::poll`] return after the samples of one message, or one block, at the
+//! most. What takes seconds leaves as a [`Job`], which a task of low priority runs while
+//! requests are still answered.
+//!
+//! | file | holds |
+//! | --- | --- |
+//! | `board` | what the instrument needs of the hardware and of the link |
+//! | `memory` | what it is lent, and how much of it |
+//! | `desk` | requests, and the states in which they are dealt with |
+//! | `setup` | the set-up's pieces, and the checks of the whole |
+//! | `intake` | samples of a run to SI, and their faults |
+//! | `run` | the run that is going on: blocks, gaps, faults, the average |
+//! | `survey` | peaks of single accelerometers, for weights |
+//! | `store` | finished runs |
+//! | `job` | the identification |
+//! | `answer` | what was found, in the contract's words |
+//! | `live` | levels, and samples on their way to a recording |
+//!
+//! # Design
+//!
+//! **States** are those of [`crate::wire::State`]. A request that does not fit is refused
+//! before it has changed anything. One that is repeated finds what it asks for done.
+//!
+//! **Faults.** Every sample carries its faults. A block into which a faulty sample has
+//! gone, also by way of a filter's memory, never enters an average. A gap ends the block
+//! it lies in, and the next block begins behind it.
+//!
+//! **Drive only.** A run needs a channel with the generator's signal. Without one its
+//! twelve resultants would have to be correlated with each other, 1152 bytes a line and
+//! run: that is the workstation's.
 
+mod answer;
 mod board;
+mod desk;
+mod intake;
 mod job;
+mod live;
 pub mod memory;
+mod run;
+mod setup;
+mod store;
+mod survey;
 
+pub use answer::{Findings, answer};
 pub use board::{Board, Identity, Outbox, RawSample, Vitals};
 pub use job::Job;
 pub use memory::{Memory, RunStorage, WorkingStorage};
 
+use crate::calibration;
 use crate::wire::{
-    Capacity, Event, Info, Item, NAME_MAX, PANIC_MAX, Pong, Problem, Refused, Reply, Request,
-    Saved, Started, State, Status, Subscription,
+    Event, Fault, FaultKind, Identified, Outcome, Problem, Refused, Reply, Request, Setting,
+    SettingKey, Source, Start, Started, State, Stream, Subscription, Summary, Taken, Telemetry,
 };
+use intake::Sample;
+use live::{LevelMeter, Recorder};
+use memory::RUNS;
+use run::{Buffers, Run};
+use setup::{Lines, SetUp};
+use store::Store;
+
+/// A request that is still being worked on.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    id: u16,
+    number: u8,
+    /// Ticks when it came.
+    since: u64,
+}
+
+/// A run that has ended.
+#[derive(Clone, Copy, Debug)]
+struct Ended {
+    start: Start,
+    taken: Taken,
+}
 
 /// The box.
 #[derive(Debug)]
 pub struct Instrument<'m> {
     identity: Identity<'m>,
-    #[expect(dead_code, reason = "runs come with the next commit")]
-    memory: Memory<'m>,
     state: State,
+    setup: SetUp,
+    /// What follows from the set-up, once it is complete.
+    lines: Option<Lines>,
+    /// Storage of a run, while none is going on.
+    buffers: Buffers<'m>,
+    run: Option<Run<'m>>,
+    summaries: [Option<Summary>; RUNS],
+    /// The run that ended last.
+    ended: Option<Ended>,
+    /// Stored runs, unless a job has them.
+    store: Option<Store<'m>>,
+    /// Bit k: run k is stored.
+    stored: u32,
+    pending: Option<Pending>,
+    job: Option<Job<'m>>,
+    answer: Option<Identified>,
     subscription: Subscription,
-    told: bool,
+    levels: LevelMeter,
+    recorder: Option<Recorder>,
+    /// Ticks at which telemetry and levels were sent last.
+    told: [u64; 2],
+    /// Longest that a block took since telemetry was sent last, ticks.
+    longest_block: u32,
+    /// Whether the box has said that it has started.
+    introduced: bool,
 }
 
 impl<'m> Instrument<'m> {
-    /// A box that has just started, and says so with its first event
-    /// ([`crate::wire::Event::Started`], from the first [`Self::poll`]).
+    /// A box that has just started. It says so with its first event
+    /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
     #[must_use]
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
+        let WorkingStorage {
+            history,
+            work,
+            lines,
+            sums,
+            solver,
+        } = memory.working;
         Self {
             identity,
-            memory,
             state: State::Empty,
+            setup: SetUp::new(),
+            lines: None,
+            buffers: Buffers {
+                history,
+                work,
+                lines,
+                sums,
+            },
+            run: None,
+            summaries: [None; RUNS],
+            ended: None,
+            store: Some(Store::new(memory.runs, solver)),
+            stored: 0,
+            pending: None,
+            job: None,
+            answer: None,
             subscription: Subscription::default(),
-            told: false,
+            levels: LevelMeter::new(),
+            recorder: None,
+            told: [0; 2],
+            longest_block: 0,
+            introduced: false,
         }
     }
 
@@ -55,80 +162,77 @@ impl<'m> Instrument<'m> {
         board: &mut impl Board,
         out: &mut impl Outbox,
     ) {
-        let done = |r: Result<(), Problem>| r.map(|()| Reply::Done);
-        let reply = match request {
-            Request::Hello => Ok(Reply::Info(self.info(board))),
-            Request::Ping(ping) => Ok(Reply::Pong(Pong {
-                stamp: ping.stamp,
-                ticks: board.ticks(),
-                samples: board.input_samples(),
-            })),
-            Request::Status => Ok(Reply::Status(self.status(board))),
-            Request::Subscribe(subscription) => {
-                self.subscription = *subscription;
-                Ok(Reply::Done)
-            }
-            Request::ForgetFaults => {
-                self.identity.panic = None;
-                board.forget_faults();
-                Ok(Reply::Done)
-            }
-            Request::ReadSetting(key) => match board.setting(*key) {
-                Ok(setting) => {
-                    out.reply(id, &Reply::Setting(setting));
-                    return;
-                }
-                Err(problem) => Err(problem),
-            },
-            Request::WriteSetting(setting) => done(board.write_setting(setting)),
-            Request::SaveSettings => board
-                .save_settings()
-                .map(|storage| Reply::Saved(Saved { storage })),
-            Request::ResetSettings => {
-                board.reset_settings();
-                Ok(Reply::Done)
-            }
-            Request::Reboot => {
-                out.reply(id, &Reply::Done);
-                board.reboot();
-                return;
-            }
-            Request::Provoke(fault) => {
-                if board.provoke(*fault) {
-                    Ok(Reply::Done)
-                } else {
-                    Err(Problem::Unsupported(Item::Provoke))
-                }
-            }
-            _ => Err(Problem::Unsupported(Item::Method)),
-        };
-        let refused = |problem| {
-            Reply::Error(Refused {
-                request: request.number(),
-                problem,
-            })
-        };
-        out.reply(id, &reply.unwrap_or_else(refused));
+        self.introduce(out);
+        if let Err(problem) = self.deal(id, request, board, out) {
+            out.reply(
+                id,
+                &Reply::Error(Refused {
+                    request: request.number(),
+                    problem,
+                }),
+            );
+        }
     }
 
-    /// Takes one sample of the box's own converters.
+    /// Takes one sample of the box's own converters, in their order. They go to the run,
+    /// if it takes them, and to a host that has subscribed to them.
     pub fn sample(
         &mut self,
-        _sample: &RawSample<'_>,
-        _board: &mut impl Board,
-        _out: &mut impl Outbox,
+        sample: &RawSample<'_>,
+        board: &mut impl Board,
+        out: &mut impl Outbox,
     ) {
+        if let Some(recorder) = &mut self.recorder {
+            let si = |input: usize, count: i32| {
+                let key = SettingKey::Input(input as u8);
+                match board.setting(key) {
+                    Ok(Setting::Input(input)) => {
+                        calibration::Scale::new(input.per_count, input.offset)
+                            .map_or(count as f32, |scale| scale.count(count))
+                    }
+                    _ => count as f32,
+                }
+            };
+            recorder.add(sample.number, sample.counts, si, out);
+        }
+        let Some(run) = &mut self.run else {
+            return;
+        };
+        if run.start.source != Source::Inputs {
+            return;
+        }
+        let origin = *run.origin.get_or_insert(sample.number);
+        let Some(index) = sample.number.checked_sub(origin) else {
+            return;
+        };
+        run.skip_to(index, out);
+        if index == run.next() && !run.is_complete() {
+            run.push(&Sample::Counts(sample.counts, sample.health), board, out);
+            self.meter();
+        }
+        self.end_if_complete(board, out);
     }
 
     /// Does what is due without a request. Call it whenever there is time, a hundred times
     /// a second or more; `true` if there is more to do at once.
-    pub fn poll(&mut self, _board: &mut impl Board, out: &mut impl Outbox) -> bool {
-        if !self.told {
-            self.told = true;
-            out.event(&Event::Started(Started {
-                reset: self.identity.reset,
-                resets: self.identity.resets,
-            }));
+    pub fn poll(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+        self.introduce(out);
+        let now = board.ticks();
+        let second = u64::from(self.identity.tick_hz);
+        let due = |told: u64, every: u16| {
+            every > 0 && now.saturating_sub(told).saturating_mul(1000) >= u64::from(every) * second
+        };
+        let [telemetry, levels] = self.told;
+        if due(telemetry, self.subscription.telemetry) {
+            self.told[0] = now;
+            self.tell_telemetry(now, board, out);
+        }
+        if due(levels, self.subscription.levels) {
+            self.told[1] = now;
+            self.levels.tell(out);
+            if let Some(recorder) = &mut self.recorder {
+                recorder.send(out);
+            }
         }
         false
     }
@@ -136,52 +240,141 @@ impl<'m> Instrument<'m> {
     /// The job that a request has left to be done, once. It comes back by
     /// [`Self::finish`].
     pub fn take_job(&mut self) -> Option<Job<'m>> {
-        None
+        self.job.take()
     }
 
-    /// Takes a job back and answers the request behind it. One that has not been run says
-    /// that it was given up.
-    pub fn finish(&mut self, _job: Job<'m>, _board: &mut impl Board, _out: &mut impl Outbox) {}
+    /// Takes a job back and answers the request behind it.
+    pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
+        let Job { store, answer, .. } = job;
+        self.store = Some(store);
+        let Some(pending) = self.pending.take() else {
+            return;
+        };
+        let ticks = board.ticks().saturating_sub(pending.since);
+        let reply = match answer {
+            Some(Ok(answer)) => {
+                let identified = Identified { ticks, answer };
+                self.answer = Some(identified);
+                Reply::Identified(identified)
+            }
+            Some(Err(problem)) => Reply::Error(Refused {
+                request: pending.number,
+                problem,
+            }),
+            None => Reply::Error(Refused {
+                request: pending.number,
+                problem: Problem::Busy(pending.number),
+            }),
+        };
+        out.reply(pending.id, &reply);
+    }
 
-    fn info(&self, board: &impl Board) -> Info<'_> {
-        let i = &self.identity;
-        Info {
-            firmware: cut(i.firmware, NAME_MAX),
-            version: cut(i.version, NAME_MAX),
-            build: cut(i.build, NAME_MAX),
-            chip: cut(i.chip, NAME_MAX),
-            serial: i.serial,
-            clock: i.clock,
-            clock_hz: i.clock_hz,
-            tick_hz: i.tick_hz,
-            storage: i.storage,
-            reset: i.reset,
-            resets: i.resets,
-            panic: i.panic.map(|text| cut(text, PANIC_MAX)),
-            faults: board.faults(),
-            capacity: Capacity {
-                channels: memory::CHANNELS as u8,
-                inputs: i.inputs,
-                sensors: memory::SENSORS as u8,
-                runs: memory::RUNS as u8,
-                lines: memory::LINES as u16,
-                block_length: memory::BLOCK_LENGTH as u32,
-                window: i.window,
-                methods: 0,
-            },
+    /// A fault of the box that the board has noticed. It is told, and a converter that
+    /// does not answer ends the run that lives on it: what was averaged until then is kept.
+    pub fn fault(
+        &mut self,
+        kind: FaultKind,
+        part: Option<u8>,
+        board: &mut impl Board,
+        out: &mut impl Outbox,
+    ) {
+        let sample = self.run.as_ref().map_or(board.input_samples(), Run::next);
+        out.event(&Event::Fault(Fault { kind, sample, part }));
+        let lives_on_it = |run: &Run<'_>| run.start.source == Source::Inputs;
+        if kind == FaultKind::Converter && self.run.as_ref().is_some_and(lives_on_it) {
+            self.end_run(Outcome::Fault, board, out);
         }
     }
 
-    fn status(&self, board: &impl Board) -> Status {
-        Status {
-            state: self.state,
-            busy: None,
-            fingerprint: None,
-            running: None,
-            stored: 0,
-            surveyed: 0,
-            answer: false,
-            unsaved: board.unsaved(),
+    fn introduce(&mut self, out: &mut impl Outbox) {
+        if !self.introduced {
+            self.introduced = true;
+            out.event(&Event::Started(Started {
+                reset: self.identity.reset,
+                resets: self.identity.resets,
+            }));
+        }
+    }
+
+    fn tell_telemetry(&mut self, now: u64, board: &mut impl Board, out: &mut impl Outbox) {
+        let vitals = board.vitals();
+        out.event(&Event::Telemetry(Telemetry {
+            uptime: now.saturating_mul(1000) / u64::from(self.identity.tick_hz.max(1)),
+            stack_used: vitals.stack_used,
+            stack_size: vitals.stack_size,
+            load: vitals.load,
+            block_ticks: self.longest_block,
+            dropped: vitals.dropped,
+            overrun: vitals.overrun,
+            link: vitals.link,
+            faults: board.faults(),
+        }));
+        self.longest_block = 0;
+    }
+
+    /// Lets the levels see the sample that the run has just taken.
+    fn meter(&mut self) {
+        if let Some(run) = &mut self.run {
+            self.longest_block = self.longest_block.max(core::mem::take(&mut run.longest));
+            if self.subscription.levels > 0 {
+                self.levels.add(run.readings(), run.next());
+            }
+        }
+    }
+
+    /// Ends the run if it has all its samples, and says so.
+    fn end_if_complete(&mut self, board: &mut impl Board, out: &mut impl Outbox) {
+        if self.run.as_ref().is_some_and(Run::is_complete) {
+            self.end_run(Outcome::Limit, board, out);
+        }
+    }
+
+    /// Ends the run by itself, and says so.
+    fn end_run(&mut self, outcome: Outcome, board: &mut impl Board, out: &mut impl Outbox) {
+        if let Some(summary) = self.conclude(outcome, board) {
+            out.event(&Event::RunEnded(summary));
+        }
+    }
+
+    /// Ends the run and keeps what it has found.
+    fn conclude(&mut self, outcome: Outcome, board: &mut impl Board) -> Option<Summary> {
+        let run = self.run.take()?;
+        let number = usize::from(run.start.run);
+        self.ended = Some(Ended {
+            start: run.start,
+            taken: Taken {
+                next: run.next(),
+                missing: run.missing(),
+            },
+        });
+        let store = self.store.as_mut().map(|s| &mut s.runs);
+        let (summary, peaks, buffers) = run.finish(outcome, self.identity.tick_hz, store);
+        self.buffers = buffers;
+        self.state = State::Ready;
+        if let Some(peaks) = peaks {
+            self.setup.set_peaks(number, peaks);
+        }
+        if let Some(store) = &self.store {
+            self.stored = store.runs.mask();
+        }
+        if let Some(slot) = self.summaries.get_mut(number) {
+            *slot = Some(summary);
+        }
+        self.tend_inputs(board);
+        Some(summary)
+    }
+
+    /// Whether the box's own converters are wanted.
+    fn wants_inputs(&self) -> bool {
+        let run = self.run.as_ref();
+        run.is_some_and(|r| r.start.source == Source::Inputs)
+            || self.subscription.samples != Stream::Off
+    }
+
+    /// Stops the converters if nobody wants them any more.
+    fn tend_inputs(&self, board: &mut impl Board) {
+        if self.identity.inputs > 0 && !self.wants_inputs() {
+            board.stop_inputs();
         }
     }
 }

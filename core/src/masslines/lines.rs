@@ -8,6 +8,7 @@
 use crate::algebra::incoherent_powers;
 use crate::geometry::{RESULTANTS, ResultantMap};
 use crate::spectra::{Average, CrossAverage, LineGrid, RunResponses, Window};
+use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
 
 /// A complex 6 x 6 matrix.
@@ -83,6 +84,15 @@ pub trait Lines {
     fn pair_weight(&self, _run: usize, _line: usize) -> f64 {
         1.0
     }
+}
+
+/// The lines from `low` to `high` Hz, both ends included.
+#[must_use]
+pub fn lines_between<L: Lines + ?Sized>(lines: &L, [low, high]: [f64; 2]) -> Range<usize> {
+    let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
+    let start = (0..lines.count()).find(inside).unwrap_or(0);
+    let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
+    start..end
 }
 
 /// Runs referred to their drive signals.

@@ -3,6 +3,7 @@
 use super::decimate::{MAX_STAGES, Phase, USABLE, settling, state_len};
 use super::fft::{supported, transform};
 use super::{Complex32, LineGrid, SpectraError, Window};
+use core::ops::Range;
 
 /// How a stream is cut and transformed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,6 +149,12 @@ impl BlockSettings {
         channels * (self.transform_length() + state_len(self.stages))
     }
 
+    /// Consecutive samples that have a part in a block: what its filters look back on, too.
+    #[must_use]
+    pub fn support(&self) -> usize {
+        ((self.transform_length() - 1) << self.stages) + settling(self.stages) + 1
+    }
+
     /// Elements of line storage that `channels` need.
     #[must_use]
     pub fn lines_len(&self, channels: usize) -> usize {
@@ -159,16 +166,38 @@ impl BlockSettings {
 #[derive(Clone, Copy, Debug)]
 pub struct BlockSpectra<'a> {
     lines: &'a [Complex32],
+    /// Lines of each channel.
     count: usize,
+    /// First of them that is seen, and the one after the last.
+    seen: [usize; 2],
 }
 
 impl<'a> BlockSpectra<'a> {
     /// The kept lines of channel `c`; empty if there is no such channel.
     #[must_use]
     pub fn channel(&self, c: usize) -> &'a [Complex32] {
+        let [from, to] = self.seen.map(|line| c * self.count + line);
+        self.lines.get(from..to).unwrap_or(&[])
+    }
+
+    /// Whether all lines are numbers that can be squared and summed. Readings beyond 1e15,
+    /// which no sensor has, make them overflow.
+    #[must_use]
+    pub fn is_bounded(&self) -> bool {
+        const BOUND: f32 = 1e18;
         self.lines
-            .get(c * self.count..(c + 1) * self.count)
-            .unwrap_or(&[])
+            .iter()
+            .all(|z| z.re.abs() < BOUND && z.im.abs() < BOUND)
+    }
+
+    /// The same block with only the kept lines `lines` of every channel.
+    #[must_use]
+    pub fn within(&self, lines: Range<usize>) -> Self {
+        let end = lines.end.min(self.count);
+        Self {
+            seen: [lines.start.min(end), end],
+            ..*self
+        }
     }
 }
 
@@ -177,10 +206,8 @@ impl<'a> BlockSpectra<'a> {
 pub struct Blocks<'s> {
     settings: BlockSettings,
     channels: usize,
-    /// One ring of `transform_length` samples per channel.
+    /// One ring of `transform_length` samples per channel, then their filters' states.
     history: &'s mut [f32],
-    /// Filter states, channel by channel.
-    filters: &'s mut [f32],
     work: &'s mut [Complex32],
     lines: &'s mut [Complex32],
     head: usize,
@@ -206,23 +233,28 @@ impl<'s> Blocks<'s> {
         work: &'s mut [Complex32],
         lines: &'s mut [Complex32],
     ) -> Result<Self, SpectraError> {
-        let history = exactly(history, settings.history_len(channels))?;
-        let work = exactly(work, settings.transform_length())?;
-        let lines = exactly(lines, settings.lines_len(channels))?;
-        let (history, filters) = history.split_at_mut(channels * settings.transform_length());
-        filters.fill(0.0);
-        Ok(Self {
+        enough(history.len(), settings.history_len(channels))?;
+        enough(work.len(), settings.transform_length())?;
+        enough(lines.len(), settings.lines_len(channels))?;
+        let mut blocks = Self {
             settings,
             channels,
             history,
-            filters,
             work,
             lines,
             head: 0,
             phase: Phase::new(settings.stages),
-            settling: settling(settings.stages),
-            missing: settings.transform_length(),
-        })
+            settling: 0,
+            missing: 0,
+        };
+        blocks.restart();
+        Ok(blocks)
+    }
+
+    /// Gives the storage back: history, work and lines, as they were lent.
+    #[must_use]
+    pub fn into_storage(self) -> (&'s mut [f32], &'s mut [Complex32], &'s mut [Complex32]) {
+        (self.history, self.work, self.lines)
     }
 
     /// The settings.
@@ -234,7 +266,10 @@ impl<'s> Blocks<'s> {
     /// Forgets the history: the next block starts with the next sample. To be called
     /// where samples were lost, so that no block straddles the gap.
     pub fn restart(&mut self) {
-        self.filters.fill(0.0);
+        let rings = self.channels * self.settings.transform_length();
+        if let Some(filters) = self.history.get_mut(rings..) {
+            filters.fill(0.0);
+        }
         self.head = 0;
         self.phase = Phase::new(self.settings.stages);
         self.settling = settling(self.settings.stages);
@@ -247,15 +282,15 @@ impl<'s> Blocks<'s> {
         let n = self.settings.transform_length();
         let kept = self.phase.yields() && self.settling == 0;
         let per_channel = state_len(self.settings.stages);
+        let (rings, filters) = self.history.split_at_mut(self.channels * n);
         for c in 0..self.channels {
-            let state = self
-                .filters
+            let state = filters
                 .get_mut(c * per_channel..(c + 1) * per_channel)
                 .unwrap_or(&mut []);
             let x = self
                 .phase
                 .push(state, sample.get(c).copied().unwrap_or(0.0));
-            if kept && let Some(slot) = self.history.get_mut(c * n + self.head) {
+            if kept && let Some(slot) = rings.get_mut(c * n + self.head) {
                 *slot = x;
             }
         }
@@ -272,8 +307,12 @@ impl<'s> Blocks<'s> {
         self.missing = self.settings.hop >> self.settings.stages;
         self.transform_all();
         Some(BlockSpectra {
-            lines: self.lines,
+            lines: self
+                .lines
+                .get(..self.settings.lines_len(self.channels))
+                .unwrap_or(&[]),
             count: self.settings.grid.count,
+            seen: [0, self.settings.grid.count],
         })
     }
 
@@ -281,25 +320,28 @@ impl<'s> Blocks<'s> {
     fn transform_all(&mut self) {
         let n = self.settings.transform_length();
         let count = self.settings.grid.count;
-        let mut rings = self.history.chunks_exact(n);
+        let mut rings = self.history.chunks_exact(n).take(self.channels);
         let mut lines = &mut *self.lines;
+        let Some(work) = self.work.get_mut(..n) else {
+            return;
+        };
         for _ in 0..self.channels.div_ceil(2) {
             let first = rings.next();
             let second = rings.next();
-            for (k, w) in self.work.iter_mut().enumerate() {
+            for (k, w) in work.iter_mut().enumerate() {
                 // The oldest sample lies at the head.
                 let at = (self.head + k) % n;
                 let read =
                     |ring: Option<&[f32]>| ring.and_then(|r| r.get(at)).copied().unwrap_or(0.0);
                 *w = Complex32::new(read(first), read(second));
             }
-            transform(self.work);
+            transform(work);
             if self.settings.remove_mean {
-                self.settings.remove_mean_of(self.work);
+                self.settings.remove_mean_of(work);
             }
             let (a, rest) = lines.split_at_mut(count.min(lines.len()));
             let (b, rest) = rest.split_at_mut(count.min(rest.len()));
-            self.settings.unpack(self.work, a, b);
+            self.settings.unpack(work, a, b);
             lines = rest;
         }
     }
@@ -368,11 +410,11 @@ fn stages(block_length: usize, last: usize) -> usize {
     (1..=MAX_STAGES).rev().find(|&s| fits(s)).unwrap_or(0)
 }
 
-fn exactly<T>(slice: &mut [T], needed: usize) -> Result<&mut [T], SpectraError> {
-    let given = slice.len();
-    slice
-        .get_mut(..needed)
-        .ok_or(SpectraError::Storage { needed, given })
+fn enough(given: usize, needed: usize) -> Result<(), SpectraError> {
+    if given < needed {
+        return Err(SpectraError::Storage { needed, given });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -37,16 +37,31 @@ impl<'s> DriveAverage<'s> {
         channels: usize,
         storage: &'s mut [Sum],
     ) -> Result<Self, SpectraError> {
-        let needed = Self::storage_len(settings, channels);
+        let mut average = Self::resume(settings.grid().count, channels, storage, 0)?;
+        average.clear();
+        Ok(average)
+    }
+
+    /// Takes up the sums of `lines` lines and `blocks` blocks that an earlier average left
+    /// in its storage.
+    ///
+    /// # Errors
+    /// [`SpectraError::Storage`] if it is too small.
+    pub fn resume(
+        lines: usize,
+        channels: usize,
+        storage: &'s mut [Sum],
+        blocks: u32,
+    ) -> Result<Self, SpectraError> {
+        let needed = lines * sums_per_line(channels);
         let given = storage.len();
         let sums = storage
             .get_mut(..needed)
             .ok_or(SpectraError::Storage { needed, given })?;
-        sums.fill(Sum::ZERO);
         Ok(Self {
             sums,
             channels,
-            blocks: 0,
+            blocks,
         })
     }
 
@@ -86,6 +101,26 @@ impl<'s> DriveAverage<'s> {
         } else {
             0.0
         }
+    }
+
+    /// Mean coherence of response `c` with the drive over `band`, 0 to 1, in single
+    /// precision: to be told after every block, where [`Self::coherence`] would cost more
+    /// than the block itself.
+    #[must_use]
+    pub fn mean_coherence(&self, c: usize, band: core::ops::Range<usize>) -> f32 {
+        let lines = band.len().max(1) as f32;
+        let mut sum = 0.0;
+        for k in band {
+            let line = self.line(k);
+            if let (Some(rr), Some([re, im, xx])) = (line.first(), line.get(1 + 3 * c..4 + 3 * c)) {
+                // Ratios first: products of powers leave the range of `f32`.
+                let [rr, re, im, xx] = [rr, re, im, xx].map(Sum::rounded);
+                if rr > 0.0 && xx > 0.0 {
+                    sum += (re * (re / rr) + im * (im / rr)) / xx;
+                }
+            }
+        }
+        (sum / lines).min(1.0)
     }
 }
 

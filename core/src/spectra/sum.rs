@@ -26,6 +26,13 @@ impl Sum {
         self.sum = next;
     }
 
+    /// The sum as one `f32`.
+    #[inline]
+    #[must_use]
+    pub fn rounded(&self) -> f32 {
+        self.sum
+    }
+
     /// The sum with its carry, which only `f64` can hold.
     #[inline]
     #[must_use]

@@ -20,6 +20,9 @@ pub struct Question {
     pub procedure: Procedure,
     /// Most elastic modes that methods d and e take account of.
     pub modes: u8,
+    /// Lowest and highest frequency of the lines in which modes are looked for, Hz; all that
+    /// are kept if it is not given.
+    pub fit_band: Option<[f64; 2]>,
     /// The runs to be used: bit k is run k. Zero: all that are stored.
     pub runs: u32,
 }

@@ -209,6 +209,10 @@ pub enum Field {
     Uncertainty,
     /// A part of a date.
     Date,
+    /// The most iterations.
+    Iterations,
+    /// An end of the band in which modes are looked for.
+    FitBand,
 }
 
 impl Refused {

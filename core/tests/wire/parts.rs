@@ -127,6 +127,7 @@ pub fn question(d: &mut Draw<'_>) -> Question {
             Procedure::Direct
         },
         modes: d.u8(),
+        fit_band: d.option(|d| d.array(Draw::f64)),
         runs: d.u32(),
     }
 }

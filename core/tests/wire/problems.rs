@@ -134,5 +134,7 @@ fn field(d: &mut Draw<'_>) -> Field {
         Field::CountLimit,
         Field::Uncertainty,
         Field::Date,
+        Field::Iterations,
+        Field::FitBand,
     ])
 }

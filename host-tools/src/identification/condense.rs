@@ -59,16 +59,14 @@ fn each_group<T>(
 /// Lines in which modes are looked for: those asked for, else up to the mode band's end,
 /// else as far as recordings are kept by default. Modes far above would only cost.
 fn fit_lines(setup: &Setup, lines: &dyn Lines) -> Range<usize> {
-    let Some([low, high]) = setup.estimation.fit_band.or_else(|| {
+    let band = setup.estimation.fit_band.or_else(|| {
         let p = setup.processing.as_ref()?;
         Some([p.averaging_band[0], p.kept_up_to(None)])
-    }) else {
-        return 0..lines.count();
-    };
-    let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
-    let start = (0..lines.count()).find(inside).unwrap_or(0);
-    let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
-    start..end
+    });
+    match band {
+        Some(band) => masslines::lines_between(lines, band),
+        None => 0..lines.count(),
+    }
 }
 
 fn work(lines: &dyn Lines) -> Vec<Complex<f64>> {

@@ -3,8 +3,8 @@
 use super::MeasureError;
 use crate::setup::{self, Run, Setup};
 use massline_core::geometry::{
-    ACCELERATION_NAMES, AccelerationFit, Accelerometer, Equations, ForceResultants, GeometryError,
-    LoadCell, Mount, Placement, Quantity, RESULTANT_NAMES, RESULTANTS, ResultantMap,
+    self, ACCELERATION_NAMES, Accelerometer, Equations, GeometryError, LoadCell, MAX_CHANNELS,
+    Mount, Placement, Quantity, RESULTANT_NAMES, RESULTANTS, ResultantMap, RunSensor,
 };
 use nalgebra::Vector3;
 
@@ -40,9 +40,12 @@ pub struct RunGeometry {
     pub reference: Vector3<f64>,
     /// The channels of the map, in its order.
     pub channels: Vec<String>,
-    /// Channels to the twelve resultants, in single precision, sample by sample.
+    /// SI per recorded unit of each channel.
+    scales: Vec<f32>,
+    /// SI samples of the channels to the twelve resultants, in single precision.
     pub map: ResultantMap,
-    /// The same in double precision: what one unit of each channel adds.
+    /// From recorded units to resultants in double precision: what one unit of each channel
+    /// adds.
     pub columns: Vec<[f64; RESULTANTS]>,
     /// The equations the load cells complete.
     pub equations: Equations,
@@ -137,54 +140,53 @@ impl RunGeometry {
             Placement::new(run.rotation.into(), run.translation.into()).map_err(wrong)?;
         let reference = Vector3::from(setup.reference_point);
         let mut sensors = Vec::new();
+        let mut channels = Vec::new();
+        let mut scales = Vec::new();
         for (index, entry) in setup.accelerometers.iter().enumerate() {
-            let sensor = placement.accelerometer(&accelerometer(entry).map_err(wrong)?);
+            let sensor = accelerometer(entry).map_err(wrong)?;
             let weight = accelerations.weight(number, index, sensor.mount);
-            sensors.push((sensor, weight, entry));
+            sensors.push(RunSensor::Accelerometer(sensor, weight));
+            channels.push(entry.channel.clone());
+            scales.push(entry.scale);
         }
-        if sensors.iter().all(|(_, weight, _)| *weight == 0.0) {
+        let unweighted = |s: &RunSensor| matches!(s, RunSensor::Accelerometer(_, w) if *w == 0.0);
+        if sensors.iter().all(unweighted) {
             return Err(MeasureError::NoInterface {
                 run: run.name.clone(),
             });
         }
-        let mut cells = Vec::new();
         for entry in &setup.load_cells {
-            cells.push((
-                placement.load_cell(&load_cell(entry).map_err(wrong)?),
-                entry,
-            ));
-        }
-        let fit = AccelerationFit::new(sensors.iter().map(|(s, w, _)| (s, *w)), &reference)
-            .map_err(wrong)?;
-        let resultants =
-            ForceResultants::new(cells.iter().map(|(c, _)| c), &reference).map_err(wrong)?;
-        let mut map = ResultantMap::new();
-        let mut channels = Vec::new();
-        let mut columns = Vec::new();
-        for (sensor, weight, entry) in &sensors {
-            let column = fit.column(sensor, *weight);
-            map.push_acceleration(&column, entry.scale).map_err(wrong)?;
+            sensors.push(RunSensor::LoadCell(load_cell(entry).map_err(wrong)?));
             channels.push(entry.channel.clone());
-            let mut wide = [0.0; RESULTANTS];
-            wide[..6].copy_from_slice((column * entry.scale).as_slice());
-            columns.push(wide);
+            scales.push(entry.scale);
         }
-        for (cell, entry) in &cells {
-            let column = resultants.column(cell);
-            map.push_force(&column, entry.scale).map_err(wrong)?;
-            channels.push(entry.channel.clone());
-            let mut wide = [0.0; RESULTANTS];
-            wide[6..].copy_from_slice((column * entry.scale).as_slice());
-            columns.push(wide);
-        }
+        let mut columns: Vec<[f64; RESULTANTS]> = Vec::new();
+        let geometry =
+            geometry::RunGeometry::with_columns(sensors, &placement, &reference, |column| {
+                let scale = scales[columns.len()];
+                columns.push(column.map(|x| x * scale));
+            });
+        let geometry = geometry.map_err(wrong)?;
         Ok(Self {
             reference,
             channels,
-            map,
+            scales: scales.iter().map(|&s| s as f32).collect(),
+            map: geometry.map,
             columns,
-            equations: *resultants.equations(),
-            determined: core::array::from_fn(|j| fit.determined(j)),
+            equations: geometry.equations,
+            determined: geometry.determined,
         })
+    }
+
+    /// One sample of all channels, in recorded units, to the twelve resultants: by way of SI,
+    /// as the box does it.
+    #[must_use]
+    pub fn resultants(&self, sample: &[f32]) -> [f32; RESULTANTS] {
+        let mut si = [0.0; MAX_CHANNELS];
+        for ((si, x), scale) in si.iter_mut().zip(sample).zip(&self.scales) {
+            *si = x * scale;
+        }
+        self.map.apply(&si)
     }
 
     /// Share of each acceleration component that the accelerometers determine, 0 to 1.

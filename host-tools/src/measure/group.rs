@@ -53,8 +53,7 @@ impl Measurement {
 }
 
 fn alike(a: &RunGeometry, b: &RunGeometry) -> bool {
-    // Equal up to the rounding of a rotation matrix.
-    (a.equations.rows() - b.equations.rows()).norm() < 1e-9
+    a.equations.alike(&b.equations)
 }
 
 fn gather<T>(runs: &[T], alike: impl Fn(&T, &T) -> bool) -> Vec<Vec<&T>> {

@@ -52,7 +52,7 @@ pub(super) fn read(
     let mut largest: f64 = 0.0;
     while recording.next_row(&mut sample)? {
         health.add(&sample);
-        let r = geometry.map.apply(&sample);
+        let r = geometry.resultants(&sample);
         let a = Vector6::from_fn(|j, _| f64::from(r[j]));
         let f = Vector6::from_fn(|j, _| f64::from(r[6 + j]));
         largest = largest.max(a.fixed_rows::<3>(0).norm());

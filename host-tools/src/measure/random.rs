@@ -121,7 +121,7 @@ pub(super) fn read(
     let mut health = Health::new(names.len());
     let mut feed = |average: &mut dyn Average| {
         let resultants = |sample: &[f32], into: &mut [f32]| {
-            into.copy_from_slice(&geometry.map.apply(sample));
+            into.copy_from_slice(&geometry.resultants(sample));
         };
         stream(
             &mut recording,

@@ -142,7 +142,7 @@ fn random(
         for ((slot, x), entry) in into.iter_mut().zip(sample).zip(&setup.accelerometers) {
             *slot = x * entry.scale as f32;
         }
-        into[sensors..].copy_from_slice(&geometry.map.apply(sample));
+        into[sensors..].copy_from_slice(&geometry.resultants(sample));
     };
     let drive_at = Some(names.len() - 1);
     stream(

@@ -1,0 +1,99 @@
+//! All sensors of one run, made into the map from its samples to resultants.
+
+use super::{
+    AccelerationFit, Accelerometer, Equations, ForceResultants, GeometryError, LoadCell, Placement,
+    RESULTANTS, ResultantMap,
+};
+use nalgebra::{Vector3, Vector6};
+
+/// A sensor of a run, as it was described: in the frame of the table, or in that of the
+/// specimen if it is glued to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RunSensor {
+    /// An accelerometer with its weight in this run.
+    Accelerometer(Accelerometer, f64),
+    /// A load cell.
+    LoadCell(LoadCell),
+}
+
+/// Geometry of one run in the specimen's frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunGeometry {
+    /// The reference point A, m.
+    pub reference: Vector3<f64>,
+    /// SI samples of the sensors, in their order, to the twelve resultants at A.
+    pub map: ResultantMap,
+    /// The equations the load cells complete.
+    pub equations: Equations,
+    /// Share of each acceleration component that the accelerometers determine, 0 to 1.
+    pub determined: [f64; 6],
+}
+
+impl RunGeometry {
+    /// The geometry of a run in which the specimen stands as `placement` says, about the
+    /// reference point A (m).
+    ///
+    /// # Errors
+    /// [`GeometryError`] if the sensors cannot give accelerations and resultants.
+    pub fn new<S>(
+        sensors: S,
+        placement: &Placement,
+        reference: &Vector3<f64>,
+    ) -> Result<Self, GeometryError>
+    where
+        S: IntoIterator<Item = RunSensor, IntoIter: Clone>,
+    {
+        Self::with_columns(sensors, placement, reference, |_| ())
+    }
+
+    /// The same, and shows each sensor's contribution to the resultants in double
+    /// precision, in the sensors' order.
+    ///
+    /// # Errors
+    /// Those of [`Self::new`].
+    pub fn with_columns<S>(
+        sensors: S,
+        placement: &Placement,
+        reference: &Vector3<f64>,
+        mut column: impl FnMut([f64; RESULTANTS]),
+    ) -> Result<Self, GeometryError>
+    where
+        S: IntoIterator<Item = RunSensor, IntoIter: Clone>,
+    {
+        let sensors = sensors.into_iter();
+        let accelerometers = sensors.clone().filter_map(|s| match s {
+            RunSensor::Accelerometer(a, weight) => Some((placement.accelerometer(&a), weight)),
+            RunSensor::LoadCell(_) => None,
+        });
+        let cells = sensors.clone().filter_map(|s| match s {
+            RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
+            RunSensor::Accelerometer(..) => None,
+        });
+        let fit = AccelerationFit::new(accelerometers, reference)?;
+        let resultants = ForceResultants::new(cells, reference)?;
+        let mut map = ResultantMap::new();
+        for sensor in sensors {
+            let mut wide = [0.0; RESULTANTS];
+            let (half, contribution): (_, Vector6<f64>) = match sensor {
+                RunSensor::Accelerometer(a, weight) => {
+                    let contribution = fit.column(&placement.accelerometer(&a), weight);
+                    map.push_acceleration(&contribution)?;
+                    (&mut wide[..6], contribution)
+                }
+                RunSensor::LoadCell(cell) => {
+                    let contribution = resultants.column(&placement.load_cell(&cell));
+                    map.push_force(&contribution)?;
+                    (&mut wide[6..], contribution)
+                }
+            };
+            half.copy_from_slice(contribution.as_slice());
+            column(wide);
+        }
+        Ok(Self {
+            reference: *reference,
+            map,
+            equations: *resultants.equations(),
+            determined: core::array::from_fn(|j| fit.determined(j)),
+        })
+    }
+}

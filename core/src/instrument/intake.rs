@@ -1,0 +1,139 @@
+//! Samples of one run: where each channel goes, how it becomes SI, and whether it can be
+//! believed.
+
+use super::Outbox;
+use super::memory::{CHANNELS, SENSORS};
+use crate::calibration::Channel;
+use crate::wire::{Carries, ChannelHealth, Event, Health, Packed, Values};
+
+/// One sample of all channels.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Sample<'a> {
+    /// Sample number `0` of the host's, counted from the first one of a message.
+    Host(Values<'a>, usize),
+    /// One of the box's own converters.
+    Counts(&'a [i32], &'a [Health]),
+}
+
+/// What becomes of a channel.
+#[derive(Clone, Copy, Debug)]
+struct Route {
+    channel: Channel,
+    carries: Carries,
+}
+
+/// Channels of a run at work.
+#[derive(Debug)]
+pub(super) struct Intake {
+    routes: heapless::Vec<Route, CHANNELS>,
+    /// SI by channel.
+    readings: [f32; CHANNELS],
+    /// SI by sensor.
+    sensors: [f32; SENSORS],
+    count: usize,
+    drive: f32,
+    /// Faults of each channel at the last sample.
+    health: [u16; CHANNELS],
+}
+
+impl Intake {
+    /// Channels that carry what the codes say.
+    pub(super) fn new(channels: impl Iterator<Item = (Carries, Channel)>, sensors: usize) -> Self {
+        Self {
+            routes: channels
+                .take(CHANNELS)
+                .map(|(carries, channel)| Route { channel, carries })
+                .collect(),
+            readings: [0.0; CHANNELS],
+            sensors: [0.0; SENSORS],
+            count: sensors,
+            drive: 0.0,
+            health: [0; CHANNELS],
+        }
+    }
+
+    /// Number of channels.
+    pub(super) fn channels(&self) -> usize {
+        self.routes.len()
+    }
+
+    /// Forgets what the samples so far have shown of the channels.
+    pub(super) fn restart(&mut self) {
+        for route in &mut self.routes {
+            route.channel.restart();
+        }
+    }
+
+    /// Takes one sample and returns its faults. A reading that is no number counts as
+    /// zero, so that it cannot outlive its block in a filter.
+    pub(super) fn take(
+        &mut self,
+        sample: &Sample<'_>,
+        index: u64,
+        out: &mut impl Outbox,
+    ) -> Health {
+        let mut all = 0;
+        let mut changed = false;
+        let routes = self.routes.iter_mut().zip(&mut self.readings);
+        for (c, ((route, reading), last)) in routes.zip(&mut self.health).enumerate() {
+            let (si, health) = read(sample, c, &mut route.channel);
+            let si = if si.is_finite() { si } else { 0.0 };
+            *reading = si;
+            match route.carries {
+                Carries::Sensor(sensor) => {
+                    if let Some(slot) = self.sensors.get_mut(usize::from(sensor)) {
+                        *slot = si;
+                    }
+                }
+                Carries::Drive => self.drive = si,
+                // Nobody wants it, so its faults are nobody's.
+                Carries::Nothing => continue,
+            }
+            changed |= *last != health.0;
+            *last = health.0;
+            all |= health.0;
+        }
+        if changed {
+            let known = self.health.get(..self.routes.len()).unwrap_or(&[]);
+            out.event(&Event::Health(ChannelHealth {
+                sample: index,
+                channels: Packed::new(known),
+            }));
+        }
+        Health(all)
+    }
+
+    /// SI by channel.
+    pub(super) fn readings(&self) -> &[f32] {
+        self.readings.get(..self.routes.len()).unwrap_or(&[])
+    }
+
+    /// SI by sensor.
+    pub(super) fn sensors(&self) -> &[f32] {
+        self.sensors.get(..self.count).unwrap_or(&[])
+    }
+
+    /// The drive signal, in its own unit.
+    pub(super) fn drive(&self) -> f32 {
+        self.drive
+    }
+}
+
+fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
+    let missing = (0.0, Health::MISSING);
+    match sample {
+        Sample::Host(Values::Readings(list), at) => list
+            .get(at + c)
+            .map_or(missing, |x| channel.reading(x, Health::GOOD)),
+        Sample::Host(Values::Counts(list), at) => list
+            .get(at + c)
+            .map_or(missing, |x| channel.count(x, Health::GOOD)),
+        Sample::Host(Values::Counts24(list), at) => list
+            .get(at + c)
+            .map_or(missing, |x| channel.count(x.get(), Health::GOOD)),
+        Sample::Counts(counts, health) => {
+            let known = health.get(c).copied().unwrap_or(Health::GOOD);
+            counts.get(c).map_or(missing, |x| channel.count(*x, known))
+        }
+    }
+}

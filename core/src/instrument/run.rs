@@ -1,0 +1,372 @@
+//! The run that is going on: samples become blocks, blocks become an average.
+
+use super::intake::{Intake, Sample};
+use super::memory::SENSORS;
+use super::setup::Lines;
+use super::store::Stored;
+use super::survey::Survey;
+use super::{Board, Outbox};
+use crate::geometry::{RESULTANTS, RunGeometry};
+use crate::spectra::{Average, Blocks, Complex32, DriveAverage, Sum};
+use crate::wire::{
+    Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
+};
+
+/// Storage of a run, lent for as long as it lasts.
+#[derive(Debug, Default)]
+pub(super) struct Buffers<'m> {
+    pub(super) history: &'m mut [f32],
+    pub(super) work: &'m mut [Complex32],
+    pub(super) lines: &'m mut [Complex32],
+    pub(super) sums: &'m mut [Sum],
+}
+
+/// What a run is for.
+#[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, and no heap to put it on"
+)]
+pub(super) enum Task {
+    /// Twelve resultants, to be stored.
+    Measure(RunGeometry, Accelerations),
+    /// Peaks of single accelerometers.
+    Survey(Survey),
+}
+
+/// What a run has seen so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    /// Index of the sample that is expected next.
+    next: u64,
+    missing: u64,
+    overloads: u64,
+    /// Blocks complete, averaged or not.
+    blocks: u32,
+    averaged: u32,
+    rejected: u32,
+    rejected_by: [u32; Health::KINDS],
+    health: Health,
+}
+
+/// The run that is going on.
+#[derive(Debug)]
+pub(super) struct Run<'m> {
+    pub(super) start: Start,
+    lines: Lines,
+    intake: Intake,
+    blocks: Blocks<'m>,
+    sums: &'m mut [Sum],
+    task: Task,
+    counts: Counts,
+    /// Index of the first sample of the block that is under way.
+    block_first: u64,
+    /// Index after the last sample with each fault.
+    faulty: [u64; Health::KINDS],
+    /// Number of a converter's sample that is this run's first.
+    pub(super) origin: Option<u64>,
+    /// Ticks at the first and the last sample.
+    ticks: [u64; 2],
+    /// Longest that a block took, ticks.
+    pub(super) longest: u32,
+}
+
+impl<'m> Run<'m> {
+    /// Starts a run in lent storage, which comes back if it does not suffice.
+    pub(super) fn new(
+        start: Start,
+        lines: Lines,
+        intake: Intake,
+        task: Task,
+        buffers: Buffers<'m>,
+    ) -> Option<Self> {
+        let Buffers {
+            history,
+            work,
+            lines: storage,
+            sums,
+        } = buffers;
+        let blocks = Blocks::new(lines.settings, 1 + RESULTANTS, history, work, storage).ok()?;
+        sums.fill(Sum::ZERO);
+        Some(Self {
+            start,
+            lines,
+            intake,
+            blocks,
+            sums,
+            task,
+            counts: Counts::default(),
+            block_first: 0,
+            faulty: [0; Health::KINDS],
+            origin: None,
+            ticks: [0; 2],
+            longest: 0,
+        })
+    }
+
+    /// What is going on.
+    pub(super) fn running(&self) -> Running {
+        Running {
+            run: self.start.run,
+            pass: self.start.pass,
+            source: self.start.source,
+            next: self.counts.next,
+            blocks: self.counts.averaged,
+        }
+    }
+
+    /// Index of the sample that is expected next.
+    pub(super) fn next(&self) -> u64 {
+        self.counts.next
+    }
+
+    /// Samples that were missing so far.
+    pub(super) fn missing(&self) -> u64 {
+        self.counts.missing
+    }
+
+    /// Channels of a sample.
+    pub(super) fn channels(&self) -> usize {
+        self.intake.channels()
+    }
+
+    /// Whether the run has all the samples it was started for.
+    pub(super) fn is_complete(&self) -> bool {
+        self.start.limit.is_some_and(|l| self.counts.next >= l)
+    }
+
+    /// Notes that all samples before number `first` are missing. The block they are
+    /// missing from is rejected, the next one begins with that sample.
+    pub(super) fn skip_to(&mut self, first: u64, out: &mut impl Outbox) {
+        let first = self.start.limit.map_or(first, |limit| first.min(limit));
+        if first <= self.counts.next {
+            return;
+        }
+        self.counts.missing += first - self.counts.next;
+        self.counts.next = first;
+        self.reject(Health::MISSING, 0, out);
+        self.blocks.restart();
+        self.intake.restart();
+        self.faulty = [0; Health::KINDS];
+        self.block_first = first;
+    }
+
+    /// Takes the next sample.
+    pub(super) fn push(&mut self, sample: &Sample<'_>, board: &impl Board, out: &mut impl Outbox) {
+        let begun = board.ticks();
+        if self.counts.next == self.counts.missing {
+            self.ticks[0] = begun;
+        }
+        self.ticks[1] = begun;
+        let index = self.counts.next;
+        self.counts.next += 1;
+        let health = self.intake.take(sample, index, out);
+        if health.contains(Health::OVERLOAD) {
+            self.counts.overloads += 1;
+        }
+        if !health.is_good() {
+            for (kind, last) in self.faulty.iter_mut().enumerate() {
+                if health.contains(Health(1 << kind)) {
+                    *last = index + 1;
+                }
+            }
+        }
+        let mut input = [0.0; 1 + RESULTANTS];
+        let (drive, rest) = input.split_at_mut(1);
+        drive.fill(self.intake.drive());
+        match &self.task {
+            Task::Measure(geometry, _) => {
+                rest.copy_from_slice(&geometry.map.apply(self.intake.sensors()));
+            }
+            Task::Survey(survey) => survey.select(self.intake.sensors(), rest),
+        }
+        let Some(block) = self.blocks.push(&input) else {
+            return;
+        };
+        let support = self.lines.settings.support() as u64;
+        let first = self.counts.next.saturating_sub(support);
+        let mut faults = 0;
+        for (kind, last) in self.faulty.iter().enumerate() {
+            if *last > first {
+                faults |= 1 << kind;
+            }
+        }
+        let mut health = Health(faults);
+        if health.is_good() && !block.is_bounded() {
+            health = Health::NOT_FINITE;
+        }
+        if health.is_good() {
+            let count = self.lines.settings.grid().count;
+            match &mut self.task {
+                Task::Measure(..) => {
+                    let blocks = self.counts.averaged;
+                    if let Ok(mut average) =
+                        DriveAverage::resume(count, RESULTANTS, self.sums, blocks)
+                    {
+                        average.add(&block);
+                    }
+                }
+                Task::Survey(survey) => survey.add(&block, self.sums),
+            }
+        }
+        self.block_first = first;
+        if health.is_good() {
+            self.counts.averaged += 1;
+            let coherence = self.coherence();
+            let ticks = self.since(begun, board);
+            self.tell(Health::GOOD, coherence, ticks, out);
+        } else {
+            let ticks = self.since(begun, board);
+            self.reject(health, ticks, out);
+        }
+        self.block_first = first + self.lines.settings.hop() as u64;
+        if let Task::Survey(survey) = &mut self.task
+            && survey.turn()
+        {
+            self.blocks.restart();
+            self.block_first = self.counts.next;
+        }
+    }
+
+    fn since(&mut self, begun: u64, board: &impl Board) -> u32 {
+        let ticks = u32::try_from(board.ticks().saturating_sub(begun)).unwrap_or(u32::MAX);
+        self.longest = self.longest.max(ticks);
+        ticks
+    }
+
+    fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Outbox) {
+        self.counts.rejected += 1;
+        self.counts.health = self.counts.health.union(health);
+        for (kind, count) in self.counts.rejected_by.iter_mut().enumerate() {
+            if health.contains(Health(1 << kind)) {
+                *count += 1;
+            }
+        }
+        self.tell(health, None, ticks, out);
+    }
+
+    /// Coherences so far, where there are any.
+    fn coherence(&mut self) -> Option<[Exact<f32>; RESULTANTS]> {
+        let Task::Measure(..) = self.task else {
+            return None;
+        };
+        if self.counts.averaged < 2 {
+            return None;
+        }
+        let count = self.lines.settings.grid().count;
+        let average = DriveAverage::resume(count, RESULTANTS, self.sums, self.counts.averaged);
+        let average = average.ok()?;
+        let band = &self.lines.band;
+        Some(core::array::from_fn(|c| {
+            Exact(average.mean_coherence(c, band.clone()))
+        }))
+    }
+
+    /// Tells of the block that is complete.
+    fn tell(
+        &mut self,
+        health: Health,
+        coherence: Option<[Exact<f32>; RESULTANTS]>,
+        ticks: u32,
+        out: &mut impl Outbox,
+    ) {
+        out.event(&Event::Block(Block {
+            run: self.start.run,
+            pass: self.start.pass,
+            block: self.counts.blocks,
+            first: self.block_first,
+            health,
+            averaged: self.counts.averaged,
+            coherence,
+            ticks,
+        }));
+        self.counts.blocks += 1;
+    }
+
+    /// SI samples of the channels, as the last sample left them.
+    pub(super) fn readings(&self) -> &[f32] {
+        self.intake.readings()
+    }
+
+    /// Ends the run: what a measuring pass has averaged goes to the store.
+    pub(super) fn finish(
+        mut self,
+        outcome: Outcome,
+        tick_hz: u32,
+        store: Option<&mut Stored<'_>>,
+    ) -> (Summary, Option<[f64; SENSORS]>, Buffers<'m>) {
+        let mut noise = None;
+        let mut peaks = None;
+        let grid = self.lines.settings.grid();
+        let blocks = self.counts.averaged;
+        let run = usize::from(self.start.run);
+        match &mut self.task {
+            Task::Survey(survey) => peaks = survey.peaks(self.sums),
+            Task::Measure(geometry, accelerations) => {
+                if let Some(store) = store {
+                    store.forget(run);
+                    let quality = Quality {
+                        blocks,
+                        rejected: self.counts.rejected,
+                        missing: self.counts.missing,
+                        health: self.counts.health,
+                    };
+                    let average = DriveAverage::resume(grid.count, RESULTANTS, self.sums, blocks);
+                    let settings = &self.lines.settings;
+                    let hop = settings.hop() as f64 / settings.block_length() as f64;
+                    let correlation = settings.window().block_correlation(hop);
+                    // Scatter, and with it noise, shows from two blocks on.
+                    if let Ok(average) = average
+                        && blocks >= 2
+                    {
+                        noise = store.keep(
+                            run,
+                            &average,
+                            grid,
+                            self.lines.band.clone(),
+                            correlation,
+                            &geometry.map,
+                            geometry.equations,
+                            *accelerations,
+                            quality,
+                        );
+                    }
+                }
+            }
+        }
+        let received = self.counts.next - self.counts.missing;
+        let elapsed = self.ticks[1].saturating_sub(self.ticks[0]);
+        let sample_rate = (self.start.source == Source::Inputs && elapsed > 0).then(|| {
+            // From the first sample to the last, missing ones among them.
+            let steps = self.counts.next.saturating_sub(1) as f64;
+            Exact(steps * f64::from(tick_hz) / elapsed as f64)
+        });
+        let summary = Summary {
+            run: self.start.run,
+            pass: self.start.pass,
+            source: self.start.source,
+            outcome,
+            samples: received,
+            missing: self.counts.missing,
+            blocks,
+            rejected: self.counts.rejected,
+            rejected_by: self.counts.rejected_by,
+            health: self.counts.health,
+            overloads: self.counts.overloads,
+            sample_rate,
+            noise: noise.map(|n| n.map(Exact)),
+        };
+        (summary, peaks, self.into_buffers())
+    }
+
+    /// Gives the storage back.
+    pub(super) fn into_buffers(self) -> Buffers<'m> {
+        let (history, work, lines) = self.blocks.into_storage();
+        Buffers {
+            history,
+            work,
+            lines,
+            sums: self.sums,
+        }
+    }
+}

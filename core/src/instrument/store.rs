@@ -1,0 +1,129 @@
+//! Stored runs: what is kept of a finished run for the identification.
+
+use super::memory::{LINES, RUNS, RunStorage};
+use crate::geometry::{Equations, RESULTANTS, ResultantMap};
+use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
+use crate::wire::{Accelerations, Line, Quality};
+use core::ops::Range;
+use nalgebra::Complex;
+
+/// What is kept of a run beside its lines.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kept {
+    pub(super) equations: Equations,
+    pub(super) accelerations: Accelerations,
+    pub(super) quality: Quality,
+    noise: [f32; RESULTANTS],
+    blocks: u32,
+}
+
+/// All stored runs.
+#[derive(Debug)]
+pub(super) struct Stored<'m> {
+    lines: &'m mut RunStorage,
+    kept: [Option<Kept>; RUNS],
+}
+
+/// All stored runs, and the room that the identification works in.
+#[derive(Debug)]
+pub(super) struct Store<'m> {
+    pub(super) runs: Stored<'m>,
+    /// Two elements a line.
+    pub(super) solver: &'m mut [Complex<f64>],
+}
+
+impl<'m> Store<'m> {
+    pub(super) fn new(lines: &'m mut RunStorage, solver: &'m mut [Complex<f64>]) -> Self {
+        let kept = [None; RUNS];
+        Self {
+            runs: Stored { lines, kept },
+            solver,
+        }
+    }
+}
+
+impl Stored<'_> {
+    /// Forgets all runs.
+    pub(super) fn clear(&mut self) {
+        self.kept = [None; RUNS];
+    }
+
+    /// Forgets one.
+    pub(super) fn forget(&mut self, run: usize) {
+        if let Some(slot) = self.kept.get_mut(run) {
+            *slot = None;
+        }
+    }
+
+    /// Keeps a finished run, which replaces the one of its number, and returns the noise
+    /// power per line of each resultant.
+    #[expect(clippy::too_many_arguments, reason = "all that a run leaves behind")]
+    pub(super) fn keep(
+        &mut self,
+        run: usize,
+        average: &DriveAverage<'_>,
+        grid: LineGrid,
+        band: Range<usize>,
+        block_correlation: f64,
+        map: &ResultantMap,
+        equations: Equations,
+        accelerations: Accelerations,
+        quality: Quality,
+    ) -> Option<[f32; RESULTANTS]> {
+        let from = run * LINES;
+        let responses = self.lines.responses.get_mut(from..from + LINES)?;
+        let drive = self.lines.drive.get_mut(from..from + LINES)?;
+        let finished = RunResponses::finish(
+            average,
+            grid,
+            band,
+            block_correlation,
+            map,
+            responses,
+            drive,
+        );
+        let (noise, blocks) = finished.map(|r| (r.noise, r.blocks)).ok()?;
+        *self.kept.get_mut(run)? = Some(Kept {
+            equations,
+            accelerations,
+            quality,
+            noise,
+            blocks,
+        });
+        Some(noise)
+    }
+
+    /// What is kept of a run beside its lines.
+    pub(super) fn kept(&self, run: usize) -> Option<&Kept> {
+        self.kept.get(run)?.as_ref()
+    }
+
+    /// Bit k: run k is stored.
+    pub(super) fn mask(&self) -> u32 {
+        super::setup::mask(&self.kept.map(|k| k.is_some()))
+    }
+
+    /// A stored run as the estimators read it, and the room they work in.
+    pub(super) fn responses(&self, run: usize, grid: LineGrid) -> Option<RunResponses<'_>> {
+        let kept = self.kept(run)?;
+        let from = run * LINES;
+        let lines = from..from + grid.count;
+        Some(RunResponses {
+            grid,
+            responses: self.lines.responses.get(lines.clone())?,
+            drive: self.lines.drive.get(lines)?,
+            noise: kept.noise,
+            blocks: kept.blocks,
+        })
+    }
+
+    /// One line of a stored run.
+    pub(super) fn line(&self, run: usize, line: usize) -> Option<Line> {
+        let at = run * LINES + line;
+        let pair = |z: &Complex32| [z.re, z.im];
+        Some(Line {
+            drive: *self.lines.drive.get(at)?,
+            responses: self.lines.responses.get(at)?.each_ref().map(pair),
+        })
+    }
+}
