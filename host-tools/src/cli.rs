@@ -4,11 +4,8 @@ use crate::commands::{self, demo, identify, simulate, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Weigh what is on the shaker, from the test you run anyway.
-///
-/// Load cells at the interface and accelerometers measure what a shaking table puts into
-/// a structure. From that massline finds the structure's mass, centre of gravity and
-/// inertia, with error bars, and says which of the ten this test cannot tell.
+/// Weigh what is on the shaker: mass, centre of gravity and inertia of a structure on a
+/// shaking table, with error bars, from load cells at its interface and accelerometers
 #[derive(Parser)]
 #[command(
     name = "massline",
@@ -62,8 +59,10 @@ pub fn main() -> ExitCode {
         Command::Study(a) => study::run(&a, verbosity),
         Command::Completions { shell } => {
             let mut command = <Cli as clap::CommandFactory>::command();
-            clap_complete::generate(shell, &mut command, "massline", &mut std::io::stdout());
-            Ok(())
+            // By way of memory: the generator panics when a reader hangs up.
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut command, "massline", &mut script);
+            commands::print_line(String::from_utf8_lossy(&script).trim_end())
         }
     };
     match done {

@@ -24,6 +24,17 @@ pub fn significant(value: f64, digits: i32) -> String {
     fixed(value, decimals_of(value, digits))
 }
 
+/// The same without zeros at the end of decimals, for numbers without an error.
+#[must_use]
+pub fn plain(value: f64, digits: i32) -> String {
+    let text = significant(value, digits);
+    if text.contains('.') && !text.contains('e') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
 /// Decimals that show so many significant digits of a number.
 fn decimals_of(number: f64, digits: i32) -> i32 {
     let magnitude = number.abs().log10().floor() as i32;
@@ -57,6 +68,14 @@ fn fixed(value: f64, decimals: i32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn plain_numbers_end_where_they_end() {
+        assert_eq!(plain(512.0, 6), "512");
+        assert_eq!(plain(0.5, 4), "0.5");
+        assert_eq!(plain(1200.0, 2), "1200");
+        assert_eq!(plain(0.0, 3), "0");
+    }
 
     #[test]
     fn digits_follow_the_error_bar() {

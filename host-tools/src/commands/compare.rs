@@ -69,8 +69,7 @@ pub(super) fn run(
         });
     }
     warn(&first.warnings, verbosity);
-    print(&setup.title, best, because, &answers, &failed, truth)
-        .map_err(|e| Failure::input(format!("stdout: {e}")))
+    print(&setup.title, best, because, &answers, &failed, truth).map_err(|e| Failure::stdout(&e))
 }
 
 /// Width of a column that holds one number of one method.

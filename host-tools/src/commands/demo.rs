@@ -1,6 +1,6 @@
 //! `massline demo`: the main job on an embedded example, no arguments, no hardware.
 
-use super::{Failure, identify, print_json, simulate, true_body, warn, write_file};
+use super::{Failure, details, identify, print_json, simulate, true_body, warn, write_file};
 use crate::cli::Verbosity;
 use crate::identification::Choice;
 use crate::report;
@@ -58,6 +58,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         return print_json(&Document { result, truth });
     }
     warn(&answer.warnings, verbosity);
+    details::show(&setup, &answer, verbosity);
     identify::show(&setup.title, &answer, Some(&truth))?;
     if !verbosity.quiet {
         eprintln!();

@@ -1,6 +1,8 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::{Bar, Failure, compare, print_answer, print_json, true_body, warn, write_file};
+use super::{
+    Bar, Failure, compare, details, print_answer, print_json, true_body, warn, write_file,
+};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice, OnProgress, Session};
 use crate::report;
@@ -13,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Identify the ten rigid-body properties from recordings
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass"
+    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --method all"
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs
@@ -79,6 +81,11 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         weighted: !arguments.no_weights,
     };
     if arguments.method == Some(Wanted::All) {
+        if arguments.report.is_some() {
+            return Err(Failure::input(
+                "--report shows one method; leave out `--method all`, or name the method to report",
+            ));
+        }
         return compare::run(&setup, &choice, truth.as_ref(), arguments.json, verbosity);
     }
     let answer = with_progress(&setup, &choice, verbosity)?;
@@ -92,6 +99,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         return print_json(&ResultDocument::new(&setup, &answer));
     }
     warn(&answer.warnings, verbosity);
+    details::show(&setup, &answer, verbosity);
     show(&setup.title, &answer, truth.as_ref())?;
     if let Some(path) = &arguments.report
         && !verbosity.quiet
@@ -126,8 +134,7 @@ pub(super) fn reading<T>(
 }
 
 pub(super) fn show(title: &str, answer: &Answer, truth: Option<&Truth>) -> Result<(), Failure> {
-    print_answer(&mut anstream::stdout(), title, answer, truth)
-        .map_err(|e| Failure::input(format!("stdout: {e}")))
+    print_answer(&mut anstream::stdout(), title, answer, truth).map_err(|e| Failure::stdout(&e))
 }
 
 fn read_truth(path: &Path) -> Result<Truth, Failure> {

@@ -6,6 +6,7 @@ pub mod simulate;
 pub mod study;
 
 mod compare;
+mod details;
 mod progress;
 mod table;
 
@@ -40,9 +41,21 @@ impl Failure {
     /// The file system refused to take a result.
     pub fn write(path: &Path, error: &std::io::Error) -> Self {
         Self::input(format!(
-            "{}: cannot be written: {error}; choose another place with --out",
+            "{}: cannot be written: {error}; choose another place for it",
             path.display()
         ))
+    }
+
+    /// The terminal, or what stands in its place, refused to take a result. A reader who
+    /// has seen enough, such as `head`, is no reason to complain.
+    pub fn stdout(error: &std::io::Error) -> Self {
+        if error.kind() == std::io::ErrorKind::BrokenPipe {
+            return Self {
+                code: 0,
+                message: String::new(),
+            };
+        }
+        Self::input(format!("stdout: cannot be written: {error}"))
     }
 }
 
@@ -57,6 +70,9 @@ impl From<crate::identification::AnswerError> for Failure {
 
 /// Prints the failure and turns it into the exit code.
 pub fn report(failure: &Failure) -> ExitCode {
+    if failure.message.is_empty() {
+        return ExitCode::from(failure.code);
+    }
     let style = anstyle::AnsiColor::Red.on_default().bold();
     let _ = writeln!(
         anstream::stderr(),
@@ -107,5 +123,13 @@ pub fn true_body(truth: &Truth) -> TrueBody {
 /// [`Failure`] if stdout is gone.
 pub fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(document).map_err(Failure::input)?;
-    writeln!(std::io::stdout(), "{text}").map_err(|e| Failure::input(format!("stdout: {e}")))
+    print_line(&text)
+}
+
+/// Prints one line on stdout.
+///
+/// # Errors
+/// [`Failure`] if stdout is gone.
+pub fn print_line(text: &str) -> Result<(), Failure> {
+    writeln!(std::io::stdout(), "{text}").map_err(|e| Failure::stdout(&e))
 }

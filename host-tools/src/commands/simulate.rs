@@ -1,6 +1,6 @@
 //! `massline simulate`: a model to a setup with recordings.
 
-use super::{Bar, Failure};
+use super::{Bar, Failure, print_line};
 use crate::cli::Verbosity;
 use crate::simulate::{Model, Options, Simulation, simulate};
 use std::path::{Path, PathBuf};
@@ -54,8 +54,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     };
     let simulation = with_progress(&model, &options, verbosity)?;
     let setup = simulation.write(&arguments.out).map_err(Failure::input)?;
+    print_line(&setup.display().to_string())?;
     if !verbosity.quiet {
-        println!("{}", setup.display());
         eprintln!(
             "next: massline identify {} --truth {}",
             setup.display(),

@@ -1,6 +1,6 @@
 //! Why there is no answer, and what to do about it.
 
-use crate::measure::MeasureError;
+use crate::measure::{MeasureError, Measurement};
 use massline_core::identify::IdentifyError;
 use massline_core::masslines::MasslineError;
 
@@ -17,6 +17,16 @@ pub enum AnswerError {
         source: MasslineError,
         /// What to do.
         advice: &'static str,
+    },
+    /// Sensors that see different things.
+    #[error(
+        "the accelerometers see {accelerations} of the reference point and the load cells measure {resultants}: nothing of the ten can be told from these together; add load cells until every load path is measured, and accelerometers on the interface"
+    )]
+    SensorsApart {
+        /// The accelerations that are seen.
+        accelerations: String,
+        /// The resultants that are measured.
+        resultants: String,
     },
     /// The masslines do not give an answer.
     #[error("{source}; {advice}")]
@@ -36,6 +46,38 @@ impl AnswerError {
             Self::Measure(e) if !e.is_data() => 2,
             _ => 1,
         }
+    }
+
+    /// The same, said of the sensors where it is they that leave nothing to be told.
+    pub(super) fn blame_sensors(self, measurement: &Measurement) -> Self {
+        let nothing = matches!(
+            self,
+            Self::Identify {
+                source: IdentifyError::NothingObservable,
+                ..
+            }
+        );
+        let runs = measurement.runs.iter().map(|r| &r.geometry);
+        let sines = measurement.sines.iter().map(|r| &r.geometry);
+        let poses = measurement.poses.iter().map(|r| &r.geometry);
+        let Some(geometry) = runs.chain(sines).chain(poses).next().filter(|_| nothing) else {
+            return self;
+        };
+        let (seen, measured) = geometry.seen();
+        if seen.len() == 6 && measured.len() == 6 {
+            return self;
+        }
+        Self::SensorsApart {
+            accelerations: list(&seen),
+            resultants: list(&measured),
+        }
+    }
+}
+
+fn list(names: &[&str]) -> String {
+    match names {
+        [] => "nothing".to_owned(),
+        _ => names.join(", "),
     }
 }
 

@@ -292,10 +292,13 @@ impl<'s> Session<'s> {
             procedure,
         };
         let (identification, offsets) = if measurement.poses.is_empty() {
-            (identify::identify(&sets, &question)?, Vec::new())
+            identify::identify(&sets, &question)
+                .map(|identification| (identification, Vec::new()))
+                .map_err(AnswerError::from)
         } else {
-            statics::identify_with(&measurement.poses, sets, &question)?
-        };
+            statics::identify_with(&measurement.poses, sets, &question)
+        }
+        .map_err(|error| error.blame_sensors(&measurement))?;
         notice::notice(&identification, &measurement, &mut warnings);
         Ok(Answer {
             method,

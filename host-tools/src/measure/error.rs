@@ -82,8 +82,18 @@ pub enum MeasureError {
         poses: u64,
     },
     /// A channel that never moves.
-    #[error("{}, channel `{channel}`: it reads {reading} throughout, in every run; the sensor is dead or unplugged: repair it, or take it out of the setup", file.display())]
+    #[error("{}, channel `{channel}`: it reads {reading} throughout; the sensor is dead or unplugged: repair it and record again, or take it out of the setup", file.display())]
     Dead {
+        /// The recording.
+        file: PathBuf,
+        /// The channel.
+        channel: String,
+        /// What it reads.
+        reading: f32,
+    },
+    /// A drive that never moves.
+    #[error("{}, channel `{channel}`: it reads {reading} throughout, so nothing can be referred to it; check the generator's cable and record again, or take `reference` out of this run", file.display())]
+    SilentDrive {
         /// The recording.
         file: PathBuf,
         /// The channel.
@@ -145,6 +155,7 @@ impl MeasureError {
             Self::TooShort { .. }
                 | Self::TooFewPoses { .. }
                 | Self::Dead { .. }
+                | Self::SilentDrive { .. }
                 | Self::Clipped { .. }
                 | Self::Copies { .. }
         )

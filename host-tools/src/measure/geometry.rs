@@ -64,6 +64,9 @@ pub(super) fn channel_names<'a>(setup: &'a Setup, run: &'a Run) -> Vec<&'a str> 
         .collect()
 }
 
+/// Share from which a component counts as told in full: what rounding leaves of one.
+const WHOLE: f64 = 1.0 - 1e-6;
+
 /// What a channel measures and which way it looks.
 #[derive(Clone, Copy)]
 pub(super) struct Axis<'a> {
@@ -195,9 +198,21 @@ impl RunGeometry {
         self.determined
     }
 
+    /// Names of the accelerations and of the resultants that the sensors tell in full.
+    #[must_use]
+    pub fn seen(&self) -> (Vec<&'static str>, Vec<&'static str>) {
+        let names = |names: &[&'static str; 6], share: &dyn Fn(usize) -> f64| {
+            let whole = (0..6).filter(|&j| share(j) >= WHOLE);
+            whole.map(|j| names[j]).collect()
+        };
+        (
+            names(&ACCELERATION_NAMES, &|j| self.determined[j]),
+            names(&RESULTANT_NAMES, &|j| self.equations.measured(j)),
+        )
+    }
+
     /// Says what is taken as zero and which equations are left out.
     pub(super) fn warn(&self, warnings: &mut Vec<String>) {
-        const WHOLE: f64 = 1.0 - 1e-6;
         let missing = |names: &[&str; 6], share: &dyn Fn(usize) -> f64| {
             let list: Vec<&str> = (0..6)
                 .filter(|&j| share(j) < WHOLE)

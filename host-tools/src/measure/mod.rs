@@ -6,6 +6,7 @@ mod geometry;
 mod group;
 mod poses;
 mod random;
+mod silent;
 mod sine;
 mod survey;
 
@@ -17,8 +18,7 @@ pub use random::{MeasuredRun, Spectra};
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 
-use crate::recording::{ChannelHealth, Complaint};
-use crate::setup::{Excitation, Run, Setup};
+use crate::setup::{Excitation, Setup};
 use massline_core::spectra::{BlockSettings, LineGrid, Window};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -148,79 +148,9 @@ pub fn measure_first(
             measurement.band = settings.grid().within(low, high);
         }
     }
-    check_channels(setup, &health, &mut measurement.warnings)?;
+    silent::check(setup, &health, &mut measurement.warnings)?;
     dedup(&mut measurement.warnings);
     Ok(measurement)
-}
-
-/// A channel that clips in one run is one too many. A channel that never moves in any
-/// run is dead, if another of its kind that looks the same way does move; if none does,
-/// the table did not move that way and nobody can tell.
-fn check_channels(
-    setup: &Setup,
-    health: &[(&Run, Vec<ChannelHealth>)],
-    warnings: &mut Vec<String>,
-) -> Result<(), MeasureError> {
-    let state = |channel: &str| -> Vec<(&Run, &ChannelHealth)> {
-        let of_run = |(run, states): &'_ &(&Run, Vec<ChannelHealth>)| -> Option<usize> {
-            let at = geometry::channel_names(setup, run)
-                .iter()
-                .position(|n| *n == channel)?;
-            (at < states.len()).then_some(at)
-        };
-        let found = health
-            .iter()
-            .filter_map(|r| of_run(&r).map(|at| (r.0, &r.1[at])));
-        found.collect()
-    };
-    let moves = |channel: &str| {
-        state(channel)
-            .iter()
-            .any(|(_, s)| s.complaint() != Some(Complaint::Dead))
-    };
-    let sensors = geometry::axes(setup);
-    let mut still = Vec::new();
-    let names = health
-        .iter()
-        .flat_map(|(run, _)| geometry::channel_names(setup, run));
-    for channel in names.collect::<std::collections::BTreeSet<_>>() {
-        for (run, s) in state(channel) {
-            if let Some(Complaint::Clipped { limit, samples }) = s.complaint() {
-                return Err(MeasureError::Clipped {
-                    file: setup.recording_path(run),
-                    channel: channel.to_owned(),
-                    limit,
-                    samples,
-                });
-            }
-        }
-        if moves(channel) {
-            continue;
-        }
-        let Some((run, s)) = state(channel).first().copied() else {
-            continue;
-        };
-        let own = sensors.iter().find(|a| a.channel == channel);
-        let sibling = sensors
-            .iter()
-            .any(|other| own.is_some_and(|own| own.looks_like(other)) && moves(other.channel));
-        // A drive has no siblings, and a silent one moves nothing.
-        if sibling || own.is_none() {
-            return Err(MeasureError::Dead {
-                file: setup.recording_path(run),
-                channel: channel.to_owned(),
-                reading: s.range[0],
-            });
-        }
-        still.push(channel.to_owned());
-    }
-    if !still.is_empty() {
-        warnings.push(format!(
-            "no reading changes in {}; nothing else looks their way, so they may be dead or the table never moved that way",
-            still.join(", ")
-        ));
-    }
-    Ok(())
 }
 
 fn dedup(warnings: &mut Vec<String>) {

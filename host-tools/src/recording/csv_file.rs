@@ -1,6 +1,7 @@
 //! CSV and gzipped CSV, one row at a time.
 
 use super::RecordingError;
+use super::header::Header;
 use csv::ByteRecord;
 use flate2::read::MultiGzDecoder;
 use std::cell::Cell;
@@ -18,6 +19,7 @@ pub struct Recording {
     reader: csv::Reader<Box<dyn Read>>,
     names: Vec<String>,
     columns: Vec<usize>,
+    width: usize,
     ignored: Vec<String>,
     time: Option<usize>,
     clock: Option<Clock>,
@@ -60,7 +62,11 @@ impl Recording {
             source,
         };
         let opened = File::open(file).map_err(unreadable)?;
-        let size = opened.metadata().map_err(unreadable)?.len();
+        let metadata = opened.metadata().map_err(unreadable)?;
+        if metadata.is_dir() {
+            return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
+        }
+        let size = metadata.len();
         if size == 0 {
             return Err(RecordingError::Empty {
                 file: file.to_owned(),
@@ -90,6 +96,7 @@ impl Recording {
             reader,
             names: channels.iter().map(|&c| c.to_owned()).collect(),
             columns: Vec::new(),
+            width: 0,
             ignored: Vec::new(),
             time: None,
             clock: None,
@@ -109,45 +116,22 @@ impl Recording {
                 file: self.file.clone(),
             });
         }
-        let header: Vec<String> = self
-            .record
-            .iter()
-            .map(|f| {
-                String::from_utf8_lossy(f)
-                    .trim_start_matches('\u{feff}')
-                    .trim()
-                    .to_owned()
-            })
-            .collect();
-        for (i, name) in header.iter().enumerate() {
-            if let Some(first) = header[..i].iter().position(|n| n == name) {
-                return Err(RecordingError::DuplicateChannel {
-                    file: self.file.clone(),
-                    channel: name.clone(),
-                    first: first + 1,
-                    second: i + 1,
-                });
-            }
-        }
+        let header = Header::read(&self.record, &self.file)?;
         for name in &self.names {
-            let Some(column) = header.iter().position(|n| n == name) else {
-                return Err(RecordingError::MissingChannel {
-                    file: self.file.clone(),
-                    channel: name.clone(),
-                    hint: hint(name, &header),
-                });
-            };
-            self.columns.push(column);
+            self.columns
+                .push(header.column(name, &self.names, &self.file)?);
         }
-        self.time = header
+        let names = header.names();
+        self.time = names
             .iter()
             .position(|n| n.eq_ignore_ascii_case("time") && !self.names.contains(n));
-        self.ignored = header
+        self.ignored = names
             .iter()
             .enumerate()
             .filter(|(i, _)| Some(*i) != self.time && !self.columns.contains(i))
             .map(|(_, n)| n.clone())
             .collect();
+        self.width = header.len();
         self.record.clear();
         Ok(())
     }
@@ -159,7 +143,7 @@ impl Recording {
                 file: self.file.clone(),
                 line: e
                     .position()
-                    .map_or_else(|| self.line() + 1, csv::Position::line),
+                    .map_or_else(|| self.reader.position().line(), csv::Position::line),
                 reason: e.to_string(),
             })
     }
@@ -319,7 +303,6 @@ impl Recording {
         &mut self,
         mut store: impl FnMut(usize, f64),
     ) -> Result<bool, RecordingError> {
-        let header = self.columns.len() + self.ignored.len() + usize::from(self.time.is_some());
         if self.limit.is_some_and(|limit| self.rows >= limit) {
             return Ok(false);
         }
@@ -332,12 +315,12 @@ impl Recording {
                 Ok(false)
             };
         }
-        if self.record.len() != header {
+        if self.record.len() != self.width {
             return Err(RecordingError::RowLength {
                 file: self.file.clone(),
                 line: self.line(),
                 found: self.record.len(),
-                expected: header,
+                expected: self.width,
             });
         }
         for (i, &column) in self.columns.iter().enumerate() {
@@ -365,28 +348,5 @@ impl Recording {
             });
         }
         Ok(())
-    }
-}
-
-fn hint(name: &str, header: &[String]) -> String {
-    let near = header
-        .iter()
-        .map(|h| (strsim::damerau_levenshtein(name, h), h))
-        .filter(|(d, _)| *d <= 2)
-        .min();
-    match near {
-        Some((_, h)) => format!("did you mean `{h}`?"),
-        None => {
-            let mut list = header
-                .iter()
-                .take(30)
-                .cloned()
-                .collect::<Vec<_>>()
-                .join(", ");
-            if header.len() > 30 {
-                list.push_str(", …");
-            }
-            format!("the file has: {list}")
-        }
     }
 }

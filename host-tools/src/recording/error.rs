@@ -1,5 +1,6 @@
 //! What can be wrong with a recording.
 
+use crate::format::plain;
 use std::path::PathBuf;
 
 /// What can be wrong with a recording: where, what, and what to do about it.
@@ -30,10 +31,34 @@ pub enum RecordingError {
         file: PathBuf,
     },
     /// Nothing below the header.
-    #[error("{}: there is a header but not one row of numbers below it", file.display())]
+    #[error("{}: there is a header but not one row of numbers below it; export the recording again", file.display())]
     HeaderOnly {
         /// The file.
         file: PathBuf,
+    },
+    /// Bytes that are no text.
+    #[error("{}, line 1: this is no text; {advice}", file.display())]
+    NoText {
+        /// The file.
+        file: PathBuf,
+        /// What it may be, and what to do.
+        advice: &'static str,
+    },
+    /// Columns between something else than commas.
+    #[error("{}, line 1: the columns are separated by {found}; separate them with commas and write numbers with decimal points", file.display())]
+    OtherSeparator {
+        /// The file.
+        file: PathBuf,
+        /// What separates them.
+        found: &'static str,
+    },
+    /// Numbers from the first line on.
+    #[error("{}, line 1: it starts with the number {found}; put a line with the channel names above the numbers", file.display())]
+    NoHeader {
+        /// The file.
+        file: PathBuf,
+        /// The first number.
+        found: String,
     },
     /// A channel the setup names is not there.
     #[error("{}, line 1: there is no channel `{channel}`; {hint}", file.display())]
@@ -58,7 +83,7 @@ pub enum RecordingError {
         second: usize,
     },
     /// Text where a number should be.
-    #[error("{}, line {line}, channel `{channel}`: `{found}` is not a number", file.display())]
+    #[error("{}, line {line}, channel `{channel}`: `{found}` is not a number; write it with a decimal point, or cut the recording before this line", file.display())]
     NotANumber {
         /// The file.
         file: PathBuf,
@@ -82,7 +107,7 @@ pub enum RecordingError {
         found: String,
     },
     /// A row with too few or too many fields.
-    #[error("{}, line {line}: {found} fields where the header has {expected}; the row is cut or a channel is lost", file.display())]
+    #[error("{}, line {line}: {found} fields where the header has {expected}; the row is cut or a channel is lost: cut the recording before this line, or export it again", file.display())]
     RowLength {
         /// The file.
         file: PathBuf,
@@ -94,7 +119,7 @@ pub enum RecordingError {
         expected: usize,
     },
     /// The time column contradicts the stated sample rate.
-    #[error("{}: its time column says {found:.6} samples per second, the setup says {stated:.6}; correct `sample_rate`", file.display())]
+    #[error("{}: its time column says {} samples per second, the setup says {}; correct `sample_rate` in [processing], or leave it out", file.display(), plain(*found, 6), plain(*stated, 6))]
     WrongRate {
         /// The file.
         file: PathBuf,
@@ -104,13 +129,13 @@ pub enum RecordingError {
         stated: f64,
     },
     /// Neither the recording nor the setup tells the sample rate.
-    #[error("{}: it has no `time` column, and the setup no `sample_rate`; give one of them", file.display())]
+    #[error("{}: it has no `time` column, and the setup no `sample_rate`; write `sample_rate` into [processing]", file.display())]
     NoRate {
         /// The file.
         file: PathBuf,
     },
     /// Time does not go on evenly: samples are missing or doubled.
-    #[error("{}, line {line}: time is {found} s where {expected:.6} s was due; samples are missing or doubled before this line", file.display())]
+    #[error("{}, line {line}: time is {found} s where {expected:.6} s was due; samples are missing or doubled before this line: cut the recording there, or record again", file.display())]
     TimeJump {
         /// The file.
         file: PathBuf,

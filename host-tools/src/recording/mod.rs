@@ -3,6 +3,7 @@
 
 mod csv_file;
 mod error;
+mod header;
 mod health;
 
 pub use csv_file::Recording;

@@ -31,7 +31,7 @@ impl fmt::Display for Place {
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
     /// The file system refused.
-    #[error("{}: cannot be read: {source}", file.display())]
+    #[error("{}: cannot be read: {source}; check the path", file.display())]
     Unreadable {
         /// The file asked for.
         file: PathBuf,
@@ -216,6 +216,17 @@ pub enum SetupError {
         /// The run's excitation.
         excitation: &'static str,
     },
+    /// A sensor in the place of the drive.
+    #[error(
+        "{place}: `reference` names \"{channel}\", which is a sensor; its noise would bias the \
+         result, so name the generator's signal, or leave `reference` out"
+    )]
+    ReferenceIsSensor {
+        /// File, line and section.
+        place: Box<Place>,
+        /// The channel.
+        channel: String,
+    },
 }
 
 /// A band that does not fit the spectrum of a recording.
@@ -233,7 +244,7 @@ pub enum BandError {
         band: [f64; 2],
         /// Hz.
         sample_rate: f64,
-        /// Half the sample rate, Hz.
+        /// Highest line that the window keeps clear of half the sample rate, Hz.
         limit: f64,
     },
     /// It holds too few lines to average or to fit over.

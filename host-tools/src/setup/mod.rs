@@ -15,6 +15,7 @@ mod print;
 #[cfg(test)]
 mod tests;
 
+use crate::measure;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -249,12 +250,15 @@ impl Processing {
         ];
         for (key, band) in bands {
             let Some(band) = band else { continue };
-            if band[1] > sample_rate / 2.0 {
+            let spacing = sample_rate / self.block_length as f64;
+            // Lines next to half the sample rate belong to the window's foot.
+            let usable = (self.block_length / 2).saturating_sub(1 + measure::WINDOW.reach()) as f64;
+            if libm::floor(band[1] / spacing + 1e-3) > usable {
                 return Err(BandError::AboveSpectrum {
                     key,
                     band,
                     sample_rate,
-                    limit: sample_rate / 2.0,
+                    limit: usable * spacing,
                 });
             }
             let lines = self.lines(band, sample_rate).count();
@@ -263,7 +267,7 @@ impl Processing {
                     key,
                     band,
                     lines,
-                    spacing: sample_rate / self.block_length as f64,
+                    spacing,
                 });
             }
         }

@@ -390,6 +390,17 @@ fn run(
             excitation: excitation.word(),
         });
     }
+    let sensors = accelerometers.iter().map(|a| &a.channel);
+    if let Some(channel) = &reference
+        && sensors
+            .chain(load_cells.iter().map(|c| &c.channel))
+            .any(|c| c == channel)
+    {
+        return Err(SetupError::ReferenceIsSensor {
+            place: section.place_of("reference"),
+            channel: channel.clone(),
+        });
+    }
     Ok(Run {
         name: section
             .text("name")?

@@ -211,7 +211,7 @@ fn every_mistake_is_located_and_explained() {
         (with("[28.0, 50.0]", "[28.0, 28.0]"), &["`mode_band`"]),
         (
             with("[0.5, 14.5]", "[0.5, 300.0]"),
-            &["ends at 300 Hz", "256 Hz"],
+            &["ends at 300 Hz", "255 Hz"],
         ),
         (
             with("[0.5, 14.5]", "[0.5, 1.0]"),

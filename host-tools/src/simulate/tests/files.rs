@@ -195,7 +195,10 @@ fn every_mistake_is_located_and_explained() {
             text_with("[2.0, 20.0]", "[20.0, 2.0]"),
             &["the lower first"],
         ),
-        (text_with("[2.0, 20.0]", "[2.0, 400.0]"), &["256 Hz"]),
+        (
+            text_with("[2.0, 20.0]", "[2.0, 400.0]"),
+            &["ends at 252 Hz"],
+        ),
         (
             text_with("motion = [0, 0, 1, 0, 0, 0]", ""),
             &["[[run]] 1", "either `motion`"],

@@ -314,7 +314,7 @@ fn impossible_options_are_refused() {
                 sample_rate: Some(30.0),
                 ..base()
             },
-            "spectrum ends at 15 Hz",
+            "ends at 20 Hz, but at 30 samples per second the spectrum ends at 14",
         ),
     ] {
         let message = refused(options);

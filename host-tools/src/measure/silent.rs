@@ -1,0 +1,118 @@
+//! Channels that say nothing: dead, clipped, or still because nothing moved their way.
+//!
+//! # Design
+//!
+//! A real sensor is never without noise: one that reads exactly the same throughout is
+//! dead. A simulated sensor without noise may read exactly zero because the table does
+//! not move its way. The two are told apart by witnesses, other sensors of the same kind
+//! that look the same way: one that moves is proof of death, one that rests as well is
+//! proof of rest. Without any witness the channel counts as dead.
+//!
+//! A channel that moves in one run and not in another has itself for a witness: if there
+//! is a run in which all channels move, the sensors have noise, and this one lost its plug.
+
+use super::MeasureError;
+use super::geometry::{Axis, axes, channel_names};
+use crate::recording::{ChannelHealth, Complaint};
+use crate::setup::{Run, Setup};
+use std::collections::BTreeSet;
+
+/// What was seen of each run's channels, in the order of [`channel_names`].
+pub(super) type Seen<'s> = Vec<(&'s Run, Vec<ChannelHealth>)>;
+
+/// Refuses dead and clipped channels, and notes those that rest.
+pub(super) fn check(
+    setup: &Setup,
+    seen: &Seen<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<(), MeasureError> {
+    for (run, channels) in seen {
+        for (channel, health) in channel_names(setup, run).into_iter().zip(channels) {
+            if let Some(Complaint::Clipped { limit, samples }) = health.complaint() {
+                return Err(MeasureError::Clipped {
+                    file: setup.recording_path(run),
+                    channel: channel.to_owned(),
+                    limit,
+                    samples,
+                });
+            }
+        }
+    }
+    let axes = axes(setup);
+    let noisy = seen.iter().any(|(run, channels)| {
+        let names = channel_names(setup, run);
+        let mut of_run = names.iter().zip(channels);
+        of_run.all(|(name, health)| !dead(health) || !moves(setup, seen, name))
+    });
+    let mut still = BTreeSet::new();
+    for (run, channels) in seen {
+        let mut resting = Vec::new();
+        for (channel, health) in channel_names(setup, run).into_iter().zip(channels) {
+            if !dead(health) {
+                continue;
+            }
+            let anywhere = moves(setup, seen, channel);
+            let Some(axis) = axes.iter().find(|axis| axis.channel == channel) else {
+                return Err(MeasureError::SilentDrive {
+                    file: setup.recording_path(run),
+                    channel: channel.to_owned(),
+                    reading: health.range[0],
+                });
+            };
+            let excused = if anywhere {
+                !noisy
+            } else {
+                rests(setup, seen, &axes, axis)
+            };
+            if health.range[0] != 0.0 || !excused {
+                return Err(MeasureError::Dead {
+                    file: setup.recording_path(run),
+                    channel: channel.to_owned(),
+                    reading: health.range[0],
+                });
+            }
+            if anywhere {
+                resting.push(channel);
+            } else {
+                still.insert(channel);
+            }
+        }
+        if !resting.is_empty() {
+            warnings.push(format!(
+                "run \"{}\": no reading changes in {}; either nothing moved their way in this run, or a plug came off",
+                run.name,
+                resting.join(", ")
+            ));
+        }
+    }
+    if !still.is_empty() {
+        let still: Vec<&str> = still.into_iter().collect();
+        warnings.push(format!(
+            "no reading changes in {}; either the table never moved their way, or they are dead",
+            still.join(", ")
+        ));
+    }
+    Ok(())
+}
+
+fn dead(health: &ChannelHealth) -> bool {
+    health.complaint() == Some(Complaint::Dead)
+}
+
+/// Whether a channel moves in any run.
+fn moves(setup: &Setup, seen: &Seen<'_>, channel: &str) -> bool {
+    seen.iter().any(|(run, channels)| {
+        let names = channel_names(setup, run);
+        let mut of_run = names.iter().zip(channels);
+        of_run.any(|(name, health)| *name == channel && health.complaint() != Some(Complaint::Dead))
+    })
+}
+
+/// Whether others that look the same way rest too, all of them.
+fn rests(setup: &Setup, seen: &Seen<'_>, axes: &[Axis<'_>], axis: &Axis<'_>) -> bool {
+    let mut witnesses = axes
+        .iter()
+        .filter(|other| axis.looks_like(other))
+        .peekable();
+    witnesses.peek().is_some() && witnesses.all(|other| !moves(setup, seen, other.channel))
+}

@@ -1,0 +1,156 @@
+//! A test on disk and the real binary, as a user has them.
+
+// Every test program takes a part of this.
+#![allow(dead_code)]
+
+use massline::simulate::{Model, Options, simulate};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+/// What a command left behind.
+#[derive(Debug)]
+pub struct Finished {
+    pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+/// Runs the binary in a folder.
+pub fn massline<S: AsRef<OsStr>>(
+    folder: &Path,
+    arguments: impl IntoIterator<Item = S>,
+) -> Finished {
+    finish(command(folder, arguments))
+}
+
+/// The binary in a folder, with nothing of this process's environment that it looks at.
+pub fn command<S: AsRef<OsStr>>(folder: &Path, arguments: impl IntoIterator<Item = S>) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_massline"));
+    command
+        .current_dir(folder)
+        .args(arguments)
+        .env_remove("NO_COLOR")
+        .env_remove("CLICOLOR")
+        .env_remove("CLICOLOR_FORCE");
+    command
+}
+
+/// Runs a command to its end.
+pub fn finish(mut command: Command) -> Finished {
+    let output = command.output().unwrap();
+    Finished {
+        code: output.status.code(),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// The fork shaken for six seconds: four blocks a run, enough for every complaint.
+static FORK: LazyLock<TempDir> = LazyLock::new(|| {
+    let options = Options {
+        noise: Some(0.01),
+        duration: Some(6.0),
+        weighed: true,
+        ..Options::default()
+    };
+    let simulation = simulate(&Model::fork().unwrap(), &options, &mut |_| ()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    simulation.write(folder.path()).unwrap();
+    folder
+});
+
+/// A copy of that test which may be spoilt.
+pub struct Bench {
+    folder: TempDir,
+}
+
+/// The recordings of the three runs.
+pub const RECORDINGS: [&str; 3] = ["lateral-x.csv", "lateral-z.csv", "rotation-y.csv"];
+
+impl Bench {
+    pub fn fork() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for file in ["setup.toml", "truth.json"].iter().chain(&RECORDINGS) {
+            std::fs::copy(FORK.path().join(file), folder.path().join(file)).unwrap();
+        }
+        Self { folder }
+    }
+
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Rewrites a text file.
+    pub fn edit(self, file: &str, change: impl Fn(&str) -> String) -> Self {
+        let path = self.file(file);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let changed = change(&text);
+        assert!(text != changed, "the edit of {file} does nothing");
+        std::fs::write(path, changed).unwrap();
+        self
+    }
+
+    /// Replaces the first occurrence of a text in the setup.
+    pub fn setup(self, from: &str, to: &str) -> Self {
+        self.edit("setup.toml", |text| text.replacen(from, to, 1))
+    }
+
+    /// Writes a file as it is.
+    pub fn write(self, file: &str, bytes: impl AsRef<[u8]>) -> Self {
+        std::fs::write(self.file(file), bytes).unwrap();
+        self
+    }
+
+    /// Changes one channel of a recording: row number (from 0) and field to a new field.
+    pub fn channel(
+        self,
+        file: &str,
+        channel: &str,
+        change: impl Fn(usize, &str) -> String,
+    ) -> Self {
+        self.edit(file, |text| {
+            let mut lines = text.lines();
+            let header = lines.next().unwrap();
+            let column = header.split(',').position(|name| name == channel).unwrap();
+            let mut changed = format!("{header}\n");
+            for (row, line) in lines.enumerate() {
+                let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+                fields[column] = change(row, &fields[column]);
+                changed += &fields.join(",");
+                changed.push('\n');
+            }
+            changed
+        })
+    }
+
+    /// Leaves only these sensors in the setup.
+    pub fn only(self, channels: &[&str]) -> Self {
+        self.edit("setup.toml", |text| {
+            let sensor =
+                |part: &str| part.starts_with("[accelerometer") || part.starts_with("[load");
+            let kept = |part: &str| {
+                !sensor(part)
+                    || channels
+                        .iter()
+                        .any(|c| part.contains(&format!("channel = \"{c}\"")))
+            };
+            let parts: Vec<&str> = text.split("\n[").filter(|part| kept(part)).collect();
+            parts.join("\n[")
+        })
+    }
+
+    /// `massline identify setup.toml` with more arguments.
+    pub fn identify(&self, arguments: &[&str]) -> Finished {
+        massline(
+            self.path(),
+            ["identify", "setup.toml"].iter().chain(arguments),
+        )
+    }
+}
