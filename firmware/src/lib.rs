@@ -5,5 +5,8 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+pub mod acquisition;
+pub mod drivers;
+pub mod models;
 pub mod retained;
 pub mod roll_call;

@@ -1,0 +1,195 @@
+//! Frames: words of 24 bits, closed by a checksum.
+
+use super::registers::{CHANNELS, Register, command};
+
+/// Bytes of a word.
+pub const WORD: usize = 3;
+/// Words of the usual frame: command or answer, the channels, the checksum.
+pub const WORDS: usize = CHANNELS + 2;
+/// Bytes of the usual frame.
+pub const BYTES: usize = WORDS * WORD;
+/// Bytes of the longest frame: all writable registers between a command and a checksum.
+pub const BYTES_MAX: usize = (Register::WRITABLE + 2) * WORD;
+
+/// Checksum CRC-16-CCITT: polynomial 0x1021, from 0xFFFF on, neither reflected nor inverted.
+#[must_use]
+pub fn crc(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xFFFF, |crc, &byte| {
+        let [high, low] = crc.to_be_bytes();
+        // The table has an entry for every byte.
+        let entry = TABLE.get(usize::from(high ^ byte)).copied().unwrap_or(0);
+        (u16::from(low) << 8) ^ entry
+    })
+}
+
+static TABLE: [u16; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut crc = (byte as u16) << 8;
+        let mut bit = 0;
+        while bit < 8 {
+            let out = crc & 0x8000 != 0;
+            crc <<= 1;
+            if out {
+                crc ^= 0x1021;
+            }
+            bit += 1;
+        }
+        table[byte] = crc;
+        byte += 1;
+    }
+    table
+};
+
+/// A frame on its way out, in the place where the answer will come in.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    bytes: [u8; BYTES_MAX],
+    length: usize,
+}
+
+impl Frame {
+    /// A command, its checksum, and zeros up to the usual length.
+    #[must_use]
+    pub fn command(word: u16) -> Self {
+        Self::with_registers(word, &[])
+    }
+
+    /// A command with the contents of registers behind it. There are never more of them than
+    /// can be written; what is beyond is cut.
+    #[must_use]
+    pub fn with_registers(word: u16, registers: &[u16]) -> Self {
+        let registers = registers.get(..Register::WRITABLE).unwrap_or(registers);
+        let mut bytes = [0; BYTES_MAX];
+        let words = core::iter::once(&word).chain(registers);
+        for (slot, word) in bytes.chunks_exact_mut(WORD).zip(words) {
+            put(slot, *word);
+        }
+        let covered = (registers.len() + 1) * WORD;
+        let checksum = bytes.get(..covered).map_or(0, crc);
+        if let Some(slot) = bytes.get_mut(covered..covered + WORD) {
+            put(slot, checksum);
+        }
+        Self {
+            bytes,
+            length: BYTES.max(covered + WORD),
+        }
+    }
+
+    /// The command that does nothing, in a frame long enough for the answer to a read of
+    /// `count` registers.
+    #[must_use]
+    pub fn null_for(count: usize) -> Self {
+        let mut frame = Self::command(command::NULL);
+        frame.length = BYTES.max(((count + 2) * WORD).min(BYTES_MAX));
+        frame
+    }
+
+    /// The bytes that are exchanged.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        // The length never exceeds the array.
+        self.bytes.get_mut(..self.length).unwrap_or_default()
+    }
+
+    /// What came in: the words before the checksum, if it is right and so are the zeros that
+    /// fill words of 16 bits; `None` if not. `words` is their number without the checksum,
+    /// [`CHANNELS`] + 1 in a usual frame.
+    #[must_use]
+    pub fn checked(&self, words: usize) -> Option<&[u8]> {
+        checked(&self.bytes, words)
+    }
+}
+
+/// The words before the checksum, if the first word and the checksum are filled up with zeros
+/// and the checksum is right.
+#[must_use]
+pub fn checked(bytes: &[u8], words: usize) -> Option<&[u8]> {
+    let (body, rest) = bytes.split_at_checked(words * WORD)?;
+    let [high, low, fill] = *rest.first_chunk()?;
+    let filled = body.get(2) == Some(&0) && fill == 0;
+    (filled && crc(body) == u16::from_be_bytes([high, low])).then_some(body)
+}
+
+/// Writes 16 bits into a word of 24.
+pub fn put(slot: &mut [u8], word: u16) {
+    let [high, low] = word.to_be_bytes();
+    for (slot, byte) in slot.iter_mut().zip([high, low, 0]) {
+        *slot = byte;
+    }
+}
+
+/// The upper 16 bits of the word of this number; zero beyond the end.
+#[must_use]
+pub fn word(bytes: &[u8], number: usize) -> u16 {
+    let first_two = bytes.get(number * WORD..).and_then(<[u8]>::first_chunk);
+    first_two.map_or(0, |two| u16::from_be_bytes(*two))
+}
+
+/// The count in a word: 24 bits, two's complement.
+#[must_use]
+pub fn count(word: &[u8]) -> i32 {
+    match *word {
+        // Shifted down again from the top, so that the sign comes along.
+        [high, middle, low] => i32::from_be_bytes([high, middle, low, 0]) >> 8,
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checksum_is_ccitt() {
+        // The check value of the catalogue of CRCs (CRC-16/IBM-3740).
+        assert_eq!(crc(b"123456789"), 0x29B1);
+    }
+
+    #[test]
+    fn a_line_that_is_stuck_is_no_frame() {
+        for level in [0x00, 0xFF] {
+            for words in 1..=Register::WRITABLE + 1 {
+                assert_eq!(checked(&[level; BYTES_MAX], words), None);
+            }
+        }
+    }
+
+    #[test]
+    fn counts_keep_their_sign() {
+        assert_eq!(count(&[0x7F, 0xFF, 0xFF]), 8_388_607);
+        assert_eq!(count(&[0x80, 0, 0]), -8_388_608);
+        assert_eq!(count(&[0xFF, 0xFF, 0xFE]), -2);
+        assert_eq!(count(&[0, 1, 2]), 258);
+    }
+
+    #[test]
+    fn any_three_wrong_bits_are_noticed() {
+        // A CRC of 16 bits with this polynomial has Hamming distance 4 up to 32751 bits.
+        let mut frame = Frame::command(command::NULL);
+        let body: [u8; BYTES - WORD] = core::array::from_fn(|i| {
+            if i == 2 {
+                0
+            } else {
+                (i as u8).wrapping_mul(31)
+            }
+        });
+        let mut bytes = [0; BYTES];
+        bytes[..BYTES - WORD].copy_from_slice(&body);
+        put(&mut bytes[BYTES - WORD..], crc(&body));
+        assert!(checked(&bytes, WORDS - 1).is_some());
+        let bits = BYTES * 8;
+        for a in (0..bits).step_by(7) {
+            for b in 0..bits {
+                for c in [b, bits - 1 - a] {
+                    let mut wrong = bytes;
+                    for bit in [a, b, c] {
+                        wrong[bit / 8] ^= 0x80 >> (bit % 8);
+                    }
+                    frame.bytes[..BYTES].copy_from_slice(&wrong);
+                    assert_eq!(frame.checked(WORDS - 1).is_some(), wrong == bytes);
+                }
+            }
+        }
+    }
+}

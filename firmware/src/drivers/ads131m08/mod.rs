@@ -1,0 +1,476 @@
+//! ADS131M08: eight channels of 24 bits, sampled together.
+//!
+//! # Design
+//!
+//! The chip answers a command in the frame after it, so that every exchange here is one frame
+//! with the command and one with nothing in it. While samples are read, each frame carries the
+//! command that does nothing; its answer is the status word, with the counts behind it.
+//!
+//! A sample is believed if all of this holds: the checksum is right, the zeros that fill the
+//! status word and the checksum word are zeros, the status is to the bit what a locked,
+//! configured chip with eight new counts says. A frame of random bits passes one of them each
+//! with probability 2^-16, all of them with 2^-48.
+//!
+//! After it is configured, the chip is locked and watches its own registers: a frame that is
+//! garbled on its way to the chip cannot change them, not even one that looks like a write,
+//! which the chip would do before it has seen the checksum.
+
+pub mod frame;
+pub mod registers;
+
+use self::frame::{Frame, WORD, WORDS, word};
+use self::registers::{CHANNELS, Register, command, mode, status};
+use super::{Converter, Fault, Reading};
+use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
+
+/// How the SPI bus must be set: clock low when idle, data taken at the falling edge.
+pub const SPI_MODE: Mode = MODE_1;
+/// Fastest clock of the SPI bus at a supply of 2.7 V or more, Hz.
+pub const SPI_HZ_MAX: u32 = 25_000_000;
+/// Clock of the converter for power-of-two sample rates, Hz. Up to 8.4 MHz is allowed.
+pub const CLOCK_HZ: u32 = 8_388_608;
+/// Cycles of the converter's clock that the SYNC/RESET pin must be low for a reset; one cycle
+/// and more, but fewer than these, restart the conversions.
+pub const RESET_CYCLES: u32 = 2048;
+/// Nanoseconds that the chip takes to come up after a reset: the data sheet says 5 µs.
+const RESET_NS: u32 = 10_000;
+
+/// Cycles of the modulator, half the converter's clock, that go into a count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Oversampling {
+    /// 32768 samples/s at [`CLOCK_HZ`].
+    X128 = 0,
+    /// 16384 samples/s.
+    X256 = 1,
+    /// 8192 samples/s.
+    X512 = 2,
+    /// 4096 samples/s.
+    X1024 = 3,
+    /// 2048 samples/s.
+    X2048 = 4,
+    /// 1024 samples/s.
+    X4096 = 5,
+    /// 512 samples/s.
+    X8192 = 6,
+    /// 256 samples/s.
+    X16384 = 7,
+}
+
+impl Oversampling {
+    /// All of them, fastest first.
+    pub const ALL: [Self; 8] = [
+        Self::X128,
+        Self::X256,
+        Self::X512,
+        Self::X1024,
+        Self::X2048,
+        Self::X4096,
+        Self::X8192,
+        Self::X16384,
+    ];
+
+    /// Cycles of the converter's clock from one sample to the next.
+    #[must_use]
+    pub const fn cycles(self) -> u32 {
+        256 << self as u8
+    }
+
+    /// The one that gives this rate, Hz, at a clock in Hz; `None` if none does.
+    #[must_use]
+    pub fn of_rate(rate: f64, clock: u32) -> Option<Self> {
+        let exact = |o: &Self| f64::from(clock) == rate * f64::from(o.cycles());
+        Self::ALL.into_iter().find(exact)
+    }
+}
+
+/// Gain of a channel's amplifier. Full scale is 1.2 V divided by it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Gain(u8);
+
+impl Gain {
+    /// No gain.
+    pub const ONE: Self = Self(0);
+
+    /// `None` unless it is a power of two up to 128.
+    #[must_use]
+    pub const fn new(gain: u8) -> Option<Self> {
+        if gain.is_power_of_two() {
+            Some(Self(gain.trailing_zeros() as u8))
+        } else {
+            None
+        }
+    }
+
+    /// The factor.
+    #[must_use]
+    pub const fn factor(self) -> u8 {
+        1 << self.0
+    }
+}
+
+/// What a channel converts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Input {
+    /// Its pins.
+    #[default]
+    Pins = 0,
+    /// Nothing: both ends are connected, which shows the noise.
+    Shorted = 1,
+    /// A positive voltage of 160 mV divided by the gain.
+    TestPositive = 2,
+    /// The same, negative.
+    TestNegative = 3,
+}
+
+/// One channel's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Gain of the amplifier.
+    pub gain: Gain,
+    /// What is converted.
+    pub input: Input,
+    /// Count that the chip takes off, 24 bits.
+    pub offset: i32,
+    /// What the chip multiplies by then, in units of 2^-23: 0x80_0000 is one.
+    pub correction: u32,
+}
+
+impl Channel {
+    /// The pins at a gain, with no correction inside the chip: those of the calibration are in
+    /// SI, with their certificate.
+    #[must_use]
+    pub const fn pins(gain: Gain) -> Self {
+        Self {
+            gain,
+            input: Input::Pins,
+            offset: 0,
+            correction: 0x80_0000,
+        }
+    }
+}
+
+/// All settings of a chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Configuration {
+    /// Sets the sample rate.
+    pub oversampling: Oversampling,
+    /// The channels.
+    pub channels: [Channel; CHANNELS],
+}
+
+impl Configuration {
+    /// All writable registers, from [`Register::MODE`] on.
+    #[must_use]
+    pub fn registers(&self) -> [u16; Register::WRITABLE] {
+        core::array::from_fn(|i| self.register(Register(Register::MODE.0 + i as u8)))
+    }
+
+    fn register(&self, register: Register) -> u16 {
+        match register {
+            Register::MODE => mode::REG_CRC_EN | mode::RX_CRC_EN | mode::WLENGTH_24 | mode::TIMEOUT,
+            // All channels run, high resolution.
+            Register::CLOCK => 0xFF02 | (u16::from(self.oversampling as u8) << 2),
+            Register::GAIN1 => self.gains(0),
+            Register::GAIN2 => self.gains(4),
+            Register(address @ 0x09..=0x30) => {
+                let (channel, which) = ((address - 0x09) / 5, (address - 0x09) % 5);
+                let Some(channel) = self.channels.get(usize::from(channel)) else {
+                    return register.after_reset();
+                };
+                let [_, high, middle, low] = match which {
+                    1 | 2 => channel.offset.to_be_bytes(),
+                    _ => channel.correction.to_be_bytes(),
+                };
+                match which {
+                    0 => u16::from(channel.input as u8),
+                    1 | 3 => u16::from_be_bytes([high, middle]),
+                    _ => u16::from_be_bytes([low, 0]),
+                }
+            }
+            other => other.after_reset(),
+        }
+    }
+
+    fn gains(&self, first: usize) -> u16 {
+        let four = self.channels.iter().skip(first).take(4);
+        four.rev()
+            .fold(0, |gains, c| gains << 4 | u16::from(c.gain.0))
+    }
+}
+
+/// One chip.
+#[derive(Debug)]
+pub struct Ads131m08<SPI> {
+    spi: SPI,
+    configuration: Configuration,
+}
+
+impl<SPI: SpiDevice> Ads131m08<SPI> {
+    /// The chip behind a device of an SPI bus in [`SPI_MODE`].
+    pub const fn new(spi: SPI, configuration: Configuration) -> Self {
+        Self { spi, configuration }
+    }
+
+    /// The settings that [`Converter::prepare`] writes.
+    pub const fn configuration(&self) -> &Configuration {
+        &self.configuration
+    }
+
+    /// Other settings, which hold from the next [`Converter::prepare`] on.
+    pub const fn configure(&mut self, configuration: Configuration) {
+        self.configuration = configuration;
+    }
+
+    /// Gives the bus back.
+    pub fn release(self) -> SPI {
+        self.spi
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Bus`], [`Fault::Checksum`].
+    pub fn read_register(&mut self, register: Register) -> Result<u16, Fault> {
+        self.command(command::read(register, 1))
+    }
+
+    /// Writes a register and reads it back.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Command`] if the write is not acknowledged, [`Fault::Register`] if the register
+    /// reads otherwise then; [`Fault::Bus`], [`Fault::Checksum`].
+    pub fn write_register(&mut self, register: Register, value: u16) -> Result<(), Fault> {
+        self.write_registers(register, &[value])?;
+        let found = self.read_register(register)?;
+        if found == value {
+            return Ok(());
+        }
+        Err(Fault::Register {
+            address: register.0,
+            found,
+            expected: value,
+        })
+    }
+
+    /// Resets the chip by command.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Command`] if it does not say that it is up again; [`Fault::Bus`],
+    /// [`Fault::Checksum`].
+    pub fn reset(&mut self) -> Result<(), Fault> {
+        let mut frame = Frame::command(command::RESET);
+        // The answer to what came before is of no interest, nor is whether it can be read: the
+        // chip may be in any state.
+        self.transfer(&mut frame, RESET_NS)?;
+        let answer = self.command(command::NULL);
+        // What was sent last is answered, the frame after the reset is the one with its answer.
+        expect(answer?, command::RESET_DONE)
+    }
+
+    /// Locks the registers: from now on only samples and registers can be read.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    pub fn lock(&mut self) -> Result<(), Fault> {
+        self.acknowledged(command::LOCK)
+    }
+
+    /// Unlocks the registers.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    pub fn unlock(&mut self) -> Result<(), Fault> {
+        self.acknowledged(command::UNLOCK)
+    }
+
+    /// Stops the conversions.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    pub fn standby(&mut self) -> Result<(), Fault> {
+        self.acknowledged(command::STANDBY)
+    }
+
+    /// Starts the conversions again.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    pub fn wake_up(&mut self) -> Result<(), Fault> {
+        self.acknowledged(command::WAKEUP)
+    }
+
+    fn acknowledged(&mut self, word: u16) -> Result<(), Fault> {
+        let answer = self.command(word)?;
+        expect(answer, word)
+    }
+
+    /// Sends a command and reads its answer.
+    fn command(&mut self, word: u16) -> Result<u16, Fault> {
+        let mut frame = Frame::command(word);
+        if word != command::NULL {
+            self.transfer(&mut frame, 0)?;
+            frame = Frame::command(command::NULL);
+        }
+        self.transfer(&mut frame, 0)?;
+        let words = frame.checked(WORDS - 1).ok_or(Fault::Checksum)?;
+        Ok(self::word(words, 0))
+    }
+
+    fn write_registers(&mut self, first: Register, values: &[u16]) -> Result<(), Fault> {
+        let count = u16::try_from(values.len()).unwrap_or(u16::MAX);
+        let mut frame = Frame::with_registers(command::write(first, count), values);
+        self.transfer(&mut frame, 0)?;
+        let answer = self.command(command::NULL)?;
+        expect(answer, command::write_done(first, count))
+    }
+
+    /// Reads registers from `first` on and compares them.
+    fn compare_registers(&mut self, first: Register, expected: &[u16]) -> Result<(), Fault> {
+        let count = u16::try_from(expected.len()).unwrap_or(u16::MAX);
+        let mut frame = Frame::command(command::read(first, count));
+        self.transfer(&mut frame, 0)?;
+        let mut frame = Frame::null_for(expected.len());
+        self.transfer(&mut frame, 0)?;
+        let words = frame.checked(expected.len() + 1).ok_or(Fault::Checksum)?;
+        expect(word(words, 0), command::read_done(first, count))?;
+        for (k, &expected) in expected.iter().enumerate() {
+            let found = word(words, k + 1);
+            if found != expected {
+                return Err(Fault::Register {
+                    address: first.0.saturating_add(k as u8),
+                    found,
+                    expected,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn transfer(&mut self, frame: &mut Frame, then_ns: u32) -> Result<(), Fault> {
+        let exchange = Operation::TransferInPlace(frame.bytes_mut());
+        let result = match then_ns {
+            0 => self.spi.transaction(&mut [exchange]),
+            ns => self
+                .spi
+                .transaction(&mut [exchange, Operation::DelayNs(ns)]),
+        };
+        result.map_err(|_| Fault::Bus)
+    }
+}
+
+impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
+    fn channels(&self) -> usize {
+        CHANNELS
+    }
+
+    fn prepare(&mut self) -> Result<(), Fault> {
+        // A chip that is locked takes no reset; one that has just come up does not know yet
+        // what it is unlocked from.
+        let mut unlock = Frame::command(command::UNLOCK);
+        self.transfer(&mut unlock, 0)?;
+        self.reset()?;
+        let found = self.read_register(Register::ID)?;
+        let expected = Register::ID.after_reset();
+        if found & 0x0F00 != expected & 0x0F00 {
+            return Err(Fault::Identity { found, expected });
+        }
+        let registers = self.configuration.registers();
+        self.write_registers(Register::MODE, &registers)?;
+        self.compare_registers(Register::MODE, &registers)?;
+        self.lock()?;
+        // Its answer tells of what was done here; samples come with the next one.
+        let seen = self.command(command::NULL)?;
+        expect(seen & (status::LOCK | status::RESET), status::LOCK)
+    }
+
+    fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
+        /// What the chip says of itself when all is well.
+        const GOOD: u16 = status::LOCK | status::WLENGTH_24 | status::DRDY;
+
+        let mut bytes = NULL;
+        let mut exchange = [Operation::TransferInPlace(&mut bytes)];
+        self.spi
+            .transaction(&mut exchange)
+            .map_err(|_| Fault::Bus)?;
+        let words = frame::checked(&bytes, WORDS - 1).ok_or(Fault::Checksum)?;
+
+        let status = word(words, 0);
+        let refused = status & status::CRC_ERR != 0;
+        let status = status & !status::CRC_ERR;
+        if status & status::RESET != 0 {
+            return Err(Fault::Reset);
+        }
+        if status & !(status::DRDY | status::F_RESYNC) != GOOD & !status::DRDY {
+            // Neither locked nor reset, another checksum or word length, registers that were
+            // changed: not the chip that was prepared.
+            return Err(Fault::Reset);
+        }
+        if status & status::F_RESYNC != 0 {
+            return Err(Fault::Resynchronised);
+        }
+        if status != GOOD {
+            return Err(Fault::Stale);
+        }
+        let channels = words.chunks_exact(WORD).skip(1);
+        for (slot, word) in counts.iter_mut().zip(channels) {
+            *slot = frame::count(word);
+        }
+        Ok(Reading { refused })
+    }
+}
+
+/// The frame that does nothing, with its checksum.
+const NULL: [u8; frame::BYTES] = {
+    let mut bytes = [0; frame::BYTES];
+    // Checksum of three zeros.
+    bytes[WORD] = 0xCC;
+    bytes[WORD + 1] = 0x9C;
+    bytes
+};
+
+fn expect(found: u16, expected: u16) -> Result<(), Fault> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(Fault::Command { found, expected })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frame_that_does_nothing() {
+        assert_eq!(Frame::command(command::NULL).bytes_mut(), NULL);
+    }
+
+    #[test]
+    fn rates_come_from_the_clock() {
+        for (rate, expected) in [
+            (512.0, Some(Oversampling::X8192)),
+            (4096.0, Some(Oversampling::X1024)),
+            (16384.0, Some(Oversampling::X256)),
+            (500.0, None),
+            (0.0, None),
+            (f64::NAN, None),
+        ] {
+            assert_eq!(Oversampling::of_rate(rate, CLOCK_HZ), expected);
+        }
+    }
+
+    #[test]
+    fn gains_are_powers_of_two() {
+        let gains = (0..=u8::MAX).filter_map(Gain::new).map(Gain::factor);
+        assert!(gains.eq([1, 2, 4, 8, 16, 32, 64, 128]));
+    }
+}

@@ -1,0 +1,228 @@
+//! ADXL355: an accelerometer with three axes of 20 bits (data sheet ADXL354/ADXL355, revision D).
+//!
+//! # Design
+//!
+//! The chip has no checksum. Each sample is therefore read together with what else the chip
+//! says: that the sample is new, and that range, filter and power are what was written. A line
+//! that is stuck, a chip that has reset itself (it then stands by, in another range) and a
+//! missing chip are seen by that; a single wrong bit in a count is not. Keep its wires short.
+//!
+//! It samples by its own clock unless it is given one. [`Clocking::External`] lets pulses at its
+//! SYNC pin say when, so that its samples belong to those of the other converters: lead their
+//! DRDY line there.
+
+use super::{Converter, Fault, Reading};
+use embedded_hal::spi::{MODE_0, Mode, Operation, SpiDevice};
+
+/// How the SPI bus must be set.
+pub const SPI_MODE: Mode = MODE_0;
+/// Fastest clock of the SPI bus, Hz.
+pub const SPI_HZ_MAX: u32 = 10_000_000;
+/// Axes.
+pub const CHANNELS: usize = 3;
+
+/// Addresses of registers.
+pub mod registers {
+    /// Maker: [`MAKER`].
+    pub const DEVID_AD: u8 = 0x00;
+    /// Device: [`DEVICE`].
+    pub const PARTID: u8 = 0x02;
+    /// What the chip has to say.
+    pub const STATUS: u8 = 0x04;
+    /// First of nine bytes: x, y, z, three each, 20 bits at the top.
+    pub const XDATA3: u8 = 0x08;
+    /// First of six bytes of offsets: x, y, z, two each.
+    pub const OFFSET_X_H: u8 = 0x1E;
+    /// Filters: the high-pass in the upper nibble, the sample rate in the lower one.
+    pub const FILTER: u8 = 0x28;
+    /// Where the chip's clock and sampling come from.
+    pub const SYNC: u8 = 0x2B;
+    /// Range, and polarity of the interrupts.
+    pub const RANGE: u8 = 0x2C;
+    /// Stand-by, temperature, data ready.
+    pub const POWER_CTL: u8 = 0x2D;
+    /// [`RESET_CODE`] resets.
+    pub const RESET: u8 = 0x2F;
+
+    /// What [`DEVID_AD`] says.
+    pub const MAKER: u8 = 0xAD;
+    /// What [`PARTID`] says.
+    pub const DEVICE: u8 = 0xED;
+    /// Written to [`RESET`].
+    pub const RESET_CODE: u8 = 0x52;
+    /// Bit of [`STATUS`]: there is a new sample.
+    pub const DATA_RDY: u8 = 1;
+    /// Bit of [`POWER_CTL`]: the chip stands by, as it does after a reset.
+    pub const STANDBY: u8 = 1;
+    /// What [`RANGE`] holds after a reset, beside the range.
+    pub const RANGE_AFTER_RESET: u8 = 0x80;
+}
+
+use registers as at;
+
+/// Largest acceleration, in units of standard gravity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Range {
+    /// 2.048 g, 256000 counts per g.
+    G2 = 1,
+    /// 4.096 g, 128000 counts per g.
+    G4 = 2,
+    /// 8.192 g, 64000 counts per g.
+    G8 = 3,
+}
+
+/// What makes the chip sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Clocking {
+    /// Its own clock.
+    Internal = 0,
+    /// Pulses at its SYNC pin; samples are interpolated to them.
+    External = 2,
+}
+
+/// All settings of a chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Configuration {
+    /// Largest acceleration.
+    pub range: Range,
+    /// The sample rate of its filter is 4000 Hz halved that many times, up to 10.
+    pub halvings: u8,
+    /// What makes it sample.
+    pub clocking: Clocking,
+    /// Taken off each axis, in units of 16 counts.
+    pub offsets: [i16; CHANNELS],
+}
+
+impl Configuration {
+    /// FILTER, FIFO_SAMPLES, INT_MAP, SYNC, RANGE and POWER_CTL.
+    const fn registers(&self) -> [u8; 6] {
+        let halvings = if self.halvings > 10 {
+            10
+        } else {
+            self.halvings
+        };
+        [
+            halvings,
+            0x60,
+            0,
+            self.clocking as u8,
+            at::RANGE_AFTER_RESET | self.range as u8,
+            0,
+        ]
+    }
+
+    fn offsets(&self) -> [u8; 6] {
+        let [x, y, z] = self.offsets.map(i16::to_be_bytes);
+        [x[0], x[1], y[0], y[1], z[0], z[1]]
+    }
+}
+
+/// One chip.
+#[derive(Debug)]
+pub struct Adxl355<SPI> {
+    spi: SPI,
+    configuration: Configuration,
+}
+
+impl<SPI: SpiDevice> Adxl355<SPI> {
+    /// The chip behind a device of an SPI bus in [`SPI_MODE`].
+    pub const fn new(spi: SPI, configuration: Configuration) -> Self {
+        Self { spi, configuration }
+    }
+
+    /// Reads registers from an address on.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Bus`].
+    pub fn read_registers<const LENGTH: usize>(
+        &mut self,
+        first: u8,
+    ) -> Result<[u8; LENGTH], Fault> {
+        let mut bytes = [0; LENGTH];
+        let mut head = [first << 1 | 1];
+        self.spi
+            .transaction(&mut [
+                Operation::TransferInPlace(&mut head),
+                Operation::TransferInPlace(&mut bytes),
+            ])
+            .map_err(|_| Fault::Bus)?;
+        Ok(bytes)
+    }
+
+    /// Writes a register and reads it back.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Bus`]; [`Fault::Register`] if it reads otherwise.
+    pub fn write_register(&mut self, address: u8, value: u8) -> Result<(), Fault> {
+        self.write(address, value, 0)?;
+        let [found] = self.read_registers(address)?;
+        if found == value {
+            return Ok(());
+        }
+        Err(Fault::Register {
+            address,
+            found: found.into(),
+            expected: value.into(),
+        })
+    }
+
+    fn write(&mut self, address: u8, value: u8, then_ns: u32) -> Result<(), Fault> {
+        let mut bytes = [address << 1, value];
+        self.spi
+            .transaction(&mut [
+                Operation::TransferInPlace(&mut bytes),
+                Operation::DelayNs(then_ns),
+            ])
+            .map_err(|_| Fault::Bus)
+    }
+}
+
+impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
+    fn channels(&self) -> usize {
+        CHANNELS
+    }
+
+    fn prepare(&mut self) -> Result<(), Fault> {
+        /// What the chip takes to load its trim after a reset, well rounded up.
+        const RESET_NS: u32 = 1_000_000;
+
+        self.write(at::RESET, at::RESET_CODE, RESET_NS)?;
+        let [maker, _, device] = self.read_registers(at::DEVID_AD)?;
+        let (found, expected) = ([maker, device], [at::MAKER, at::DEVICE]);
+        if found != expected {
+            return Err(Fault::Identity {
+                found: u16::from_be_bytes(found),
+                expected: u16::from_be_bytes(expected),
+            });
+        }
+        for (address, value) in (at::OFFSET_X_H..).zip(self.configuration.offsets()) {
+            self.write_register(address, value)?;
+        }
+        // Power comes last: settings may change only while the chip stands by.
+        for (address, value) in (at::FILTER..).zip(self.configuration.registers()) {
+            self.write_register(address, value)?;
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
+        let [status, _, _, _, data @ ..] = self.read_registers::<13>(at::STATUS)?;
+        if self.read_registers(at::FILTER)? != self.configuration.registers() {
+            return Err(Fault::Reset);
+        }
+        if status & at::DATA_RDY == 0 {
+            return Err(Fault::Stale);
+        }
+        for (slot, bytes) in counts.iter_mut().zip(data.chunks_exact(3)) {
+            if let [high, middle, low] = *bytes {
+                // 20 bits at the top of 24.
+                *slot = i32::from_be_bytes([high, middle, low, 0]) >> 12;
+            }
+        }
+        Ok(Reading::default())
+    }
+}

@@ -1,0 +1,331 @@
+//! Some ADS131M08 on one clock, one SYNC line and a bus, with time going by.
+//!
+//! Time is counted in cycles of the converters' clock. It goes by while one waits for an edge,
+//! while bytes are exchanged, and while the SYNC line is low. Conversions that fall into such a
+//! time happen in it, so that a driver that is too slow loses samples here, too.
+
+use super::BusError;
+use super::ads131m08::Chip;
+use super::random::Random;
+use crate::drivers::ads131m08::registers::CHANNELS;
+use crate::drivers::ads131m08::{CLOCK_HZ, RESET_CYCLES};
+use core::cell::RefCell;
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+
+/// What the sensors give.
+pub trait Signal {
+    /// Voltage at an input, V, at a cycle of the converters' clock. Inputs count through all
+    /// chips.
+    fn volts(&mut self, input: usize, cycle: u64) -> f64;
+}
+
+impl<F: FnMut(usize, u64) -> f64> Signal for F {
+    fn volts(&mut self, input: usize, cycle: u64) -> f64 {
+        self(input, cycle)
+    }
+}
+
+/// How a frame from a chip is garbled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Garble {
+    /// That many bits, anywhere.
+    Bits(u8),
+    /// All bits from one to another are random.
+    Burst,
+    /// The whole frame is random.
+    Noise,
+}
+
+/// A falling edge of a DRDY line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// When its interrupt began, cycles.
+    pub cycle: u64,
+    /// Chips whose DRDY line was low shortly afterwards, by bits.
+    pub ready: u32,
+}
+
+/// The rig.
+#[derive(Debug)]
+pub struct Rig<S, const N: usize> {
+    cycle: u64,
+    signal: S,
+    places: [Place; N],
+    random: Random,
+    /// A DRDY line has fallen, and nobody has looked yet.
+    pending: bool,
+    lost_edges: u32,
+    cycles_a_byte: u64,
+}
+
+/// A chip in its place, and what is wrong with its wires.
+#[derive(Clone, Debug, Default)]
+struct Place {
+    chip: Chip,
+    /// Cycle of its next conversion, and of its last one.
+    next: u64,
+    last: u64,
+    garble: Option<Garble>,
+    garble_request: bool,
+    stuck: Option<bool>,
+    hidden: bool,
+    bus_fails: bool,
+}
+
+impl<S: Signal, const N: usize> Rig<S, N> {
+    /// Cycles from an interrupt's begin until the lines are looked at: 1 µs.
+    const LOOK: u64 = 8;
+
+    /// Chips that have just been switched on.
+    pub fn new(signal: S, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let places = core::array::from_fn(|_| {
+            let chip = Chip::new();
+            let next = 1 + random.below(u64::from(chip.cycles()));
+            Place {
+                chip,
+                next,
+                ..Place::default()
+            }
+        });
+        Self {
+            cycle: 0,
+            signal,
+            places,
+            random,
+            pending: false,
+            lost_edges: 0,
+            // 8 bits at 21 MHz.
+            cycles_a_byte: u64::from(8 * CLOCK_HZ / 21_000_000),
+        }
+    }
+
+    /// The present cycle.
+    pub const fn cycle(&self) -> u64 {
+        self.cycle
+    }
+
+    /// The signal.
+    pub const fn signal(&mut self) -> &mut S {
+        &mut self.signal
+    }
+
+    /// A chip.
+    pub fn chip(&mut self, chip: usize) -> Option<&mut Chip> {
+        self.places.get_mut(chip).map(|p| &mut p.chip)
+    }
+
+    /// When a chip has last converted.
+    pub fn converted(&self, chip: usize) -> Option<u64> {
+        self.places.get(chip).map(|p| p.last)
+    }
+
+    /// Waits for the next edge of a DRDY line, or takes the one that came meanwhile.
+    pub fn wait(&mut self) -> Edge {
+        while !self.pending {
+            let next = self.places.iter().map(|p| p.next).min();
+            let Some(next) = next else { break };
+            self.pass_until(next.max(self.cycle));
+        }
+        let cycle = self.cycle;
+        self.pass_until(cycle + Self::LOOK);
+        self.pending = false;
+        let mut ready = 0;
+        for (k, place) in self.places.iter_mut().enumerate() {
+            let low = place.chip.is_ready() && !core::mem::take(&mut place.hidden);
+            ready |= u32::from(low) << k;
+        }
+        Edge { cycle, ready }
+    }
+
+    /// Lets time go by.
+    pub fn pass_until(&mut self, end: u64) {
+        loop {
+            let due = (0_usize..)
+                .zip(&mut self.places)
+                .min_by_key(|(_, p)| p.next);
+            let Some((k, place)) = due else { break };
+            if place.next > end {
+                break;
+            }
+            let cycle = place.next;
+            place.next += u64::from(place.chip.cycles());
+            place.last = cycle;
+            let mut volts = [0.0; CHANNELS];
+            for (channel, slot) in volts.iter_mut().enumerate() {
+                *slot = self.signal.volts(CHANNELS * k + channel, cycle);
+            }
+            place.chip.convert(&volts);
+            if self.lost_edges == 0 {
+                self.pending |= place.chip.is_ready();
+            } else {
+                self.lost_edges -= 1;
+            }
+        }
+        self.cycle = self.cycle.max(end);
+    }
+
+    /// The SYNC/RESET line goes low for some cycles.
+    pub fn pull_sync(&mut self, cycles: u32) {
+        self.pass_until(self.cycle + u64::from(cycles));
+        for place in &mut self.places {
+            if cycles < RESET_CYCLES {
+                place.chip.synchronise();
+            } else {
+                place.chip.reset();
+            }
+            place.next = self.cycle + u64::from(place.chip.cycles());
+        }
+        self.pending = false;
+    }
+
+    /// One frame with a chip.
+    fn transfer(&mut self, chip: usize, bytes: &mut [u8]) -> Result<(), BusError> {
+        let time = bytes.len() as u64 * self.cycles_a_byte;
+        let place = self.places.get_mut(chip).ok_or(BusError::Unsupported)?;
+        if core::mem::take(&mut place.bus_fails) {
+            return Err(BusError::Failed);
+        }
+        if core::mem::take(&mut place.garble_request)
+            && let Some(byte) = bytes.get_mut(self.random.below(3) as usize)
+        {
+            *byte ^= 1 << self.random.below(8);
+        }
+        let before = place.chip.cycles();
+        place.chip.transfer(bytes);
+        if place.chip.cycles() != before {
+            // A new rate begins with a new conversion.
+            place.next = self.cycle + u64::from(place.chip.cycles());
+        }
+        if let Some(garble) = place.garble.take() {
+            garble_bytes(bytes, garble, &mut self.random);
+        }
+        if let Some(level) = place.stuck {
+            bytes.fill(if level { 0xFF } else { 0 });
+        }
+        self.pass_until(self.cycle + time);
+        Ok(())
+    }
+
+    fn with(&mut self, chip: usize, change: impl FnOnce(&mut Place)) {
+        if let Some(place) = self.places.get_mut(chip) {
+            change(place);
+        }
+    }
+
+    /// Garbles the next frame that a chip sends.
+    pub fn garble(&mut self, chip: usize, how: Garble) {
+        self.with(chip, |p| p.garble = Some(how));
+    }
+
+    /// Garbles the first word of the next frame that a chip gets, by one bit.
+    pub fn garble_request(&mut self, chip: usize) {
+        self.with(chip, |p| p.garble_request = true);
+    }
+
+    /// Sticks a chip's data line at a level, or frees it.
+    pub fn stick(&mut self, chip: usize, level: Option<bool>) {
+        self.with(chip, |p| p.stuck = level);
+    }
+
+    /// Has the next exchange with a chip fail on the bus.
+    pub fn fail_bus(&mut self, chip: usize) {
+        self.with(chip, |p| p.bus_fails = true);
+    }
+
+    /// Has a chip's DRDY line look high the next time.
+    pub fn hide_ready(&mut self, chip: usize) {
+        self.with(chip, |p| p.hidden = true);
+    }
+
+    /// Loses the next edges of all DRDY lines that make one sample.
+    pub fn lose_sample(&mut self) {
+        self.lost_edges = N as u32;
+    }
+
+    /// A chip resets itself, at an instant of its own.
+    pub fn reset_chip(&mut self, chip: usize) {
+        let now = self.cycle;
+        let random = &mut self.random;
+        if let Some(place) = self.places.get_mut(chip) {
+            place.chip.reset();
+            place.next = now + 1 + random.below(u64::from(place.chip.cycles()));
+        }
+    }
+
+    /// A chip falls behind by some cycles.
+    pub fn delay_chip(&mut self, chip: usize, cycles: u64) {
+        self.with(chip, |p| p.next += cycles);
+    }
+}
+
+/// Garbles bytes; at least one bit of them changes.
+fn garble_bytes(bytes: &mut [u8], how: Garble, random: &mut Random) {
+    let bits = 8 * bytes.len() as u64;
+    let mut flip = |bit: u64| {
+        if let Some(byte) = bytes.get_mut((bit / 8) as usize) {
+            *byte ^= 0x80 >> (bit % 8);
+        }
+    };
+    match how {
+        Garble::Bits(count) => {
+            // Neighbours at a random distance, so that none is flipped twice.
+            let (first, apart) = (random.below(bits), 1 + random.below(bits / 8));
+            (0..u64::from(count.min(8))).for_each(|k| flip((first + k * apart) % bits));
+        }
+        Garble::Burst => {
+            let first = random.below(bits);
+            let length = 1 + random.below((bits - first).min(64));
+            flip(first);
+            (first + 1..first + length).for_each(|bit| {
+                if random.chance(0.5) {
+                    flip(bit);
+                }
+            });
+        }
+        Garble::Noise => {
+            flip(0);
+            (1..bits).for_each(|bit| {
+                if random.chance(0.5) {
+                    flip(bit);
+                }
+            });
+        }
+    }
+}
+
+/// The way to one chip of a rig.
+#[derive(Debug)]
+pub struct Port<'r, S, const N: usize> {
+    rig: &'r RefCell<Rig<S, N>>,
+    chip: usize,
+}
+
+impl<'r, S, const N: usize> Port<'r, S, N> {
+    /// To the chip of this number.
+    pub const fn new(rig: &'r RefCell<Rig<S, N>>, chip: usize) -> Self {
+        Self { rig, chip }
+    }
+}
+
+impl<S, const N: usize> ErrorType for Port<'_, S, N> {
+    type Error = BusError;
+}
+
+impl<S: Signal, const N: usize> SpiDevice for Port<'_, S, N> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusError> {
+        let mut rig = self.rig.try_borrow_mut().map_err(|_| BusError::Failed)?;
+        for operation in operations {
+            match operation {
+                Operation::TransferInPlace(bytes) => rig.transfer(self.chip, bytes)?,
+                Operation::DelayNs(ns) => {
+                    let cycles = u64::from(*ns) * u64::from(CLOCK_HZ) / 1_000_000_000;
+                    let end = rig.cycle() + cycles;
+                    rig.pass_until(end);
+                }
+                _ => return Err(BusError::Unsupported),
+            }
+        }
+        Ok(())
+    }
+}

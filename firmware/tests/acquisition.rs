@@ -1,0 +1,345 @@
+//! The acquisition on four modelled converters, with everything going wrong that can.
+
+use core::cell::RefCell;
+use massline_core::wire::{FaultCounters, Health};
+use massline_firmware::acquisition::{Acquisition, SETTLING};
+use massline_firmware::drivers::Converter;
+use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::drivers::ads131m08::{
+    Ads131m08, Channel, Configuration, Gain, Oversampling,
+};
+use massline_firmware::models::injector::{Injector, Kind};
+use massline_firmware::models::random::mix;
+use massline_firmware::models::rig::{Edge, Port, Rig};
+
+const CHIPS: usize = 4;
+const INPUTS: usize = CHIPS * CHANNELS;
+/// Not the gain after a reset, so that a chip that has lost its settings gives other counts.
+const GAIN: u8 = 4;
+
+/// The count that an input gives for a conversion at a cycle: another one for each.
+fn count(input: usize, cycle: u64) -> i32 {
+    (mix(cycle * 64 + input as u64) >> 42) as i32 - (1 << 21)
+}
+
+/// The voltage that gives it.
+fn volts(input: usize, cycle: u64) -> f64 {
+    f64::from(count(input, cycle)) * (1.2 / 8_388_608.0 / f64::from(GAIN))
+}
+
+type Signal = fn(usize, u64) -> f64;
+type Box = Acquisition<CHIPS, INPUTS>;
+
+/// A box with its converters, told sample by sample.
+struct Bench<'r> {
+    rig: &'r RefCell<Rig<Signal, CHIPS>>,
+    chips: [Ads131m08<Port<'r, Signal, CHIPS>>; CHIPS],
+    acquisition: Box,
+    /// Cycle of the first sample.
+    first: Option<u64>,
+    period: u64,
+}
+
+/// A sample, and when its edge came.
+struct Taken {
+    number: u64,
+    counts: [i32; INPUTS],
+    health: [Health; INPUTS],
+    cycle: u64,
+    /// When each chip had last converted by then.
+    converted: [u64; CHIPS],
+}
+
+impl Taken {
+    fn health(&self) -> Health {
+        self.health
+            .iter()
+            .fold(Health::GOOD, |all, h| all.union(*h))
+    }
+}
+
+impl<'r> Bench<'r> {
+    fn new(rig: &'r RefCell<Rig<Signal, CHIPS>>, oversampling: Oversampling) -> Self {
+        let configuration = Configuration {
+            oversampling,
+            channels: [Channel::pins(Gain::new(GAIN).unwrap()); CHANNELS],
+        };
+        Self {
+            rig,
+            chips: core::array::from_fn(|k| Ads131m08::new(Port::new(rig, k), configuration)),
+            acquisition: Box::new(oversampling.cycles() as f32),
+            first: None,
+            period: oversampling.cycles().into(),
+        }
+    }
+
+    fn start(&mut self) {
+        let [a, b, c, d] = &mut self.chips;
+        let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+        let mut synchronise = || self.rig.borrow_mut().pull_sync(16);
+        self.acquisition
+            .start(converters, &mut synchronise)
+            .unwrap();
+    }
+
+    /// The next sample, however many edges it takes.
+    fn next(&mut self) -> Taken {
+        loop {
+            let Edge { cycle, ready } = self.rig.borrow_mut().wait();
+            let converted = core::array::from_fn(|k| self.rig.borrow().converted(k).unwrap());
+            let [a, b, c, d] = &mut self.chips;
+            let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+            let mut synchronise = || self.rig.borrow_mut().pull_sync(16);
+            let taken = self
+                .acquisition
+                .edge(converters, &mut synchronise, ready, cycle);
+            if let Some(sample) = taken {
+                self.first.get_or_insert(cycle);
+                return Taken {
+                    number: sample.number,
+                    counts: sample.counts.try_into().unwrap(),
+                    health: sample.health.try_into().unwrap(),
+                    cycle,
+                    converted,
+                };
+            }
+        }
+    }
+
+    /// The next sample, of which everything that is said to be good has been checked.
+    fn checked(&mut self) -> Taken {
+        let taken = self.next();
+        let mut together = None;
+        for (k, (&found, health)) in taken.counts.iter().zip(taken.health).enumerate() {
+            if health.is_good() {
+                let converted = taken.converted[k / CHANNELS];
+                let number = taken.number;
+                assert_eq!(found, count(k, converted), "input {k} of {number}");
+                assert_eq!(converted, *together.get_or_insert(converted));
+            }
+        }
+        // Numbers of samples that nobody is to believe may be anything.
+        if let Some(converted) = together {
+            let since = converted - self.first.unwrap();
+            let exact = since as f64 / self.period as f64;
+            // Within half a period; 1 % of a period for what the measured one is wrong by.
+            let off = taken.number as f64 - exact;
+            assert!(off.abs() < 0.51, "number {} at {exact}", taken.number);
+        }
+        taken
+    }
+
+    fn is_steady(&self) -> bool {
+        self.acquisition.is_steady(CHIPS)
+    }
+}
+
+fn rig() -> RefCell<Rig<Signal, CHIPS>> {
+    RefCell::new(Rig::new(volts as Signal, 1))
+}
+
+#[test]
+fn samples_come_together_and_in_order() {
+    for oversampling in [Oversampling::X1024, Oversampling::X8192] {
+        let rig = rig();
+        let mut bench = Bench::new(&rig, oversampling);
+        bench.start();
+        for number in 0..2000 {
+            let taken = bench.checked();
+            assert_eq!(taken.number, number);
+            let settling = number < u64::from(SETTLING);
+            assert_eq!(taken.health().is_good(), !settling, "sample {number}");
+        }
+        assert_eq!(*bench.acquisition.faults(), FaultCounters::default());
+    }
+}
+
+#[test]
+fn each_fault_has_its_flag_and_no_other() {
+    for (round, kind) in (0..40).flat_map(|round| Kind::ALL.map(|kind| (round, kind))) {
+        let rig = rig();
+        let mut injector = Injector::new(0.0, 100 + round);
+        let mut bench = Bench::new(&rig, Oversampling::X8192);
+        bench.start();
+        for _ in 0..20 {
+            bench.checked();
+        }
+        injector.inflict(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
+        let mut flags = Health::GOOD;
+        let before = bench.acquisition.number();
+        let mut bad = 0;
+        for _ in 0..30 {
+            let taken = bench.checked();
+            flags = flags.union(taken.health());
+            bad += u64::from(!taken.health().is_good());
+            injector.disturb(&mut rig.borrow_mut(), true);
+        }
+        bad += bench.acquisition.number() - before - 30;
+        let mut expected = kind.flag();
+        if kind == Kind::Delay {
+            // Until it is known to be out of step, it is only late.
+            expected = expected.union(flags);
+            assert!(Health::MISSING.union(Health::OUT_OF_STEP).contains(flags));
+        }
+        assert_eq!(flags, expected, "{kind:?}");
+        assert_eq!(bench.acquisition.faults().overrun, 0);
+        // Detection, the restart's own sample, and what settles.
+        assert!(bad <= 8, "{kind:?} cost {bad} samples");
+        assert!(bench.is_steady(), "{kind:?}");
+    }
+}
+
+/// A million frames, one in a thousand with a fault.
+#[test]
+fn no_false_sample_among_a_million_frames_and_every_fault_counted() {
+    let rig = rig();
+    let mut injector = Injector::new(1e-3, 2026);
+    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    bench.start();
+    let mut good = 0_u32;
+    let mut apart = 0_u32;
+    for _ in 0..250_000 {
+        // A few samples apart, so that the recovery from one fault is not disturbed by another:
+        // then each must be counted once, by its kind.
+        let quiet = bench.is_steady() && apart > 12;
+        apart += 1;
+        if injector.disturb(&mut rig.borrow_mut(), quiet).is_some() {
+            apart = 0;
+        }
+        good += u32::from(bench.checked().health().is_good());
+    }
+    let faults = *bench.acquisition.faults();
+    let mut expected = *injector.faults();
+    // A chip that falls behind is missed up to three times before it is known to be out of step.
+    let late = faults.converter_missed - expected.converter_missed;
+    assert!(late <= 3 * expected.out_of_step, "{late}");
+    expected.converter_missed += late;
+    assert_eq!(faults, expected);
+    let all: u32 = injector.kinds().iter().sum();
+    // One in 250 samples less those that are kept free, about 950 in all.
+    assert!(
+        injector.kinds().iter().all(|&n| n > 50),
+        "{:?}",
+        injector.kinds()
+    );
+    // A fault costs eight samples at most.
+    assert!(
+        good > 250_000 - 8 * all - u32::from(SETTLING),
+        "{good} {all}"
+    );
+}
+
+/// Faults at any time, also while the box recovers from others.
+#[test]
+fn no_false_sample_when_everything_fails_at_once() {
+    for seed in 0..20 {
+        let rig = rig();
+        let mut injector = Injector::new(0.05, seed);
+        let mut bench = Bench::new(&rig, Oversampling::X8192);
+        bench.start();
+        for _ in 0..5_000 {
+            injector.disturb(&mut rig.borrow_mut(), true);
+            bench.checked();
+        }
+        // It comes to rest once it is left alone.
+        let mut calm = Injector::new(0.0, 0);
+        for _ in 0..2_000 {
+            calm.disturb(&mut rig.borrow_mut(), true);
+            (0..CHIPS).for_each(|k| rig.borrow_mut().stick(k, None));
+            bench.checked();
+        }
+        assert!(bench.is_steady(), "seed {seed}");
+        assert!(bench.checked().health().is_good(), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_dead_converter_does_not_stop_the_others() {
+    let rig = rig();
+    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    bench.start();
+    for _ in 0..10 {
+        bench.checked();
+    }
+    rig.borrow_mut().stick(2, Some(true));
+    let mut told = None;
+    let mut good = 0;
+    for _ in 0..2000 {
+        let taken = bench.checked();
+        let dead = 2 * CHANNELS..3 * CHANNELS;
+        assert!(taken.health[dead.clone()].iter().all(|h| !h.is_good()));
+        let others = (0..INPUTS).filter(|k| !dead.contains(k));
+        good += usize::from(others.into_iter().all(|k| taken.health[k].is_good()));
+        told = told.or(bench.acquisition.take_fault());
+    }
+    assert_eq!(told.map(|fault| fault.part), Some(Some(2)));
+    assert!(good > 1950, "{good}");
+    // And it comes back by itself.
+    rig.borrow_mut().stick(2, None);
+    for _ in 0..600 {
+        bench.checked();
+    }
+    assert!(bench.checked().health().is_good());
+}
+
+#[test]
+fn silence_is_noticed_and_ended() {
+    let rig = rig();
+    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    bench.start();
+    for _ in 0..10 {
+        bench.checked();
+    }
+    // The reset line was pulled by something else: four chips that know nothing any more.
+    rig.borrow_mut().pull_sync(4096);
+    for _ in 0..40 {
+        bench.checked();
+    }
+    assert!(bench.is_steady());
+    assert_eq!(bench.acquisition.faults().converter_reset, 4);
+
+    let [a, b, c, d] = &mut bench.chips;
+    let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+    let now = rig.borrow().cycle();
+    let mut pulses = 0;
+    let mut synchronise = || {
+        pulses += 1;
+        rig.borrow_mut().pull_sync(16);
+    };
+    let acquisition = &mut bench.acquisition;
+    assert!(!acquisition.watch(converters, &mut synchronise, now + 2 * bench.period));
+    assert!(acquisition.watch(converters, &mut synchronise, now + 20 * bench.period));
+    assert_eq!(pulses, 1);
+    for _ in 0..40 {
+        bench.checked();
+    }
+    assert!(bench.checked().health().is_good());
+}
+
+#[test]
+fn a_box_that_was_away_loses_samples_but_not_count() {
+    let rig = rig();
+    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    bench.start();
+    for _ in 0..10 {
+        bench.checked();
+    }
+    for away in 1..200 {
+        let before = bench.acquisition.number();
+        let missed = bench.acquisition.faults().converter_missed;
+        // Until a tenth of a period after an edge, so that the interrupt is still in time.
+        let later = rig.borrow().cycle() / bench.period + away;
+        let first = bench.first.unwrap() % bench.period;
+        let end = later * bench.period + first + bench.period / 10;
+        rig.borrow_mut().pass_until(end);
+        let lost = bench.next().number - before - 1;
+        assert!(lost.abs_diff(away) <= 1, "{lost} {away}");
+        assert_eq!(
+            u64::from(bench.acquisition.faults().converter_missed - missed),
+            lost
+        );
+        for _ in 0..5 {
+            assert!(bench.checked().health().is_good());
+        }
+    }
+}
