@@ -40,12 +40,11 @@ struct Bench<'r> {
     period: u64,
 }
 
-/// A sample, and when its edge came.
+/// A sample, and when it was converted.
 struct Taken {
     number: u64,
     counts: [i32; INPUTS],
     health: [Health; INPUTS],
-    cycle: u64,
     /// When each chip had last converted by then.
     converted: [u64; CHIPS],
 }
@@ -99,7 +98,6 @@ impl<'r> Bench<'r> {
                     number: sample.number,
                     counts: sample.counts.try_into().unwrap(),
                     health: sample.health.try_into().unwrap(),
-                    cycle,
                     converted,
                 };
             }

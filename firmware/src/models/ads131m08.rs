@@ -112,14 +112,15 @@ impl Chip {
 
     /// Changes a register behind the driver's back.
     pub fn set_register(&mut self, register: Register, value: u16) {
-        if let Some(slot) = self.registers.get_mut(usize::from(register.0)) {
-            let value = value & register.mask();
-            if *slot != value && self.register(Register::MODE) & mode::REG_CRC_EN != 0 {
+        let kept = value & register.mask();
+        let is_watched = self.register(Register::MODE) & mode::REG_CRC_EN != 0;
+        if register.mask() != 0
+            && let Some(slot) = self.registers.get_mut(usize::from(register.0))
+        {
+            if *slot != kept && is_watched {
                 self.notices |= status::REG_MAP;
             }
-            if let Some(slot) = self.registers.get_mut(usize::from(register.0)) {
-                *slot = value;
-            }
+            *slot = kept;
         }
         if register == Register::MODE && value & mode::RESET == 0 {
             self.notices &= !status::RESET;
