@@ -747,3 +747,36 @@ fn setups_that_say_something_else() {
         ],
     );
 }
+
+/// Without noise, a sensor that looks across the motion reads exactly zero and is well.
+#[test]
+fn channels_that_rest_without_noise_are_not_dead() {
+    let models = concat!(env!("CARGO_MANIFEST_DIR"), "/models/");
+    for (model, rests) in [
+        (
+            "fork".to_owned(),
+            "run \"lateral X\": no reading changes in a2, a3",
+        ),
+        (
+            models.to_owned() + "uniaxial-remounted.toml",
+            "either the table never moved their way",
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let simulate = [
+            "simulate",
+            &model,
+            "--out",
+            ".",
+            "--noise",
+            "0",
+            "--duration",
+            "6",
+        ];
+        let finished = bench::massline(folder.path(), simulate);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        let finished = bench::massline(folder.path(), ["identify", "setup.toml"]);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        assert!(finished.stderr.contains(rests), "{}", finished.stderr);
+    }
+}
