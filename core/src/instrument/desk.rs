@@ -7,7 +7,7 @@ use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use super::run::{Run, Task};
 use super::setup::{range, within};
 use super::survey::Survey;
-use super::{Board, Ended, Instrument, Outbox, Pending, cut};
+use super::{Archive, Board, Ended, Instrument, Outbox, Pending, cut};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::masslines;
 use crate::modes::MAX_MODES;
@@ -202,7 +202,7 @@ impl<'m> Instrument<'m> {
         self.ended = None;
         self.answer = None;
         self.stored = 0;
-        if let Some(store) = &mut self.store {
+        if let Some(store) = self.archive.store_mut() {
             store.runs.clear();
         }
     }
@@ -463,7 +463,7 @@ impl<'m> Instrument<'m> {
 
     fn read_lines(&self, id: u16, read: &ReadLines, out: &mut impl Outbox) -> Result<(), Problem> {
         let at = self.run_index(read.run)?;
-        let Some(store) = &self.store else {
+        let Some(store) = self.archive.store() else {
             return self.not_busy();
         };
         let count = match (&self.lines, store.runs.kept(at)) {
@@ -524,15 +524,19 @@ impl<'m> Instrument<'m> {
         let Some(lines) = self.lines.clone() else {
             return self.only(State::SettingUp);
         };
-        let Some(store) = self.store.take() else {
-            return self.not_busy();
+        let store = match core::mem::replace(&mut self.archive, Archive::Away) {
+            Archive::Here(store) => store,
+            other => {
+                self.archive = other;
+                return self.not_busy();
+            }
         };
         self.pending = Some(Pending {
             id,
             number: Request::Identify(*question).number(),
             since: board.ticks(),
         });
-        self.job = Some(Job {
+        self.archive = Archive::Waiting(Job {
             store,
             question: Question { runs, ..*question },
             lines,
@@ -570,8 +574,8 @@ impl<'m> Instrument<'m> {
         let mut common = None;
         for run in (0..RUNS as u8).filter(|run| runs & 1 << run != 0) {
             let kept = self
-                .store
-                .as_ref()
+                .archive
+                .store()
                 .and_then(|s| s.runs.kept(usize::from(run)));
             let Some(found) = kept.map(|k| k.accelerations) else {
                 continue;

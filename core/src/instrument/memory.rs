@@ -28,8 +28,8 @@ const FILTERS: usize = 156;
 
 /// Samples and filter states of the blocks that are under way.
 pub const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
-/// Lines of one block.
-pub const BLOCK_LINES: usize = AVERAGED * LINES;
+/// Lines of the drive and of the two channels that are transformed together.
+pub const BLOCK_LINES: usize = 3 * LINES;
 /// Running sums: the drive's power, and three numbers for each resultant.
 pub const SUMS: usize = (1 + 3 * RESULTANTS) * LINES;
 /// Lines of all stored runs.
@@ -37,14 +37,12 @@ pub const STORED_LINES: usize = RUNS * LINES;
 
 const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 
-/// What a run needs while it is going on, and what the identification works in.
+/// What a run needs while it is going on.
 #[derive(Debug)]
 pub struct WorkingStorage {
     pub(super) history: [f32; HISTORY],
-    pub(super) work: [Complex32; TRANSFORM],
     pub(super) lines: [Complex32; BLOCK_LINES],
     pub(super) sums: [Sum; SUMS],
-    pub(super) solver: [Complex<f64>; 2 * LINES],
 }
 
 impl WorkingStorage {
@@ -53,10 +51,8 @@ impl WorkingStorage {
     pub const fn new() -> Self {
         Self {
             history: [0.0; HISTORY],
-            work: [NOTHING; TRANSFORM],
             lines: [NOTHING; BLOCK_LINES],
             sums: [Sum::ZERO; SUMS],
-            solver: [Complex::new(0.0, 0.0); 2 * LINES],
         }
     }
 }
@@ -67,11 +63,14 @@ impl Default for WorkingStorage {
     }
 }
 
-/// The stored runs.
+/// The stored runs, and the work space of transform and identification, which fill what
+/// they leave of 64 KiB.
 #[derive(Debug)]
 pub struct RunStorage {
     pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
     pub(super) drive: [f32; STORED_LINES],
+    pub(super) work: [Complex32; TRANSFORM],
+    pub(super) solver: [Complex<f64>; 2 * LINES],
 }
 
 impl RunStorage {
@@ -81,6 +80,8 @@ impl RunStorage {
         Self {
             responses: [[NOTHING; RESULTANTS]; STORED_LINES],
             drive: [0.0; STORED_LINES],
+            work: [NOTHING; TRANSFORM],
+            solver: [Complex::new(0.0, 0.0); 2 * LINES],
         }
     }
 }

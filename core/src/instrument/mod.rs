@@ -74,6 +74,37 @@ struct Pending {
     since: u64,
 }
 
+/// Where the stored runs are.
+#[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, and no heap to put it on"
+)]
+enum Archive<'m> {
+    /// In their place.
+    Here(Store<'m>),
+    /// In a job that waits to be taken.
+    Waiting(Job<'m>),
+    /// In a job that has been taken.
+    Away,
+}
+
+impl<'m> Archive<'m> {
+    fn store(&self) -> Option<&Store<'m>> {
+        match self {
+            Self::Here(store) => Some(store),
+            Self::Waiting(_) | Self::Away => None,
+        }
+    }
+
+    fn store_mut(&mut self) -> Option<&mut Store<'m>> {
+        match self {
+            Self::Here(store) => Some(store),
+            Self::Waiting(_) | Self::Away => None,
+        }
+    }
+}
+
 /// A run that has ended.
 #[derive(Clone, Copy, Debug)]
 struct Ended {
@@ -95,12 +126,10 @@ pub struct Instrument<'m> {
     summaries: [Option<Summary>; RUNS],
     /// The run that ended last.
     ended: Option<Ended>,
-    /// Stored runs, unless a job has them.
-    store: Option<Store<'m>>,
+    archive: Archive<'m>,
     /// Bit k: run k is stored.
     stored: u32,
     pending: Option<Pending>,
-    job: Option<Job<'m>>,
     answer: Option<Identified>,
     subscription: Subscription,
     levels: LevelMeter,
@@ -120,11 +149,15 @@ impl<'m> Instrument<'m> {
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
         let WorkingStorage {
             history,
-            work,
             lines,
             sums,
-            solver,
         } = memory.working;
+        let RunStorage {
+            responses,
+            drive,
+            work,
+            solver,
+        } = memory.runs;
         Self {
             identity,
             state: State::Empty,
@@ -139,10 +172,9 @@ impl<'m> Instrument<'m> {
             run: None,
             summaries: [None; RUNS],
             ended: None,
-            store: Some(Store::new(memory.runs, solver)),
+            archive: Archive::Here(Store::new(responses, drive, solver)),
             stored: 0,
             pending: None,
-            job: None,
             answer: None,
             subscription: Subscription::default(),
             levels: LevelMeter::new(),
@@ -240,13 +272,19 @@ impl<'m> Instrument<'m> {
     /// The job that a request has left to be done, once. It comes back by
     /// [`Self::finish`].
     pub fn take_job(&mut self) -> Option<Job<'m>> {
-        self.job.take()
+        match core::mem::replace(&mut self.archive, Archive::Away) {
+            Archive::Waiting(job) => Some(job),
+            other => {
+                self.archive = other;
+                None
+            }
+        }
     }
 
     /// Takes a job back and answers the request behind it.
     pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
         let Job { store, answer, .. } = job;
-        self.store = Some(store);
+        self.archive = Archive::Here(store);
         let Some(pending) = self.pending.take() else {
             return;
         };
@@ -347,14 +385,14 @@ impl<'m> Instrument<'m> {
                 missing: run.missing(),
             },
         });
-        let store = self.store.as_mut().map(|s| &mut s.runs);
+        let store = self.archive.store_mut().map(|s| &mut s.runs);
         let (summary, peaks, buffers) = run.finish(outcome, self.identity.tick_hz, store);
         self.buffers = buffers;
         self.state = State::Ready;
         if let Some(peaks) = peaks {
             self.setup.set_peaks(number, peaks);
         }
-        if let Some(store) = &self.store {
+        if let Some(store) = self.archive.store() {
             self.stored = store.runs.mask();
         }
         if let Some(slot) = self.summaries.get_mut(number) {

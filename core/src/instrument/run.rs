@@ -7,7 +7,7 @@ use super::store::Stored;
 use super::survey::Survey;
 use super::{Board, Outbox};
 use crate::geometry::{RESULTANTS, RunGeometry};
-use crate::spectra::{Average, Blocks, Complex32, DriveAverage, Sum};
+use crate::spectra::{Complex32, DriveAverage, History, Sum};
 use crate::wire::{
     Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
 };
@@ -20,6 +20,10 @@ pub(super) struct Buffers<'m> {
     pub(super) lines: &'m mut [Complex32],
     pub(super) sums: &'m mut [Sum],
 }
+
+/// What is beyond this is no reading of any sensor, in any unit. Up to it, a line of 1024
+/// samples squared and summed over 10⁷ blocks stays below 1e37, within `f32`.
+const BOUND: f32 = 1e12;
 
 /// What a run is for.
 #[derive(Debug)]
@@ -55,7 +59,8 @@ pub(super) struct Run<'m> {
     pub(super) start: Start,
     lines: Lines,
     intake: Intake,
-    blocks: Blocks<'m>,
+    history: History<'m>,
+    spectra: &'m mut [Complex32],
     sums: &'m mut [Sum],
     task: Task,
     counts: Counts,
@@ -83,16 +88,17 @@ impl<'m> Run<'m> {
         let Buffers {
             history,
             work,
-            lines: storage,
+            lines: spectra,
             sums,
         } = buffers;
-        let blocks = Blocks::new(lines.settings, 1 + RESULTANTS, history, work, storage).ok()?;
+        let history = History::new(lines.settings, 1 + RESULTANTS, history, work).ok()?;
         sums.fill(Sum::ZERO);
         Some(Self {
             start,
             lines,
             intake,
-            blocks,
+            history,
+            spectra,
             sums,
             task,
             counts: Counts::default(),
@@ -145,7 +151,7 @@ impl<'m> Run<'m> {
         self.counts.missing += first - self.counts.next;
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
-        self.blocks.restart();
+        self.history.restart();
         self.intake.restart();
         self.faulty = [0; Health::KINDS];
         self.block_first = first;
@@ -160,7 +166,24 @@ impl<'m> Run<'m> {
         self.ticks[1] = begun;
         let index = self.counts.next;
         self.counts.next += 1;
-        let health = self.intake.take(sample, index, out);
+        let mut health = self.intake.take(sample, index, out);
+        let mut input = [0.0; 1 + RESULTANTS];
+        let (drive, rest) = input.split_at_mut(1);
+        drive.fill(self.intake.drive());
+        match &self.task {
+            Task::Measure(geometry, _) => {
+                rest.copy_from_slice(&geometry.map.apply(self.intake.sensors()));
+            }
+            Task::Survey(survey) => survey.select(self.intake.sensors(), rest),
+        }
+        for x in &mut input {
+            // Not a number is not below it, either.
+            let usable = x.abs() < BOUND;
+            if !usable {
+                health = health.union(Health::NOT_FINITE);
+                *x = 0.0;
+            }
+        }
         if health.contains(Health::OVERLOAD) {
             self.counts.overloads += 1;
         }
@@ -171,18 +194,9 @@ impl<'m> Run<'m> {
                 }
             }
         }
-        let mut input = [0.0; 1 + RESULTANTS];
-        let (drive, rest) = input.split_at_mut(1);
-        drive.fill(self.intake.drive());
-        match &self.task {
-            Task::Measure(geometry, _) => {
-                rest.copy_from_slice(&geometry.map.apply(self.intake.sensors()));
-            }
-            Task::Survey(survey) => survey.select(self.intake.sensors(), rest),
-        }
-        let Some(block) = self.blocks.push(&input) else {
+        if !self.history.push(&input) {
             return;
-        };
+        }
         let support = self.lines.settings.support() as u64;
         let first = self.counts.next.saturating_sub(support);
         let mut faults = 0;
@@ -191,26 +205,10 @@ impl<'m> Run<'m> {
                 faults |= 1 << kind;
             }
         }
-        let mut health = Health(faults);
-        if health.is_good() && !block.is_bounded() {
-            health = Health::NOT_FINITE;
-        }
-        if health.is_good() {
-            let count = self.lines.settings.grid().count;
-            match &mut self.task {
-                Task::Measure(..) => {
-                    let blocks = self.counts.averaged;
-                    if let Ok(mut average) =
-                        DriveAverage::resume(count, RESULTANTS, self.sums, blocks)
-                    {
-                        average.add(&block);
-                    }
-                }
-                Task::Survey(survey) => survey.add(&block, self.sums),
-            }
-        }
+        let health = Health(faults);
         self.block_first = first;
         if health.is_good() {
+            self.average();
             self.counts.averaged += 1;
             let coherence = self.coherence();
             let ticks = self.since(begun, board);
@@ -223,8 +221,48 @@ impl<'m> Run<'m> {
         if let Task::Survey(survey) = &mut self.task
             && survey.turn()
         {
-            self.blocks.restart();
+            self.history.restart();
             self.block_first = self.counts.next;
+        }
+    }
+
+    /// Transforms the block that is complete, two channels at a time, and adds it to the
+    /// average.
+    fn average(&mut self) {
+        let count = self.lines.settings.grid().count;
+        let (average, wanted) = match &mut self.task {
+            Task::Measure(..) => {
+                let blocks = self.counts.averaged;
+                let average = DriveAverage::resume(count, RESULTANTS, self.sums, blocks);
+                (average.ok(), 0..count)
+            }
+            Task::Survey(survey) => {
+                let wanted = survey.lines();
+                (survey.average(self.sums), wanted)
+            }
+        };
+        let Some(mut average) = average else {
+            return;
+        };
+        let (drive, rest) = self.spectra.split_at_mut(count.min(self.spectra.len()));
+        let (a, b) = rest.split_at_mut(count.min(rest.len()));
+        let seen = |lines: &'_ [Complex32]| -> core::ops::Range<usize> {
+            wanted.start.min(lines.len())..wanted.end.min(lines.len())
+        };
+        for pair in 0..self.history.pairs() {
+            // The drive is the first channel, responses follow.
+            if pair == 0 {
+                self.history.transform(0, drive, b);
+                average.add_drive(&drive[seen(drive)]);
+            } else {
+                self.history.transform(pair, a, b);
+                let response = 2 * pair - 1;
+                average.add_response(response, &drive[seen(drive)], &a[seen(a)]);
+            }
+            let response = 2 * pair;
+            if response < RESULTANTS {
+                average.add_response(response, &drive[seen(drive)], &b[seen(b)]);
+            }
         }
     }
 
@@ -361,11 +399,11 @@ impl<'m> Run<'m> {
 
     /// Gives the storage back.
     pub(super) fn into_buffers(self) -> Buffers<'m> {
-        let (history, work, lines) = self.blocks.into_storage();
+        let (history, work) = self.history.into_storage();
         Buffers {
             history,
             work,
-            lines,
+            lines: self.spectra,
             sums: self.sums,
         }
     }

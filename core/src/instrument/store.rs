@@ -1,6 +1,6 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
-use super::memory::{LINES, RUNS, RunStorage};
+use super::memory::{LINES, RUNS};
 use crate::geometry::{Equations, RESULTANTS, ResultantMap};
 use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
 use crate::wire::{Accelerations, Line, Quality};
@@ -20,7 +20,8 @@ pub(super) struct Kept {
 /// All stored runs.
 #[derive(Debug)]
 pub(super) struct Stored<'m> {
-    lines: &'m mut RunStorage,
+    responses: &'m mut [[Complex32; RESULTANTS]],
+    drive: &'m mut [f32],
     kept: [Option<Kept>; RUNS],
 }
 
@@ -33,10 +34,17 @@ pub(super) struct Store<'m> {
 }
 
 impl<'m> Store<'m> {
-    pub(super) fn new(lines: &'m mut RunStorage, solver: &'m mut [Complex<f64>]) -> Self {
-        let kept = [None; RUNS];
+    pub(super) fn new(
+        responses: &'m mut [[Complex32; RESULTANTS]],
+        drive: &'m mut [f32],
+        solver: &'m mut [Complex<f64>],
+    ) -> Self {
         Self {
-            runs: Stored { lines, kept },
+            runs: Stored {
+                responses,
+                drive,
+                kept: [None; RUNS],
+            },
             solver,
         }
     }
@@ -71,8 +79,8 @@ impl Stored<'_> {
         quality: Quality,
     ) -> Option<[f32; RESULTANTS]> {
         let from = run * LINES;
-        let responses = self.lines.responses.get_mut(from..from + LINES)?;
-        let drive = self.lines.drive.get_mut(from..from + LINES)?;
+        let responses = self.responses.get_mut(from..from + LINES)?;
+        let drive = self.drive.get_mut(from..from + LINES)?;
         let finished = RunResponses::finish(
             average,
             grid,
@@ -110,8 +118,8 @@ impl Stored<'_> {
         let lines = from..from + grid.count;
         Some(RunResponses {
             grid,
-            responses: self.lines.responses.get(lines.clone())?,
-            drive: self.lines.drive.get(lines)?,
+            responses: self.responses.get(lines.clone())?,
+            drive: self.drive.get(lines)?,
             noise: kept.noise,
             blocks: kept.blocks,
         })
@@ -122,8 +130,8 @@ impl Stored<'_> {
         let at = run * LINES + line;
         let pair = |z: &Complex32| [z.re, z.im];
         Some(Line {
-            drive: *self.lines.drive.get(at)?,
-            responses: self.lines.responses.get(at)?.each_ref().map(pair),
+            drive: *self.drive.get(at)?,
+            responses: self.responses.get(at)?.each_ref().map(pair),
         })
     }
 }

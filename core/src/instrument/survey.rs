@@ -10,7 +10,7 @@
 
 use super::memory::SENSORS;
 use crate::geometry::RESULTANTS;
-use crate::spectra::{Average, BlockSpectra, DriveAverage, Sum};
+use crate::spectra::{Average, DriveAverage, Sum};
 use crate::weighting::peak_response;
 use crate::wire::{Item, Problem};
 use core::ops::Range;
@@ -82,14 +82,18 @@ impl Survey {
         }
     }
 
-    /// Takes a block of the sensors whose turn it is.
-    pub(super) fn add(&mut self, block: &BlockSpectra<'_>, sums: &mut [Sum]) {
-        if let Some(mut average) = self.sums(self.group, sums) {
-            average.add(&block.within(self.lines.clone()));
-            if let Some(blocks) = self.blocks.get_mut(self.group) {
-                *blocks += 1;
-            }
+    /// The lines it looks at, of those that are kept.
+    pub(super) fn lines(&self) -> Range<usize> {
+        self.lines.clone()
+    }
+
+    /// The average of the sensors whose turn it is, which takes one block more.
+    pub(super) fn average<'s>(&mut self, sums: &'s mut [Sum]) -> Option<DriveAverage<'s>> {
+        let average = self.sums(self.group, sums);
+        if let Some(blocks) = self.blocks.get_mut(self.group) {
+            *blocks += 1;
         }
+        average
     }
 
     /// The next group's turn; `false` if there is only one.

@@ -1,9 +1,9 @@
 //! Overlapping blocks out of a stream of samples, and their windowed spectra.
 
-use super::decimate::{MAX_STAGES, Phase, USABLE, settling, state_len};
-use super::fft::{supported, transform};
+use super::decimate::{MAX_STAGES, USABLE, settling, state_len};
+use super::fft::supported;
+use super::history::History;
 use super::{Complex32, LineGrid, SpectraError, Window};
-use core::ops::Range;
 
 /// How a stream is cut and transformed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,6 +89,14 @@ impl BlockSettings {
         Self { stages: 0, ..self }
     }
 
+    pub(super) fn stages(&self) -> usize {
+        self.stages
+    }
+
+    pub(super) fn removes_mean(&self) -> bool {
+        self.remove_mean
+    }
+
     /// By how much the samples are decimated before the transform.
     #[must_use]
     pub fn decimation(&self) -> usize {
@@ -166,56 +174,24 @@ impl BlockSettings {
 #[derive(Clone, Copy, Debug)]
 pub struct BlockSpectra<'a> {
     lines: &'a [Complex32],
-    /// Lines of each channel.
     count: usize,
-    /// First of them that is seen, and the one after the last.
-    seen: [usize; 2],
 }
 
 impl<'a> BlockSpectra<'a> {
     /// The kept lines of channel `c`; empty if there is no such channel.
     #[must_use]
     pub fn channel(&self, c: usize) -> &'a [Complex32] {
-        let [from, to] = self.seen.map(|line| c * self.count + line);
-        self.lines.get(from..to).unwrap_or(&[])
-    }
-
-    /// Whether all lines are numbers that can be squared and summed. Readings beyond 1e15,
-    /// which no sensor has, make them overflow.
-    #[must_use]
-    pub fn is_bounded(&self) -> bool {
-        const BOUND: f32 = 1e18;
         self.lines
-            .iter()
-            .all(|z| z.re.abs() < BOUND && z.im.abs() < BOUND)
-    }
-
-    /// The same block with only the kept lines `lines` of every channel.
-    #[must_use]
-    pub fn within(&self, lines: Range<usize>) -> Self {
-        let end = lines.end.min(self.count);
-        Self {
-            seen: [lines.start.min(end), end],
-            ..*self
-        }
+            .get(c * self.count..(c + 1) * self.count)
+            .unwrap_or(&[])
     }
 }
 
-/// The last block's worth of samples of every channel, and the machinery to transform it.
+/// Blocks of all channels out of a stream, each transformed as soon as it is complete.
 #[derive(Debug)]
 pub struct Blocks<'s> {
-    settings: BlockSettings,
-    channels: usize,
-    /// One ring of `transform_length` samples per channel, then their filters' states.
-    history: &'s mut [f32],
-    work: &'s mut [Complex32],
+    history: History<'s>,
     lines: &'s mut [Complex32],
-    head: usize,
-    phase: Phase,
-    /// Samples until the filters have forgotten that they started from rest.
-    settling: usize,
-    /// Decimated samples still missing before the next block is complete.
-    missing: usize,
 }
 
 impl<'s> Blocks<'s> {
@@ -233,171 +209,39 @@ impl<'s> Blocks<'s> {
         work: &'s mut [Complex32],
         lines: &'s mut [Complex32],
     ) -> Result<Self, SpectraError> {
-        enough(history.len(), settings.history_len(channels))?;
-        enough(work.len(), settings.transform_length())?;
         enough(lines.len(), settings.lines_len(channels))?;
-        let mut blocks = Self {
-            settings,
-            channels,
-            history,
-            work,
-            lines,
-            head: 0,
-            phase: Phase::new(settings.stages),
-            settling: 0,
-            missing: 0,
-        };
-        blocks.restart();
-        Ok(blocks)
-    }
-
-    /// Gives the storage back: history, work and lines, as they were lent.
-    #[must_use]
-    pub fn into_storage(self) -> (&'s mut [f32], &'s mut [Complex32], &'s mut [Complex32]) {
-        (self.history, self.work, self.lines)
+        let history = History::new(settings, channels, history, work)?;
+        Ok(Self { history, lines })
     }
 
     /// The settings.
     #[must_use]
     pub fn settings(&self) -> &BlockSettings {
-        &self.settings
+        self.history.settings()
     }
 
     /// Forgets the history: the next block starts with the next sample. To be called
     /// where samples were lost, so that no block straddles the gap.
     pub fn restart(&mut self) {
-        let rings = self.channels * self.settings.transform_length();
-        if let Some(filters) = self.history.get_mut(rings..) {
-            filters.fill(0.0);
-        }
-        self.head = 0;
-        self.phase = Phase::new(self.settings.stages);
-        self.settling = settling(self.settings.stages);
-        self.missing = self.settings.transform_length();
+        self.history.restart();
     }
 
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero.
     /// Returns the spectra whenever a block is complete.
     pub fn push(&mut self, sample: &[f32]) -> Option<BlockSpectra<'_>> {
-        let n = self.settings.transform_length();
-        let kept = self.phase.yields() && self.settling == 0;
-        let per_channel = state_len(self.settings.stages);
-        let (rings, filters) = self.history.split_at_mut(self.channels * n);
-        for c in 0..self.channels {
-            let state = filters
-                .get_mut(c * per_channel..(c + 1) * per_channel)
-                .unwrap_or(&mut []);
-            let x = self
-                .phase
-                .push(state, sample.get(c).copied().unwrap_or(0.0));
-            if kept && let Some(slot) = rings.get_mut(c * n + self.head) {
-                *slot = x;
-            }
-        }
-        self.phase.advance();
-        self.settling = self.settling.saturating_sub(1);
-        if !kept {
+        if !self.history.push(sample) {
             return None;
         }
-        self.head = if self.head + 1 == n { 0 } else { self.head + 1 };
-        self.missing -= 1;
-        if self.missing > 0 {
-            return None;
+        let count = self.settings().grid().count;
+        let pairs = self.lines.chunks_mut(2 * count).enumerate();
+        for (pair, lines) in pairs.take(self.history.pairs()) {
+            let (a, b) = lines.split_at_mut(count.min(lines.len()));
+            self.history.transform(pair, a, b);
         }
-        self.missing = self.settings.hop >> self.settings.stages;
-        self.transform_all();
         Some(BlockSpectra {
-            lines: self
-                .lines
-                .get(..self.settings.lines_len(self.channels))
-                .unwrap_or(&[]),
-            count: self.settings.grid.count,
-            seen: [0, self.settings.grid.count],
+            lines: self.lines,
+            count,
         })
-    }
-
-    /// Two real channels travel as real and imaginary part of one complex transform.
-    fn transform_all(&mut self) {
-        let n = self.settings.transform_length();
-        let count = self.settings.grid.count;
-        let mut rings = self.history.chunks_exact(n).take(self.channels);
-        let mut lines = &mut *self.lines;
-        let Some(work) = self.work.get_mut(..n) else {
-            return;
-        };
-        for _ in 0..self.channels.div_ceil(2) {
-            let first = rings.next();
-            let second = rings.next();
-            for (k, w) in work.iter_mut().enumerate() {
-                // The oldest sample lies at the head.
-                let at = (self.head + k) % n;
-                let read =
-                    |ring: Option<&[f32]>| ring.and_then(|r| r.get(at)).copied().unwrap_or(0.0);
-                *w = Complex32::new(read(first), read(second));
-            }
-            transform(work);
-            if self.settings.remove_mean {
-                self.settings.remove_mean_of(work);
-            }
-            let (a, rest) = lines.split_at_mut(count.min(lines.len()));
-            let (b, rest) = rest.split_at_mut(count.min(rest.len()));
-            self.settings.unpack(work, a, b);
-            lines = rest;
-        }
-    }
-}
-
-impl BlockSettings {
-    /// Takes the mean under the window out: what makes the windowed line 0 vanish.
-    ///
-    /// The plain mean would let a strong resonance leak in, unwindowed, and leave it in
-    /// the lowest lines.
-    fn remove_mean_of(&self, z: &mut [Complex32]) {
-        let n = self.transform_length();
-        let mut others = Complex32::new(0.0, 0.0);
-        let mut sign = -1.0;
-        let Some((first, rest)) = self.window.coefficients().split_first() else {
-            return;
-        };
-        for (i, &c) in rest.iter().enumerate() {
-            others += (z[i + 1] + z[n - i - 1]) * (sign * 0.5 * c);
-            sign = -sign;
-        }
-        if let Some(mean) = z.first_mut() {
-            *mean = others * (-1.0 / first);
-        }
-    }
-
-    /// Separates the two packed channels and windows them, for the kept lines only.
-    fn unpack(&self, z: &[Complex32], a: &mut [Complex32], b: &mut [Complex32]) {
-        let n = self.transform_length();
-        let coefficients = self.window.coefficients();
-        let windowed = |k: usize| {
-            let mut sum = Complex32::new(0.0, 0.0);
-            let mut sign = 1.0;
-            for (i, &c) in coefficients.iter().enumerate() {
-                // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
-                if i == 0 {
-                    sum += z[k % n] * c;
-                } else {
-                    let half = sign * 0.5 * c;
-                    sum += (z[(k + i) % n] + z[(k + n - i) % n]) * half;
-                }
-                sign = -sign;
-            }
-            sum
-        };
-        for k in 0..self.grid.count {
-            let line = self.grid.first + k;
-            let (p, q) = (windowed(line), windowed(n - line));
-            // z = a + j b with a, b real: A = (Z(k) + Z*(N-k))/2, B = (Z(k) - Z*(N-k))/2j.
-            if let Some(slot) = a.get_mut(k) {
-                *slot = Complex32::new(0.5 * (p.re + q.re), 0.5 * (p.im - q.im));
-            }
-            if let Some(slot) = b.get_mut(k) {
-                *slot = Complex32::new(0.5 * (p.im + q.im), 0.5 * (q.re - p.re));
-            }
-        }
     }
 }
 
@@ -410,7 +254,7 @@ fn stages(block_length: usize, last: usize) -> usize {
     (1..=MAX_STAGES).rev().find(|&s| fits(s)).unwrap_or(0)
 }
 
-fn enough(given: usize, needed: usize) -> Result<(), SpectraError> {
+pub(super) fn enough(given: usize, needed: usize) -> Result<(), SpectraError> {
     if given < needed {
         return Err(SpectraError::Storage { needed, given });
     }

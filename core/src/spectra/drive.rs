@@ -124,27 +124,41 @@ impl<'s> DriveAverage<'s> {
     }
 }
 
-impl Average for DriveAverage<'_> {
-    fn add(&mut self, block: &BlockSpectra<'_>) {
+impl DriveAverage<'_> {
+    /// Adds the drive of one block: its lines. The responses of the same block follow by
+    /// [`Self::add_response`].
+    pub fn add_drive(&mut self, drive: &[Complex32]) {
         let n = sums_per_line(self.channels);
-        let drive = block.channel(0);
         for (sums, r) in self.sums.chunks_exact_mut(n).zip(drive) {
             if let Some(rr) = sums.first_mut() {
                 rr.add(r.re * r.re + r.im * r.im);
             }
         }
-        for c in 0..self.channels {
-            let at = 1 + 3 * c;
-            let products = drive.iter().zip(block.channel(1 + c));
-            for (sums, (r, x)) in self.sums.chunks_exact_mut(n).zip(products) {
-                if let Some([re, im, xx]) = sums.get_mut(at..at + 3) {
-                    re.add(x.re * r.re + x.im * r.im);
-                    im.add(x.im * r.re - x.re * r.im);
-                    xx.add(x.re * x.re + x.im * x.im);
-                }
+        self.blocks = self.blocks.saturating_add(1);
+    }
+
+    /// Adds response `c` of the block whose drive was added last.
+    pub fn add_response(&mut self, c: usize, drive: &[Complex32], response: &[Complex32]) {
+        let n = sums_per_line(self.channels);
+        let at = 1 + 3 * c;
+        let products = drive.iter().zip(response);
+        for (sums, (r, x)) in self.sums.chunks_exact_mut(n).zip(products) {
+            if let Some([re, im, xx]) = sums.get_mut(at..at + 3) {
+                re.add(x.re * r.re + x.im * r.im);
+                im.add(x.im * r.re - x.re * r.im);
+                xx.add(x.re * x.re + x.im * x.im);
             }
         }
-        self.blocks = self.blocks.saturating_add(1);
+    }
+}
+
+impl Average for DriveAverage<'_> {
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        let drive = block.channel(0);
+        self.add_drive(drive);
+        for c in 0..self.channels {
+            self.add_response(c, drive, block.channel(1 + c));
+        }
     }
 
     fn blocks(&self) -> u32 {

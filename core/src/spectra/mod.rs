@@ -14,6 +14,7 @@ mod cross;
 mod decimate;
 mod drive;
 mod fft;
+mod history;
 mod sum;
 mod window;
 
@@ -21,6 +22,7 @@ pub use blocks::{BlockSettings, BlockSpectra, Blocks};
 pub use cross::CrossAverage;
 pub use drive::{DriveAverage, RunResponses};
 pub use fft::MAX_BLOCK_LENGTH;
+pub use history::History;
 pub use sum::Sum;
 pub use window::Window;
 

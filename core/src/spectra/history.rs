@@ -1,0 +1,204 @@
+//! The last block's worth of samples of every channel, and their transforms.
+
+use super::blocks::{BlockSettings, enough};
+use super::decimate::{Phase, settling, state_len};
+use super::fft::transform;
+use super::{Complex32, SpectraError};
+
+/// The last block's worth of samples of every channel, and the machinery to transform two
+/// of them at a time: for a chip that has no room for the lines of all channels at once.
+/// Elsewhere use [`super::Blocks`].
+#[derive(Debug)]
+pub struct History<'s> {
+    settings: BlockSettings,
+    channels: usize,
+    /// One ring of `transform_length` samples per channel, then their filters' states.
+    storage: &'s mut [f32],
+    work: &'s mut [Complex32],
+    head: usize,
+    phase: Phase,
+    /// Samples until the filters have forgotten that they started from rest.
+    settling: usize,
+    /// Decimated samples still missing before the next block is complete.
+    missing: usize,
+}
+
+impl<'s> History<'s> {
+    /// The history of `channels` channels in lent storage: `storage` of
+    /// [`BlockSettings::history_len`], `work` of one transform length.
+    ///
+    /// # Errors
+    /// [`SpectraError::Storage`] if one of them is too small.
+    pub fn new(
+        settings: BlockSettings,
+        channels: usize,
+        storage: &'s mut [f32],
+        work: &'s mut [Complex32],
+    ) -> Result<Self, SpectraError> {
+        enough(storage.len(), settings.history_len(channels))?;
+        enough(work.len(), settings.transform_length())?;
+        let mut history = Self {
+            settings,
+            channels,
+            storage,
+            work,
+            head: 0,
+            phase: Phase::new(settings.stages()),
+            settling: 0,
+            missing: 0,
+        };
+        history.restart();
+        Ok(history)
+    }
+
+    /// Gives storage and work back, as they were lent.
+    #[must_use]
+    pub fn into_storage(self) -> (&'s mut [f32], &'s mut [Complex32]) {
+        (self.storage, self.work)
+    }
+
+    /// The settings.
+    #[must_use]
+    pub fn settings(&self) -> &BlockSettings {
+        &self.settings
+    }
+
+    /// Pairs of channels; the last one may be half empty.
+    #[must_use]
+    pub fn pairs(&self) -> usize {
+        self.channels.div_ceil(2)
+    }
+
+    /// Forgets all samples: the next block starts with the next one.
+    pub fn restart(&mut self) {
+        let rings = self.channels * self.settings.transform_length();
+        if let Some(filters) = self.storage.get_mut(rings..) {
+            filters.fill(0.0);
+        }
+        self.head = 0;
+        self.phase = Phase::new(self.settings.stages());
+        self.settling = settling(self.settings.stages());
+        self.missing = self.settings.transform_length();
+    }
+
+    /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
+    /// whenever a block is complete: it can be transformed until the next sample comes.
+    pub fn push(&mut self, sample: &[f32]) -> bool {
+        let n = self.settings.transform_length();
+        let kept = self.phase.yields() && self.settling == 0;
+        let per_channel = state_len(self.settings.stages());
+        let (rings, filters) = self.storage.split_at_mut(self.channels * n);
+        for c in 0..self.channels {
+            let state = filters
+                .get_mut(c * per_channel..(c + 1) * per_channel)
+                .unwrap_or(&mut []);
+            let x = self
+                .phase
+                .push(state, sample.get(c).copied().unwrap_or(0.0));
+            if kept && let Some(slot) = rings.get_mut(c * n + self.head) {
+                *slot = x;
+            }
+        }
+        self.phase.advance();
+        self.settling = self.settling.saturating_sub(1);
+        if !kept {
+            return false;
+        }
+        self.head = if self.head + 1 == n { 0 } else { self.head + 1 };
+        self.missing -= 1;
+        if self.missing > 0 {
+            return false;
+        }
+        self.missing = self.settings.hop() >> self.settings.stages();
+        true
+    }
+
+    /// The kept lines of channels `2 pair` and `2 pair + 1`: they travel as real and
+    /// imaginary part of one complex transform.
+    pub fn transform(&mut self, pair: usize, a: &mut [Complex32], b: &mut [Complex32]) {
+        let n = self.settings.transform_length();
+        let mut rings = self
+            .storage
+            .chunks_exact(n)
+            .take(self.channels)
+            .skip(2 * pair);
+        let first = rings.next().unwrap_or(&[]);
+        let second = rings.next().unwrap_or(&[]);
+        let Some(work) = self.work.get_mut(..n) else {
+            return;
+        };
+        work.fill(Complex32::new(0.0, 0.0));
+        for (w, x) in work.iter_mut().zip(oldest_first(first, self.head)) {
+            w.re = *x;
+        }
+        for (w, x) in work.iter_mut().zip(oldest_first(second, self.head)) {
+            w.im = *x;
+        }
+        transform(work);
+        self.settings.remove_mean(work);
+        self.settings.unpack(work, a, b);
+    }
+}
+
+/// The samples of a ring whose oldest one lies at `head`.
+fn oldest_first(ring: &[f32], head: usize) -> impl Iterator<Item = &f32> {
+    let (new, old) = ring.split_at(head.min(ring.len()));
+    old.iter().chain(new)
+}
+
+impl BlockSettings {
+    /// Takes the mean under the window out: what makes the windowed line 0 vanish.
+    ///
+    /// The plain mean would let a strong resonance leak in, unwindowed, and leave it in
+    /// the lowest lines.
+    fn remove_mean(&self, z: &mut [Complex32]) {
+        if !self.removes_mean() {
+            return;
+        }
+        let n = self.transform_length();
+        let mut others = Complex32::new(0.0, 0.0);
+        let mut sign = -1.0;
+        let Some((first, rest)) = self.window().coefficients().split_first() else {
+            return;
+        };
+        for (i, &c) in rest.iter().enumerate() {
+            others += (z[i + 1] + z[n - i - 1]) * (sign * 0.5 * c);
+            sign = -sign;
+        }
+        if let Some(mean) = z.first_mut() {
+            *mean = others * (-1.0 / first);
+        }
+    }
+
+    /// Separates the two packed channels and windows them, for the kept lines only.
+    fn unpack(&self, z: &[Complex32], a: &mut [Complex32], b: &mut [Complex32]) {
+        let n = self.transform_length();
+        let coefficients = self.window().coefficients();
+        let windowed = |k: usize| {
+            let mut sum = Complex32::new(0.0, 0.0);
+            let mut sign = 1.0;
+            for (i, &c) in coefficients.iter().enumerate() {
+                // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
+                if i == 0 {
+                    sum += z[k % n] * c;
+                } else {
+                    let half = sign * 0.5 * c;
+                    sum += (z[(k + i) % n] + z[(k + n - i) % n]) * half;
+                }
+                sign = -sign;
+            }
+            sum
+        };
+        for k in 0..self.grid().count {
+            let line = self.grid().first + k;
+            let (p, q) = (windowed(line), windowed(n - line));
+            // z = a + j b with a, b real: A = (Z(k) + Z*(N-k))/2, B = (Z(k) - Z*(N-k))/2j.
+            if let Some(slot) = a.get_mut(k) {
+                *slot = Complex32::new(0.5 * (p.re + q.re), 0.5 * (p.im - q.im));
+            }
+            if let Some(slot) = b.get_mut(k) {
+                *slot = Complex32::new(0.5 * (p.im + q.im), 0.5 * (q.re - p.re));
+            }
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! The box as a state machine, promise by promise.
+
+mod sizes;
