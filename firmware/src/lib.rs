@@ -10,3 +10,4 @@ pub mod drivers;
 pub mod models;
 pub mod retained;
 pub mod roll_call;
+pub mod settings;

@@ -5,12 +5,14 @@
 //! | --- | --- |
 //! | [`ads131m08`] | the chip: registers, frames, conversions |
 //! | [`adxl355`] | the accelerometer |
+//! | [`flash`] | a flash that loses power, and whose bits flip |
 //! | [`rig`] | some ADS131M08 on one clock, with time, and what can go wrong on the way |
 //! | [`injector`] | faults at random, and what they should be counted as |
 //! | [`random`] | random numbers |
 
 pub mod ads131m08;
 pub mod adxl355;
+pub mod flash;
 pub mod injector;
 pub mod random;
 pub mod rig;

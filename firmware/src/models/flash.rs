@@ -1,0 +1,158 @@
+//! A NOR flash that loses power in the middle, and whose bits flip.
+//!
+//! Programming clears bits, erasing sets them, a page at a time.
+
+use super::random::Random;
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+
+/// What goes wrong, at a byte that is programmed or erased, counted from the start of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accident {
+    /// Nothing.
+    None,
+    /// Power is lost at this byte: some of its bits have changed, nothing behind it has.
+    Cut(u64),
+    /// This byte comes out with a wrong bit.
+    Flip(u64, u8),
+}
+
+/// The flash: that many pages of that many bytes.
+#[derive(Clone, Debug)]
+pub struct Flash<const PAGE: usize, const PAGES: usize> {
+    bytes: [[u8; PAGE]; PAGES],
+    /// Bytes programmed or erased so far.
+    worked: u64,
+    accident: Accident,
+    is_on: bool,
+    random: Random,
+}
+
+/// The flash does not answer: its power is cut, or the address is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlashError(NorFlashErrorKind);
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        self.0
+    }
+}
+
+impl<const PAGE: usize, const PAGES: usize> Flash<PAGE, PAGES> {
+    /// An erased flash.
+    #[must_use]
+    pub const fn new(seed: u64) -> Self {
+        Self {
+            bytes: [[0xFF; PAGE]; PAGES],
+            worked: 0,
+            accident: Accident::None,
+            is_on: true,
+            random: Random::new(seed),
+        }
+    }
+
+    /// Has something go wrong later.
+    pub const fn arrange(&mut self, accident: Accident) {
+        self.accident = accident;
+    }
+
+    /// Bytes programmed or erased so far.
+    #[must_use]
+    pub const fn worked(&self) -> u64 {
+        self.worked
+    }
+
+    /// Whether power was cut.
+    #[must_use]
+    pub const fn is_cut(&self) -> bool {
+        !self.is_on
+    }
+
+    /// Power is back, and nothing is going to happen.
+    pub const fn switch_on(&mut self) {
+        self.is_on = true;
+        self.accident = Accident::None;
+    }
+
+    /// Flips a bit of what is kept.
+    pub fn flip(&mut self, address: usize, bit: u8) {
+        if let Some(byte) = self.bytes.as_flattened_mut().get_mut(address) {
+            *byte ^= 1 << (bit % 8);
+        }
+    }
+
+    /// Changes a byte to `to`, unless an accident happens.
+    fn change(&mut self, address: usize, to: u8) -> Result<(), FlashError> {
+        let now = self.worked;
+        self.worked += 1;
+        let accident = self.accident;
+        let some = self.random.bits() as u8;
+        let byte = self.bytes.as_flattened_mut().get_mut(address);
+        let byte = byte.ok_or(FlashError(NorFlashErrorKind::OutOfBounds))?;
+        match accident {
+            Accident::Cut(at) if at == now => {
+                // Some of the bits that differ have changed.
+                *byte ^= (*byte ^ to) & some;
+                self.is_on = false;
+                Err(FlashError(NorFlashErrorKind::Other))
+            }
+            Accident::Flip(at, bit) if at == now => {
+                *byte = to ^ (1 << (bit % 8));
+                Ok(())
+            }
+            _ => {
+                *byte = to;
+                Ok(())
+            }
+        }
+    }
+
+    const fn check(&self) -> Result<(), FlashError> {
+        if self.is_on {
+            Ok(())
+        } else {
+            Err(FlashError(NorFlashErrorKind::Other))
+        }
+    }
+}
+
+impl<const PAGE: usize, const PAGES: usize> ErrorType for Flash<PAGE, PAGES> {
+    type Error = FlashError;
+}
+
+impl<const PAGE: usize, const PAGES: usize> ReadNorFlash for Flash<PAGE, PAGES> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        self.check()?;
+        let from = offset as usize;
+        let found = self.bytes.as_flattened().get(from..from + bytes.len());
+        bytes.copy_from_slice(found.ok_or(FlashError(NorFlashErrorKind::OutOfBounds))?);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        PAGE * PAGES
+    }
+}
+
+impl<const PAGE: usize, const PAGES: usize> NorFlash for Flash<PAGE, PAGES> {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = PAGE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        self.check()?;
+        (from as usize..to as usize).try_for_each(|address| self.change(address, 0xFF))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        self.check()?;
+        for (address, &byte) in (offset as usize..).zip(bytes) {
+            let old = self.bytes.as_flattened().get(address).copied().unwrap_or(0);
+            // Bits can only be cleared.
+            self.change(address, old & byte)?;
+        }
+        Ok(())
+    }
+}
