@@ -13,7 +13,8 @@ pub(super) fn all(
     method: Method,
     measurement: &Measurement,
 ) -> Result<Vec<Condensed>, AnswerError> {
-    each_group(setup, measurement, |lines, group| {
+    let name = format!("method {}", method.name());
+    each_group(setup, measurement, &name, |lines, group| {
         let mut bands = Bands::new(group.band.clone(), lines.count());
         bands.modes = setup.estimation.modes;
         bands.fit = fit_lines(setup, lines);
@@ -34,7 +35,7 @@ pub(super) fn fixed_modes(
     setup: &Setup,
     measurement: &Measurement,
 ) -> Result<Vec<FixedMode>, AnswerError> {
-    let groups = each_group(setup, measurement, |lines, group| {
+    let groups = each_group(setup, measurement, "modal analysis", |lines, group| {
         let (band, fit) = (group.band.clone(), fit_lines(setup, lines));
         let equations = &group.geometry().equations;
         masslines::fixed_modes(lines, band, fit, equations, &mut work(lines))
@@ -46,12 +47,14 @@ pub(super) fn fixed_modes(
 fn each_group<T>(
     setup: &Setup,
     measurement: &Measurement,
+    name: &str,
     task: impl Fn(&dyn Lines, &Group<'_>) -> Result<T, MasslineError>,
 ) -> Result<Vec<T>, AnswerError> {
     let groups = measurement.groups(setup);
     let done = groups.iter().map(|group| {
         let done = group.read(None, |lines| task(lines, group));
-        Ok(done.unwrap_or(Err(MasslineError::TooManyPairs))?)
+        done.unwrap_or(Err(MasslineError::TooManyPairs))
+            .map_err(|e| AnswerError::lacking(name, e))
     });
     done.collect()
 }

@@ -11,8 +11,10 @@ pub enum AnswerError {
     #[error(transparent)]
     Measure(#[from] MeasureError),
     /// The spectra do not give masslines.
-    #[error("{source}; {advice}")]
+    #[error("{method}: {source}; {advice}")]
     Masslines {
+        /// Whose needs are not met, such as `method e`.
+        method: String,
         /// What is wrong.
         source: MasslineError,
         /// What to do.
@@ -81,8 +83,9 @@ fn list(names: &[&str]) -> String {
     }
 }
 
-impl From<MasslineError> for AnswerError {
-    fn from(source: MasslineError) -> Self {
+impl AnswerError {
+    /// What `method`, named in words, lacks.
+    pub(super) fn lacking(method: &str, source: MasslineError) -> Self {
         let advice = match source {
             MasslineError::TooFewLines(_) => {
                 "widen `averaging_band` or lengthen `block_length` for finer lines"
@@ -103,7 +106,11 @@ impl From<MasslineError> for AnswerError {
             }
             MasslineError::Singular => "check the recordings for channels without signal",
         };
-        Self::Masslines { source, advice }
+        Self::Masslines {
+            method: method.to_owned(),
+            source,
+            advice,
+        }
     }
 }
 

@@ -300,6 +300,7 @@ impl<'s> Session<'s> {
         }
         .map_err(|error| error.blame_sensors(&measurement))?;
         notice::notice(&identification, &measurement, &mut warnings);
+        notice::notice_missing_modes(self.setup, &fits, &mut warnings);
         Ok(Answer {
             method,
             why: None,

@@ -1,7 +1,9 @@
 //! What the numbers themselves say about the test.
 
 use crate::measure::{MeasuredRun, Measurement, Spectra};
+use crate::setup::Setup;
 use massline_core::identify::Identification;
+use massline_core::masslines::ApparentMass;
 
 /// Adds what the user should know of an answer.
 pub(super) fn notice(
@@ -37,5 +39,22 @@ pub(super) fn notice(
         warnings.push(
             "without a drive channel (`reference`) the noise of the accelerometers biases the result; record the generator's signal if you can".to_owned(),
         );
+    }
+}
+
+/// Adds what the user should know of a fit without elastic modes where there should be some.
+pub(super) fn notice_missing_modes(
+    setup: &Setup,
+    fits: &[ApparentMass],
+    warnings: &mut Vec<String>,
+) {
+    let band = setup.processing.as_ref().and_then(|p| p.mode_band);
+    if let Some([low, high]) = band
+        && !fits.is_empty()
+        && fits.iter().all(|fit| fit.poles.is_empty())
+    {
+        warnings.push(format!(
+            "method apparent-mass: no elastic mode was found up to {high} Hz, though `mode_band` expects one from {low} Hz; a term in ω² takes its place, which is good far below the first mode only. Extend `mode_band` to where the structure rings, or leave it out if it is rigid"
+        ));
     }
 }

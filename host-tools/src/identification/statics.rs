@@ -39,12 +39,15 @@ fn add(
     let matrix = first.map(|i| at_rest(i).mass_matrix(&i.reference));
     let mut fits = Vec::new();
     for poses in runs {
-        let fit = poses.poses.masslines(
-            poses.geometry.reference,
-            &poses.geometry.equations,
-            &poses.noise,
-            matrix.as_ref(),
-        )?;
+        let fit = poses
+            .poses
+            .masslines(
+                poses.geometry.reference,
+                &poses.geometry.equations,
+                &poses.noise,
+                matrix.as_ref(),
+            )
+            .map_err(|e| AnswerError::lacking("static poses", e))?;
         sets.push(fit.masslines.clone());
         fits.push(fit);
     }

@@ -3,6 +3,8 @@
 // Every test program takes a part of this.
 #![allow(dead_code)]
 
+pub mod fork;
+
 use std::num::NonZero;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -15,11 +17,14 @@ use massline::simulate::{InertiaTruth, Model, Options, Truth, simulate};
 use massline_core::identify::Estimate;
 use tempfile::TempDir;
 
+/// The folder of the models that ship with the host tool.
+pub fn models() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../host-tools/models")
+}
+
 /// A model that ships with the host tool.
 pub fn model(name: &str) -> Model {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../host-tools/models")
-        .join(name);
+    let path = models().join(name);
     Model::read(&path).unwrap_or_else(|error| panic!("{error}"))
 }
 

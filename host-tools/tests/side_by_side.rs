@@ -1,0 +1,135 @@
+//! `massline identify --method all` and `massline study` as a user runs them.
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+fn massline(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_massline"))
+        .args(arguments)
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap()
+}
+
+#[track_caller]
+fn stdout(output: &Output) -> String {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn setup() -> String {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/fixtures/fork/setup.toml");
+    path.to_str().unwrap().to_owned()
+}
+
+const METHODS: [&str; 8] = [
+    "apparent-mass",
+    "a",
+    "b",
+    "b-cholesky",
+    "c",
+    "c-squared",
+    "d",
+    "e",
+];
+
+#[test]
+fn all_methods_stand_side_by_side_and_the_recommended_one_is_marked() {
+    let text = stdout(&massline(&["identify", &setup(), "--method", "all"]));
+    let headings: Vec<&str> = text
+        .lines()
+        .filter(|l| l.contains("b-cholesky") || l.contains("c-squared"))
+        .flat_map(str::split_whitespace)
+        .collect();
+    let plain: Vec<&str> = headings.iter().map(|h| h.trim_end_matches('*')).collect();
+    assert_eq!(plain, METHODS);
+    let marked: Vec<&&str> = headings.iter().filter(|h| h.ends_with('*')).collect();
+    assert_eq!(marked, [&"apparent-mass*"]);
+    assert!(text.contains("* recommended: "), "{text}");
+    for name in ["CG x, mm", "CG z, mm", "Θyy about A", "Θyy about S"] {
+        let lines: Vec<&str> = text.lines().filter(|l| l.starts_with(name)).collect();
+        // Two blocks of four methods, each with an error bar.
+        assert_eq!(lines.len(), 2, "{name}: {text}");
+        for line in lines {
+            assert_eq!(line.matches('±').count(), 4, "{line}");
+        }
+    }
+}
+
+#[test]
+fn the_comparison_is_one_json_document() {
+    let text = stdout(&massline(&[
+        "identify",
+        &setup(),
+        "--method",
+        "all",
+        "--json",
+    ]));
+    let document: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(document["schema"], "massline/comparison/1");
+    assert_eq!(document["recommended"], "apparent-mass");
+    let results = document["results"].as_array().unwrap();
+    let names: Vec<&str> = results
+        .iter()
+        .filter_map(|r| r["method"].as_str())
+        .collect();
+    assert_eq!(names, METHODS);
+    assert_eq!(document["failed"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn the_study_prints_tables_and_writes_its_report() {
+    let report = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("study.html");
+    let report = report.to_str().unwrap();
+    let arguments = ["study", "tuning-fork", "--draws", "0", "--report", report];
+    let text = stdout(&massline(&arguments));
+    for heading in [
+        "Table 1: natural frequencies of the fixed system",
+        "Table 2: natural frequencies of the free system",
+        "Table 3: direct estimation",
+        "The rows that the paper lacks",
+        "Table 4: direct and iterative",
+        "The pattern",
+    ] {
+        assert!(text.contains(heading), "{heading} is not in: {text}");
+    }
+    // A terminal of a hundred columns.
+    let widest = text.lines().map(|l| l.chars().count()).max();
+    assert!(widest <= Some(100), "{widest:?}");
+    let html = std::fs::read_to_string(report).unwrap();
+    assert!(html.contains("<svg") && html.contains("Table 3"));
+}
+
+#[test]
+fn the_study_json_is_alone_on_stdout_and_its_noise_free_claims_hold() {
+    let arguments = [
+        "study",
+        "tuning-fork",
+        "--draws",
+        "0",
+        "--json",
+        "--fit-band",
+        "0.5,200",
+    ];
+    let document: Value = serde_json::from_str(&stdout(&massline(&arguments))).unwrap();
+    assert_eq!(document["schema"], "massline/study/1");
+    assert_eq!(document["options"]["fit_band"][1], 200.0);
+    let pattern = document["pattern"].as_array().unwrap();
+    assert_eq!(pattern.len(), 10);
+    for check in pattern {
+        assert_eq!(check["holds"], true, "{check}");
+    }
+}
+
+#[test]
+fn an_option_out_of_range_ends_with_code_two() {
+    let output = massline(&["study", "tuning-fork", "--ranges", "0.8,0.45"]);
+    assert_eq!(output.status.code(), Some(2));
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        text.contains("--ranges") && text.contains("expected"),
+        "{text}"
+    );
+}
