@@ -8,6 +8,7 @@ pub mod identification;
 pub mod measure;
 pub mod modal;
 pub mod recording;
+pub mod replay;
 pub mod report;
 pub mod result;
 pub mod setup;

@@ -169,15 +169,31 @@ impl<'s> Session<'s> {
         } else {
             Accelerations::All(None)
         };
-        let measurement = self.measurement(&accelerations, progress)?;
-        warnings.splice(0..0, measurement.warnings.iter().cloned());
-        let weights = match accelerations {
-            Accelerations::All(weights) => weights,
+        let mut answer = self.answer_with(method, choice, &accelerations, progress)?;
+        answer.why = why.filter(|_| answer.is_dynamic());
+        answer.warnings.splice(0..0, warnings);
+        Ok(answer)
+    }
+
+    /// The answer of one method, with the base acceleration from the given accelerometers,
+    /// whatever `choice` says of method and weights.
+    ///
+    /// # Errors
+    /// [`AnswerError`].
+    pub fn answer_with(
+        &mut self,
+        method: Method,
+        choice: &Choice,
+        accelerations: &Accelerations,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        let measurement = self.measurement(accelerations, progress)?;
+        let warnings = measurement.warnings.clone();
+        let mut answer = self.identify(method, choice, measurement, warnings)?;
+        answer.weights = match accelerations {
+            Accelerations::All(weights) => weights.clone(),
             Accelerations::Interface => None,
         };
-        let mut answer = self.identify(method, choice, measurement, warnings)?;
-        answer.why = why.filter(|_| answer.is_dynamic());
-        answer.weights = weights;
         Ok(answer)
     }
 
@@ -245,7 +261,11 @@ impl<'s> Session<'s> {
             .and_then(|c| c.into_iter().find_map(|c| c.free_modes)))
     }
 
-    fn measurement(
+    /// Averages of all runs, with the base acceleration from the given accelerometers.
+    ///
+    /// # Errors
+    /// [`AnswerError`] if the recordings cannot be read.
+    pub fn measurement(
         &mut self,
         accelerations: &Accelerations,
         progress: OnProgress<'_>,

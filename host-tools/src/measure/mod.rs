@@ -11,10 +11,11 @@ mod sine;
 mod survey;
 
 pub use error::MeasureError;
+pub(crate) use geometry::channel_names;
 pub use geometry::{Accelerations, RunGeometry};
 pub use group::Group;
 pub use poses::MeasuredPoses;
-pub use random::{MeasuredRun, Spectra};
+pub use random::{MeasuredRun, Spectra, block_settings};
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 

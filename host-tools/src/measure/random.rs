@@ -3,7 +3,7 @@
 use super::geometry::{RunGeometry, channel_names};
 use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Recording};
-use crate::setup::{Run, Setup};
+use crate::setup::{Excitation, Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
     Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, RunResponses,
@@ -277,6 +277,21 @@ fn densities(
     (0..grid.count)
         .map(|k| core::array::from_fn(|c| power(c, k) * scale))
         .collect()
+}
+
+/// Blocks and kept lines of a setup's random runs, as its first one has them; `None`
+/// without any.
+///
+/// # Errors
+/// [`MeasureError`] that names the recording.
+pub fn block_settings(setup: &Setup) -> Result<Option<BlockSettings>, MeasureError> {
+    let random = |run: &&Run| run.excitation == Excitation::Random;
+    let Some(run) = setup.runs.iter().find(random) else {
+        return Ok(None);
+    };
+    let file = setup.recording_path(run);
+    let mut recording = Recording::open(&file, &channel_names(setup, run))?;
+    settle(setup, run, &file, &mut recording, &mut None).map(Some)
 }
 
 /// Sample rate and kept lines; the first run decides, the others must agree.

@@ -1,0 +1,85 @@
+//! Why a replay cannot be done.
+
+use crate::device::{ClientError, StreamError};
+use crate::identification::AnswerError;
+use crate::measure::MeasureError;
+use crate::recording::RecordingError;
+use massline_core::masslines::Method;
+
+/// Why a replay cannot be done. A difference is none: it is what a replay looks for.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The box, or the way to it.
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    /// The recordings.
+    #[error(transparent)]
+    Measure(#[from] MeasureError),
+    /// A recording.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The host has no answer for another reason than the data.
+    #[error(transparent)]
+    Answer(#[from] AnswerError),
+    /// More than the box holds.
+    #[error("the box holds {limit} {what}, this setup has {found}; {advice}")]
+    Capacity {
+        /// What there is too much of.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many fit.
+        limit: usize,
+        /// What to do.
+        advice: String,
+    },
+    /// A run that the box does not measure.
+    #[error("run \"{run}\" {what}; {advice}")]
+    Run {
+        /// Its name.
+        run: String,
+        /// What it is.
+        what: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// A setup without time recordings.
+    #[error(
+        "the setup has no [processing], so there are no time recordings to replay; `massline identify` does without a box"
+    )]
+    NoProcessing,
+    /// A method that this firmware lacks.
+    #[error("this firmware lacks the method {}; it has {}", .method.name(), .has.join(", "))]
+    Method {
+        /// The method.
+        method: Method,
+        /// Those it has.
+        has: Vec<&'static str>,
+    },
+    /// A flip that hits nothing.
+    #[error(
+        "--flip {found}: {reason}; write RUN:SAMPLE:CHANNEL:BIT, for example 1:300:{channel}:20"
+    )]
+    Flip {
+        /// As it was written.
+        found: String,
+        /// What is wrong with it.
+        reason: String,
+        /// A channel there is.
+        channel: String,
+    },
+    /// Nothing to go on with.
+    #[error(
+        "the box does not hold this replay's set-up, so there is nothing to go on with; leave out --resume"
+    )]
+    NothingToResume,
+}
+
+impl From<StreamError<RecordingError>> for ReplayError {
+    fn from(error: StreamError<RecordingError>) -> Self {
+        match error {
+            StreamError::Client(e) => Self::Client(e),
+            StreamError::Source(e) => Self::Recording(e),
+        }
+    }
+}

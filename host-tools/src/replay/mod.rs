@@ -1,0 +1,554 @@
+//! Recordings through a box, and through the same core on this machine: what comes out has
+//! to be the same, to the last bit.
+//!
+//! # Design
+//!
+//! The box gets the set-up and the samples that `identify` reads, measures the runs, and
+//! identifies. The host's side is `identify` itself, not a second program for the purpose:
+//! [`crate::measure`] and [`crate::identification`] share the core with the box and nothing
+//! above it.
+//!
+//! Weights are the box's own. Its surveys look at twelve accelerometers at a time, where the
+//! host looks at all of them at once, so they find slightly other weights than `identify`
+//! does. A second box, in this program, is surveyed with the same samples and has to find
+//! the same; the host then measures with these weights.
+
+mod compare;
+mod error;
+mod flip;
+mod plan;
+mod transfer;
+
+pub use compare::{Comparison, Difference, Found};
+pub use error::ReplayError;
+pub use flip::Flip;
+pub use plan::Base;
+
+use crate::device::{BoxInfo, Client, ClientError, ClientMemory, HostBox, HostBoxMemory};
+use crate::device::{LinkReport, Port};
+use crate::identification::{Answer, AnswerError, Choice, Session};
+use crate::measure::{Accelerations, MeasuredRun, Measurement, Spectra, block_settings};
+use crate::setup::Setup;
+use massline_core::masslines::Method;
+use massline_core::spectra::BlockSettings;
+use massline_core::wire::{
+    self, Grid, Identified, Line, NoAnswer, Pass, Problem, Question, Running, State, Summary,
+};
+use transfer::Feed;
+
+/// What is to be replayed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    /// The methods to identify by.
+    pub methods: Vec<Method>,
+    /// Whether the reference point is iterated to the CG.
+    pub iterative: bool,
+    /// Whether weights of the accelerometers are used.
+    pub weighted: bool,
+    /// Blocks of each run, from its beginning; all there are if `None`.
+    pub blocks: Option<u32>,
+    /// A bit to be flipped on the way to the box.
+    pub flip: Option<Flip>,
+    /// Whether a replay that was cut off is taken up where the box stands.
+    pub resume: bool,
+}
+
+/// How far a replay is.
+pub struct Progress<'a> {
+    /// What is going on.
+    pub what: &'a str,
+    /// Name of the run.
+    pub run: &'a str,
+    /// Share of all that goes over the link, 0 to 1.
+    pub share: f64,
+}
+
+/// What a replay came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Who was asked.
+    pub device: BoxInfo,
+    /// Samples of each run, if not all.
+    pub limit: Option<u64>,
+    /// What was compared, base by base.
+    pub bases: Vec<BaseOutcome>,
+    /// What the link went through.
+    pub link: LinkReport,
+}
+
+impl Outcome {
+    /// Whether all that was compared is the same.
+    #[must_use]
+    pub fn identical(&self) -> bool {
+        !self.bases.is_empty() && self.comparisons().all(Comparison::identical)
+    }
+
+    fn comparisons(&self) -> impl Iterator<Item = &Comparison> {
+        self.bases.iter().flat_map(|b| {
+            let runs = b.runs.iter().map(|r| &r.comparison);
+            let answers = b.answers.iter().map(|a| &a.comparison);
+            std::iter::once(&b.grid)
+                .chain(&b.weights)
+                .chain(runs)
+                .chain(answers)
+        })
+    }
+}
+
+/// Runs that were measured alike, and the answers from them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseOutcome {
+    /// What the runs share.
+    pub base: Base,
+    /// The lines that follow from the set-up.
+    pub grid: Comparison,
+    /// Peaks and weights of the surveys.
+    pub weights: Option<Comparison>,
+    /// The runs.
+    pub runs: Vec<RunOutcome>,
+    /// The answers.
+    pub answers: Vec<AnswerOutcome>,
+}
+
+/// One run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunOutcome {
+    /// Its name.
+    pub name: String,
+    /// Samples that the box took.
+    pub samples: u64,
+    /// Blocks that it averaged.
+    pub blocks: u32,
+    /// Lines compared.
+    pub lines: usize,
+    /// Samples, blocks, noise and lines.
+    pub comparison: Comparison,
+}
+
+/// One method's answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnswerOutcome {
+    /// The method.
+    pub method: Method,
+    /// Why neither side has an answer, if so.
+    pub no_answer: Option<String>,
+    /// Time that the box took, s, by its own clock.
+    pub seconds: Option<f64>,
+    /// The answer's numbers.
+    pub comparison: Comparison,
+}
+
+/// Replays a setup's recordings through a box.
+///
+/// # Errors
+/// [`ReplayError`] if it cannot be done. Differences are no error: see
+/// [`Outcome::identical`].
+pub fn replay<P: Port>(
+    client: &mut Client<'_, P>,
+    setup: &Setup,
+    order: &Order,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Outcome, ReplayError> {
+    let device = client.hello()?;
+    let settings = block_settings(setup)?.ok_or(ReplayError::NoProcessing)?;
+    plan::check(setup, &order.methods, &settings, &device)?;
+    let limit = order.blocks.map(|blocks| samples_of(&settings, blocks));
+    let bases = plan::bases(&order.methods, setup, order.weighted);
+    let transfers = |base: &Base| setup.runs.len() * (1 + usize::from(base.surveys()));
+    let all: usize = bases.iter().map(|(base, _)| transfers(base)).sum();
+    let mut replay = Replay {
+        setup,
+        order,
+        settings,
+        feed: Feed {
+            setup,
+            limit,
+            flip: order.flip,
+            window: device.capacity.window,
+        },
+        session: Session::of_first(setup, limit),
+        tick_hz: device.tick_hz,
+        done: 0,
+        all,
+        progress,
+    };
+    let mut outcome = Outcome {
+        device,
+        limit,
+        bases: Vec::new(),
+        link: client.link(),
+    };
+    for (base, methods) in bases {
+        outcome.bases.push(replay.base(client, base, &methods)?);
+    }
+    // Frames that were lost last show with the next one.
+    client.ping(0)?;
+    outcome.link = client.link();
+    Ok(outcome)
+}
+
+/// Samples that give so many blocks.
+fn samples_of(settings: &BlockSettings, blocks: u32) -> u64 {
+    let hops = u64::from(blocks.saturating_sub(1)) * settings.hop() as u64;
+    settings.support() as u64 + hops
+}
+
+/// Weights as the box has them, run by run, one a sensor.
+#[derive(Default)]
+struct Weighed {
+    peaks: Vec<Vec<f64>>,
+    weights: Vec<Vec<f64>>,
+}
+
+struct Replay<'s, 'p> {
+    setup: &'s Setup,
+    order: &'s Order,
+    settings: BlockSettings,
+    feed: Feed<'s>,
+    session: Session<'s>,
+    tick_hz: u32,
+    /// Recordings sent, and to be sent in all.
+    done: usize,
+    all: usize,
+    progress: &'p mut dyn FnMut(Progress<'_>),
+}
+
+impl Replay<'_, '_> {
+    fn base<P: Port>(
+        &mut self,
+        client: &mut Client<'_, P>,
+        base: Base,
+        methods: &[Method],
+    ) -> Result<BaseOutcome, ReplayError> {
+        let mark = format!("{:?} {:?}", self.feed.limit, self.feed.flip);
+        let fingerprint = plan::fingerprint(self.setup, base, &mark);
+        let held = if self.order.resume {
+            Some(held(client, fingerprint)?)
+        } else {
+            None
+        };
+        let (stored, running) = held.unwrap_or_default();
+        let resumes_measuring = running.is_some_and(|r| r.pass == Pass::Measure) || stored != 0;
+        let mut grid = None;
+        if held.is_none() {
+            let found = plan::upload(client, self.setup, &self.settings, base, fingerprint)?;
+            grid = Some(found);
+        }
+        let weighed = if resumes_measuring {
+            Weighed {
+                peaks: Vec::new(),
+                weights: read_each(self.setup, |run| transfer::weights(client, run))?,
+            }
+        } else {
+            self.weigh(client, base, running)?
+        };
+        let weights = if base.surveys() && !resumes_measuring {
+            Some(self.check_weights(base, &weighed)?)
+        } else {
+            None
+        };
+        let accelerations = self.accelerations(base, &weighed);
+        let measurement = self.measure(&accelerations)?;
+
+        let mut runs = Vec::new();
+        for (number, host) in measurement.runs.iter().enumerate() {
+            let from = running.filter(|r| usize::from(r.run) == number);
+            let summary = if from.is_none() && stored >> number & 1 == 1 {
+                self.done += 1;
+                read_summary(client, number)?
+            } else {
+                let from = from.map(|r| r.next);
+                self.send(client, number, Pass::Measure, from, "to the box")?
+            };
+            let lines = transfer::lines(client, number, self.settings.grid().count)?;
+            runs.push(self.compare_run(host, &summary, &lines));
+        }
+        let mut answers = Vec::new();
+        for &method in methods {
+            self.tell("asking the box", method.name(), 0.0);
+            answers.push(self.answer(client, method, &accelerations)?);
+        }
+        Ok(BaseOutcome {
+            base,
+            grid: self.compare_grid(grid, &measurement),
+            weights,
+            runs,
+            answers,
+        })
+    }
+
+    fn tell(&mut self, what: &str, run: &str, share: f64) {
+        (self.progress)(Progress {
+            what,
+            run,
+            share: (self.done as f64 + share) / self.all.max(1) as f64,
+        });
+    }
+
+    /// Sends one recording.
+    fn send<P: Port>(
+        &mut self,
+        client: &mut Client<'_, P>,
+        number: usize,
+        pass: Pass,
+        from: Option<u64>,
+        what: &str,
+    ) -> Result<Summary, ReplayError> {
+        let run = &self.setup.runs[number].name;
+        let (done, all) = (self.done as f64, self.all.max(1) as f64);
+        let progress = &mut *self.progress;
+        let summary = self.feed.run(client, number, pass, from, &mut |share| {
+            progress(Progress {
+                what,
+                run,
+                share: (done + share) / all,
+            });
+        })?;
+        self.done += 1;
+        Ok(summary)
+    }
+
+    /// Has the box find its weights, and overrules them by those given by hand.
+    fn weigh<P: Port>(
+        &mut self,
+        client: &mut Client<'_, P>,
+        base: Base,
+        running: Option<Running>,
+    ) -> Result<Weighed, ReplayError> {
+        let mut weighed = Weighed::default();
+        let surveying = running.filter(|r| r.pass == Pass::Survey);
+        if base.surveys() {
+            for number in 0..self.setup.runs.len() {
+                let from = surveying.filter(|r| usize::from(r.run) == number);
+                let from = from.map(|r| r.next);
+                self.send(client, number, Pass::Survey, from, "surveyed by the box")?;
+                weighed.peaks.push(transfer::peaks(client, number)?);
+            }
+        }
+        if matches!(base, Base::Interface | Base::All) {
+            return Ok(weighed);
+        }
+        weighed.weights = read_each(self.setup, |run| transfer::weights(client, run))?;
+        let runs = self.setup.runs.iter().zip(&mut weighed.weights);
+        for (number, (run, weights)) in runs.enumerate() {
+            if run.weights.is_empty() {
+                continue;
+            }
+            for (entry, weight) in self.setup.accelerometers.iter().zip(weights.iter_mut()) {
+                if let Some(given) = run.weights.get(&entry.channel) {
+                    *weight = *given;
+                }
+            }
+            transfer::set_weights(client, number, weights)?;
+        }
+        Ok(weighed)
+    }
+
+    /// Surveys a box in this program, and compares.
+    fn check_weights(&mut self, base: Base, device: &Weighed) -> Result<Comparison, ReplayError> {
+        let (mut own, mut memory) = (HostBoxMemory::new(), ClientMemory::new());
+        let mut client = Client::new(HostBox::new(&mut own, 1), &mut memory);
+        plan::upload(&mut client, self.setup, &self.settings, base, 0)?;
+        let (done, flip) = (self.done, self.feed.flip.take());
+        let host = self.weigh(&mut client, base, None);
+        (self.done, self.feed.flip) = (done, flip);
+        let host = host?;
+        let mut comparison = Comparison::default();
+        for (what, host, device) in [
+            ("peak", &host.peaks, &device.peaks),
+            ("weight", &host.weights, &device.weights),
+        ] {
+            for ((host, device), run) in host.iter().zip(device).zip(&self.setup.runs) {
+                comparison.list(
+                    &format!("run \"{}\", {what} of sensor", run.name),
+                    host,
+                    device,
+                );
+            }
+        }
+        Ok(comparison)
+    }
+
+    fn accelerations(&self, base: Base, weighed: &Weighed) -> Accelerations {
+        let count = self.setup.accelerometers.len();
+        match base {
+            Base::Interface => Accelerations::Interface,
+            Base::All => Accelerations::All(None),
+            _ => {
+                let of_run = |all: &Vec<f64>| all.iter().copied().take(count).collect();
+                Accelerations::All(Some(weighed.weights.iter().map(of_run).collect()))
+            }
+        }
+    }
+
+    /// The host's run of the same recordings.
+    fn measure(
+        &mut self,
+        accelerations: &Accelerations,
+    ) -> Result<std::rc::Rc<Measurement>, ReplayError> {
+        let (done, all) = (self.done as f64, self.all.max(1) as f64);
+        let progress = &mut *self.progress;
+        let measurement = self.session.measurement(accelerations, &mut |p| {
+            progress(Progress {
+                what: "on this machine",
+                run: p.name,
+                share: done / all,
+            });
+        })?;
+        Ok(measurement)
+    }
+
+    fn compare_grid(&self, device: Option<Grid>, measurement: &Measurement) -> Comparison {
+        let grid = self.settings.grid();
+        let host = Grid {
+            first: grid.first as u32,
+            count: grid.count as u32,
+            spacing: grid.spacing.into(),
+            hop: self.settings.hop() as u32,
+            band: [measurement.band.start, measurement.band.end].map(|line| line as u32),
+        };
+        let mut comparison = Comparison::default();
+        // One that goes on has compared them when it began.
+        comparison.same("grid of lines", &host, &device.unwrap_or(host));
+        comparison
+    }
+
+    fn compare_run(&self, host: &MeasuredRun, summary: &Summary, lines: &[Line]) -> RunOutcome {
+        let mut comparison = Comparison::default();
+        comparison.same("samples", &host.samples, &summary.samples);
+        comparison.same("missing samples", &0, &summary.missing);
+        comparison.same("blocks", &host.blocks, &summary.blocks);
+        comparison.same("rejected blocks", &0, &summary.rejected);
+        if let Spectra::Drive {
+            responses,
+            drive,
+            noise,
+            ..
+        } = &host.spectra
+        {
+            comparison.same("number of lines", &responses.len(), &lines.len());
+            let grid = self.settings.grid();
+            for (k, ((responses, drive), device)) in
+                responses.iter().zip(drive).zip(lines).enumerate()
+            {
+                let host = Line {
+                    drive: *drive,
+                    responses: responses.map(|z| [z.re, z.im]),
+                };
+                comparison.line(k, grid.frequency(k), &host, device);
+            }
+            comparison.noise(noise, summary.noise);
+        }
+        RunOutcome {
+            name: host.name.clone(),
+            samples: summary.samples,
+            blocks: summary.blocks,
+            lines: lines.len(),
+            comparison,
+        }
+    }
+
+    fn answer<P: Port>(
+        &mut self,
+        client: &mut Client<'_, P>,
+        method: Method,
+        accelerations: &Accelerations,
+    ) -> Result<AnswerOutcome, ReplayError> {
+        let choice = Choice {
+            method: Some(method),
+            iterative: self.order.iterative,
+            weighted: self.order.weighted,
+        };
+        let host = self
+            .session
+            .answer_with(method, &choice, accelerations, &mut |_| ());
+        let estimation = &self.setup.estimation;
+        let device = client.identify(Question {
+            method: method.into(),
+            known_mass: self.setup.known_mass,
+            procedure: if self.order.iterative {
+                wire::Procedure::Iterative {
+                    tolerance: estimation.tolerance,
+                    limit: estimation.iterations,
+                }
+            } else {
+                wire::Procedure::Direct
+            },
+            modes: estimation.modes as u8,
+            fit_band: estimation.fit_band,
+            runs: 0,
+        });
+        let device = match device {
+            Ok(identified) => Ok(identified),
+            Err(ClientError::Refused(refused)) => match refused.problem {
+                Problem::NoAnswer(why) => Err(why),
+                _ => return Err(ClientError::Refused(refused).into()),
+            },
+            Err(error) => return Err(error.into()),
+        };
+        let host = match host {
+            Ok(answer) => Ok(answer),
+            Err(AnswerError::Masslines { source, .. }) => Err(NoAnswer::from(source)),
+            Err(AnswerError::Identify { source, .. }) => Err(NoAnswer::from(source)),
+            Err(error) => return Err(error.into()),
+        };
+        Ok(AnswerOutcome {
+            method,
+            no_answer: host.as_ref().err().map(ToString::to_string),
+            seconds: device
+                .as_ref()
+                .ok()
+                .map(|d| d.ticks as f64 / f64::from(self.tick_hz.max(1))),
+            comparison: compare_answers(&host, &device),
+        })
+    }
+}
+
+fn compare_answers(
+    host: &Result<Answer, NoAnswer>,
+    device: &Result<Identified, NoAnswer>,
+) -> Comparison {
+    let mut comparison = Comparison::default();
+    let refusal = |why: Option<&NoAnswer>| why.map(ToString::to_string);
+    comparison.same(
+        "answer",
+        &refusal(host.as_ref().err()),
+        &refusal(device.as_ref().err()),
+    );
+    if let (Ok(host), Ok(device)) = (host, device) {
+        let device = &device.answer;
+        comparison.answer(&host.identification, device);
+        let blocks = host.measurement.runs.iter().map(|r| r.blocks).sum::<u32>();
+        comparison.same("blocks", &blocks, &device.quality.blocks);
+    }
+    comparison
+}
+
+fn read_each(
+    setup: &Setup,
+    mut read: impl FnMut(usize) -> Result<Vec<f64>, ClientError>,
+) -> Result<Vec<Vec<f64>>, ClientError> {
+    (0..setup.runs.len()).map(&mut read).collect()
+}
+
+fn read_summary<P: Port>(client: &mut Client<'_, P>, run: usize) -> Result<Summary, ClientError> {
+    let request = wire::Request::ReadSummary(run as u8);
+    client.ask(&request, |reply| match reply {
+        wire::Reply::Summary(summary) => Some(*summary),
+        _ => None,
+    })
+}
+
+/// What a box holds of this replay: the runs that are stored, and the one that is going on.
+fn held<P: Port>(
+    client: &mut Client<'_, P>,
+    fingerprint: u32,
+) -> Result<(u32, Option<Running>), ReplayError> {
+    let status = client.status()?;
+    let known = matches!(status.state, State::Ready | State::Running);
+    if known && status.fingerprint == Some(fingerprint) {
+        Ok((status.stored, status.running))
+    } else {
+        Err(ReplayError::NothingToResume)
+    }
+}

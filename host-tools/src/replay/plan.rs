@@ -1,0 +1,284 @@
+//! The set-up in the box's words, and whether the box holds it.
+
+use super::ReplayError;
+use crate::device::{BoxInfo, Client, ClientError, Port};
+use crate::measure::channel_names;
+use crate::setup::{self, Excitation, Setup};
+use massline_core::masslines::Method;
+use massline_core::spectra::BlockSettings;
+use massline_core::wire::{
+    self, Accelerations, Carries, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Reply,
+    Request, Scale, Sensor, SensorKind, Weighting, Window, crc32,
+};
+
+/// Runs that were measured alike serve several methods: what they share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Base {
+    /// The base acceleration comes from the accelerometers on the interface.
+    Interface,
+    /// From all of them, equation (4), with equal weights.
+    All,
+    /// From all of them, with weights from the survey of each run.
+    WeightedEachRun,
+    /// From all of them, with weights from the surveys of all runs.
+    WeightedJoined,
+    /// From all of them, with weights given by hand only.
+    WeightedByHand,
+}
+
+impl Base {
+    /// In words.
+    #[must_use]
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Interface => "interface accelerometers",
+            Self::All => "all accelerometers",
+            Self::WeightedEachRun => "all accelerometers, weighted by each run's survey",
+            Self::WeightedJoined => "all accelerometers, weighted by all surveys",
+            Self::WeightedByHand => "all accelerometers, weighted by hand",
+        }
+    }
+
+    /// Whether the runs are surveyed before they are measured.
+    #[must_use]
+    pub const fn surveys(self) -> bool {
+        matches!(self, Self::WeightedEachRun | Self::WeightedJoined)
+    }
+
+    /// What `identify` does for a method, as far as a box can.
+    fn of(method: Method, setup: &Setup, weighted: bool) -> Self {
+        let mode_band = setup.processing.as_ref().and_then(|p| p.mode_band);
+        let by_hand = setup.runs.iter().any(|r| !r.weights.is_empty());
+        if method.interface_only() {
+            Self::Interface
+        } else if !weighted {
+            Self::All
+        } else if mode_band.is_none() {
+            if by_hand {
+                Self::WeightedByHand
+            } else {
+                Self::All
+            }
+        } else if method == Method::FrequencyResponses {
+            Self::WeightedEachRun
+        } else {
+            Self::WeightedJoined
+        }
+    }
+
+    const fn accelerations(self) -> Accelerations {
+        match self {
+            Self::Interface => Accelerations::Interface,
+            Self::All => Accelerations::All,
+            _ => Accelerations::Weighted,
+        }
+    }
+
+    const fn weighting(self) -> Weighting {
+        match self {
+            Self::WeightedEachRun => Weighting::EachRun,
+            Self::WeightedJoined => Weighting::Joined,
+            _ => Weighting::Given,
+        }
+    }
+}
+
+/// The bases that methods need, each with its methods.
+pub(super) fn bases(methods: &[Method], setup: &Setup, weighted: bool) -> Vec<(Base, Vec<Method>)> {
+    let mut bases: Vec<(Base, Vec<Method>)> = Vec::new();
+    for &method in methods {
+        let base = Base::of(method, setup, weighted);
+        match bases.iter_mut().find(|(b, _)| *b == base) {
+            Some((_, all)) => all.push(method),
+            None => bases.push((base, vec![method])),
+        }
+    }
+    bases
+}
+
+/// Whether the box does all that is asked.
+pub(super) fn check(
+    setup: &Setup,
+    methods: &[Method],
+    settings: &BlockSettings,
+    device: &BoxInfo,
+) -> Result<(), ReplayError> {
+    let capacity = &device.capacity;
+    let has = |m: &Method| capacity.methods & wire::Method::from(*m).bit() != 0;
+    if let Some(&method) = methods.iter().find(|m| !has(m)) {
+        let has = Method::ALL.iter().filter(|m| has(m)).map(|m| m.name());
+        return Err(ReplayError::Method {
+            method,
+            has: has.collect(),
+        });
+    }
+    for run in &setup.runs {
+        let wrong = |what, advice| ReplayError::Run {
+            run: run.name.clone(),
+            what,
+            advice,
+        };
+        if run.excitation != Excitation::Random {
+            return Err(wrong(
+                "is no random excitation",
+                "the box measures random runs; take the others out of the setup for a replay",
+            ));
+        }
+        if run.reference.is_none() {
+            return Err(wrong(
+                "names no `reference`",
+                "the box refers its lines to the drive signal; record it and name its channel",
+            ));
+        }
+    }
+    let grid = settings.grid();
+    let sensors = setup.accelerometers.len() + setup.load_cells.len();
+    let highest =
+        (grid.first + usize::from(capacity.lines)).saturating_sub(1) as f64 * grid.spacing;
+    for (what, found, limit, advice) in [
+        (
+            "sensors",
+            sensors,
+            usize::from(capacity.sensors),
+            "leave some out".to_owned(),
+        ),
+        (
+            "channels of a sample",
+            sensors + 1,
+            usize::from(capacity.channels),
+            "leave some sensors out".to_owned(),
+        ),
+        (
+            "runs",
+            setup.runs.len(),
+            usize::from(capacity.runs),
+            "replay them in parts".to_owned(),
+        ),
+        (
+            "samples of a block",
+            settings.block_length(),
+            capacity.block_length as usize,
+            format!("set `block_length = {}`", capacity.block_length),
+        ),
+        (
+            "lines",
+            grid.count,
+            usize::from(capacity.lines),
+            format!("end `mode_band` at {highest} Hz"),
+        ),
+    ] {
+        if found > limit {
+            return Err(ReplayError::Capacity {
+                what,
+                found,
+                limit,
+                advice,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The beginning of a name that fits.
+fn name(text: &str) -> &str {
+    let end = (0..=text.len().min(NAME_MAX)).rfind(|&end| text.is_char_boundary(end));
+    &text[..end.unwrap_or(0)]
+}
+
+/// A mark of all that decides what the box stores.
+pub(super) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
+    crc32(format!("{base:?} {mark} {setup:?}").as_bytes())
+}
+
+/// Sends the set-up, and gives the box's lines.
+pub(super) fn upload<P: Port>(
+    client: &mut Client<'_, P>,
+    setup: &Setup,
+    settings: &BlockSettings,
+    base: Base,
+    fingerprint: u32,
+) -> Result<Grid, ReplayError> {
+    let p = setup.processing.as_ref().ok_or(ReplayError::NoProcessing)?;
+    let rate = settings.grid().spacing * settings.block_length() as f64;
+    client.tell(&Request::BeginSetup(Plan {
+        sensors: (setup.accelerometers.len() + setup.load_cells.len()) as u8,
+        runs: setup.runs.len() as u8,
+        reference_point: setup.reference_point,
+        fingerprint,
+    }))?;
+    client.tell(&Request::SetProcessing(Processing {
+        sample_rate: rate,
+        block_length: settings.block_length() as u32,
+        overlap: p.overlap,
+        window: Window::Hann,
+        kept_band: [p.averaging_band[0], p.kept_up_to(Some(rate))],
+        averaging_band: p.averaging_band,
+        mode_band: p.mode_band,
+        accelerations: base.accelerations(),
+        weighting: base.weighting(),
+        minimum_weight: setup.estimation.minimum_weight,
+    }))?;
+    for sensor in sensors(setup) {
+        client.tell(&Request::SetSensor(sensor))?;
+    }
+    for (number, run) in setup.runs.iter().enumerate() {
+        let channels: Vec<u8> = (0..channel_names(setup, run).len())
+            .map(|channel| {
+                let sensors = setup.accelerometers.len() + setup.load_cells.len();
+                if channel < sensors {
+                    Carries::Sensor(channel as u8).code()
+                } else {
+                    Carries::Drive.code()
+                }
+            })
+            .collect();
+        client.tell(&Request::SetRun(wire::Run {
+            run: number as u8,
+            name: name(&run.name),
+            excitation: wire::Excitation::Random,
+            rotation: run.rotation,
+            translation: run.translation,
+            channels: &channels,
+        }))?;
+    }
+    Ok(grid(client)?)
+}
+
+fn grid<P: Port>(client: &mut Client<'_, P>) -> Result<Grid, ClientError> {
+    client.ask(&Request::EndSetup, |reply| match reply {
+        Reply::Grid(grid) => Some(*grid),
+        _ => None,
+    })
+}
+
+/// The sensors in the order of a run's channels.
+fn sensors(setup: &Setup) -> impl Iterator<Item = Sensor<'_>> {
+    let accelerometers = setup.accelerometers.iter().map(|a| {
+        let mount = match a.mount {
+            setup::Mount::Interface => Mount::Interface,
+            setup::Mount::Structure => Mount::Structure,
+        };
+        let kind = SensorKind::Accelerometer(mount);
+        (kind, &a.channel, a.position, a.direction, a.scale)
+    });
+    let cells = setup.load_cells.iter().map(|c| {
+        let quantity = match c.quantity {
+            setup::Quantity::Force => Quantity::Force,
+            setup::Quantity::Moment => Quantity::Moment,
+        };
+        let kind = SensorKind::LoadCell(quantity);
+        (kind, &c.channel, c.position, c.direction, c.scale)
+    });
+    let all = accelerometers.chain(cells).enumerate();
+    all.map(|(k, (kind, channel, position, direction, scale))| Sensor {
+        sensor: k as u8,
+        name: name(channel),
+        kind,
+        position,
+        direction,
+        scale: Scale::Given {
+            per_unit: scale,
+            offset: 0.0,
+        },
+    })
+}

@@ -1,0 +1,131 @@
+//! Recordings to the box, lines and weights back.
+
+use super::{Flip, ReplayError};
+use crate::device::{Client, ClientError, Port};
+use crate::measure::channel_names;
+use crate::recording::Recording;
+use crate::setup::Setup;
+use massline_core::wire::{
+    Gaps, Line, Lines, Packed, Pass, ReadLines, Reply, Request, Source, Start, Summary, Weights,
+};
+use std::cell::Cell;
+
+/// What all runs of a replay share.
+pub(super) struct Feed<'s> {
+    pub(super) setup: &'s Setup,
+    /// Samples of each run; `None` for all there are.
+    pub(super) limit: Option<u64>,
+    pub(super) flip: Option<Flip>,
+    /// Requests of samples that the box takes ahead.
+    pub(super) window: u8,
+}
+
+impl Feed<'_> {
+    /// Has the box take a run, from sample `from` on if it is at that one already. Tells
+    /// `progress` the share of the recording.
+    pub(super) fn run<P: Port>(
+        &self,
+        client: &mut Client<'_, P>,
+        number: usize,
+        pass: Pass,
+        from: Option<u64>,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Summary, ReplayError> {
+        let run = &self.setup.runs[number];
+        let names = channel_names(self.setup, run);
+        let mut recording = Recording::open(&self.setup.recording_path(run), &names)?;
+        recording.limit(self.limit);
+        let rate = self.setup.processing.as_ref().and_then(|p| p.sample_rate);
+        recording.settle_rate(rate)?;
+        let mut index = 0;
+        let read = Cell::new(0.0);
+        let mut next = |sample: &mut [f32]| {
+            let more = recording.next_row(sample)?;
+            if let Some(flip) = &self.flip {
+                flip.apply(number, index, sample);
+            }
+            index += 1;
+            read.set(recording.progress());
+            Ok(more)
+        };
+        match from {
+            None => client.tell(&Request::Start(Start {
+                run: number as u8,
+                pass,
+                source: Source::Host,
+                gaps: Gaps::Refuse,
+                limit: None,
+            }))?,
+            Some(from) => {
+                let mut skipped = vec![0.0; names.len()];
+                for _ in 0..from {
+                    next(&mut skipped)?;
+                }
+            }
+        }
+        let channels = names.len() as u8;
+        let first = from.unwrap_or(0);
+        client.stream(channels, first, self.window, &mut next, &mut |_| {
+            progress(read.get());
+        })?;
+        Ok(client.stop()?)
+    }
+}
+
+/// The lines of a stored run.
+pub(super) fn lines<P: Port>(
+    client: &mut Client<'_, P>,
+    run: usize,
+    count: usize,
+) -> Result<Vec<Line>, ClientError> {
+    let mut all: Vec<Line> = Vec::with_capacity(count);
+    while all.len() < count {
+        let wanted = ReadLines {
+            run: run as u8,
+            first: all.len() as u16,
+            count: (count - all.len()).min(Lines::FIT) as u16,
+        };
+        let some = client.ask(&Request::ReadLines(wanted), |reply| match reply {
+            Reply::Lines(lines) if lines.first == wanted.first && !lines.lines.is_empty() => {
+                Some(lines.lines.iter().collect::<Vec<_>>())
+            }
+            _ => None,
+        })?;
+        all.extend(some);
+    }
+    Ok(all)
+}
+
+/// What the survey of a run found, one number a sensor.
+pub(super) fn peaks<P: Port>(
+    client: &mut Client<'_, P>,
+    run: usize,
+) -> Result<Vec<f64>, ClientError> {
+    client.ask(&Request::ReadPeaks(run as u8), |reply| match reply {
+        Reply::Peaks(peaks) => Some(peaks.peaks.iter().collect()),
+        _ => None,
+    })
+}
+
+/// The weights of a run, one a sensor.
+pub(super) fn weights<P: Port>(
+    client: &mut Client<'_, P>,
+    run: usize,
+) -> Result<Vec<f64>, ClientError> {
+    client.ask(&Request::ReadWeights(run as u8), |reply| match reply {
+        Reply::Weights(weights) => Some(weights.weights.iter().collect()),
+        _ => None,
+    })
+}
+
+/// Sets the weights of a run, one a sensor.
+pub(super) fn set_weights<P: Port>(
+    client: &mut Client<'_, P>,
+    run: usize,
+    weights: &[f64],
+) -> Result<(), ClientError> {
+    client.tell(&Request::SetWeights(Weights {
+        run: run as u8,
+        weights: Packed::new(weights),
+    }))
+}
