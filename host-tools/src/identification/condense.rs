@@ -59,14 +59,9 @@ fn each_group<T>(
     done.collect()
 }
 
-/// Lines in which modes are looked for: those asked for, else up to the mode band's end,
-/// else as far as recordings are kept by default. Modes far above would only cost.
+/// Lines of the fit band, all that are kept without one.
 fn fit_lines(setup: &Setup, lines: &dyn Lines) -> Range<usize> {
-    let band = setup.estimation.fit_band.or_else(|| {
-        let p = setup.processing.as_ref()?;
-        Some([p.averaging_band[0], p.kept_up_to(None)])
-    });
-    match band {
+    match setup.fit_band() {
         Some(band) => masslines::lines_between(lines, band),
         None => 0..lines.count(),
     }

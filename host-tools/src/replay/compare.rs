@@ -1,9 +1,12 @@
 //! Two runs of the same core, number by number, by their bits.
 
+use crate::identification::Answer;
+use crate::measure::{MeasuredRun, Spectra};
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::identify::{Estimate, Identification};
-use massline_core::wire;
-use massline_core::wire::{Exact, Line, RESULTANTS};
+use massline_core::instrument::{self, Findings};
+use massline_core::spectra::LineGrid;
+use massline_core::wire::{self, Exact, Identified, Line, NoAnswer, RESULTANTS, Summary};
 use std::fmt;
 
 /// A number, or what there is in its place.
@@ -68,6 +71,92 @@ impl Comparison {
     #[must_use]
     pub const fn identical(&self) -> bool {
         self.different == 0 && self.numbers > 0
+    }
+
+    /// Compares a run: samples, blocks, noise and lines.
+    pub(super) fn of_run(
+        host: &MeasuredRun,
+        grid: &LineGrid,
+        summary: &Summary,
+        lines: &[Line],
+    ) -> Self {
+        let mut comparison = Self::default();
+        comparison.same("samples", &host.samples, &summary.samples);
+        comparison.same("missing samples", &0, &summary.missing);
+        comparison.same("blocks", &host.blocks, &summary.blocks);
+        comparison.same("rejected blocks", &0, &summary.rejected);
+        if let Spectra::Drive {
+            responses,
+            drive,
+            noise,
+            ..
+        } = &host.spectra
+        {
+            comparison.same("number of lines", &responses.len(), &lines.len());
+            let host = responses.iter().zip(drive);
+            for (k, ((responses, drive), device)) in host.zip(lines).enumerate() {
+                let host = Line {
+                    drive: *drive,
+                    responses: responses.map(|z| [z.re, z.im]),
+                };
+                comparison.line(k, grid.frequency(k), &host, device);
+            }
+            comparison.noise(noise, summary.noise);
+        }
+        comparison
+    }
+
+    /// Compares two answers, or the reasons for none.
+    pub(super) fn of_answers(
+        host: &Result<Answer, NoAnswer>,
+        device: &Result<Identified, NoAnswer>,
+    ) -> Self {
+        let mut comparison = Self::default();
+        let refusal = |why: Option<&NoAnswer>| why.map(ToString::to_string);
+        comparison.same(
+            "answer",
+            &refusal(host.as_ref().err()),
+            &refusal(device.as_ref().err()),
+        );
+        if let (Ok(host), Ok(device)) = (host, device) {
+            let device = &device.answer;
+            comparison.answer(&host.identification, device);
+            comparison.findings(host, device);
+            let blocks = host.measurement.runs.iter().map(|r| r.blocks).sum::<u32>();
+            comparison.same("blocks", &blocks, &device.quality.blocks);
+        }
+        comparison
+    }
+
+    /// Compares what the fits say beside the ten numbers.
+    fn findings(&mut self, host: &Answer, device: &wire::Answer) {
+        let mut findings = Findings::default();
+        for fit in &host.fits {
+            findings.add_fit(fit);
+        }
+        for modes in &host.free_modes {
+            findings.add_modes(modes);
+        }
+        let host = instrument::answer(
+            device.question,
+            device.accelerations,
+            device.quality,
+            &host.identification,
+            &findings,
+        );
+        self.same("excited directions", &host.excited, &device.excited);
+        let value = |x: Option<Exact<f64>>| x.map(|x| x.0);
+        self.optional(
+            || "weakest excitation".to_owned(),
+            value(host.weakest_excitation),
+            value(device.weakest_excitation),
+        );
+        for (k, (host, device)) in host.poles.iter().zip(device.poles).enumerate() {
+            let of = |x: Option<wire::Pole>| (x.map(|p| p.frequency.0), x.map(|p| p.damping.0));
+            let (host, device) = (of(*host), of(device));
+            self.optional(|| format!("frequency of pole {k}"), host.0, device.0);
+            self.optional(|| format!("damping of pole {k}"), host.1, device.1);
+        }
     }
 
     fn note(&mut self, same: bool, difference: impl FnOnce() -> Difference) {

@@ -16,24 +16,23 @@
 mod compare;
 mod error;
 mod flip;
+mod outcome;
 mod plan;
 mod transfer;
 
 pub use compare::{Comparison, Difference, Found};
 pub use error::ReplayError;
 pub use flip::Flip;
+pub use outcome::{AnswerOutcome, BaseOutcome, Outcome, RunOutcome};
 pub use plan::Base;
 
-use crate::device::{BoxInfo, Client, ClientError, ClientMemory, HostBox, HostBoxMemory};
-use crate::device::{LinkReport, Port};
-use crate::identification::{Answer, AnswerError, Choice, Session};
-use crate::measure::{Accelerations, MeasuredRun, Measurement, Spectra, block_settings};
+use crate::device::{Client, ClientError, ClientMemory, HostBox, HostBoxMemory, Port};
+use crate::identification::{AnswerError, Choice, Session};
+use crate::measure::{Accelerations, Measurement, block_settings};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::{
-    self, Grid, Identified, Line, NoAnswer, Pass, Problem, Question, Running, State, Summary,
-};
+use massline_core::wire::{self, Grid, NoAnswer, Pass, Problem, Question, Running, State, Summary};
 use transfer::Feed;
 
 /// What is to be replayed.
@@ -61,81 +60,6 @@ pub struct Progress<'a> {
     pub run: &'a str,
     /// Share of all that goes over the link, 0 to 1.
     pub share: f64,
-}
-
-/// What a replay came to.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
-    /// Who was asked.
-    pub device: BoxInfo,
-    /// Samples of each run, if not all.
-    pub limit: Option<u64>,
-    /// What was compared, base by base.
-    pub bases: Vec<BaseOutcome>,
-    /// What the link went through.
-    pub link: LinkReport,
-}
-
-impl Outcome {
-    /// Whether all that was compared is the same.
-    #[must_use]
-    pub fn identical(&self) -> bool {
-        !self.bases.is_empty() && self.comparisons().all(Comparison::identical)
-    }
-
-    fn comparisons(&self) -> impl Iterator<Item = &Comparison> {
-        self.bases.iter().flat_map(|b| {
-            let runs = b.runs.iter().map(|r| &r.comparison);
-            let answers = b.answers.iter().map(|a| &a.comparison);
-            std::iter::once(&b.grid)
-                .chain(&b.weights)
-                .chain(runs)
-                .chain(answers)
-        })
-    }
-}
-
-/// Runs that were measured alike, and the answers from them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BaseOutcome {
-    /// What the runs share.
-    pub base: Base,
-    /// The lines that follow from the set-up.
-    pub grid: Comparison,
-    /// Peaks and weights of the surveys.
-    pub weights: Option<Comparison>,
-    /// The runs.
-    pub runs: Vec<RunOutcome>,
-    /// The answers.
-    pub answers: Vec<AnswerOutcome>,
-}
-
-/// One run.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunOutcome {
-    /// Its name.
-    pub name: String,
-    /// Samples that the box took.
-    pub samples: u64,
-    /// Blocks that it averaged.
-    pub blocks: u32,
-    /// Lines compared.
-    pub lines: usize,
-    /// Samples, blocks, noise and lines.
-    pub comparison: Comparison,
-}
-
-/// One method's answer.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AnswerOutcome {
-    /// The method.
-    pub method: Method,
-    /// Why neither side has an answer, if so.
-    pub no_answer: Option<String>,
-    /// Time that the box took, s, by its own clock.
-    pub seconds: Option<f64>,
-    /// The answer's numbers.
-    pub comparison: Comparison,
 }
 
 /// Replays a setup's recordings through a box.
@@ -190,7 +114,9 @@ pub fn replay<P: Port>(
 /// Samples that give so many blocks.
 fn samples_of(settings: &BlockSettings, blocks: u32) -> u64 {
     let hops = u64::from(blocks.saturating_sub(1)) * settings.hop() as u64;
-    settings.support() as u64 + hops
+    // The first block begins with a sample that decimation keeps.
+    let decimation = settings.block_length() / settings.transform_length();
+    (settings.support() + decimation - 1) as u64 + hops
 }
 
 /// Weights as the box has them, run by run, one a sensor.
@@ -261,7 +187,14 @@ impl Replay<'_, '_> {
                 self.send(client, number, Pass::Measure, from, "to the box")?
             };
             let lines = transfer::lines(client, number, self.settings.grid().count)?;
-            runs.push(self.compare_run(host, &summary, &lines));
+            let comparison = Comparison::of_run(host, &self.settings.grid(), &summary, &lines);
+            runs.push(RunOutcome {
+                name: host.name.clone(),
+                samples: summary.samples,
+                blocks: summary.blocks,
+                lines: lines.len(),
+                comparison,
+            });
         }
         let mut answers = Vec::new();
         for &method in methods {
@@ -413,41 +346,6 @@ impl Replay<'_, '_> {
         comparison
     }
 
-    fn compare_run(&self, host: &MeasuredRun, summary: &Summary, lines: &[Line]) -> RunOutcome {
-        let mut comparison = Comparison::default();
-        comparison.same("samples", &host.samples, &summary.samples);
-        comparison.same("missing samples", &0, &summary.missing);
-        comparison.same("blocks", &host.blocks, &summary.blocks);
-        comparison.same("rejected blocks", &0, &summary.rejected);
-        if let Spectra::Drive {
-            responses,
-            drive,
-            noise,
-            ..
-        } = &host.spectra
-        {
-            comparison.same("number of lines", &responses.len(), &lines.len());
-            let grid = self.settings.grid();
-            for (k, ((responses, drive), device)) in
-                responses.iter().zip(drive).zip(lines).enumerate()
-            {
-                let host = Line {
-                    drive: *drive,
-                    responses: responses.map(|z| [z.re, z.im]),
-                };
-                comparison.line(k, grid.frequency(k), &host, device);
-            }
-            comparison.noise(noise, summary.noise);
-        }
-        RunOutcome {
-            name: host.name.clone(),
-            samples: summary.samples,
-            blocks: summary.blocks,
-            lines: lines.len(),
-            comparison,
-        }
-    }
-
     fn answer<P: Port>(
         &mut self,
         client: &mut Client<'_, P>,
@@ -475,7 +373,7 @@ impl Replay<'_, '_> {
                 wire::Procedure::Direct
             },
             modes: estimation.modes as u8,
-            fit_band: estimation.fit_band,
+            fit_band: self.setup.fit_band(),
             runs: 0,
         });
         let device = match device {
@@ -499,29 +397,9 @@ impl Replay<'_, '_> {
                 .as_ref()
                 .ok()
                 .map(|d| d.ticks as f64 / f64::from(self.tick_hz.max(1))),
-            comparison: compare_answers(&host, &device),
+            comparison: Comparison::of_answers(&host, &device),
         })
     }
-}
-
-fn compare_answers(
-    host: &Result<Answer, NoAnswer>,
-    device: &Result<Identified, NoAnswer>,
-) -> Comparison {
-    let mut comparison = Comparison::default();
-    let refusal = |why: Option<&NoAnswer>| why.map(ToString::to_string);
-    comparison.same(
-        "answer",
-        &refusal(host.as_ref().err()),
-        &refusal(device.as_ref().err()),
-    );
-    if let (Ok(host), Ok(device)) = (host, device) {
-        let device = &device.answer;
-        comparison.answer(&host.identification, device);
-        let blocks = host.measurement.runs.iter().map(|r| r.blocks).sum::<u32>();
-        comparison.same("blocks", &blocks, &device.quality.blocks);
-    }
-    comparison
 }
 
 fn read_each(

@@ -187,6 +187,17 @@ impl Setup {
         parse::setup(&Source::read(path)?)
     }
 
+    /// Where methods d and e fit, and modes are looked for, Hz: the band asked for, else up
+    /// to the mode band's end, else as far as recordings are kept by default. Modes far above
+    /// would only cost.
+    #[must_use]
+    pub fn fit_band(&self) -> Option<[f64; 2]> {
+        self.estimation.fit_band.or_else(|| {
+            let p = self.processing.as_ref()?;
+            Some([p.averaging_band[0], p.kept_up_to(None)])
+        })
+    }
+
     /// The same from text; `path` names the file in messages and is not opened.
     ///
     /// # Errors

@@ -1,0 +1,139 @@
+//! Recordings through the box in this program: the same bits as the workstation's, whatever
+//! the line does to the frames, and not one flipped bit goes unnoticed.
+
+use massline::device::{Client, ClientMemory, HostBox, HostBoxMemory, Noise, NoisyLine, Port};
+use massline::replay::{Flip, Order, Outcome, ReplayError, replay};
+use massline::setup::Setup;
+use massline_core::masslines::Method;
+
+/// Enough for every method to find an answer, and for each group of surveyed sensors to
+/// have its turn four times.
+const BLOCKS: u32 = 8;
+
+fn fork() -> Setup {
+    Setup::read(&massline_tests::fixture("fork/setup.toml")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn order(methods: &[Method]) -> Order {
+    Order {
+        methods: methods.to_vec(),
+        iterative: false,
+        weighted: false,
+        blocks: Some(BLOCKS),
+        flip: None,
+        resume: false,
+    }
+}
+
+fn over(port: impl Port, order: &Order) -> Result<Outcome, ReplayError> {
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(port, &mut memory);
+    replay(&mut client, &fork(), order, &mut |_| ())
+}
+
+fn replayed(order: &Order) -> Outcome {
+    let mut memory = HostBoxMemory::new();
+    over(HostBox::new(&mut memory, 1), order).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Every comparison holds, and every method found an answer to compare.
+fn assert_identical(outcome: &Outcome) {
+    for (what, comparison) in outcome.comparisons() {
+        assert!(comparison.identical(), "{what}: {:?}", comparison.first);
+    }
+    assert!(outcome.identical());
+    for answer in outcome.bases.iter().flat_map(|b| &b.answers) {
+        assert_eq!(answer.no_answer, None, "{}", answer.method.name());
+    }
+}
+
+#[test]
+fn three_methods_give_the_same_bits() {
+    let methods = [
+        Method::ApparentMass,
+        Method::PowerSpectraCholesky,
+        Method::FreeResponsesSquared,
+    ];
+    let outcome = replayed(&order(&methods));
+    assert_identical(&outcome);
+    // The apparent mass from the interface, the others from all accelerometers.
+    assert_eq!(outcome.bases.len(), 2);
+    for run in outcome.bases.iter().flat_map(|b| &b.runs) {
+        assert_eq!(run.blocks, BLOCKS);
+        // Samples, missing, blocks, rejected, number of lines; the drive and two parts of
+        // twelve resultants a line; the noise of twelve and whether there is any.
+        assert_eq!(run.comparison.numbers, 5 + 25 * run.lines + 13);
+    }
+}
+
+#[test]
+fn weighted_and_iterated_give_the_same_bits() {
+    let outcome = replayed(&Order {
+        iterative: true,
+        weighted: true,
+        ..order(&[Method::Synthesis])
+    });
+    assert_identical(&outcome);
+    let weights = outcome.bases[0].weights.as_ref().unwrap();
+    // A peak and a weight of each of 15 accelerometers and 3 load cells in three runs, and
+    // the lengths of the lists.
+    assert_eq!(weights.numbers, 2 * 3 * (18 + 1));
+}
+
+#[test]
+fn weights_of_each_run_give_the_same_bits() {
+    assert_identical(&replayed(&Order {
+        weighted: true,
+        ..order(&[Method::FrequencyResponses])
+    }));
+}
+
+#[test]
+fn one_flipped_bit_is_noticed_and_named() {
+    // The lowest bit of a reading in the middle of the second run.
+    let flip = Flip::parse("2:2500:a2:0", &fork()).unwrap();
+    let outcome = replayed(&Order {
+        flip: Some(flip),
+        ..order(&[Method::ApparentMass])
+    });
+    assert!(!outcome.identical());
+    let runs = &outcome.bases[0].runs;
+    let differs: Vec<bool> = runs.iter().map(|r| !r.comparison.identical()).collect();
+    assert_eq!(differs, [false, true, false]);
+    let first = runs[1].comparison.first.as_ref().unwrap().to_string();
+    assert!(first.starts_with("line "), "{first}");
+}
+
+#[test]
+fn a_bad_line_changes_nothing() {
+    let bad = Noise {
+        corrupted: 0.03,
+        truncated: 0.03,
+        duplicated: 0.03,
+    };
+    let mut memory = HostBoxMemory::new();
+    let mut line = NoisyLine::new(HostBox::new(&mut memory, 1), bad, 20261121);
+    let outcome = over(&mut line, &order(&[Method::ApparentMass])).unwrap();
+    assert_identical(&outcome);
+    for damage in [line.to_box(), line.from_box()] {
+        assert!(
+            damage.corrupted > 10 && damage.truncated > 10 && damage.duplicated > 10,
+            "{damage:?}"
+        );
+    }
+    assert!(outcome.link.resent > 0);
+}
+
+#[test]
+fn a_flip_that_hits_nothing_is_refused() {
+    for (text, reason) in [
+        ("1:300:a1", "four parts"),
+        ("4:300:a1:20", "no run 4"),
+        ("1:x:a1:20", "x is no index"),
+        ("1:300:zz:20", "no channel zz"),
+        ("1:300:a1:32", "32 is no bit"),
+    ] {
+        let error = Flip::parse(text, &fork()).unwrap_err().to_string();
+        assert!(error.contains(reason), "{error}");
+    }
+}
