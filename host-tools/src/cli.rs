@@ -1,6 +1,6 @@
 //! The command line: one file a command, in [`crate::commands`].
 
-use crate::commands::{self, demo, identify, simulate, study};
+use crate::commands::{self, demo, identify, replay, simulate, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -37,6 +37,7 @@ enum Command {
     Identify(identify::Arguments),
     Simulate(simulate::Arguments),
     Study(study::Arguments),
+    Replay(replay::Arguments),
     /// Print a completion script for your shell
     #[command(
         after_help = "Example:\n  massline completions bash > ~/.local/share/bash-completion/completions/massline"
@@ -57,6 +58,7 @@ pub fn main() -> ExitCode {
         Command::Identify(a) => identify::run(&a, verbosity),
         Command::Simulate(a) => simulate::run(&a, verbosity),
         Command::Study(a) => study::run(&a, verbosity),
+        Command::Replay(a) => replay::run(&a, verbosity),
         Command::Completions { shell } => {
             let mut command = <Cli as clap::CommandFactory>::command();
             // By way of memory: the generator panics when a reader hangs up.

@@ -2,11 +2,13 @@
 
 pub mod demo;
 pub mod identify;
+pub mod replay;
 pub mod simulate;
 pub mod study;
 
 mod compare;
 mod details;
+mod device;
 mod progress;
 mod table;
 

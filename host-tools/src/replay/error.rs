@@ -75,6 +75,18 @@ pub enum ReplayError {
     NothingToResume,
 }
 
+impl ReplayError {
+    /// 1 where the data do not allow it, 2 where the input or the box is unusable.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Measure(error) if error.is_data() => 1,
+            Self::Answer(error) => error.exit_code(),
+            _ => 2,
+        }
+    }
+}
+
 impl From<StreamError<RecordingError>> for ReplayError {
     fn from(error: StreamError<RecordingError>) -> Self {
         match error {

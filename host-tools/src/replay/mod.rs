@@ -14,6 +14,7 @@
 //! the same; the host then measures with these weights.
 
 mod compare;
+mod document;
 mod error;
 mod flip;
 mod outcome;
@@ -21,6 +22,7 @@ mod plan;
 mod transfer;
 
 pub use compare::{Comparison, Difference, Found};
+pub use document::{ComparisonEntry, DeviceEntry, LinkEntry, ReplayDocument, SCHEMA};
 pub use error::ReplayError;
 pub use flip::Flip;
 pub use outcome::{AnswerOutcome, BaseOutcome, Outcome, RunOutcome};

@@ -1,0 +1,80 @@
+//! Which box a command talks to, and how it is reached.
+
+use super::Failure;
+use crate::device::{
+    BAUD, Client, ClientError, ClientMemory, Emulator, HostBox, HostBoxMemory, Port, Serial,
+    firmware,
+};
+use clap::ArgGroup;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Where the box is: exactly one of three places.
+#[derive(Clone, Debug, clap::Args)]
+#[command(group = ArgGroup::new("box").required(true).args(["port", "emulator", "host"]))]
+pub struct Device {
+    /// The box on a serial port: /dev/ttyACM0, COM3
+    #[arg(long, value_name = "DEV", help_heading = "The box")]
+    port: Option<String>,
+    /// The firmware in QEMU: no hardware needed
+    #[arg(long, help_heading = "The box")]
+    emulator: bool,
+    /// The box's instrument in this program: neither hardware nor QEMU needed
+    #[arg(long, help_heading = "The box")]
+    host: bool,
+    /// Bit rate of the serial port
+    #[arg(long, value_name = "RATE", default_value_t = BAUD, conflicts_with_all = ["emulator", "host"], help_heading = "The box")]
+    baud: u32,
+    /// The firmware to emulate; the one that was built last if absent
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "host"], help_heading = "The box")]
+    elf: Option<PathBuf>,
+}
+
+/// How long the emulator may take to boot, which is half a second on an idle machine.
+const BOOT: Duration = Duration::from_secs(20);
+/// How often it is looked whether it has.
+const LOOK: Duration = Duration::from_millis(100);
+
+impl Device {
+    /// Reaches the box and has `work` talk to it.
+    ///
+    /// # Errors
+    /// [`Failure`] if it cannot be reached, or that of `work`.
+    pub fn talk<T>(
+        &self,
+        work: impl FnOnce(&mut Client<'_, Box<dyn Port + '_>>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let mut own = None;
+        let port: Box<dyn Port + '_> = if let Some(path) = &self.port {
+            Box::new(Serial::open(path, self.baud).map_err(Failure::input)?)
+        } else if self.emulator {
+            let elf = firmware::find(self.elf.as_deref()).map_err(Failure::input)?;
+            Box::new(Emulator::start(&elf).map_err(Failure::input)?)
+        } else {
+            Box::new(HostBox::new(own.insert(HostBoxMemory::new()), 1))
+        };
+        let mut memory = ClientMemory::new();
+        let mut client = Client::new(port, &mut memory);
+        if self.emulator {
+            booted(&mut client)?;
+        }
+        work(&mut client)
+    }
+}
+
+/// Waits for the first that a box says: what is sent to it before is lost, and would only
+/// be sent again after a reply's time.
+fn booted<P: Port>(client: &mut Client<'_, P>) -> Result<(), ClientError> {
+    let mut waited = Duration::ZERO;
+    while client.link().received.frames == 0 && waited < BOOT {
+        client.listen(LOOK)?;
+        waited += LOOK;
+    }
+    Ok(())
+}
+
+impl From<ClientError> for Failure {
+    fn from(error: ClientError) -> Self {
+        Self::input(error)
+    }
+}

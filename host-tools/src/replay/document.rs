@@ -1,0 +1,152 @@
+//! The replay's document, `massline/replay/1`.
+
+use super::{Comparison, Outcome};
+use crate::device::BoxInfo;
+use serde::Serialize;
+
+/// Version of the document's form.
+pub const SCHEMA: &str = "massline/replay/1";
+
+/// What a replay came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReplayDocument {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Title of the setup.
+    pub title: String,
+    /// Whether all numbers are the same.
+    pub identical: bool,
+    /// Who was asked.
+    #[serde(rename = "box")]
+    pub device: DeviceEntry,
+    /// Samples of each run, if not all.
+    pub samples_per_run: Option<u64>,
+    /// What was compared.
+    pub compared: Vec<ComparisonEntry>,
+    /// What the link went through.
+    pub link: LinkEntry,
+}
+
+/// Who was asked.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceEntry {
+    /// The firmware's name.
+    pub firmware: String,
+    /// Its version.
+    pub version: String,
+    /// What it was built from.
+    pub build: String,
+    /// The chip.
+    pub chip: String,
+}
+
+impl From<&BoxInfo> for DeviceEntry {
+    fn from(info: &BoxInfo) -> Self {
+        Self {
+            firmware: info.firmware.clone(),
+            version: info.version.clone(),
+            build: info.build.clone(),
+            chip: info.chip.clone(),
+        }
+    }
+}
+
+/// Something that was compared.
+#[derive(Clone, Debug, Serialize)]
+pub struct ComparisonEntry {
+    /// Which accelerometers the base acceleration came from.
+    pub base: &'static str,
+    /// `grid`, `weights`, `run` or `answer`.
+    pub kind: &'static str,
+    /// The run's or the method's name.
+    pub name: Option<String>,
+    /// Samples that the box took.
+    pub samples: Option<u64>,
+    /// Blocks that it averaged.
+    pub blocks: Option<u32>,
+    /// Lines that were compared.
+    pub lines: Option<usize>,
+    /// Time that the box took for the answer, s, by its own clock.
+    pub seconds: Option<f64>,
+    /// Why neither side has an answer.
+    pub no_answer: Option<String>,
+    /// Numbers compared.
+    pub numbers: usize,
+    /// Those of them that differ.
+    pub different: usize,
+    /// Place and bit patterns of the first difference.
+    pub first: Option<String>,
+}
+
+impl ComparisonEntry {
+    fn new(base: &'static str, kind: &'static str, comparison: &Comparison) -> Self {
+        Self {
+            base,
+            kind,
+            name: None,
+            samples: None,
+            blocks: None,
+            lines: None,
+            seconds: None,
+            no_answer: None,
+            numbers: comparison.numbers,
+            different: comparison.different,
+            first: comparison.first.as_ref().map(ToString::to_string),
+        }
+    }
+}
+
+/// What the link went through.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct LinkEntry {
+    /// Frames that were sent.
+    pub sent: u32,
+    /// Those of them that were sent again.
+    pub resent: u32,
+    /// Frames that came.
+    pub received: u32,
+    /// Frames of the box that were lost.
+    pub lost: u64,
+}
+
+impl ReplayDocument {
+    /// The document of an outcome.
+    #[must_use]
+    pub fn new(title: &str, outcome: &Outcome) -> Self {
+        let mut compared = Vec::new();
+        for of_base in &outcome.bases {
+            let entry = |kind, comparison| {
+                ComparisonEntry::new(of_base.base.description(), kind, comparison)
+            };
+            compared.push(entry("grid", &of_base.grid));
+            compared.extend(of_base.weights.iter().map(|c| entry("weights", c)));
+            compared.extend(of_base.runs.iter().map(|run| ComparisonEntry {
+                name: Some(run.name.clone()),
+                samples: Some(run.samples),
+                blocks: Some(run.blocks),
+                lines: Some(run.lines),
+                ..entry("run", &run.comparison)
+            }));
+            compared.extend(of_base.answers.iter().map(|answer| ComparisonEntry {
+                name: Some(answer.method.name().to_owned()),
+                seconds: answer.seconds,
+                no_answer: answer.no_answer.clone(),
+                ..entry("answer", &answer.comparison)
+            }));
+        }
+        Self {
+            schema: SCHEMA,
+            title: title.to_owned(),
+            identical: outcome.identical(),
+            device: (&outcome.device).into(),
+            samples_per_run: outcome.limit,
+            compared,
+            link: LinkEntry {
+                sent: outcome.link.sent,
+                resent: outcome.link.resent,
+                received: outcome.link.received.frames,
+                lost: outcome.link.received.lost,
+            },
+        }
+    }
+}
