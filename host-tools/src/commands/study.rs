@@ -3,17 +3,16 @@
 use super::{Bar, Failure, print_json, write_file};
 use crate::cli::Verbosity;
 use crate::study::{self, Document, NoiseKind, Options, StudyError, WeightRule};
-use clap::builder::PossibleValue;
 use std::path::PathBuf;
 
 /// Repeat the paper's numerical example, row by row, and more under noise
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline study tuning-fork\n  massline study tuning-fork --draws 0\n  massline study tuning-fork --noise 0.003,0.01 --draws 200 --report study.html\n  massline study tuning-fork --json | jq '.pattern[] | select(.holds | not)'\n\nThe paper (Schedlinski and Link) leaves its set-up open in places: every option below is one of\nthem, and stands in the JSON."
+    after_help = "Examples:\n  massline study tuning-fork\n  massline study tuning-fork --draws 0\n  massline study tuning-fork --noise 0.003,0.01 --draws 200 --report study.html\n  massline study tuning-fork --json | jq '.pattern[] | select(.holds | not)'\n\nThe paper (Schedlinski and Link) leaves its set-up open in places: what it leaves open is an option, and stands in the JSON."
 )]
 pub struct Arguments {
-    /// What is studied
-    #[arg(value_parser = [PossibleValue::new("tuning-fork").help("the numerical twin of the paper's plane tuning fork")])]
+    /// What is studied: the numerical twin of the paper's plane tuning fork
+    #[arg(value_parser = ["tuning-fork"])]
     example: String,
     /// Draws per level of noise; 0 for the noise-free rows only
     #[arg(long, value_name = "N", default_value_t = Options::default().draws)]
@@ -24,8 +23,14 @@ pub struct Arguments {
     /// Seed of the first draw; each next one has the next
     #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
     seed: u64,
-    /// Where noise is added
-    #[arg(long, value_enum, value_name = "WHERE", default_value_t)]
+    /// Where noise is added: to recordings of every channel, or to responses line by line
+    #[arg(
+        long,
+        value_enum,
+        hide_possible_values = true,
+        value_name = "WHERE",
+        default_value_t
+    )]
     noise_on: NoiseKind,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
@@ -65,8 +70,14 @@ struct Unknowns {
     /// Where the weighting looks for the first modes, Hz
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "28,50")]
     mode_band: Pair,
-    /// Which runs share weights
-    #[arg(long, value_enum, value_name = "RULE", default_value_t)]
+    /// Which runs share weights: by-method (each its own for a, one set for b to e), per-run, joined
+    #[arg(
+        long,
+        value_enum,
+        hide_possible_values = true,
+        value_name = "RULE",
+        default_value_t
+    )]
     weights: WeightRule,
     /// Where methods d and e fit elastic modes, Hz [default: all lines]
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair)]

@@ -1,0 +1,239 @@
+//! Each command's own promises.
+
+mod bench;
+
+use bench::{Bench, RECORDINGS, massline};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Every file of a folder.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
+    entries
+        .map(|entry| {
+            let name = entry.file_name().into_string().unwrap();
+            (name, std::fs::read(entry.path()).unwrap())
+        })
+        .collect()
+}
+
+#[test]
+fn demo_shows_truth_and_error_and_leaves_a_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let finished = massline(folder.path(), ["demo", "--out", "shown"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let table = &finished.stdout;
+    for words in [
+        "apparent mass",
+        "95 % interval",
+        "truth",
+        "error",
+        "not observable",
+    ] {
+        assert!(table.contains(words), "{table}");
+    }
+    // One row each for what this plane test tells, with a percentage at its end.
+    for row in ["indicator Δ", "CG x", "CG z", "Θyy about A", "Θyy about S"] {
+        let line = table.lines().find(|l| l.starts_with(row)).unwrap();
+        assert!(line.contains('±') && line.contains('%'), "{line}");
+    }
+    assert!(
+        finished.stderr.contains("shown/report.html"),
+        "{}",
+        finished.stderr
+    );
+    let files = files(&folder.path().join("shown"));
+    for file in ["setup.toml", "truth.json", "report.html"]
+        .iter()
+        .chain(&RECORDINGS)
+    {
+        assert!(files.contains_key(*file), "{file}");
+    }
+    let html = String::from_utf8(files["report.html"].clone()).unwrap();
+    assert!(html.contains("<svg") && html.contains("The ten numbers"));
+    for outside in [
+        "<script",
+        "src=\"http",
+        "href=\"http",
+        "@import",
+        "url(http",
+    ] {
+        assert!(!html.contains(outside), "not self-contained: {outside}");
+    }
+}
+
+#[test]
+fn demo_has_one_document_with_the_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let finished = massline(folder.path(), ["demo", "--json", "--quiet"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert_eq!(finished.stderr, "");
+    let document: serde_json::Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert_eq!(document["schema"], "massline/result/1");
+    assert_eq!(document["truth"]["schema"], "massline/truth/1");
+    assert!(
+        folder.path().join("demo/report.html").exists(),
+        "the default place"
+    );
+}
+
+#[test]
+fn the_next_step_that_is_named_works() {
+    let folder = tempfile::tempdir().unwrap();
+    let finished = massline(
+        folder.path(),
+        ["simulate", "fork", "--out", "fork", "--duration", "8"],
+    );
+    assert_eq!(finished.stdout.trim_end(), "fork/setup.toml");
+    let next = finished
+        .stderr
+        .lines()
+        .find_map(|l| l.strip_prefix("next: massline "));
+    let next: Vec<&str> = next.unwrap().split_whitespace().collect();
+    let finished = massline(folder.path(), next);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert!(finished.stdout.contains("truth"), "{}", finished.stdout);
+}
+
+fn simulated(seed: &str) -> BTreeMap<String, Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = [
+        "simulate",
+        "fork",
+        "--out",
+        ".",
+        "--duration",
+        "2",
+        "--seed",
+        seed,
+    ];
+    let finished = massline(folder.path(), arguments);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    files(folder.path())
+}
+
+#[test]
+fn a_seed_gives_the_same_bytes_and_another_one_others() {
+    let first = simulated("7");
+    assert_eq!(first, simulated("7"));
+    let other = simulated("8");
+    for recording in RECORDINGS {
+        assert_ne!(first[recording], other[recording]);
+    }
+    assert_eq!(first["truth.json"], other["truth.json"]);
+}
+
+/// FNV-1a, 64 bits.
+fn hash(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// The bytes as they came out on the machine that this was written on (x86-64, Linux).
+#[test]
+fn a_seed_gives_the_same_bytes_on_every_machine() {
+    assert_eq!(
+        hash(&simulated("7")["lateral-x.csv"]),
+        9_059_926_063_220_378_318
+    );
+}
+
+#[test]
+fn the_options_of_simulate_reach_the_setup() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = ["--duration", "2", "--weighed", "--no-drive"];
+    let arguments = ["simulate", "fork", "--out", "."].iter().chain(&options);
+    assert_eq!(massline(folder.path(), arguments).code, Some(0));
+    let files = files(folder.path());
+    let setup = String::from_utf8(files["setup.toml"].clone()).unwrap();
+    assert!(setup.contains("known_mass = 0.63"), "{setup}");
+    assert!(!setup.contains("reference = "), "{setup}");
+    let recording = String::from_utf8(files["lateral-x.csv"].clone()).unwrap();
+    assert!(!recording.lines().next().unwrap().contains("drive"));
+    assert_eq!(recording.lines().count(), 1 + 2 * 512);
+}
+
+#[test]
+fn a_comparison_has_the_truth_and_no_report() {
+    let finished = Bench::fork().identify(&["--method", "all", "--truth", "truth.json"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert!(
+        finished.stdout.contains("true 20.78"),
+        "{}",
+        finished.stdout
+    );
+    let finished = Bench::fork().identify(&["--method", "all", "--report", "x.html"]);
+    assert_eq!(finished.code, Some(2));
+    assert!(
+        finished.stderr.contains("name the method"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
+fn the_default_says_which_method_and_why() {
+    let bench = Bench::fork();
+    let finished = bench.identify(&[]);
+    assert!(
+        finished
+            .stdout
+            .contains("recommended: its base acceleration"),
+        "{}",
+        finished.stdout
+    );
+    let named = bench.identify(&["--method", "apparent-mass"]);
+    assert!(!named.stdout.contains("recommended"), "{}", named.stdout);
+    let document = bench.identify(&["--json"]).stdout;
+    let document: serde_json::Value = serde_json::from_str(&document).unwrap();
+    assert_eq!(document["method"], "apparent-mass");
+    assert!(document["recommended_because"].is_string());
+}
+
+#[test]
+fn of_two_procedures_the_last_one_counts() {
+    let bench = Bench::fork();
+    let iterative = |arguments: &[&str]| {
+        let finished = bench.identify(arguments);
+        let document: serde_json::Value = serde_json::from_str(&finished.stdout).unwrap();
+        document["iterative"].as_bool().unwrap()
+    };
+    assert!(iterative(&["--json", "--iterative"]));
+    assert!(!iterative(&["--json", "--direct"]));
+    assert!(!iterative(&["--json", "--iterative", "--direct"]));
+    assert!(iterative(&["--json", "--direct", "--iterative"]));
+}
+
+#[test]
+fn places_that_cannot_be_written_are_named() {
+    let bench = Bench::fork().write("file", "");
+    let finished = bench.identify(&["--report", "file/report.html"]);
+    assert_eq!(finished.code, Some(2));
+    assert!(
+        finished.stderr.contains("file: cannot be written"),
+        "{}",
+        finished.stderr
+    );
+    assert!(
+        finished.stderr.contains("choose another place"),
+        "{}",
+        finished.stderr
+    );
+    let finished = massline(bench.path(), ["demo", "--out", "file/demo"]);
+    assert_eq!(finished.code, Some(2));
+    assert!(
+        finished.stderr.contains("cannot be written"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
+fn completions_know_the_commands() {
+    for shell in ["bash", "zsh", "fish"] {
+        let finished = massline(Path::new("."), ["completions", shell]);
+        assert_eq!(finished.code, Some(0));
+        assert!(finished.stdout.contains("simulate"), "{shell}");
+    }
+}
