@@ -1,9 +1,12 @@
 //! The result document, `massline/result/1`.
 
 use crate::identification::Answer;
+use crate::measure::MeasuredRun;
+use crate::recording::{Traceability, TrueRate, fault_words};
 use crate::setup::Setup;
 use massline_core::identify::{Estimate, InertiaEstimate, Procedure};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Version of the document's form.
 pub const SCHEMA: &str = "massline/result/1";
@@ -184,6 +187,46 @@ pub struct Offsets {
     pub resultants: [f64; 6],
 }
 
+/// What a random run gave, and what had to be left out of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunQuality {
+    /// Name of the run.
+    pub run: String,
+    /// Samples read.
+    pub samples: u64,
+    /// Blocks averaged.
+    pub blocks: u32,
+    /// Blocks left out for faulty samples.
+    pub rejected: u32,
+    /// Blocks left out for each fault; one with two faults counts twice.
+    pub rejected_by: BTreeMap<&'static str, u32>,
+    /// Faulty samples.
+    pub faulty_samples: u64,
+    /// Samples that never came, among them.
+    pub missing_samples: u64,
+    /// The true sample rate, where the recording carries it.
+    pub true_sample_rate: Option<TrueRate>,
+    /// What the sensitivities rest on, for the channels that the recording tells it of.
+    pub calibration: BTreeMap<String, Traceability>,
+}
+
+impl RunQuality {
+    fn new(run: &MeasuredRun) -> Self {
+        let by = fault_words().into_iter().zip(run.rejected.by_fault);
+        Self {
+            run: run.name.clone(),
+            samples: run.samples,
+            blocks: run.blocks,
+            rejected: run.rejected.blocks,
+            rejected_by: by.filter(|(_, blocks)| *blocks > 0).collect(),
+            faulty_samples: run.rejected.samples,
+            missing_samples: run.rejected.missing,
+            true_sample_rate: run.preamble.sample_rate.clone(),
+            calibration: run.preamble.channel.clone(),
+        }
+    }
+}
+
 /// The result document.
 #[derive(Clone, Debug, Serialize)]
 pub struct ResultDocument {
@@ -231,6 +274,8 @@ pub struct ResultDocument {
     pub free_modes: Vec<FreeModeDocument>,
     /// Offsets estimated in static runs.
     pub offsets: Vec<Offsets>,
+    /// Random runs: what they gave, and what was left out.
+    pub runs: Vec<RunQuality>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -308,6 +353,12 @@ impl ResultDocument {
                     run: run.clone(),
                     resultants: *resultants,
                 })
+                .collect(),
+            runs: answer
+                .measurement
+                .runs
+                .iter()
+                .map(RunQuality::new)
                 .collect(),
             warnings: answer.warnings.clone(),
         }

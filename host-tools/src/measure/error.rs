@@ -1,5 +1,6 @@
 //! What keeps recordings from becoming spectra.
 
+use super::Rejected;
 use crate::recording::RecordingError;
 use massline_core::geometry::GeometryError;
 use massline_core::spectra::SpectraError;
@@ -72,6 +73,16 @@ pub enum MeasureError {
         blocks: u32,
         /// Samples of a block.
         block_length: usize,
+    },
+    /// Hardly a block without a faulty sample.
+    #[error("{}: {blocks} block(s) without a faulty sample; at least 2 are needed, and some 50 for small error bars. {} were left out: {}; mend what is at fault and record again", file.display(), rejected.blocks, rejected.reasons())]
+    TooFaulty {
+        /// The recording.
+        file: PathBuf,
+        /// Blocks without one.
+        blocks: u32,
+        /// Those with one, and why.
+        rejected: Rejected,
     },
     /// Too few poses.
     #[error("{}: {poses} pose(s); at least 3 are needed, six that turn every axis up and down are good", file.display())]
@@ -153,6 +164,7 @@ impl MeasureError {
         matches!(
             self,
             Self::TooShort { .. }
+                | Self::TooFaulty { .. }
                 | Self::TooFewPoses { .. }
                 | Self::Dead { .. }
                 | Self::SilentDrive { .. }

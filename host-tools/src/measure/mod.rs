@@ -6,6 +6,7 @@ mod geometry;
 mod group;
 mod poses;
 mod random;
+mod rejected;
 mod silent;
 mod sine;
 mod survey;
@@ -16,6 +17,7 @@ pub use geometry::{Accelerations, RunGeometry};
 pub use group::Group;
 pub use poses::MeasuredPoses;
 pub use random::{MeasuredRun, Spectra, block_settings};
+pub use rejected::Rejected;
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 

@@ -50,7 +50,12 @@ pub(super) fn read(
     let mut health = Health::new(names.len());
     let mut sample = vec![0.0_f32; names.len()];
     let mut largest: f64 = 0.0;
+    let mut left_out: u64 = 0;
     while recording.next_row(&mut sample)? {
+        if !recording.health().is_good() {
+            left_out += 1;
+            continue;
+        }
         health.add(&sample);
         let r = geometry.resultants(&sample);
         let a = Vector6::from_fn(|j, _| f64::from(r[j]));
@@ -59,11 +64,16 @@ pub(super) fn read(
         poses.add(&a, &f);
         rows.push((a, f));
     }
-    if recording.rows() < FEWEST {
-        return Err(MeasureError::TooFewPoses {
-            file,
-            poses: recording.rows(),
-        });
+    if left_out > 0 {
+        warnings.push(format!(
+            "run \"{}\": {left_out} of {} poses were left out for faulty samples",
+            run.name,
+            recording.rows()
+        ));
+    }
+    let good = recording.rows() - left_out;
+    if good < FEWEST {
+        return Err(MeasureError::TooFewPoses { file, poses: good });
     }
     let determined = geometry.determined();
     let noise = Vector6::from_fn(|j, _| {

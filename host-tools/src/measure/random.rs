@@ -1,8 +1,9 @@
 //! Random runs: Welch averages of the twelve resultants.
 
 use super::geometry::{RunGeometry, channel_names};
+use super::rejected::{Gate, Rejected};
 use super::{MeasureError, WINDOW};
-use crate::recording::{ChannelHealth, Health, Recording};
+use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
@@ -48,6 +49,10 @@ pub struct MeasuredRun {
     pub blocks: u32,
     /// Samples read.
     pub samples: u64,
+    /// What was left out of the average.
+    pub rejected: Rejected,
+    /// What the recording says of itself.
+    pub preamble: Preamble,
     /// State of each channel.
     pub health: Vec<ChannelHealth>,
     pub(super) fingerprint: u64,
@@ -135,23 +140,32 @@ pub(super) fn read(
         )
     };
 
-    let averaged = if drive_at.is_some() {
+    let (averaged, rejected) = if drive_at.is_some() {
         let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums).map_err(spectral)?;
-        feed(&mut average)?;
-        finish_drive(setup, &geometry, &settings, &average).map_err(spectral)?
+        let rejected = feed(&mut average)?;
+        let averaged = finish_drive(setup, &geometry, &settings, &average).map_err(spectral)?;
+        (averaged, rejected)
     } else {
         let mut average = CrossAverage::new(&settings, &mut sums).map_err(spectral)?;
-        feed(&mut average)?;
+        let rejected = feed(&mut average)?;
         let blocks = average.blocks();
         let power = |c: usize, k: usize| average.cross(c, c, k).0;
         let density = densities(&grid, settings.density(), blocks, &power);
-        (Spectra::Cross { sums: Vec::new() }, density, blocks)
+        let averaged = (Spectra::Cross { sums: Vec::new() }, density, blocks);
+        (averaged, rejected)
     };
     let (mut spectra, density, count) = averaged;
     if let Spectra::Cross { sums: kept } = &mut spectra {
         *kept = sums;
     }
     let samples = recording.rows();
+    if count < 2 && rejected.blocks > 0 {
+        return Err(MeasureError::TooFaulty {
+            file,
+            blocks: count,
+            rejected,
+        });
+    }
     if count < 2 {
         return Err(MeasureError::TooShort {
             file,
@@ -159,6 +173,15 @@ pub(super) fn read(
             blocks: count,
             block_length: settings.block_length(),
         });
+    }
+    if rejected.blocks > 0 {
+        warnings.push(format!(
+            "run \"{}\": {} of {} blocks were left out for faulty samples: {}",
+            run.name,
+            rejected.blocks,
+            rejected.blocks + count,
+            rejected.reasons()
+        ));
     }
     if count < 10 {
         warnings.push(format!(
@@ -173,6 +196,8 @@ pub(super) fn read(
         density,
         blocks: count,
         samples,
+        rejected,
+        preamble: recording.preamble().clone(),
         health: health.channels(),
         fingerprint: health.fingerprint(),
         settings,
@@ -181,7 +206,8 @@ pub(super) fn read(
 
 /// Streams a recording through blocks into an average. `transform` turns a sample of all
 /// channels into the `channels` numbers that are averaged; the drive, where there is one,
-/// comes before them as channel 0.
+/// comes before them as channel 0. A block with a faulty sample goes nowhere, and `watch` sees
+/// good samples only.
 #[allow(clippy::too_many_arguments)]
 pub(super) fn stream(
     recording: &mut Recording,
@@ -192,7 +218,7 @@ pub(super) fn stream(
     average: &mut dyn Average,
     watch: &mut dyn FnMut(&[f32]),
     progress: &mut dyn FnMut(f64),
-) -> Result<(), MeasureError> {
+) -> Result<Rejected, MeasureError> {
     let lead = usize::from(drive_at.is_some());
     let zero = Complex32::new(0.0, 0.0);
     let mut history = vec![0.0; settings.history_len(lead + channels)];
@@ -211,21 +237,27 @@ pub(super) fn stream(
     })?;
     let mut sample = vec![0.0_f32; recording.channels()];
     let mut input = vec![0.0_f32; lead + channels];
+    let mut gate = Gate::new(settings);
     while recording.next_row(&mut sample)? {
-        watch(&sample);
+        gate.sample(recording.health());
+        if recording.health().is_good() {
+            watch(&sample);
+        }
         let (head, tail) = input.split_at_mut(lead);
         if let (Some(slot), Some(at)) = (head.first_mut(), drive_at) {
             *slot = sample.get(at).copied().unwrap_or(0.0);
         }
         transform(&sample, tail);
-        if let Some(block) = blocks.push(&input) {
+        if let Some(block) = blocks.push(&input)
+            && gate.admits()
+        {
             average.add(&block);
         }
         if recording.rows().is_multiple_of(REPORT_ROWS) {
             progress(recording.progress());
         }
     }
-    Ok(())
+    Ok(gate.rejected)
 }
 
 type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);

@@ -145,7 +145,7 @@ fn random(
         into[sensors..].copy_from_slice(&geometry.resultants(sample));
     };
     let drive_at = Some(names.len() - 1);
-    stream(
+    let rejected = stream(
         &mut recording,
         &settings,
         drive_at,
@@ -155,6 +155,13 @@ fn random(
         &mut |_| {},
         progress,
     )?;
+    if average.blocks() == 0 && rejected.blocks > 0 {
+        return Err(MeasureError::TooFaulty {
+            file,
+            blocks: 0,
+            rejected,
+        });
+    }
     if average.blocks() == 0 {
         return Err(MeasureError::TooShort {
             file,

@@ -1,12 +1,14 @@
 //! CSV and gzipped CSV, one row at a time.
 
-use super::RecordingError;
 use super::header::Header;
+use super::preamble::{self, Preamble};
+use super::{HEALTH_COLUMN, RecordingError, faults};
 use csv::ByteRecord;
 use flate2::read::MultiGzDecoder;
+use massline_core::wire::Health;
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -22,6 +24,11 @@ pub struct Recording {
     width: usize,
     ignored: Vec<String>,
     time: Option<usize>,
+    /// Column of faults.
+    faults: Option<usize>,
+    /// Faults of the row read last.
+    health: Health,
+    preamble: Preamble,
     clock: Option<Clock>,
     record: ByteRecord,
     rows: u64,
@@ -85,6 +92,19 @@ impl Recording {
         } else {
             Box::new(raw)
         };
+        let mut input = BufReader::new(input);
+        let (remarks, preamble) =
+            preamble::take(&mut input).map_err(|e| RecordingError::Damaged {
+                file: file.to_owned(),
+                line: 1,
+                reason: e.to_string(),
+            })?;
+        let preamble = preamble.map_err(|e| RecordingError::Preamble {
+            file: file.to_owned(),
+            reason: e.message().to_owned(),
+        })?;
+        // Back they go, so that lines are counted from the file's beginning.
+        let input: Box<dyn Read> = Box::new(Cursor::new(remarks).chain(input));
         let reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -99,6 +119,9 @@ impl Recording {
             width: 0,
             ignored: Vec::new(),
             time: None,
+            faults: None,
+            health: Health::GOOD,
+            preamble,
             clock: None,
             record: ByteRecord::new(),
             rows: 0,
@@ -125,10 +148,16 @@ impl Recording {
         self.time = names
             .iter()
             .position(|n| n.eq_ignore_ascii_case("time") && !self.names.contains(n));
+        self.faults = names
+            .iter()
+            .position(|n| n == HEALTH_COLUMN && !self.names.contains(n));
         self.ignored = names
             .iter()
             .enumerate()
-            .filter(|(i, _)| Some(*i) != self.time && !self.columns.contains(i))
+            .filter(|(i, _)| {
+                let own = [self.time, self.faults];
+                !own.contains(&Some(*i)) && !self.columns.contains(i)
+            })
             .map(|(_, n)| n.clone())
             .collect();
         self.width = header.len();
@@ -174,6 +203,19 @@ impl Recording {
         &self.ignored
     }
 
+    /// What the recording says of itself.
+    #[must_use]
+    pub fn preamble(&self) -> &Preamble {
+        &self.preamble
+    }
+
+    /// Faults of the row read last; good in a recording that does not tell. What stands in a
+    /// faulty row is no reading to be believed.
+    #[must_use]
+    pub fn health(&self) -> Health {
+        self.health
+    }
+
     /// Rows read so far.
     #[must_use]
     pub fn rows(&self) -> u64 {
@@ -195,23 +237,39 @@ impl Recording {
         self.consumed.get() as f64 / self.size.max(1) as f64
     }
 
-    /// Settles the sample rate from the setup's and the time column's; from here on
-    /// every row's time is checked against it. To be called before the first row.
+    /// Settles the sample rate from the setup's, the preamble's and the time column's, whichever
+    /// is there first. The setup's goes before the true one of the preamble, so that lines lie
+    /// where they were planned; the two must agree to what converters' clocks are off by. From
+    /// here on every row's time is checked against it. To be called before the first row.
     ///
     /// # Errors
     /// [`RecordingError::NoRate`] if neither tells, [`RecordingError::WrongRate`] if they
     /// contradict each other.
     pub fn settle_rate(&mut self, stated: Option<f64>) -> Result<f64, RecordingError> {
+        let measured = self.preamble.sample_rate.as_ref().map(|rate| rate.value);
         let Some((start, found)) = self.rate_of_time_column()? else {
-            return stated.ok_or_else(|| RecordingError::NoRate {
+            let rate = stated.or(measured).ok_or_else(|| RecordingError::NoRate {
                 file: self.file.clone(),
-            });
+            })?;
+            return match measured {
+                // Crystals keep to 1e-4; a box without one to a percent.
+                Some(found) if (found / rate - 1.0).abs() > 2e-2 || !found.is_finite() => {
+                    Err(RecordingError::WrongRate {
+                        file: self.file.clone(),
+                        place: "its preamble",
+                        found,
+                        stated: rate,
+                    })
+                }
+                _ => Ok(rate),
+            };
         };
-        let rate = stated.unwrap_or(found);
+        let rate = stated.or(measured).unwrap_or(found);
         // A thousand rows of times with three decimals tell the rate to about 1e-3.
         if (found / rate - 1.0).abs() > 2e-3 {
             return Err(RecordingError::WrongRate {
                 file: self.file.clone(),
+                place: "its time column",
                 found,
                 stated: rate,
             });
@@ -256,6 +314,17 @@ impl Recording {
             Some(column) => self.number(column, "time").map(Some),
             None => Ok(None),
         }
+    }
+
+    fn health_of_row(&self) -> Result<Health, RecordingError> {
+        let Some(field) = self.faults.and_then(|column| self.record.get(column)) else {
+            return Ok(Health::GOOD);
+        };
+        faults::read(&String::from_utf8_lossy(field)).map_err(|found| RecordingError::NoFault {
+            file: self.file.clone(),
+            line: self.line(),
+            found: found.chars().take(40).collect(),
+        })
     }
 
     fn number(&self, column: usize, channel: &str) -> Result<f64, RecordingError> {
@@ -323,8 +392,16 @@ impl Recording {
                 expected: self.width,
             });
         }
+        self.health = self.health_of_row()?;
         for (i, &column) in self.columns.iter().enumerate() {
-            store(i, self.number(column, &self.names[i])?);
+            // A sample that never came has no readings.
+            let absent = !self.health.is_good() && self.record.get(column) == Some(b"");
+            let reading = if absent {
+                0.0
+            } else {
+                self.number(column, &self.names[i])?
+            };
+            store(i, reading);
         }
         self.check_time()?;
         self.rows += 1;

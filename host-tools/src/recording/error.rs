@@ -118,12 +118,14 @@ pub enum RecordingError {
         /// Fields of the header.
         expected: usize,
     },
-    /// The time column contradicts the stated sample rate.
-    #[error("{}: its time column says {} samples per second, the setup says {}; correct `sample_rate` in [processing], or leave it out", file.display(), plain(*found, 6), plain(*stated, 6))]
+    /// What the recording says of its sample rate contradicts the stated one.
+    #[error("{}: {place} says {} samples per second, the setup says {}; correct `sample_rate` in [processing], or leave it out", file.display(), plain(*found, 6), plain(*stated, 6))]
     WrongRate {
         /// The file.
         file: PathBuf,
-        /// From the time column, Hz.
+        /// Where the recording says it.
+        place: &'static str,
+        /// What it says, Hz.
         found: f64,
         /// From the setup, Hz.
         stated: f64,
@@ -145,5 +147,23 @@ pub enum RecordingError {
         found: f64,
         /// The time expected, s.
         expected: f64,
+    },
+    /// A word in the column `health` that names no fault.
+    #[error("{}, line {line}, column `health`: `{found}` is no fault; it may be {}, several joined by +, or nothing for a good sample", file.display(), crate::recording::fault_words().join(", "))]
+    NoFault {
+        /// The file.
+        file: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// The word.
+        found: String,
+    },
+    /// A preamble that is not what its first line says.
+    #[error("{}: the lines that begin with # above its header cannot be read: {reason}; correct them, or delete the first one", file.display())]
+    Preamble {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        reason: String,
     },
 }

@@ -3,9 +3,13 @@
 
 mod csv_file;
 mod error;
+mod faults;
 mod header;
 mod health;
+mod preamble;
 
 pub use csv_file::Recording;
 pub use error::RecordingError;
+pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use health::{ChannelHealth, Complaint, Health};
+pub use preamble::{Preamble, Traceability, TrueRate};

@@ -13,7 +13,7 @@
 //! | `coherence`, `base_spectra` | was the excitation good enough |
 //! | `poses` | static poses: loads, residuals |
 //! | `sketch` | sensors, CG and inertia in three views |
-//! | `runs`, `channels` | runs, processing, channels, how to read it |
+//! | `runs`, `channels`, `traceability` | runs, processing, channels, what their sensitivities rest on, how to read it |
 
 mod apparent_mass;
 mod base_spectra;
@@ -34,6 +34,7 @@ mod sketch;
 mod table;
 #[cfg(test)]
 mod tests;
+mod traceability;
 mod truth;
 mod verdict;
 

@@ -4,6 +4,7 @@ use super::channels;
 use super::markup::escape;
 use super::number::{exact, fixed, significant, with_unit};
 use super::page::Section;
+use super::traceability;
 use crate::identification::Answer;
 use crate::measure::WINDOW;
 use crate::setup::Setup;
@@ -16,6 +17,7 @@ pub(super) fn section(setup: &Setup, answer: &Answer) -> Section {
     html.push_str(&processing(setup, answer));
     html.push_str("<h3>Channels</h3><p class=\"small\">Interface and structure: accelerometers fixed to the table or adapter, and to the specimen.</p>");
     html.push_str(&channels::table(setup, answer));
+    html.push_str(&traceability::table(&answer.measurement.runs));
     Section::new("runs", "Runs, channels, processing", html)
 }
 
@@ -74,7 +76,10 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
                     "random",
                     fixed(r.samples as f64, 0),
                     with_unit(&significant(seconds, 4), "s"),
-                    r.blocks.to_string(),
+                    match r.rejected.blocks {
+                        0 => r.blocks.to_string(),
+                        n => format!("{}; {n} left out: {}", r.blocks, r.rejected.reasons()),
+                    },
                 )
             }
             (None, Some(s), _) => (
