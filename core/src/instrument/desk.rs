@@ -1,21 +1,22 @@
 //! Requests: which are dealt with in which state, and how.
 
 use super::intake::{Intake, Sample};
-use super::job::Job;
 use super::live::Recorder;
 use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use super::run::{Run, Task};
+use super::selftest::{self, Progress};
 use super::setup::{range, within};
 use super::survey::Survey;
-use super::{Archive, Board, Ended, Instrument, Outbox, Pending, cut};
+use super::synthetic::Synthetic;
+use super::{Asked, Board, Ended, Instrument, Outbox, Pending, cut};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::masslines;
 use crate::modes::MAX_MODES;
 use crate::wire::{
-    Accelerations, Capacity, Carries, Field, Gaps, Info, Item, Line, Lines, Method, NAME_MAX,
-    Outcome, PANIC_MAX, Packed, Pass, Peaks, Pong, Problem, Procedure, Question, ReadLines, Reply,
-    Request, Samples, Saved, Scale, Setting, SettingKey, Source, Start, State, Status, Stream,
-    Subscription, Taken, Weights,
+    Accelerations, Capacity, Carries, Field, Gaps, Health, Info, Item, Line, Lines, Method,
+    NAME_MAX, Outcome, PANIC_MAX, Packed, Pass, Peaks, Pong, Problem, Procedure, Question,
+    ReadLines, Reply, Request, Samples, Saved, Scale, Setting, SettingKey, Source, Start, State,
+    Status, Stream, Subscription, Taken, Weights,
 };
 
 /// Most iterations that may be asked for: each takes some milliseconds on the chip.
@@ -74,7 +75,20 @@ impl<'m> Instrument<'m> {
                 }
                 Reply::Done
             }
-            Request::Selftest => return Err(Problem::Unsupported(Item::Source)),
+            Request::Selftest => {
+                self.not_running()?;
+                self.not_busy()?;
+                self.clear();
+                selftest::set_up(&mut self.setup)?;
+                self.lines = Some(self.setup.end()?);
+                self.selftest = Some(Progress::default());
+                self.pending = Some(Pending {
+                    id,
+                    number: request.number(),
+                    since: board.ticks(),
+                });
+                return Ok(());
+            }
             Request::BeginSetup(plan) => {
                 self.not_running()?;
                 self.not_busy()?;
@@ -113,11 +127,7 @@ impl<'m> Instrument<'m> {
             Request::Samples(samples) => Reply::Taken(self.take(samples, board, out)?),
             Request::Stop => Reply::Summary(self.stop(board)?),
             Request::Abort => {
-                if let Some(run) = self.run.take() {
-                    self.buffers = run.into_buffers();
-                    self.state = State::Ready;
-                    self.tend_inputs(board);
-                }
+                self.abort(board);
                 Reply::Done
             }
             Request::ReadSummary(run) => {
@@ -189,6 +199,61 @@ impl<'m> Instrument<'m> {
         }
     }
 
+    /// Throws the run away, unless it is one of a self-test, of which nobody knows.
+    fn abort(&mut self, board: &mut impl Board) {
+        if self.selftest.is_none()
+            && let Some(run) = self.run.take()
+        {
+            self.buffers = run.into_buffers();
+            self.synthetic = None;
+            self.state = State::Ready;
+            self.tend_inputs(board);
+        }
+    }
+
+    /// Forgets set-up and runs.
+    pub(super) fn clear(&mut self) {
+        self.setup.clear();
+        self.lines = None;
+        self.forget_runs();
+        self.state = State::Empty;
+    }
+
+    /// The next step of a self-test between its runs; `true` if another one follows at once.
+    pub(super) fn go_on_testing(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+        let Some(progress) = &mut self.selftest else {
+            return false;
+        };
+        // Between the requests the box is empty, whatever it does on its own.
+        self.state = State::Empty;
+        if self.archive.is_none() || self.asked.is_some() {
+            return false;
+        }
+        if self.run.is_some() {
+            return true;
+        }
+        let run = progress.run;
+        progress.run += 1;
+        for summary in self.summaries.iter().flatten() {
+            progress.health = progress.health.union(summary.health);
+        }
+        self.state = State::Ready;
+        let begun = if run < selftest::RUNS {
+            self.begin(&selftest::start(run), board)
+        } else {
+            self.leave_job(&selftest::QUESTION)
+        };
+        self.state = State::Empty;
+        if begun.is_err() {
+            let found = selftest::judge(None, progress_health(self.selftest.take()));
+            self.clear();
+            if let Some(pending) = self.pending.take() {
+                out.reply(pending.id, &Reply::Selftest(found));
+            }
+        }
+        self.run.is_some()
+    }
+
     fn run_index(&self, run: u8) -> Result<usize, Problem> {
         if self.state == State::Empty {
             return self.only(State::Ready).map(|()| 0);
@@ -202,7 +267,7 @@ impl<'m> Instrument<'m> {
         self.ended = None;
         self.answer = None;
         self.stored = 0;
-        if let Some(store) = self.archive.store_mut() {
+        if let Some(store) = &mut self.archive {
             store.runs.clear();
         }
     }
@@ -242,8 +307,11 @@ impl<'m> Instrument<'m> {
             state: self.state,
             busy: self.pending.map(|p| p.number),
             fingerprint: known.then(|| self.setup.fingerprint()),
-            running: self.run.as_ref().map(Run::running),
-            stored: self.stored,
+            running: match self.state {
+                State::Running => self.run.as_ref().map(Run::running),
+                _ => None,
+            },
+            stored: if known { self.stored } else { 0 },
             surveyed: if known { self.setup.surveyed() } else { 0 },
             answer: self.answer.is_some(),
             unsaved: board.unsaved(),
@@ -289,11 +357,17 @@ impl<'m> Instrument<'m> {
     }
 
     fn start(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
-        if self.run.as_ref().is_some_and(|run| run.start == *start) {
+        let same = self.run.as_ref().is_some_and(|run| run.start == *start);
+        if same && self.state == State::Running {
             return Ok(());
         }
         self.only(State::Ready)?;
         self.not_busy()?;
+        self.begin(start, board)
+    }
+
+    /// Begins a run.
+    fn begin(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
         let number = self.setup.run_index(start.run)?;
         if start.limit == Some(0) {
             return Err(range(Field::Limit, 0, 0.0, 1.0, u64::MAX as f64));
@@ -331,7 +405,7 @@ impl<'m> Instrument<'m> {
                 }
                 board.start_inputs(self.setup.sample_rate())?;
             }
-            Source::Synthetic => return Err(Problem::Unsupported(Item::Source)),
+            Source::Synthetic => self.synthetic = Some(Synthetic::new(&self.setup, number)),
         }
         let buffers = core::mem::take(&mut self.buffers);
         // `end_setup` has seen that the blocks fit.
@@ -452,7 +526,9 @@ impl<'m> Instrument<'m> {
     }
 
     fn stop(&mut self, board: &mut impl Board) -> Result<crate::wire::Summary, Problem> {
-        if let Some(summary) = self.conclude(Outcome::Stopped, board) {
+        if self.selftest.is_none()
+            && let Some(summary) = self.conclude(Outcome::Stopped, board)
+        {
             return Ok(summary);
         }
         let ended = self.ended.ok_or(missing(Item::Summary, 0))?;
@@ -463,7 +539,7 @@ impl<'m> Instrument<'m> {
 
     fn read_lines(&self, id: u16, read: &ReadLines, out: &mut impl Outbox) -> Result<(), Problem> {
         let at = self.run_index(read.run)?;
-        let Some(store) = self.archive.store() else {
+        let Some(store) = &self.archive else {
             return self.not_busy();
         };
         let count = match (&self.lines, store.runs.kept(at)) {
@@ -500,7 +576,6 @@ impl<'m> Instrument<'m> {
     ) -> Result<(), Problem> {
         self.only(State::Ready)?;
         self.not_busy()?;
-        let runs = self.asked_runs(question)?;
         if let Some(mass) = question.known_mass {
             within(Field::KnownMass, 0, mass, f64::MIN_POSITIVE, f64::MAX)?;
         }
@@ -520,29 +595,22 @@ impl<'m> Instrument<'m> {
             within(Field::FitBand, 0, low, 0.0, f64::MAX)?;
             within(Field::FitBand, 0, high, low, f64::MAX)?;
         }
-        let accelerations = self.accelerations_of(runs, question.method)?;
-        let Some(lines) = self.lines.clone() else {
-            return self.only(State::SettingUp);
-        };
-        let store = match core::mem::replace(&mut self.archive, Archive::Away) {
-            Archive::Here(store) => store,
-            other => {
-                self.archive = other;
-                return self.not_busy();
-            }
-        };
+        self.leave_job(question)?;
         self.pending = Some(Pending {
             id,
             number: Request::Identify(*question).number(),
             since: board.ticks(),
         });
-        self.archive = Archive::Waiting(Job {
-            store,
+        Ok(())
+    }
+
+    /// Leaves a job to be taken.
+    fn leave_job(&mut self, question: &Question) -> Result<(), Problem> {
+        let runs = self.asked_runs(question)?;
+        let accelerations = self.accelerations_of(runs, question.method)?;
+        self.asked = Some(Asked {
             question: Question { runs, ..*question },
-            lines,
-            reference: self.setup.reference(),
             accelerations,
-            answer: None,
         });
         Ok(())
     }
@@ -575,7 +643,7 @@ impl<'m> Instrument<'m> {
         for run in (0..RUNS as u8).filter(|run| runs & 1 << run != 0) {
             let kept = self
                 .archive
-                .store()
+                .as_ref()
                 .and_then(|s| s.runs.kept(usize::from(run)));
             let Some(found) = kept.map(|k| k.accelerations) else {
                 continue;
@@ -597,6 +665,10 @@ impl<'m> Instrument<'m> {
         }
         Ok(common.unwrap_or(Accelerations::Interface))
     }
+}
+
+fn progress_health(progress: Option<Progress>) -> Health {
+    progress.map_or(Health::GOOD, |p| p.health)
 }
 
 fn missing(item: Item, index: usize) -> Problem {

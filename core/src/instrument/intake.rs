@@ -13,6 +13,8 @@ pub(super) enum Sample<'a> {
     Host(Values<'a>, usize),
     /// One of the box's own converters.
     Counts(&'a [i32], &'a [Health]),
+    /// One that the box has computed, in SI.
+    Computed(&'a [f32]),
 }
 
 /// What becomes of a channel.
@@ -135,5 +137,6 @@ fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
             let known = health.get(c).copied().unwrap_or(Health::GOOD);
             counts.get(c).map_or(missing, |x| channel.count(*x, known))
         }
+        Sample::Computed(list) => list.get(c).map_or(missing, |x| (*x, Health::GOOD)),
     }
 }

@@ -21,6 +21,7 @@
 //! | `store` | finished runs |
 //! | `job` | the identification |
 //! | `answer` | what was found, in the contract's words |
+//! | `synthetic`, `selftest` | a body that the box computes, and the test of the box with it |
 //! | `live` | levels, and samples on their way to a recording |
 //!
 //! # Design
@@ -44,9 +45,11 @@ mod job;
 mod live;
 pub mod memory;
 mod run;
+mod selftest;
 mod setup;
 mod store;
 mod survey;
+mod synthetic;
 
 pub use answer::{Findings, answer};
 pub use board::{Board, Identity, Outbox, RawSample, Vitals};
@@ -55,15 +58,18 @@ pub use memory::{Memory, RunStorage, WorkingStorage};
 
 use crate::calibration;
 use crate::wire::{
-    Event, Fault, FaultKind, Identified, Outcome, Problem, Refused, Reply, Request, Setting,
-    SettingKey, Source, Start, Started, State, Stream, Subscription, Summary, Taken, Telemetry,
+    Accelerations, Event, Fault, FaultKind, Identified, Outcome, Problem, Question, Refused, Reply,
+    Request, Setting, SettingKey, Source, Start, Started, State, Stream, Subscription, Summary,
+    Taken, Telemetry,
 };
 use intake::Sample;
 use live::{LevelMeter, Recorder};
-use memory::RUNS;
+use memory::{CHANNELS, RUNS};
 use run::{Buffers, Run};
+use selftest::Progress;
 use setup::{Lines, SetUp};
 use store::Store;
+use synthetic::Synthetic;
 
 /// A request that is still being worked on.
 #[derive(Clone, Copy, Debug)]
@@ -74,35 +80,11 @@ struct Pending {
     since: u64,
 }
 
-/// Where the stored runs are.
-#[derive(Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one, and no heap to put it on"
-)]
-enum Archive<'m> {
-    /// In their place.
-    Here(Store<'m>),
-    /// In a job that waits to be taken.
-    Waiting(Job<'m>),
-    /// In a job that has been taken.
-    Away,
-}
-
-impl<'m> Archive<'m> {
-    fn store(&self) -> Option<&Store<'m>> {
-        match self {
-            Self::Here(store) => Some(store),
-            Self::Waiting(_) | Self::Away => None,
-        }
-    }
-
-    fn store_mut(&mut self) -> Option<&mut Store<'m>> {
-        match self {
-            Self::Here(store) => Some(store),
-            Self::Waiting(_) | Self::Away => None,
-        }
-    }
+/// A question that waits for its job to be taken.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    question: Question,
+    accelerations: Accelerations,
 }
 
 /// A run that has ended.
@@ -123,10 +105,17 @@ pub struct Instrument<'m> {
     /// Storage of a run, while none is going on.
     buffers: Buffers<'m>,
     run: Option<Run<'m>>,
+    /// Where the samples of a synthetic run come from.
+    synthetic: Option<Synthetic>,
+    /// The self-test that is going on.
+    selftest: Option<Progress>,
     summaries: [Option<Summary>; RUNS],
     /// The run that ended last.
     ended: Option<Ended>,
-    archive: Archive<'m>,
+    /// The stored runs, unless a job has them.
+    archive: Option<Store<'m>>,
+    /// What the next job is about.
+    asked: Option<Asked>,
     /// Bit k: run k is stored.
     stored: u32,
     pending: Option<Pending>,
@@ -170,9 +159,12 @@ impl<'m> Instrument<'m> {
                 sums,
             },
             run: None,
+            synthetic: None,
+            selftest: None,
             summaries: [None; RUNS],
             ended: None,
-            archive: Archive::Here(Store::new(responses, drive, solver)),
+            archive: Some(Store::new(responses, drive, solver)),
+            asked: None,
             stored: 0,
             pending: None,
             answer: None,
@@ -266,28 +258,60 @@ impl<'m> Instrument<'m> {
                 recorder.send(out);
             }
         }
-        false
+        if self.selftest.is_some() {
+            // Nobody has asked for the runs of a self-test.
+            self.compute(board, &mut Silence);
+            return self.go_on_testing(board, out);
+        }
+        self.compute(board, out)
+    }
+
+    /// Computes some samples of a synthetic run; `true` if there is one.
+    fn compute(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+        for _ in 0..COMPUTED_TOGETHER {
+            let (Some(run), Some(synthetic)) = (&mut self.run, &mut self.synthetic) else {
+                return false;
+            };
+            let mut sample = [0.0; CHANNELS];
+            let channels = synthetic.sample(&mut sample);
+            let sample = sample.get(..channels).unwrap_or(&[]);
+            run.push(&Sample::Computed(sample), board, out);
+            self.meter();
+            self.end_if_complete(board, out);
+        }
+        true
     }
 
     /// The job that a request has left to be done, once. It comes back by
     /// [`Self::finish`].
     pub fn take_job(&mut self) -> Option<Job<'m>> {
-        match core::mem::replace(&mut self.archive, Archive::Away) {
-            Archive::Waiting(job) => Some(job),
-            other => {
-                self.archive = other;
-                None
-            }
-        }
+        let (Some(asked), Some(lines)) = (self.asked.take(), self.lines.clone()) else {
+            return None;
+        };
+        Some(Job {
+            store: self.archive.take()?,
+            question: asked.question,
+            lines,
+            reference: self.setup.reference(),
+            accelerations: asked.accelerations,
+            answer: None,
+        })
     }
 
     /// Takes a job back and answers the request behind it.
     pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
         let Job { store, answer, .. } = job;
-        self.archive = Archive::Here(store);
+        self.archive = Some(store);
         let Some(pending) = self.pending.take() else {
             return;
         };
+        if let Some(progress) = self.selftest.take() {
+            let answer = answer.and_then(Result::ok);
+            let found = selftest::judge(answer.as_ref(), progress.health);
+            self.clear();
+            out.reply(pending.id, &Reply::Selftest(found));
+            return;
+        }
         let ticks = board.ticks().saturating_sub(pending.since);
         let reply = match answer {
             Some(Ok(answer)) => {
@@ -385,14 +409,15 @@ impl<'m> Instrument<'m> {
                 missing: run.missing(),
             },
         });
-        let store = self.archive.store_mut().map(|s| &mut s.runs);
+        let store = self.archive.as_mut().map(|s| &mut s.runs);
         let (summary, peaks, buffers) = run.finish(outcome, self.identity.tick_hz, store);
         self.buffers = buffers;
+        self.synthetic = None;
         self.state = State::Ready;
         if let Some(peaks) = peaks {
             self.setup.set_peaks(number, peaks);
         }
-        if let Some(store) = self.archive.store() {
+        if let Some(store) = &self.archive {
             self.stored = store.runs.mask();
         }
         if let Some(slot) = self.summaries.get_mut(number) {
@@ -415,6 +440,18 @@ impl<'m> Instrument<'m> {
             board.stop_inputs();
         }
     }
+}
+
+/// Samples of a synthetic run that are computed in one go.
+const COMPUTED_TOGETHER: usize = 8;
+
+/// Where events go that nobody has asked for.
+struct Silence;
+
+impl Outbox for Silence {
+    fn reply(&mut self, _request: u16, _reply: &Reply<'_>) {}
+
+    fn event(&mut self, _event: &Event<'_>) {}
 }
 
 /// The beginning of a text, at most `most` bytes of it.

@@ -18,6 +18,13 @@ use nalgebra::Vector3;
 /// Highest sample rate that is believed, Hz.
 const SAMPLE_RATE_MAX: f64 = 1e6;
 
+const NO_PLAN: Plan = Plan {
+    sensors: 0,
+    runs: 0,
+    reference_point: [0.0; 3],
+    fingerprint: 0,
+};
+
 /// A sensor as it was sent.
 #[derive(Clone, Copy, Debug)]
 struct SensorPiece {
@@ -93,12 +100,7 @@ impl SetUp {
     /// None of its pieces are there yet.
     pub(super) const fn new() -> Self {
         Self {
-            plan: Plan {
-                sensors: 0,
-                runs: 0,
-                reference_point: [0.0; 3],
-                fingerprint: 0,
-            },
+            plan: NO_PLAN,
             processing: None,
             sensors: [const { None }; SENSORS],
             runs: [const { None }; RUNS],
@@ -116,7 +118,14 @@ impl SetUp {
         for x in plan.reference_point {
             finite(Field::ReferencePoint, 0, x)?;
         }
+        self.clear();
         self.plan = *plan;
+        Ok(())
+    }
+
+    /// Forgets all pieces.
+    pub(super) fn clear(&mut self) {
+        self.plan = NO_PLAN;
         self.processing = None;
         self.sensors.fill(None);
         for run in &mut self.runs {
@@ -126,7 +135,6 @@ impl SetUp {
         self.weighted = [false; RUNS];
         self.peaks = [[0.0; SENSORS]; RUNS];
         self.surveyed = [false; RUNS];
-        Ok(())
     }
 
     pub(super) fn fingerprint(&self) -> u32 {
@@ -291,6 +299,16 @@ impl SetUp {
         self.run(run).map_or(&[], |r| &r.channels)
     }
 
+    /// A sensor as geometry, with weight one.
+    pub(super) fn sensor(&self, sensor: usize) -> Option<RunSensor> {
+        self.piece(sensor)?.geometry(1.0).ok()
+    }
+
+    /// How the specimen stands in a run.
+    pub(super) fn placement(&self, run: usize) -> Placement {
+        self.run(run).map(|r| r.placement).unwrap_or_default()
+    }
+
     /// How a sensor's readings become SI.
     pub(super) fn scale(&self, sensor: usize) -> Option<Scale> {
         self.piece(sensor).map(|p| p.scale)
@@ -332,7 +350,7 @@ impl SetUp {
             // Each was checked when it came.
             piece.geometry(weight(sensor, piece)).ok()
         });
-        let placement = self.run(run).map(|r| r.placement).unwrap_or_default();
+        let placement = self.placement(run);
         let index = run as u32;
         RunGeometry::new(sensors, &placement, &self.reference()).map_err(|e| match e {
             GeometryError::NoAccelerometer => Problem::Missing {
