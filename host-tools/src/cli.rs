@@ -1,6 +1,6 @@
 //! The command line: one file a command, in [`crate::commands`].
 
-use crate::commands::{self, demo, identify, replay, simulate, study};
+use crate::commands::{self, board, demo, flash, identify, replay, simulate, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -38,6 +38,8 @@ enum Command {
     Simulate(simulate::Arguments),
     Study(study::Arguments),
     Replay(replay::Arguments),
+    Board(board::Arguments),
+    Flash(flash::Arguments),
     /// Print a completion script for your shell
     #[command(
         after_help = "Example:\n  massline completions bash > ~/.local/share/bash-completion/completions/massline"
@@ -59,6 +61,8 @@ pub fn main() -> ExitCode {
         Command::Simulate(a) => simulate::run(&a, verbosity),
         Command::Study(a) => study::run(&a, verbosity),
         Command::Replay(a) => replay::run(&a, verbosity),
+        Command::Board(a) => board::run(&a, verbosity),
+        Command::Flash(a) => flash::run(&a, verbosity),
         Command::Completions { shell } => {
             let mut command = <Cli as clap::CommandFactory>::command();
             // By way of memory: the generator panics when a reader hangs up.

@@ -1,6 +1,8 @@
 //! One file a command; what they share of talking to the user.
 
+pub mod board;
 pub mod demo;
+pub mod flash;
 pub mod identify;
 pub mod replay;
 pub mod simulate;
@@ -12,7 +14,7 @@ mod device;
 mod progress;
 mod table;
 
-pub use progress::Bar;
+pub use progress::{Bar, Spinner};
 pub use table::print_answer;
 
 use crate::cli::Verbosity;

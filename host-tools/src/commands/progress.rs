@@ -43,3 +43,33 @@ impl Drop for Bar {
         self.bar.finish_and_clear();
     }
 }
+
+/// Something turns while it is not known how long it takes.
+pub struct Spinner {
+    bar: ProgressBar,
+}
+
+impl Spinner {
+    /// A spinner that says `what`; invisible if quiet or stderr is no terminal.
+    #[must_use]
+    pub fn new(what: &'static str, verbosity: Verbosity) -> Self {
+        let target = if verbosity.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
+        let bar = ProgressBar::with_draw_target(None, target);
+        if let Ok(style) = ProgressStyle::with_template("{prefix:>12} {spinner} {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.set_prefix(what);
+        bar.enable_steady_tick(std::time::Duration::from_millis(100));
+        Self { bar }
+    }
+}
+
+impl Drop for Spinner {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     match (outcome.identical(), flip) {
         (true, None) => Ok(()),
         (true, Some(_)) => {
-            let note = "the flipped bit changed nothing: its sample lies in no averaged block, or its channel in no compared number; flip one near the middle of a run";
+            let note = "the flipped bit changed nothing: its sample lies in no averaged block, its channel in no compared number, or it is so small that rounding swallows it; flip a higher bit near the middle of a run";
             warn(&[note.to_owned()], verbosity);
             Ok(())
         }

@@ -1,0 +1,49 @@
+//! `massline board`: the box next to the table, asked directly.
+
+mod forget;
+mod info;
+mod restart;
+mod selftest;
+mod settings;
+
+use super::Failure;
+use crate::cli::Verbosity;
+use clap::Subcommand;
+
+/// Ask the box next to the table who it is, and have it test itself
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  massline board info --port /dev/ttyACM0\n  massline board selftest --emulator\n  massline board settings --port COM3 --set name=\"table 2\" --save\n\n`massline board COMMAND --help` shows more."
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Info(info::Arguments),
+    Selftest(selftest::Arguments),
+    Settings(settings::Arguments),
+    Forget(forget::Arguments),
+    Restart(restart::Arguments),
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`] with the reason.
+pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    match &arguments.command {
+        Command::Info(a) => info::run(a, verbosity),
+        Command::Selftest(a) => selftest::run(a, verbosity),
+        Command::Settings(a) => settings::run(a, verbosity),
+        Command::Forget(a) => forget::run(a, verbosity),
+        Command::Restart(a) => restart::run(a, verbosity),
+    }
+}
+
+/// A line of what a box says: what, and the text.
+fn print_row(out: &mut impl std::io::Write, what: &str, text: &str) -> std::io::Result<()> {
+    writeln!(out, "{what:<16}{text}")
+}

@@ -1,0 +1,226 @@
+//! The commands that talk to a box, with the box in this program.
+
+mod bench;
+
+use bench::{Bench, Finished, command, finish, massline};
+use serde_json::Value;
+use std::path::Path;
+
+fn replay(bench: &Bench, arguments: &[&str]) -> Finished {
+    let own = ["replay", "setup.toml", "--host"];
+    massline(bench.path(), own.iter().chain(arguments))
+}
+
+fn board(arguments: &[&str]) -> Finished {
+    let own = ["board", arguments[0], "--host"];
+    massline(Path::new("."), own.iter().chain(&arguments[1..]))
+}
+
+fn document(finished: &Finished) -> Value {
+    serde_json::from_str(&finished.stdout).unwrap_or_else(|e| panic!("{e}: {finished:?}"))
+}
+
+#[test]
+fn a_replay_is_identical_and_says_so() {
+    let finished = replay(&Bench::fork(), &["--method", "apparent-mass,a"]);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    assert_eq!(finished.stderr, "");
+    let last = finished.stdout.lines().last().unwrap();
+    assert!(last.starts_with("identical: "), "{last}");
+    for words in [
+        "ten numbers by apparent-mass",
+        "ten numbers by a ",
+        "weighted",
+    ] {
+        assert!(finished.stdout.contains(words), "{}", finished.stdout);
+    }
+    assert!(!finished.stdout.contains("differ"), "{}", finished.stdout);
+}
+
+#[test]
+fn a_flipped_bit_is_code_1_with_its_run_and_line_named() {
+    // The highest bit of the mantissa: the lowest one of a reading across the motion would be
+    // lost in the rounding of the sums that it goes into.
+    let flip = ["--flip", "lateral Z:1500:a1:22"];
+    let finished = replay(&Bench::fork(), &flip);
+    assert_eq!(finished.code, Some(1), "{finished:?}");
+    let table = &finished.stdout;
+    let differing: Vec<&str> = table.lines().filter(|l| l.ends_with(" differ")).collect();
+    assert!(differing[0].contains("lateral Z"), "{table}");
+    assert!(table.contains("    line 0 ("), "{table}");
+    assert!(finished.stderr.contains("flipped bit was noticed"));
+}
+
+#[test]
+fn a_flip_beyond_the_blocks_is_said_to_hit_nothing() {
+    let finished = replay(
+        &Bench::fork(),
+        &["--blocks", "2", "--flip", "1:100000:a1:0"],
+    );
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    assert!(finished.stderr.contains("changed nothing"), "{finished:?}");
+}
+
+#[test]
+fn the_document_has_every_comparison() {
+    let finished = replay(&Bench::fork(), &["--blocks", "3", "--json", "--iterative"]);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    let document = document(&finished);
+    assert_eq!(document["schema"], "massline/replay/1");
+    assert_eq!(document["identical"], true);
+    assert_eq!(document["link"]["lost"], 0);
+    let compared = document["compared"].as_array().unwrap();
+    let kinds: Vec<&str> = compared
+        .iter()
+        .map(|entry| entry["kind"].as_str().unwrap())
+        .collect();
+    assert_eq!(kinds, ["grid", "run", "run", "run", "answer"]);
+    for entry in &compared[1..4] {
+        assert_eq!(entry["blocks"], 3);
+        assert_eq!(entry["samples"], document["samples_per_run"]);
+        assert_eq!(entry["different"], 0);
+    }
+}
+
+#[test]
+fn what_the_box_cannot_do_is_code_2_with_a_way_out() {
+    let long = |bench: Bench| bench.setup("block_length = 1024", "block_length = 2048");
+    let undriven = |bench: Bench| {
+        bench.edit("setup.toml", |text| {
+            let kept = text.lines().filter(|line| !line.starts_with("reference ="));
+            kept.collect::<Vec<_>>().join("\n")
+        })
+    };
+    for (bench, words) in [
+        (long(Bench::fork()), "set `block_length = 1024`"),
+        (undriven(Bench::fork()), "record it and name its channel"),
+    ] {
+        let finished = replay(&bench, &[]);
+        assert_eq!(finished.code, Some(2), "{finished:?}");
+        assert!(finished.stderr.contains(words), "{}", finished.stderr);
+    }
+}
+
+#[test]
+fn exactly_one_place_of_the_box_is_named() {
+    let run = |arguments: &[&str]| massline(Path::new("."), arguments);
+    for (arguments, word) in [
+        (&["board", "info"][..], "<--port <DEV>|--emulator|--host>"),
+        (&["board", "info", "--host", "--emulator"], "--emulator"),
+        (&["board", "info", "--host", "--baud", "9600"], "--baud"),
+        (&["board", "info", "--port", "/dev/none"], "--emulator"),
+        (
+            &["board", "info", "--emulator", "--elf", "none"],
+            "cargo build --release -p massline-firmware",
+        ),
+    ] {
+        let finished = run(arguments);
+        assert_eq!(finished.code, Some(2), "{arguments:?}");
+        assert!(finished.stderr.contains(word), "{}", finished.stderr);
+    }
+}
+
+#[test]
+fn help_of_the_box_is_one_screen_with_an_example() {
+    for command in ["info", "selftest", "settings", "forget", "restart"] {
+        let finished = massline(Path::new("."), ["board", command, "--help"]);
+        assert_eq!(finished.code, Some(0), "{command}");
+        let help = &finished.stdout;
+        assert!(
+            help.contains(&format!("  massline board {command} --")),
+            "{help}"
+        );
+        assert!(help.lines().count() <= 50, "{help}");
+    }
+}
+
+#[test]
+fn info_says_who_it_is_and_what_fits() {
+    let finished = board(&["info"]);
+    assert_eq!((finished.code, &*finished.stderr), (Some(0), ""));
+    for line in [
+        "massline ",
+        "clock ",
+        "fits ",
+        "methods ",
+        "doing           no set-up",
+    ] {
+        let table = &finished.stdout;
+        assert!(table.lines().any(|l| l.starts_with(line)), "{table}");
+    }
+    let document = document(&board(&["info", "--json"]));
+    assert_eq!(document["schema"], "massline/board/1");
+    assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));
+    let methods = document["capacity"]["methods"].as_array().unwrap();
+    assert!(methods.contains(&"apparent-mass".into()), "{methods:?}");
+}
+
+#[test]
+fn settings_are_changed_and_what_is_not_kept_is_said() {
+    let changes = ["settings", "--set", "name=table 2", "--set", "rate=256"];
+    let finished = board(&changes);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    assert!(finished.stdout.contains("name            table 2\n"));
+    assert!(finished.stdout.contains("256 samples/s"));
+    assert!(finished.stderr.contains("--save"), "{}", finished.stderr);
+    let finished = board(&[&changes[..], &["--save", "--json"]].concat());
+    assert_eq!(document(&finished)["saved"], true);
+    assert!(finished.stderr.contains("until it is switched off"));
+    let finished = board(&["settings", "--set", "rate=0"]);
+    assert_eq!(finished.code, Some(2));
+    assert!(
+        finished.stderr.contains("1 to 65536"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
+fn flash_says_what_it_would_run_and_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("firmware"), "").unwrap();
+    let flash = ["flash", "--elf", "firmware", "--probe", "0483:374b"];
+    let dry = massline(folder.path(), flash.iter().chain(&["--dry-run"]));
+    assert_eq!(dry.code, Some(0), "{dry:?}");
+    assert_eq!(
+        dry.stdout,
+        "probe-rs download --chip STM32F405RGTx --probe 0483:374b --verify firmware\n\
+         probe-rs reset --chip STM32F405RGTx --probe 0483:374b\n"
+    );
+    let mut without = command(folder.path(), flash);
+    without.env("PATH", folder.path());
+    let finished = finish(without);
+    assert_eq!(finished.code, Some(2), "{finished:?}");
+    assert!(
+        finished
+            .stderr
+            .contains("cargo install probe-rs-tools --locked")
+    );
+}
+
+// A stand-in for probe-rs: what it is asked goes into a file, and it fails on request.
+#[cfg(unix)]
+#[test]
+fn flash_writes_then_starts_and_passes_a_failure_on() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("firmware"), "").unwrap();
+    let program = folder.path().join("probe-rs");
+    let script = "#!/bin/sh\necho \"$1\" >> asked\n[ \"$1\" != \"$FAILS\" ]\n";
+    std::fs::write(&program, script).unwrap();
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    for (fails, code, asked) in [
+        ("nothing", 0, "download\nreset\n"),
+        ("download", 2, "download\n"),
+        ("reset", 2, "download\nreset\n"),
+    ] {
+        let mut flash = command(folder.path(), ["flash", "--elf", "firmware"]);
+        flash.env("PATH", folder.path()).env("FAILS", fails);
+        let finished = finish(flash);
+        assert_eq!(finished.code, Some(code), "{finished:?}");
+        let log = folder.path().join("asked");
+        assert_eq!(std::fs::read_to_string(&log).unwrap(), asked);
+        std::fs::remove_file(log).unwrap();
+        assert_eq!(finished.stderr.contains("failed, see above"), code != 0);
+    }
+}
