@@ -9,14 +9,14 @@
 //!
 //! | what happens | what the sample says | what is done |
 //! | --- | --- | --- |
-//! | a frame with a wrong checksum | `CHECKSUM` on that converter's inputs | nothing; after [`GARBLED`] in a row the converter is prepared anew |
+//! | a frame with a wrong checksum, or of one level throughout | `CHECKSUM` or `STUCK` on that converter's inputs | nothing; after [`GARBLED`] in a row the converter is prepared anew |
 //! | an edge was lost, or came while the box was busy | numbers jump, and `MISSING` on all inputs | buffers are emptied: what they held has no sure number |
 //! | an edge beside the grid of samples | `MISSING` on all inputs | after [`BESIDE`] in a row the grid is taken to be there |
 //! | one line is not low when the others are | `MISSING` on its inputs; after [`ABSENT`] in a row `OUT_OF_STEP` | all are restarted together |
 //! | a line falls when the others do not | `OUT_OF_STEP` on its inputs from the next sample on | all are restarted together |
 //! | a converter says it was restarted | `OUT_OF_STEP` | all are restarted together |
 //! | a converter says it was reset, or is not configured as it was | `CONVERTER_RESET` | it is prepared anew, all are restarted together |
-//! | a converter cannot be prepared | `MISSING` | again after [`RETRY`] samples; the others go on without |
+//! | a converter cannot be prepared | `MISSING`, and what it was lost for | again after [`RETRY`] samples; the others go on without |
 //! | no edge at all | numbers jump | [`Acquisition::watch`] prepares all and restarts them |
 //!
 //! A converter that is not where the others are is asked at once whether it was reset: then that
@@ -32,10 +32,12 @@
 //!
 //! Counts of a converter always go to its own inputs: nothing that is missing shifts what is not.
 
+mod chip;
 mod grid;
 
+use self::chip::{Chip, State};
 use self::grid::{Grid, Place};
-use crate::drivers::{Converter, Fault, Reading};
+use crate::drivers::{Converter, Fault};
 use massline_core::wire::{self, FaultCounters, FaultKind, Health};
 
 /// Samples after a restart that are not believed: the response of a third-order filter.
@@ -83,28 +85,6 @@ pub struct Acquisition<const CHIPS: usize, const INPUTS: usize> {
     told: Option<wire::Fault>,
 }
 
-/// What is known of a converter.
-#[derive(Clone, Copy, Debug)]
-struct Chip {
-    state: State,
-    /// It may hold more than the newest sample.
-    full: bool,
-    absent: u8,
-    garbled: u8,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    /// It samples with the others.
-    InStep,
-    /// It samples, but not with the others.
-    OutOfStep,
-    /// It must be prepared.
-    Lost,
-    /// It could not be prepared; samples until it is tried again.
-    Down(u32),
-}
-
 impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     const TOGETHER: () = assert!(CHIPS <= 32, "converters are bits of a word");
 
@@ -112,16 +92,10 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     #[must_use]
     pub fn new(period: f32) -> Self {
         let () = Self::TOGETHER;
-        let chip = Chip {
-            state: State::Lost,
-            full: true,
-            absent: 0,
-            garbled: 0,
-        };
         Self {
             grid: Grid::new(period),
             number: 0,
-            chips: [chip; CHIPS],
+            chips: [Chip::NEW; CHIPS],
             counts: [0; INPUTS],
             health: [Health::MISSING; INPUTS],
             restart: None,
@@ -412,136 +386,4 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             part,
         });
     }
-}
-
-impl Chip {
-    /// Reads the newest sample and says what is wrong with it.
-    fn read(
-        &mut self,
-        converter: &mut dyn Converter,
-        counts: &mut [i32],
-        (is_ready, is_settling): (bool, bool),
-        faults: &mut FaultCounters,
-        restart: &mut Option<Health>,
-    ) -> Health {
-        match self.state {
-            State::InStep if is_ready => {}
-            // The sample is not believed anyway; its flag is the reason of the restart.
-            State::InStep if is_settling => {
-                self.full = true;
-                return Health::GOOD;
-            }
-            State::InStep => {
-                if self.probe(converter, counts, faults) == Health::CONVERTER_RESET {
-                    return Health::CONVERTER_RESET;
-                }
-                self.absent += 1;
-                count(&mut faults.converter_missed);
-                if self.absent >= ABSENT {
-                    self.lose_step(faults, restart);
-                    return Health::OUT_OF_STEP;
-                }
-                return Health::MISSING;
-            }
-            State::OutOfStep => return Health::OUT_OF_STEP,
-            State::Lost => return Health::CONVERTER_RESET,
-            State::Down(_) => {
-                count(&mut faults.converter_missed);
-                return Health::MISSING;
-            }
-        }
-        self.absent = 0;
-        // What settles ends with empty buffers, so that a line that is low then is low for a new
-        // sample.
-        let was_full = core::mem::take(&mut self.full) || is_settling;
-        let newest = if was_full {
-            drain(converter, counts)
-        } else {
-            converter.read(counts)
-        };
-        match newest {
-            // Its line was low for what was left over, too: whether its newest sample belongs to
-            // this edge will be seen at the next one.
-            Ok(_) if was_full && !is_settling => Health::MISSING,
-            Ok(reading) => {
-                self.garbled = 0;
-                if reading.refused {
-                    count(&mut faults.converter_checksum);
-                }
-                Health::GOOD
-            }
-            Err(Fault::Checksum) => {
-                count(&mut faults.converter_checksum);
-                // What was left over may still be.
-                self.full = was_full;
-                self.garbled += 1;
-                if self.garbled >= GARBLED {
-                    self.state = State::Lost;
-                }
-                Health::CHECKSUM
-            }
-            Err(Fault::Reset) => {
-                count(&mut faults.converter_reset);
-                self.state = State::Lost;
-                Health::CONVERTER_RESET
-            }
-            Err(Fault::Resynchronised | Fault::Stale) if is_settling => {
-                self.full = true;
-                Health::GOOD
-            }
-            Err(Fault::Resynchronised) => {
-                self.full = true;
-                self.lose_step(faults, restart);
-                Health::OUT_OF_STEP
-            }
-            Err(_) => {
-                count(&mut faults.converter_missed);
-                self.full = true;
-                Health::MISSING
-            }
-        }
-    }
-
-    /// Asks a converter that is not where the others are whether it was reset.
-    fn probe(
-        &mut self,
-        converter: &mut dyn Converter,
-        counts: &mut [i32],
-        faults: &mut FaultCounters,
-    ) -> Health {
-        self.full = true;
-        if converter.read(counts) == Err(Fault::Reset) {
-            count(&mut faults.converter_reset);
-            self.state = State::Lost;
-            return Health::CONVERTER_RESET;
-        }
-        Health::MISSING
-    }
-
-    fn lose_step(&mut self, faults: &mut FaultCounters, restart: &mut Option<Health>) {
-        count(&mut faults.out_of_step);
-        self.state = State::OutOfStep;
-        self.absent = 0;
-        *restart = restart.or(Some(Health::OUT_OF_STEP));
-    }
-}
-
-/// Reads until there is nothing left, and gives the last sample.
-fn drain(converter: &mut dyn Converter, counts: &mut [i32]) -> Result<Reading, Fault> {
-    let mut newest = Err(Fault::Stale);
-    for _ in 0..BUFFERED {
-        newest = match converter.read(counts) {
-            Ok(reading) => Ok(reading),
-            Err(Fault::Stale) => return newest,
-            // Told once after a restart, with a sample that is none.
-            Err(Fault::Resynchronised) if newest.is_err() => newest,
-            Err(fault) => return Err(fault),
-        };
-    }
-    // It delivers faster than it is read.
-    Err(Fault::Stale)
-}
-
-fn count(faults: &mut u32) {
-    *faults = faults.saturating_add(1);
 }

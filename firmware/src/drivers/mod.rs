@@ -47,6 +47,8 @@ pub enum Fault {
     Bus,
     /// What came is not what was sent: checksum, padding or a word that cannot be.
     Checksum,
+    /// Nothing but zeros or nothing but ones came: the line does not move.
+    Stuck,
     /// There is no new sample.
     Stale,
     /// The device has lost its settings: it has reset itself, or they were changed.
@@ -85,6 +87,9 @@ impl core::fmt::Display for Fault {
             Self::Checksum => {
                 f.write_str("a frame came with a wrong checksum: shorten or shield the wires")
             }
+            Self::Stuck => f.write_str(
+                "the data line is stuck at one level: see its wire and the converter's supply",
+            ),
             Self::Stale => f.write_str("there is no new sample: see the converter's clock"),
             Self::Reset => f.write_str("the converter has reset itself: see its supply"),
             Self::Resynchronised => {

@@ -48,7 +48,8 @@ impl Kind {
     #[must_use]
     pub const fn flag(self) -> Health {
         match self {
-            Self::WrongBits | Self::Burst | Self::Noise | Self::StuckLine => Health::CHECKSUM,
+            Self::WrongBits | Self::Burst | Self::Noise => Health::CHECKSUM,
+            Self::StuckLine => Health::STUCK,
             Self::WrongRequest => Health::GOOD,
             Self::Bus | Self::LostSample | Self::HiddenReady => Health::MISSING,
             Self::Reset => Health::CONVERTER_RESET,

@@ -401,8 +401,11 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         self.spi
             .transaction(&mut exchange)
             .map_err(|_| Fault::Bus)?;
-        let words = frame::checked(&bytes, WORDS - 1).ok_or(Fault::Checksum)?;
-
+        let Some(words) = frame::checked(&bytes, WORDS - 1) else {
+            let is_stuck = |level: u8| bytes.iter().all(|&byte| byte == level);
+            let stuck = is_stuck(0) || is_stuck(u8::MAX);
+            return Err(if stuck { Fault::Stuck } else { Fault::Checksum });
+        };
         let status = word(words, 0);
         let refused = status & status::CRC_ERR != 0;
         let status = status & !status::CRC_ERR;
