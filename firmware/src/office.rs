@@ -14,7 +14,7 @@ use crate::services::Services;
 
 /// The instrument and what it deals with.
 pub struct Office {
-    instrument: Instrument<'static>,
+    instrument: &'static mut Instrument<'static>,
     services: Services,
     inbox: Inbox,
     post: Post,
@@ -23,13 +23,15 @@ pub struct Office {
 impl Office {
     /// Opens it.
     pub fn new(
+        instrument: &'static mut Instrument<'static>,
         memory: Memory<'static>,
         identity: Identity<'static>,
         inbox: Inbox,
         post: Post,
     ) -> Self {
+        instrument.open(memory, identity);
         Self {
-            instrument: Instrument::new(memory, identity),
+            instrument,
             services: Services::new(),
             inbox,
             post,

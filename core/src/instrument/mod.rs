@@ -136,6 +136,51 @@ impl<'m> Instrument<'m> {
     /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
     #[must_use]
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
+        let mut opened = Self::closed();
+        opened.open(memory, identity);
+        opened
+    }
+
+    /// A box without memory, that can do nothing until it is opened: for a static, since it
+    /// is as large as a small stack.
+    #[must_use]
+    pub const fn closed() -> Self {
+        Self {
+            identity: Identity::NOBODY,
+            state: State::Empty,
+            setup: SetUp::new(),
+            lines: None,
+            buffers: Buffers {
+                history: &mut [],
+                work: &mut [],
+                lines: &mut [],
+                sums: &mut [],
+            },
+            run: None,
+            synthetic: None,
+            selftest: None,
+            summaries: [None; RUNS],
+            ended: None,
+            archive: Some(Store::new()),
+            asked: None,
+            stored: 0,
+            pending: None,
+            answer: None,
+            subscription: Subscription {
+                telemetry: 0,
+                levels: 0,
+                samples: Stream::Off,
+            },
+            levels: LevelMeter::new(),
+            recorder: None,
+            told: [0; 2],
+            longest_block: 0,
+            introduced: false,
+        }
+    }
+
+    /// Opens a closed one in its place: see [`Self::new`].
+    pub fn open(&mut self, memory: Memory<'m>, identity: Identity<'m>) {
         let WorkingStorage {
             history,
             lines,
@@ -147,33 +192,15 @@ impl<'m> Instrument<'m> {
             work,
             solver,
         } = memory.runs;
-        Self {
-            identity,
-            state: State::Empty,
-            setup: SetUp::new(),
-            lines: None,
-            buffers: Buffers {
-                history,
-                work,
-                lines,
-                sums,
-            },
-            run: None,
-            synthetic: None,
-            selftest: None,
-            summaries: [None; RUNS],
-            ended: None,
-            archive: Some(Store::new(responses, drive, solver)),
-            asked: None,
-            stored: 0,
-            pending: None,
-            answer: None,
-            subscription: Subscription::default(),
-            levels: LevelMeter::new(),
-            recorder: None,
-            told: [0; 2],
-            longest_block: 0,
-            introduced: false,
+        self.identity = identity;
+        self.buffers = Buffers {
+            history,
+            work,
+            lines,
+            sums,
+        };
+        if let Some(store) = &mut self.archive {
+            store.lend(responses, drive, solver);
         }
     }
 

@@ -34,19 +34,28 @@ pub(super) struct Store<'m> {
 }
 
 impl<'m> Store<'m> {
-    pub(super) fn new(
+    /// Without room for anything.
+    pub(super) const fn new() -> Self {
+        Self {
+            runs: Stored {
+                responses: &mut [],
+                drive: &mut [],
+                kept: [None; RUNS],
+            },
+            solver: &mut [],
+        }
+    }
+
+    /// Gives it room.
+    pub(super) fn lend(
+        &mut self,
         responses: &'m mut [[Complex32; RESULTANTS]],
         drive: &'m mut [f32],
         solver: &'m mut [Complex<f64>],
-    ) -> Self {
-        Self {
-            runs: Stored {
-                responses,
-                drive,
-                kept: [None; RUNS],
-            },
-            solver,
-        }
+    ) {
+        self.runs.responses = responses;
+        self.runs.drive = drive;
+        self.solver = solver;
     }
 }
 

@@ -4,6 +4,7 @@
 //! Tests in files and folders named `firmware_*` need the firmware and QEMU. They are ignored by
 //! a plain `cargo test`; `cargo xtask test` builds what they need and runs them.
 
+mod abuse;
 mod faults;
 mod golden;
 mod hello;
