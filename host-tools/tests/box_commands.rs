@@ -83,7 +83,7 @@ fn the_document_has_every_comparison() {
 }
 
 #[test]
-fn what_the_box_cannot_do_is_code_2_with_a_way_out() {
+fn what_cannot_be_replayed_is_said_with_a_way_out() {
     let long = |bench: Bench| bench.setup("block_length = 1024", "block_length = 2048");
     let undriven = |bench: Bench| {
         bench.edit("setup.toml", |text| {
@@ -91,6 +91,9 @@ fn what_the_box_cannot_do_is_code_2_with_a_way_out() {
             kept.collect::<Vec<_>>().join("\n")
         })
     };
+    let short = replay(&Bench::fork(), &["--blocks", "2", "--method", "a"]);
+    assert_eq!(short.code, Some(1), "{short:?}");
+    assert!(short.stderr.contains("--no-weights"), "{}", short.stderr);
     for (bench, words) in [
         (long(Bench::fork()), "set `block_length = 1024`"),
         (undriven(Bench::fork()), "record it and name its channel"),
@@ -153,6 +156,25 @@ fn info_says_who_it_is_and_what_fits() {
     assert_eq!(document["version"], env!("CARGO_PKG_VERSION"));
     let methods = document["capacity"]["methods"].as_array().unwrap();
     assert!(methods.contains(&"apparent-mass".into()), "{methods:?}");
+}
+
+#[test]
+fn the_selftest_passes_within_its_bounds() {
+    let finished = board(&["selftest"]);
+    assert_eq!((finished.code, &*finished.stderr), (Some(0), ""));
+    let lines: Vec<&str> = finished.stdout.lines().collect();
+    assert_eq!(lines.iter().filter(|l| l.ends_with(" passed")).count(), 10);
+    assert_eq!(lines.last(), Some(&"passed"));
+    let document = document(&board(&["selftest", "--json"]));
+    assert_eq!(document["schema"], "massline/selftest/1");
+    let checks = document["checks"].as_array().unwrap();
+    assert_eq!(checks.len(), 10);
+    for check in checks {
+        let [found, truth, bound] = ["found", "truth", "bound"].map(|k| check[k].as_f64().unwrap());
+        assert!((found - truth).abs() <= bound, "{check}");
+        // A bound that anything passes would say nothing.
+        assert!(bound < 0.01 * truth.abs(), "{check}");
+    }
 }
 
 #[test]

@@ -1,50 +1,24 @@
 //! Recordings through the box in this program: the same bits as the workstation's, whatever
 //! the line does to the frames, and not one flipped bit goes unnoticed.
 
-use massline::device::{Client, ClientMemory, HostBox, HostBoxMemory, Noise, NoisyLine, Port};
-use massline::replay::{Flip, Order, Outcome, ReplayError, replay};
-use massline::setup::Setup;
+mod identical;
+
+use identical::{assert_complete, assert_identical, fork};
+use massline::device::{HostBox, HostBoxMemory, Noise, NoisyLine};
+use massline::replay::{Flip, Order, Outcome};
 use massline_core::masslines::Method;
 
 /// Enough for every method to find an answer, and for each group of surveyed sensors to
 /// have its turn four times.
 const BLOCKS: u32 = 8;
 
-fn fork() -> Setup {
-    Setup::read(&massline_tests::fixture("fork/setup.toml")).unwrap_or_else(|e| panic!("{e}"))
-}
-
 fn order(methods: &[Method]) -> Order {
-    Order {
-        methods: methods.to_vec(),
-        iterative: false,
-        weighted: false,
-        blocks: Some(BLOCKS),
-        flip: None,
-        resume: false,
-    }
-}
-
-fn over(port: impl Port, order: &Order) -> Result<Outcome, ReplayError> {
-    let mut memory = ClientMemory::new();
-    let mut client = Client::new(port, &mut memory);
-    replay(&mut client, &fork(), order, &mut |_| ())
+    identical::order(methods, BLOCKS)
 }
 
 fn replayed(order: &Order) -> Outcome {
     let mut memory = HostBoxMemory::new();
-    over(HostBox::new(&mut memory, 1), order).unwrap_or_else(|e| panic!("{e}"))
-}
-
-/// Every comparison holds, and every method found an answer to compare.
-fn assert_identical(outcome: &Outcome) {
-    for (what, comparison) in outcome.comparisons() {
-        assert!(comparison.identical(), "{what}: {:?}", comparison.first);
-    }
-    assert!(outcome.identical());
-    for answer in outcome.bases.iter().flat_map(|b| &b.answers) {
-        assert_eq!(answer.no_answer, None, "{}", answer.method.name());
-    }
+    identical::over(HostBox::new(&mut memory, 1), &fork(), order).unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]
@@ -58,12 +32,7 @@ fn three_methods_give_the_same_bits() {
     assert_identical(&outcome);
     // The apparent mass from the interface, the others from all accelerometers.
     assert_eq!(outcome.bases.len(), 2);
-    for run in outcome.bases.iter().flat_map(|b| &b.runs) {
-        assert_eq!(run.blocks, BLOCKS);
-        // Samples, missing, blocks, rejected, number of lines; the drive and two parts of
-        // twelve resultants a line; the noise of twelve and whether there is any.
-        assert_eq!(run.comparison.numbers, 5 + 25 * run.lines + 13);
-    }
+    assert_complete(&outcome, BLOCKS);
 }
 
 #[test]
@@ -113,7 +82,7 @@ fn a_bad_line_changes_nothing() {
     };
     let mut memory = HostBoxMemory::new();
     let mut line = NoisyLine::new(HostBox::new(&mut memory, 1), bad, 20261121);
-    let outcome = over(&mut line, &order(&[Method::ApparentMass])).unwrap();
+    let outcome = identical::over(&mut line, &fork(), &order(&[Method::ApparentMass])).unwrap();
     assert_identical(&outcome);
     for damage in [line.to_box(), line.from_box()] {
         assert!(

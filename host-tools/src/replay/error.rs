@@ -68,6 +68,14 @@ pub enum ReplayError {
         /// A channel there is.
         channel: String,
     },
+    /// A survey that saw too few blocks.
+    #[error(
+        "run \"{run}\" is too short for the box's survey, which looks at twelve accelerometers at a time and needs two blocks of each; send more blocks (--blocks), or compare without weights (--no-weights)"
+    )]
+    Survey {
+        /// Its name.
+        run: String,
+    },
     /// Nothing to go on with.
     #[error(
         "the box does not hold this replay's set-up, so there is nothing to go on with; leave out --resume"
@@ -82,6 +90,7 @@ impl ReplayError {
         match self {
             Self::Measure(error) if error.is_data() => 1,
             Self::Answer(error) => error.exit_code(),
+            Self::Survey { .. } => 1,
             _ => 2,
         }
     }

@@ -34,7 +34,9 @@ use crate::measure::{Accelerations, Measurement, block_settings};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::{self, Grid, NoAnswer, Pass, Problem, Question, Running, State, Summary};
+use massline_core::wire::{
+    self, Grid, Item, NoAnswer, Pass, Problem, Question, Refused, Running, State, Summary,
+};
 use transfer::Feed;
 
 /// What is to be replayed.
@@ -257,7 +259,9 @@ impl Replay<'_, '_> {
                 let from = surveying.filter(|r| usize::from(r.run) == number);
                 let from = from.map(|r| r.next);
                 self.send(client, number, Pass::Survey, from, "surveyed by the box")?;
-                weighed.peaks.push(transfer::peaks(client, number)?);
+                let peaks = transfer::peaks(client, number);
+                let peaks = peaks.map_err(|e| self.too_short(number, e))?;
+                weighed.peaks.push(peaks);
             }
         }
         if matches!(base, Base::Interface | Base::All) {
@@ -277,6 +281,22 @@ impl Replay<'_, '_> {
             transfer::set_weights(client, number, weights)?;
         }
         Ok(weighed)
+    }
+
+    /// A survey that the box does not have is one that came to nothing.
+    fn too_short(&self, number: usize, error: ClientError) -> ReplayError {
+        match error {
+            ClientError::Refused(Refused {
+                problem:
+                    Problem::Missing {
+                        item: Item::Survey, ..
+                    },
+                ..
+            }) => ReplayError::Survey {
+                run: self.setup.runs[number].name.clone(),
+            },
+            error => error.into(),
+        }
     }
 
     /// Surveys a box in this program, and compares.

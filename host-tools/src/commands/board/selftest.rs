@@ -3,7 +3,7 @@
 use crate::cli::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Spinner, print_json};
-use crate::format::significant;
+use crate::format::with_std;
 use anstyle::{AnsiColor, Style};
 use massline_core::wire::{Check, Health, Selftest};
 use serde::Serialize;
@@ -136,9 +136,9 @@ fn print(selftest: &Selftest) -> std::io::Result<()> {
         "", "found", "true", "may differ", ""
     )?;
     for ((name, unit), check) in PROPERTIES.iter().zip(&selftest.checks) {
-        let found = check.found;
-        let found = found.map_or_else(|| "-".to_owned(), |x| significant(x.0, 6));
-        let (truth, bound) = (significant(check.truth.0, 6), significant(check.bound.0, 2));
+        let shown = |value: f64| with_std(value, check.bound.0);
+        let found = check.found.map_or_else(|| "-".to_owned(), |x| shown(x.0).0);
+        let (truth, bound) = shown(check.truth.0);
         write!(
             out,
             "{name:<14}{found:>12}{truth:>12}{bound:>12}  {unit:<6}"

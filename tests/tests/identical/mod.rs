@@ -1,0 +1,54 @@
+//! Replays of the fork's recordings, and what it takes to call one identical.
+
+// Every test program takes a part of this.
+#![allow(dead_code)]
+
+use massline::device::{Client, ClientMemory, Port};
+use massline::replay::{Order, Outcome, ReplayError, replay};
+use massline::setup::Setup;
+use massline_core::masslines::Method;
+
+/// The fork's recordings and their set-up.
+pub fn fork() -> Setup {
+    Setup::read(&massline_tests::fixture("fork/setup.toml")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Some blocks of each run, solved once and without weights.
+pub fn order(methods: &[Method], blocks: u32) -> Order {
+    Order {
+        methods: methods.to_vec(),
+        iterative: false,
+        weighted: false,
+        blocks: Some(blocks),
+        flip: None,
+        resume: false,
+    }
+}
+
+/// Replays a set-up over a port.
+pub fn over(port: impl Port, setup: &Setup, order: &Order) -> Result<Outcome, ReplayError> {
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(port, &mut memory);
+    replay(&mut client, setup, order, &mut |_| ())
+}
+
+/// Every comparison holds, and every method found an answer to compare.
+pub fn assert_identical(outcome: &Outcome) {
+    for (what, comparison) in outcome.comparisons() {
+        assert!(comparison.identical(), "{what}: {:?}", comparison.first);
+    }
+    assert!(outcome.identical());
+    for answer in outcome.bases.iter().flat_map(|b| &b.answers) {
+        assert_eq!(answer.no_answer, None, "{}", answer.method.name());
+    }
+}
+
+/// Every run was compared to the last number of its last line, after so many blocks.
+pub fn assert_complete(outcome: &Outcome, blocks: u32) {
+    for run in outcome.bases.iter().flat_map(|b| &b.runs) {
+        assert_eq!(run.blocks, blocks);
+        // Samples, missing, blocks, rejected, number of lines; the drive and two parts of
+        // twelve resultants a line; the noise of twelve and whether there is any.
+        assert_eq!(run.comparison.numbers, 5 + 25 * run.lines + 13);
+    }
+}
