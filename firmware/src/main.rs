@@ -54,7 +54,7 @@ use defmt_rtt as _;
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac)]
 mod app {
-    use massline_core::instrument::{Instrument, Memory, WorkingStorage};
+    use massline_core::instrument::{Memory, Notebook, WorkingStorage};
     use massline_firmware::retained::Cause;
     use massline_firmware::roll_call::{Answers, RollCall};
     use stm32f4xx_hal::prelude::*;
@@ -91,8 +91,8 @@ mod app {
 
     #[init(local = [
         working: WorkingStorage = WorkingStorage::new(),
+        notebook: Notebook = Notebook::new(),
         queues: Queues = Queues::new(),
-        instrument: Instrument<'static> = Instrument::closed(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let flags = board::reset_flags(&cx.device.RCC);
@@ -118,6 +118,7 @@ mod app {
         let storage = Memory {
             working: cx.local.working,
             runs,
+            notebook: cx.local.notebook,
         };
         let (mut port, inbox, post) = open(board.link_rx, board.link_tx, session, cx.local.queues);
         port.start();
@@ -132,7 +133,7 @@ mod app {
         let roll = RollCall::new([cycles(1), cycles(1), cycles(1), cycles(2), cycles(15)]);
         (
             Shared {
-                office: Office::new(cx.local.instrument, storage, identity, inbox, post),
+                office: Office::new(storage, identity, inbox, post),
             },
             Local {
                 port,

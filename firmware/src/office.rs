@@ -14,7 +14,7 @@ use crate::services::Services;
 
 /// The instrument and what it deals with.
 pub struct Office {
-    instrument: &'static mut Instrument<'static>,
+    instrument: Instrument<'static>,
     services: Services,
     inbox: Inbox,
     post: Post,
@@ -23,15 +23,13 @@ pub struct Office {
 impl Office {
     /// Opens it.
     pub fn new(
-        instrument: &'static mut Instrument<'static>,
         memory: Memory<'static>,
         identity: Identity<'static>,
         inbox: Inbox,
         post: Post,
     ) -> Self {
-        instrument.open(memory, identity);
         Self {
-            instrument,
+            instrument: Instrument::new(memory, identity),
             services: Services::new(),
             inbox,
             post,

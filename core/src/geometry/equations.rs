@@ -1,7 +1,7 @@
 //! Which of the six equations of motion the load cells let us write.
 
 use super::transfer;
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{ArrayStorage, Matrix6, Vector3, Vector6};
 
 /// Up to six combinations of the rows of `M a = f` that hold with what was measured:
 /// `rows · (M a - f) = 0`.
@@ -29,6 +29,16 @@ impl Equations {
         Self {
             rows: Matrix6::identity(),
             count: 6,
+            whitened: false,
+        }
+    }
+
+    /// None of them.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self {
+            rows: Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
+            count: 0,
             whitened: false,
         }
     }

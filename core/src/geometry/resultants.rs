@@ -35,6 +35,7 @@ impl AccelerationFit {
     /// # Errors
     /// [`GeometryError::Weight`] for a negative or non-finite weight,
     /// [`GeometryError::NoAccelerometer`] if nothing carries weight.
+    #[inline(never)] // One step's matrices at a time.
     pub fn new(
         sensors: impl IntoIterator<Item = (impl Borrow<Accelerometer>, f64)>,
         reference: &Vector3<f64>,
@@ -129,6 +130,7 @@ impl ForceResultants {
     ///
     /// # Errors
     /// [`GeometryError::NoLoadCell`] if there is none.
+    #[inline(never)] // One step's matrices at a time.
     pub fn new(
         cells: impl IntoIterator<Item = impl Borrow<LoadCell>, IntoIter: Clone>,
         reference: &Vector3<f64>,
@@ -213,6 +215,11 @@ impl ResultantMap {
         Self {
             columns: heapless::Vec::new(),
         }
+    }
+
+    /// Forgets all channels.
+    pub fn clear(&mut self) {
+        self.columns.clear();
     }
 
     fn push(&mut self, force: bool, contribution: &Vector6<f64>) -> Result<(), GeometryError> {

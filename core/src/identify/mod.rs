@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `measurement` | the rows of B, equation (8) |
 //! | `normal` | stacking (9), normal equations (10), observability |
+//! | `sets` | what masslines come in |
 //! | `derived` | CG, inertia about A and S with their error bars |
 //!
 //! Observability is decided by rank, nowhere else: uniaxial tests (11), plane problems
@@ -12,11 +13,12 @@
 mod derived;
 mod measurement;
 mod normal;
+mod sets;
 
 pub use derived::{Estimate, InertiaEstimate};
 pub use measurement::{Measurement, measurement_matrix};
+pub use sets::MasslineSet;
 
-use crate::masslines::Masslines;
 use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};
 use nalgebra::Vector3;
 use normal::Solved;
@@ -141,8 +143,8 @@ impl Identification {
 ///
 /// # Errors
 /// [`IdentifyError`].
-pub fn identify(
-    masslines: &[Masslines],
+pub fn identify<S: MasslineSet>(
+    masslines: &[S],
     question: &Question,
 ) -> Result<Identification, IdentifyError> {
     let first = masslines.first().ok_or(IdentifyError::NoMasslines)?;
@@ -151,7 +153,7 @@ pub fn identify(
     {
         return Err(IdentifyError::KnownMass(m));
     }
-    let reference = first.reference;
+    let reference = *first.reference();
     let mut solved = normal::solve(masslines, &reference, question.known_mass)?;
     let mut iterations = 1;
     if let Procedure::Iterative { tolerance, limit } = question.procedure {

@@ -1,9 +1,8 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
-use super::{IdentifyError, measurement_matrix};
+use super::{IdentifyError, MasslineSet, measurement_matrix};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::{resultants_at, transfer};
-use crate::masslines::Masslines;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
@@ -87,7 +86,7 @@ struct Normal {
 
 impl Normal {
     #[inline(never)]
-    fn stack(sets: &[Masslines], point: &Vector3<f64>, mass: f64) -> Self {
+    fn stack<S: MasslineSet>(sets: &[S], point: &Vector3<f64>, mass: f64) -> Self {
         let mut n = Self {
             matrix: Matrix10::zeros(),
             right: Vector10::zeros(),
@@ -98,11 +97,11 @@ impl Normal {
             variance: 0.0,
         };
         for set in sets {
-            let shift = point - set.reference;
+            let shift = point - set.reference();
             let t = transfer(&shift);
-            let equations = set.equations.at(&shift);
+            let equations = set.equations().at(&shift);
             let e = equations.rows();
-            for pair in &set.pairs {
+            for pair in set.pairs() {
                 let b = e * measurement_matrix(&(t * pair.acceleration), mass);
                 let f = e * resultants_at(&shift, &pair.force);
                 add_square(&mut n.matrix, &b, &ONES);
@@ -113,7 +112,7 @@ impl Normal {
                 n.variance += pair.variance.sum();
             }
             for j in 0..6 {
-                let column = t * set.noise.column(j);
+                let column = t * set.noise().column(j);
                 let b = e * measurement_matrix(&column, mass);
                 add_square(&mut n.noise, &b, &ONES);
             }
@@ -127,8 +126,8 @@ impl Normal {
     }
 }
 
-pub(super) fn solve(
-    sets: &[Masslines],
+pub(super) fn solve<S: MasslineSet>(
+    sets: &[S],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
 ) -> Result<Solved, IdentifyError> {

@@ -74,7 +74,7 @@ pub fn answer(
             moments: point(&p.moments),
             axes: [0, 1, 2].map(|k| point(&p.axes.column(k).into())),
         }),
-        observable: super::setup::mask(&i.observable) as u16,
+        observable: super::setup::mask(i.observable) as u16,
         solution: None,
         condition_number: Exact(i.condition_number),
         iterations: i.iterations,

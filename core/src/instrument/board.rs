@@ -39,26 +39,6 @@ pub struct Identity<'m> {
     pub window: u8,
 }
 
-impl Identity<'_> {
-    /// Nobody yet.
-    pub(super) const NOBODY: Self = Self {
-        firmware: "",
-        version: "",
-        build: "",
-        chip: "",
-        serial: [0; 12],
-        clock: ClockSource::Internal,
-        clock_hz: 0,
-        tick_hz: 1,
-        storage: Storage::Volatile,
-        reset: ResetReason::PowerOn,
-        resets: 0,
-        panic: None,
-        inputs: 0,
-        window: 0,
-    };
-}
-
 /// How the box fares, as the board sees it: what [`crate::wire::Telemetry`] says beyond
 /// the instrument's own counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

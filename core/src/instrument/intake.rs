@@ -39,19 +39,31 @@ pub(super) struct Intake {
 }
 
 impl Intake {
-    /// Channels that carry what the codes say.
-    pub(super) fn new(channels: impl Iterator<Item = (Carries, Channel)>, sensors: usize) -> Self {
+    /// No channels yet.
+    pub(super) const fn new() -> Self {
         Self {
-            routes: channels
-                .take(CHANNELS)
-                .map(|(carries, channel)| Route { channel, carries })
-                .collect(),
+            routes: heapless::Vec::new(),
             readings: [0.0; CHANNELS],
             sensors: [0.0; SENSORS],
-            count: sensors,
+            count: 0,
             drive: 0.0,
             health: [0; CHANNELS],
         }
+    }
+
+    /// Forgets all channels; there will be `sensors` sensors behind the next ones.
+    pub(super) fn begin(&mut self, sensors: usize) {
+        self.routes.clear();
+        self.readings.fill(0.0);
+        self.sensors.fill(0.0);
+        self.count = sensors;
+        self.drive = 0.0;
+        self.health.fill(0);
+    }
+
+    /// Adds the next channel of a sample; one that finds no room is left out.
+    pub(super) fn add(&mut self, carries: Carries, channel: Channel) {
+        let _ = self.routes.push(Route { channel, carries });
     }
 
     /// Number of channels.

@@ -1,11 +1,17 @@
 //! The memory of the instrument: what is lent to it, and how much of it a chip needs.
 //!
-//! Two structures, because a chip's memory may come in two pieces. Neither is touched by
-//! DMA. On the STM32F405 [`RunStorage`] fills the core-coupled memory and
-//! [`WorkingStorage`] lies in the SRAM.
+//! Three structures: a chip's memory may come in two pieces, and two of the three are all
+//! zero at the start, which takes no flash. None is touched by DMA. On the STM32F405
+//! [`RunStorage`] fills the core-coupled memory; [`WorkingStorage`] and [`Notebook`] lie in
+//! the SRAM.
 
-use crate::geometry::RESULTANTS;
+use super::intake::Intake;
+use super::live::{LevelMeter, Recorder};
+use super::setup::SetUp;
+use super::store::Kept;
+use crate::geometry::{RESULTANTS, RunGeometry};
 use crate::spectra::{Complex32, Sum};
+use crate::wire::{Answer, Summary};
 use nalgebra::Complex;
 
 /// Channels of a sample.
@@ -92,11 +98,50 @@ impl Default for RunStorage {
     }
 }
 
+/// What the instrument has been told and what it has found, lines and blocks aside. It is
+/// written where it lies: nothing of it is ever moved over a stack.
+#[derive(Debug)]
+pub struct Notebook {
+    pub(super) setup: SetUp,
+    pub(super) intake: Intake,
+    pub(super) geometry: RunGeometry,
+    pub(super) summaries: [Option<Summary>; RUNS],
+    pub(super) kept: [Option<Kept>; RUNS],
+    pub(super) answer: Option<Answer>,
+    pub(super) levels: LevelMeter,
+    pub(super) recorder: Option<Recorder>,
+}
+
+impl Notebook {
+    /// An empty one.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            setup: SetUp::new(),
+            intake: Intake::new(),
+            geometry: RunGeometry::empty(),
+            summaries: [None; RUNS],
+            kept: [None; RUNS],
+            answer: None,
+            levels: LevelMeter::new(),
+            recorder: None,
+        }
+    }
+}
+
+impl Default for Notebook {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// Storage that is lent to an instrument for its life.
 #[derive(Debug)]
 pub struct Memory<'m> {
     /// For the run that is going on.
     pub working: &'m mut WorkingStorage,
-    /// For those that are done.
+    /// For the lines of those that are done.
     pub runs: &'m mut RunStorage,
+    /// For all else.
+    pub notebook: &'m mut Notebook,
 }

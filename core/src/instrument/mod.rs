@@ -14,7 +14,10 @@
 //! | `board` | what the instrument needs of the hardware and of the link |
 //! | `memory` | what it is lent, and how much of it |
 //! | `desk` | requests, and the states in which they are dealt with |
+//! | `runs` | starting, feeding and ending a run |
+//! | `question` | what may be asked of the stored runs |
 //! | `setup` | the set-up's pieces, and the checks of the whole |
+//! | `limits` | what a request may ask for |
 //! | `intake` | samples of a run to SI, and their faults |
 //! | `run` | the run that is going on: blocks, gaps, faults, the average |
 //! | `survey` | peaks of single accelerometers, for weights |
@@ -42,9 +45,12 @@ mod board;
 mod desk;
 mod intake;
 mod job;
+mod limits;
 mod live;
 pub mod memory;
+mod question;
 mod run;
+mod runs;
 mod selftest;
 mod setup;
 mod store;
@@ -54,7 +60,7 @@ mod synthetic;
 pub use answer::{Findings, answer};
 pub use board::{Board, Identity, Outbox, RawSample, Vitals};
 pub use job::Job;
-pub use memory::{Memory, RunStorage, WorkingStorage};
+pub use memory::{Memory, Notebook, RunStorage, WorkingStorage};
 
 use crate::calibration;
 use crate::wire::{
@@ -99,17 +105,17 @@ struct Ended {
 pub struct Instrument<'m> {
     identity: Identity<'m>,
     state: State,
-    setup: SetUp,
+    setup: &'m mut SetUp,
     /// What follows from the set-up, once it is complete.
     lines: Option<Lines>,
     /// Storage of a run, while none is going on.
-    buffers: Buffers<'m>,
+    buffers: Option<Buffers<'m>>,
     run: Option<Run<'m>>,
     /// Where the samples of a synthetic run come from.
     synthetic: Option<Synthetic>,
     /// The self-test that is going on.
     selftest: Option<Progress>,
-    summaries: [Option<Summary>; RUNS],
+    summaries: &'m mut [Option<Summary>; RUNS],
     /// The run that ended last.
     ended: Option<Ended>,
     /// The stored runs, unless a job has them.
@@ -119,10 +125,11 @@ pub struct Instrument<'m> {
     /// Bit k: run k is stored.
     stored: u32,
     pending: Option<Pending>,
-    answer: Option<Identified>,
+    /// Ticks that the stored answer took, if there is one.
+    answered: Option<u64>,
     subscription: Subscription,
-    levels: LevelMeter,
-    recorder: Option<Recorder>,
+    levels: &'m mut LevelMeter,
+    recorder: &'m mut Option<Recorder>,
     /// Ticks at which telemetry and levels were sent last.
     told: [u64; 2],
     /// Longest that a block took since telemetry was sent last, ticks.
@@ -136,51 +143,6 @@ impl<'m> Instrument<'m> {
     /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
     #[must_use]
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
-        let mut opened = Self::closed();
-        opened.open(memory, identity);
-        opened
-    }
-
-    /// A box without memory, that can do nothing until it is opened: for a static, since it
-    /// is as large as a small stack.
-    #[must_use]
-    pub const fn closed() -> Self {
-        Self {
-            identity: Identity::NOBODY,
-            state: State::Empty,
-            setup: SetUp::new(),
-            lines: None,
-            buffers: Buffers {
-                history: &mut [],
-                work: &mut [],
-                lines: &mut [],
-                sums: &mut [],
-            },
-            run: None,
-            synthetic: None,
-            selftest: None,
-            summaries: [None; RUNS],
-            ended: None,
-            archive: Some(Store::new()),
-            asked: None,
-            stored: 0,
-            pending: None,
-            answer: None,
-            subscription: Subscription {
-                telemetry: 0,
-                levels: 0,
-                samples: Stream::Off,
-            },
-            levels: LevelMeter::new(),
-            recorder: None,
-            told: [0; 2],
-            longest_block: 0,
-            introduced: false,
-        }
-    }
-
-    /// Opens a closed one in its place: see [`Self::new`].
-    pub fn open(&mut self, memory: Memory<'m>, identity: Identity<'m>) {
         let WorkingStorage {
             history,
             lines,
@@ -192,15 +154,50 @@ impl<'m> Instrument<'m> {
             work,
             solver,
         } = memory.runs;
-        self.identity = identity;
-        self.buffers = Buffers {
-            history,
-            work,
-            lines,
-            sums,
-        };
-        if let Some(store) = &mut self.archive {
-            store.lend(responses, drive, solver);
+        let Notebook {
+            setup,
+            intake,
+            geometry,
+            summaries,
+            kept,
+            answer,
+            levels,
+            recorder,
+        } = memory.notebook;
+        // Of whoever it was lent to before.
+        setup.clear();
+        summaries.fill(None);
+        kept.fill(None);
+        (*answer, *recorder) = (None, None);
+        Self {
+            identity,
+            state: State::Empty,
+            setup,
+            lines: None,
+            buffers: Some(Buffers {
+                history,
+                work,
+                lines,
+                sums,
+                intake,
+                geometry,
+            }),
+            run: None,
+            synthetic: None,
+            selftest: None,
+            summaries,
+            ended: None,
+            archive: Some(Store::new(responses, drive, solver, kept, answer)),
+            asked: None,
+            stored: 0,
+            pending: None,
+            answered: None,
+            subscription: Subscription::default(),
+            levels,
+            recorder,
+            told: [0; 2],
+            longest_block: 0,
+            introduced: false,
         }
     }
 
@@ -233,7 +230,7 @@ impl<'m> Instrument<'m> {
         board: &mut impl Board,
         out: &mut impl Outbox,
     ) {
-        if let Some(recorder) = &mut self.recorder {
+        if let Some(recorder) = self.recorder.as_mut() {
             let si = |input: usize, count: i32| {
                 let key = SettingKey::Input(input as u8);
                 match board.setting(key) {
@@ -281,7 +278,7 @@ impl<'m> Instrument<'m> {
         if due(levels, self.subscription.levels) {
             self.told[1] = now;
             self.levels.tell(out);
-            if let Some(recorder) = &mut self.recorder {
+            if let Some(recorder) = self.recorder.as_mut() {
                 recorder.send(out);
             }
         }
@@ -321,41 +318,43 @@ impl<'m> Instrument<'m> {
             lines,
             reference: self.setup.reference(),
             accelerations: asked.accelerations,
-            answer: None,
+            outcome: None,
         })
     }
 
     /// Takes a job back and answers the request behind it.
     pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
-        let Job { store, answer, .. } = job;
-        self.archive = Some(store);
+        let Job { store, outcome, .. } = job;
+        let store = self.archive.insert(store);
         let Some(pending) = self.pending.take() else {
             return;
         };
         if let Some(progress) = self.selftest.take() {
-            let answer = answer.and_then(Result::ok);
-            let found = selftest::judge(answer.as_ref(), progress.health);
+            let answer = store.answer.as_ref().filter(|_| outcome == Some(Ok(())));
+            let found = selftest::judge(answer, progress.health);
             self.clear();
             out.reply(pending.id, &Reply::Selftest(found));
             return;
         }
         let ticks = board.ticks().saturating_sub(pending.since);
-        let reply = match answer {
-            Some(Ok(answer)) => {
-                let identified = Identified { ticks, answer };
-                self.answer = Some(identified);
-                Reply::Identified(identified)
+        let problem = match (outcome, store.answer.as_ref()) {
+            (Some(Ok(())), Some(answer)) => {
+                self.answered = Some(ticks);
+                let answer = *answer;
+                out.reply(pending.id, &Reply::Identified(Identified { ticks, answer }));
+                return;
             }
-            Some(Err(problem)) => Reply::Error(Refused {
+            (Some(Err(why)), _) => Problem::NoAnswer(why),
+            // It comes back without having been run.
+            _ => Problem::Busy(pending.number),
+        };
+        out.reply(
+            pending.id,
+            &Reply::Error(Refused {
                 request: pending.number,
                 problem,
             }),
-            None => Reply::Error(Refused {
-                request: pending.number,
-                problem: Problem::Busy(pending.number),
-            }),
-        };
-        out.reply(pending.id, &reply);
+        );
     }
 
     /// A fault of the box that the board has noticed. It is told, and a converter that
@@ -438,10 +437,10 @@ impl<'m> Instrument<'m> {
         });
         let store = self.archive.as_mut().map(|s| &mut s.runs);
         let (summary, peaks, buffers) = run.finish(outcome, self.identity.tick_hz, store);
-        self.buffers = buffers;
+        self.buffers = Some(buffers);
         self.synthetic = None;
         self.state = State::Ready;
-        if let Some(peaks) = peaks {
+        if let Some(peaks) = &peaks {
             self.setup.set_peaks(number, peaks);
         }
         if let Some(store) = &self.archive {

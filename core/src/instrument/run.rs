@@ -13,12 +13,16 @@ use crate::wire::{
 };
 
 /// Storage of a run, lent for as long as it lasts.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Buffers<'m> {
     pub(super) history: &'m mut [f32],
     pub(super) work: &'m mut [Complex32],
     pub(super) lines: &'m mut [Complex32],
     pub(super) sums: &'m mut [Sum],
+    /// Its channels.
+    pub(super) intake: &'m mut Intake,
+    /// From its sensors to resultants, in a measuring pass.
+    pub(super) geometry: &'m mut RunGeometry,
 }
 
 /// What is beyond this is no reading of any sensor, in any unit. Up to it, a line of 1024
@@ -27,13 +31,9 @@ const BOUND: f32 = 1e12;
 
 /// What a run is for.
 #[derive(Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one, and no heap to put it on"
-)]
 pub(super) enum Task {
     /// Twelve resultants, to be stored.
-    Measure(RunGeometry, Accelerations),
+    Measure(Accelerations),
     /// Peaks of single accelerometers.
     Survey(Survey),
 }
@@ -58,7 +58,8 @@ struct Counts {
 pub(super) struct Run<'m> {
     pub(super) start: Start,
     lines: Lines,
-    intake: Intake,
+    intake: &'m mut Intake,
+    geometry: &'m mut RunGeometry,
     history: History<'m>,
     spectra: &'m mut [Complex32],
     sums: &'m mut [Sum],
@@ -77,11 +78,11 @@ pub(super) struct Run<'m> {
 }
 
 impl<'m> Run<'m> {
-    /// Starts a run in lent storage, which comes back if it does not suffice.
+    /// Starts a run in lent storage, whose channels and geometry are those of the run;
+    /// `None` if blocks do not fit into it.
     pub(super) fn new(
         start: Start,
         lines: Lines,
-        intake: Intake,
         task: Task,
         buffers: Buffers<'m>,
     ) -> Option<Self> {
@@ -90,6 +91,8 @@ impl<'m> Run<'m> {
             work,
             lines: spectra,
             sums,
+            intake,
+            geometry,
         } = buffers;
         let history = History::new(lines.settings, 1 + RESULTANTS, history, work).ok()?;
         sums.fill(Sum::ZERO);
@@ -97,6 +100,7 @@ impl<'m> Run<'m> {
             start,
             lines,
             intake,
+            geometry,
             history,
             spectra,
             sums,
@@ -171,8 +175,8 @@ impl<'m> Run<'m> {
         let (drive, rest) = input.split_at_mut(1);
         drive.fill(self.intake.drive());
         match &self.task {
-            Task::Measure(geometry, _) => {
-                rest.copy_from_slice(&geometry.map.apply(self.intake.sensors()));
+            Task::Measure(_) => {
+                rest.copy_from_slice(&self.geometry.map.apply(self.intake.sensors()));
             }
             Task::Survey(survey) => survey.select(self.intake.sensors(), rest),
         }
@@ -340,7 +344,7 @@ impl<'m> Run<'m> {
         let run = usize::from(self.start.run);
         match &mut self.task {
             Task::Survey(survey) => peaks = survey.peaks(self.sums),
-            Task::Measure(geometry, accelerations) => {
+            Task::Measure(accelerations) => {
                 if let Some(store) = store {
                     store.forget(run);
                     let quality = Quality {
@@ -363,8 +367,8 @@ impl<'m> Run<'m> {
                             grid,
                             self.lines.band.clone(),
                             correlation,
-                            &geometry.map,
-                            geometry.equations,
+                            &self.geometry.map,
+                            self.geometry.equations,
                             *accelerations,
                             quality,
                         );
@@ -405,6 +409,8 @@ impl<'m> Run<'m> {
             work,
             lines: self.spectra,
             sums: self.sums,
+            intake: self.intake,
+            geometry: self.geometry,
         }
     }
 }

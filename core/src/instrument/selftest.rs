@@ -2,10 +2,11 @@
 
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
+use super::{Board, Instrument, Outbox, Pending};
 use crate::wire::{
     Accelerations, Answer, Carries, Check, Exact, Excitation, Gaps, Health, Method, Mount, Pass,
-    Plan, Problem, Procedure, Processing, Quantity, Question, Run, Scale, Selftest, Sensor,
-    SensorKind, Source, Start, Weighting, Window,
+    Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale, Selftest,
+    Sensor, SensorKind, Source, Start, State, Weighting, Window,
 };
 
 /// Runs of the self-test: one an axis.
@@ -52,6 +53,64 @@ pub(super) struct Progress {
     pub(super) run: u8,
     /// Faults of channels so far.
     pub(super) health: Health,
+}
+
+impl Instrument<'_> {
+    /// Begins a self-test, which [`Self::poll`] goes on with.
+    #[inline(never)]
+    pub(super) fn begin_selftest(&mut self, id: u16, board: &impl Board) -> Result<(), Problem> {
+        self.not_running()?;
+        self.not_busy()?;
+        self.clear();
+        set_up(self.setup)?;
+        self.lines = Some(self.check_setup()?);
+        self.selftest = Some(Progress::default());
+        self.pending = Some(Pending {
+            id,
+            number: Request::Selftest.number(),
+            since: board.ticks(),
+        });
+        Ok(())
+    }
+
+    /// The next step of a self-test between its runs; `true` if another one follows at once.
+    pub(super) fn go_on_testing(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+        let Some(progress) = &mut self.selftest else {
+            return false;
+        };
+        // Between the requests the box is empty, whatever it does on its own.
+        self.state = State::Empty;
+        if self.archive.is_none() || self.asked.is_some() {
+            return false;
+        }
+        if self.run.is_some() {
+            return true;
+        }
+        let run = progress.run;
+        progress.run += 1;
+        for summary in self.summaries.iter().flatten() {
+            progress.health = progress.health.union(summary.health);
+        }
+        self.state = State::Ready;
+        let begun = if run < RUNS {
+            self.begin(&start(run), board)
+        } else {
+            self.leave_job(&QUESTION)
+        };
+        self.state = State::Empty;
+        if begun.is_err() {
+            let found = judge(None, progress_health(self.selftest.take()));
+            self.clear();
+            if let Some(pending) = self.pending.take() {
+                out.reply(pending.id, &Reply::Selftest(found));
+            }
+        }
+        self.run.is_some()
+    }
+}
+
+fn progress_health(progress: Option<Progress>) -> Health {
+    progress.map_or(Health::GOOD, |p| p.health)
 }
 
 /// Sets up the self-test.

@@ -1,5 +1,6 @@
 //! The set-up: pieces as they come in, and the whole once it has been checked.
 
+use super::limits::{about, below, finite, fits, range, within};
 use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS, TRANSFORM};
 use crate::calibration;
 use crate::geometry::{
@@ -127,13 +128,15 @@ impl SetUp {
     pub(super) fn clear(&mut self) {
         self.plan = NO_PLAN;
         self.processing = None;
-        self.sensors.fill(None);
+        for sensor in &mut self.sensors {
+            *sensor = None;
+        }
         for run in &mut self.runs {
             *run = None;
         }
-        self.weights = [[1.0; SENSORS]; RUNS];
+        self.weights.as_flattened_mut().fill(1.0);
         self.weighted = [false; RUNS];
-        self.peaks = [[0.0; SENSORS]; RUNS];
+        self.peaks.as_flattened_mut().fill(0.0);
         self.surveyed = [false; RUNS];
     }
 
@@ -255,8 +258,8 @@ impl SetUp {
         Ok(())
     }
 
-    /// Checks the whole.
-    pub(super) fn end(&self) -> Result<Lines, Problem> {
+    /// Checks the whole. `geometry` serves for trying.
+    pub(super) fn end(&self, geometry: &mut RunGeometry) -> Result<Lines, Problem> {
         let missing = |item, index: usize| Problem::Missing {
             item,
             index: index as u32,
@@ -273,7 +276,7 @@ impl SetUp {
                     return Err(missing(Item::Channel, sensor));
                 }
             }
-            self.geometry(run, processing.accelerations)?;
+            self.geometry(run, processing.accelerations, geometry)?;
         }
         if self.plan.runs == 0 {
             return Err(missing(Item::Run, 0));
@@ -336,7 +339,8 @@ impl SetUp {
         &self,
         run: usize,
         accelerations: Accelerations,
-    ) -> Result<RunGeometry, Problem> {
+        into: &mut RunGeometry,
+    ) -> Result<(), Problem> {
         let weights = self.weights.get(run);
         let weight = |sensor: usize, piece: &SensorPiece| match accelerations {
             Accelerations::Interface => {
@@ -352,7 +356,8 @@ impl SetUp {
         });
         let placement = self.placement(run);
         let index = run as u32;
-        RunGeometry::new(sensors, &placement, &self.reference()).map_err(|e| match e {
+        let found = into.describe(sensors, &placement, &self.reference(), |_| ());
+        found.map_err(|e| match e {
             GeometryError::NoAccelerometer => Problem::Missing {
                 item: Item::Accelerometer,
                 index,
@@ -407,16 +412,16 @@ impl SetUp {
 
     /// Bit k: run k was surveyed.
     pub(super) fn surveyed(&self) -> u32 {
-        mask(&self.surveyed)
+        mask(self.surveyed)
     }
 
     /// Keeps what a survey found, and sets weights by it as the processing says.
-    pub(super) fn set_peaks(&mut self, run: usize, peaks: [f64; SENSORS]) {
+    pub(super) fn set_peaks(&mut self, run: usize, peaks: &[f64; SENSORS]) {
         let (Some(slot), Some(surveyed)) = (self.peaks.get_mut(run), self.surveyed.get_mut(run))
         else {
             return;
         };
-        *slot = peaks;
+        *slot = *peaks;
         *surveyed = true;
         let Some(processing) = self.processing else {
             return;
@@ -424,7 +429,7 @@ impl SetUp {
         match processing.weighting {
             Weighting::Given => {}
             Weighting::EachRun => {
-                self.weigh(run..run + 1, &peaks, processing.minimum_weight);
+                self.weigh(run..run + 1, peaks, processing.minimum_weight);
             }
             Weighting::Joined => {
                 let mut joined = [0.0; SENSORS];
@@ -570,79 +575,10 @@ fn once(run: &Run<'_>, carried: Carries, item: Item) -> Result<(), Problem> {
 }
 
 /// Bits of the flags that are set.
-pub(super) fn mask(flags: &[bool]) -> u32 {
+pub(super) fn mask(flags: impl IntoIterator<Item = bool>) -> u32 {
     flags
-        .iter()
+        .into_iter()
         .enumerate()
-        .filter(|(_, flag)| **flag)
+        .filter(|(_, flag)| *flag)
         .fold(0, |bits, (k, _)| bits | 1 << k)
-}
-
-fn below(item: Item, found: u8, limit: u8) -> Result<usize, Problem> {
-    if found < limit {
-        return Ok(usize::from(found));
-    }
-    Err(Problem::Index {
-        item,
-        found: u32::from(found),
-        limit: u32::from(limit),
-    })
-}
-
-fn fits(item: Item, found: usize, limit: usize) -> Result<(), Problem> {
-    if found <= limit {
-        return Ok(());
-    }
-    Err(Problem::Capacity {
-        item,
-        found: u32::try_from(found).unwrap_or(u32::MAX),
-        limit: limit as u32,
-    })
-}
-
-pub(super) fn range(field: Field, index: u32, found: f64, low: f64, high: f64) -> Problem {
-    Problem::Range {
-        field,
-        index,
-        found: Exact(found),
-        low: Exact(low),
-        high: Exact(high),
-    }
-}
-
-pub(super) fn within(
-    field: Field,
-    index: u32,
-    found: f64,
-    low: f64,
-    high: f64,
-) -> Result<(), Problem> {
-    if (low..=high).contains(&found) && found.is_finite() {
-        return Ok(());
-    }
-    Err(range(field, index, found, low, high))
-}
-
-fn finite(field: Field, index: u32, found: f64) -> Result<(), Problem> {
-    within(field, index, found, f64::MIN, f64::MAX)
-}
-
-/// The same problem, of the sensor or input of this number.
-pub(super) fn about(problem: Problem, number: u32) -> Problem {
-    match problem {
-        Problem::Range {
-            field,
-            found,
-            low,
-            high,
-            ..
-        } => Problem::Range {
-            field,
-            index: number,
-            found,
-            low,
-            high,
-        },
-        other => other,
-    }
 }

@@ -3,7 +3,7 @@
 use super::memory::{LINES, RUNS};
 use crate::geometry::{Equations, RESULTANTS, ResultantMap};
 use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
-use crate::wire::{Accelerations, Line, Quality};
+use crate::wire::{Accelerations, Answer, Line, Quality};
 use core::ops::Range;
 use nalgebra::Complex;
 
@@ -22,7 +22,7 @@ pub(super) struct Kept {
 pub(super) struct Stored<'m> {
     responses: &'m mut [[Complex32; RESULTANTS]],
     drive: &'m mut [f32],
-    kept: [Option<Kept>; RUNS],
+    kept: &'m mut [Option<Kept>; RUNS],
 }
 
 /// All stored runs, and the room that the identification works in.
@@ -31,38 +31,34 @@ pub(super) struct Store<'m> {
     pub(super) runs: Stored<'m>,
     /// Two elements a line.
     pub(super) solver: &'m mut [Complex<f64>],
+    /// Where what it finds is written.
+    pub(super) answer: &'m mut Option<Answer>,
 }
 
 impl<'m> Store<'m> {
-    /// Without room for anything.
-    pub(super) const fn new() -> Self {
-        Self {
-            runs: Stored {
-                responses: &mut [],
-                drive: &mut [],
-                kept: [None; RUNS],
-            },
-            solver: &mut [],
-        }
-    }
-
-    /// Gives it room.
-    pub(super) fn lend(
-        &mut self,
+    pub(super) fn new(
         responses: &'m mut [[Complex32; RESULTANTS]],
         drive: &'m mut [f32],
         solver: &'m mut [Complex<f64>],
-    ) {
-        self.runs.responses = responses;
-        self.runs.drive = drive;
-        self.solver = solver;
+        kept: &'m mut [Option<Kept>; RUNS],
+        answer: &'m mut Option<Answer>,
+    ) -> Self {
+        Self {
+            runs: Stored {
+                responses,
+                drive,
+                kept,
+            },
+            solver,
+            answer,
+        }
     }
 }
 
 impl Stored<'_> {
     /// Forgets all runs.
     pub(super) fn clear(&mut self) {
-        self.kept = [None; RUNS];
+        self.kept.fill(None);
     }
 
     /// Forgets one.
@@ -117,7 +113,7 @@ impl Stored<'_> {
 
     /// Bit k: run k is stored.
     pub(super) fn mask(&self) -> u32 {
-        super::setup::mask(&self.kept.map(|k| k.is_some()))
+        super::setup::mask(self.kept.iter().map(Option::is_some))
     }
 
     /// A stored run as the estimators read it, and the room they work in.

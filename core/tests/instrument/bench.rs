@@ -3,7 +3,7 @@
 
 use massline_core::calibration::Certificate;
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Outbox, RunStorage, Vitals, WorkingStorage,
+    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
 };
 use massline_core::wire::*;
 
@@ -159,6 +159,7 @@ impl Outbox for Host {
 pub struct Shelf {
     working: Box<WorkingStorage>,
     runs: Box<RunStorage>,
+    notebook: Box<Notebook>,
 }
 
 impl Shelf {
@@ -167,6 +168,7 @@ impl Shelf {
         let memory = Memory {
             working: &mut self.working,
             runs: &mut self.runs,
+            notebook: &mut self.notebook,
         };
         let identity = Identity {
             firmware: "bench",

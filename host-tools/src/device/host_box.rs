@@ -7,7 +7,7 @@
 
 use super::{Port, PortError};
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Outbox, RunStorage, Vitals, WorkingStorage,
+    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
 };
 use massline_core::wire::{
     BODY_MAX, ClockSource, Event, FRAME_MAX, FaultCounters, Field, Item, LinkCounters, NAME_MAX,
@@ -24,16 +24,18 @@ const WINDOW: u8 = 4;
 pub struct HostBoxMemory {
     working: Box<WorkingStorage>,
     runs: Box<RunStorage>,
+    notebook: Box<Notebook>,
     body: [u8; BODY_MAX],
 }
 
 impl HostBoxMemory {
-    /// All zero.
+    /// Empty.
     #[must_use]
     pub fn new() -> Self {
         Self {
             working: Box::new(WorkingStorage::new()),
             runs: Box::new(RunStorage::new()),
+            notebook: Box::new(Notebook::new()),
             body: [0; BODY_MAX],
         }
     }
@@ -82,6 +84,7 @@ impl<'m> HostBox<'m> {
         let lent = Memory {
             working: &mut memory.working,
             runs: &mut memory.runs,
+            notebook: &mut memory.notebook,
         };
         Self {
             instrument: Instrument::new(lent, identity),

@@ -7,7 +7,7 @@ use massline::measure::WINDOW;
 use massline::recording::Recording;
 use massline::setup::{self, Setup};
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Outbox, RunStorage, Vitals, WorkingStorage,
+    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
 };
 use massline_core::wire::*;
 
@@ -119,6 +119,7 @@ impl Outbox for Pile {
 pub struct Rack {
     working: Box<WorkingStorage>,
     runs: Box<RunStorage>,
+    notebook: Box<Notebook>,
 }
 
 impl Rack {
@@ -126,6 +127,7 @@ impl Rack {
         Self {
             working: Box::default(),
             runs: Box::default(),
+            notebook: Box::default(),
         }
     }
 
@@ -134,6 +136,7 @@ impl Rack {
         let memory = Memory {
             working: &mut self.working,
             runs: &mut self.runs,
+            notebook: &mut self.notebook,
         };
         let identity = Identity {
             firmware: "stand-in",

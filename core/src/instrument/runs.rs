@@ -1,0 +1,264 @@
+//! A run from its start to its end, and its lines afterwards.
+
+use super::desk::missing;
+use super::intake::{Intake, Sample};
+use super::limits::range;
+use super::run::{Run, Task};
+use super::setup::SetUp;
+use super::survey::Survey;
+use super::synthetic::Synthetic;
+use super::{Board, Ended, Instrument, Outbox};
+use crate::calibration::{self, Certificate, Channel, Watch};
+use crate::wire::{
+    Carries, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, ReadLines, Reply,
+    Request, Samples, Scale, Setting, SettingKey, Source, Start, State, Taken,
+};
+
+impl Instrument<'_> {
+    pub(super) fn start(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
+        let same = self.run.as_ref().is_some_and(|run| run.start == *start);
+        if same && self.state == State::Running {
+            return Ok(());
+        }
+        self.only(State::Ready)?;
+        self.not_busy()?;
+        self.begin(start, board)
+    }
+
+    /// Begins a run.
+    #[inline(never)]
+    pub(super) fn begin(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
+        let number = self.setup.run_index(start.run)?;
+        if start.limit == Some(0) {
+            return Err(range(Field::Limit, 0, 0.0, 1.0, u64::MAX as f64));
+        }
+        let Some(lines) = self.lines.clone() else {
+            return self.only(State::SettingUp);
+        };
+        // They are lent to a run, and there is none.
+        let Some(buffers) = &mut self.buffers else {
+            return self.only(State::Ready);
+        };
+        let task = match start.pass {
+            Pass::Survey => {
+                let modes = lines.modes.clone().ok_or(missing(Item::ModeBand, 0))?;
+                let room = buffers.sums.len();
+                Task::Survey(Survey::new(self.setup.accelerometers(), modes, room)?)
+            }
+            Pass::Measure => {
+                self.setup.may_measure(number)?;
+                let accelerations = self.setup.accelerations();
+                self.setup
+                    .geometry(number, accelerations, buffers.geometry)?;
+                Task::Measure(accelerations)
+            }
+        };
+        let intake = &mut *buffers.intake;
+        route(self.setup, number, start.source, board, intake)?;
+        match start.source {
+            Source::Host => {}
+            Source::Inputs => {
+                let inputs = usize::from(self.identity.inputs);
+                if inputs == 0 {
+                    return Err(Problem::Unsupported(Item::Source));
+                }
+                if intake.channels() > inputs {
+                    return Err(Problem::Capacity {
+                        item: Item::Input,
+                        found: intake.channels() as u32,
+                        limit: inputs as u32,
+                    });
+                }
+                board.start_inputs(self.setup.sample_rate())?;
+            }
+            Source::Synthetic => self.synthetic = Some(Synthetic::new(self.setup, number)),
+        }
+        // `end_setup` has seen that the blocks fit.
+        self.run = self
+            .buffers
+            .take()
+            .and_then(|buffers| Run::new(*start, lines, task, buffers));
+        self.state = State::Running;
+        Ok(())
+    }
+
+    /// Takes the samples of a request.
+    pub(super) fn take(
+        &mut self,
+        samples: &Samples<'_>,
+        board: &mut impl Board,
+        out: &mut impl Outbox,
+    ) -> Result<Taken, Problem> {
+        let Some(run) = &mut self.run else {
+            // A run that has ended by itself has them all.
+            let count = samples.count().unwrap_or(0) as u64;
+            return match &self.ended {
+                Some(Ended { start, taken })
+                    if start.source == Source::Host
+                        && samples.first.saturating_add(count) <= taken.next =>
+                {
+                    Ok(*taken)
+                }
+                _ => self.only(State::Running).map(|()| Taken {
+                    next: 0,
+                    missing: 0,
+                }),
+            };
+        };
+        if run.start.source != Source::Host {
+            // Its samples come from elsewhere: the box is still at work on that start.
+            return Err(Problem::Busy(Request::Start(run.start).number()));
+        }
+        let channels = run.channels();
+        let count = samples.count();
+        let (Some(count), true) = (count, usize::from(samples.channels) == channels) else {
+            return Err(Problem::Count {
+                item: Item::Channel,
+                found: u32::from(samples.channels),
+                expected: channels as u32,
+            });
+        };
+        let Some(end) = samples.first.checked_add(count as u64) else {
+            return Err(range(
+                Field::Limit,
+                0,
+                samples.first as f64,
+                0.0,
+                (u64::MAX - count as u64) as f64,
+            ));
+        };
+        if samples.first > run.next() && count > 0 {
+            if run.start.gaps == Gaps::Refuse {
+                return Err(Problem::Gap {
+                    found: samples.first,
+                    expected: run.next(),
+                });
+            }
+            run.skip_to(samples.first, out);
+        }
+        for index in run.next()..end {
+            let Some(run) = &mut self.run else { break };
+            if run.is_complete() {
+                break;
+            }
+            let at = (index - samples.first) as usize * channels;
+            run.push(&Sample::Host(samples.values, at), board, out);
+            self.meter();
+        }
+        let taken = self.run.as_ref().map_or(
+            Taken {
+                next: end,
+                missing: 0,
+            },
+            |run| Taken {
+                next: run.next(),
+                missing: run.missing(),
+            },
+        );
+        self.end_if_complete(board, out);
+        Ok(taken)
+    }
+
+    pub(super) fn stop(&mut self, board: &mut impl Board) -> Result<crate::wire::Summary, Problem> {
+        if self.selftest.is_none()
+            && let Some(summary) = self.conclude(Outcome::Stopped, board)
+        {
+            return Ok(summary);
+        }
+        let ended = self.ended.ok_or(missing(Item::Summary, 0))?;
+        let at = usize::from(ended.start.run);
+        let summary = self.summaries.get(at).copied().flatten();
+        summary.ok_or(missing(Item::Summary, at))
+    }
+
+    #[inline(never)]
+    pub(super) fn read_lines(
+        &self,
+        id: u16,
+        read: &ReadLines,
+        out: &mut impl Outbox,
+    ) -> Result<(), Problem> {
+        let at = self.run_index(read.run)?;
+        let Some(store) = &self.archive else {
+            return self.not_busy();
+        };
+        let count = match (&self.lines, store.runs.kept(at)) {
+            (Some(lines), Some(_)) => lines.settings.grid().count,
+            _ => return Err(missing(Item::Run, at)),
+        };
+        let first = usize::from(read.first);
+        if first >= count {
+            return Err(Problem::Index {
+                item: Item::Line,
+                found: u32::from(read.first),
+                limit: count as u32,
+            });
+        }
+        let wanted = usize::from(read.count).min(Lines::FIT).min(count - first);
+        let lines: heapless::Vec<Line, { Lines::FIT }> = (first..first + wanted)
+            .filter_map(|line| store.runs.line(at, line))
+            .collect();
+        let reply = Reply::Lines(Lines {
+            run: read.run,
+            first: read.first,
+            lines: Packed::new(&lines),
+        });
+        out.reply(id, &reply);
+        Ok(())
+    }
+
+    /// Throws the run away, unless it is one of a self-test, of which nobody knows.
+    pub(super) fn abort(&mut self, board: &mut impl Board) {
+        if self.selftest.is_none()
+            && let Some(run) = self.run.take()
+        {
+            self.buffers = Some(run.into_buffers());
+            self.synthetic = None;
+            self.state = State::Ready;
+            self.tend_inputs(board);
+        }
+    }
+}
+
+/// Readies the channels of a run.
+fn route(
+    setup: &SetUp,
+    run: usize,
+    source: Source,
+    board: &impl Board,
+    intake: &mut Intake,
+) -> Result<(), Problem> {
+    intake.begin(setup.sensors());
+    let rate = setup.sample_rate() as f32;
+    for (number, code) in setup.channels(run).iter().enumerate() {
+        let carries = Carries::from_code(*code);
+        let scale = match carries {
+            Carries::Sensor(sensor) => setup.scale(usize::from(sensor)),
+            Carries::Drive | Carries::Nothing => None,
+        };
+        let unit = Scale::Given {
+            per_unit: 1.0,
+            offset: 0.0,
+        };
+        let channel = match (calibration::Scale::given(&scale.unwrap_or(unit))?, source) {
+            // What the converters deliver is watched, whoever says how it becomes SI.
+            (Some(scale), Source::Inputs) => {
+                let limits = stored(board, number)?.limits();
+                Channel::watched(scale, Watch::new(limits, rate))
+            }
+            (Some(scale), _) => Channel::unwatched(scale),
+            (None, Source::Synthetic) => Channel::unwatched(calibration::Scale::ONE),
+            (None, _) => stored(board, number)?.channel(rate),
+        };
+        intake.add(carries, channel);
+    }
+    Ok(())
+}
+
+/// What the settings say of an input.
+fn stored(board: &impl Board, input: usize) -> Result<Certificate, Problem> {
+    match board.setting(SettingKey::Input(input as u8))? {
+        Setting::Input(input) => Certificate::new(&input),
+        _ => Err(Problem::Unsupported(Item::Setting)),
+    }
+}
