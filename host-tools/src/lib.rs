@@ -11,6 +11,7 @@ pub mod recording;
 pub mod replay;
 pub mod report;
 pub mod result;
+pub mod rig;
 pub mod setup;
 pub mod simulate;
 pub mod study;

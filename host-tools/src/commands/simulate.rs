@@ -2,13 +2,14 @@
 
 use super::{Bar, Failure, print_line};
 use crate::cli::Verbosity;
+use crate::rig::{self, Trouble, Troubles};
 use crate::simulate::{Model, Options, Simulation, simulate};
 use std::path::{Path, PathBuf};
 
 /// Simulate a test: a model to a setup with recordings
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline simulate fork --out fork\n  massline simulate satellite.toml --out sat --noise 0.01 --seed 7 --duration 60\n\nThe same seed gives the same bytes. MODEL `fork` is the built-in tuning fork."
+    after_help = "Examples:\n  massline simulate fork --out fork\n  massline simulate satellite.toml --out sat --noise 0.01 --seed 7 --duration 60\n  massline simulate fork --out bad --fault checksum --fault open\n\nThe same seed gives the same bytes. MODEL `fork` is the built-in tuning fork."
 )]
 pub struct Arguments {
     /// A model: our .toml, a plane beam model .json, or `fork`
@@ -28,9 +29,24 @@ pub struct Arguments {
     /// Do not record the drive signals
     #[arg(long)]
     no_drive: bool,
+    /// Record as the box would: its converters, driver and acquisition, modelled
+    #[arg(long)]
+    through_converters: bool,
+    /// Have something go wrong on the way through the converters; may be given several times
+    #[arg(long, value_name = "KIND", value_parser = parse_trouble)]
+    fault: Vec<Trouble>,
+    /// Faults per minute, of all kinds together
+    #[arg(long, value_name = "N", default_value_t = 4.0, requires = "fault")]
+    fault_rate: f64,
     /// State the mass in the setup, as if it had been weighed
     #[arg(long)]
     weighed: bool,
+}
+
+fn parse_trouble(name: &str) -> Result<Trouble, String> {
+    let known = || Trouble::ALL.map(Trouble::name).join(", ");
+    let found = Trouble::ALL.into_iter().find(|t| t.name() == name);
+    found.ok_or_else(|| format!("the faults are: {}", known()))
 }
 
 /// Runs the command.
@@ -52,7 +68,23 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         weighed: arguments.weighed,
         ..Options::default()
     };
-    let simulation = with_progress(&model, &options, verbosity)?;
+    let rate = arguments.fault_rate;
+    if !(rate.is_finite() && rate >= 0.0) {
+        return Err(Failure::input(format!(
+            "--fault-rate {rate}: expected a number of faults per minute, 0 or more"
+        )));
+    }
+    let mut simulation = with_progress(&model, &options, verbosity)?;
+    if arguments.through_converters || !arguments.fault.is_empty() {
+        let bar = Bar::new("acquiring", verbosity);
+        let troubles = Troubles {
+            kinds: arguments.fault.clone(),
+            per_minute: rate,
+            seed: arguments.seed,
+        };
+        let mut progress = |share: f64, run: &str| bar.set(share, run);
+        rig::acquire(&mut simulation, &troubles, &mut progress).map_err(Failure::input)?;
+    }
     let setup = simulation.write(&arguments.out).map_err(Failure::input)?;
     print_line(&setup.display().to_string())?;
     if !verbosity.quiet {

@@ -11,6 +11,7 @@ pub mod firmware;
 mod host_box;
 mod noisy_line;
 mod port;
+mod sample_rate;
 mod serial;
 #[cfg(test)]
 mod tests;
@@ -22,4 +23,5 @@ pub use emulator::{Emulator, EmulatorError};
 pub use host_box::{HostBox, HostBoxMemory};
 pub use noisy_line::{Damage, Noise, NoisyLine};
 pub use port::{Port, PortError};
+pub use sample_rate::SampleRate;
 pub use serial::{BAUD, Serial, names as serial_ports};

@@ -33,6 +33,7 @@ mod write;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use massline_core::wire::Health;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 pub use error::{ModelError, SimulationError};
@@ -42,6 +43,7 @@ pub use specimen::{Mode, Specimen};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 pub use write::WriteError;
 
+use crate::recording::Preamble;
 use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
 use specimen::{Gains, motion_row, stack};
@@ -119,6 +121,10 @@ pub struct Recording {
     pub channels: Vec<String>,
     /// One list a channel, all of one length; m/s², N, N m, and 1 for the drive.
     pub samples: Vec<Vec<f32>>,
+    /// Faults of each sample; empty where nothing looked for any.
+    pub health: Vec<Health>,
+    /// What the recording says of itself.
+    pub preamble: Preamble,
 }
 
 /// Simulates all runs of a model.
@@ -202,6 +208,8 @@ pub fn simulate(
                 .then_some(measurement.sample_rate),
             channels,
             samples: recorded,
+            health: Vec::new(),
+            preamble: Preamble::default(),
         });
     }
     disturb::disturb(model, &measurement, options.seed, &mut recordings);

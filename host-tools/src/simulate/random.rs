@@ -30,7 +30,7 @@ impl Stream {
     }
 
     /// Uniform in (-1, 1].
-    pub(super) fn signed(&mut self) -> f64 {
+    pub(crate) fn signed(&mut self) -> f64 {
         2.0 * self.uniform() - 1.0
     }
 

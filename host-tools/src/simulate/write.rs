@@ -6,6 +6,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::{Recording, Simulation};
+use crate::recording::{HEALTH_COLUMN, spell};
+use massline_core::wire::Health;
 
 /// A file that could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -53,22 +55,34 @@ fn at(path: &Path, result: io::Result<()>) -> Result<(), WriteError> {
 }
 
 /// Header of channel names, then one row a sample; every number is the shortest text
-/// that reads back to the same f32.
+/// that reads back to the same f32. A sample that never came has none.
 fn write_csv(path: &Path, recording: &Recording) -> io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
-    let header: Vec<String> = recording.channels.iter().map(|name| field(name)).collect();
+    recording.preamble.write(&mut file)?;
+    let mut header: Vec<String> = recording.channels.iter().map(|name| field(name)).collect();
+    let tells = !recording.health.is_empty();
+    if tells {
+        header.push(HEALTH_COLUMN.to_owned());
+    }
     writeln!(file, "{}", header.join(","))?;
     let rows = recording.samples.first().map_or(0, Vec::len);
     let mut line = String::new();
     for row in 0..rows {
         line.clear();
+        let health = recording.health.get(row).copied().unwrap_or_default();
         for (column, samples) in recording.samples.iter().enumerate() {
             if column > 0 {
                 line.push(',');
             }
-            // Writing to a String cannot fail. `{:?}` turns to exponents where `{}`
-            // would print a long row of zeros.
-            let _ = write!(line, "{:?}", samples[row]);
+            if !health.contains(Health::MISSING) {
+                // Writing to a String cannot fail. `{:?}` turns to exponents where `{}`
+                // would print a long row of zeros.
+                let _ = write!(line, "{:?}", samples[row]);
+            }
+        }
+        if tells {
+            line.push(',');
+            line.push_str(&spell(health));
         }
         line.push('\n');
         file.write_all(line.as_bytes())?;

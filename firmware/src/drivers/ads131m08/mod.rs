@@ -223,6 +223,11 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         self.configuration = configuration;
     }
 
+    /// The bus.
+    pub const fn bus(&mut self) -> &mut SPI {
+        &mut self.spi
+    }
+
     /// Gives the bus back.
     pub fn release(self) -> SPI {
         self.spi

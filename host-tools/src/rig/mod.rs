@@ -1,0 +1,250 @@
+//! The measuring chain on the host: sensors, converters, driver and acquisition of the box,
+//! with everything going wrong that does next to a shaker.
+//!
+//! # Design
+//!
+//! A simulated recording becomes voltages at the inputs of four converters, which are modelled
+//! register by register. The firmware's own driver reads them by SPI, its own acquisition makes
+//! samples of what they say, and the core's calibration turns counts into SI with a watch over
+//! them. What comes out is a recording as the box would make it: counts of 24 bits, converter
+//! noise, the true sample rate, calibrations, and faults in the column `health`.
+//!
+//! Faults are inflicted where they arise: on the wires, in the chips, at the sensors. What they
+//! are called in the recording is what firmware and core found out.
+
+mod sensors;
+mod trouble;
+
+pub use trouble::{Trouble, Troubles};
+
+use crate::device::SampleRate;
+use crate::recording::{Preamble, Traceability};
+use crate::simulate::{Recording, Simulation, Stream};
+use massline_core::calibration::{Certificate, Channel};
+use massline_core::wire::Health;
+use massline_firmware::acquisition::{Acquisition, Sample};
+use massline_firmware::drivers::Converter;
+use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::drivers::ads131m08::{
+    self, Ads131m08, CLOCK_HZ, Configuration, Gain, Oversampling,
+};
+use massline_firmware::models::rig::{Port, Rig};
+use sensors::{Sensor, Sensors};
+use std::cell::RefCell;
+
+/// Converters of the box.
+pub const CHIPS: usize = 4;
+/// Inputs of the box.
+pub const INPUTS: usize = CHIPS * CHANNELS;
+/// Samples before the recording begins: after a start, filters have to settle.
+const LEAD: u64 = 8;
+/// Messages with samples in a second, each of which tells how far the converters have come.
+const MESSAGES: f64 = 8.0;
+
+/// What keeps a recording from going through the box.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RigError {
+    /// More channels than inputs.
+    #[error(
+        "{found} channels, drive included, do not fit the box's {INPUTS} inputs; take sensors out of the model, or leave out the converters"
+    )]
+    Inputs {
+        /// Channels.
+        found: usize,
+    },
+    /// A rate that the converters do not have.
+    #[error(
+        "the converters do not sample at {found} Hz, but at 256, 512, 1024 and so on up to 32768 Hz; change `sample_rate` in the model, or leave out the converters"
+    )]
+    Rate {
+        /// The rate, Hz.
+        found: f64,
+    },
+    /// A sensor whose calibration the box refuses.
+    #[error(
+        "channel `{channel}` cannot be calibrated: its largest reading is {peak}, which no sensor has a range for; change the level of excitation in the model"
+    )]
+    Sensor {
+        /// The channel.
+        channel: String,
+        /// Its largest reading.
+        peak: f64,
+    },
+    /// A driver that does not come up, which only a wrong model of the chip could cause.
+    #[error("converter {number} does not start: {fault}")]
+    Start {
+        /// Its number.
+        number: u8,
+        /// What it did.
+        fault: massline_firmware::drivers::Fault,
+    },
+}
+
+/// Sends all recordings of a simulation through the box. Static poses stay as they are: they
+/// are read off one by one.
+///
+/// # Errors
+/// [`RigError`].
+pub fn acquire(
+    simulation: &mut Simulation,
+    troubles: &Troubles,
+    progress: &mut dyn FnMut(f64, &str),
+) -> Result<(), RigError> {
+    let sensors = sensors::outfit(&simulation.setup, &simulation.recordings)?;
+    let count = simulation.recordings.len();
+    for (k, recording) in simulation.recordings.iter_mut().enumerate() {
+        progress(k as f64 / count as f64, &recording.file);
+        let Some(rate) = recording.sample_rate else {
+            continue;
+        };
+        let seed = troubles.seed.wrapping_add(k as u64);
+        *recording = through(recording, rate, &sensors, troubles, seed)?;
+    }
+    Ok(())
+}
+
+/// A recording under way: rows of SI with their faults.
+struct Recorder<'s> {
+    sensors: Vec<&'s Sensor>,
+    channels: Vec<Channel>,
+    samples: Vec<Vec<f32>>,
+    health: Vec<Health>,
+    rows: usize,
+}
+
+impl Recorder<'_> {
+    /// Takes the next sample; whether there is room for more.
+    fn take(&mut self, sample: &Sample<'_>) -> bool {
+        let Some(row) = sample.number.checked_sub(LEAD) else {
+            return true;
+        };
+        let row = row as usize;
+        while self.health.len() < row.min(self.rows) {
+            self.samples.iter_mut().for_each(|s| s.push(0.0));
+            self.health.push(Health::MISSING);
+        }
+        if row >= self.rows {
+            return false;
+        }
+        let mut all = Health::GOOD;
+        let inputs = sample.counts.iter().zip(sample.health);
+        let places = self.channels.iter_mut().zip(&mut self.samples);
+        for ((channel, samples), (count, known)) in places.zip(inputs) {
+            let (si, health) = channel.count(*count, *known);
+            samples.push(si);
+            all = all.union(health);
+        }
+        self.health.push(all);
+        row + 1 < self.rows
+    }
+}
+
+fn through(
+    recording: &Recording,
+    rate: f64,
+    sensors: &[Sensor],
+    troubles: &Troubles,
+    seed: u64,
+) -> Result<Recording, RigError> {
+    let oversampling =
+        Oversampling::of_rate(rate, CLOCK_HZ).ok_or(RigError::Rate { found: rate })?;
+    let period = oversampling.cycles();
+    let own: Vec<&Sensor> = recording
+        .channels
+        .iter()
+        .filter_map(|name| sensors.iter().find(|s| s.channel == *name))
+        .collect();
+    let mut stream = Stream::new(seed, &["rig", &recording.file]);
+    let voltages = Sensors::new(&own, &recording.samples, f64::from(period));
+    let rig: RefCell<Rig<Sensors<'_>, CHIPS>> = RefCell::new(Rig::new(voltages, seed));
+    let mut chips: [_; CHIPS] = core::array::from_fn(|k| {
+        let channel = |c: usize| {
+            let gain = own.get(CHANNELS * k + c).map_or(1, |s| s.preset.gain);
+            ads131m08::Channel::pins(Gain::new(gain).unwrap_or(Gain::ONE))
+        };
+        let configuration = Configuration {
+            oversampling,
+            channels: core::array::from_fn(channel),
+        };
+        Ads131m08::new(Port::new(&rig, k), configuration)
+    });
+    let [a, b, c, d] = &mut chips;
+    let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+    let mut synchronise = || rig.borrow_mut().pull_sync(16);
+    let mut acquisition = Acquisition::<CHIPS, INPUTS>::new(period as f32);
+    acquisition
+        .start(converters, &mut synchronise)
+        .map_err(|(number, fault)| RigError::Start { number, fault })?;
+    {
+        let mut rig = rig.borrow_mut();
+        let first = rig.cycle() + u64::from(period) * (1 + LEAD);
+        rig.signal().begin_at(first);
+    }
+
+    let mut recorder = Recorder {
+        channels: own
+            .iter()
+            .map(|s| s.certificate.channel(rate as f32))
+            .collect(),
+        samples: vec![Vec::new(); own.len()],
+        health: Vec::new(),
+        rows: recording.samples.first().map_or(0, Vec::len),
+        sensors: own,
+    };
+    let used = recorder.sensors.len().div_ceil(CHANNELS);
+    let mut mischief = troubles.begin(rate, used, recorder.sensors.len(), seed);
+    let mut clock = SampleRate::default();
+    // Crystals keep to 20 parts in a million, this computer's against the converters'.
+    let true_rate = rate * (1.0 + 20e-6 * stream.signed());
+    let mut next_message = 0;
+    loop {
+        let edge = rig.borrow_mut().wait();
+        let taken = acquisition.edge(converters, &mut synchronise, edge.ready, edge.cycle);
+        let Some(sample) = taken else { continue };
+        if sample.number >= next_message {
+            next_message = sample.number + (rate / MESSAGES) as u64;
+            // A millisecond of the link's, give or take one.
+            let arrival = sample.number as f64 / true_rate + 1e-3 * (1.0 + stream.signed());
+            clock.arrival(sample.number, arrival);
+        }
+        if !recorder.take(&sample) {
+            break;
+        }
+        if sample.number > LEAD {
+            mischief.inflict(&mut rig.borrow_mut());
+        }
+    }
+    let Recorder {
+        samples,
+        health,
+        sensors,
+        ..
+    } = recorder;
+    let traceability = |s: &Sensor| Traceability {
+        serial: s.serial.clone(),
+        certificate: "simulated".to_owned(),
+        calibrated: None,
+        uncertainty: None,
+    };
+    Ok(Recording {
+        samples,
+        health,
+        preamble: Preamble {
+            sample_rate: clock.estimate("host"),
+            channel: sensors
+                .iter()
+                .map(|s| (s.channel.clone(), traceability(s)))
+                .collect(),
+        },
+        ..recording.clone()
+    })
+}
+
+/// The certificate of an input, as the box would keep it.
+fn certificate(
+    sensor: &massline_core::calibration::Preset,
+    number: u8,
+    serial: &str,
+) -> Option<Certificate> {
+    Certificate::new(&sensor.input(number, serial, "simulated", None, 0.0)).ok()
+}
