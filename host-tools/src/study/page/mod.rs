@@ -4,7 +4,6 @@ mod plots;
 mod tables;
 
 use super::{NoiseKind, Range, Study, WeightRule};
-use crate::report::markup::escape;
 use crate::report::number::{exact, fixed};
 use crate::report::page::{Section, page};
 use std::fmt::Write;
@@ -119,7 +118,7 @@ fn pattern(study: &Study) -> String {
         let _ = write!(
             html,
             "<tr><td>{word}</td><td class=\"wrap\">{}</td><td class=\"wrap\">{}</td></tr>",
-            escape(&check.claim),
+            tables::typeset(&check.claim),
             tables::typeset(&check.measured)
         );
     }

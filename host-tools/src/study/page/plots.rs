@@ -250,7 +250,11 @@ fn errors(study: &Study, range: Range, parameter: usize) -> String {
     let values = series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let domain = Extent::of(Mapping::Log, values).domain(0.06);
     let mut chart = LineChart::panel(
-        NAMES.get(parameter).copied().unwrap_or("x, z, Θ_A, Θ_S"),
+        // A title in a drawing has no indices.
+        ["x", "z", "Θ about A", "Θ about S"]
+            .get(parameter)
+            .copied()
+            .unwrap_or("x, z, Θ about A and S"),
         Axis::new("noise, %", Mapping::Log, [0.7 * aside, 1.3 * most]),
         Axis::new("error, %", Mapping::Log, domain),
     );

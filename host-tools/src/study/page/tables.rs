@@ -9,7 +9,7 @@ use crate::study::{NAMES, Row, Study, percent};
 use massline_core::masslines::Method;
 use std::fmt::Write;
 
-/// Text with proper minus signs.
+/// Text with proper minus signs and indices.
 pub(super) fn typeset(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut before = ' ';
@@ -20,7 +20,13 @@ pub(super) fn typeset(text: &str) -> String {
         out.push(if sign { MINUS } else { c });
         before = c;
     }
-    escape(&out)
+    indexed(&escape(&out))
+}
+
+/// The moments of inertia about A and S with their index set low.
+pub(super) fn indexed(html: &str) -> String {
+    html.replace("Θ_A", "Θ<sub>A</sub>")
+        .replace("Θ_S", "Θ<sub>S</sub>")
 }
 
 /// An error in per cent, without the sign of per cent.
@@ -52,6 +58,7 @@ fn head(html: &mut String, first: &str, groups: &[(&str, &[&str])]) {
     }
     html.push_str("</tr><tr>");
     for column in groups.iter().flat_map(|(_, columns)| *columns) {
+        let column = indexed(column);
         let _ = write!(html, "<th scope=\"col\" class=\"num\">{column}</th>");
     }
     html.push_str("</tr></thead><tbody>");
