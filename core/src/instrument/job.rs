@@ -188,12 +188,16 @@ fn quality(store: &Stored<'_>, runs: u32) -> Quality {
     let mut all = Quality {
         blocks: 0,
         rejected: 0,
+        rejected_by: [0; Health::KINDS],
         missing: 0,
         health: Health::GOOD,
     };
     for quality in used.filter_map(|run| Some(store.kept(run)?.quality)) {
         all.blocks = all.blocks.saturating_add(quality.blocks);
         all.rejected = all.rejected.saturating_add(quality.rejected);
+        for (sum, of_run) in all.rejected_by.iter_mut().zip(quality.rejected_by) {
+            *sum = sum.saturating_add(of_run);
+        }
         all.missing = all.missing.saturating_add(quality.missing);
         all.health = all.health.union(quality.health);
     }

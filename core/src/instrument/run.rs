@@ -350,6 +350,7 @@ impl<'m> Run<'m> {
                     let quality = Quality {
                         blocks,
                         rejected: self.counts.rejected,
+                        rejected_by: self.counts.rejected_by,
                         missing: self.counts.missing,
                         health: self.counts.health,
                     };

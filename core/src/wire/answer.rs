@@ -134,6 +134,9 @@ pub struct Quality {
     pub blocks: u32,
     /// Blocks rejected.
     pub rejected: u32,
+    /// Blocks rejected for each fault, by the bits of [`Health`]; a block with two faults
+    /// counts twice.
+    pub rejected_by: [u32; Health::KINDS],
     /// Samples that were missing.
     pub missing: u64,
     /// Every fault that a block was rejected for.

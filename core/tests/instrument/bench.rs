@@ -3,7 +3,8 @@
 
 use massline_core::calibration::Certificate;
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
+    Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, Vitals,
+    WorkingStorage,
 };
 use massline_core::wire::*;
 
@@ -274,6 +275,18 @@ impl Bench<'_> {
             Said::Status(status) => status,
             other => panic!("{other:?}"),
         }
+    }
+
+    /// One sample of the converters, all of whose channels are good but those named.
+    pub fn convert(&mut self, number: u64, counts: &[i32], health: &[Health]) {
+        let sample = RawSample {
+            number,
+            counts,
+            health,
+        };
+        self.hardware.ticks += 2;
+        self.instrument
+            .sample(&sample, &mut self.hardware, &mut self.host);
     }
 
     /// The events so far, which are then forgotten.

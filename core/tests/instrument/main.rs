@@ -1,5 +1,10 @@
 //! The box as a state machine, promise by promise.
 
 mod bench;
+mod faults;
+mod plan;
+mod refusals;
+mod runs;
 mod selftest;
 mod sizes;
+mod unplugged;

@@ -145,6 +145,7 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
         quality: Quality {
             blocks: d.u32(),
             rejected: d.u32(),
+            rejected_by: d.array(Draw::u32),
             missing: d.u64(),
             health: Health(d.u16()),
         },
