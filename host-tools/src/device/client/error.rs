@@ -1,7 +1,7 @@
 //! Why a box did not do what was asked.
 
 use crate::device::PortError;
-use massline_core::wire::{EncodeError, PROTOCOL_VERSION, Refused, Reply, Request};
+use massline_core::wire::{EncodeError, PROTOCOL_VERSION, Refused, Reply, Request, ResetReason};
 use std::time::Duration;
 
 /// Why a box did not do what was asked.
@@ -56,12 +56,16 @@ pub enum ClientError {
     },
     /// The box started anew while it was asked something.
     #[error(
-        "the box has started anew in the middle of {}, its set-up and runs are gone; `massline board info` says why",
-        name(*.request)
+        "the box has started anew in the middle of {}, its set-up and runs are gone; {}",
+        name(*.request), reason(*.reset, .panic.as_deref())
     )]
     Restarted {
         /// Number of the request.
         request: u8,
+        /// Why, if the box has said so since.
+        reset: Option<ResetReason>,
+        /// Text of its panic.
+        panic: Option<String>,
     },
     /// The box wants samples again that it had said to have.
     #[error(
@@ -81,6 +85,19 @@ pub enum ClientError {
         /// Why.
         source: EncodeError,
     },
+}
+
+fn reason(reset: Option<ResetReason>, panic: Option<&str>) -> String {
+    match (reset, panic) {
+        (_, Some(panic)) => format!("its firmware has failed: {panic}; report this text"),
+        (Some(ResetReason::PowerOn | ResetReason::BrownOut), None) => {
+            "it was without power for a moment: look at its supply".to_owned()
+        }
+        (Some(reset), None) => format!(
+            "its reason: {reset:?}; if it happens again, report it with what `massline board info` says"
+        ),
+        (None, None) => "`massline board info` says why".to_owned(),
+    }
 }
 
 fn name(request: u8) -> &'static str {

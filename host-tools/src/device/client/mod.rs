@@ -180,7 +180,7 @@ impl<'c, P: Port> Client<'c, P> {
             match heard {
                 Waited::Taken(Heard::Reply(reply)) => return reply,
                 Waited::Taken(Heard::Working(true)) => polls = 0,
-                Waited::Restarted => return Err(ClientError::Restarted { request: number }),
+                Waited::Restarted => return Err(self.restarted(number)),
                 Waited::Silence if takes_long(request) && polls < ATTEMPTS => {
                     polls += 1;
                     let id = self.ids.fresh();
@@ -280,6 +280,20 @@ impl<'c, P: Port> Client<'c, P> {
     pub fn listen(&mut self, time: Duration) -> Result<(), ClientError> {
         let nothing = |_: u16, _: &Reply<'_>| None::<()>;
         self.wait(Request::Status.number(), time, nothing).map(drop)
+    }
+
+    /// The box is another one than before: it is asked why, unless that was the question.
+    fn restarted(&mut self, request: u8) -> ClientError {
+        let info = if request == Request::Hello.number() {
+            None
+        } else {
+            self.hello().ok()
+        };
+        ClientError::Restarted {
+            request,
+            reset: info.as_ref().map(|info| info.reset),
+            panic: info.and_then(|info| info.panic),
+        }
     }
 
     fn silent(&self, request: u8, attempts: u32, since: Instant) -> ClientError {

@@ -255,7 +255,7 @@ impl<P: Port> Client<'_, P> {
                     }
                 }
                 Waited::Restarted => {
-                    return Err(ClientError::Restarted { request: NUMBER }.into());
+                    return Err(self.restarted(NUMBER).into());
                 }
                 Waited::Silence => {
                     silences += 1;
