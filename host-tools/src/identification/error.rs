@@ -99,7 +99,7 @@ impl AnswerError {
                 "record the generator's signal and name it as `reference`, or use --method apparent-mass"
             }
             MasslineError::TooFewRuns { .. } => {
-                "add runs that move the table in other directions, or use --method apparent-mass, which needs fewer"
+                "add runs that move the table in other directions, shake harder where a run hardly rises above its noise, or use --method apparent-mass, which needs fewer"
             }
             MasslineError::NoMode => {
                 "extend `mode_band` to where the structure rings, or use --method c-squared, which needs no modes"
