@@ -36,6 +36,7 @@ fn main() -> io::Result<()> {
     ];
     for argument in arguments {
         println!("cargo::rustc-link-arg-bins={argument}");
+        println!("cargo::rustc-link-arg-examples={argument}");
     }
     Ok(())
 }

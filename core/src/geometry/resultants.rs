@@ -263,9 +263,16 @@ impl ResultantMap {
             } else {
                 &mut acceleration
             };
-            for (sum, gain) in half.iter_mut().zip(&column.gains) {
-                *sum += gain * x;
-            }
+            // Written out, since the chip's code is made small rather than fast, and this runs
+            // for every reading.
+            let [a, b, c, d, e, f] = half;
+            let [ga, gb, gc, gd, ge, gf] = column.gains;
+            *a += ga * x;
+            *b += gb * x;
+            *c += gc * x;
+            *d += gd * x;
+            *e += ge * x;
+            *f += gf * x;
         }
         core::array::from_fn(|j| if j < 6 { acceleration[j] } else { force[j - 6] })
     }

@@ -14,12 +14,18 @@ pub const BYTES_MAX: usize = (Register::WRITABLE + 2) * WORD;
 /// Checksum CRC-16-CCITT: polynomial 0x1021, from 0xFFFF on, neither reflected nor inverted.
 #[must_use]
 pub fn crc(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0xFFFF, |crc, &byte| {
+    let step = |crc: u16, byte: u8| {
         let [high, low] = crc.to_be_bytes();
         // The table has an entry for every byte.
         let entry = TABLE.get(usize::from(high ^ byte)).copied().unwrap_or(0);
         (u16::from(low) << 8) ^ entry
-    })
+    };
+    // Word by word, which spares the chip the half of the loop.
+    let (words, rest) = bytes.as_chunks::<WORD>();
+    let crc = words
+        .iter()
+        .fold(0xFFFF, |crc, &[a, b, c]| step(step(step(crc, a), b), c));
+    rest.iter().fold(crc, |crc, &byte| step(crc, byte))
 }
 
 static TABLE: [u16; 256] = {

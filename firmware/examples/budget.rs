@@ -1,0 +1,278 @@
+//! What a sample and a block cost on the chip, instruction by instruction: the numbers behind the
+//! table of load in the firmware's README.
+//!
+//! To be run in the emulator with `-icount shift=0`, where TIM2 counts instructions; a test does
+//! so. The converters' models answer until all samples are good, then recorded frames stand in
+//! for them, so that only what runs on the box is counted. It is told as text on the link.
+
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+/// Says where to run it.
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this runs in the emulator: cargo xtask test --only emulator");
+}
+
+#[cfg(target_os = "none")]
+mod on_chip {
+    use core::cell::UnsafeCell;
+    use core::fmt::Write;
+    use core::hint::black_box;
+    use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+    use massline_core::calibration::{Channel, Limits, Scale, Watch};
+    use massline_core::geometry::ResultantMap;
+    use massline_core::spectra::{BlockSettings, Complex32, DriveAverage, History, Sum, Window};
+    use massline_core::wire::Health;
+    use massline_firmware::acquisition::Acquisition;
+    use massline_firmware::drivers::Converter;
+    use massline_firmware::drivers::ads131m08::frame::BYTES;
+    use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+    use massline_firmware::drivers::ads131m08::{
+        Ads131m08, Channel as Input, Configuration, Gain, Oversampling,
+    };
+    use massline_firmware::models::BusError;
+    use massline_firmware::models::ads131m08::Chip;
+    use massline_firmware::models::random::mix;
+    use stm32f4xx_hal::pac::{RCC, TIM2, USART2};
+
+    const CHIPS: usize = 4;
+    const INPUTS: usize = CHIPS * CHANNELS;
+    const RESULTANTS: usize = 12;
+    const LINES: usize = 100;
+    const PERIOD: u64 = 1000;
+    /// Times that each thing is done, of which the mean is told.
+    const ROUNDS: u32 = 64;
+
+    /// Static memory for what would not fit the stack.
+    struct Storage<T>(UnsafeCell<T>);
+
+    // SAFETY: one thread, no interrupt, and each is taken once.
+    unsafe impl<T> Sync for Storage<T> {}
+
+    impl<T> Storage<T> {
+        #[expect(clippy::mut_from_ref, reason = "taken once each")]
+        fn take(&self) -> &mut T {
+            // SAFETY: each storage is taken at one place, which is come by once.
+            unsafe { &mut *self.0.get() }
+        }
+    }
+
+    static HISTORY: Storage<[f32; 13 * 512]> = Storage(UnsafeCell::new([0.0; 13 * 512]));
+    static SUMS: Storage<[Sum; 37 * LINES]> = Storage(UnsafeCell::new([Sum::ZERO; 37 * LINES]));
+
+    /// The bus to one chip: a model that answers, or the frame that it gave last.
+    struct Wire {
+        chip: Chip,
+        last: [u8; BYTES],
+        replaying: bool,
+    }
+
+    impl ErrorType for Wire {
+        type Error = BusError;
+    }
+
+    impl SpiDevice for Wire {
+        fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusError> {
+            for operation in operations {
+                let Operation::TransferInPlace(bytes) = operation else {
+                    continue;
+                };
+                if self.replaying {
+                    bytes.copy_from_slice(&self.last);
+                } else {
+                    self.chip.transfer(bytes);
+                    if bytes.len() == BYTES {
+                        self.last.copy_from_slice(bytes);
+                    }
+                }
+            }
+            Ok(())
+        }
+    }
+
+    /// The link, byte by byte.
+    struct Link(USART2);
+
+    impl Write for Link {
+        fn write_str(&mut self, text: &str) -> core::fmt::Result {
+            for byte in text.bytes() {
+                while self.0.sr().read().txe().bit_is_clear() {}
+                self.0.dr().write(|w| w.dr().set(byte.into()));
+            }
+            Ok(())
+        }
+    }
+
+    /// Instructions of something done often, on average.
+    fn cost(timer: &TIM2, mut work: impl FnMut(u32)) -> u32 {
+        let begin = timer.cnt().read().bits();
+        for round in 0..ROUNDS {
+            work(round);
+        }
+        timer.cnt().read().bits().wrapping_sub(begin) / ROUNDS
+    }
+
+    #[panic_handler]
+    fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
+
+    #[cortex_m_rt::entry]
+    fn main() -> ! {
+        // SAFETY: nothing else runs here, so nobody else has the peripherals.
+        let device = unsafe { stm32f4xx_hal::pac::Peripherals::steal() };
+        start(&device.RCC, &device.TIM2, &device.USART2);
+        let mut link = Link(device.USART2);
+        let timer = device.TIM2;
+        let (acquisition, counts) = acquisition(&timer);
+        let mut tell = |what: &str, cost: u32| {
+            let _ = writeln!(link, "{what} {cost}");
+        };
+        tell("acquisition", acquisition);
+        tell("calibration", calibration(&timer, &counts));
+        tell("resultants", resultants(&timer));
+        let (decimation, block) = spectra(&timer);
+        tell("decimation", decimation);
+        tell("block", block);
+        let _ = writeln!(link, "end");
+        loop {
+            cortex_m::asm::wfi();
+        }
+    }
+
+    fn start(rcc: &RCC, timer: &TIM2, link: &USART2) {
+        rcc.apb1enr()
+            .modify(|_, w| w.tim2en().set_bit().usart2en().set_bit());
+        timer.arr().write(|w| w.arr().set(u32::MAX));
+        timer.egr().write(|w| w.ug().set_bit());
+        timer.cr1().write(|w| w.cen().set_bit());
+        link.cr1().write(|w| w.ue().set_bit().te().set_bit());
+    }
+
+    /// Four converters read at one edge, with all checksums.
+    fn acquisition(timer: &TIM2) -> (u32, [i32; INPUTS]) {
+        let configuration = Configuration {
+            oversampling: Oversampling::X8192,
+            channels: [Input::pins(Gain::ONE); CHANNELS],
+        };
+        let mut chips: [Ads131m08<Wire>; CHIPS] = core::array::from_fn(|_| {
+            let wire = Wire {
+                chip: Chip::new(),
+                last: [0; BYTES],
+                replaying: false,
+            };
+            Ads131m08::new(wire, configuration)
+        });
+        let mut acquisition = Acquisition::<CHIPS, INPUTS>::new(PERIOD as f32);
+        let mut synchronise = || ();
+        let mut ticks = 0;
+        for round in 0..16 {
+            for (k, chip) in chips.iter_mut().enumerate() {
+                let volts = core::array::from_fn(|c| 0.1 + 0.01 * (k + c + round) as f64);
+                chip.bus().chip.convert(&volts);
+            }
+            let [a, b, c, d] = &mut chips;
+            let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+            if round == 0 {
+                assert!(acquisition.start(converters, &mut synchronise).is_ok());
+                continue;
+            }
+            ticks += PERIOD;
+            let _ = acquisition.edge(converters, &mut synchronise, 0b1111, ticks);
+        }
+        chips.iter_mut().for_each(|c| c.bus().replaying = true);
+        let mut counts = [0; INPUTS];
+        let mut good = true;
+        let [a, b, c, d] = &mut chips;
+        let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+        let cost = cost(timer, |_| {
+            ticks += PERIOD;
+            let sample = acquisition.edge(converters, &mut synchronise, 0b1111, ticks);
+            good &= black_box(sample).is_some();
+        });
+        ticks += PERIOD;
+        if let Some(sample) = acquisition.edge(converters, &mut synchronise, 0b1111, ticks) {
+            good &= sample.health.iter().all(|h| h.is_good());
+            counts.copy_from_slice(sample.counts);
+        }
+        // A cost of nothing says that something else was measured.
+        (if good { cost } else { 0 }, counts)
+    }
+
+    /// Counts of all inputs to SI, with the watch over them.
+    fn calibration(timer: &TIM2, counts: &[i32; INPUTS]) -> u32 {
+        let watch = Watch::new(Limits::CONVERTER, 4096.0);
+        let scale = Scale::new(1e-6, 12.0).unwrap_or(Scale::ONE);
+        let mut channels = [Channel::watched(scale, watch); INPUTS];
+        cost(timer, |round| {
+            for (channel, count) in channels.iter_mut().zip(counts) {
+                let _ = black_box(channel.count(count ^ round as i32, Health::GOOD));
+            }
+        })
+    }
+
+    /// Equations (4) and (5): 31 sensors to twelve resultants.
+    fn resultants(timer: &TIM2) -> u32 {
+        let mut map = ResultantMap::new();
+        for k in 0..INPUTS - 1 {
+            let column = nalgebra::Vector6::repeat(0.1 + k as f64);
+            let pushed = match k % 3 {
+                0 => map.push_force(&column),
+                _ => map.push_acceleration(&column),
+            };
+            assert!(pushed.is_ok());
+        }
+        let sample: [f32; INPUTS - 1] = core::array::from_fn(|k| 0.1 * k as f32);
+        cost(timer, |_| {
+            black_box(map.apply(black_box(&sample)));
+        })
+    }
+
+    /// A sample of drive and resultants into the history, on average; and a block: thirteen
+    /// channels transformed, powers, cross powers and coherences of 100 lines.
+    fn spectra(timer: &TIM2) -> (u32, u32) {
+        let nothing = Complex32::new(0.0, 0.0);
+        let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 50.0]);
+        let mut work = [nothing; 256];
+        let history =
+            settings.and_then(|s| History::new(s, 1 + RESULTANTS, HISTORY.take(), &mut work));
+        let Ok(mut history) = history else {
+            return (0, 0);
+        };
+        let mut complete = 0;
+        for number in 0..4096_u64 {
+            let noise = |c: usize| (mix(number ^ (c as u64) << 40) >> 40) as f32;
+            complete += u32::from(history.push(&core::array::from_fn::<f32, 13, _>(noise)));
+        }
+        let sample: [f32; 1 + RESULTANTS] = core::array::from_fn(|c| c as f32);
+        // Whole periods of the decimation.
+        let decimation = cost(timer, |_| {
+            history.push(black_box(&sample));
+        });
+        let sums = SUMS.take();
+        let (mut drive, mut a, mut b) = ([nothing; LINES], [nothing; LINES], [nothing; LINES]);
+        let block = cost(timer, |_| {
+            let Ok(mut average) = DriveAverage::resume(LINES, RESULTANTS, sums, 8) else {
+                return;
+            };
+            for pair in 0..history.pairs() {
+                if pair == 0 {
+                    history.transform(0, &mut drive, &mut b);
+                    average.add_drive(&drive);
+                } else {
+                    history.transform(pair, &mut a, &mut b);
+                    average.add_response(2 * pair - 1, &drive, &a);
+                }
+                if 2 * pair < RESULTANTS {
+                    average.add_response(2 * pair, &drive, &b);
+                }
+            }
+            for c in 0..RESULTANTS {
+                black_box(average.mean_coherence(c, 0..29));
+            }
+        });
+        (decimation, if complete > 0 { block } else { 0 })
+    }
+}

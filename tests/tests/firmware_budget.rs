@@ -1,0 +1,145 @@
+//! What acquisition and spectra cost on the chip: instructions counted in the emulator, and the
+//! table of load that follows, which the firmware's README shows.
+
+use massline::device::{Emulator, firmware};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Environment variable that has a new table taken for good.
+const ACCEPT: &str = "MASSLINE_ACCEPT";
+const BEGIN: &str = "<!-- load: begin -->";
+const END: &str = "<!-- load: end -->";
+
+/// The chip's clock, Hz.
+const CLOCK: f64 = 168e6;
+/// The converters' bus: half of APB1, Hz.
+const SPI: f64 = 21e6;
+/// Frames a sample, bytes a frame.
+const FRAMES: f64 = 4.0;
+const FRAME_BYTES: f64 = 30.0;
+/// Samples from one block to the next.
+const HOP: f64 = 512.0;
+/// Cycles an instruction takes. The emulator does not know; on a Cortex-M4 most take one, loads
+/// two, taken branches two to four, and the flash's accelerator hides its wait states.
+const CYCLES: f64 = 1.3;
+
+/// Costs in instructions, by name.
+fn measure() -> BTreeMap<String, f64> {
+    let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));
+    let budget = elf.with_file_name("examples").join("budget");
+    let mut board = Emulator::start_with(&budget, &["-icount", "shift=0"])
+        .unwrap_or_else(|error| panic!("{error}"));
+    let mut costs = BTreeMap::new();
+    loop {
+        let line = board
+            .read_until(b'\n', Duration::from_secs(120))
+            .unwrap_or_else(|error| panic!("{error}; so far {costs:?}"));
+        let line = String::from_utf8(line).expect("it speaks ASCII");
+        let Some((what, cost)) = line.trim().split_once(' ') else {
+            break;
+        };
+        costs.insert(what.to_owned(), cost.parse().expect("a number"));
+    }
+    costs
+}
+
+/// Shares of a second, in percent: bus, samples, blocks.
+fn loads(rate: f64, costs: &BTreeMap<String, f64>) -> [f64; 3] {
+    let of_sample: f64 = ["acquisition", "calibration", "resultants", "decimation"]
+        .iter()
+        .map(|what| costs[*what])
+        .sum();
+    let bus = FRAMES * FRAME_BYTES * 8.0 / SPI;
+    let compute = |instructions: f64| CYCLES * instructions / CLOCK;
+    [
+        rate * bus,
+        rate * compute(of_sample),
+        rate / HOP * compute(costs["block"]),
+    ]
+    .map(|share| 100.0 * share)
+}
+
+fn table(costs: &BTreeMap<String, f64>) -> String {
+    let mut text = String::from("| what, for 32 channels | instructions |\n| --- | ---: |\n");
+    for (what, words) in [
+        (
+            "acquisition",
+            "a sample: four converters read, checksums, numbers, faults",
+        ),
+        (
+            "calibration",
+            "a sample: counts to SI, watch for overload, open and stuck",
+        ),
+        (
+            "resultants",
+            "a sample: 31 sensors to twelve resultants, (4) and (5)",
+        ),
+        (
+            "decimation",
+            "a sample: drive and resultants into the history",
+        ),
+        (
+            "block",
+            "a block: 13 transforms, powers, cross powers, coherences of 100 lines",
+        ),
+    ] {
+        let _ = writeln!(text, "| {words} | {} |", costs[what]);
+    }
+    text.push_str(
+        "\n| samples/s | bus | samples | blocks | load |\n| ---: | ---: | ---: | ---: | ---: |\n",
+    );
+    for rate in [512.0, 4096.0, 16384.0] {
+        let parts = loads(rate, costs);
+        let all: f64 = parts.iter().sum();
+        let [bus, samples, blocks] = parts.map(|p| format!("{p:.1} %"));
+        let verdict = if all < 100.0 {
+            format!("**{all:.1} %**")
+        } else {
+            format!("{all:.0} %: more than there is")
+        };
+        let _ = writeln!(
+            text,
+            "| {rate} | {bus} | {samples} | {blocks} | {verdict} |"
+        );
+    }
+    text
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn the_table_of_load_is_what_the_emulator_counts() {
+    let costs = measure();
+    for (what, cost) in &costs {
+        assert!(*cost > 100.0, "{what} was not measured: {cost}");
+    }
+    let readme = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../firmware/README.md");
+    let text = fs::read_to_string(&readme).expect("the firmware has a README");
+    let (before, rest) = text.split_once(BEGIN).expect("a place for the table");
+    let (shown, after) = rest.split_once(END).expect("an end of it");
+    let found = table(&costs);
+    if std::env::var_os(ACCEPT).is_some_and(|value| value == "1") {
+        let text = format!("{before}{BEGIN}\n\n{found}\n{END}{after}");
+        fs::write(&readme, text).expect("the README can be written");
+    } else {
+        // Another compiler counts a little otherwise.
+        for (ours, theirs) in numbers(shown).into_iter().zip(numbers(&found)) {
+            assert!(
+                (ours / theirs - 1.0).abs() < 0.05,
+                "the README says {ours}, the emulator {theirs}. If that is right, run this again \
+                 with {ACCEPT}=1 and commit the file.\n{found}"
+            );
+        }
+        assert_eq!(numbers(shown).len(), numbers(&found).len());
+    }
+    let at_4096: f64 = loads(4096.0, &costs).iter().sum();
+    assert!(at_4096 < 50.0, "{at_4096} % at 4096 samples/s");
+}
+
+/// All numbers of a text.
+fn numbers(text: &str) -> Vec<f64> {
+    let parts = text.split(|c: char| !c.is_ascii_digit() && c != '.');
+    parts.filter_map(|part| part.parse().ok()).collect()
+}
