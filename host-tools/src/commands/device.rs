@@ -36,6 +36,11 @@ const BOOT: Duration = Duration::from_secs(20);
 const LOOK: Duration = Duration::from_millis(100);
 
 impl Device {
+    /// Whether ticks of the box's clock are true: an emulator's are not.
+    pub const fn keeps_time(&self) -> bool {
+        !self.emulator
+    }
+
     /// Reaches the box and has `work` talk to it.
     ///
     /// # Errors

@@ -92,7 +92,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
     let flip = arguments.flip.as_deref();
     let flip = flip.map(|text| Flip::parse(text, &setup)).transpose()?;
-    let outcome = arguments.device.talk(|client| {
+    let mut outcome = arguments.device.talk(|client| {
         let order = Order {
             methods: methods(arguments.method.as_ref(), &setup, client)?,
             iterative: arguments.iterative,
@@ -110,6 +110,11 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             bar.set(p.share, &what);
         })?)
     })?;
+    if !arguments.device.keeps_time() {
+        for answer in outcome.bases.iter_mut().flat_map(|b| &mut b.answers) {
+            answer.seconds = None;
+        }
+    }
     if arguments.json {
         print_json(&ReplayDocument::new(&setup.title, &outcome))?;
     } else {
@@ -189,7 +194,7 @@ fn print(title: &str, outcome: &Outcome) -> std::io::Result<()> {
                 (None, Some(s)) => {
                     writeln!(out, "    {dim}{description}, {s:.3} s on the box{dim:#}")?
                 }
-                (None, None) => {}
+                (None, None) => writeln!(out, "    {dim}{description}{dim:#}")?,
             }
         }
     }
