@@ -15,12 +15,13 @@
 mod sensors;
 mod trouble;
 
+pub use sensors::Outfit;
 pub use trouble::{Trouble, Troubles};
 
 use crate::device::SampleRate;
 use crate::recording::{Preamble, Traceability};
 use crate::simulate::{Recording, Simulation, Stream};
-use massline_core::calibration::{Certificate, Channel};
+use massline_core::calibration::Channel;
 use massline_core::wire::Health;
 use massline_firmware::acquisition::{Acquisition, Sample};
 use massline_firmware::drivers::Converter;
@@ -37,7 +38,7 @@ pub const CHIPS: usize = 4;
 /// Inputs of the box.
 pub const INPUTS: usize = CHIPS * CHANNELS;
 /// Samples before the recording begins: after a start, filters have to settle.
-const LEAD: u64 = 8;
+pub const LEAD: u64 = 8;
 /// Messages with samples in a second, each of which tells how far the converters have come.
 const MESSAGES: f64 = 8.0;
 
@@ -90,29 +91,27 @@ pub fn acquire(
     troubles: &Troubles,
     progress: &mut dyn FnMut(f64, &str),
 ) -> Result<(), RigError> {
-    let sensors = sensors::outfit(&simulation.setup, &simulation.recordings)?;
+    let outfit = Outfit::new(&simulation.setup, &simulation.recordings)?;
     let count = simulation.recordings.len();
     for (k, recording) in simulation.recordings.iter_mut().enumerate() {
         progress(k as f64 / count as f64, &recording.file);
-        let Some(rate) = recording.sample_rate else {
-            continue;
-        };
-        let seed = troubles.seed.wrapping_add(k as u64);
-        *recording = through(recording, rate, &sensors, troubles, seed)?;
+        if recording.sample_rate.is_some() {
+            let seed = troubles.seed.wrapping_add(k as u64);
+            *recording = through(recording, &outfit, troubles, seed)?;
+        }
     }
     Ok(())
 }
 
 /// A recording under way: rows of SI with their faults.
-struct Recorder<'s> {
-    sensors: Vec<&'s Sensor>,
+struct Recorder {
     channels: Vec<Channel>,
     samples: Vec<Vec<f32>>,
     health: Vec<Health>,
     rows: usize,
 }
 
-impl Recorder<'_> {
+impl Recorder {
     /// Takes the next sample; whether there is room for more.
     fn take(&mut self, sample: &Sample<'_>) -> bool {
         let Some(row) = sample.number.checked_sub(LEAD) else {
@@ -139,22 +138,23 @@ impl Recorder<'_> {
     }
 }
 
-fn through(
+/// What a box's converters make of a recording, sample by sample, with the true number of each:
+/// the recording begins at sample [`LEAD`]. Ends when `take` wants no more.
+///
+/// # Errors
+/// [`RigError`].
+pub fn samples(
     recording: &Recording,
-    rate: f64,
-    sensors: &[Sensor],
+    outfit: &Outfit,
     troubles: &Troubles,
     seed: u64,
-) -> Result<Recording, RigError> {
+    take: &mut dyn FnMut(&Sample<'_>) -> bool,
+) -> Result<(), RigError> {
+    let rate = recording.sample_rate.unwrap_or(0.0);
     let oversampling =
         Oversampling::of_rate(rate, CLOCK_HZ).ok_or(RigError::Rate { found: rate })?;
     let period = oversampling.cycles();
-    let own: Vec<&Sensor> = recording
-        .channels
-        .iter()
-        .filter_map(|name| sensors.iter().find(|s| s.channel == *name))
-        .collect();
-    let mut stream = Stream::new(seed, &["rig", &recording.file]);
+    let own = outfit.of(recording);
     let voltages = Sensors::new(&own, &recording.samples, f64::from(period));
     let rig: RefCell<Rig<Sensors<'_>, CHIPS>> = RefCell::new(Rig::new(voltages, seed));
     let mut chips: [_; CHIPS] = core::array::from_fn(|k| {
@@ -181,45 +181,52 @@ fn through(
         rig.signal().begin_at(first);
     }
 
-    let mut recorder = Recorder {
-        channels: own
-            .iter()
-            .map(|s| s.certificate.channel(rate as f32))
-            .collect(),
-        samples: vec![Vec::new(); own.len()],
-        health: Vec::new(),
-        rows: recording.samples.first().map_or(0, Vec::len),
-        sensors: own,
-    };
-    let used = recorder.sensors.len().div_ceil(CHANNELS);
-    let mut mischief = troubles.begin(rate, used, recorder.sensors.len(), seed);
-    let mut clock = SampleRate::default();
-    // Crystals keep to 20 parts in a million, this computer's against the converters'.
-    let true_rate = rate * (1.0 + 20e-6 * stream.signed());
-    let mut next_message = 0;
+    let used = own.len().div_ceil(CHANNELS);
+    let mut mischief = troubles.begin(rate, used, own.len(), seed);
     loop {
         let edge = rig.borrow_mut().wait();
         let taken = acquisition.edge(converters, &mut synchronise, edge.ready, edge.cycle);
         let Some(sample) = taken else { continue };
+        if !take(&sample) {
+            return Ok(());
+        }
+        if sample.number > LEAD {
+            mischief.inflict(&mut rig.borrow_mut());
+        }
+    }
+}
+
+fn through(
+    recording: &Recording,
+    outfit: &Outfit,
+    troubles: &Troubles,
+    seed: u64,
+) -> Result<Recording, RigError> {
+    let rate = recording.sample_rate.unwrap_or(0.0);
+    let sensors = outfit.of(recording);
+    let mut stream = Stream::new(seed, &["rig", &recording.file]);
+    let mut recorder = Recorder {
+        channels: sensors
+            .iter()
+            .map(|s| s.certificate.channel(rate as f32))
+            .collect(),
+        samples: vec![Vec::new(); sensors.len()],
+        health: Vec::new(),
+        rows: recording.samples.first().map_or(0, Vec::len),
+    };
+    let mut clock = SampleRate::default();
+    // Crystals keep to 20 parts in a million, this computer's against the converters'.
+    let true_rate = rate * (1.0 + 20e-6 * stream.signed());
+    let mut next_message = 0;
+    samples(recording, outfit, troubles, seed, &mut |sample| {
         if sample.number >= next_message {
             next_message = sample.number + (rate / MESSAGES) as u64;
             // A millisecond of the link's, give or take one.
             let arrival = sample.number as f64 / true_rate + 1e-3 * (1.0 + stream.signed());
             clock.arrival(sample.number, arrival);
         }
-        if !recorder.take(&sample) {
-            break;
-        }
-        if sample.number > LEAD {
-            mischief.inflict(&mut rig.borrow_mut());
-        }
-    }
-    let Recorder {
-        samples,
-        health,
-        sensors,
-        ..
-    } = recorder;
+        recorder.take(sample)
+    })?;
     let traceability = |s: &Sensor| Traceability {
         serial: s.serial.clone(),
         certificate: "simulated".to_owned(),
@@ -227,8 +234,8 @@ fn through(
         uncertainty: None,
     };
     Ok(Recording {
-        samples,
-        health,
+        samples: recorder.samples,
+        health: recorder.health,
         preamble: Preamble {
             sample_rate: clock.estimate("host"),
             channel: sensors
@@ -238,13 +245,4 @@ fn through(
         },
         ..recording.clone()
     })
-}
-
-/// The certificate of an input, as the box would keep it.
-fn certificate(
-    sensor: &massline_core::calibration::Preset,
-    number: u8,
-    serial: &str,
-) -> Option<Certificate> {
-    Certificate::new(&sensor.input(number, serial, "simulated", None, 0.0)).ok()
 }

@@ -1,6 +1,6 @@
 //! Sensors: what is at the converters' inputs, volt by volt.
 
-use super::{INPUTS, RigError, certificate};
+use super::{INPUTS, RigError};
 use crate::setup::Setup;
 use crate::simulate::{DRIVE, Recording};
 use massline_core::calibration::{Certificate, FULL_SCALE_VOLTS, Preset};
@@ -24,48 +24,77 @@ pub(super) struct Sensor {
     sensitivity: f64,
 }
 
-/// Chooses a sensor for each channel: a bridge for load cells, one with its own amplifier for
-/// accelerometers, a voltage for the drive, with a range that takes what all runs ask of it.
-pub(super) fn outfit(setup: &Setup, recordings: &[Recording]) -> Result<Vec<Sensor>, RigError> {
-    let mut sensors: Vec<Sensor> = Vec::new();
-    let is_cell = |name: &str| setup.load_cells.iter().any(|c| c.channel == name);
-    for recording in recordings.iter().filter(|r| r.sample_rate.is_some()) {
-        if recording.channels.len() > INPUTS {
-            return Err(RigError::Inputs {
-                found: recording.channels.len(),
-            });
-        }
-        for (at, name) in recording.channels.iter().enumerate() {
-            if sensors.iter().any(|s| s.channel == *name) {
-                continue;
+/// The sensors of a test, each with its calibration.
+pub struct Outfit(Vec<Sensor>);
+
+impl Outfit {
+    /// Chooses a sensor for each channel: a bridge for load cells, one with its own amplifier for
+    /// accelerometers, a voltage for the drive, with a range that takes what all runs ask of it.
+    ///
+    /// # Errors
+    /// [`RigError::Inputs`], [`RigError::Sensor`].
+    pub fn new(setup: &Setup, recordings: &[Recording]) -> Result<Self, RigError> {
+        let mut sensors: Vec<Sensor> = Vec::new();
+        let is_cell = |name: &str| setup.load_cells.iter().any(|c| c.channel == name);
+        for recording in recordings.iter().filter(|r| r.sample_rate.is_some()) {
+            if recording.channels.len() > INPUTS {
+                return Err(RigError::Inputs {
+                    found: recording.channels.len(),
+                });
             }
-            let peak = peak(recordings, name);
-            let range = if peak > 0.0 { HEADROOM * peak } else { 1.0 };
-            let preset = if is_cell(name) {
-                // Bridges take 120 % of their rated load.
-                Preset::bridge(range / 1.2, 2e-3, 3.3)
-            } else if name == DRIVE {
-                Preset::voltage(Circuit::Voltage, 1.0 / range, range)
-            } else {
-                Preset::iepe(10.0 / range, 0.1, range)
-            };
-            let serial: String = format!("SIM-{name}").chars().take(NAME_MAX / 4).collect();
-            let refused = || RigError::Sensor {
-                channel: name.clone(),
-                peak,
-            };
-            let certificate = certificate(&preset, at as u8, &serial).ok_or_else(refused)?;
-            let counts = f64::from(1_u32 << 23) * f64::from(preset.gain);
-            sensors.push(Sensor {
-                channel: name.clone(),
-                serial,
-                sensitivity: FULL_SCALE_VOLTS / counts / preset.per_count,
-                preset,
-                certificate,
-            });
+            for (at, name) in recording.channels.iter().enumerate() {
+                if !sensors.iter().any(|s| s.channel == *name) {
+                    sensors.push(Sensor::new(
+                        name,
+                        at,
+                        is_cell(name),
+                        peak(recordings, name),
+                    )?);
+                }
+            }
         }
+        Ok(Self(sensors))
     }
-    Ok(sensors)
+
+    /// What the box's settings would hold for the inputs of a recording, in their order.
+    pub fn certificates(&self, recording: &Recording) -> Vec<Certificate> {
+        let own = self.of(recording).into_iter();
+        own.map(|s| s.certificate.clone()).collect()
+    }
+
+    pub(super) fn of(&self, recording: &Recording) -> Vec<&Sensor> {
+        let of = |name: &String| self.0.iter().find(|s| s.channel == *name);
+        recording.channels.iter().filter_map(of).collect()
+    }
+}
+
+impl Sensor {
+    /// For a channel at an input, whose largest reading is `peak`.
+    fn new(name: &str, at: usize, is_cell: bool, peak: f64) -> Result<Self, RigError> {
+        let range = if peak > 0.0 { HEADROOM * peak } else { 1.0 };
+        let preset = if is_cell {
+            // Bridges take 120 % of their rated load.
+            Preset::bridge(range / 1.2, 2e-3, 3.3)
+        } else if name == DRIVE {
+            Preset::voltage(Circuit::Voltage, 1.0 / range, range)
+        } else {
+            Preset::iepe(10.0 / range, 0.1, range)
+        };
+        let serial: String = format!("SIM-{name}").chars().take(NAME_MAX / 4).collect();
+        let input = preset.input(at as u8, &serial, "simulated", None, 0.0);
+        let certificate = Certificate::new(&input).map_err(|_| RigError::Sensor {
+            channel: name.to_owned(),
+            peak,
+        })?;
+        let counts = f64::from(1_u32 << 23) * f64::from(preset.gain);
+        Ok(Self {
+            channel: name.to_owned(),
+            serial,
+            sensitivity: FULL_SCALE_VOLTS / counts / preset.per_count,
+            preset,
+            certificate,
+        })
+    }
 }
 
 fn peak(recordings: &[Recording], name: &str) -> f64 {

@@ -6,15 +6,17 @@
 use massline::measure::WINDOW;
 use massline::recording::Recording;
 use massline::setup::{self, Setup};
+use massline_core::calibration::Certificate;
 use massline_core::instrument::{
     Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
 };
 use massline_core::wire::*;
 
-/// A board that has a clock and nothing else.
+/// A board that has a clock, and converters if it was given calibrations of their inputs.
 #[derive(Default)]
 pub struct Bare {
     ticks: std::cell::Cell<u64>,
+    inputs: Vec<Certificate>,
 }
 
 impl Board for Bare {
@@ -34,12 +36,20 @@ impl Board for Bare {
     }
 
     fn start_inputs(&mut self, _rate: f64) -> Result<(), Problem> {
-        Err(Problem::Unsupported(Item::Input))
+        if self.inputs.is_empty() {
+            return Err(Problem::Unsupported(Item::Input));
+        }
+        Ok(())
     }
 
     fn stop_inputs(&mut self) {}
 
-    fn setting(&self, _key: SettingKey) -> Result<Setting<'_>, Problem> {
+    fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
+        if let SettingKey::Input(k) = key
+            && let Some(certificate) = self.inputs.get(usize::from(k))
+        {
+            return Ok(Setting::Input(certificate.input(k)));
+        }
         Err(Problem::Unsupported(Item::Setting))
     }
 
@@ -133,6 +143,11 @@ impl Rack {
 
     /// A box that stands in the rack.
     pub fn stand_in(&mut self) -> StandIn<'_> {
+        self.with_inputs(Vec::new())
+    }
+
+    /// One with converters, whose inputs are calibrated like this.
+    pub fn with_inputs(&mut self, inputs: Vec<Certificate>) -> StandIn<'_> {
         let memory = Memory {
             working: &mut self.working,
             runs: &mut self.runs,
@@ -151,12 +166,15 @@ impl Rack {
             reset: ResetReason::PowerOn,
             resets: 0,
             panic: None,
-            inputs: 0,
+            inputs: inputs.len() as u8,
             window: 8,
         };
         StandIn {
             instrument: Instrument::new(memory, identity),
-            board: Bare::default(),
+            board: Bare {
+                inputs,
+                ..Bare::default()
+            },
             pile: Pile::default(),
             ids: RequestIds::new(),
             weighting: Weighting::Given,
@@ -234,7 +252,11 @@ impl StandIn<'_> {
             weighting: self.weighting,
             minimum_weight: setup.estimation.minimum_weight,
         }));
-        for sensor in sensor_pieces(setup) {
+        let is_wired = !self.board.inputs.is_empty();
+        for mut sensor in sensor_pieces(setup) {
+            if is_wired {
+                sensor.scale = Scale::Stored;
+            }
             self.done(&Request::SetSensor(sensor));
         }
         let mut channels: Vec<u8> = (0..sensors as u8).collect();

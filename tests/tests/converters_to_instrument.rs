@@ -1,0 +1,126 @@
+//! From volts to the ten numbers through everything that runs on the box: modelled converters,
+//! their driver, acquisition, calibrations, and the instrument itself.
+
+mod stand_in;
+
+use massline::rig::{self, Outfit, Trouble, Troubles};
+use massline::simulate::{Model, Options, Simulation, simulate};
+use massline_core::instrument::RawSample;
+use massline_core::masslines::Method;
+use massline_core::wire::{
+    Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Question, Request, Source,
+    Start, Summary,
+};
+use stand_in::Rack;
+
+/// A minute of the fork in each run, channels as the stand-in sends them: the drive last.
+fn fork() -> Simulation {
+    let options = Options {
+        noise: Some(0.01),
+        duration: Some(60.0),
+        ..Options::default()
+    };
+    let model = Model::fork().unwrap();
+    let mut simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+    for recording in &mut simulation.recordings {
+        recording.channels.rotate_left(1);
+        recording.samples.rotate_left(1);
+    }
+    simulation
+}
+
+/// All runs through the box; what it says of each, and the answer.
+fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answer) {
+    let outfit = Outfit::new(&simulation.setup, &simulation.recordings).unwrap();
+    let mut rack = Rack::new();
+    let mut stand_in = rack.with_inputs(outfit.certificates(&simulation.recordings[0]));
+    stand_in.set_up(&simulation.setup, Accelerations::Interface);
+    let mut summaries = Vec::new();
+    for (k, recording) in simulation.recordings.iter().enumerate() {
+        let length = recording.samples[0].len() as u64;
+        stand_in.done(&Request::Start(Start {
+            run: k as u8,
+            pass: Pass::Measure,
+            source: Source::Inputs,
+            gaps: Gaps::Count,
+            limit: Some(length),
+        }));
+        let seed = troubles.seed + k as u64;
+        rig::samples(recording, &outfit, troubles, seed, &mut |sample| {
+            if sample.number >= rig::LEAD {
+                let (board, pile) = (&mut stand_in.board, &mut stand_in.pile);
+                let raw = RawSample {
+                    number: sample.number,
+                    counts: sample.counts,
+                    health: sample.health,
+                };
+                stand_in.instrument.sample(&raw, board, pile);
+            }
+            stand_in.pile.ended.is_empty()
+        })
+        .unwrap();
+        let [summary] = stand_in.pile.ended[..] else {
+            panic!("a run ends once");
+        };
+        stand_in.pile.ended.clear();
+        assert_eq!((summary.run, summary.outcome), (k as u8, Outcome::Limit));
+        assert_eq!(summary.samples + summary.missing, length);
+        summaries.push(summary);
+    }
+    let answer = stand_in.identify(Question {
+        method: Method::ApparentMass.into(),
+        known_mass: None,
+        procedure: Procedure::Direct,
+        modes: 2,
+        fit_band: None,
+        runs: 0,
+    });
+    (summaries, answer)
+}
+
+/// The mass and its standard deviation, kg.
+fn mass(answer: &Answer) -> (f64, f64) {
+    let mass = answer.mass.expect("the fork's mass is observable");
+    (mass.value.0, mass.std.0)
+}
+
+#[test]
+fn without_faults_no_block_is_lost_and_the_mass_is_right() {
+    let simulation = fork();
+    let (summaries, answer) = measure(&simulation, &Troubles::default());
+    for summary in &summaries {
+        assert_eq!(summary.health, Health::GOOD);
+        assert_eq!((summary.rejected, summary.missing), (0, 0));
+        assert!(summary.blocks > 50);
+    }
+    let (mass, std) = mass(&answer);
+    let off = mass - simulation.truth.mass;
+    assert!(off.abs() < 3.0 * std, "{off} ± {std}");
+}
+
+#[test]
+fn each_fault_reaches_the_summary_by_its_name_and_not_the_mass() {
+    let simulation = fork();
+    let (_, whole) = measure(&simulation, &Troubles::default());
+    let (before, least) = mass(&whole);
+    for kind in Trouble::ALL {
+        let troubles = Troubles {
+            kinds: vec![kind],
+            per_minute: 5.0,
+            seed: 3,
+        };
+        let (summaries, answer) = measure(&simulation, &troubles);
+        let flag = kind.flag();
+        let by: u32 = summaries
+            .iter()
+            .map(|s| s.rejected_by[flag.0.trailing_zeros() as usize])
+            .sum();
+        assert!(by > 0, "{}: {summaries:#?}", kind.name());
+        assert!(answer.quality.health.contains(flag));
+        assert!(answer.quality.rejected >= by);
+        let (mass, std) = mass(&answer);
+        let off = (mass - before).abs();
+        assert!(off < 2.0 * std, "{}: {off} ± {std}", kind.name());
+        assert!(std < 3.0 * least, "{}: {std} {least}", kind.name());
+    }
+}
