@@ -4,9 +4,12 @@
 mod identical;
 
 use identical::{assert_complete, assert_identical, fork};
-use massline::device::{HostBox, HostBoxMemory, Noise, NoisyLine};
+use massline::device::{HostBox, HostBoxMemory, Noise, NoisyLine, Port, PortError};
 use massline::replay::{Flip, Order, Outcome};
 use massline_core::masslines::Method;
+use massline_core::wire::{BODY_MAX, FromBox, Received, Receiver, Request, ToBox, ToHost};
+use std::collections::BTreeSet;
+use std::time::Duration;
 
 /// Enough for every method to find an answer, and for each group of surveyed sensors to
 /// have its turn four times.
@@ -91,6 +94,65 @@ fn a_bad_line_changes_nothing() {
         );
     }
     assert!(outcome.link.resent > 0);
+}
+
+/// A port that keeps count of the requests of samples that are unanswered.
+struct Watched<'m, P> {
+    port: P,
+    to_box: Receiver<'m, ToBox>,
+    from_box: Receiver<'m, ToHost>,
+    open: BTreeSet<u16>,
+    most: usize,
+}
+
+impl<P: Port> Port for Watched<'_, P> {
+    fn name(&self) -> String {
+        self.port.name()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        let mut rest = bytes;
+        while let Some(received) = self.to_box.next(&mut rest) {
+            if let Received::Message(header, Request::Samples(_)) = received {
+                self.open.insert(header.request);
+                self.most = self.most.max(self.open.len());
+            }
+        }
+        self.port.send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        let before = into.len();
+        let count = self.port.receive(into, timeout)?;
+        let mut rest = &into[before..];
+        while let Some(received) = self.from_box.next(&mut rest) {
+            if let Received::Message(header, FromBox::Reply(_)) = received {
+                self.open.remove(&header.request);
+            }
+        }
+        Ok(count)
+    }
+
+    fn patience(&self) -> Duration {
+        self.port.patience()
+    }
+}
+
+// More than that, and a box with little memory loses them; fewer, and the link idles.
+#[test]
+fn as_many_samples_are_on_their_way_as_the_box_allows() {
+    let (mut memory, mut sent, mut heard) = (HostBoxMemory::new(), [0; BODY_MAX], [0; BODY_MAX]);
+    let mut watched = Watched {
+        port: HostBox::new(&mut memory, 1),
+        to_box: Receiver::new(&mut sent),
+        from_box: Receiver::new(&mut heard),
+        open: BTreeSet::new(),
+        most: 0,
+    };
+    let outcome = identical::over(&mut watched, &fork(), &order(&[Method::ApparentMass])).unwrap();
+    assert_identical(&outcome);
+    assert_eq!(watched.most, usize::from(outcome.device.capacity.window));
+    assert!(watched.open.is_empty());
 }
 
 #[test]

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 /// Requests of samples that may be on their way: what the firmware allows, so that replays
 /// take the same turns.
-const WINDOW: u8 = 4;
+const WINDOW: u8 = 3;
 
 /// Memory that a [`HostBox`] is lent: as much as the instrument has on the chip.
 pub struct HostBoxMemory {
