@@ -23,6 +23,13 @@ impl Default for Equations {
 }
 
 impl Equations {
+    /// None.
+    pub(crate) const NONE: Self = Self {
+        rows: Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
+        count: 0,
+        whitened: false,
+    };
+
     /// All six equations, as equation (8) has them.
     #[must_use]
     pub fn all() -> Self {

@@ -20,7 +20,7 @@ pub trait MasslineSet {
     fn noise(&self) -> &Matrix6<f64>;
 }
 
-impl MasslineSet for Masslines {
+impl<const PAIRS: usize> MasslineSet for Masslines<PAIRS> {
     fn reference(&self) -> &Vector3<f64> {
         &self.reference
     }

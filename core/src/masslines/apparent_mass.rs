@@ -13,11 +13,11 @@
 
 use super::averaging::MIN_LINES;
 use super::regression::{MAX_TERMS, Regression, Solution};
-use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use super::{Excitation, Lines, MasslineError, Masslines, Moments, Workspace};
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
-use nalgebra::{Complex, Matrix6, Vector3, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
 
 /// Most runs whose noise levels are weighed against each other.
 const MAX_RUNS: usize = 24;
@@ -43,7 +43,20 @@ pub struct ApparentMass {
     pub misfit: Vector6<f64>,
 }
 
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
+
 impl ApparentMass {
+    /// None yet.
+    pub const NONE: Self = Self {
+        poles: heapless::Vec::new(),
+        elastic: [None; MAX_MODES],
+        upper: None,
+        rigid: NO_MATRIX,
+        excited: 0,
+        weakest_excitation: f64::INFINITY,
+        misfit: Vector6::from_array_storage(ArrayStorage([[0.0; 6]])),
+    };
+
     /// The fitted apparent mass at `frequency` Hz, 6 x 6, in excited directions.
     #[must_use]
     pub fn at(&self, frequency: f64) -> Matrix6<Complex<f64>> {
@@ -61,39 +74,60 @@ impl ApparentMass {
     }
 }
 
-/// Condenses the lines `band` to masslines about `reference`. The lines `fit` serve to find
-/// the poles. `work` holds two elements per line.
+/// Condenses the lines `band` to masslines, which are added to `set` about its reference
+/// point. The lines `fit` serve to find the poles. The fit is left in `space`; `work` holds
+/// two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
 #[inline(never)] // One method's working memory at a time.
-pub fn apparent_mass<L: Lines + ?Sized>(
+pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,
-    reference: Vector3<f64>,
-    equations: &Equations,
+    set: &mut Masslines<PAIRS>,
+    space: &mut Workspace,
     work: &mut [Complex<f64>],
-) -> Result<(Masslines, ApparentMass), MasslineError> {
+) -> Result<(), MasslineError> {
     if band.len() < MIN_LINES {
         return Err(MasslineError::TooFewLines(band.len()));
     }
-    if equations.count() == 0 {
+    if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let (poles, _) = find_fixed_poles(lines, &band, fit, work);
     let basis = Basis::new(lines, &poles, &band);
-    let mut fit = Fit::new(lines, &band, equations, &basis)?;
+    let Workspace {
+        regression,
+        full,
+        best,
+        apparent_mass,
+        ..
+    } = space;
+    let mut fit = Fit {
+        regression,
+        full,
+        solution: best,
+        weights: [1.0; MAX_RUNS],
+        runs: lines.runs().min(MAX_RUNS),
+        noise: Vector6::zeros(),
+        power: Vector6::zeros(),
+    };
+    fit.regression
+        .begin(&set.equations, basis.terms(), lines.correlation());
+    fit.solve(lines, &band, &basis)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
     fit.weigh_runs(lines, &band, &basis);
     fit.solve(lines, &band, &basis)?;
-    let spread = fit.spread(lines, &band, &fit.left(lines, &band, &basis));
-    let mut masslines = fit.regression.masslines(&fit.solution, reference)?;
-    for (pair, spread) in masslines.pairs.iter_mut().zip(&spread) {
+    let first = set.pairs.len();
+    fit.regression.masslines(fit.solution, set)?;
+    let spread = fit.spread(lines, &band, &basis);
+    for (pair, spread) in set.pairs.iter_mut().skip(first).zip(&spread) {
         pair.variance.component_mul_assign(spread);
     }
-    masslines.noise = fit.noise_of_pairs();
-    Ok((masslines, fit.describe(poles, &basis)))
+    set.noise = fit.noise_of_pairs();
+    fit.describe(poles, &basis, apparent_mass);
+    Ok(())
 }
 
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
@@ -185,9 +219,11 @@ impl Basis {
     }
 }
 
-struct Fit {
-    regression: Regression,
-    solution: Solution,
+struct Fit<'s> {
+    regression: &'s mut Regression,
+    /// With all terms that can be told apart.
+    full: &'s mut Solution,
+    solution: &'s mut Solution,
     /// What each run's squares count.
     weights: [f64; MAX_RUNS],
     runs: usize,
@@ -195,31 +231,7 @@ struct Fit {
     power: Vector6<f64>,
 }
 
-impl Fit {
-    /// With all runs counting alike.
-    fn new<L: Lines + ?Sized>(
-        lines: &L,
-        band: &Range<usize>,
-        equations: &Equations,
-        basis: &Basis,
-    ) -> Result<Self, MasslineError> {
-        let mut fit = Self {
-            regression: Regression::new(
-                Excitation::none(),
-                *equations,
-                basis.terms(),
-                lines.correlation(),
-            ),
-            solution: Solution::none(),
-            weights: [1.0; MAX_RUNS],
-            runs: lines.runs().min(MAX_RUNS),
-            noise: Vector6::zeros(),
-            power: Vector6::zeros(),
-        };
-        fit.solve(lines, band, basis)?;
-        Ok(fit)
-    }
-
+impl Fit<'_> {
     /// Regression over all lines of the band with the weights as they are.
     #[inline(never)] // Its moments are off the stack when pairs are made.
     fn solve<L: Lines + ?Sized>(
@@ -256,7 +268,7 @@ impl Fit {
             let phi = basis.at(lines.frequency(line));
             self.regression.add(&m, &phi[..basis.terms()], count);
         }
-        best(&self.regression, basis, &mut self.solution).ok_or(MasslineError::Singular)
+        best(self.regression, basis, self.full, self.solution).ok_or(MasslineError::Singular)
     }
 
     /// What the fit leaves in each run: power of each measured equation per independent
@@ -269,12 +281,12 @@ impl Fit {
         basis: &Basis,
     ) -> [Vector6<f64>; MAX_RUNS] {
         let mut left = [Vector6::zeros(); MAX_RUNS];
-        let Some(whitened) = self.regression.whitened(&self.solution) else {
+        let Some(whitened) = self.regression.whitened(self.solution) else {
             return left;
         };
         let models: heapless::Vec<Matrix6<f64>, MAX_TERMS> = (0..basis.terms())
             .map(|t| {
-                let m = self.regression.coefficient(&self.solution, t);
+                let m = self.regression.coefficient(self.solution, t);
                 whitened.rows() * m.unwrap_or_else(Matrix6::zeros)
             })
             .collect();
@@ -315,18 +327,19 @@ impl Fit {
         &self,
         lines: &L,
         band: &Range<usize>,
-        left: &[Vector6<f64>; MAX_RUNS],
+        basis: &Basis,
     ) -> [Vector6<f64>; 6] {
+        let left = self.left(lines, band, basis);
         let mut variance = [Vector6::zeros(); 6];
         let mut total = [0.0; 6];
         let mut mean = Vector6::zeros();
         let mut counted = 0.0;
-        for (run, (weight, left)) in self.weights.iter().zip(left).enumerate().take(self.runs) {
+        for (run, (weight, left)) in self.weights.iter().zip(&left).enumerate().take(self.runs) {
             let mut m = Moments::zero();
             for line in band.clone() {
                 lines.add_moments(run, line, *weight, &mut m);
             }
-            let share = self.regression.powers(&self.solution, &m.aa.map(|z| z.re));
+            let share = self.regression.powers(self.solution, &m.aa.map(|z| z.re));
             for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
                 *variance += left * (share * *weight);
                 *total += share;
@@ -357,28 +370,31 @@ impl Fit {
     }
 
     #[inline(never)]
-    fn describe(&self, poles: heapless::Vec<Pole, MAX_MODES>, basis: &Basis) -> ApparentMass {
-        let coefficient = |t: usize| self.regression.coefficient(&self.solution, t);
-        let mut elastic = [None; MAX_MODES];
-        for (r, slot) in elastic.iter_mut().enumerate().take(poles.len()) {
-            *slot = coefficient(1 + r);
+    fn describe(
+        &self,
+        poles: heapless::Vec<Pole, MAX_MODES>,
+        basis: &Basis,
+        into: &mut ApparentMass,
+    ) {
+        let coefficient = |t: usize| self.regression.coefficient(self.solution, t);
+        for (r, slot) in into.elastic.iter_mut().enumerate() {
+            *slot = None;
+            if r < poles.len() {
+                *slot = coefficient(1 + r);
+            }
         }
-        let measured = self.regression.residual_diagonal(&self.solution);
-        let misfit = measured.zip_map(
+        let measured = self.regression.residual_diagonal(self.solution);
+        into.misfit = measured.zip_map(
             &self.power,
             |c, p| {
                 if p > 0.0 { libm::sqrt(c / p) } else { 0.0 }
             },
         );
-        ApparentMass {
-            elastic,
-            upper: coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit)),
-            rigid: coefficient(0).unwrap_or_else(Matrix6::zeros),
-            poles,
-            excited: self.regression.excitation().rank(),
-            weakest_excitation: self.regression.excitation().weakest(),
-            misfit,
-        }
+        into.upper = coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit));
+        into.rigid = coefficient(0).unwrap_or_else(Matrix6::zeros);
+        into.poles = poles;
+        into.excited = self.regression.excitation().rank();
+        into.weakest_excitation = self.regression.excitation().weakest();
     }
 }
 
@@ -392,23 +408,25 @@ impl Fit {
 ///
 /// Leaves it in `best`; `None` if there is none.
 #[inline(never)]
-fn best(regression: &Regression, basis: &Basis, best: &mut Solution) -> Option<()> {
+fn best(
+    regression: &Regression,
+    basis: &Basis,
+    full: &mut Solution,
+    best: &mut Solution,
+) -> Option<()> {
     let modes = basis.poles.len();
-    let Some(full) = (0..=modes)
-        .rev()
-        .find_map(|m| regression.solve(&terms(m, basis)))
-    else {
+    let mut fullest = (0..=modes).rev();
+    if !fullest.any(|m| regression.solve(&terms(m, basis), full).is_some()) {
         // Three lines of one run carry no more than a plain average.
-        *best = regression.solve(&[0])?;
-        return Some(());
-    };
+        return regression.solve(&[0], best);
+    }
     let mut least = f64::INFINITY;
     for m in (0..=modes).rev() {
-        least = consider(regression, &terms(m, basis), &full, least, best);
+        least = consider(regression, &terms(m, basis), full, least, best);
     }
     // Where no mode shows at all, the ω² term has to be worth its cost, too.
     if modes == 0 {
-        consider(regression, &[0], &full, least, best);
+        consider(regression, &[0], full, least, best);
     }
     Some(())
 }
@@ -428,17 +446,15 @@ fn consider(
     least: f64,
     best: &mut Solution,
 ) -> f64 {
-    match regression.solve(chosen) {
-        Some(mut solution) => {
-            let risk = regression.risk(&mut solution, full);
-            if risk < least {
-                *best = solution;
-                return risk;
-            }
-            least
+    let mut candidate = Solution::EMPTY;
+    if regression.solve(chosen, &mut candidate).is_some() {
+        let risk = regression.risk(&mut candidate, full);
+        if risk < least {
+            best.clone_from(&candidate);
+            return risk;
         }
-        None => least,
     }
+    least
 }
 
 /// Power that `model`, the apparent mass in the rows of `equations`, leaves in each of

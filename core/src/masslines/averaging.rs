@@ -72,7 +72,7 @@ impl LineWeights {
     }
 }
 
-impl Masslines {
+impl<const PAIRS: usize> Masslines<PAIRS> {
     /// Adds one pair for each `p` that `line_pair(line, p)` knows, averaged over the
     /// lines `band` with the given trend, with the variance that their scatter tells.
     ///

@@ -1,8 +1,9 @@
 //! One door to all methods: averaged lines in, masslines out.
 
+use super::workspace::Found;
 use super::{
-    ApparentMass, Factorisation, FreeModes, Lines, MasslineError, Masslines, apparent_mass,
-    curve_fit, free_responses, frequency_responses, power_spectra, synthesis,
+    ApparentMass, Factorisation, FreeModes, Lines, MasslineError, Masslines, Workspace,
+    apparent_mass, curve_fit, free_responses, frequency_responses, power_spectra, synthesis,
 };
 use crate::geometry::Equations;
 use crate::modes::MAX_MODES;
@@ -119,7 +120,7 @@ pub struct Condensed {
 }
 
 /// Condenses `lines` to masslines about `reference` by `method`. `work` holds two elements
-/// per line.
+/// per line. For stacks of some 64 KiB or more; see [`condense_into`].
 ///
 /// # Errors
 /// [`MasslineError`], what the method lacks.
@@ -131,45 +132,51 @@ pub fn condense<L: Lines + ?Sized>(
     equations: &Equations,
     work: &mut [Complex<f64>],
 ) -> Result<Condensed, MasslineError> {
+    let mut masslines = Masslines::new(reference, *equations);
+    let mut space = Workspace::EMPTY;
+    condense_into(method, lines, bands, &mut masslines, &mut space, work)?;
+    Ok(Condensed {
+        masslines,
+        apparent_mass: space.apparent_mass().cloned(),
+        free_modes: space.free_modes().cloned(),
+    })
+}
+
+/// Condenses `lines` by `method` to masslines, which are added to the empty `set` about the
+/// reference point and in the equations that it has. `work` holds two elements per line.
+///
+/// # Errors
+/// [`MasslineError`], what the method lacks.
+pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
+    method: Method,
+    lines: &L,
+    bands: &Bands,
+    set: &mut Masslines<PAIRS>,
+    space: &mut Workspace,
+    work: &mut [Complex<f64>],
+) -> Result<(), MasslineError> {
     let band = bands.averaging.clone();
     let fit = bands.fit.clone();
-    let plain = |masslines| Condensed {
-        masslines,
-        apparent_mass: None,
-        free_modes: None,
-    };
-    let with_modes = |(masslines, modes)| Condensed {
-        free_modes: Some(modes),
-        ..plain(masslines)
+    // Read only where the method has succeeded.
+    space.found = match method {
+        Method::ApparentMass => Found::ApparentMass,
+        Method::CurveFit | Method::Synthesis => Found::FreeModes,
+        _ => Found::Nothing,
     };
     match method {
-        Method::ApparentMass => {
-            let fitted = apparent_mass(lines, band, fit, reference, equations, work);
-            fitted.map(|(masslines, fit)| Condensed {
-                apparent_mass: Some(fit),
-                ..plain(masslines)
-            })
-        }
-        Method::FrequencyResponses => {
-            frequency_responses(lines, band, reference, equations).map(plain)
-        }
-        Method::PowerSpectra => {
-            power_spectra(lines, band, Factorisation::None, reference, equations).map(plain)
-        }
-        Method::PowerSpectraCholesky => {
-            power_spectra(lines, band, Factorisation::Cholesky, reference, equations).map(plain)
-        }
-        Method::FreeResponses => {
-            free_responses(lines, band, false, reference, equations).map(plain)
-        }
-        Method::FreeResponsesSquared => {
-            free_responses(lines, band, true, reference, equations).map(plain)
-        }
+        Method::ApparentMass => apparent_mass(lines, band, fit, set, space, work),
+        Method::FrequencyResponses => frequency_responses(lines, band, set),
+        Method::PowerSpectra => power_spectra(lines, band, Factorisation::None, set),
+        Method::PowerSpectraCholesky => power_spectra(lines, band, Factorisation::Cholesky, set),
+        Method::FreeResponses => free_responses(lines, band, false, set),
+        Method::FreeResponsesSquared => free_responses(lines, band, true, set),
         Method::CurveFit => {
-            curve_fit(lines, band, fit, bands.modes, reference, equations, work).map(with_modes)
+            let modes = &mut space.free_modes;
+            curve_fit(lines, band, fit, bands.modes, set, modes, work)
         }
         Method::Synthesis => {
-            synthesis(lines, band, fit, bands.modes, reference, equations, work).map(with_modes)
+            let modes = &mut space.free_modes;
+            synthesis(lines, band, fit, bands.modes, set, modes, work)
         }
     }
 }

@@ -1,30 +1,29 @@
 //! Method d: curve fit of the free system's frequency responses.
 
 use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines};
-use crate::geometry::Equations;
 use core::ops::Range;
-use nalgebra::{Complex, Vector3, Vector6};
+use nalgebra::{Complex, Vector6};
 
-/// Masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
-/// `modes` elastic modes with common poles, and one term for those above. The lines
-/// `band` only judge the excitation.
+/// Adds masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
+/// `limit` elastic modes with common poles, and one term for those above. The lines
+/// `band` only judge the excitation. The fit is left in `modes`; `work` holds two elements
+/// per line.
 ///
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
 #[inline(never)] // One method's working memory at a time.
-pub fn curve_fit<L: Lines + ?Sized>(
+pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,
-    modes: usize,
-    reference: Vector3<f64>,
-    equations: &Equations,
+    limit: usize,
+    set: &mut Masslines<PAIRS>,
+    modes: &mut FreeModes,
     work: &mut [Complex<f64>],
-) -> Result<(Masslines, FreeModes), MasslineError> {
-    let system = FreeSystem::new(lines, &band, equations)?;
-    let modes = system.modes(fit, modes, work)?;
-    let mut set = system.empty(reference);
+) -> Result<(), MasslineError> {
+    let system = FreeSystem::new(lines, &band, &set.equations)?;
+    system.modes(fit, limit, modes, work)?;
     for j in 0..system.forces() {
         let a = system.noise_filter() * modes.constant.column(j);
         set.push(a, system.unit_force(j), Vector6::zeros())?;
@@ -35,5 +34,5 @@ pub fn curve_fit<L: Lines + ?Sized>(
     for (j, pair) in set.pairs.iter_mut().enumerate() {
         pair.variance = gain * modes.constant_variance.column(j);
     }
-    Ok((set, modes))
+    Ok(())
 }

@@ -5,7 +5,9 @@
 //! of the very channels it comes from, before anything is inverted.
 
 use crate::algebra::symmetric_eigen;
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
+
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 /// What an excitation must exceed the noise by, in power, to count as one.
 ///
@@ -29,15 +31,13 @@ pub struct Excitation {
 
 impl Excitation {
     /// No direction.
-    pub(super) fn none() -> Self {
-        Self {
-            basis: Matrix6::zeros(),
-            coordinates: Matrix6::zeros(),
-            rank: 0,
-            weakest: f64::INFINITY,
-            cleaner: Matrix6::zeros(),
-        }
-    }
+    pub(super) const NONE: Self = Self {
+        basis: NO_MATRIX,
+        coordinates: NO_MATRIX,
+        rank: 0,
+        weakest: f64::INFINITY,
+        cleaner: NO_MATRIX,
+    };
 
     /// Decides from the summed real second moments `Σ a aᵀ` and the noise power in each
     /// of their diagonal terms.

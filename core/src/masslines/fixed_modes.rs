@@ -7,7 +7,7 @@
 //! they add up to the rigid-body mass matrix.
 
 use super::apparent_mass::{Basis, find_fixed_poles};
-use super::regression::Regression;
+use super::regression::{Regression, Solution};
 use super::{Excitation, Lines, MasslineError, Moments};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::Equations;
@@ -50,7 +50,10 @@ pub fn fixed_modes<L: Lines + ?Sized>(
     let regression = regress(lines, &band, start, equations, &poles, &trace)?;
     let count = 2 + poles.len();
     let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..count).collect();
-    let solution = regression.solve(&chosen).ok_or(MasslineError::Singular)?;
+    let mut solution = Solution::EMPTY;
+    regression
+        .solve(&chosen, &mut solution)
+        .ok_or(MasslineError::Singular)?;
     for (r, pole) in poles.iter().enumerate() {
         let raw = regression
             .coefficient(&solution, 1 + r)
@@ -94,7 +97,9 @@ fn regress<L: Lines + ?Sized>(
     let all = start..start + trace.len();
     let basis = Basis::new(lines, poles, &all);
     let terms = basis.terms();
-    let mut regression = Regression::new(excitation, *equations, terms, lines.correlation());
+    let mut regression = Regression::EMPTY;
+    regression.begin(equations, terms, lines.correlation());
+    regression.restart(excitation);
     for line in all {
         let mut m = Moments::zero();
         let mut count = 0.0;

@@ -2,11 +2,9 @@
 
 use super::averaging::Trend;
 use super::{FreeSystem, Lines, MasslineError, Masslines};
-use crate::geometry::Equations;
 use core::ops::Range;
-use nalgebra::Vector3;
 
-/// Masslines from the real part of H over the lines `band`: unit forces and the
+/// Adds masslines from the real part of H over the lines `band`: unit forces and the
 /// accelerations that go with them.
 ///
 /// With `squared` the average is replaced by the value at ω = 0 of `Re H = H₀ + H₂ ω²`,
@@ -15,26 +13,23 @@ use nalgebra::Vector3;
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`].
 #[inline(never)] // One method's working memory at a time.
-pub fn free_responses<L: Lines + ?Sized>(
+pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     squared: bool,
-    reference: Vector3<f64>,
-    equations: &Equations,
-) -> Result<Masslines, MasslineError> {
-    let system = FreeSystem::new(lines, &band, equations)?;
+    set: &mut Masslines<PAIRS>,
+) -> Result<(), MasslineError> {
+    let system = FreeSystem::new(lines, &band, &set.equations)?;
     let trend = if squared {
         Trend::Squared
     } else {
         Trend::Constant
     };
-    let mut set = system.empty(reference);
     set.average(lines, &band, trend, system.forces(), |line, pairs| {
         let h = system.response(line)?.map(|z| z.re);
         for (j, pair) in pairs.iter_mut().enumerate() {
             *pair = (system.noise_filter() * h.column(j), system.unit_force(j));
         }
         Ok(())
-    })?;
-    Ok(set)
+    })
 }

@@ -8,12 +8,12 @@
 //! `H(ω) = M⁻¹ - Σ_r φ_r φ_rᵀ ω² / (ω_r² - ω² + 2jζ_r ω_r ω)` with the poles of the free
 //! structure. The constant is the rigid body, which methods c, d and e are after.
 
-use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use super::{Excitation, Lines, MasslineError, Moments};
 use crate::algebra::{HermitianFactor, factor_hermitian};
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
-use nalgebra::{Complex, Matrix6, SMatrix, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, Vector6};
 
 /// Terms of the modal fit: constant, one for the modes above, and two per mode.
 const TERMS: usize = 2 + 2 * MAX_MODES;
@@ -116,8 +116,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         Ok(h)
     }
 
-    /// Modes of the free structure from all lines `fit`, at most `limit` of them.
-    /// `work` holds two elements per line.
+    /// Modes of the free structure from all lines `fit`, at most `limit` of them, left in
+    /// `modes`. `work` holds two elements per line.
     ///
     /// # Errors
     /// [`MasslineError::NoMode`] if there is none in the lines.
@@ -125,8 +125,9 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         &self,
         fit: Range<usize>,
         limit: usize,
+        modes: &mut FreeModes,
         work: &mut [Complex<f64>],
-    ) -> Result<FreeModes, MasslineError> {
+    ) -> Result<(), MasslineError> {
         let fit = fit.start..fit.end.min(fit.start + work.len() / 2);
         let n = self.forces();
         // Every diagonal entry counts by its own size, so that rotations and translations
@@ -155,7 +156,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         if poles.is_empty() {
             return Err(MasslineError::NoMode);
         }
-        self.fit(&fit, poles, &trace)
+        modes.poles = poles;
+        self.fit(&fit, modes, &trace)
     }
 
     /// H in force directions: what a unit force j moves along itself.
@@ -171,19 +173,10 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     fn fit(
         &self,
         fit: &Range<usize>,
-        poles: heapless::Vec<Pole, MAX_MODES>,
+        modes: &mut FreeModes,
         trace: &Trace<'_>,
-    ) -> Result<FreeModes, MasslineError> {
-        let unit = self.lines.frequency(fit.end.saturating_sub(1));
-        let mut modes = FreeModes {
-            poles,
-            constant: Matrix6::zeros(),
-            residues: [Matrix6::zeros(); MAX_MODES],
-            quadratures: [Matrix6::zeros(); MAX_MODES],
-            upper: Matrix6::zeros(),
-            constant_variance: Matrix6::zeros(),
-            unit,
-        };
+    ) -> Result<(), MasslineError> {
+        modes.unit = self.lines.frequency(fit.end.saturating_sub(1));
         let terms = modes.terms();
         let mut normal = SMatrix::<f64, TERMS, TERMS>::identity();
         for i in 0..terms {
@@ -206,6 +199,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             |i: usize| -> Matrix6<f64> { (0..terms).map(|j| right[j] * inverse[(i, j)]).sum() };
         modes.constant = solved(0);
         modes.upper = solved(1);
+        modes.residues = [NO_MATRIX; MAX_MODES];
+        modes.quadratures = [NO_MATRIX; MAX_MODES];
         for r in 0..modes.poles.len() {
             modes.residues[r] = solved(2 + 2 * r);
             modes.quadratures[r] = solved(3 + 2 * r);
@@ -218,12 +213,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         }
         let freedom = (2.0 * fit.len() as f64 - terms as f64).max(1.0);
         modes.constant_variance = squares * (inverse[(0, 0)] * self.lines.correlation() / freedom);
-        Ok(modes)
-    }
-
-    /// An empty set of pairs with unit forces.
-    pub(super) fn empty(&self, reference: nalgebra::Vector3<f64>) -> Masslines {
-        Masslines::new(reference, self.equations)
+        Ok(())
     }
 }
 
@@ -246,7 +236,20 @@ pub struct FreeModes {
     unit: f64,
 }
 
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
+
 impl FreeModes {
+    /// None yet.
+    pub const NONE: Self = Self {
+        poles: heapless::Vec::new(),
+        constant: NO_MATRIX,
+        residues: [NO_MATRIX; MAX_MODES],
+        quadratures: [NO_MATRIX; MAX_MODES],
+        upper: NO_MATRIX,
+        constant_variance: NO_MATRIX,
+        unit: 1.0,
+    };
+
     fn terms(&self) -> usize {
         2 + 2 * self.poles.len()
     }

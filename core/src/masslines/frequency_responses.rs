@@ -2,11 +2,10 @@
 
 use super::averaging::{MAX_AVERAGED, Trend};
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
-use crate::geometry::Equations;
 use core::ops::Range;
-use nalgebra::{Complex, Vector3, Vector6};
+use nalgebra::{Complex, Vector6};
 
-/// Masslines from the real parts of the measured frequency responses, averaged over the
+/// Adds masslines from the real parts of the measured frequency responses, averaged over the
 /// lines `band`: one pair per run, which needs a drive or a stepped sine.
 ///
 /// Real parts mean something only where the base moves in phase with what the responses
@@ -17,13 +16,12 @@ use nalgebra::{Complex, Vector3, Vector6};
 /// [`MasslineError`] if the band is too short, nothing is excited or measured, or the
 /// runs have no common reference.
 #[inline(never)] // One method's working memory at a time.
-pub fn frequency_responses<L: Lines + ?Sized>(
+pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
-    reference: Vector3<f64>,
-    equations: &Equations,
-) -> Result<Masslines, MasslineError> {
-    if equations.count() == 0 {
+    set: &mut Masslines<PAIRS>,
+) -> Result<(), MasslineError> {
+    if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let mut energy = Moments::zero();
@@ -46,7 +44,6 @@ pub fn frequency_responses<L: Lines + ?Sized>(
     }
     // Powers in units of noise, so that a rotation may lead as well.
     let units = noise.map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
-    let mut set = Masslines::new(reference, *equations);
     let runs = lines.runs().min(MAX_AVERAGED);
     let leaders: heapless::Vec<usize, MAX_AVERAGED> = (0..runs)
         .map(|run| {
@@ -75,5 +72,5 @@ pub fn frequency_responses<L: Lines + ?Sized>(
         Ok(())
     })?;
     set.share_noise(&energy.aa.diagonal().map(|z| z.re), &noise);
-    Ok(set)
+    Ok(())
 }

@@ -15,6 +15,9 @@
 //! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
 //! | `fixed_modes` | effective masses of the fixed structure, from the same fit over all lines |
 //! | `static_poses` | poses of a DC-coupled measurement |
+//!
+//! `condense` is the door to all of them, `regression` and `free_system` what several have
+//! in common, and `workspace` the memory they are lent: none of them is on a small stack.
 
 mod apparent_mass;
 mod averaging;
@@ -31,10 +34,11 @@ mod regression;
 mod sine;
 mod static_poses;
 mod synthesis;
+mod workspace;
 
 pub use apparent_mass::{ApparentMass, apparent_mass};
 pub use averaging::MIN_LINES;
-pub use condense::{Bands, Condensed, Method, condense};
+pub use condense::{Bands, Condensed, Method, condense, condense_into};
 pub use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
 pub use fixed_modes::{FixedMode, fixed_modes};
@@ -46,12 +50,14 @@ pub use power_spectra::{Factorisation, power_spectra};
 pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
 pub use synthesis::synthesis;
+pub use workspace::Workspace;
 
 use crate::geometry::{Equations, resultants_at, transfer};
+use averaging::MAX_AVERAGED;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-/// Most pairs in one set.
-pub const MAX_PAIRS: usize = 36;
+/// Most pairs in one set: what method a makes of the most runs it averages.
+pub const MAX_PAIRS: usize = MAX_AVERAGED;
 
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +68,7 @@ pub enum MasslineError {
     NoExcitation,
     /// No resultant is measured.
     NoResultant,
-    /// More pairs than [`MAX_PAIRS`].
+    /// More pairs than the set has room for: [`MAX_PAIRS`], or what it was made with.
     TooManyPairs,
     /// Numbers that are not finite, or a matrix that cannot be factorised.
     Singular,
@@ -92,7 +98,7 @@ impl core::fmt::Display for MasslineError {
                 "no direction of base acceleration rises above the accelerometers' noise",
             ),
             Self::NoResultant => f.write_str("the load cells complete no equation of motion"),
-            Self::TooManyPairs => write!(f, "more than {MAX_PAIRS} masslines"),
+            Self::TooManyPairs => f.write_str("more masslines than there is room for"),
             Self::Singular => f.write_str("the averaged spectra are not finite"),
             Self::NoReference => f.write_str(
                 "this method needs responses referred to a drive channel or a stepped sine",
@@ -121,32 +127,22 @@ pub struct Massline {
     pub variance: Vector6<f64>,
 }
 
-/// Masslines that share a reference point and the equations that hold for them.
+/// Up to `PAIRS` masslines that share a reference point and the equations that hold for
+/// them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Masslines {
+pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     /// The reference point A, m.
     pub reference: Vector3<f64>,
     /// The combinations of the rows of `M a = f` that were measured.
     pub equations: Equations,
     /// The pairs.
-    pub pairs: heapless::Vec<Massline, MAX_PAIRS>,
+    pub pairs: heapless::Vec<Massline, PAIRS>,
     /// What the accelerations would contain if there were nothing but noise: columns
     /// are pseudo accelerations whose second moments add up to the noise in `pairs`.
     pub noise: Matrix6<f64>,
 }
 
 impl Masslines {
-    /// No pairs yet.
-    #[must_use]
-    pub fn new(reference: Vector3<f64>, equations: Equations) -> Self {
-        Self {
-            reference,
-            equations,
-            pairs: heapless::Vec::new(),
-            noise: Matrix6::zeros(),
-        }
-    }
-
     /// Exact pairs, without noise: for a mass matrix that is known line by line.
     ///
     /// # Errors
@@ -160,6 +156,19 @@ impl Masslines {
             set.push(acceleration, force, Vector6::zeros())?;
         }
         Ok(set)
+    }
+}
+
+impl<const PAIRS: usize> Masslines<PAIRS> {
+    /// No pairs yet.
+    #[must_use]
+    pub fn new(reference: Vector3<f64>, equations: Equations) -> Self {
+        Self {
+            reference,
+            equations,
+            pairs: heapless::Vec::new(),
+            noise: Matrix6::zeros(),
+        }
     }
 
     pub(crate) fn push(

@@ -3,9 +3,8 @@
 use super::averaging::Trend;
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower};
-use crate::geometry::Equations;
 use core::ops::Range;
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix6, Vector6};
 
 /// What is done with the band averages of the power spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +16,7 @@ pub enum Factorisation {
     Cholesky,
 }
 
-/// Masslines from the real parts of the power spectra, summed over the runs and averaged
+/// Adds masslines from the real parts of the power spectra, summed over the runs and averaged
 /// over the lines `band`.
 ///
 /// `lines` should carry accelerations from all accelerometers, equation (4), with the
@@ -27,14 +26,13 @@ pub enum Factorisation {
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
 #[inline(never)] // One method's working memory at a time.
-pub fn power_spectra<L: Lines + ?Sized>(
+pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     factorisation: Factorisation,
-    reference: Vector3<f64>,
-    equations: &Equations,
-) -> Result<Masslines, MasslineError> {
-    if equations.count() == 0 {
+    set: &mut Masslines<PAIRS>,
+) -> Result<(), MasslineError> {
+    if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let spectra = Averaged::new(lines, &band);
@@ -43,7 +41,6 @@ pub fn power_spectra<L: Lines + ?Sized>(
         return Err(MasslineError::NoExcitation);
     }
     let columns = spectra.columns(factorisation, excited.rank())?;
-    let mut set = Masslines::new(reference, *equations);
     let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
     set.average(lines, &band, Trend::Constant, used.len(), |line, pairs| {
@@ -57,7 +54,7 @@ pub fn power_spectra<L: Lines + ?Sized>(
         Ok(())
     })?;
     set.share_noise(&spectra.aa.diagonal(), &spectra.acceleration_noise);
-    Ok(set)
+    Ok(())
 }
 
 fn summed<L: Lines + ?Sized>(lines: &L, line: usize) -> Moments {

@@ -7,11 +7,11 @@
 //! the forces that go with them. Nothing is lost: least squares on these pairs with any
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
-use super::{Excitation, MasslineError, Masslines, Moments};
+use super::{Complex6, Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower};
 use crate::geometry::Equations;
 use core::ops::{Index, IndexMut};
-use nalgebra::{Complex, Matrix6, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Vector6};
 
 /// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
@@ -19,7 +19,11 @@ const SIZE: usize = 6 * MAX_TERMS;
 
 type Right = SMatrix<f64, SIZE, 6>;
 
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
+const NO_RIGHT: Right = Right::from_array_storage(ArrayStorage([[0.0; SIZE]; 6]));
+
 /// A lower triangle: half the memory of a square, and it is on a small stack.
+#[derive(Clone, Debug)]
 struct Triangle([f64; SIZE * (SIZE + 1) / 2]);
 
 impl Triangle {
@@ -43,6 +47,7 @@ impl IndexMut<(usize, usize)> for Triangle {
 
 /// Normal equations of the regression, in coordinates of the excited directions and of
 /// the measured equations.
+#[derive(Clone, Debug)]
 pub(super) struct Regression {
     excitation: Excitation,
     equations: Equations,
@@ -58,7 +63,7 @@ pub(super) struct Regression {
 }
 
 /// The solution with a chosen set of terms.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Solution {
     terms: heapless::Vec<usize, MAX_TERMS>,
     /// Coefficients of the chosen terms, in their order: `rank` rows each.
@@ -72,24 +77,27 @@ pub(super) struct Solution {
 }
 
 impl Regression {
-    /// `correlation` is the variance of a mean over lines relative to independent ones.
-    pub(super) fn new(
-        excitation: Excitation,
-        equations: Equations,
-        terms: usize,
-        correlation: f64,
-    ) -> Self {
-        Self {
-            excitation,
-            equations,
-            terms: terms.clamp(1, MAX_TERMS),
-            normal: Triangle::ZERO,
-            right: Right::zeros(),
-            power: Matrix6::zeros(),
-            count: 0.0,
-            correlation,
-            independent: false,
-        }
+    /// Nothing to be regressed yet.
+    pub(super) const EMPTY: Self = Self {
+        excitation: Excitation::NONE,
+        equations: Equations::NONE,
+        terms: 0,
+        normal: Triangle::ZERO,
+        right: NO_RIGHT,
+        power: NO_MATRIX,
+        count: 0.0,
+        correlation: 1.0,
+        independent: false,
+    };
+
+    /// Begins a regression with so many terms. `correlation` is the variance of a mean
+    /// over lines relative to independent ones.
+    pub(super) fn begin(&mut self, equations: &Equations, terms: usize, correlation: f64) {
+        self.restart(Excitation::NONE);
+        self.equations = *equations;
+        self.terms = terms.clamp(1, MAX_TERMS);
+        self.correlation = correlation;
+        self.independent = false;
     }
 
     /// Starts again with another excitation.
@@ -108,21 +116,18 @@ impl Regression {
 
     /// Takes the residuals of different resultants as independent: where there are too
     /// few equations to learn how they correlate.
-    pub(super) fn with_independent_residuals(self) -> Self {
-        Self {
-            independent: true,
-            ..self
-        }
+    pub(super) fn take_residuals_as_independent(&mut self) {
+        self.independent = true;
     }
 
     /// Adds the moments of one line, where term t has the value `phi[t]`, that hold
     /// `equations` real equations.
     pub(super) fn add(&mut self, moments: &Moments, phi: &[Complex<f64>], equations: f64) {
         let rank = self.excitation.rank();
-        let p = self.excitation.coordinates().map(|x| Complex::new(x, 0.0));
-        let e = self.equations.rows().map(|x| Complex::new(x, 0.0));
-        let aa = p * moments.aa * p.transpose();
-        let fa = e * moments.fa * p.transpose();
+        let p = self.excitation.coordinates();
+        let e = self.equations.rows();
+        let aa = between(p, &moments.aa, p);
+        let fa = between(e, &moments.fa, p);
         for (t, phi_t) in phi.iter().enumerate().take(self.terms) {
             for (u, phi_u) in phi.iter().enumerate().take(t + 1) {
                 // Re conj(φ_t a_i) φ_u a_j
@@ -141,14 +146,14 @@ impl Regression {
                 }
             }
         }
-        self.power += (e * moments.ff * e.transpose()).map(|z| z.re);
+        self.power += e * moments.ff.map(|z| z.re) * e.transpose();
         self.count += equations;
     }
 
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
     #[inline(never)] // Its triangle is off the stack when the caller goes on.
-    pub(super) fn solve(&self, chosen: &[usize]) -> Option<Solution> {
+    pub(super) fn solve(&self, chosen: &[usize], into: &mut Solution) -> Option<()> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         let unknowns = rank * chosen.len();
@@ -178,7 +183,13 @@ impl Regression {
         }
         let mut l = Triangle::ZERO;
         let nuisance = unknowns - rank;
-        let mut schur = Matrix6::zeros();
+        let Solution {
+            coefficients,
+            schur,
+            residual,
+            ..
+        } = into;
+        schur.fill(0.0);
         for j in 0..unknowns {
             for i in j..unknowns {
                 let mut sum = gathered(order(i), order(j)) * scale[i] * scale[j];
@@ -206,46 +217,46 @@ impl Regression {
                 }
             }
         }
-        let mut ordered = Right::zeros();
+        // One right-hand side after the other. What each leaves of the power is taken off
+        // before the back substitution overwrites its projections.
+        coefficients.fill(0.0);
         for c in 0..rows {
             for i in 0..unknowns {
                 let mut sum = self.right[(at(order(i)), c)] * scale[i];
                 for k in 0..i {
-                    sum -= l[(i, k)] * ordered[(k, c)];
+                    sum -= l[(i, k)] * coefficients[(k, c)];
                 }
-                ordered[(i, c)] = sum / l[(i, i)];
+                coefficients[(i, c)] = sum / l[(i, i)];
             }
         }
-        // Residual before back substitution: power minus the squared projections.
-        let mut residual = self.power;
+        *residual = self.power;
         for c in 0..rows {
             for d in 0..rows {
                 let mut explained = 0.0;
                 for i in 0..unknowns {
-                    explained += ordered[(i, c)] * ordered[(i, d)];
+                    explained += coefficients[(i, c)] * coefficients[(i, d)];
                 }
                 residual[(c, d)] -= explained;
             }
         }
-        let mut coefficients = Right::zeros();
+        *residual /= freedom;
+        self.floor(residual);
         for c in 0..rows {
             for i in (0..unknowns).rev() {
-                let mut sum = ordered[(i, c)];
+                let mut sum = coefficients[(i, c)];
                 for k in i + 1..unknowns {
-                    sum -= l[(k, i)] * ordered[(k, c)];
+                    sum -= l[(k, i)] * coefficients[(k, c)];
                 }
-                ordered[(i, c)] = sum / l[(i, i)];
-                coefficients[(order(i), c)] = ordered[(i, c)] * scale[i];
+                coefficients[(i, c)] = sum / l[(i, i)];
+            }
+            let ordered: SVector<f64, SIZE> = coefficients.column(c).into();
+            for i in 0..unknowns {
+                coefficients[(order(i), c)] = ordered[i] * scale[i];
             }
         }
-        let residual = self.floored(&(residual / freedom));
-        Some(Solution {
-            terms: heapless::Vec::from_slice(chosen).ok()?,
-            coefficients,
-            schur,
-            residual,
-            inflation: 1.0,
-        })
+        into.terms = heapless::Vec::from_slice(chosen).ok()?;
+        into.inflation = 1.0;
+        Some(())
     }
 
     /// Takes `left`, the residual power of all six resultants from elsewhere, for the
@@ -253,18 +264,19 @@ impl Regression {
     pub(super) fn replace_residual(&self, solution: &mut Solution, left: &Matrix6<f64>) {
         let e = self.equations.rows();
         let freedom = (self.count - self.excitation.rank() as f64).max(1.0);
-        solution.residual = self.floored(&(e * left * e.transpose() / freedom));
+        solution.residual = e * left * e.transpose() / freedom;
+        self.floor(&mut solution.residual);
     }
 
-    /// A residual covariance that can be inverted: no better than the `f32` spectra it
+    /// Makes a residual covariance one that can be inverted: no better than the `f32` spectra it
     /// was computed from, and no more correlated than 0.999, since a residual of the
     /// model points one way and would grant infinite trust to all others.
-    fn floored(&self, residual: &Matrix6<f64>) -> Matrix6<f64> {
+    fn floor(&self, c: &mut Matrix6<f64>) {
         const AMPLITUDE: f64 = 2e-7;
         const NOTHING: f64 = 1e-12;
-        let mut c = (residual + residual.transpose()) * 0.5;
+        *c = (*c + c.transpose()) * 0.5;
         if self.independent {
-            c = Matrix6::from_diagonal(&c.diagonal());
+            *c = Matrix6::from_diagonal(&c.diagonal());
         }
         let largest = self.power.diagonal().max();
         for j in 0..self.equations.count() {
@@ -275,10 +287,9 @@ impl Regression {
         }
         // Where the spectra fit to their last digit, the residual is the difference of
         // large numbers and its correlations mean nothing.
-        if lower(&c, self.equations.count()).is_none() {
-            c = Matrix6::from_diagonal(&c.diagonal());
+        if lower(c, self.equations.count()).is_none() {
+            *c = Matrix6::from_diagonal(&c.diagonal());
         }
-        c
     }
 
     /// Expected squared error of the first term's coefficients, summed relative to their
@@ -327,16 +338,15 @@ impl Regression {
         core::array::from_fn(|p| if p < rank { inner[(p, p)] } else { 0.0 })
     }
 
-    /// The pairs, whitened by the residual.
-    pub(super) fn masslines(
+    /// Adds the pairs to `set`, whitened by the residual.
+    pub(super) fn masslines<const PAIRS: usize>(
         &self,
         solution: &Solution,
-        reference: Vector3<f64>,
-    ) -> Result<Masslines, MasslineError> {
+        set: &mut Masslines<PAIRS>,
+    ) -> Result<(), MasslineError> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
-        let whitened = self.whitened(solution).ok_or(MasslineError::Singular)?;
-        let mut set = Masslines::new(reference, whitened);
+        set.equations = self.whitened(solution).ok_or(MasslineError::Singular)?;
         let u = lower(&solution.schur, rank).ok_or(MasslineError::Singular)?;
         for p in 0..rank {
             // Row p of U, with S = U Uᵀ here: column p of the lower factor.
@@ -354,7 +364,7 @@ impl Regression {
             }
             set.push(acceleration, force, variance)?;
         }
-        Ok(set)
+        Ok(())
     }
 
     /// Residual power of each resultant, summed over all real equations.
@@ -381,15 +391,40 @@ impl Regression {
 
 impl Solution {
     /// Nothing solved yet.
-    pub(super) fn none() -> Self {
-        Self {
-            terms: heapless::Vec::new(),
-            coefficients: Right::zeros(),
-            schur: Matrix6::zeros(),
-            residual: Matrix6::zeros(),
-            inflation: 1.0,
+    pub(super) const EMPTY: Self = Self {
+        terms: heapless::Vec::new(),
+        coefficients: NO_RIGHT,
+        schur: NO_MATRIX,
+        residual: NO_MATRIX,
+        inflation: 1.0,
+    };
+}
+
+/// `left m rightᵀ`.
+fn between(left: &Matrix6<f64>, m: &Complex6, right: &Matrix6<f64>) -> Complex6 {
+    let mut half = Complex6::zeros();
+    for j in 0..6 {
+        for k in 0..6 {
+            let r = right[(j, k)];
+            if r != 0.0 {
+                for i in 0..6 {
+                    half[(i, j)] += m[(i, k)] * r;
+                }
+            }
         }
     }
+    let mut product = Complex6::zeros();
+    for k in 0..6 {
+        for i in 0..6 {
+            let l = left[(i, k)];
+            if l != 0.0 {
+                for j in 0..6 {
+                    product[(i, j)] += half[(k, j)] * l;
+                }
+            }
+        }
+    }
+    product
 }
 
 /// Diagonal of the inverse of the leading `n` x `n` part.

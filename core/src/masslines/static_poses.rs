@@ -5,7 +5,7 @@
 //! Offsets of the six resultants are constant over the poses; they are estimated along,
 //! which is the same as taking the means out of both sides.
 
-use super::regression::Regression;
+use super::regression::{Regression, Solution};
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::geometry::Equations;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
@@ -98,8 +98,10 @@ impl StaticPoses {
         if excitation.rank() == 0 {
             return Err(MasslineError::NoExcitation);
         }
-        let mut regression =
-            Regression::new(excitation, *equations, 1, 1.0).with_independent_residuals();
+        let mut regression = Regression::EMPTY;
+        regression.begin(equations, 1, 1.0);
+        regression.restart(excitation);
+        regression.take_residuals_as_independent();
         let complex = |m: Matrix6<f64>| m.map(|x| Complex::new(x, 0.0));
         let moments = Moments {
             aa: complex(symmetric(&self.aa)),
@@ -108,14 +110,19 @@ impl StaticPoses {
         };
         // One equation per row went into the offset.
         regression.add(&moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
-        let mut solution = regression.solve(&[0]).ok_or(MasslineError::Singular)?;
+        let mut solution = Solution::EMPTY;
+        regression
+            .solve(&[0], &mut solution)
+            .ok_or(MasslineError::Singular)?;
         if let Some(m) = mass_matrix {
             let explained = self.fa * m.transpose();
             let left = self.ff - explained - explained.transpose() + m * self.aa * m.transpose();
             regression.replace_residual(&mut solution, &left);
         }
+        let mut masslines = Masslines::new(reference, *equations);
+        regression.masslines(&solution, &mut masslines)?;
         Ok(StaticFit {
-            masslines: regression.masslines(&solution, reference)?,
+            masslines,
             mean_acceleration: self.mean_a,
             mean_force: self.mean_f,
             poses: self.count(),

@@ -3,29 +3,28 @@
 
 use super::averaging::Trend;
 use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines};
-use crate::geometry::Equations;
 use core::ops::Range;
-use nalgebra::{Complex, Vector3};
+use nalgebra::Complex;
 
-/// Masslines from the real part over the lines `band` of what remains of H when the
-/// elastic modes found in the lines `fit` are taken out.
+/// Adds masslines from the real part over the lines `band` of what remains of H when the
+/// elastic modes found in the lines `fit`, at most `limit`, are taken out. Those are left in
+/// `modes`; `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
 #[inline(never)] // One method's working memory at a time.
-pub fn synthesis<L: Lines + ?Sized>(
+pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     fit: Range<usize>,
-    modes: usize,
-    reference: Vector3<f64>,
-    equations: &Equations,
+    limit: usize,
+    set: &mut Masslines<PAIRS>,
+    modes: &mut FreeModes,
     work: &mut [Complex<f64>],
-) -> Result<(Masslines, FreeModes), MasslineError> {
-    let system = FreeSystem::new(lines, &band, equations)?;
-    let modes = system.modes(fit, modes, work)?;
-    let mut set = system.empty(reference);
+) -> Result<(), MasslineError> {
+    let system = FreeSystem::new(lines, &band, &set.equations)?;
+    system.modes(fit, limit, modes, work)?;
     set.average(
         lines,
         &band,
@@ -42,6 +41,5 @@ pub fn synthesis<L: Lines + ?Sized>(
             }
             Ok(())
         },
-    )?;
-    Ok((set, modes))
+    )
 }

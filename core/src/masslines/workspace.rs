@@ -1,0 +1,57 @@
+//! The memory of the methods, apart from what grows with the number of lines.
+
+use super::regression::{Regression, Solution};
+use super::{ApparentMass, FreeModes};
+
+/// What a method works in, and what it leaves beside the masslines. Too large for the stack
+/// of a small chip, so it is lent.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    pub(super) regression: Regression,
+    /// The solution with all terms, and the chosen one.
+    pub(super) full: Solution,
+    pub(super) best: Solution,
+    pub(super) apparent_mass: ApparentMass,
+    pub(super) free_modes: FreeModes,
+    /// Which of the two is there.
+    pub(super) found: Found,
+}
+
+/// What a method has left beside the masslines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    Nothing,
+    ApparentMass,
+    FreeModes,
+}
+
+impl Workspace {
+    /// As good as any other state: methods do not care what they find.
+    pub const EMPTY: Self = Self {
+        regression: Regression::EMPTY,
+        full: Solution::EMPTY,
+        best: Solution::EMPTY,
+        apparent_mass: ApparentMass::NONE,
+        free_modes: FreeModes::NONE,
+        found: Found::Nothing,
+    };
+
+    /// The fit behind the masslines, after [`super::Method::ApparentMass`].
+    #[must_use]
+    pub fn apparent_mass(&self) -> Option<&ApparentMass> {
+        (self.found == Found::ApparentMass).then_some(&self.apparent_mass)
+    }
+
+    /// The modes behind the masslines, after [`super::Method::CurveFit`] and
+    /// [`super::Method::Synthesis`].
+    #[must_use]
+    pub fn free_modes(&self) -> Option<&FreeModes> {
+        (self.found == Found::FreeModes).then_some(&self.free_modes)
+    }
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
