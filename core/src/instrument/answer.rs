@@ -20,6 +20,13 @@ pub struct Findings {
 }
 
 impl Findings {
+    /// Nothing.
+    pub(super) const NONE: Self = Self {
+        excited: None,
+        weakest: None,
+        poles: [None; POLES_MAX],
+    };
+
     /// Adds the fit of a group of runs.
     pub fn add_fit(&mut self, fit: &ApparentMass) {
         let excited = fit.excited as u8;

@@ -5,11 +5,13 @@
 //! [`RunStorage`] fills the core-coupled memory; [`WorkingStorage`] and [`Notebook`] lie in
 //! the SRAM.
 
+use super::answer::Findings;
 use super::intake::Intake;
 use super::live::{LevelMeter, Recorder};
 use super::setup::SetUp;
 use super::store::Kept;
 use crate::geometry::{RESULTANTS, RunGeometry};
+use crate::masslines::{Masslines, Workspace};
 use crate::spectra::{Complex32, Sum};
 use crate::wire::{Answer, Summary};
 use nalgebra::Complex;
@@ -43,12 +45,73 @@ pub const STORED_LINES: usize = RUNS * LINES;
 
 const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 
-/// What a run needs while it is going on.
+/// What a run needs while it is going on, and the identification when none is.
 #[derive(Debug)]
 pub struct WorkingStorage {
     pub(super) history: [f32; HISTORY],
     pub(super) lines: [Complex32; BLOCK_LINES],
-    pub(super) sums: [Sum; SUMS],
+    pub(super) bench: Bench,
+}
+
+/// What is on the bench: a run's sums, or an identification. Never both, as neither may
+/// begin before the other has ended.
+#[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "what it is for: two things in one place"
+)]
+pub(super) enum Bench {
+    Sums([Sum; SUMS]),
+    Solver(Solver),
+}
+
+/// What an identification works with.
+#[derive(Debug)]
+pub(super) struct Solver {
+    pub(super) methods: Workspace,
+    pub(super) sets: heapless::Vec<Masslines<PAIRS>, RUNS>,
+    pub(super) findings: Findings,
+}
+
+/// Pairs that runs with the same equations are condensed to: one a direction, or one a run.
+pub(super) const PAIRS: usize = 6;
+
+const _: () = assert!(PAIRS >= RUNS && size_of::<Solver>() <= size_of::<[Sum; SUMS]>());
+
+impl Bench {
+    const SUMS: Self = Self::Sums([Sum::ZERO; SUMS]);
+    const SOLVER: Self = Self::Solver(Solver {
+        methods: Workspace::EMPTY,
+        sets: heapless::Vec::new(),
+        findings: Findings::NONE,
+    });
+
+    /// Clears it for a run.
+    pub(super) fn clear_for_sums(&mut self) {
+        // A constant is written where it lies; it never is on the stack.
+        *self = Self::SUMS;
+    }
+
+    /// Clears it for an identification.
+    pub(super) fn clear_for_solver(&mut self) {
+        *self = Self::SOLVER;
+    }
+
+    /// The sums of a run; none if it was not cleared for one.
+    pub(super) fn sums(&mut self) -> &mut [Sum] {
+        match self {
+            Self::Sums(sums) => sums,
+            Self::Solver(_) => &mut [],
+        }
+    }
+
+    /// The identification, if it was cleared for one.
+    pub(super) fn solver(&mut self) -> Option<&mut Solver> {
+        match self {
+            Self::Solver(solver) => Some(solver),
+            Self::Sums(_) => None,
+        }
+    }
 }
 
 impl WorkingStorage {
@@ -58,7 +121,7 @@ impl WorkingStorage {
         Self {
             history: [0.0; HISTORY],
             lines: [NOTHING; BLOCK_LINES],
-            sums: [Sum::ZERO; SUMS],
+            bench: Bench::SUMS,
         }
     }
 }

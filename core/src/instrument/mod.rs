@@ -146,7 +146,7 @@ impl<'m> Instrument<'m> {
         let WorkingStorage {
             history,
             lines,
-            sums,
+            bench,
         } = memory.working;
         let RunStorage {
             responses,
@@ -178,7 +178,7 @@ impl<'m> Instrument<'m> {
                 history,
                 work,
                 lines,
-                sums,
+                bench,
                 intake,
                 geometry,
             }),
@@ -312,8 +312,11 @@ impl<'m> Instrument<'m> {
         let (Some(asked), Some(lines)) = (self.asked.take(), self.lines.clone()) else {
             return None;
         };
+        // A question is not taken during a run, nor a run begun before it is answered.
+        let buffers = self.buffers.take()?;
         Some(Job {
             store: self.archive.take()?,
+            buffers,
             question: asked.question,
             lines,
             reference: self.setup.reference(),
@@ -324,7 +327,13 @@ impl<'m> Instrument<'m> {
 
     /// Takes a job back and answers the request behind it.
     pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
-        let Job { store, outcome, .. } = job;
+        let Job {
+            store,
+            buffers,
+            outcome,
+            ..
+        } = job;
+        self.buffers = Some(buffers);
         let store = self.archive.insert(store);
         let Some(pending) = self.pending.take() else {
             return;

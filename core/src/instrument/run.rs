@@ -1,13 +1,13 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
 use super::intake::{Intake, Sample};
-use super::memory::SENSORS;
+use super::memory::{Bench, SENSORS};
 use super::setup::Lines;
 use super::store::Stored;
 use super::survey::Survey;
 use super::{Board, Outbox};
 use crate::geometry::{RESULTANTS, RunGeometry};
-use crate::spectra::{Complex32, DriveAverage, History, Sum};
+use crate::spectra::{Complex32, DriveAverage, History};
 use crate::wire::{
     Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
 };
@@ -18,7 +18,7 @@ pub(super) struct Buffers<'m> {
     pub(super) history: &'m mut [f32],
     pub(super) work: &'m mut [Complex32],
     pub(super) lines: &'m mut [Complex32],
-    pub(super) sums: &'m mut [Sum],
+    pub(super) bench: &'m mut Bench,
     /// Its channels.
     pub(super) intake: &'m mut Intake,
     /// From its sensors to resultants, in a measuring pass.
@@ -62,7 +62,7 @@ pub(super) struct Run<'m> {
     geometry: &'m mut RunGeometry,
     history: History<'m>,
     spectra: &'m mut [Complex32],
-    sums: &'m mut [Sum],
+    bench: &'m mut Bench,
     task: Task,
     counts: Counts,
     /// Index of the first sample of the block that is under way.
@@ -90,12 +90,12 @@ impl<'m> Run<'m> {
             history,
             work,
             lines: spectra,
-            sums,
+            bench,
             intake,
             geometry,
         } = buffers;
         let history = History::new(lines.settings, 1 + RESULTANTS, history, work).ok()?;
-        sums.fill(Sum::ZERO);
+        bench.clear_for_sums();
         Some(Self {
             start,
             lines,
@@ -103,7 +103,7 @@ impl<'m> Run<'m> {
             geometry,
             history,
             spectra,
-            sums,
+            bench,
             task,
             counts: Counts::default(),
             block_first: 0,
@@ -237,12 +237,12 @@ impl<'m> Run<'m> {
         let (average, wanted) = match &mut self.task {
             Task::Measure(..) => {
                 let blocks = self.counts.averaged;
-                let average = DriveAverage::resume(count, RESULTANTS, self.sums, blocks);
+                let average = DriveAverage::resume(count, RESULTANTS, self.bench.sums(), blocks);
                 (average.ok(), 0..count)
             }
             Task::Survey(survey) => {
                 let wanted = survey.lines();
-                (survey.average(self.sums), wanted)
+                (survey.average(self.bench.sums()), wanted)
             }
         };
         let Some(mut average) = average else {
@@ -296,7 +296,8 @@ impl<'m> Run<'m> {
             return None;
         }
         let count = self.lines.settings.grid().count;
-        let average = DriveAverage::resume(count, RESULTANTS, self.sums, self.counts.averaged);
+        let average =
+            DriveAverage::resume(count, RESULTANTS, self.bench.sums(), self.counts.averaged);
         let average = average.ok()?;
         let band = &self.lines.band;
         Some(core::array::from_fn(|c| {
@@ -343,7 +344,7 @@ impl<'m> Run<'m> {
         let blocks = self.counts.averaged;
         let run = usize::from(self.start.run);
         match &mut self.task {
-            Task::Survey(survey) => peaks = survey.peaks(self.sums),
+            Task::Survey(survey) => peaks = survey.peaks(self.bench.sums()),
             Task::Measure(accelerations) => {
                 if let Some(store) = store {
                     store.forget(run);
@@ -354,7 +355,8 @@ impl<'m> Run<'m> {
                         missing: self.counts.missing,
                         health: self.counts.health,
                     };
-                    let average = DriveAverage::resume(grid.count, RESULTANTS, self.sums, blocks);
+                    let average =
+                        DriveAverage::resume(grid.count, RESULTANTS, self.bench.sums(), blocks);
                     let settings = &self.lines.settings;
                     let hop = settings.hop() as f64 / settings.block_length() as f64;
                     let correlation = settings.window().block_correlation(hop);
@@ -409,7 +411,7 @@ impl<'m> Run<'m> {
             history,
             work,
             lines: self.spectra,
-            sums: self.sums,
+            bench: self.bench,
             intake: self.intake,
             geometry: self.geometry,
         }

@@ -3,6 +3,7 @@
 use super::desk::missing;
 use super::intake::{Intake, Sample};
 use super::limits::range;
+use super::memory::SUMS;
 use super::run::{Run, Task};
 use super::setup::SetUp;
 use super::survey::Survey;
@@ -42,7 +43,7 @@ impl Instrument<'_> {
         let task = match start.pass {
             Pass::Survey => {
                 let modes = lines.modes.clone().ok_or(missing(Item::ModeBand, 0))?;
-                let room = buffers.sums.len();
+                let room = SUMS;
                 Task::Survey(Survey::new(self.setup.accelerometers(), modes, room)?)
             }
             Pass::Measure => {

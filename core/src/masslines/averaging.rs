@@ -93,10 +93,12 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             return Err(MasslineError::TooFewLines(band.len()));
         }
         let zero = (Vector6::zeros(), Vector6::zeros());
-        let count = count.min(MAX_AVERAGED);
-        let mut buffer = [zero; MAX_AVERAGED];
+        if count > PAIRS {
+            return Err(MasslineError::TooManyPairs);
+        }
+        let mut buffer = [zero; PAIRS];
         let weights = LineWeights::new(lines, band, trend);
-        let (mut value, mut slope) = ([zero; MAX_AVERAGED], [zero; MAX_AVERAGED]);
+        let (mut value, mut slope) = ([zero; PAIRS], [zero; PAIRS]);
         for line in band.clone() {
             let (w, s) = weights.at(lines.frequency(line));
             line_pairs(line, &mut buffer[..count])?;
@@ -118,7 +120,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let rows = *self.equations.rows();
         let left = |(a, f): (Vector6<f64>, Vector6<f64>)| rows * (f - mass * a);
         let freedom = weights.count - weights.fitted();
-        let mut squares = [Vector6::<f64>::zeros(); MAX_AVERAGED];
+        let mut squares = [Vector6::<f64>::zeros(); PAIRS];
         let mut gain = 0.0;
         for line in band.clone() {
             let frequency = lines.frequency(line);
@@ -166,6 +168,3 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         fa * (d * inverse * d)
     }
 }
-
-/// Most pairs that are averaged at once: one a run, or one a force direction.
-pub(super) const MAX_AVERAGED: usize = 24;

@@ -1,6 +1,6 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
-use super::averaging::{MAX_AVERAGED, Trend};
+use super::averaging::Trend;
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use core::ops::Range;
 use nalgebra::{Complex, Vector6};
@@ -44,8 +44,11 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     }
     // Powers in units of noise, so that a rotation may lead as well.
     let units = noise.map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
-    let runs = lines.runs().min(MAX_AVERAGED);
-    let leaders: heapless::Vec<usize, MAX_AVERAGED> = (0..runs)
+    let runs = lines.runs();
+    if runs > PAIRS {
+        return Err(MasslineError::TooManyPairs);
+    }
+    let leaders: heapless::Vec<usize, PAIRS> = (0..runs)
         .map(|run| {
             let mut m = Moments::zero();
             for line in band.clone() {

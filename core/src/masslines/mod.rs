@@ -53,11 +53,10 @@ pub use synthesis::synthesis;
 pub use workspace::Workspace;
 
 use crate::geometry::{Equations, resultants_at, transfer};
-use averaging::MAX_AVERAGED;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-/// Most pairs in one set: what method a makes of the most runs it averages.
-pub const MAX_PAIRS: usize = MAX_AVERAGED;
+/// Most pairs in one set: one a direction, or with method a one a run.
+pub const MAX_PAIRS: usize = 24;
 
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
