@@ -2,7 +2,7 @@
 //!
 //! The host tool's own client mends what a link breaks; here the breakage is the subject.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use massline::device::{Emulator, firmware};
 use massline_core::wire::{
@@ -80,7 +80,6 @@ impl Talk {
 
     /// Gives what comes to `pick` until that takes something.
     pub fn wait<T>(&mut self, mut pick: impl FnMut(u16, &FromBox<'_>) -> Option<T>) -> T {
-        let deadline = Instant::now() + PATIENCE;
         loop {
             let mut input = &self.input[..];
             let mut picked = None;
@@ -100,8 +99,7 @@ impl Talk {
             if let Some(picked) = picked {
                 return picked;
             }
-            let left = deadline.saturating_duration_since(Instant::now());
-            let came = self.emulator.receive(&mut self.input, left);
+            let came = self.emulator.receive(&mut self.input, PATIENCE);
             let came = came.unwrap_or_else(|error| panic!("{error}"));
             assert!(came > 0, "nothing came for {} s", PATIENCE.as_secs());
         }
