@@ -398,8 +398,7 @@ impl Fit<'_> {
     }
 }
 
-/// Chooses how many modes get a term of their own; those above share the ω² term, which
-/// always stays.
+/// Chooses how many modes get a term of their own, and whether those above share one in ω².
 ///
 /// Every term that is kept costs precision, every one that is left out costs bias. The
 /// bias of a smaller set is seen in how far its M₀ lies from that of the full set, beyond
@@ -424,9 +423,10 @@ fn best(
     for m in (0..=modes).rev() {
         least = consider(regression, &terms(m, basis), full, least, best);
     }
-    // Where no mode shows at all, the ω² term has to be worth its cost, too.
-    if modes == 0 {
-        consider(regression, &[0], full, least, best);
+    // The ω² term has to be worth its cost, too.
+    for m in (0..=modes).rev() {
+        let without: heapless::Vec<usize, MAX_TERMS> = (0..=m).collect();
+        least = consider(regression, &without, full, least, best);
     }
     Some(())
 }
