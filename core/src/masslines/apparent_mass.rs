@@ -13,14 +13,14 @@
 
 use super::averaging::MIN_LINES;
 use super::regression::{MAX_TERMS, Regression, Solution};
-use super::{Excitation, Lines, MasslineError, Masslines, Moments, Workspace};
+use super::{Excitation, Lines, MasslineError, Masslines, Moments, Powers, Workspace};
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
 
 /// Most runs whose noise levels are weighed against each other.
-const MAX_RUNS: usize = 24;
+pub(super) const MAX_RUNS: usize = 24;
 
 /// The fit behind masslines by apparent mass, with the elastic terms that were eliminated.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +95,9 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
-    let (poles, _) = find_fixed_poles(lines, &band, fit, work);
+    let alike = [1.0; MAX_RUNS];
+    let energy = energy(lines, &band, &alike);
+    let (poles, _) = find_fixed_poles(lines, &energy, fit, work);
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
         regression,
@@ -108,17 +110,18 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
         regression,
         full,
         solution: best,
-        weights: [1.0; MAX_RUNS],
+        weights: alike,
         runs: lines.runs().min(MAX_RUNS),
         noise: Vector6::zeros(),
         power: Vector6::zeros(),
     };
     fit.regression
         .begin(&set.equations, basis.terms(), lines.correlation());
-    fit.solve(lines, &band, &basis)?;
+    fit.solve(lines, &band, &basis, &energy)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
     fit.weigh_runs(lines, &band, &basis);
-    fit.solve(lines, &band, &basis)?;
+    let energy = self::energy(lines, &band, &fit.weights);
+    fit.solve(lines, &band, &basis, &energy)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     let spread = fit.spread(lines, &band, &basis);
@@ -130,25 +133,35 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     Ok(())
 }
 
+/// Powers of all runs over the lines of the band, each run with its weight.
+#[inline(never)] // Amplitudes are off the stack when they are summed.
+pub(super) fn energy<L: Lines + ?Sized>(
+    lines: &L,
+    band: &Range<usize>,
+    weights: &[f64; MAX_RUNS],
+) -> Powers {
+    let mut energy = Powers::zero();
+    for (run, weight) in weights.iter().enumerate().take(lines.runs()) {
+        for line in band.clone() {
+            lines.add_powers(run, line, *weight, &mut energy);
+        }
+    }
+    energy
+}
+
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
-/// and that scalar with its weights.
+/// and that scalar with its weights. `energy` is that of the averaging band.
 #[inline(never)] // Gone from the stack before the regression needs it.
 pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     lines: &L,
-    band: &Range<usize>,
+    energy: &Powers,
     fit: Range<usize>,
     work: &'w mut [Complex<f64>],
 ) -> (heapless::Vec<Pole, MAX_MODES>, Trace<'w>) {
     // W makes translations and rotations comparable: force over acceleration, roughly
     // the body's own mass and inertia.
-    let mut energy = Moments::zero();
-    for run in 0..lines.runs() {
-        for line in band.clone() {
-            lines.add_moments(run, line, 1.0, &mut energy);
-        }
-    }
     let w = Vector6::from_fn(|j, _| {
-        let (a, f) = (energy.aa[(j, j)].re, energy.ff[(j, j)].re);
+        let (a, f) = (energy.aa[(j, j)], energy.ff[j]);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
     let end = fit.end.min(lines.count()).min(fit.start + work.len() / 2);
@@ -232,27 +245,25 @@ struct Fit<'s> {
 }
 
 impl Fit<'_> {
-    /// Regression over all lines of the band with the weights as they are.
+    /// Regression over all lines of the band with the weights as they are, with which the
+    /// lines have the given energy.
     #[inline(never)] // Its moments are off the stack when pairs are made.
     fn solve<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
         band: &Range<usize>,
         basis: &Basis,
+        energy: &Powers,
     ) -> Result<(), MasslineError> {
-        let mut energy = Moments::zero();
         self.noise = Vector6::zeros();
         for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
             let per_line = lines.noise(run);
             for (sum, noise) in self.noise.iter_mut().zip(per_line) {
                 *sum += weight * noise * band.len() as f64;
             }
-            for line in band.clone() {
-                lines.add_moments(run, line, *weight, &mut energy);
-            }
         }
-        self.power = energy.ff.diagonal().map(|z| z.re);
-        let excitation = Excitation::new(&energy.aa.map(|z| z.re), &self.noise);
+        self.power = energy.ff;
+        let excitation = Excitation::new(&energy.aa, &self.noise);
         if excitation.rank() == 0 {
             return Err(MasslineError::NoExcitation);
         }
@@ -261,7 +272,7 @@ impl Fit<'_> {
             let mut m = Moments::zero();
             let mut count = 0.0;
             for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
-                lines.add_moments(run, line, *weight, &mut m);
+                lines.add_real_moments(run, line, *weight, &mut m);
                 // Real and imaginary part hold independently (chapter 6).
                 count += 2.0 * lines.equations_per_line(run);
             }
@@ -293,9 +304,15 @@ impl Fit<'_> {
         let runs = self.runs;
         for line in band.clone() {
             let phi = basis.at(lines.frequency(line));
+            // The first term is one, others are real.
             let mut model = Matrix6::<Complex<f64>>::zeros();
-            for (m, phi) in models.iter().zip(&phi) {
-                model += m.map(|x| phi * x);
+            for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
+                for (sum, x) in model.iter_mut().zip(m) {
+                    sum.re += if t == 0 { *x } else { phi.re * x };
+                    if phi.im != 0.0 {
+                        sum.im += phi.im * x;
+                    }
+                }
             }
             for (run, left) in left.iter_mut().enumerate().take(runs) {
                 *left += residual(lines, run, line, &whitened, &model);
@@ -335,11 +352,11 @@ impl Fit<'_> {
         let mut mean = Vector6::zeros();
         let mut counted = 0.0;
         for (run, (weight, left)) in self.weights.iter().zip(&left).enumerate().take(self.runs) {
-            let mut m = Moments::zero();
+            let mut powers = Powers::zero();
             for line in band.clone() {
-                lines.add_moments(run, line, *weight, &mut m);
+                lines.add_powers(run, line, *weight, &mut powers);
             }
-            let share = self.regression.powers(self.solution, &m.aa.map(|z| z.re));
+            let share = self.regression.powers(self.solution, &powers.aa);
             for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
                 *variance += left * (share * *weight);
                 *total += share;
@@ -472,7 +489,11 @@ fn residual<L: Lines + ?Sized>(
         return Vector6::from_fn(|j, _| {
             let mut left = Complex::new(0.0, 0.0);
             for i in 0..6 {
-                left += f[i] * e[(j, i)] - model[(j, i)] * a[i];
+                // Half of the whitened rows are zero, and often all beside the diagonal.
+                if e[(j, i)] != 0.0 {
+                    left += f[i] * e[(j, i)];
+                }
+                left -= model[(j, i)] * a[i];
             }
             left.norm_sqr() * weight
         });

@@ -6,9 +6,9 @@
 //! modal mass, and the diagonal of `L_rᵀ L_r` holds the effective masses. Over all modes
 //! they add up to the rigid-body mass matrix.
 
-use super::apparent_mass::{Basis, find_fixed_poles};
+use super::apparent_mass::{Basis, MAX_RUNS, energy, find_fixed_poles};
 use super::regression::{Regression, Solution};
-use super::{Excitation, Lines, MasslineError, Moments};
+use super::{Excitation, Lines, MasslineError, Moments, Powers};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Trace};
@@ -42,12 +42,13 @@ pub fn fixed_modes<L: Lines + ?Sized>(
     work: &mut [Complex<f64>],
 ) -> Result<heapless::Vec<FixedMode, MAX_MODES>, MasslineError> {
     let start = fit.start;
-    let (poles, trace) = find_fixed_poles(lines, &band, fit, work);
+    let energy = energy(lines, &band, &[1.0; MAX_RUNS]);
+    let (poles, trace) = find_fixed_poles(lines, &energy, fit, work);
     let mut modes = heapless::Vec::new();
     if poles.is_empty() {
         return Ok(modes);
     }
-    let regression = regress(lines, &band, start, equations, &poles, &trace)?;
+    let regression = regress(lines, &band, &energy, start, equations, &poles, &trace)?;
     let count = 2 + poles.len();
     let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..count).collect();
     let mut solution = Solution::EMPTY;
@@ -74,23 +75,20 @@ pub fn fixed_modes<L: Lines + ?Sized>(
 fn regress<L: Lines + ?Sized>(
     lines: &L,
     band: &Range<usize>,
+    energy: &Powers,
     start: usize,
     equations: &Equations,
     poles: &[Pole],
     trace: &Trace<'_>,
 ) -> Result<Regression, MasslineError> {
-    let mut energy = Moments::zero();
     let mut noise = Vector6::zeros();
     for run in 0..lines.runs() {
         let per_line = lines.noise(run);
         for j in 0..6 {
             noise[j] += per_line[j] * band.len() as f64;
         }
-        for line in band.clone() {
-            lines.add_moments(run, line, 1.0, &mut energy);
-        }
     }
-    let excitation = Excitation::new(&energy.aa.map(|z| z.re), &noise);
+    let excitation = Excitation::new(&energy.aa, &noise);
     if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }

@@ -8,6 +8,7 @@
 //! `H(ω) = M⁻¹ - Σ_r φ_r φ_rᵀ ω² / (ω_r² - ω² + 2jζ_r ω_r ω)` with the poles of the free
 //! structure. The constant is the rigid body, which methods c, d and e are after.
 
+use super::regression::between;
 use super::{Excitation, Lines, MasslineError, Moments};
 use crate::algebra::{HermitianFactor, factor_hermitian};
 use crate::geometry::Equations;
@@ -94,15 +95,15 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     ///
     /// # Errors
     /// [`MasslineError::Singular`] if the forces of this line depend on each other.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
     pub fn response(&self, line: usize) -> Result<Matrix6<Complex<f64>>, MasslineError> {
         let mut m = Moments::zero();
         for run in 0..self.lines.runs() {
             self.lines.add_moments(run, line, 1.0, &mut m);
         }
         let scaled = Matrix6::from_diagonal(&self.scale) * self.equations.rows();
-        let complex = scaled.map(|x| Complex::new(x, 0.0));
-        let ff = complex * m.ff * complex.transpose();
-        let fa = complex * m.fa;
+        let ff = between(&scaled, &m.ff, &scaled);
+        let fa = between(&scaled, &m.fa, &Matrix6::identity());
         let factor: HermitianFactor =
             factor_hermitian(&ff, self.forces()).ok_or(MasslineError::Singular)?;
         // H = G_AF G_FF⁻¹, so G_FF Hᴴ = G_FA.
@@ -170,6 +171,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     }
 
     /// Residues of all entries by linear least squares with the common poles.
+    #[inline(never)] // Not on the stack while poles are found.
     fn fit(
         &self,
         fit: &Range<usize>,

@@ -1,7 +1,7 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
 use super::averaging::Trend;
-use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use super::{Excitation, Lines, MasslineError, Masslines, Powers};
 use core::ops::Range;
 use nalgebra::{Complex, Vector6};
 
@@ -24,7 +24,7 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
-    let mut energy = Moments::zero();
+    let mut energy = Powers::zero();
     let mut noise = Vector6::zeros();
     for run in 0..lines.runs() {
         let per_line = lines.noise(run);
@@ -35,10 +35,10 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             if lines.pair(run, line).is_none() {
                 return Err(MasslineError::NoReference);
             }
-            lines.add_moments(run, line, 1.0, &mut energy);
+            lines.add_powers(run, line, 1.0, &mut energy);
         }
     }
-    let excited = Excitation::new(&energy.aa.map(|z| z.re), &noise);
+    let excited = Excitation::new(&energy.aa, &noise);
     if excited.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
@@ -50,11 +50,11 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     }
     let leaders: heapless::Vec<usize, PAIRS> = (0..runs)
         .map(|run| {
-            let mut m = Moments::zero();
+            let mut m = Powers::zero();
             for line in band.clone() {
-                lines.add_moments(run, line, 1.0, &mut m);
+                lines.add_powers(run, line, 1.0, &mut m);
             }
-            m.aa.diagonal().map(|z| z.re).component_mul(&units).imax()
+            m.aa.diagonal().component_mul(&units).imax()
         })
         .collect();
     set.average(lines, &band, Trend::Constant, runs, |line, pairs| {
@@ -74,6 +74,6 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         }
         Ok(())
     })?;
-    set.share_noise(&energy.aa.diagonal().map(|z| z.re), &noise);
+    set.share_noise(&energy.aa.diagonal(), &noise);
     Ok(())
 }

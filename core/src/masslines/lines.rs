@@ -38,20 +38,90 @@ impl Moments {
 
     /// Adds one pair of amplitudes with a weight.
     pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
+        self.add_accelerations(a, f, weight);
         for j in 0..6 {
-            let (aj, fj) = (a[j].conj() * weight, f[j].conj() * weight);
-            for i in 0..6 {
-                self.fa[(i, j)] += f[i] * aj;
-                if i <= j {
-                    self.aa[(i, j)] += a[i] * aj;
-                    self.ff[(i, j)] += f[i] * fj;
-                }
+            let fj = f[j].conj() * weight;
+            for i in 0..j {
+                self.ff[(i, j)] += f[i] * fj;
+                self.ff[(j, i)] = self.ff[(i, j)].conj();
+            }
+            // Powers are real.
+            self.ff[(j, j)].re += real_product(f[j], fj);
+        }
+    }
+
+    /// Adds one pair of amplitudes with a weight, but only the real part of `f f*`: what a
+    /// regression needs of it.
+    pub fn add_real_pair(
+        &mut self,
+        a: &Vector6<Complex<f64>>,
+        f: &Vector6<Complex<f64>>,
+        weight: f64,
+    ) {
+        self.add_accelerations(a, f, weight);
+        for j in 0..6 {
+            let fj = f[j].conj() * weight;
+            for i in 0..=j {
+                self.ff[(i, j)].re += real_product(f[i], fj);
+                self.ff[(j, i)].re = self.ff[(i, j)].re;
             }
         }
+    }
+
+    fn add_accelerations(
+        &mut self,
+        a: &Vector6<Complex<f64>>,
+        f: &Vector6<Complex<f64>>,
+        weight: f64,
+    ) {
         for j in 0..6 {
-            for i in j + 1..6 {
-                self.aa[(i, j)] = self.aa[(j, i)].conj();
-                self.ff[(i, j)] = self.ff[(j, i)].conj();
+            let aj = a[j].conj() * weight;
+            for i in 0..6 {
+                self.fa[(i, j)] += f[i] * aj;
+                if i < j {
+                    self.aa[(i, j)] += a[i] * aj;
+                    self.aa[(j, i)] = self.aa[(i, j)].conj();
+                }
+            }
+            self.aa[(j, j)].re += real_product(a[j], aj);
+        }
+    }
+}
+
+/// Real part of a product, without the other.
+fn real_product(x: Complex<f64>, y: Complex<f64>) -> f64 {
+    x.re * y.re - x.im * y.im
+}
+
+/// How strong accelerations and forces are: what the excitation is judged by, for a quarter
+/// of the work that [`Moments`] take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Powers {
+    /// `Re Σ a a*`.
+    pub aa: Matrix6<f64>,
+    /// Diagonal of `Σ f f*`.
+    pub ff: Vector6<f64>,
+}
+
+impl Powers {
+    /// Nothing yet.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            aa: Matrix6::zeros(),
+            ff: Vector6::zeros(),
+        }
+    }
+
+    /// Adds one pair of amplitudes with a weight: to the last bit what
+    /// [`Moments::add_pair`] adds to the same numbers.
+    pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
+        for j in 0..6 {
+            let (aj, fj) = (a[j].conj() * weight, f[j].conj() * weight);
+            self.ff[j] += real_product(f[j], fj);
+            for i in 0..=j {
+                self.aa[(i, j)] += real_product(a[i], aj);
+                self.aa[(j, i)] = self.aa[(i, j)];
             }
         }
     }
@@ -71,6 +141,22 @@ pub trait Lines {
     fn runs(&self) -> usize;
     /// Adds the moments of one run at one line, times `weight`.
     fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments);
+    /// As [`Self::add_moments`], but of `Σ f f*` only the real part needs to be added: all that
+    /// a regression reads.
+    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+        self.add_moments(run, line, weight, into);
+    }
+    /// Adds the powers of one run at one line, times `weight`.
+    fn add_powers(&self, run: usize, line: usize, weight: f64, into: &mut Powers) {
+        if let Some((a, f)) = self.pair(run, line) {
+            into.add_pair(&a, &f, weight * self.pair_weight(run, line));
+        } else {
+            let mut m = Moments::zero();
+            self.add_moments(run, line, weight, &mut m);
+            into.aa += m.aa.map(|z| z.re);
+            into.ff += m.ff.diagonal().map(|z| z.re);
+        }
+    }
     /// Noise power per line that `Σ a a*` (first six) and `Σ f f*` (last six) of a run
     /// contain, mean over the averaging band.
     fn noise(&self, run: usize) -> [f64; RESULTANTS];
@@ -141,6 +227,12 @@ impl Lines for DriveLines<'_> {
     fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
         if let Some((a, f)) = self.pair(run, line) {
             into.add_pair(&a, &f, weight * self.pair_weight(run, line));
+        }
+    }
+
+    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+        if let Some((a, f)) = self.pair(run, line) {
+            into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
         }
     }
 

@@ -45,7 +45,9 @@ pub use fixed_modes::{FixedMode, fixed_modes};
 pub use free_responses::free_responses;
 pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;
-pub use lines::{Complex6, CrossLines, DriveLines, Lines, MAX_CROSS_RUNS, Moments, lines_between};
+pub use lines::{
+    Complex6, CrossLines, DriveLines, Lines, MAX_CROSS_RUNS, Moments, Powers, lines_between,
+};
 pub use power_spectra::{Factorisation, power_spectra};
 pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};

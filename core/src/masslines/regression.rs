@@ -7,11 +7,11 @@
 //! the forces that go with them. Nothing is lost: least squares on these pairs with any
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
-use super::{Complex6, Excitation, MasslineError, Masslines, Moments};
+use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower};
 use crate::geometry::Equations;
-use core::ops::{Index, IndexMut};
-use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Vector6};
+use core::ops::{AddAssign, Index, IndexMut, Mul};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6};
 
 /// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
@@ -135,18 +135,18 @@ impl Regression {
                 for i in 0..rank {
                     let columns = if t == u { i + 1 } else { rank };
                     for j in 0..columns {
-                        self.normal[(6 * t + i, 6 * u + j)] += (factor * aa[(j, i)]).re;
+                        self.normal[(6 * t + i, 6 * u + j)] += real_product(&factor, &aa[(j, i)]);
                     }
                 }
             }
             let factor = phi_t.conj();
             for i in 0..rank {
                 for j in 0..self.equations.count() {
-                    self.right[(6 * t + i, j)] += (factor * fa[(j, i)]).re;
+                    self.right[(6 * t + i, j)] += real_product(&factor, &fa[(j, i)]);
                 }
             }
         }
-        self.power += e * moments.ff.map(|z| z.re) * e.transpose();
+        self.power += between(e, &moments.ff.map(|z| z.re), e);
         self.count += equations;
     }
 
@@ -400,24 +400,51 @@ impl Solution {
     };
 }
 
-/// `left m rightᵀ`.
-fn between(left: &Matrix6<f64>, m: &Complex6, right: &Matrix6<f64>) -> Complex6 {
-    let mut half = Complex6::zeros();
+/// Real part of a product whose first factor often is real: what is zero costs nothing then.
+fn real_product(x: &Complex<f64>, y: &Complex<f64>) -> f64 {
+    if x.im == 0.0 && x.re == 1.0 {
+        y.re
+    } else if x.im == 0.0 {
+        x.re * y.re
+    } else {
+        x.re * y.re - x.im * y.im
+    }
+}
+
+/// `left m rightᵀ`, for factors most of which are zeros and ones.
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
+pub(super) fn between<T>(left: &Matrix6<f64>, m: &Matrix6<T>, right: &Matrix6<f64>) -> Matrix6<T>
+where
+    T: Scalar + Copy + Default + AddAssign + Mul<f64, Output = T>,
+{
+    let identity = Matrix6::identity();
+    if *left == identity && *right == identity {
+        return *m;
+    }
+    let mut half = Matrix6::from_element(T::default());
     for j in 0..6 {
         for k in 0..6 {
             let r = right[(j, k)];
-            if r != 0.0 {
+            if r == 1.0 {
+                for i in 0..6 {
+                    half[(i, j)] += m[(i, k)];
+                }
+            } else if r != 0.0 {
                 for i in 0..6 {
                     half[(i, j)] += m[(i, k)] * r;
                 }
             }
         }
     }
-    let mut product = Complex6::zeros();
+    let mut product = Matrix6::from_element(T::default());
     for k in 0..6 {
         for i in 0..6 {
             let l = left[(i, k)];
-            if l != 0.0 {
+            if l == 1.0 {
+                for j in 0..6 {
+                    product[(i, j)] += half[(k, j)];
+                }
+            } else if l != 0.0 {
                 for j in 0..6 {
                     product[(i, j)] += half[(k, j)] * l;
                 }

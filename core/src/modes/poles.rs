@@ -30,6 +30,7 @@ pub enum Residues {
 /// `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones;
 /// none if no peak rises above what the lines scatter by.
 #[must_use]
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
 pub fn find_poles(
     trace: &Trace<'_>,
     residues: Residues,
@@ -72,6 +73,8 @@ struct Fit {
     parameters: Parameters,
     /// Frequency that scales the ω² term, Hz.
     unit: f64,
+    /// Its square, inverted.
+    per_square: f64,
     residues: Residues,
 }
 
@@ -79,10 +82,12 @@ impl Fit {
     fn start(trace: &Trace<'_>, residues: Residues, frequency: &dyn Fn(usize) -> f64) -> Self {
         let mut parameters = Parameters::zeros();
         parameters[0] = trace.value(0).re;
+        let unit = frequency(trace.len().saturating_sub(1));
         Self {
             modes: 0,
             parameters,
-            unit: frequency(trace.len().saturating_sub(1)),
+            unit,
+            per_square: 1.0 / (unit * unit),
             residues,
         }
     }
@@ -94,7 +99,7 @@ impl Fit {
         line: usize,
         frequency: &dyn Fn(usize) -> f64,
     ) -> Complex<f64> {
-        trace.value(line) - self.model(&self.parameters, frequency(line)).0
+        trace.value(line) - self.value(&self.parameters, frequency(line))
     }
 
     /// The highest peak of the imaginary part that the fit leaves, away from the modes
@@ -114,7 +119,11 @@ impl Fit {
         };
         let mut best = None;
         let mut highest = 0.0;
+        let (mut here, mut after) = (height(0), height(1));
         for line in 1..trace.len().saturating_sub(1) {
+            let before = here;
+            here = after;
+            after = height(line + 1);
             let f = frequency(line);
             // Leakage bends the flanks of a mode that is already there; what it leaves
             // is not another mode.
@@ -124,8 +133,7 @@ impl Fit {
                 (pole.frequency - f).abs() < 3.0 * spacing + 3.0 * pole.damping * f
             });
             let tried = refused.iter().any(|&r| line.abs_diff(r) < 3);
-            let here = height(line);
-            let peak = here > height(line - 1) && here >= height(line + 1);
+            let peak = here > before && here >= after;
             if peak && !taken && !tried && here > highest {
                 highest = here;
                 best = Some(line);
@@ -170,31 +178,51 @@ impl Fit {
         self.at(self.modes)
     }
 
+    /// Value at one frequency, without its derivatives, which cost three times as much.
+    fn value(&self, p: &Parameters, f: f64) -> Complex<f64> {
+        let square = f * f;
+        let mut value = Complex::new(p[0] + square * self.per_square * p[1], 0.0);
+        for r in 0..self.modes {
+            let inverse = inverse(p[self.at(r) + 1], p[self.at(r) + 2], f, square);
+            value += times(inverse * square, self.residue(p, r, f));
+        }
+        value
+    }
+
+    /// The residue of a mode, and its quadrature per ω/ω_r where there is one.
+    fn residue(&self, p: &Parameters, mode: usize, f: f64) -> Complex<f64> {
+        let at = self.at(mode);
+        let quadrature = match self.residues {
+            Residues::Positive => 0.0,
+            Residues::Complex => f / p[at + 1] * p[at + 3],
+        };
+        Complex::new(p[at], quadrature)
+    }
+
     /// Value and derivatives at one frequency.
     fn model(&self, p: &Parameters, f: f64) -> (Complex<f64>, [Complex<f64>; UNKNOWNS]) {
-        let zero = Complex::new(0.0, 0.0);
-        let mut d = [zero; UNKNOWNS];
-        let above = f / self.unit;
+        let square = f * f;
+        let mut d = [Complex::new(0.0, 0.0); UNKNOWNS];
         d[0] = Complex::new(1.0, 0.0);
-        d[1] = Complex::new(above * above, 0.0);
-        let mut value = d[0] * p[0] + d[1] * p[1];
+        d[1] = Complex::new(square * self.per_square, 0.0);
+        let mut value = Complex::new(p[0] + d[1].re * p[1], 0.0);
         for r in 0..self.modes {
             let at = self.at(r);
             let (fr, z) = (p[at + 1], p[at + 2]);
-            // The residue and, per ω/ω_r, its quadrature.
-            let ahead = Complex::new(0.0, f / fr);
-            let mut residue = Complex::new(p[at], 0.0);
-            let below = Complex::new(fr * fr - f * f, 2.0 * z * fr * f);
-            let unit = Complex::new(f * f, 0.0) / below;
+            let residue = self.residue(p, r, f);
+            let inverse = inverse(fr, z, f, square);
+            let unit = inverse * square;
             d[at] = unit;
             if self.residues == Residues::Complex {
-                d[at + 3] = unit * ahead;
-                residue += ahead * p[at + 3];
+                let ahead = f / fr;
+                d[at + 3] = Complex::new(-unit.im * ahead, unit.re * ahead);
             }
-            let slope = -unit / below * residue;
+            let elastic = times(unit, residue);
+            let slope = -elastic * inverse;
             d[at + 1] = slope * Complex::new(2.0 * fr, 2.0 * z * f);
-            d[at + 2] = slope * Complex::new(0.0, 2.0 * fr * f);
-            value += unit * residue;
+            let damping = 2.0 * fr * f;
+            d[at + 2] = Complex::new(-slope.im * damping, slope.re * damping);
+            value += elastic;
         }
         (value, d)
     }
@@ -202,8 +230,8 @@ impl Fit {
     fn cost(&self, p: &Parameters, trace: &Trace<'_>, frequency: &dyn Fn(usize) -> f64) -> f64 {
         let mut cost = 0.0;
         for k in 0..trace.len() {
-            let (value, _) = self.model(p, frequency(k));
-            cost += (value - trace.value(k)).norm_sqr() * trace.weight(k);
+            let left = self.value(p, frequency(k)) - trace.value(k);
+            cost += left.norm_sqr() * trace.weight(k);
         }
         cost
     }
@@ -220,10 +248,20 @@ impl Fit {
                 let (value, d) = self.model(&self.parameters, frequency(k));
                 let weight = trace.weight(k);
                 let residual = (trace.value(k) - value) * weight;
-                for i in 0..n {
-                    right[i] += (d[i].conj() * residual).re;
-                    for j in 0..=i {
-                        normal[(i, j)] += (d[i].conj() * d[j]).re * weight;
+                // The first two derivatives are real. Where the processor has no `f64`,
+                // a product with a zero costs as much as any other.
+                right[0] += residual.re;
+                right[1] += d[1].re * residual.re;
+                normal[(0, 0)] += weight;
+                normal[(1, 0)] += d[1].re * weight;
+                normal[(1, 1)] += d[1].re * d[1].re * weight;
+                for i in 2..n {
+                    let weighted = d[i] * weight;
+                    right[i] += d[i].re * residual.re + d[i].im * residual.im;
+                    normal[(i, 0)] += weighted.re;
+                    normal[(i, 1)] += weighted.re * d[1].re;
+                    for j in 2..=i {
+                        normal[(i, j)] += weighted.re * d[j].re + weighted.im * d[j].im;
                     }
                 }
             }
@@ -284,6 +322,24 @@ impl Fit {
             (0..self.modes).map(|r| self.pole(r)).collect();
         poles.sort_unstable_by(|a, b| a.frequency.total_cmp(&b.frequency));
         poles
+    }
+}
+
+/// What a mode's amplification at `f` Hz has below the fraction bar, inverted: one division,
+/// which costs as much as ten products where the processor has no `f64`.
+fn inverse(frequency: f64, damping: f64, f: f64, square: f64) -> Complex<f64> {
+    let re = frequency * frequency - square;
+    let im = 2.0 * damping * frequency * f;
+    let scale = 1.0 / (re * re + im * im);
+    Complex::new(re * scale, -im * scale)
+}
+
+/// `unit` times a residue, most of which are real.
+fn times(unit: Complex<f64>, residue: Complex<f64>) -> Complex<f64> {
+    if residue.im == 0.0 {
+        unit * residue.re
+    } else {
+        unit * residue
     }
 }
 
