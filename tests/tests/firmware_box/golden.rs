@@ -5,7 +5,7 @@ use std::fs;
 use massline_tests::fixture;
 
 /// Environment variable that has new outputs taken for good.
-const ACCEPT: &str = "MASSLINE_ACCEPT";
+pub const ACCEPT: &str = "MASSLINE_ACCEPT";
 
 /// Compares with the fixture of this name, or writes it if [`ACCEPT`] is set.
 pub fn compare(name: &str, found: &str) {

@@ -5,6 +5,7 @@
 //! a plain `cargo test`; `cargo xtask test` builds what they need and runs them.
 
 mod abuse;
+mod budgets;
 mod faults;
 mod golden;
 mod hello;

@@ -135,7 +135,7 @@ impl Talk {
     }
 
     /// Waits for an event.
-    pub fn event<T>(&mut self, pick: impl Fn(&Event<'_>) -> Option<T>) -> T {
+    pub fn event<T>(&mut self, mut pick: impl FnMut(&Event<'_>) -> Option<T>) -> T {
         self.wait(|_, message| match message {
             FromBox::Event(event) => pick(event),
             FromBox::Reply(_) => None,
