@@ -83,6 +83,30 @@ fn the_document_has_every_comparison() {
 }
 
 #[test]
+fn faulty_samples_are_replayed_as_such_and_told() {
+    let bench = Bench::fork().edit("lateral-z.csv", |text| {
+        let lines = text.lines().enumerate().map(|(row, line)| match row {
+            0 => format!("{line},health"),
+            // One in the middle of the first block.
+            500 => format!("{line},checksum"),
+            _ => format!("{line},"),
+        });
+        lines.collect::<Vec<_>>().join("\n")
+    });
+    let finished = replay(&bench, &["--no-weights"]);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    let note = "note: run \"lateral Z\": faulty samples (1) went to the box";
+    assert_eq!(finished.stderr.matches("note:").count(), 1, "{finished:?}");
+    assert!(finished.stderr.contains(note), "{}", finished.stderr);
+    let document = document(&replay(&bench, &["--no-weights", "--json"]));
+    let runs = &document["compared"].as_array().unwrap()[1..4];
+    let of = |key: &str| runs.iter().map(|r| r[key].as_u64()).collect::<Vec<_>>();
+    assert_eq!(of("faulty_samples"), [Some(0), Some(1), Some(0)]);
+    assert_eq!(of("rejected")[0], Some(0));
+    assert!(of("rejected")[1] > Some(0), "{document:#}");
+}
+
+#[test]
 fn what_cannot_be_replayed_is_said_with_a_way_out() {
     let long = |bench: Bench| bench.setup("block_length = 1024", "block_length = 2048");
     let undriven = |bench: Bench| {

@@ -6,6 +6,9 @@ mod identical;
 use identical::{assert_complete, assert_identical, fork};
 use massline::device::{HostBox, HostBoxMemory, Noise, NoisyLine, Port, PortError};
 use massline::replay::{Flip, Order, Outcome};
+use massline::rig::{self, Trouble, Troubles};
+use massline::setup::Setup;
+use massline::simulate::{Model, Options, simulate};
 use massline_core::masslines::Method;
 use massline_core::wire::{BODY_MAX, FromBox, Received, Receiver, Request, ToBox, ToHost};
 use std::collections::BTreeSet;
@@ -94,6 +97,44 @@ fn a_bad_line_changes_nothing() {
         );
     }
     assert!(outcome.link.resent > 0);
+}
+
+// The box has to leave out the very blocks that the workstation leaves out, and what is left
+// must not depend on what either side had in the place of a faulty sample.
+#[test]
+fn faulty_samples_of_a_recording_are_faulty_on_the_box() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        noise: Some(0.01),
+        duration: Some(40.0),
+        ..Options::default()
+    };
+    let mut simulation = simulate(&Model::fork().unwrap(), &options, &mut |_| ()).unwrap();
+    let troubles = Troubles {
+        kinds: Trouble::ALL.to_vec(),
+        per_minute: 9.0,
+        seed: 7,
+    };
+    rig::acquire(&mut simulation, &troubles, &mut |_, _| ()).unwrap();
+    let setup = Setup::read(&simulation.write(folder.path()).unwrap()).unwrap();
+    let order = Order {
+        blocks: None,
+        weighted: true,
+        ..order(&[Method::ApparentMass, Method::Synthesis])
+    };
+    let mut memory = HostBoxMemory::new();
+    let outcome = identical::over(HostBox::new(&mut memory, 1), &setup, &order).unwrap();
+    assert_identical(&outcome);
+    for base in &outcome.bases {
+        for (run, recording) in base.runs.iter().zip(&simulation.recordings) {
+            let faulty = recording.health.iter().filter(|h| !h.is_good()).count();
+            assert!(faulty > 0 && run.faulty == faulty as u64, "{run:?}");
+            assert!(run.rejected > 0 && run.blocks > 1, "{run:?}");
+            // 40 s at 512 samples/s, blocks of two seconds that overlap by half.
+            assert_eq!(run.samples, 20_480);
+            assert!((37..=39).contains(&(run.blocks + run.rejected)), "{run:?}");
+        }
+    }
 }
 
 /// A port that keeps count of the requests of samples that are unanswered.

@@ -120,6 +120,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     } else {
         print(&setup.title, &outcome).map_err(|e| Failure::stdout(&e))?;
     }
+    warn(&faults(&outcome), verbosity);
     match (outcome.identical(), flip) {
         (true, None) => Ok(()),
         (true, Some(_)) => {
@@ -224,6 +225,23 @@ fn print(title: &str, outcome: &Outcome) -> std::io::Result<()> {
 
 fn about(run: &RunOutcome) -> String {
     format!("{}: {} blocks, {} lines", run.name, run.blocks, run.lines)
+}
+
+/// What became of the samples that the recordings call faulty; a run that was measured in
+/// several ways is told once.
+fn faults(outcome: &Outcome) -> Vec<String> {
+    let runs = outcome.bases.first().map_or(&[][..], |base| &base.runs);
+    let faulty = runs.iter().filter(|run| run.faulty > 0);
+    let told = faulty.map(|run| {
+        format!(
+            "run \"{}\": faulty samples ({}) went to the box as what is no number; it left out {} of {} blocks",
+            run.name,
+            run.faulty,
+            run.rejected,
+            run.rejected + run.blocks
+        )
+    });
+    told.collect()
 }
 
 fn row(out: &mut impl Write, what: &str, comparison: &Comparison) -> std::io::Result<()> {

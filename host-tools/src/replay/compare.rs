@@ -6,7 +6,7 @@ use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::identify::{Estimate, Identification};
 use massline_core::instrument::{self, Findings};
 use massline_core::spectra::LineGrid;
-use massline_core::wire::{self, Exact, Identified, Line, NoAnswer, RESULTANTS, Summary};
+use massline_core::wire::{self, Exact, Health, Identified, Line, NoAnswer, RESULTANTS, Summary};
 use std::fmt;
 
 /// A number, or what there is in its place.
@@ -84,7 +84,15 @@ impl Comparison {
         comparison.same("samples", &host.samples, &summary.samples);
         comparison.same("missing samples", &0, &summary.missing);
         comparison.same("blocks", &host.blocks, &summary.blocks);
-        comparison.same("rejected blocks", &0, &summary.rejected);
+        let rejected = host.rejected.blocks;
+        comparison.same("rejected blocks", &rejected, &summary.rejected);
+        // Faulty samples go to the box as what is no number, whatever was wrong with them.
+        let reason = if rejected > 0 {
+            Health::NOT_FINITE
+        } else {
+            Health::GOOD
+        };
+        comparison.same("reasons of rejection", &reason, &summary.health);
         if let Spectra::Drive {
             responses,
             drive,

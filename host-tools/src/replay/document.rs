@@ -64,6 +64,10 @@ pub struct ComparisonEntry {
     pub samples: Option<u64>,
     /// Blocks that it averaged.
     pub blocks: Option<u32>,
+    /// Samples that the recording calls faulty.
+    pub faulty_samples: Option<u64>,
+    /// Blocks that the box left out.
+    pub rejected: Option<u32>,
     /// Lines that were compared.
     pub lines: Option<usize>,
     /// Time that the box took for the answer, s, by its own clock.
@@ -86,6 +90,8 @@ impl ComparisonEntry {
             name: None,
             samples: None,
             blocks: None,
+            faulty_samples: None,
+            rejected: None,
             lines: None,
             seconds: None,
             no_answer: None,
@@ -124,6 +130,8 @@ impl ReplayDocument {
                 name: Some(run.name.clone()),
                 samples: Some(run.samples),
                 blocks: Some(run.blocks),
+                faulty_samples: Some(run.faulty),
+                rejected: Some(run.rejected),
                 lines: Some(run.lines),
                 ..entry("run", &run.comparison)
             }));

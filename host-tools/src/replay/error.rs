@@ -68,9 +68,9 @@ pub enum ReplayError {
         /// A channel there is.
         channel: String,
     },
-    /// A survey that saw too few blocks.
+    /// A survey that saw too few good blocks.
     #[error(
-        "run \"{run}\" is too short for the box's survey, which looks at twelve accelerometers at a time and needs two blocks of each; send more blocks (--blocks), or compare without weights (--no-weights)"
+        "run \"{run}\" is too short, or has too many faults, for the box's survey, which looks at twelve accelerometers at a time and needs two good blocks of each; send more blocks (--blocks), or compare without weights (--no-weights)"
     )]
     Survey {
         /// Its name.

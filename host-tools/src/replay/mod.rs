@@ -12,6 +12,11 @@
 //! host looks at all of them at once, so they find slightly other weights than `identify`
 //! does. A second box, in this program, is surveyed with the same samples and has to find
 //! the same; the host then measures with these weights.
+//!
+//! A sample that a recording calls faulty goes to the box as what is no number. It keeps its
+//! place in time, and the box leaves the same blocks out as the host does: filters have a
+//! finite memory, so that blocks without it are the same to the last bit on both sides,
+//! whatever stands in its place.
 
 mod compare;
 mod document;
@@ -196,6 +201,8 @@ impl Replay<'_, '_> {
                 name: host.name.clone(),
                 samples: summary.samples,
                 blocks: summary.blocks,
+                faulty: host.rejected.samples,
+                rejected: summary.rejected,
                 lines: lines.len(),
                 comparison,
             });

@@ -65,6 +65,10 @@ pub struct RunOutcome {
     pub samples: u64,
     /// Blocks that it averaged.
     pub blocks: u32,
+    /// Samples that the recording calls faulty.
+    pub faulty: u64,
+    /// Blocks that the box left out.
+    pub rejected: u32,
     /// Lines compared.
     pub lines: usize,
     /// Samples, blocks, noise and lines.

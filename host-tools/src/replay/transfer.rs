@@ -41,6 +41,11 @@ impl Feed<'_> {
         let read = Cell::new(0.0);
         let mut next = |sample: &mut [f32]| {
             let more = recording.next_row(sample)?;
+            // The box has no other way to hear of it: what is no number is a faulty sample
+            // that keeps its place in time.
+            if !recording.health().is_good() {
+                sample.fill(f32::NAN);
+            }
             if let Some(flip) = &self.flip {
                 flip.apply(number, index, sample);
             }
