@@ -288,11 +288,13 @@ impl<'m> Instrument<'m> {
 
     /// Checks the set-up as a whole, and makes lines of it.
     pub(super) fn check_setup(&mut self) -> Result<super::setup::Lines, Problem> {
-        match &mut self.buffers {
-            Some(buffers) => self.setup.end(buffers.geometry),
-            // They are lent to a run only, and then there is a set-up.
-            None => Err(Problem::Busy(Request::EndSetup.number())),
-        }
+        // They are lent to a run only, and then there is a set-up.
+        let bench = self.buffers.as_mut().map(|buffers| &mut *buffers.bench);
+        let bench = bench.ok_or(Problem::Busy(Request::EndSetup.number()))?;
+        bench.clear_for_run();
+        let run = bench.run_mut();
+        let run = run.ok_or(Problem::Busy(Request::EndSetup.number()))?;
+        self.setup.end(&mut run.geometry)
     }
 
     fn end_setup(&mut self) -> Result<crate::wire::Grid, Problem> {

@@ -83,7 +83,7 @@ impl Job<'_> {
             &bands,
             set,
             &mut solver.methods,
-            self.store.solver,
+            &mut solver.lines,
         )?;
         if let Some(fit) = solver.methods.apparent_mass() {
             solver.findings.add_fit(fit);

@@ -48,48 +48,66 @@ const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 /// What a run needs while it is going on, and the identification when none is.
 #[derive(Debug)]
 pub struct WorkingStorage {
-    pub(super) history: [f32; HISTORY],
-    pub(super) lines: [Complex32; BLOCK_LINES],
     pub(super) bench: Bench,
 }
 
-/// What is on the bench: a run's sums, or an identification. Never both, as neither may
-/// begin before the other has ended.
+/// What is on the bench: a run, or an identification. Never both, as neither may begin
+/// before the other has ended.
 #[derive(Debug)]
 #[expect(
     clippy::large_enum_variant,
     reason = "what it is for: two things in one place"
 )]
 pub(super) enum Bench {
-    Sums([Sum; SUMS]),
+    Run(Averaging),
     Solver(Solver),
 }
 
-/// What an identification works with.
+/// What a run works with, its spectra aside.
+#[derive(Debug)]
+pub(super) struct Averaging {
+    pub(super) history: [f32; HISTORY],
+    pub(super) sums: [Sum; SUMS],
+    /// Its channels.
+    pub(super) intake: Intake,
+    /// From its sensors to resultants, in a measuring pass.
+    pub(super) geometry: RunGeometry,
+}
+
+/// What an identification works with. There is room for twice as much: what would lie on
+/// the stack meanwhile may lie here, and take no memory.
 #[derive(Debug)]
 pub(super) struct Solver {
     pub(super) methods: Workspace,
     pub(super) sets: heapless::Vec<Masslines<PAIRS>, RUNS>,
     pub(super) findings: Findings,
+    /// Two numbers a line: the trace and the weights in which poles are found.
+    pub(super) lines: [Complex<f64>; 2 * LINES],
 }
 
 /// Pairs that runs with the same equations are condensed to: one a direction, or one a run.
 pub(super) const PAIRS: usize = 6;
 
-const _: () = assert!(PAIRS >= RUNS && size_of::<Solver>() <= size_of::<[Sum; SUMS]>());
+const _: () = assert!(PAIRS >= RUNS && size_of::<Solver>() <= size_of::<Averaging>());
 
 impl Bench {
-    const SUMS: Self = Self::Sums([Sum::ZERO; SUMS]);
+    const RUN: Self = Self::Run(Averaging {
+        history: [0.0; HISTORY],
+        sums: [Sum::ZERO; SUMS],
+        intake: Intake::new(),
+        geometry: RunGeometry::empty(),
+    });
     const SOLVER: Self = Self::Solver(Solver {
         methods: Workspace::EMPTY,
         sets: heapless::Vec::new(),
         findings: Findings::NONE,
+        lines: [Complex::new(0.0, 0.0); 2 * LINES],
     });
 
     /// Clears it for a run.
-    pub(super) fn clear_for_sums(&mut self) {
+    pub(super) fn clear_for_run(&mut self) {
         // A constant is written where it lies; it never is on the stack.
-        *self = Self::SUMS;
+        *self = Self::RUN;
     }
 
     /// Clears it for an identification.
@@ -97,11 +115,19 @@ impl Bench {
         *self = Self::SOLVER;
     }
 
-    /// The sums of a run; none if it was not cleared for one.
-    pub(super) fn sums(&mut self) -> &mut [Sum] {
+    /// The run, if it was cleared for one.
+    pub(super) fn run(&self) -> Option<&Averaging> {
         match self {
-            Self::Sums(sums) => sums,
-            Self::Solver(_) => &mut [],
+            Self::Run(run) => Some(run),
+            Self::Solver(_) => None,
+        }
+    }
+
+    /// The run, if it was cleared for one.
+    pub(super) fn run_mut(&mut self) -> Option<&mut Averaging> {
+        match self {
+            Self::Run(run) => Some(run),
+            Self::Solver(_) => None,
         }
     }
 
@@ -109,7 +135,7 @@ impl Bench {
     pub(super) fn solver(&mut self) -> Option<&mut Solver> {
         match self {
             Self::Solver(solver) => Some(solver),
-            Self::Sums(_) => None,
+            Self::Run(_) => None,
         }
     }
 }
@@ -118,11 +144,7 @@ impl WorkingStorage {
     /// All zero.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            history: [0.0; HISTORY],
-            lines: [NOTHING; BLOCK_LINES],
-            bench: Bench::SUMS,
-        }
+        Self { bench: Bench::RUN }
     }
 }
 
@@ -132,14 +154,13 @@ impl Default for WorkingStorage {
     }
 }
 
-/// The stored runs, and the work space of transform and identification, which fill what
-/// they leave of 64 KiB.
+/// The stored runs, and in what they leave of 64 KiB the work space of the transform.
 #[derive(Debug)]
 pub struct RunStorage {
     pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
     pub(super) drive: [f32; STORED_LINES],
     pub(super) work: [Complex32; TRANSFORM],
-    pub(super) solver: [Complex<f64>; 2 * LINES],
+    pub(super) lines: [Complex32; BLOCK_LINES],
 }
 
 impl RunStorage {
@@ -150,7 +171,7 @@ impl RunStorage {
             responses: [[NOTHING; RESULTANTS]; STORED_LINES],
             drive: [0.0; STORED_LINES],
             work: [NOTHING; TRANSFORM],
-            solver: [Complex::new(0.0, 0.0); 2 * LINES],
+            lines: [NOTHING; BLOCK_LINES],
         }
     }
 }
@@ -166,8 +187,6 @@ impl Default for RunStorage {
 #[derive(Debug)]
 pub struct Notebook {
     pub(super) setup: SetUp,
-    pub(super) intake: Intake,
-    pub(super) geometry: RunGeometry,
     pub(super) summaries: [Option<Summary>; RUNS],
     pub(super) kept: [Option<Kept>; RUNS],
     pub(super) answer: Option<Answer>,
@@ -181,8 +200,6 @@ impl Notebook {
     pub const fn new() -> Self {
         Self {
             setup: SetUp::new(),
-            intake: Intake::new(),
-            geometry: RunGeometry::empty(),
             summaries: [None; RUNS],
             kept: [None; RUNS],
             answer: None,

@@ -143,21 +143,15 @@ impl<'m> Instrument<'m> {
     /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
     #[must_use]
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
-        let WorkingStorage {
-            history,
-            lines,
-            bench,
-        } = memory.working;
+        let WorkingStorage { bench } = memory.working;
         let RunStorage {
             responses,
             drive,
             work,
-            solver,
+            lines,
         } = memory.runs;
         let Notebook {
             setup,
-            intake,
-            geometry,
             summaries,
             kept,
             answer,
@@ -174,20 +168,13 @@ impl<'m> Instrument<'m> {
             state: State::Empty,
             setup,
             lines: None,
-            buffers: Some(Buffers {
-                history,
-                work,
-                lines,
-                bench,
-                intake,
-                geometry,
-            }),
+            buffers: Some(Buffers { bench, work, lines }),
             run: None,
             synthetic: None,
             selftest: None,
             summaries,
             ended: None,
-            archive: Some(Store::new(responses, drive, solver, kept, answer)),
+            archive: Some(Store::new(responses, drive, kept, answer)),
             asked: None,
             stored: 0,
             pending: None,

@@ -1,13 +1,13 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
-use super::intake::{Intake, Sample};
-use super::memory::{Bench, SENSORS};
+use super::intake::Sample;
+use super::memory::{Averaging, Bench, SENSORS};
 use super::setup::Lines;
 use super::store::Stored;
 use super::survey::Survey;
 use super::{Board, Outbox};
-use crate::geometry::{RESULTANTS, RunGeometry};
-use crate::spectra::{Complex32, DriveAverage, History};
+use crate::geometry::RESULTANTS;
+use crate::spectra::{Complex32, DriveAverage, Rings};
 use crate::wire::{
     Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
 };
@@ -15,14 +15,9 @@ use crate::wire::{
 /// Storage of a run, lent for as long as it lasts.
 #[derive(Debug)]
 pub(super) struct Buffers<'m> {
-    pub(super) history: &'m mut [f32],
+    pub(super) bench: &'m mut Bench,
     pub(super) work: &'m mut [Complex32],
     pub(super) lines: &'m mut [Complex32],
-    pub(super) bench: &'m mut Bench,
-    /// Its channels.
-    pub(super) intake: &'m mut Intake,
-    /// From its sensors to resultants, in a measuring pass.
-    pub(super) geometry: &'m mut RunGeometry,
 }
 
 /// What is beyond this is no reading of any sensor, in any unit. Up to it, a line of 1024
@@ -58,11 +53,8 @@ struct Counts {
 pub(super) struct Run<'m> {
     pub(super) start: Start,
     lines: Lines,
-    intake: &'m mut Intake,
-    geometry: &'m mut RunGeometry,
-    history: History<'m>,
-    spectra: &'m mut [Complex32],
-    bench: &'m mut Bench,
+    rings: Rings,
+    buffers: Buffers<'m>,
     task: Task,
     counts: Counts,
     /// Index of the first sample of the block that is under way.
@@ -78,32 +70,21 @@ pub(super) struct Run<'m> {
 }
 
 impl<'m> Run<'m> {
-    /// Starts a run in lent storage, whose channels and geometry are those of the run;
-    /// `None` if blocks do not fit into it.
+    /// Starts a run in lent storage, which was cleared for it and has its channels and its
+    /// geometry; `None` if it was not, or if blocks do not fit into it.
     pub(super) fn new(
         start: Start,
         lines: Lines,
         task: Task,
         buffers: Buffers<'m>,
     ) -> Option<Self> {
-        let Buffers {
-            history,
-            work,
-            lines: spectra,
-            bench,
-            intake,
-            geometry,
-        } = buffers;
-        let history = History::new(lines.settings, 1 + RESULTANTS, history, work).ok()?;
-        bench.clear_for_sums();
+        let room = buffers.bench.run_mut()?;
+        let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history).ok()?;
         Some(Self {
             start,
             lines,
-            intake,
-            geometry,
-            history,
-            spectra,
-            bench,
+            rings,
+            buffers,
             task,
             counts: Counts::default(),
             block_first: 0,
@@ -137,7 +118,7 @@ impl<'m> Run<'m> {
 
     /// Channels of a sample.
     pub(super) fn channels(&self) -> usize {
-        self.intake.channels()
+        self.buffers.bench.run().map_or(0, |r| r.intake.channels())
     }
 
     /// Whether the run has all the samples it was started for.
@@ -155,8 +136,10 @@ impl<'m> Run<'m> {
         self.counts.missing += first - self.counts.next;
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
-        self.history.restart();
-        self.intake.restart();
+        if let Some(room) = self.buffers.bench.run_mut() {
+            self.rings.restart(&mut room.history);
+            room.intake.restart();
+        }
         self.faulty = [0; Health::KINDS];
         self.block_first = first;
     }
@@ -170,15 +153,18 @@ impl<'m> Run<'m> {
         self.ticks[1] = begun;
         let index = self.counts.next;
         self.counts.next += 1;
-        let mut health = self.intake.take(sample, index, out);
+        let Some(room) = self.buffers.bench.run_mut() else {
+            return;
+        };
+        let mut health = room.intake.take(sample, index, out);
         let mut input = [0.0; 1 + RESULTANTS];
         let (drive, rest) = input.split_at_mut(1);
-        drive.fill(self.intake.drive());
+        drive.fill(room.intake.drive());
         match &self.task {
             Task::Measure(_) => {
-                rest.copy_from_slice(&self.geometry.map.apply(self.intake.sensors()));
+                rest.copy_from_slice(&room.geometry.map.apply(room.intake.sensors()));
             }
-            Task::Survey(survey) => survey.select(self.intake.sensors(), rest),
+            Task::Survey(survey) => survey.select(room.intake.sensors(), rest),
         }
         for x in &mut input {
             // Not a number is not below it, either.
@@ -198,7 +184,7 @@ impl<'m> Run<'m> {
                 }
             }
         }
-        if !self.history.push(&input) {
+        if !self.rings.push(&mut room.history, &input) {
             return;
         }
         let support = self.lines.settings.support() as u64;
@@ -224,8 +210,9 @@ impl<'m> Run<'m> {
         self.block_first = first + self.lines.settings.hop() as u64;
         if let Task::Survey(survey) = &mut self.task
             && survey.turn()
+            && let Some(room) = self.buffers.bench.run_mut()
         {
-            self.history.restart();
+            self.rings.restart(&mut room.history);
             self.block_first = self.counts.next;
         }
     }
@@ -234,32 +221,36 @@ impl<'m> Run<'m> {
     /// average.
     fn average(&mut self) {
         let count = self.lines.settings.grid().count;
+        let Buffers { bench, work, lines } = &mut self.buffers;
+        let Some(Averaging { history, sums, .. }) = bench.run_mut() else {
+            return;
+        };
         let (average, wanted) = match &mut self.task {
             Task::Measure(..) => {
                 let blocks = self.counts.averaged;
-                let average = DriveAverage::resume(count, RESULTANTS, self.bench.sums(), blocks);
+                let average = DriveAverage::resume(count, RESULTANTS, sums, blocks);
                 (average.ok(), 0..count)
             }
             Task::Survey(survey) => {
                 let wanted = survey.lines();
-                (survey.average(self.bench.sums()), wanted)
+                (survey.average(sums), wanted)
             }
         };
         let Some(mut average) = average else {
             return;
         };
-        let (drive, rest) = self.spectra.split_at_mut(count.min(self.spectra.len()));
+        let (drive, rest) = lines.split_at_mut(count.min(lines.len()));
         let (a, b) = rest.split_at_mut(count.min(rest.len()));
         let seen = |lines: &'_ [Complex32]| -> core::ops::Range<usize> {
             wanted.start.min(lines.len())..wanted.end.min(lines.len())
         };
-        for pair in 0..self.history.pairs() {
+        for pair in 0..self.rings.pairs() {
             // The drive is the first channel, responses follow.
             if pair == 0 {
-                self.history.transform(0, drive, b);
+                self.rings.transform(0, history, work, drive, b);
                 average.add_drive(&drive[seen(drive)]);
             } else {
-                self.history.transform(pair, a, b);
+                self.rings.transform(pair, history, work, a, b);
                 let response = 2 * pair - 1;
                 average.add_response(response, &drive[seen(drive)], &a[seen(a)]);
             }
@@ -296,8 +287,8 @@ impl<'m> Run<'m> {
             return None;
         }
         let count = self.lines.settings.grid().count;
-        let average =
-            DriveAverage::resume(count, RESULTANTS, self.bench.sums(), self.counts.averaged);
+        let sums = &mut self.buffers.bench.run_mut()?.sums;
+        let average = DriveAverage::resume(count, RESULTANTS, sums, self.counts.averaged);
         let average = average.ok()?;
         let band = &self.lines.band;
         Some(core::array::from_fn(|c| {
@@ -328,7 +319,8 @@ impl<'m> Run<'m> {
 
     /// SI samples of the channels, as the last sample left them.
     pub(super) fn readings(&self) -> &[f32] {
-        self.intake.readings()
+        let room = self.buffers.bench.run();
+        room.map_or(&[], |room| room.intake.readings())
     }
 
     /// Ends the run: what a measuring pass has averaged goes to the store.
@@ -343,10 +335,10 @@ impl<'m> Run<'m> {
         let grid = self.lines.settings.grid();
         let blocks = self.counts.averaged;
         let run = usize::from(self.start.run);
-        match &mut self.task {
-            Task::Survey(survey) => peaks = survey.peaks(self.bench.sums()),
-            Task::Measure(accelerations) => {
-                if let Some(store) = store {
+        if let Some(room) = self.buffers.bench.run_mut() {
+            match (&mut self.task, store) {
+                (Task::Survey(survey), _) => peaks = survey.peaks(&mut room.sums),
+                (Task::Measure(accelerations), Some(store)) => {
                     store.forget(run);
                     let quality = Quality {
                         blocks,
@@ -356,7 +348,7 @@ impl<'m> Run<'m> {
                         health: self.counts.health,
                     };
                     let average =
-                        DriveAverage::resume(grid.count, RESULTANTS, self.bench.sums(), blocks);
+                        DriveAverage::resume(grid.count, RESULTANTS, &mut room.sums, blocks);
                     let settings = &self.lines.settings;
                     let hop = settings.hop() as f64 / settings.block_length() as f64;
                     let correlation = settings.window().block_correlation(hop);
@@ -370,13 +362,14 @@ impl<'m> Run<'m> {
                             grid,
                             self.lines.band.clone(),
                             correlation,
-                            &self.geometry.map,
-                            self.geometry.equations,
+                            &room.geometry.map,
+                            room.geometry.equations,
                             *accelerations,
                             quality,
                         );
                     }
                 }
+                (Task::Measure(_), None) => {}
             }
         }
         let received = self.counts.next - self.counts.missing;
@@ -406,14 +399,6 @@ impl<'m> Run<'m> {
 
     /// Gives the storage back.
     pub(super) fn into_buffers(self) -> Buffers<'m> {
-        let (history, work) = self.history.into_storage();
-        Buffers {
-            history,
-            work,
-            lines: self.spectra,
-            bench: self.bench,
-            intake: self.intake,
-            geometry: self.geometry,
-        }
+        self.buffers
     }
 }

@@ -40,6 +40,10 @@ impl Instrument<'_> {
         let Some(buffers) = &mut self.buffers else {
             return self.only(State::Ready);
         };
+        buffers.bench.clear_for_run();
+        let Some(room) = buffers.bench.run_mut() else {
+            return self.only(State::Ready);
+        };
         let task = match start.pass {
             Pass::Survey => {
                 let modes = lines.modes.clone().ok_or(missing(Item::ModeBand, 0))?;
@@ -50,11 +54,11 @@ impl Instrument<'_> {
                 self.setup.may_measure(number)?;
                 let accelerations = self.setup.accelerations();
                 self.setup
-                    .geometry(number, accelerations, buffers.geometry)?;
+                    .geometry(number, accelerations, &mut room.geometry)?;
                 Task::Measure(accelerations)
             }
         };
-        let intake = &mut *buffers.intake;
+        let intake = &mut room.intake;
         route(self.setup, number, start.source, board, intake)?;
         match start.source {
             Source::Host => {}

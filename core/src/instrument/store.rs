@@ -5,7 +5,6 @@ use crate::geometry::{Equations, RESULTANTS, ResultantMap};
 use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
 use crate::wire::{Accelerations, Answer, Line, Quality};
 use core::ops::Range;
-use nalgebra::Complex;
 
 /// What is kept of a run beside its lines.
 #[derive(Clone, Copy, Debug)]
@@ -25,12 +24,10 @@ pub(super) struct Stored<'m> {
     kept: &'m mut [Option<Kept>; RUNS],
 }
 
-/// All stored runs, and the room that the identification works in.
+/// All stored runs, and the answer that they gave.
 #[derive(Debug)]
 pub(super) struct Store<'m> {
     pub(super) runs: Stored<'m>,
-    /// Two elements a line.
-    pub(super) solver: &'m mut [Complex<f64>],
     /// Where what it finds is written.
     pub(super) answer: &'m mut Option<Answer>,
 }
@@ -39,7 +36,6 @@ impl<'m> Store<'m> {
     pub(super) fn new(
         responses: &'m mut [[Complex32; RESULTANTS]],
         drive: &'m mut [f32],
-        solver: &'m mut [Complex<f64>],
         kept: &'m mut [Option<Kept>; RUNS],
         answer: &'m mut Option<Answer>,
     ) -> Self {
@@ -49,7 +45,6 @@ impl<'m> Store<'m> {
                 drive,
                 kept,
             },
-            solver,
             answer,
         }
     }
@@ -116,7 +111,7 @@ impl Stored<'_> {
         super::setup::mask(self.kept.iter().map(Option::is_some))
     }
 
-    /// A stored run as the estimators read it, and the room they work in.
+    /// A stored run as the estimators read it.
     pub(super) fn responses(&self, run: usize, grid: LineGrid) -> Option<RunResponses<'_>> {
         let kept = self.kept(run)?;
         let from = run * LINES;

@@ -10,17 +10,9 @@ use super::{Complex32, SpectraError};
 /// Elsewhere use [`super::Blocks`].
 #[derive(Debug)]
 pub struct History<'s> {
-    settings: BlockSettings,
-    channels: usize,
-    /// One ring of `transform_length` samples per channel, then their filters' states.
+    rings: Rings,
     storage: &'s mut [f32],
     work: &'s mut [Complex32],
-    head: usize,
-    phase: Phase,
-    /// Samples until the filters have forgotten that they started from rest.
-    settling: usize,
-    /// Decimated samples still missing before the next block is complete.
-    missing: usize,
 }
 
 impl<'s> History<'s> {
@@ -35,32 +27,82 @@ impl<'s> History<'s> {
         storage: &'s mut [f32],
         work: &'s mut [Complex32],
     ) -> Result<Self, SpectraError> {
-        enough(storage.len(), settings.history_len(channels))?;
         enough(work.len(), settings.transform_length())?;
-        let mut history = Self {
-            settings,
-            channels,
+        let rings = Rings::new(settings, channels, storage)?;
+        Ok(Self {
+            rings,
             storage,
             work,
-            head: 0,
-            phase: Phase::new(settings.stages()),
-            settling: 0,
-            missing: 0,
-        };
-        history.restart();
-        Ok(history)
-    }
-
-    /// Gives storage and work back, as they were lent.
-    #[must_use]
-    pub fn into_storage(self) -> (&'s mut [f32], &'s mut [Complex32]) {
-        (self.storage, self.work)
+        })
     }
 
     /// The settings.
     #[must_use]
     pub fn settings(&self) -> &BlockSettings {
-        &self.settings
+        &self.rings.settings
+    }
+
+    /// Pairs of channels; the last one may be half empty.
+    #[must_use]
+    pub fn pairs(&self) -> usize {
+        self.rings.pairs()
+    }
+
+    /// Forgets all samples: the next block starts with the next one.
+    pub fn restart(&mut self) {
+        self.rings.restart(self.storage);
+    }
+
+    /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
+    /// whenever a block is complete: it can be transformed until the next sample comes.
+    pub fn push(&mut self, sample: &[f32]) -> bool {
+        self.rings.push(self.storage, sample)
+    }
+
+    /// The kept lines of channels `2 pair` and `2 pair + 1`: they travel as real and
+    /// imaginary part of one complex transform.
+    pub fn transform(&mut self, pair: usize, a: &mut [Complex32], b: &mut [Complex32]) {
+        self.rings.transform(pair, self.storage, self.work, a, b);
+    }
+}
+
+/// Where a [`History`] stands, without its storage: for whoever owns that, and lends it
+/// anew with each sample. It must always be the same.
+#[derive(Debug)]
+pub struct Rings {
+    settings: BlockSettings,
+    channels: usize,
+    head: usize,
+    phase: Phase,
+    /// Samples until the filters have forgotten that they started from rest.
+    settling: usize,
+    /// Decimated samples still missing before the next block is complete.
+    missing: usize,
+}
+
+impl Rings {
+    /// Those of `channels` channels at their beginning. `storage`, of
+    /// [`BlockSettings::history_len`] elements at least, will hold one ring of
+    /// [`BlockSettings::transform_length`] samples a channel, then their filters' states.
+    ///
+    /// # Errors
+    /// [`SpectraError::Storage`] if it is too small.
+    pub fn new(
+        settings: BlockSettings,
+        channels: usize,
+        storage: &mut [f32],
+    ) -> Result<Self, SpectraError> {
+        enough(storage.len(), settings.history_len(channels))?;
+        let mut rings = Self {
+            settings,
+            channels,
+            head: 0,
+            phase: Phase::new(settings.stages()),
+            settling: 0,
+            missing: 0,
+        };
+        rings.restart(storage);
+        Ok(rings)
     }
 
     /// Pairs of channels; the last one may be half empty.
@@ -70,9 +112,9 @@ impl<'s> History<'s> {
     }
 
     /// Forgets all samples: the next block starts with the next one.
-    pub fn restart(&mut self) {
+    pub fn restart(&mut self, storage: &mut [f32]) {
         let rings = self.channels * self.settings.transform_length();
-        if let Some(filters) = self.storage.get_mut(rings..) {
+        if let Some(filters) = storage.get_mut(rings..) {
             filters.fill(0.0);
         }
         self.head = 0;
@@ -81,13 +123,15 @@ impl<'s> History<'s> {
         self.missing = self.settings.transform_length();
     }
 
-    /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
-    /// whenever a block is complete: it can be transformed until the next sample comes.
-    pub fn push(&mut self, sample: &[f32]) -> bool {
+    /// Does what [`History::push`] does. With less storage than there was at the beginning
+    /// it takes nothing.
+    pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
         let kept = self.phase.yields() && self.settling == 0;
         let per_channel = state_len(self.settings.stages());
-        let (rings, filters) = self.storage.split_at_mut(self.channels * n);
+        let Some((rings, filters)) = storage.split_at_mut_checked(self.channels * n) else {
+            return false;
+        };
         for c in 0..self.channels {
             let state = filters
                 .get_mut(c * per_channel..(c + 1) * per_channel)
@@ -113,18 +157,20 @@ impl<'s> History<'s> {
         true
     }
 
-    /// The kept lines of channels `2 pair` and `2 pair + 1`: they travel as real and
-    /// imaginary part of one complex transform.
-    pub fn transform(&mut self, pair: usize, a: &mut [Complex32], b: &mut [Complex32]) {
+    /// Does what [`History::transform`] does, in `work` of one transform length at least.
+    pub fn transform(
+        &self,
+        pair: usize,
+        storage: &[f32],
+        work: &mut [Complex32],
+        a: &mut [Complex32],
+        b: &mut [Complex32],
+    ) {
         let n = self.settings.transform_length();
-        let mut rings = self
-            .storage
-            .chunks_exact(n)
-            .take(self.channels)
-            .skip(2 * pair);
+        let mut rings = storage.chunks_exact(n).take(self.channels).skip(2 * pair);
         let first = rings.next().unwrap_or(&[]);
         let second = rings.next().unwrap_or(&[]);
-        let Some(work) = self.work.get_mut(..n) else {
+        let Some(work) = work.get_mut(..n) else {
             return;
         };
         work.fill(Complex32::new(0.0, 0.0));

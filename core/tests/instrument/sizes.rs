@@ -7,8 +7,8 @@ const CHIP: usize = 192 << 10;
 
 #[test]
 fn the_memory_fits_the_chip() {
-    assert_eq!(size_of::<WorkingStorage>(), 53_432);
-    assert_eq!(size_of::<RunStorage>(), 65_248);
+    assert!(size_of::<WorkingStorage>() <= 56_600);
+    assert_eq!(size_of::<RunStorage>(), 64_448);
     assert!(size_of::<RunStorage>() <= 64 << 10, "core-coupled memory");
     // On a host pointers and lengths are twice as long; the chip's is smaller.
     assert!(size_of::<Notebook>() <= 21_248);
