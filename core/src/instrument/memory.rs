@@ -58,6 +58,9 @@ pub struct WorkingStorage {
     clippy::large_enum_variant,
     reason = "what it is for: two things in one place"
 )]
+// A tag without padding behind it: what follows is then cleared where it lies, rather than
+// on the stack and copied.
+#[repr(u64)]
 pub(super) enum Bench {
     Run(Averaging),
     Solver(Solver),
@@ -90,29 +93,34 @@ pub(super) const PAIRS: usize = 6;
 
 const _: () = assert!(PAIRS >= RUNS && size_of::<Solver>() <= size_of::<Averaging>());
 
-impl Bench {
-    const RUN: Self = Self::Run(Averaging {
+impl Averaging {
+    const ZERO: Self = Self {
         history: [0.0; HISTORY],
         sums: [Sum::ZERO; SUMS],
         intake: Intake::new(),
         geometry: RunGeometry::empty(),
-    });
-    const SOLVER: Self = Self::Solver(Solver {
+    };
+}
+
+impl Solver {
+    const ZERO: Self = Self {
         methods: Workspace::EMPTY,
         sets: heapless::Vec::new(),
         findings: Findings::NONE,
         lines: [Complex::new(0.0, 0.0); 2 * LINES],
-    });
+    };
+}
 
+impl Bench {
     /// Clears it for a run.
     pub(super) fn clear_for_run(&mut self) {
-        // A constant is written where it lies; it never is on the stack.
-        *self = Self::RUN;
+        // All zero, so that it takes neither flash nor stack.
+        *self = Self::Run(Averaging::ZERO);
     }
 
     /// Clears it for an identification.
     pub(super) fn clear_for_solver(&mut self) {
-        *self = Self::SOLVER;
+        *self = Self::Solver(Solver::ZERO);
     }
 
     /// The run, if it was cleared for one.
@@ -144,7 +152,9 @@ impl WorkingStorage {
     /// All zero.
     #[must_use]
     pub const fn new() -> Self {
-        Self { bench: Bench::RUN }
+        Self {
+            bench: Bench::Run(Averaging::ZERO),
+        }
     }
 }
 

@@ -46,14 +46,14 @@ pub struct ApparentMass {
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 impl ApparentMass {
-    /// None yet.
-    pub const NONE: Self = Self {
+    /// A place for one, all zero.
+    pub(super) const EMPTY: Self = Self {
         poles: heapless::Vec::new(),
         elastic: [None; MAX_MODES],
         upper: None,
         rigid: NO_MATRIX,
         excited: 0,
-        weakest_excitation: f64::INFINITY,
+        weakest_excitation: 0.0,
         misfit: Vector6::from_array_storage(ArrayStorage([[0.0; 6]])),
     };
 

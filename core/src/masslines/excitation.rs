@@ -39,6 +39,12 @@ impl Excitation {
         cleaner: NO_MATRIX,
     };
 
+    /// All zero: a place for one.
+    pub(super) const ZERO: Self = Self {
+        weakest: 0.0,
+        ..Self::NONE
+    };
+
     /// Decides from the summed real second moments `Σ a aᵀ` and the noise power in each
     /// of their diagonal terms.
     #[must_use]

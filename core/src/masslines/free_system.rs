@@ -241,15 +241,15 @@ pub struct FreeModes {
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 impl FreeModes {
-    /// None yet.
-    pub const NONE: Self = Self {
+    /// A place for them, all zero.
+    pub(super) const EMPTY: Self = Self {
         poles: heapless::Vec::new(),
         constant: NO_MATRIX,
         residues: [NO_MATRIX; MAX_MODES],
         quadratures: [NO_MATRIX; MAX_MODES],
         upper: NO_MATRIX,
         constant_variance: NO_MATRIX,
-        unit: 1.0,
+        unit: 0.0,
     };
 
     fn terms(&self) -> usize {

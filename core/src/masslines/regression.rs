@@ -77,16 +77,16 @@ pub(super) struct Solution {
 }
 
 impl Regression {
-    /// Nothing to be regressed yet.
+    /// A place for one, all zero.
     pub(super) const EMPTY: Self = Self {
-        excitation: Excitation::NONE,
+        excitation: Excitation::ZERO,
         equations: Equations::NONE,
         terms: 0,
         normal: Triangle::ZERO,
         right: NO_RIGHT,
         power: NO_MATRIX,
         count: 0.0,
-        correlation: 1.0,
+        correlation: 0.0,
         independent: false,
     };
 
@@ -390,13 +390,13 @@ impl Regression {
 }
 
 impl Solution {
-    /// Nothing solved yet.
+    /// A place for one, all zero.
     pub(super) const EMPTY: Self = Self {
         terms: heapless::Vec::new(),
         coefficients: NO_RIGHT,
         schur: NO_MATRIX,
         residual: NO_MATRIX,
-        inflation: 1.0,
+        inflation: 0.0,
     };
 }
 

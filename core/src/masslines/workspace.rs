@@ -26,13 +26,14 @@ pub(super) enum Found {
 }
 
 impl Workspace {
-    /// As good as any other state: methods do not care what they find.
+    /// All zero, which takes no flash, and as good as any other state: methods do not care
+    /// what they find.
     pub const EMPTY: Self = Self {
         regression: Regression::EMPTY,
         full: Solution::EMPTY,
         best: Solution::EMPTY,
-        apparent_mass: ApparentMass::NONE,
-        free_modes: FreeModes::NONE,
+        apparent_mass: ApparentMass::EMPTY,
+        free_modes: FreeModes::EMPTY,
         found: Found::Nothing,
     };
 
