@@ -1,6 +1,5 @@
 //! Requests: which are dealt with in which state, and how.
 
-use super::live::Recorder;
 use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use super::run::Run;
 use super::{Board, Instrument, Outbox, cut};
@@ -43,7 +42,7 @@ impl<'m> Instrument<'m> {
             }),
             Request::Status => Reply::Status(self.status(board)),
             Request::Subscribe(subscription) => {
-                self.subscribe(subscription, board)?;
+                self.subscribe(subscription, board, out)?;
                 Reply::Done
             }
             Request::ForgetFaults => {
@@ -262,11 +261,11 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    #[inline(never)] // A recorder is a kilobyte.
     fn subscribe(
         &mut self,
         subscription: &Subscription,
         board: &mut impl Board,
+        out: &mut impl Outbox,
     ) -> Result<(), Problem> {
         if subscription.samples != Stream::Off && self.identity.inputs == 0 {
             return Err(Problem::Unsupported(Item::Input));
@@ -279,7 +278,9 @@ impl<'m> Instrument<'m> {
             board.start_inputs(rate)?;
         }
         if subscription.samples != self.subscription.samples {
-            *self.recorder = Recorder::new(subscription.samples);
+            // What was gathered belongs to the subscription before.
+            self.recorder.send(out);
+            self.recorder.begin(subscription.samples);
         }
         self.subscription = *subscription;
         self.tend_inputs(board);

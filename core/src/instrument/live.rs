@@ -1,8 +1,8 @@
 //! What a host that listens sees of the samples: levels, and the converters' own samples.
 
-use super::Outbox;
 use super::memory::CHANNELS;
-use crate::wire::{Event, Levels, Packed, Samples, Stream, Values};
+use super::{Outbox, RawSample};
+use crate::wire::{Count24, Event, FaultySamples, Levels, Packed, Samples, Stream, Values, Word};
 
 /// Levels of one channel since they were last told.
 #[derive(Clone, Copy, Debug, Default)]
@@ -89,93 +89,113 @@ impl LevelMeter {
     }
 }
 
-/// Values that fit an event.
-const ROOM: usize = 240;
+/// Bytes of values that an event takes: eight samples of 35 inputs as counts.
+const ROOM: usize = 840;
+
+const _: () = assert!(ROOM <= FaultySamples::FIT);
 
 /// The converters' samples on their way to a host that records them.
 #[derive(Debug)]
 pub(super) struct Recorder {
-    values: Recorded,
-    channels: usize,
-    first: u64,
-    /// Values gathered.
+    stream: Stream,
+    /// Values gathered, as they travel.
+    bytes: [u8; ROOM],
     filled: usize,
-}
-
-#[derive(Debug)]
-enum Recorded {
-    Readings([f32; ROOM]),
-    Counts([i32; ROOM]),
+    /// Faults of each channel, of all samples gathered.
+    health: [u16; CHANNELS],
+    channels: usize,
+    /// Number of the first sample gathered, and of the one that would follow the last.
+    first: u64,
+    next: u64,
 }
 
 impl Recorder {
-    /// A recorder of what was subscribed to, if anything.
-    pub(super) fn new(stream: Stream) -> Option<Self> {
-        let values = match stream {
-            Stream::Off => return None,
-            Stream::Readings => Recorded::Readings([0.0; ROOM]),
-            Stream::Counts => Recorded::Counts([0; ROOM]),
-        };
-        Some(Self {
-            values,
+    /// One that nobody listens to.
+    pub(super) const fn new() -> Self {
+        Self {
+            stream: Stream::Off,
+            bytes: [0; ROOM],
+            filled: 0,
+            health: [0; CHANNELS],
             channels: 0,
             first: 0,
-            filled: 0,
-        })
+            next: 0,
+        }
     }
 
-    /// Takes the sample of this number; `si` turns the count of an input into SI.
+    /// Records what was subscribed to from now on.
+    pub(super) fn begin(&mut self, stream: Stream) {
+        self.stream = stream;
+        self.filled = 0;
+    }
+
+    /// Takes a sample; `si` turns the count of an input into SI.
     pub(super) fn add(
         &mut self,
-        number: u64,
-        counts: &[i32],
+        sample: &RawSample<'_>,
         si: impl Fn(usize, i32) -> f32,
         out: &mut impl Outbox,
     ) {
-        let counts = counts.get(..CHANNELS).unwrap_or(counts);
-        let gathered = self.filled.checked_div(self.channels).unwrap_or(0) as u64;
-        if counts.len() != self.channels || number != self.first + gathered {
+        if self.stream == Stream::Off {
+            return;
+        }
+        let counts = sample.counts.get(..CHANNELS).unwrap_or(sample.counts);
+        let fault = |c: usize| sample.health.get(c).map_or(0, |health| health.0);
+        let known = self.health.iter().take(counts.len()).enumerate();
+        let is_other = known.clone().any(|(c, health)| *health != fault(c));
+        if is_other || counts.len() != self.channels || sample.number != self.next {
             self.send(out);
             self.channels = counts.len();
-        }
-        if self.filled == 0 {
-            self.first = number;
-        }
-        for (c, &count) in counts.iter().enumerate() {
-            match &mut self.values {
-                Recorded::Readings(values) => {
-                    if let Some(slot) = values.get_mut(self.filled + c) {
-                        *slot = si(c, count);
-                    }
-                }
-                Recorded::Counts(values) => {
-                    if let Some(slot) = values.get_mut(self.filled + c) {
-                        *slot = count;
-                    }
-                }
+            for (c, health) in self.health.iter_mut().enumerate() {
+                *health = if c < counts.len() { fault(c) } else { 0 };
             }
         }
-        self.filled += counts.len();
-        if self.filled + counts.len() > ROOM {
+        if self.filled == 0 {
+            self.first = sample.number;
+        }
+        self.next = sample.number.wrapping_add(1);
+        let before = self.filled;
+        for (c, &count) in counts.iter().enumerate() {
+            match self.stream {
+                Stream::Readings => self.put(si(c, count)),
+                _ => self.put(Count24::nearest(count)),
+            }
+        }
+        // The next one is as long.
+        if self.filled + (self.filled - before) > ROOM {
             self.send(out);
+        }
+    }
+
+    fn put<T: Word>(&mut self, value: T) {
+        let rest = self.bytes.get_mut(self.filled..).unwrap_or(&mut []);
+        if let Some(slot) = rest.get_mut(..T::SIZE) {
+            slot.copy_from_slice(value.to_bytes().as_ref());
+            self.filled += T::SIZE;
         }
     }
 
     /// Sends what was gathered.
     pub(super) fn send(&mut self, out: &mut impl Outbox) {
-        if self.filled > 0 {
-            let values = match &self.values {
-                Recorded::Readings(v) => {
-                    Values::Readings(Packed::new(v.get(..self.filled).unwrap_or(&[])))
-                }
-                Recorded::Counts(v) => {
-                    Values::Counts(Packed::new(v.get(..self.filled).unwrap_or(&[])))
-                }
-            };
-            out.event(&Event::Recorded(Samples {
-                first: self.first,
-                channels: self.channels as u8,
-                values,
+        if self.filled == 0 {
+            return;
+        }
+        let bytes = self.bytes.get(..self.filled).unwrap_or(&[]);
+        let samples = Samples {
+            first: self.first,
+            channels: self.channels as u8,
+            values: match self.stream {
+                Stream::Readings => Values::Readings(Packed::of_bytes(bytes)),
+                _ => Values::Counts24(Packed::of_bytes(bytes)),
+            },
+        };
+        let health = self.health.get(..self.channels).unwrap_or(&[]);
+        if health.iter().all(|faults| *faults == 0) {
+            out.event(&Event::Recorded(samples));
+        } else {
+            out.event(&Event::RecordedFaulty(FaultySamples {
+                health: Packed::new(health),
+                samples,
             }));
         }
         self.filled = 0;

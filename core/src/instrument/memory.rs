@@ -201,7 +201,7 @@ pub struct Notebook {
     pub(super) kept: [Option<Kept>; RUNS],
     pub(super) answer: Option<Answer>,
     pub(super) levels: LevelMeter,
-    pub(super) recorder: Option<Recorder>,
+    pub(super) recorder: Recorder,
 }
 
 impl Notebook {
@@ -214,7 +214,7 @@ impl Notebook {
             kept: [None; RUNS],
             answer: None,
             levels: LevelMeter::new(),
-            recorder: None,
+            recorder: Recorder::new(),
         }
     }
 }

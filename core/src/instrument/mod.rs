@@ -129,7 +129,7 @@ pub struct Instrument<'m> {
     answered: Option<u64>,
     subscription: Subscription,
     levels: &'m mut LevelMeter,
-    recorder: &'m mut Option<Recorder>,
+    recorder: &'m mut Recorder,
     /// Ticks at which telemetry and levels were sent last.
     told: [u64; 2],
     /// Longest that a block took since telemetry was sent last, ticks.
@@ -162,7 +162,8 @@ impl<'m> Instrument<'m> {
         setup.clear();
         summaries.fill(None);
         kept.fill(None);
-        (*answer, *recorder) = (None, None);
+        *answer = None;
+        recorder.begin(Stream::Off);
         Self {
             identity,
             state: State::Empty,
@@ -217,19 +218,15 @@ impl<'m> Instrument<'m> {
         board: &mut impl Board,
         out: &mut impl Outbox,
     ) {
-        if let Some(recorder) = self.recorder.as_mut() {
-            let si = |input: usize, count: i32| {
-                let key = SettingKey::Input(input as u8);
-                match board.setting(key) {
-                    Ok(Setting::Input(input)) => {
-                        calibration::Scale::new(input.per_count, input.offset)
-                            .map_or(count as f32, |scale| scale.count(count))
-                    }
-                    _ => count as f32,
-                }
-            };
-            recorder.add(sample.number, sample.counts, si, out);
-        }
+        let si = |input: usize, count: i32| {
+            let key = SettingKey::Input(input as u8);
+            match board.setting(key) {
+                Ok(Setting::Input(input)) => calibration::Scale::new(input.per_count, input.offset)
+                    .map_or(count as f32, |scale| scale.count(count)),
+                _ => count as f32,
+            }
+        };
+        self.recorder.add(sample, si, out);
         let Some(run) = &mut self.run else {
             return;
         };
@@ -265,9 +262,7 @@ impl<'m> Instrument<'m> {
         if due(levels, self.subscription.levels) {
             self.told[1] = now;
             self.levels.tell(out);
-            if let Some(recorder) = self.recorder.as_mut() {
-                recorder.send(out);
-            }
+            self.recorder.send(out);
         }
         if self.selftest.is_some() {
             // Nobody has asked for the runs of a self-test.

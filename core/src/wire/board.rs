@@ -206,7 +206,8 @@ pub struct Subscription {
     pub telemetry: u16,
     /// Milliseconds between two [`super::Event::Levels`]; 0 for none.
     pub levels: u16,
-    /// The samples of the box's own converters, as [`super::Event::Recorded`].
+    /// The samples of the box's own converters, as [`super::Event::Recorded`] and
+    /// [`super::Event::RecordedFaulty`].
     pub samples: Stream,
 }
 

@@ -82,14 +82,38 @@ impl Samples<'_> {
     /// and counts, 3 for counts of 24 bits.
     #[must_use]
     pub const fn fit(channels: u8, bytes: usize) -> usize {
-        // The index takes up to ten bytes, channels and kind one each, the length two.
-        const BEFORE: usize = 10 + 1 + 1 + 2;
         match (PAYLOAD_MAX - BEFORE).checked_div(channels as usize * bytes) {
             Some(samples) => samples,
             None => 0,
         }
     }
 }
+
+/// Consecutive samples of the box's own converters, some of whose inputs are faulty.
+///
+/// Such a message holds for itself alone: faults stand beside the samples they are faults
+/// of, so that a frame that is lost takes its own samples along and leaves no doubt about
+/// others. These are the faults that the converters' driver has found. What the counts
+/// themselves tell of a sensor (overload, an open lead, a reading that stands still) is for
+/// the host to see, as [`crate::calibration::Channel`] does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaultySamples<'a> {
+    /// Bits of [`Health`] for each channel, the same for all these samples.
+    #[serde(borrow)]
+    pub health: Packed<'a, u16>,
+    /// The samples. What a faulty channel reads is not to be believed.
+    #[serde(borrow)]
+    pub samples: Samples<'a>,
+}
+
+impl FaultySamples<'_> {
+    /// Bytes of values that fit a frame, beside the faults of 64 channels.
+    pub const FIT: usize = PAYLOAD_MAX - (2 + 2 * 64) - BEFORE;
+}
+
+/// Bytes of [`Samples`] before the values: the index takes up to ten, channels and kind one
+/// each, the length two.
+const BEFORE: usize = 10 + 1 + 1 + 2;
 
 /// Values of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -105,8 +105,8 @@ pub use exact::Exact;
 pub use frame::{BODY_MAX, CHECKSUM, EncodeError, FRAME_MAX, HEADER, Header, PAYLOAD_MAX};
 pub use health::{ChannelHealth, Health, Levels};
 pub use measure::{
-    Block, Gaps, Line, Lines, Outcome, Pass, Peaks, RESULTANTS, ReadLines, Samples, Source, Start,
-    Summary, Taken, Values,
+    Block, FaultySamples, Gaps, Line, Lines, Outcome, Pass, Peaks, RESULTANTS, ReadLines, Samples,
+    Source, Start, Summary, Taken, Values,
 };
 pub use packed::{Count24, Packed, Word};
 pub use problem::{Field, Item, Problem, Refused};

@@ -60,6 +60,16 @@ impl Count24 {
         }
     }
 
+    /// The nearest count that 24 bits hold.
+    #[must_use]
+    pub const fn nearest(count: i32) -> Self {
+        match Self::new(count) {
+            Some(count) => count,
+            None if count < 0 => Self::MIN,
+            None => Self::MAX,
+        }
+    }
+
     /// The count.
     #[must_use]
     pub const fn get(self) -> i32 {
@@ -100,6 +110,14 @@ impl<'a, T: Word> Packed<'a, T> {
     #[must_use]
     pub const fn new(values: &'a [T]) -> Self {
         Self(Place::Lent(values))
+    }
+
+    /// A list to be sent, of values that were put in a row by [`Word::to_bytes`]. Bytes of
+    /// a last value that is not whole are left out.
+    #[must_use]
+    pub fn of_bytes(bytes: &'a [u8]) -> Self {
+        let whole = bytes.len() - bytes.len() % T::SIZE;
+        Self(Place::Frame(bytes.get(..whole).unwrap_or(&[]), PhantomData))
     }
 
     /// Number of values.
@@ -190,6 +208,9 @@ mod tests {
             assert_eq!(packed.get(), count);
         }
         assert_eq!(Count24::new(1 << 23), None);
+        for (count, nearest) in [(5, 5), (i32::MAX, 0x7F_FFFF), (i32::MIN, -0x80_0000)] {
+            assert_eq!(Count24::nearest(count).get(), nearest);
+        }
         assert_eq!(Count24::new(-(1 << 23) - 1), None);
     }
 
@@ -213,6 +234,9 @@ mod tests {
         );
         let mut again = [0; 32];
         assert_eq!(postcard::to_slice(&received, &mut again).unwrap(), bytes);
+        let whole = Packed::<'_, f32>::of_bytes(&bytes[1..]);
+        assert_eq!(whole, lent);
+        assert_eq!(Packed::<'_, f32>::of_bytes(&bytes[1..16]).len(), 3);
         bytes[0] = 15;
         assert!(postcard::from_bytes::<Packed<'_, f32>>(bytes).is_err());
     }

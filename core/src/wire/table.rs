@@ -2,10 +2,10 @@
 
 use super::frame::{EncodeError, Header, write};
 use super::{
-    Block, ChannelHealth, Fault, Grid, Identified, Info, Levels, Lines, Peaks, Ping, Plan, Pong,
-    Processing, Provoke, Question, ReadLines, Refusal, Refused, Run, Samples, Saved, Selftest,
-    Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary, Taken, Telemetry,
-    Weights,
+    Block, ChannelHealth, Fault, FaultySamples, Grid, Identified, Info, Levels, Lines, Peaks, Ping,
+    Plan, Pong, Processing, Provoke, Question, ReadLines, Refusal, Refused, Run, Samples, Saved,
+    Selftest, Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary, Taken,
+    Telemetry, Weights,
 };
 use serde::Deserialize;
 
@@ -220,12 +220,16 @@ messages! {
         0xC3 RunEnded(Summary);
         /// Live levels. Subscribed to.
         0xC4 Levels(Levels<'a>);
-        /// Samples of the box's own converters. Subscribed to.
+        /// Samples of the box's own converters, in which their driver has found no fault.
+        /// They are numbered since the converters' start. Subscribed to.
         0xC5 Recorded(Samples<'a>);
         /// How the box fares. Subscribed to.
         0xC6 Telemetry(Telemetry);
         /// A fault of the box.
         0xC7 Fault(Fault);
+        /// Samples of the box's own converters, some of whose inputs are faulty. Subscribed
+        /// to, with [`Event::Recorded`].
+        0xC8 RecordedFaulty(FaultySamples<'a>);
     }
 }
 

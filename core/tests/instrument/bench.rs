@@ -94,6 +94,32 @@ pub enum Said {
     Other(u8),
 }
 
+/// Recorded samples, kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    pub first: u64,
+    pub channels: usize,
+    /// Faults of each channel; none of a message without faults.
+    pub health: Vec<u16>,
+    /// SI, or counts, which `f64` holds exactly.
+    pub values: Vec<f64>,
+}
+
+impl Recorded {
+    fn new(samples: &Samples<'_>, health: Vec<u16>) -> Self {
+        Self {
+            first: samples.first,
+            channels: samples.channels.into(),
+            health,
+            values: match samples.values {
+                Values::Readings(list) => list.iter().map(f64::from).collect(),
+                Values::Counts(list) => list.iter().map(f64::from).collect(),
+                Values::Counts24(list) => list.iter().map(|x| f64::from(x.get())).collect(),
+            },
+        }
+    }
+}
+
 /// An event, kept.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard {
@@ -102,7 +128,7 @@ pub enum Heard {
     Health(u64, Vec<u16>),
     RunEnded(Summary),
     Levels(u32, Vec<f32>),
-    Recorded(u64, usize),
+    Recorded(Recorded),
     Telemetry,
     Fault(Fault),
 }
@@ -148,7 +174,11 @@ impl Outbox for Host {
             Event::Health(health) => Heard::Health(health.sample, health.channels.iter().collect()),
             Event::RunEnded(summary) => Heard::RunEnded(*summary),
             Event::Levels(levels) => Heard::Levels(levels.samples, levels.mean.iter().collect()),
-            Event::Recorded(samples) => Heard::Recorded(samples.first, samples.values.len()),
+            Event::Recorded(samples) => Heard::Recorded(Recorded::new(samples, Vec::new())),
+            Event::RecordedFaulty(faulty) => {
+                let health = faulty.health.iter().collect();
+                Heard::Recorded(Recorded::new(&faulty.samples, health))
+            }
             Event::Telemetry(_) => Heard::Telemetry,
             Event::Fault(fault) => Heard::Fault(*fault),
         });

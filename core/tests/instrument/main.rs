@@ -3,6 +3,7 @@
 mod bench;
 mod faults;
 mod plan;
+mod recorder;
 mod refusals;
 mod runs;
 mod selftest;

@@ -189,6 +189,10 @@ pub fn event<'a>(number: u8, d: &mut Draw<'a>) -> Event<'a> {
             sample: d.u64(),
             part: d.option(Draw::u8),
         }),
+        0xC8 => Event::RecordedFaulty(FaultySamples {
+            health: d.flags(SENSORS),
+            samples: samples_of(d, FaultySamples::FIT / 4),
+        }),
         _ => panic!("event {number:#04x} is not drawn"),
     }
 }

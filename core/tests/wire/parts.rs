@@ -94,13 +94,18 @@ pub fn sensor<'a>(d: &mut Draw<'a>) -> Sensor<'a> {
 }
 
 pub fn samples<'a>(d: &mut Draw<'a>) -> Samples<'a> {
+    samples_of(d, READINGS)
+}
+
+/// Of at most so many values.
+pub fn samples_of<'a>(d: &mut Draw<'a>, most: usize) -> Samples<'a> {
     Samples {
         first: d.u64(),
         channels: d.u8(),
         values: match d.pick(&[2, 1, 0]) {
-            0 => Values::Readings(d.singles(READINGS)),
-            1 => Values::Counts(d.counts(READINGS)),
-            _ => Values::Counts24(d.counts24(READINGS)),
+            0 => Values::Readings(d.singles(most)),
+            1 => Values::Counts(d.counts(most)),
+            _ => Values::Counts24(d.counts24(most)),
         },
     }
 }
