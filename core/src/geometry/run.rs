@@ -65,6 +65,22 @@ impl RunGeometry {
         Ok(geometry)
     }
 
+    /// The resultants of those of these sensors that are load cells.
+    ///
+    /// # Errors
+    /// [`GeometryError::NoLoadCell`] if none is.
+    pub fn resultants(
+        sensors: impl Iterator<Item = RunSensor> + Clone,
+        placement: &Placement,
+        reference: &Vector3<f64>,
+    ) -> Result<ForceResultants, GeometryError> {
+        let cells = sensors.filter_map(|s| match s {
+            RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
+            RunSensor::Accelerometer(..) => None,
+        });
+        ForceResultants::new(cells, reference)
+    }
+
     /// No sensors yet.
     #[must_use]
     pub const fn empty() -> Self {
@@ -96,12 +112,8 @@ impl RunGeometry {
             RunSensor::Accelerometer(a, weight) => Some((placement.accelerometer(&a), weight)),
             RunSensor::LoadCell(_) => None,
         });
-        let cells = sensors.clone().filter_map(|s| match s {
-            RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
-            RunSensor::Accelerometer(..) => None,
-        });
         let fit = AccelerationFit::new(accelerometers, reference)?;
-        let resultants = ForceResultants::new(cells, reference)?;
+        let resultants = Self::resultants(sensors.clone(), placement, reference)?;
         self.map.clear();
         for sensor in sensors {
             let mut wide = [0.0; RESULTANTS];

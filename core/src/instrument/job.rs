@@ -1,6 +1,6 @@
 //! What takes seconds: it leaves the instrument, is run elsewhere, and comes back.
 
-use super::answer::answer;
+use super::answer::{Findings, answer};
 use super::memory::RUNS;
 use super::run::Buffers;
 use super::setup::Lines;
@@ -10,18 +10,16 @@ use crate::masslines::{self, Bands, DriveLines, Masslines, condense_into, lines_
 use crate::modes::MAX_MODES;
 use crate::spectra::RunResponses;
 use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
-use nalgebra::Vector3;
 
 /// Work that a request has left to be done. It owns all it needs, so that a task of low
 /// priority can run it while the instrument goes on.
 #[derive(Debug)]
 pub struct Job<'m> {
     pub(super) store: Store<'m>,
-    /// A run's room, in which it works.
+    /// A run's room, in which it works, and in which its load cells lie.
     pub(super) buffers: Buffers<'m>,
     pub(super) question: Question,
     pub(super) lines: Lines,
-    pub(super) reference: Vector3<f64>,
     pub(super) accelerations: Accelerations,
     /// Whether there is an answer, once it has been looked for.
     pub(super) outcome: Option<Result<(), NoAnswer>>,
@@ -30,11 +28,15 @@ pub struct Job<'m> {
 impl Job<'_> {
     /// Does the work. It takes seconds on the chip.
     pub fn run(&mut self) {
-        self.buffers.bench.clear_for_solver();
         self.outcome = Some(self.identify());
     }
 
     fn identify(&mut self) -> Result<(), NoAnswer> {
+        if let Some(solver) = self.buffers.bench.solver() {
+            solver.sets.clear();
+            solver.findings = Findings::NONE;
+            solver.load_cells.equations(&mut solver.equations);
+        }
         let mut left = self.question.runs & self.store.runs.mask();
         while left != 0 {
             self.condense_group(&mut left)?;
@@ -52,14 +54,12 @@ impl Job<'_> {
         let window = self.lines.settings.window();
         let stored = &self.store.runs;
         let first = left.trailing_zeros() as usize;
-        let equations = &stored.kept(first).ok_or(NoAnswer::NoMasslines)?.equations;
+        let equations = *solver.equations.get(first).ok_or(NoAnswer::NoMasslines)?;
         let mut group: heapless::Vec<RunResponses<'_>, RUNS> = heapless::Vec::new();
         for run in first..RUNS {
-            let alike = stored
-                .kept(run)
-                .is_some_and(|k| equations.alike(&k.equations));
+            let others = solver.equations.get(run);
             if *left & 1 << run != 0
-                && alike
+                && others.is_some_and(|others| equations.alike(others))
                 && let Some(responses) = stored.responses(run, grid)
             {
                 *left &= !(1 << run);
@@ -74,7 +74,7 @@ impl Job<'_> {
         if let Some(band) = self.question.fit_band {
             bands.fit = lines_between(&lines, band);
         }
-        let set = Masslines::new(self.reference, *equations);
+        let set = Masslines::new(solver.load_cells.reference(), equations);
         solver.sets.push(set).map_err(|_| NoAnswer::TooManyPairs)?;
         let set = solver.sets.last_mut().ok_or(NoAnswer::NoMasslines)?;
         condense_into(

@@ -8,9 +8,9 @@
 use super::answer::Findings;
 use super::intake::Intake;
 use super::live::{LevelMeter, Recorder};
-use super::setup::SetUp;
+use super::setup::{LoadCells, SetUp};
 use super::store::Kept;
-use crate::geometry::{RESULTANTS, RunGeometry};
+use crate::geometry::{Equations, RESULTANTS, RunGeometry};
 use crate::masslines::{Masslines, Workspace};
 use crate::spectra::{Complex32, Sum};
 use crate::wire::{Answer, Summary};
@@ -81,6 +81,9 @@ pub(super) struct Averaging {
 /// the stack meanwhile may lie here, and take no memory.
 #[derive(Debug)]
 pub(super) struct Solver {
+    pub(super) load_cells: LoadCells,
+    /// Of each run.
+    pub(super) equations: [Equations; RUNS],
     pub(super) methods: Workspace,
     pub(super) sets: heapless::Vec<Masslines<PAIRS>, RUNS>,
     pub(super) findings: Findings,
@@ -104,6 +107,8 @@ impl Averaging {
 
 impl Solver {
     const ZERO: Self = Self {
+        load_cells: LoadCells::ZERO,
+        equations: [Equations::none(); RUNS],
         methods: Workspace::EMPTY,
         sets: heapless::Vec::new(),
         findings: Findings::NONE,

@@ -16,7 +16,7 @@
 //! | `desk` | requests, and the states in which they are dealt with |
 //! | `runs` | starting, feeding and ending a run |
 //! | `question` | what may be asked of the stored runs |
-//! | `setup` | the set-up's pieces, and the checks of the whole |
+//! | `setup/` | the set-up's pieces, and the checks of the whole |
 //! | `limits` | what a request may ask for |
 //! | `intake` | samples of a run to SI, and their faults |
 //! | `run` | the run that is going on: blocks, gaps, faults, the average |
@@ -296,12 +296,15 @@ impl<'m> Instrument<'m> {
         };
         // A question is not taken during a run, nor a run begun before it is answered.
         let buffers = self.buffers.take()?;
+        buffers.bench.clear_for_solver();
+        if let Some(solver) = buffers.bench.solver() {
+            solver.load_cells.take_from(self.setup.arrangement());
+        }
         Some(Job {
             store: self.archive.take()?,
             buffers,
             question: asked.question,
             lines,
-            reference: self.setup.reference(),
             accelerations: asked.accelerations,
             outcome: None,
         })

@@ -363,7 +363,6 @@ impl<'m> Run<'m> {
                             self.lines.band.clone(),
                             correlation,
                             &room.geometry.map,
-                            room.geometry.equations,
                             *accelerations,
                             quality,
                         );

@@ -12,7 +12,7 @@ use super::{Board, Ended, Instrument, Outbox};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
     Carries, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, ReadLines, Reply,
-    Request, Samples, Scale, Setting, SettingKey, Source, Start, State, Taken,
+    Request, Samples, Setting, SettingKey, Source, Start, State, Taken,
 };
 
 impl Instrument<'_> {
@@ -48,7 +48,11 @@ impl Instrument<'_> {
             Pass::Survey => {
                 let modes = lines.modes.clone().ok_or(missing(Item::ModeBand, 0))?;
                 let room = SUMS;
-                Task::Survey(Survey::new(self.setup.accelerometers(), modes, room)?)
+                Task::Survey(Survey::new(
+                    self.setup.arrangement().accelerometers(),
+                    modes,
+                    room,
+                )?)
             }
             Pass::Measure => {
                 self.setup.may_measure(number)?;
@@ -76,7 +80,9 @@ impl Instrument<'_> {
                 }
                 board.start_inputs(self.setup.sample_rate())?;
             }
-            Source::Synthetic => self.synthetic = Some(Synthetic::new(self.setup, number)),
+            Source::Synthetic => {
+                self.synthetic = Some(Synthetic::new(self.setup.arrangement(), number))
+            }
         }
         // `end_setup` has seen that the blocks fit.
         self.run = self
@@ -233,19 +239,16 @@ fn route(
     board: &impl Board,
     intake: &mut Intake,
 ) -> Result<(), Problem> {
-    intake.begin(setup.sensors());
+    let arrangement = setup.arrangement();
+    intake.begin(arrangement.sensors());
     let rate = setup.sample_rate() as f32;
-    for (number, code) in setup.channels(run).iter().enumerate() {
+    for (number, code) in arrangement.channels(run).iter().enumerate() {
         let carries = Carries::from_code(*code);
         let scale = match carries {
-            Carries::Sensor(sensor) => setup.scale(usize::from(sensor)),
-            Carries::Drive | Carries::Nothing => None,
+            Carries::Sensor(sensor) => arrangement.scale(usize::from(sensor)),
+            Carries::Drive | Carries::Nothing => Some(calibration::Scale::ONE),
         };
-        let unit = Scale::Given {
-            per_unit: 1.0,
-            offset: 0.0,
-        };
-        let channel = match (calibration::Scale::given(&scale.unwrap_or(unit))?, source) {
+        let channel = match (scale, source) {
             // What the converters deliver is watched, whoever says how it becomes SI.
             (Some(scale), Source::Inputs) => {
                 let limits = stored(board, number)?.limits();

@@ -1,7 +1,7 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
 use super::memory::{LINES, RUNS};
-use crate::geometry::{Equations, RESULTANTS, ResultantMap};
+use crate::geometry::{RESULTANTS, ResultantMap};
 use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
 use crate::wire::{Accelerations, Answer, Line, Quality};
 use core::ops::Range;
@@ -9,7 +9,6 @@ use core::ops::Range;
 /// What is kept of a run beside its lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kept {
-    pub(super) equations: Equations,
     pub(super) accelerations: Accelerations,
     pub(super) quality: Quality,
     noise: [f32; RESULTANTS],
@@ -74,7 +73,6 @@ impl Stored<'_> {
         band: Range<usize>,
         block_correlation: f64,
         map: &ResultantMap,
-        equations: Equations,
         accelerations: Accelerations,
         quality: Quality,
     ) -> Option<[f32; RESULTANTS]> {
@@ -92,7 +90,6 @@ impl Stored<'_> {
         );
         let (noise, blocks) = finished.map(|r| (r.noise, r.blocks)).ok()?;
         *self.kept.get_mut(run)? = Some(Kept {
-            equations,
             accelerations,
             quality,
             noise,

@@ -20,7 +20,7 @@
 //! continuous mode makes of the difference between ω̃ and ω is the self-test's bound.
 
 use super::memory::CHANNELS;
-use super::setup::SetUp;
+use super::setup::Arrangement;
 use crate::algebra::symmetric_eigen;
 use crate::geometry::{LoadCell, Mount, Placement, RunSensor};
 use crate::rigid_body::{Inertia, RigidBody};
@@ -101,20 +101,20 @@ pub(super) struct Synthetic {
 }
 
 impl Synthetic {
-    /// The source of run `run` of a set-up.
-    pub(super) fn new(setup: &SetUp, run: usize) -> Self {
-        let reference = setup.reference();
-        let placement = setup.placement(run);
+    /// The source of run `run` of an arrangement.
+    pub(super) fn new(arrangement: &Arrangement, run: usize) -> Self {
+        let reference = arrangement.reference();
+        let placement = arrangement.placement(run);
         let motion = motion(run);
         let swing_row = row(&PLACE, &SWING, &reference);
         let swing = (swing_row * motion)[0];
         let force = body().mass_matrix(&reference) * motion;
         let elastic = swing_row.transpose() * (SPRUNG * swing);
-        let loads = Loads::new(setup, &placement, &reference);
+        let loads = Loads::new(arrangement, &placement, &reference);
         let gain = |code: &u8| match Carries::from_code(*code) {
             Carries::Drive => [1.0, 0.0],
             Carries::Nothing => [0.0, 0.0],
-            Carries::Sensor(sensor) => match setup.sensor(usize::from(sensor)) {
+            Carries::Sensor(sensor) => match arrangement.sensor(usize::from(sensor)) {
                 Some(RunSensor::Accelerometer(a, _)) => {
                     let a = placement.accelerometer(&a);
                     let rigid = (a.rigid_body_row(&reference) * motion)[0];
@@ -132,7 +132,7 @@ impl Synthetic {
             },
         };
         let mut source = Self {
-            gains: setup.channels(run).iter().map(gain).collect(),
+            gains: arrangement.channels(run).iter().map(gain).collect(),
             spring: Spring::default(),
             n: 0,
         };
@@ -185,10 +185,10 @@ struct Loads {
 }
 
 impl Loads {
-    fn new(setup: &SetUp, placement: &Placement, reference: &Vector3<f64>) -> Self {
+    fn new(arrangement: &Arrangement, placement: &Placement, reference: &Vector3<f64>) -> Self {
         let mut gram = Matrix6::zeros();
-        for sensor in 0..setup.sensors() {
-            if let Some(RunSensor::LoadCell(cell)) = setup.sensor(sensor) {
+        for sensor in 0..arrangement.sensors() {
+            if let Some(RunSensor::LoadCell(cell)) = arrangement.sensor(sensor) {
                 let row = placement.load_cell(&cell).rigid_body_row(reference);
                 gram += row.transpose() * row;
             }
