@@ -2,16 +2,10 @@
 //! table of load that follows, which the firmware's README shows.
 
 use massline::device::{Emulator, firmware};
+use massline_tests::readme;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs;
-use std::path::PathBuf;
 use std::time::Duration;
-
-/// Environment variable that has a new table taken for good.
-const ACCEPT: &str = "MASSLINE_ACCEPT";
-const BEGIN: &str = "<!-- load: begin -->";
-const END: &str = "<!-- load: end -->";
 
 /// The chip's clock, Hz.
 const CLOCK: f64 = 168e6;
@@ -115,31 +109,7 @@ fn the_table_of_load_is_what_the_emulator_counts() {
     for (what, cost) in &costs {
         assert!(*cost > 100.0, "{what} was not measured: {cost}");
     }
-    let readme = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../firmware/README.md");
-    let text = fs::read_to_string(&readme).expect("the firmware has a README");
-    let (before, rest) = text.split_once(BEGIN).expect("a place for the table");
-    let (shown, after) = rest.split_once(END).expect("an end of it");
-    let found = table(&costs);
-    if std::env::var_os(ACCEPT).is_some_and(|value| value == "1") {
-        let text = format!("{before}{BEGIN}\n\n{found}\n{END}{after}");
-        fs::write(&readme, text).expect("the README can be written");
-    } else {
-        // Another compiler counts a little otherwise.
-        for (ours, theirs) in numbers(shown).into_iter().zip(numbers(&found)) {
-            assert!(
-                (ours / theirs - 1.0).abs() < 0.05,
-                "the README says {ours}, the emulator {theirs}. If that is right, run this again \
-                 with {ACCEPT}=1 and commit the file.\n{found}"
-            );
-        }
-        assert_eq!(numbers(shown).len(), numbers(&found).len());
-    }
+    readme::compare("load", &table(&costs)).unwrap_or_else(|error| panic!("{error}"));
     let at_4096: f64 = loads(4096.0, &costs).iter().sum();
     assert!(at_4096 < 50.0, "{at_4096} % at 4096 samples/s");
-}
-
-/// All numbers of a text.
-fn numbers(text: &str) -> Vec<f64> {
-    let parts = text.split(|c: char| !c.is_ascii_digit() && c != '.');
-    parts.filter_map(|part| part.parse().ok()).collect()
 }

@@ -10,6 +10,7 @@
 //! * [`packages`]: Debian's packages.
 //! * [`process`]: other programs, their output, their failures.
 //! * [`image`]: how much of the chip the firmware takes.
+//! * [`variables`]: what of that its variables take.
 //! * [`report`]: what is shown.
 
 use std::process::ExitCode;
@@ -22,6 +23,7 @@ pub mod process;
 pub mod report;
 pub mod steps;
 pub mod toolchain;
+pub mod variables;
 
 use arguments::Request;
 use report::{Report, Style};

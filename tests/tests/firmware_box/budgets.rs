@@ -5,7 +5,6 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
 
 use massline::device::firmware;
 use massline_core::wire::{
@@ -14,9 +13,9 @@ use massline_core::wire::{
     Source, Start, Subscription, Telemetry, Weighting, Window,
 };
 
+use massline_tests::readme;
 use massline_tests::xtask::image;
 
-use crate::golden;
 use crate::talk::Talk;
 
 // The budgets. One is lowered freely, and raised only with the reason in the commit.
@@ -30,9 +29,6 @@ const MEMORY: u64 = (192 << 10) * 9 / 10;
 const BLOCK: u32 = 671_000;
 /// An identification by apparent mass, instructions: 1.2 s at 168 MHz.
 const IDENTIFICATION: u64 = 200_000_000;
-
-const BEGIN: &str = "<!-- budgets: begin -->";
-const END: &str = "<!-- budgets: end -->";
 
 /// The method that is recommended first.
 const METHODS: [Method; 8] = [
@@ -279,27 +275,7 @@ fn table(found: &Found) -> String {
 fn memory_and_instructions_are_within_their_budgets() {
     let found = find_out();
     let report = table(&found);
-    let readme = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../firmware/README.md");
-    let text = fs::read_to_string(&readme).expect("the firmware has a README");
-    let (before, rest) = text.split_once(BEGIN).expect("a place for the table");
-    let (shown, after) = rest.split_once(END).expect("an end of it");
-    if std::env::var_os(golden::ACCEPT).is_some_and(|value| value == "1") {
-        let text = format!("{before}{BEGIN}\n\n{report}\n{END}{after}");
-        fs::write(&readme, text).expect("the README can be written");
-    } else {
-        // Interrupts fall differently in every run, which is some 1e-4 of an identification;
-        // another compiler counts, and packs, a few percent otherwise.
-        let (ours, theirs) = (numbers(shown), numbers(&report));
-        assert_eq!(ours.len(), theirs.len());
-        for (ours, theirs) in ours.into_iter().zip(theirs) {
-            assert!(
-                (ours / theirs - 1.0).abs() < 0.05,
-                "the README says {ours}, the emulator {theirs}. If that is right, run this again \
-                 with {}=1 and commit the file.\n{report}",
-                golden::ACCEPT
-            );
-        }
-    }
+    readme::compare("budgets", &report).unwrap_or_else(|error| panic!("{error}"));
     assert!(found.flash < FLASH, "{report}");
     assert!(found.ram + u64::from(found.stack) < MEMORY, "{report}");
     assert!(found.block <= BLOCK, "{report}");
@@ -309,10 +285,4 @@ fn memory_and_instructions_are_within_their_budgets() {
         costs.iter().all(|cost| (1..=IDENTIFICATION).contains(cost)),
         "{report}"
     );
-}
-
-/// All numbers of a text.
-fn numbers(text: &str) -> Vec<f64> {
-    let parts = text.split(|c: char| !c.is_ascii_digit());
-    parts.filter_map(|part| part.parse().ok()).collect()
 }

@@ -3,14 +3,12 @@
 use std::fs;
 
 use massline_tests::fixture;
-
-/// Environment variable that has new outputs taken for good.
-pub const ACCEPT: &str = "MASSLINE_ACCEPT";
+use massline_tests::readme::{ACCEPT, accepts};
 
 /// Compares with the fixture of this name, or writes it if [`ACCEPT`] is set.
 pub fn compare(name: &str, found: &str) {
     let path = fixture("firmware").join(name);
-    if std::env::var_os(ACCEPT).is_some_and(|value| value == "1") {
+    if accepts() {
         fs::create_dir_all(fixture("firmware")).expect("the folder can be made");
         fs::write(&path, found).expect("the fixture can be written");
         return;

@@ -9,4 +9,5 @@ mod budgets;
 mod faults;
 mod golden;
 mod hello;
+mod memory;
 mod talk;

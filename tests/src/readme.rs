@@ -1,0 +1,111 @@
+//! Tables in the firmware's README that a test writes and compares.
+//!
+//! A table stands between `<!-- name: begin -->` and `<!-- name: end -->`.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// Environment variable that, set to 1, has new outputs taken for good.
+pub const ACCEPT: &str = "MASSLINE_ACCEPT";
+
+/// How far a number may be from the one that is shown: interrupts fall differently in every run,
+/// which is some 1e-4 of an identification; another compiler counts, and packs, a few percent
+/// otherwise.
+const CLOSE: f64 = 0.05;
+
+/// Whether new outputs are to be taken for good.
+#[must_use]
+pub fn accepts() -> bool {
+    std::env::var_os(ACCEPT).is_some_and(|value| value == "1")
+}
+
+/// Compares the table of this name with what was found, or writes it if [`ACCEPT`] is set.
+///
+/// # Errors
+///
+/// What differs, in words for whoever ran the test: a word, or a number by more than 5 %.
+pub fn compare(name: &str, found: &str) -> Result<(), String> {
+    /// Tests of one program run at the same time.
+    static FILE: Mutex<()> = Mutex::new(());
+    let _file = FILE.lock().unwrap_or_else(PoisonError::into_inner);
+
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../firmware/README.md");
+    let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let (begin, end) = (
+        format!("<!-- {name}: begin -->"),
+        format!("<!-- {name}: end -->"),
+    );
+    let (before, rest) = text
+        .split_once(&begin)
+        .ok_or(format!("the README has no {begin}"))?;
+    let (shown, after) = rest
+        .split_once(&end)
+        .ok_or(format!("the README has no {end}"))?;
+    if accepts() {
+        let text = format!("{before}{begin}\n\n{found}\n{end}{after}");
+        return fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()));
+    }
+    differ(shown, found).map_or(Ok(()), |(ours, theirs)| {
+        Err(format!(
+            "the README says {ours:?}, the firmware {theirs:?}. If that is right, run this again \
+             with {ACCEPT}=1 and commit the file.\n{found}"
+        ))
+    })
+}
+
+/// The first lines of two tables that differ, if any do.
+fn differ<'t>(shown: &'t str, found: &'t str) -> Option<(&'t str, &'t str)> {
+    let (mut shown, mut found) = (shown.trim().lines(), found.trim().lines());
+    loop {
+        let (ours, theirs) = match (shown.next(), found.next()) {
+            (None, None) => return None,
+            (ours, theirs) => (ours.unwrap_or_default(), theirs.unwrap_or_default()),
+        };
+        let (words, numbers) = parts(ours);
+        let (their_words, their_numbers) = parts(theirs);
+        let close = |(a, b): (&f64, &f64)| a == b || (a / b - 1.0).abs() < CLOSE;
+        let alike = words == their_words
+            && numbers.len() == their_numbers.len()
+            && numbers.iter().zip(&their_numbers).all(close);
+        if !alike {
+            return Some((ours, theirs));
+        }
+    }
+}
+
+/// The words and the numbers of a line.
+fn parts(line: &str) -> (Vec<&str>, Vec<f64>) {
+    let is_number = |c: char| c.is_ascii_digit() || c == '.';
+    let numbers = line.split(|c| !is_number(c));
+    let words = line.split(is_number).map(str::trim);
+    (
+        words.filter(|word| !word.is_empty()).collect(),
+        numbers.filter_map(|number| number.parse().ok()).collect(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHOWN: &str = "| what | bytes |\n| --- | ---: |\n| stack | 1000 |\n| rest | 2.5 % |\n";
+
+    #[test]
+    fn numbers_may_differ_a_little_and_words_may_not() {
+        for (found, same) in [
+            (SHOWN.to_owned(), true),
+            (SHOWN.replace("1000", "1040"), true),
+            (SHOWN.replace("1000", "1060"), false),
+            (SHOWN.replace("1000", "940"), false),
+            (SHOWN.replace("2.5", "2.7"), false),
+            (SHOWN.replace("2.5", "25"), false),
+            (SHOWN.replace("stack", "heap"), false),
+            (SHOWN.replace("| rest | 2.5 % |\n", ""), false),
+            (format!("{SHOWN}| more | 1 |"), false),
+        ] {
+            assert_eq!(differ(SHOWN, &found).is_none(), same, "{found}");
+            assert_eq!(differ(&found, SHOWN).is_none(), same, "{found}");
+        }
+    }
+}
