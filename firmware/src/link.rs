@@ -5,8 +5,8 @@
 //!
 //! | queue | bytes | why |
 //! | --- | --- | --- |
-//! | from the host | 4096 | holds [`WINDOW`] requests of any length: a host that keeps to it loses nothing, however long the box is busy |
-//! | to the host | 2048 | the longest reply finds room while the one before it is on its way |
+//! | from the host | 3 KiB | holds [`WINDOW`] requests of any length: a host that keeps to it loses nothing, however long the box is busy |
+//! | to the host | 2 KiB | the longest reply finds room while the one before it is on its way |
 //!
 //! A reply is never given up: no request is taken before there is [`Post::has_room`] for its
 //! reply. Events are, and leave a gap in the frames' numbers.
@@ -25,14 +25,13 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::serial::{Rx, Tx};
 
 /// Slots of the queue from the host, one of which stays free.
-const FROM_HOST: usize = 4096;
+const FROM_HOST: usize = WINDOW as usize * FRAME_MAX + 1;
 /// Slots of the queue to the host, one of which stays free.
 const TO_HOST: usize = 2048;
 
 /// Frames of any length that the queue from the host holds.
 pub const WINDOW: u8 = 3;
 
-const _: () = assert!(WINDOW as usize * FRAME_MAX < FROM_HOST);
 const _: () = assert!(FRAME_MAX < TO_HOST);
 
 /// Bytes from the host that found no room or came garbled by the port.

@@ -32,6 +32,8 @@ pub const OPEN_AFTER: f32 = 1.0;
 /// Equal counts in a row from which on a reading counts as stuck.
 pub const STUCK_AFTER: u32 = 16;
 
+const _: () = assert!(STUCK_AFTER <= u8::MAX as u32, "as many are counted");
+
 /// Counts at which a sample is an overload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
@@ -75,7 +77,7 @@ struct State {
     open: bool,
     /// The last count, and how many like it came in a row.
     last: i32,
-    equal: u32,
+    equal: u8,
 }
 
 impl Watch {
@@ -114,7 +116,7 @@ impl Watch {
             state.open |= state.beyond >= self.open_after;
             return state.overload();
         }
-        if state.equal >= STUCK_AFTER {
+        if u32::from(state.equal) >= STUCK_AFTER {
             return self.absent().union(Health::STUCK);
         }
         self.absent()

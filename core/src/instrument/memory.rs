@@ -169,13 +169,15 @@ impl Default for WorkingStorage {
     }
 }
 
-/// The stored runs, and in what they leave of 64 KiB the work space of the transform.
+/// The stored runs, and what fits into what they leave of 64 KiB: the work space of the
+/// transform, and levels.
 #[derive(Debug)]
 pub struct RunStorage {
     pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
     pub(super) drive: [f32; STORED_LINES],
     pub(super) work: [Complex32; TRANSFORM],
     pub(super) lines: [Complex32; BLOCK_LINES],
+    pub(super) levels: LevelMeter,
 }
 
 impl RunStorage {
@@ -187,6 +189,7 @@ impl RunStorage {
             drive: [0.0; STORED_LINES],
             work: [NOTHING; TRANSFORM],
             lines: [NOTHING; BLOCK_LINES],
+            levels: LevelMeter::new(),
         }
     }
 }
@@ -205,7 +208,6 @@ pub struct Notebook {
     pub(super) summaries: [Option<Summary>; RUNS],
     pub(super) kept: [Option<Kept>; RUNS],
     pub(super) answer: Option<Answer>,
-    pub(super) levels: LevelMeter,
     pub(super) recorder: Recorder,
 }
 
@@ -218,7 +220,6 @@ impl Notebook {
             summaries: [None; RUNS],
             kept: [None; RUNS],
             answer: None,
-            levels: LevelMeter::new(),
             recorder: Recorder::new(),
         }
     }

@@ -149,13 +149,13 @@ impl<'m> Instrument<'m> {
             drive,
             work,
             lines,
+            levels,
         } = memory.runs;
         let Notebook {
             setup,
             summaries,
             kept,
             answer,
-            levels,
             recorder,
         } = memory.notebook;
         // Of whoever it was lent to before.
