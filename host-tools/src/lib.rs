@@ -5,6 +5,7 @@ pub mod commands;
 pub mod device;
 pub mod format;
 pub mod identification;
+pub mod inputs;
 pub mod measure;
 pub mod modal;
 pub mod recording;

@@ -202,6 +202,76 @@ fn the_selftest_passes_within_its_bounds() {
 }
 
 #[test]
+fn inputs_are_wired_by_a_file_shown_and_exported_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = |arguments: &[&str]| {
+        let own = ["board", "settings", "--host"];
+        massline(folder.path(), own.iter().chain(arguments))
+    };
+    let shown = settings(&[]);
+    assert_eq!(shown.code, Some(0), "{shown:?}");
+    // The fork's drive and 18 sensors are wired to the box in this program, nothing else.
+    let rows = shown.stdout.lines().filter(|l| l.contains("SIM-")).count();
+    assert_eq!(rows, 19, "{}", shown.stdout);
+    assert!(!shown.stdout.contains("unused"), "{}", shown.stdout);
+    let file = r#"
+        [[input]]
+        input = 3
+        channel = "fx"
+        circuit = "bridge"
+        serial = "LC-0815"
+        certificate = "K 2026-17"
+        calibrated = "2026-03-02"
+        uncertainty = 0.002
+        rated_load = 500
+        rated_output = 2e-3
+        [[input]]
+        input = 1
+        circuit = "unused"
+    "#;
+    std::fs::write(folder.path().join("in.toml"), file).unwrap();
+    let wire = ["--inputs", "in.toml", "--export", "out.toml", "--json"];
+    let document = document(&settings(&wire));
+    let inputs = document["inputs"].as_array().unwrap();
+    assert_eq!(inputs.len(), 18);
+    let cell = inputs.iter().find(|i| i["input"] == 3).unwrap();
+    assert_eq!(cell["serial"], "LC-0815");
+    assert_eq!(cell["calibrated"], "2026-03-02");
+    // 13.2 µV/N at gain 128: 1.2 V / 128 / 2^23 / 13.2e-6 V/N.
+    let per_count = cell["per_count"].as_f64().unwrap();
+    assert!((per_count / 8.46657e-5 - 1.0).abs() < 1e-4, "{per_count}");
+    assert_eq!(
+        (&cell["gain"], inputs[0]["input"].as_u64()),
+        (&128.into(), Some(2))
+    );
+    // What was exported is taken back and shows the same.
+    let again = settings(&["--inputs", "out.toml", "--set", "rate=512", "--json"]);
+    assert_eq!(again.code, Some(0), "{again:?}");
+    let again: Value = serde_json::from_str(&again.stdout).unwrap();
+    let kept = again["inputs"].as_array().unwrap();
+    assert_eq!(kept.iter().find(|i| i["input"] == 3), Some(cell));
+    let text = std::fs::read_to_string(folder.path().join("out.toml")).unwrap();
+    assert!(text.contains("channel = \"fx\""), "{text}");
+    let table = settings(&["--inputs", "out.toml"]).stdout;
+    let row = table.lines().find(|l| l.contains("LC-0815")).unwrap();
+    let cells: Vec<&str> = row.split_whitespace().collect();
+    let expected = "3 bridge LC-0815 K 2026-17 2026-03-02 8.46657e-5 0.2 % 128";
+    assert_eq!(cells.join(" "), expected);
+    std::fs::write(
+        folder.path().join("in.toml"),
+        file.replace("= 1\n", "= 33\n"),
+    )
+    .unwrap();
+    let refused = settings(&["--inputs", "in.toml"]);
+    assert_eq!(refused.code, Some(2));
+    assert!(
+        refused
+            .stderr
+            .contains("input 33: this box has inputs 1 to 32")
+    );
+}
+
+#[test]
 fn settings_are_changed_and_what_is_not_kept_is_said() {
     let changes = ["settings", "--set", "name=table 2", "--set", "rate=256"];
     let finished = board(&changes);
@@ -215,7 +285,7 @@ fn settings_are_changed_and_what_is_not_kept_is_said() {
     let finished = board(&["settings", "--set", "rate=0"]);
     assert_eq!(finished.code, Some(2));
     assert!(
-        finished.stderr.contains("1 to 65536"),
+        finished.stderr.contains("256 to 32768"),
         "{}",
         finished.stderr
     );

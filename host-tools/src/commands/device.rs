@@ -5,6 +5,7 @@ use crate::device::{
     BAUD, Client, ClientError, ClientMemory, Emulator, HostBox, HostBoxMemory, Port, Serial,
     firmware,
 };
+use crate::rig::{Inputs, Troubles};
 use clap::ArgGroup;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -41,12 +42,37 @@ impl Device {
         !self.emulator
     }
 
-    /// Reaches the box and has `work` talk to it.
+    /// Reaches the box and has `work` talk to it. To the inputs of the one in this program
+    /// nothing is wired.
     ///
     /// # Errors
     /// [`Failure`] if it cannot be reached, or that of `work`.
     pub fn talk<T>(
         &self,
+        work: impl FnOnce(&mut Client<'_, Box<dyn Port + '_>>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        self.reach(None, work)
+    }
+
+    /// The same, but the tuning fork's sensors are wired to the box in this program.
+    ///
+    /// # Errors
+    /// [`Failure`] if it cannot be reached, or that of `work`.
+    pub fn talk_of_inputs<T>(
+        &self,
+        troubles: Troubles,
+        work: impl FnOnce(&mut Client<'_, Box<dyn Port + '_>>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        if !self.host {
+            return self.reach(None, work);
+        }
+        let inputs = Inputs::fork(troubles).map_err(Failure::input)?;
+        self.reach(Some(inputs), work)
+    }
+
+    fn reach<T>(
+        &self,
+        inputs: Option<Inputs>,
         work: impl FnOnce(&mut Client<'_, Box<dyn Port + '_>>) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         let mut own = None;
@@ -56,7 +82,11 @@ impl Device {
             let elf = firmware::find(self.elf.as_deref()).map_err(Failure::input)?;
             Box::new(Emulator::start(&elf).map_err(Failure::input)?)
         } else {
-            Box::new(HostBox::new(own.insert(HostBoxMemory::new()), 1))
+            let memory = own.insert(HostBoxMemory::new());
+            Box::new(match inputs {
+                Some(inputs) => HostBox::with_inputs(memory, 1, inputs),
+                None => HostBox::new(memory, 1),
+            })
         };
         let mut memory = ClientMemory::new();
         let mut client = Client::new(port, &mut memory);

@@ -4,21 +4,29 @@
 //! while the answer is read; when nothing is left to be done there is nothing more to wait
 //! for, so a timeout comes at once. Tests that lose frames by the thousand stay fast and
 //! repeat exactly.
+//!
+//! Where something is wired to its inputs, time while they run is that of their samples, as
+//! fast as they can be computed.
 
+use super::host_board::{HostBoard, TICK_HZ};
 use super::{Port, PortError};
+use crate::rig::{INPUTS, Inputs};
+use crate::simulate::Stream;
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
+    Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
 };
 use massline_core::wire::{
-    BODY_MAX, ClockSource, Event, FRAME_MAX, FaultCounters, Field, Item, LinkCounters, NAME_MAX,
-    Problem, Provoke, Received, Receiver, Refused, Reply, Request, ResetReason, Sender, Setting,
-    SettingKey, Storage, ToBox,
+    BODY_MAX, ClockSource, Event, FRAME_MAX, Health, Item, LinkCounters, Problem, Received,
+    Receiver, Refused, Reply, Request, ResetReason, Sender, Storage, ToBox,
 };
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Requests of samples that may be on their way: what the firmware allows, so that replays
 /// take the same turns.
 const WINDOW: u8 = 3;
+
+/// What the link takes at the least, and by how much that differs from time to time, s.
+const DELAY: f64 = 1e-3;
 
 /// Memory that a [`HostBox`] is lent: as much as the instrument has on the chip.
 pub struct HostBoxMemory {
@@ -53,6 +61,13 @@ pub struct HostBox<'m> {
     receiver: Receiver<'m, ToBox>,
     board: HostBoard,
     out: Out,
+    /// The sample taken last.
+    counts: Vec<i32>,
+    health: Vec<Health>,
+    /// Delays of the link.
+    delays: Stream,
+    /// When the bytes that were handed over last came, s.
+    arrived: f64,
 }
 
 /// Frames on their way to the host.
@@ -62,9 +77,19 @@ struct Out {
 }
 
 impl<'m> HostBox<'m> {
-    /// A box that was switched on for the `session`-th time.
+    /// A box without inputs that was switched on for the `session`-th time.
     #[must_use]
     pub fn new(memory: &'m mut HostBoxMemory, session: u16) -> Self {
+        Self::wired(memory, session, None)
+    }
+
+    /// The same with something wired to its inputs, and told of it in its settings.
+    #[must_use]
+    pub fn with_inputs(memory: &'m mut HostBoxMemory, session: u16, inputs: Inputs) -> Self {
+        Self::wired(memory, session, Some(inputs))
+    }
+
+    fn wired(memory: &'m mut HostBoxMemory, session: u16, inputs: Option<Inputs>) -> Self {
         let identity = Identity {
             firmware: "massline",
             version: env!("CARGO_PKG_VERSION"),
@@ -78,7 +103,7 @@ impl<'m> HostBox<'m> {
             reset: ResetReason::PowerOn,
             resets: 0,
             panic: None,
-            inputs: 0,
+            inputs: inputs.as_ref().map_or(0, |_| INPUTS as u8),
             window: WINDOW,
         };
         let lent = Memory {
@@ -89,11 +114,18 @@ impl<'m> HostBox<'m> {
         Self {
             instrument: Instrument::new(lent, identity),
             receiver: Receiver::new(&mut memory.body),
-            board: HostBoard::new(),
+            delays: Stream::new(
+                inputs.as_ref().map_or(0, Inputs::seed),
+                &["delays of the link"],
+            ),
+            board: HostBoard::new(inputs),
             out: Out {
                 sender: Sender::new(session),
                 bytes: Vec::new(),
             },
+            counts: Vec::new(),
+            health: Vec::new(),
+            arrived: 0.0,
         }
     }
 
@@ -110,7 +142,7 @@ impl<'m> HostBox<'m> {
     }
 
     /// Does what is left to be done; what it says meanwhile goes nowhere, as on a box that
-    /// is not plugged in.
+    /// is not plugged in. It comes back once the inputs have stopped, too.
     pub fn unplugged(&mut self) {
         while self.work() {}
         self.out.bytes.clear();
@@ -150,11 +182,26 @@ impl<'m> HostBox<'m> {
         if self.instrument.poll(&mut self.board, &mut self.out) {
             return true;
         }
-        let Some(mut job) = self.instrument.take_job() else {
+        if let Some(mut job) = self.instrument.take_job() {
+            job.run();
+            self.instrument.finish(job, &mut self.board, &mut self.out);
+            return true;
+        }
+        self.convert()
+    }
+
+    /// Has the inputs take a sample, if they run.
+    fn convert(&mut self) -> bool {
+        let Some(number) = self.board.convert(&mut self.counts, &mut self.health) else {
             return false;
         };
-        job.run();
-        self.instrument.finish(job, &mut self.board, &mut self.out);
+        let sample = RawSample {
+            number,
+            counts: &self.counts,
+            health: &self.health,
+        };
+        let (board, out) = (&mut self.board, &mut self.out);
+        self.instrument.sample(&sample, board, out);
         true
     }
 }
@@ -171,6 +218,7 @@ impl Port for HostBox<'_> {
 
     fn receive(&mut self, into: &mut Vec<u8>, _: Duration) -> Result<usize, PortError> {
         while self.out.bytes.is_empty() && self.work() {}
+        self.arrived = self.board.seconds() + DELAY * (1.0 + self.delays.signed());
         let count = self.out.bytes.len();
         into.append(&mut self.out.bytes);
         Ok(count)
@@ -179,6 +227,10 @@ impl Port for HostBox<'_> {
     /// For ever: a receive that brings nothing ends the wait.
     fn patience(&self) -> Duration {
         Duration::from_secs(3600)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.arrived
     }
 }
 
@@ -196,143 +248,5 @@ impl Outbox for Out {
         if let Ok(frame) = self.sender.event(event, &mut frame) {
             self.bytes.extend_from_slice(frame);
         }
-    }
-}
-
-/// Ticks are microseconds here.
-const TICK_HZ: u32 = 1_000_000;
-
-/// What there is of a board: a clock, and settings that last as long as the program.
-struct HostBoard {
-    started: Instant,
-    link: LinkCounters,
-    kept: Settings,
-    settings: Settings,
-}
-
-#[derive(Clone, PartialEq)]
-struct Settings {
-    name: String,
-    baud: u32,
-    rate: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            name: "massline".to_owned(),
-            baud: super::BAUD,
-            rate: 512.0,
-        }
-    }
-}
-
-impl HostBoard {
-    fn new() -> Self {
-        Self {
-            started: Instant::now(),
-            link: LinkCounters::default(),
-            kept: Settings::default(),
-            settings: Settings::default(),
-        }
-    }
-}
-
-const fn no_input(found: u8) -> Problem {
-    Problem::Index {
-        item: Item::Input,
-        found: found as u32,
-        limit: 0,
-    }
-}
-
-fn within(field: Field, found: f64, low: f64, high: f64) -> Result<(), Problem> {
-    if (low..=high).contains(&found) {
-        return Ok(());
-    }
-    Err(Problem::Range {
-        field,
-        index: 0,
-        found: found.into(),
-        low: low.into(),
-        high: high.into(),
-    })
-}
-
-impl Board for HostBoard {
-    fn ticks(&self) -> u64 {
-        self.started.elapsed().as_micros() as u64
-    }
-
-    fn faults(&self) -> FaultCounters {
-        FaultCounters::default()
-    }
-
-    fn forget_faults(&mut self) {}
-
-    fn vitals(&mut self) -> Vitals {
-        Vitals {
-            link: self.link,
-            ..Vitals::default()
-        }
-    }
-
-    fn start_inputs(&mut self, _: f64) -> Result<(), Problem> {
-        Err(Problem::Unsupported(Item::Input))
-    }
-
-    fn stop_inputs(&mut self) {}
-
-    fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        match key {
-            SettingKey::Name => Ok(Setting::Name(&self.settings.name)),
-            SettingKey::LinkBaud => Ok(Setting::LinkBaud(self.settings.baud)),
-            SettingKey::SampleRate => Ok(Setting::SampleRate(self.settings.rate)),
-            SettingKey::Input(input) => Err(no_input(input)),
-        }
-    }
-
-    fn write_setting(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
-        match setting {
-            Setting::Name(name) if name.len() > NAME_MAX => Err(Problem::Capacity {
-                item: Item::Byte,
-                found: name.len() as u32,
-                limit: NAME_MAX as u32,
-            }),
-            Setting::Name(name) => {
-                (*name).clone_into(&mut self.settings.name);
-                Ok(())
-            }
-            Setting::LinkBaud(baud) => {
-                within(Field::LinkBaud, f64::from(*baud), 9600.0, 3e6)?;
-                self.settings.baud = *baud;
-                Ok(())
-            }
-            Setting::SampleRate(rate) => {
-                within(Field::SampleRate, *rate, 1.0, 65536.0)?;
-                self.settings.rate = *rate;
-                Ok(())
-            }
-            Setting::Input(input) => Err(no_input(input.input)),
-        }
-    }
-
-    fn save_settings(&mut self) -> Result<Storage, Problem> {
-        self.kept = self.settings.clone();
-        Ok(Storage::Volatile)
-    }
-
-    fn reset_settings(&mut self) {
-        self.settings = Settings::default();
-    }
-
-    fn unsaved(&self) -> bool {
-        self.settings != self.kept
-    }
-
-    fn reboot(&mut self) {}
-
-    fn provoke(&mut self, _: Provoke) -> bool {
-        false
     }
 }

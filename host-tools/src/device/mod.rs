@@ -8,6 +8,7 @@
 mod client;
 pub mod emulator;
 pub mod firmware;
+mod host_board;
 mod host_box;
 mod noisy_line;
 mod port;

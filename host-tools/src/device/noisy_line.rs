@@ -133,6 +133,10 @@ impl<P: Port> Port for NoisyLine<P> {
     fn patience(&self) -> Duration {
         self.port.patience()
     }
+
+    fn seconds(&self) -> f64 {
+        self.port.seconds()
+    }
 }
 
 /// Lets a frame through, or not quite.

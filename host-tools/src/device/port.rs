@@ -1,7 +1,8 @@
 //! One trait for all that a box can be reached through.
 
 use super::{Emulator, EmulatorError};
-use std::time::Duration;
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
 
 /// An end of the link to a box: bytes go out, bytes come in, and neither side knows frames.
 pub trait Port {
@@ -25,6 +26,13 @@ pub trait Port {
     /// How long a reply may take before it counts as lost: the longest that a request and its
     /// reply are on their way behind a full window of others, several times over.
     fn patience(&self) -> Duration;
+
+    /// The time, s since any instant, by the clock that samples are to be held against: this
+    /// computer's. It is asked when something has come.
+    fn seconds(&self) -> f64 {
+        static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+        START.elapsed().as_secs_f64()
+    }
 }
 
 /// Why an end of the link does not work.
@@ -102,6 +110,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
     fn patience(&self) -> Duration {
         (**self).patience()
     }
+
+    fn seconds(&self) -> f64 {
+        (**self).seconds()
+    }
 }
 
 impl<P: Port + ?Sized> Port for &mut P {
@@ -119,5 +131,9 @@ impl<P: Port + ?Sized> Port for &mut P {
 
     fn patience(&self) -> Duration {
         (**self).patience()
+    }
+
+    fn seconds(&self) -> f64 {
+        (**self).seconds()
     }
 }

@@ -123,7 +123,7 @@ fn a_box_that_has_started_anew_is_told_from_a_silent_one() {
         sends: 0,
     };
     let mut client = Client::new(port, &mut memory);
-    client.on_event(|event| assert!(matches!(event, Event::Started(_)), "{event:?}"));
+    client.on_event(|event, _| assert!(matches!(event, Event::Started(_)), "{event:?}"));
     client.hello().unwrap();
     // Either a frame of the new session comes before the reply, or the reply is the first.
     match client.status() {

@@ -12,9 +12,14 @@
 //! Faults are inflicted where they arise: on the wires, in the chips, at the sensors. What they
 //! are called in the recording is what firmware and core found out.
 
+mod chain;
+mod inputs;
 mod sensors;
 mod trouble;
 
+pub use chain::Chain;
+use chain::Felt;
+pub use inputs::Inputs;
 pub use sensors::Outfit;
 pub use trouble::{Trouble, Troubles};
 
@@ -23,15 +28,9 @@ use crate::recording::{Preamble, Traceability};
 use crate::simulate::{Recording, Simulation, Stream};
 use massline_core::calibration::Channel;
 use massline_core::wire::Health;
-use massline_firmware::acquisition::{Acquisition, Sample};
-use massline_firmware::drivers::Converter;
+use massline_firmware::acquisition::Sample;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
-use massline_firmware::drivers::ads131m08::{
-    self, Ads131m08, CLOCK_HZ, Configuration, Gain, Oversampling,
-};
-use massline_firmware::models::rig::{Port, Rig};
-use sensors::{Sensor, Sensors};
-use std::cell::RefCell;
+use sensors::Sensor;
 
 /// Converters of the box.
 pub const CHIPS: usize = 4;
@@ -151,49 +150,16 @@ pub fn samples(
     take: &mut dyn FnMut(&Sample<'_>) -> bool,
 ) -> Result<(), RigError> {
     let rate = recording.sample_rate.unwrap_or(0.0);
-    let oversampling =
-        Oversampling::of_rate(rate, CLOCK_HZ).ok_or(RigError::Rate { found: rate })?;
-    let period = oversampling.cycles();
     let own = outfit.of(recording);
-    let voltages = Sensors::new(&own, &recording.samples, f64::from(period));
-    let rig: RefCell<Rig<Sensors<'_>, CHIPS>> = RefCell::new(Rig::new(voltages, seed));
-    let mut chips: [_; CHIPS] = core::array::from_fn(|k| {
-        let channel = |c: usize| {
-            let gain = own.get(CHANNELS * k + c).map_or(1, |s| s.preset.gain);
-            ads131m08::Channel::pins(Gain::new(gain).unwrap_or(Gain::ONE))
-        };
-        let configuration = Configuration {
-            oversampling,
-            channels: core::array::from_fn(channel),
-        };
-        Ads131m08::new(Port::new(&rig, k), configuration)
-    });
-    let [a, b, c, d] = &mut chips;
-    let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
-    let mut synchronise = || rig.borrow_mut().pull_sync(16);
-    let mut acquisition = Acquisition::<CHIPS, INPUTS>::new(period as f32);
-    acquisition
-        .start(converters, &mut synchronise)
-        .map_err(|(number, fault)| RigError::Start { number, fault })?;
-    {
-        let mut rig = rig.borrow_mut();
-        let first = rig.cycle() + u64::from(period) * (1 + LEAD);
-        rig.signal().begin_at(first);
-    }
-
-    let used = own.len().div_ceil(CHANNELS);
-    let mut mischief = troubles.begin(rate, used, own.len(), seed);
-    loop {
-        let edge = rig.borrow_mut().wait();
-        let taken = acquisition.edge(converters, &mut synchronise, edge.ready, edge.cycle);
-        let Some(sample) = taken else { continue };
-        if !take(&sample) {
-            return Ok(());
-        }
-        if sample.number > LEAD {
-            mischief.inflict(&mut rig.borrow_mut());
-        }
-    }
+    let felt = Felt {
+        samples: &recording.samples[..],
+        rate,
+        repeats: false,
+    };
+    let gains: Vec<u8> = own.iter().map(|s| s.preset.gain).collect();
+    let mut chain = Chain::new(&own, &gains, felt, rate, troubles, seed)?;
+    while chain.step(|sample| take(sample)) {}
+    Ok(())
 }
 
 fn through(

@@ -15,6 +15,7 @@ const HEADROOM: f64 = 1.5;
 const NOISE: f64 = 1e-6;
 
 /// A sensor with its calibration.
+#[derive(Clone, Debug)]
 pub(super) struct Sensor {
     pub(super) channel: String,
     pub(super) serial: String,
@@ -25,6 +26,7 @@ pub(super) struct Sensor {
 }
 
 /// The sensors of a test, each with its calibration.
+#[derive(Clone, Debug)]
 pub struct Outfit(Vec<Sensor>);
 
 impl Outfit {
@@ -119,9 +121,11 @@ pub(super) enum Upset {
 }
 
 /// Voltages at the inputs, from a recording that tells what the sensors feel.
-pub(super) struct Sensors<'a> {
+pub(super) struct Sensors<D> {
     sensors: Vec<(f64, f64)>,
-    samples: &'a [Vec<f32>],
+    samples: D,
+    /// Whether the recording begins anew behind its end; else its last sample stays.
+    repeats: bool,
     /// Cycles from one sample of the recording to the next.
     period: f64,
     /// Cycle of the recording's first sample.
@@ -129,8 +133,8 @@ pub(super) struct Sensors<'a> {
     upset: Option<(usize, Upset, u64)>,
 }
 
-impl<'a> Sensors<'a> {
-    pub(super) fn new(sensors: &[&Sensor], samples: &'a [Vec<f32>], period: f64) -> Self {
+impl<D: AsRef<[Vec<f32>]>> Sensors<D> {
+    pub(super) fn new(sensors: &[&Sensor], samples: D, period: f64, repeats: bool) -> Self {
         let full_scale = |s: &Sensor| FULL_SCALE_VOLTS / f64::from(s.preset.gain);
         Self {
             sensors: sensors
@@ -138,6 +142,7 @@ impl<'a> Sensors<'a> {
                 .map(|s| (s.sensitivity, full_scale(s)))
                 .collect(),
             samples,
+            repeats,
             period,
             origin: u64::MAX,
             upset: None,
@@ -158,7 +163,7 @@ impl<'a> Sensors<'a> {
     /// through the four around (Catmull and Rom): the same filter for all channels, so that
     /// ratios of channels stay what they are when converters restart between two samples.
     fn felt(&self, input: usize, cycle: u64) -> f64 {
-        let Some(samples) = self.samples.get(input) else {
+        let Some(samples) = self.samples.as_ref().get(input) else {
             return 0.0;
         };
         let Some(since) = cycle.checked_sub(self.origin) else {
@@ -168,7 +173,10 @@ impl<'a> Sensors<'a> {
         let whole = at as usize;
         let f = at - whole as f64;
         let x = |offset: isize| {
-            let k = whole.saturating_add_signed(offset);
+            let mut k = whole.saturating_add_signed(offset);
+            if self.repeats {
+                k %= samples.len().max(1);
+            }
             f64::from(*samples.get(k).or(samples.last()).unwrap_or(&0.0))
         };
         if f == 0.0 {
@@ -180,7 +188,7 @@ impl<'a> Sensors<'a> {
     }
 }
 
-impl Signal for Sensors<'_> {
+impl<D: AsRef<[Vec<f32>]>> Signal for Sensors<D> {
     fn volts(&mut self, input: usize, cycle: u64) -> f64 {
         let Some(&(sensitivity, full_scale)) = self.sensors.get(input) else {
             return 0.0;

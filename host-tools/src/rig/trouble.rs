@@ -80,9 +80,9 @@ pub struct Troubles {
 }
 
 impl Troubles {
-    pub(super) fn begin(&self, rate: f64, chips: usize, inputs: usize, seed: u64) -> Mischief<'_> {
+    pub(super) fn begin(&self, rate: f64, chips: usize, inputs: usize, seed: u64) -> Mischief {
         Mischief {
-            kinds: &self.kinds,
+            kinds: self.kinds.clone(),
             chance: self.per_minute / 60.0 / rate,
             random: Random::new(seed ^ 0x7261_7767),
             injector: Injector::new(0.0, seed),
@@ -94,8 +94,8 @@ impl Troubles {
 }
 
 /// Faults at random while a recording is made.
-pub(super) struct Mischief<'t> {
-    kinds: &'t [Trouble],
+pub(super) struct Mischief {
+    kinds: Vec<Trouble>,
     /// Of a sample to have one.
     chance: f64,
     random: Random,
@@ -106,9 +106,9 @@ pub(super) struct Mischief<'t> {
     stuck: Option<(usize, u64)>,
 }
 
-impl Mischief<'_> {
+impl Mischief {
     /// To be called between two samples.
-    pub(super) fn inflict(&mut self, rig: &mut Rig<Sensors<'_>, CHIPS>) {
+    pub(super) fn inflict<D: AsRef<[Vec<f32>]>>(&mut self, rig: &mut Rig<Sensors<D>, CHIPS>) {
         let now = rig.cycle();
         if let Some((chip, until)) = self.stuck {
             if now < until {

@@ -6,6 +6,7 @@ use crate::commands::device::Device;
 use crate::commands::{Failure, print_json, warn};
 use crate::device::BoxInfo;
 use crate::format::plain;
+use crate::rig::Troubles;
 use anstyle::Style;
 use massline_core::masslines::Method;
 use massline_core::wire::{
@@ -34,7 +35,9 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let (info, status) = arguments
         .device
-        .talk(|client| Ok((client.hello()?, client.status()?)))?;
+        .talk_of_inputs(Troubles::default(), |client| {
+            Ok((client.hello()?, client.status()?))
+        })?;
     if arguments.json {
         return print_json(&InfoDocument::new(&info, &status));
     }

@@ -3,16 +3,21 @@
 use super::print_row;
 use crate::cli::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, print_json, warn};
+use crate::commands::{Failure, print_json, warn, write_file};
 use crate::device::{Client, ClientError, Port};
 use crate::format::plain;
-use massline_core::wire::{Circuit, NAME_MAX, Reply, Request, Saved, Setting, SettingKey, Storage};
+use crate::inputs::{self, InputEntry};
+use crate::rig::Troubles;
+use anstyle::Style;
+use massline_core::wire::{NAME_MAX, Reply, Request, Saved, Setting, SettingKey, Storage};
 use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
 
 /// Show the box's settings, change them and keep them
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline board settings --port /dev/ttyACM0\n  massline board settings --port /dev/ttyACM0 --set name=\"table 2\" --set rate=512 --save\n\nA changed baud holds from the next start on (`massline board restart`)."
+    after_help = "Examples:\n  massline board settings --port /dev/ttyACM0\n  massline board settings --port /dev/ttyACM0 --set name=\"table 2\" --set rate=512 --save\n  massline board settings --port /dev/ttyACM0 --inputs inputs.toml --save\n\nA file of inputs holds one [[input]] for each that is to change: `input` (its number, from 1),\n`circuit` and what its data sheet says, `serial`, `certificate`, `calibrated`, `uncertainty`.\n  bridge: rated_load, rated_output (V/V), supply (3.3 V)   iepe: sensitivity (V), divider, range\n  charge: sensitivity (C), amplifier (V/C), divider, range voltage: sensitivity (V), range\n  adxl355, unused: nothing; all: per_count, offset, gain, limits where they were calibrated\n`--export` writes such a file from what the box has.\nA changed baud holds from the next start on (`massline board restart`)."
 )]
 pub struct Arguments {
     #[command(flatten)]
@@ -20,7 +25,13 @@ pub struct Arguments {
     /// Change one: name (text), baud (link, bit/s), rate (converters, samples/s)
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse)]
     set: Vec<Change>,
-    /// Go back to the settings the box was delivered with, before any --set
+    /// Wire inputs as a file says; those that are not in it stay as they are
+    #[arg(long, value_name = "FILE")]
+    inputs: Option<PathBuf>,
+    /// Write the box's inputs to a file, to be kept or given to --inputs
+    #[arg(long, value_name = "FILE")]
+    export: Option<PathBuf>,
+    /// Go back to the settings the box was delivered with, before any --set and --inputs
     #[arg(long)]
     reset: bool,
     /// Keep them when the box is switched off
@@ -82,12 +93,13 @@ struct SettingsDocument {
     baud: u32,
     /// samples/s
     rate: f64,
-    inputs: Vec<InputEntry>,
+    inputs: Vec<InputRow>,
     saved: bool,
 }
 
+/// An input that something is wired to.
 #[derive(Debug, Serialize)]
-struct InputEntry {
+struct InputRow {
     /// From one.
     input: u32,
     circuit: &'static str,
@@ -110,22 +122,42 @@ struct InputEntry {
 /// # Errors
 /// [`Failure`] if the box cannot be asked, or refuses a value.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let (document, volatile) = arguments.device.talk(|client| {
+    // Before the box is asked for anything, so that a mistake in the file changes nothing.
+    let file = arguments.inputs.as_deref().map(inputs::read);
+    let wired = file
+        .transpose()
+        .map_err(Failure::input)?
+        .unwrap_or_default();
+    let talk = |client: &mut Client<'_, Box<dyn Port + '_>>| {
         let info = client.hello()?;
+        fits(&wired, info.capacity.inputs)?;
         if arguments.reset {
             client.tell(&Request::ResetSettings)?;
         }
         for change in &arguments.set {
             client.tell(&Request::WriteSetting(change.setting()))?;
         }
+        for entry in &wired {
+            client.tell(&Request::WriteSetting(Setting::Input(entry.setting())))?;
+        }
         let saved = if arguments.save {
             Some(save(client)?)
         } else {
             None
         };
-        let document = read(client, info.capacity.inputs)?;
-        Ok((document, saved == Some(Storage::Volatile)))
-    })?;
+        let (document, entries) = read(client, info.capacity.inputs)?;
+        Ok((document, entries, saved == Some(Storage::Volatile)))
+    };
+    let device = &arguments.device;
+    let (document, mut entries, volatile) = device.talk_of_inputs(Troubles::default(), talk)?;
+    if let Some(file) = &arguments.export {
+        // The box does not know the channels' names.
+        for entry in &mut entries {
+            let named = wired.iter().find(|w| w.input == entry.input);
+            entry.channel = named.and_then(|w| w.channel.clone());
+        }
+        write_file(file, &inputs::to_toml(&entries))?;
+    }
     if arguments.json {
         print_json(&document)?;
     } else {
@@ -148,7 +180,25 @@ fn save<P: Port>(client: &mut Client<'_, P>) -> Result<Storage, ClientError> {
     })
 }
 
-fn read<P: Port>(client: &mut Client<'_, P>, inputs: u8) -> Result<SettingsDocument, ClientError> {
+/// Whether the box has all these inputs.
+fn fits(wired: &[InputEntry], inputs: u8) -> Result<(), Failure> {
+    match wired.iter().find(|entry| entry.input >= inputs) {
+        None => Ok(()),
+        Some(entry) if inputs == 0 => Err(Failure::input(format!(
+            "input {}: this box has no inputs of its own",
+            entry.number()
+        ))),
+        Some(entry) => Err(Failure::input(format!(
+            "input {}: this box has inputs 1 to {inputs}; correct `input` in the file",
+            entry.number()
+        ))),
+    }
+}
+
+fn read<P: Port>(
+    client: &mut Client<'_, P>,
+    inputs: u8,
+) -> Result<(SettingsDocument, Vec<InputEntry>), ClientError> {
     let mut document = SettingsDocument {
         schema: "massline/settings/1",
         ..SettingsDocument::default()
@@ -158,7 +208,7 @@ fn read<P: Port>(client: &mut Client<'_, P>, inputs: u8) -> Result<SettingsDocum
         SettingKey::LinkBaud,
         SettingKey::SampleRate,
     ];
-    for key in own.into_iter().chain((0..inputs).map(SettingKey::Input)) {
+    for key in own {
         client.ask(&Request::ReadSetting(key), |reply| match reply {
             Reply::Setting(setting) => {
                 document.take(setting);
@@ -167,8 +217,28 @@ fn read<P: Port>(client: &mut Client<'_, P>, inputs: u8) -> Result<SettingsDocum
             _ => None,
         })?;
     }
+    let entries = client.wired_inputs(inputs)?;
+    document.inputs = entries.iter().map(InputRow::new).collect();
     document.saved = !client.status()?.unsaved;
-    Ok(document)
+    Ok((document, entries))
+}
+
+impl InputRow {
+    fn new(entry: &InputEntry) -> Self {
+        let input = entry.setting();
+        Self {
+            input: entry.number(),
+            circuit: inputs::circuit(input.circuit),
+            serial: input.serial.to_owned(),
+            certificate: input.certificate.to_owned(),
+            calibrated: input.calibrated.map(inputs::day),
+            per_count: input.per_count,
+            offset: input.offset,
+            uncertainty: input.uncertainty,
+            gain: input.gain,
+            limits: input.limits,
+        }
+    }
 }
 
 impl SettingsDocument {
@@ -177,32 +247,9 @@ impl SettingsDocument {
             Setting::Name(name) => (*name).clone_into(&mut self.name),
             Setting::LinkBaud(baud) => self.baud = *baud,
             Setting::SampleRate(rate) => self.rate = *rate,
-            Setting::Input(input) => self.inputs.push(InputEntry {
-                input: u32::from(input.input) + 1,
-                circuit: circuit(input.circuit),
-                serial: input.serial.to_owned(),
-                certificate: input.certificate.to_owned(),
-                calibrated: input
-                    .calibrated
-                    .map(|d| format!("{:04}-{:02}-{:02}", d.year, d.month, d.day)),
-                per_count: input.per_count,
-                offset: input.offset,
-                uncertainty: input.uncertainty,
-                gain: input.gain,
-                limits: input.limits,
-            }),
+            // They are read on their own.
+            Setting::Input(_) => {}
         }
-    }
-}
-
-const fn circuit(circuit: Circuit) -> &'static str {
-    match circuit {
-        Circuit::Unused => "unused",
-        Circuit::Voltage => "voltage",
-        Circuit::Bridge => "bridge",
-        Circuit::Charge => "charge",
-        Circuit::Iepe => "iepe",
-        Circuit::Digital => "digital",
     }
 }
 
@@ -212,23 +259,69 @@ fn print(document: &SettingsDocument) -> std::io::Result<()> {
     print_row(&mut out, "baud", &format!("{} bit/s", document.baud))?;
     let rate = plain(document.rate, 6);
     print_row(&mut out, "rate", &format!("{rate} samples/s"))?;
-    for input in document.inputs.iter().filter(|i| i.circuit != "unused") {
-        let mut text = format!(
-            "{}, gain {}, {:e} SI per count",
-            input.circuit, input.gain, input.per_count
-        );
-        for (what, value) in [
-            ("sensor", &input.serial),
-            ("certificate", &input.certificate),
-        ] {
-            if !value.is_empty() {
-                text += &format!(", {what} {value}");
-            }
+    if !document.inputs.is_empty() {
+        writeln!(out)?;
+        print_inputs(&mut out, &document.inputs)?;
+    }
+    Ok(())
+}
+
+fn print_inputs(out: &mut impl Write, inputs: &[InputRow]) -> std::io::Result<()> {
+    let heads = [
+        "input",
+        "circuit",
+        "serial",
+        "certificate",
+        "calibrated",
+        "SI per count",
+        "uncertainty",
+        "gain",
+    ];
+    let dash = |text: &str| match text {
+        "" => "-".to_owned(),
+        text => text.to_owned(),
+    };
+    let rows: Vec<[String; 8]> = inputs
+        .iter()
+        .map(|input| {
+            [
+                input.input.to_string(),
+                input.circuit.to_owned(),
+                dash(&input.serial),
+                dash(&input.certificate),
+                dash(input.calibrated.as_deref().unwrap_or("")),
+                format!("{:.5e}", input.per_count),
+                match input.uncertainty {
+                    0.0 => "-".to_owned(),
+                    share => format!("{} %", plain(100.0 * share, 2)),
+                },
+                input.gain.to_string(),
+            ]
+        })
+        .collect();
+    let width = |c: usize| {
+        let cells = rows.iter().map(|row| row[c].chars().count());
+        cells.fold(heads[c].chars().count(), usize::max)
+    };
+    let widths: [usize; 8] = std::array::from_fn(width);
+    let line = |cells: [&str; 8]| {
+        let mut text = String::new();
+        for (c, (cell, width)) in cells.iter().zip(widths).enumerate() {
+            let gap = width - cell.chars().count();
+            // Numbers stand to the right.
+            let (before, after) = if matches!(c, 0 | 5 | 6 | 7) {
+                (gap, 0)
+            } else {
+                (0, gap)
+            };
+            text += &format!("{:before$}{cell}{:after$}  ", "", "");
         }
-        if let Some(day) = &input.calibrated {
-            text += &format!(", calibrated {day}");
-        }
-        print_row(&mut out, &format!("input {}", input.input), &text)?;
+        text.trim_end().to_owned()
+    };
+    let bold = Style::new().bold();
+    writeln!(out, "{bold}{}{bold:#}", line(heads))?;
+    for row in &rows {
+        writeln!(out, "{}", line(row.each_ref().map(String::as_str)))?;
     }
     Ok(())
 }

@@ -12,10 +12,12 @@ pub use info::BoxInfo;
 pub use samples::{SampleSource, StreamError};
 
 use super::Port;
+use crate::inputs::InputEntry;
+use massline_core::calibration::Certificate;
 use massline_core::wire::{
     BODY_MAX, Event, FRAME_MAX, FromBox, Identified, LinkCounters, Ping, Problem, Question,
-    Received, Receiver, Refusal, Reply, Request, RequestIds, Selftest, Sender, Status, Summary,
-    ToHost,
+    Received, Receiver, Refusal, Reply, Request, RequestIds, Selftest, Sender, Setting, SettingKey,
+    Status, Summary, ToHost,
 };
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant, SystemTime};
@@ -59,6 +61,9 @@ pub struct LinkReport {
     pub received: LinkCounters,
 }
 
+/// Who is shown events, with the time when they came, s.
+type Listener<'c> = Box<dyn FnMut(&Event<'_>, f64) + 'c>;
+
 /// A conversation with a box over a port.
 pub struct Client<'c, P> {
     port: P,
@@ -68,7 +73,9 @@ pub struct Client<'c, P> {
     /// Bytes that have come, of which the first `taken` were read.
     input: Vec<u8>,
     taken: usize,
-    on_event: Box<dyn FnMut(&Event<'_>) + 'c>,
+    on_event: Listener<'c>,
+    /// When the bytes in `input` came, s.
+    arrived: f64,
     patience: Duration,
     resent: u32,
     late: u32,
@@ -113,7 +120,8 @@ impl<'c, P: Port> Client<'c, P> {
             receiver: Receiver::new(&mut memory.body),
             input: Vec::new(),
             taken: 0,
-            on_event: Box::new(|_| ()),
+            on_event: Box::new(|_, _| ()),
+            arrived: 0.0,
             patience,
             resent: 0,
             late: 0,
@@ -121,8 +129,8 @@ impl<'c, P: Port> Client<'c, P> {
     }
 
     /// Has every event that comes shown to `listener`, from now on, whenever this client
-    /// waits for anything.
-    pub fn on_event(&mut self, listener: impl FnMut(&Event<'_>) + 'c) {
+    /// waits for anything; with the time when it came, s ([`Port::seconds`]).
+    pub fn on_event(&mut self, listener: impl FnMut(&Event<'_>, f64) + 'c) {
         self.on_event = Box::new(listener);
     }
 
@@ -240,6 +248,32 @@ impl<'c, P: Port> Client<'c, P> {
         })
     }
 
+    /// The inputs that something is wired to, of the first `inputs`.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn wired_inputs(&mut self, inputs: u8) -> Result<Vec<InputEntry>, ClientError> {
+        let mut wired = Vec::new();
+        for input in 0..inputs {
+            let key = SettingKey::Input(input);
+            let entry = self.ask(&Request::ReadSetting(key), |reply| match reply {
+                Reply::Setting(Setting::Input(found)) if found.input == input => {
+                    let certificate = Certificate::new(found).ok()?;
+                    Some(InputEntry {
+                        input,
+                        channel: None,
+                        certificate,
+                    })
+                }
+                _ => None,
+            })?;
+            if entry.is_used() {
+                wired.push(entry);
+            }
+        }
+        Ok(wired)
+    }
+
     /// Ends the run.
     ///
     /// # Errors
@@ -332,7 +366,9 @@ impl<'c, P: Port> Client<'c, P> {
             let received = self.receiver.next(&mut rest);
             self.taken = self.input.len() - rest.len();
             match received {
-                Some(Received::Message(_, FromBox::Event(event))) => (self.on_event)(&event),
+                Some(Received::Message(_, FromBox::Event(event))) => {
+                    (self.on_event)(&event, self.arrived);
+                }
                 Some(Received::Message(header, FromBox::Reply(reply))) => {
                     match take(header.request, &reply) {
                         Some(taken) => return Ok(Waited::Taken(taken)),
@@ -362,6 +398,7 @@ impl<'c, P: Port> Client<'c, P> {
                     if self.port.receive(&mut self.input, left)? == 0 {
                         return Ok(Waited::Silence);
                     }
+                    self.arrived = self.port.seconds();
                 }
             }
             if self.receiver.counters().restarts > restarts {
