@@ -192,10 +192,7 @@ impl Record {
     pub fn to_bytes(&self) -> [u8; SIZE] {
         let mut bytes = [0; SIZE];
         let faults = &self.faults;
-        let mut out = Writer {
-            bytes: &mut bytes,
-            at: 0,
-        };
+        let mut rest = &mut bytes[..];
         for word in [
             MARK,
             self.resets,
@@ -211,17 +208,14 @@ impl Record {
             faults.overrun,
             faults.storage,
         ] {
-            out.put(&word.to_le_bytes());
+            put(&mut rest, word.to_le_bytes());
         }
-        out.put(&self.session.to_le_bytes());
-        out.put(&self.words.length.to_le_bytes());
-        out.put(&[self.cause.map_or(0, Cause::code), 0]);
-        out.put(&self.words.bytes);
-        out.put(&[0; 2]);
-        let covered = out.at;
-        let checksum = crc32(bytes.get(..covered).unwrap_or(&[]));
-        if let Some(end) = bytes.last_chunk_mut() {
-            *end = checksum.to_le_bytes();
+        put(&mut rest, self.session.to_le_bytes());
+        put(&mut rest, self.words.length.to_le_bytes());
+        put(&mut rest, [self.cause.map_or(0, Cause::code), 0]);
+        put(&mut rest, self.words.bytes);
+        if let Some((covered, checksum)) = bytes.split_last_chunk_mut() {
+            *checksum = crc32(covered).to_le_bytes();
         }
         bytes
     }
@@ -292,17 +286,11 @@ fn take<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
     Some(*front)
 }
 
-struct Writer<'b> {
-    bytes: &'b mut [u8],
-    at: usize,
-}
-
-impl Writer<'_> {
-    fn put(&mut self, bytes: &[u8]) {
-        for (slot, &byte) in self.bytes.iter_mut().skip(self.at).zip(bytes) {
-            *slot = byte;
-        }
-        self.at += bytes.len();
+/// What [`take`] takes.
+fn put<const N: usize>(rest: &mut &mut [u8], bytes: [u8; N]) {
+    if let Some((front, back)) = core::mem::take(rest).split_first_chunk_mut() {
+        *front = bytes;
+        *rest = back;
     }
 }
 
