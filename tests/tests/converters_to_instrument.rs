@@ -5,13 +5,13 @@ mod stand_in;
 
 use massline::rig::{self, Outfit, Trouble, Troubles};
 use massline::simulate::{Model, Options, Simulation, simulate};
-use massline_core::instrument::RawSample;
 use massline_core::masslines::Method;
 use massline_core::wire::{
     Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Question, Request, Source,
     Start, Summary,
 };
-use stand_in::Rack;
+use stand_in::StandIn;
+use stand_in::bench::{Heard, Shelf};
 
 /// A minute of the fork in each run, channels as the stand-in sends them: the drive last.
 fn fork() -> Simulation {
@@ -32,8 +32,9 @@ fn fork() -> Simulation {
 /// All runs through the box; what it says of each, and the answer.
 fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answer) {
     let outfit = Outfit::new(&simulation.setup, &simulation.recordings).unwrap();
-    let mut rack = Rack::new();
-    let mut stand_in = rack.with_inputs(outfit.certificates(&simulation.recordings[0]));
+    let mut shelf = Shelf::default();
+    let inputs = outfit.certificates(&simulation.recordings[0]);
+    let mut stand_in = StandIn::new(&mut shelf, inputs);
     stand_in.set_up(&simulation.setup, Accelerations::Interface);
     let mut summaries = Vec::new();
     for (k, recording) in simulation.recordings.iter().enumerate() {
@@ -46,23 +47,22 @@ fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answe
             limit: Some(length),
         }));
         let seed = troubles.seed + k as u64;
+        let mut ended = Vec::new();
         rig::samples(recording, &outfit, troubles, seed, &mut |sample| {
             if sample.number >= rig::LEAD {
-                let (board, pile) = (&mut stand_in.board, &mut stand_in.pile);
-                let raw = RawSample {
-                    number: sample.number,
-                    counts: sample.counts,
-                    health: sample.health,
-                };
-                stand_in.instrument.sample(&raw, board, pile);
+                let bench = &mut stand_in.bench;
+                bench.convert(sample.number, sample.counts, sample.health);
+                ended.extend(bench.events().into_iter().filter_map(|event| match event {
+                    Heard::RunEnded(summary) => Some(summary),
+                    _ => None,
+                }));
             }
-            stand_in.pile.ended.is_empty()
+            ended.is_empty()
         })
         .unwrap();
-        let [summary] = stand_in.pile.ended[..] else {
+        let [summary] = ended[..] else {
             panic!("a run ends once");
         };
-        stand_in.pile.ended.clear();
         assert_eq!((summary.run, summary.outcome), (k as u8, Outcome::Limit));
         assert_eq!(summary.samples + summary.missing, length);
         summaries.push(summary);

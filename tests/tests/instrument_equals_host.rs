@@ -10,7 +10,8 @@ use massline::setup::{Mount, Setup};
 use massline_core::instrument::{Findings, answer};
 use massline_core::masslines::Method;
 use massline_core::wire::{self, Accelerations, Exact, Line, Pass, Procedure, Question, Weighting};
-use stand_in::{Rack, StandIn};
+use stand_in::StandIn;
+use stand_in::bench::Shelf;
 
 fn fork() -> Setup {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/fork/setup.toml");
@@ -102,8 +103,8 @@ fn bits(lines: &[Line]) -> Vec<u32> {
 
 /// One measurement, and all questions that can be asked of it.
 fn compare(setup: &Setup, weighted: bool, methods: &[(Method, bool)]) {
-    let mut rack = Rack::new();
-    let mut stand_in = rack.stand_in();
+    let mut shelf = Shelf::default();
+    let mut stand_in = StandIn::new(&mut shelf, Vec::new());
     let mut session = Session::new(setup);
     let mut measured = false;
     for &(method, iterative) in methods {
@@ -192,8 +193,8 @@ fn one_bit_of_one_sample_is_noticed() {
     let setup = short_fork(&folder);
     let mut all = Vec::new();
     for flip in [None, Some(2500)] {
-        let mut rack = Rack::new();
-        let mut stand_in = rack.stand_in();
+        let mut shelf = Shelf::default();
+        let mut stand_in = StandIn::new(&mut shelf, Vec::new());
         stand_in.set_up(&setup, Accelerations::Interface);
         for run in 0..3 {
             stand_in.run(&setup, run, Pass::Measure, |n, row| {
@@ -229,8 +230,8 @@ fn a_survey_finds_the_workstations_weights() {
     let processing = setup.processing.as_ref().unwrap();
     let band = processing.mode_band.unwrap();
     let host = survey.weights_per_run(&setup, band, setup.estimation.minimum_weight);
-    let mut rack = Rack::new();
-    let mut stand_in = rack.stand_in();
+    let mut shelf = Shelf::default();
+    let mut stand_in = StandIn::new(&mut shelf, Vec::new());
     stand_in.weighting = Weighting::EachRun;
     stand_in.set_up(&setup, Accelerations::Weighted);
     for (run, host) in host.iter().enumerate() {

@@ -194,8 +194,13 @@ pub struct Shelf {
 }
 
 impl Shelf {
-    /// A box that has just been switched on.
+    /// A box that has just been switched on, to whose inputs nothing is wired.
     pub fn switch_on(&mut self) -> Bench<'_> {
+        self.with_inputs(vec![Certificate::UNUSED; usize::from(INPUTS)])
+    }
+
+    /// One whose inputs are calibrated like this.
+    pub fn with_inputs(&mut self, inputs: Vec<Certificate>) -> Bench<'_> {
         let memory = Memory {
             working: &mut self.working,
             runs: &mut self.runs,
@@ -214,7 +219,7 @@ impl Shelf {
             reset: ResetReason::PowerOn,
             resets: 0,
             panic: None,
-            inputs: INPUTS,
+            inputs: inputs.len() as u8,
             window: 8,
         };
         Bench {
@@ -222,7 +227,7 @@ impl Shelf {
             hardware: Hardware {
                 ticks: 0,
                 converting: None,
-                inputs: vec![Certificate::UNUSED; usize::from(INPUTS)],
+                inputs,
             },
             host: Host::default(),
             ids: RequestIds::new(),

@@ -7,222 +7,37 @@ use massline::measure::WINDOW;
 use massline::recording::Recording;
 use massline::setup::{self, Setup};
 use massline_core::calibration::Certificate;
-use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
-};
 use massline_core::wire::*;
 
-/// A board that has a clock, and converters if it was given calibrations of their inputs.
-#[derive(Default)]
-pub struct Bare {
-    ticks: std::cell::Cell<u64>,
-    inputs: Vec<Certificate>,
-}
+#[path = "../../../core/tests/instrument/bench.rs"]
+pub mod bench;
 
-impl Board for Bare {
-    fn ticks(&self) -> u64 {
-        self.ticks.set(self.ticks.get() + 1);
-        self.ticks.get()
-    }
+use bench::{Bench, Said, Shelf};
 
-    fn faults(&self) -> FaultCounters {
-        FaultCounters::default()
-    }
-
-    fn forget_faults(&mut self) {}
-
-    fn vitals(&mut self) -> Vitals {
-        Vitals::default()
-    }
-
-    fn start_inputs(&mut self, _rate: f64) -> Result<(), Problem> {
-        if self.inputs.is_empty() {
-            return Err(Problem::Unsupported(Item::Input));
-        }
-        Ok(())
-    }
-
-    fn stop_inputs(&mut self) {}
-
-    fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        if let SettingKey::Input(k) = key
-            && let Some(certificate) = self.inputs.get(usize::from(k))
-        {
-            return Ok(Setting::Input(certificate.input(k)));
-        }
-        Err(Problem::Unsupported(Item::Setting))
-    }
-
-    fn write_setting(&mut self, _setting: &Setting<'_>) -> Result<(), Problem> {
-        Err(Problem::Unsupported(Item::Setting))
-    }
-
-    fn save_settings(&mut self) -> Result<Storage, Problem> {
-        Ok(Storage::Volatile)
-    }
-
-    fn reset_settings(&mut self) {}
-
-    fn unsaved(&self) -> bool {
-        false
-    }
-
-    fn reboot(&mut self) {}
-
-    fn provoke(&mut self, _fault: Provoke) -> bool {
-        false
-    }
-}
-
-/// What came back, as far as tests look at it.
-#[derive(Clone, Debug)]
-pub enum Said {
-    Done,
-    Refused(Problem),
-    Grid(Grid),
-    Taken(Taken),
-    Summary(Summary),
-    Lines(Vec<Line>),
-    Peaks(Vec<f64>),
-    Weights(Vec<f64>),
-    Identified(Box<Identified>),
-    Selftest(Selftest),
-    Other(u8),
-}
-
-/// Replies by id, and blocks.
-#[derive(Default)]
-pub struct Pile {
-    pub replies: Vec<(u16, Said)>,
-    pub blocks: Vec<Block>,
-    pub ended: Vec<Summary>,
-}
-
-impl Outbox for Pile {
-    fn reply(&mut self, request: u16, reply: &Reply<'_>) {
-        let said = match reply {
-            Reply::Done => Said::Done,
-            Reply::Error(refused) => Said::Refused(refused.problem),
-            Reply::Grid(grid) => Said::Grid(*grid),
-            Reply::Taken(taken) => Said::Taken(*taken),
-            Reply::Summary(summary) => Said::Summary(*summary),
-            Reply::Lines(lines) => Said::Lines(lines.lines.iter().collect()),
-            Reply::Peaks(peaks) => Said::Peaks(peaks.peaks.iter().collect()),
-            Reply::Weights(weights) => Said::Weights(weights.weights.iter().collect()),
-            Reply::Identified(found) => Said::Identified(Box::new(*found)),
-            Reply::Selftest(found) => Said::Selftest(*found),
-            other => Said::Other(other.number()),
-        };
-        self.replies.push((request, said));
-    }
-
-    fn event(&mut self, event: &Event<'_>) {
-        match event {
-            Event::Block(block) => self.blocks.push(*block),
-            Event::RunEnded(summary) => self.ended.push(*summary),
-            _ => {}
-        }
-    }
-}
-
-/// Memory for an instrument.
-pub struct Rack {
-    working: Box<WorkingStorage>,
-    runs: Box<RunStorage>,
-    notebook: Box<Notebook>,
-}
-
-impl Rack {
-    pub fn new() -> Self {
-        Self {
-            working: Box::default(),
-            runs: Box::default(),
-            notebook: Box::default(),
-        }
-    }
-
-    /// A box that stands in the rack.
-    pub fn stand_in(&mut self) -> StandIn<'_> {
-        self.with_inputs(Vec::new())
-    }
-
-    /// One with converters, whose inputs are calibrated like this.
-    pub fn with_inputs(&mut self, inputs: Vec<Certificate>) -> StandIn<'_> {
-        let memory = Memory {
-            working: &mut self.working,
-            runs: &mut self.runs,
-            notebook: &mut self.notebook,
-        };
-        let identity = Identity {
-            firmware: "stand-in",
-            version: "0",
-            build: "host",
-            chip: "none",
-            serial: [0; 12],
-            clock: ClockSource::Internal,
-            clock_hz: 1,
-            tick_hz: 1000,
-            storage: Storage::Volatile,
-            reset: ResetReason::PowerOn,
-            resets: 0,
-            panic: None,
-            inputs: inputs.len() as u8,
-            window: 8,
-        };
-        StandIn {
-            instrument: Instrument::new(memory, identity),
-            board: Bare {
-                inputs,
-                ..Bare::default()
-            },
-            pile: Pile::default(),
-            ids: RequestIds::new(),
-            weighting: Weighting::Given,
-        }
-    }
-}
-
-/// The box.
+/// The box on a bench, and how it is dealt with.
 pub struct StandIn<'m> {
-    pub instrument: Instrument<'m>,
-    pub board: Bare,
-    pub pile: Pile,
-    ids: RequestIds,
+    pub bench: Bench<'m>,
     /// Where the weights of the next set-up come from.
     pub weighting: Weighting,
 }
 
-impl StandIn<'_> {
+impl<'m> StandIn<'m> {
+    /// A box with converters whose inputs are calibrated like this; without any, none.
+    pub fn new(shelf: &'m mut Shelf, inputs: Vec<Certificate>) -> Self {
+        Self {
+            bench: shelf.with_inputs(inputs),
+            weighting: Weighting::Given,
+        }
+    }
+
     /// Asks, works, and returns the one reply.
     pub fn ask(&mut self, request: &Request<'_>) -> Said {
-        let id = self.ids.fresh();
-        self.instrument
-            .request(id, request, &mut self.board, &mut self.pile);
-        while self.instrument.poll(&mut self.board, &mut self.pile) {}
-        while let Some(mut job) = self.instrument.take_job() {
-            job.run();
-            self.instrument.finish(job, &mut self.board, &mut self.pile);
-            while self.instrument.poll(&mut self.board, &mut self.pile) {}
-        }
-        let mine: Vec<Said> = self
-            .pile
-            .replies
-            .drain(..)
-            .map(|(to, said)| {
-                assert_eq!(to, id);
-                said
-            })
-            .collect();
-        let [said] = mine.as_slice() else {
-            panic!("{request:?} was answered {mine:?}");
-        };
-        said.clone()
+        self.bench.await_reply(request)
     }
 
     /// Asks for what must be done.
     pub fn done(&mut self, request: &Request<'_>) {
-        let said = self.ask(request);
-        assert!(matches!(said, Said::Done), "{request:?}: {said:?}");
+        assert_eq!(self.ask(request), Said::Done, "{request:?}");
     }
 
     /// Sends a set-up.
@@ -252,7 +67,7 @@ impl StandIn<'_> {
             weighting: self.weighting,
             minimum_weight: setup.estimation.minimum_weight,
         }));
-        let is_wired = !self.board.inputs.is_empty();
+        let is_wired = !self.bench.hardware.inputs.is_empty();
         for mut sensor in sensor_pieces(setup) {
             if is_wired {
                 sensor.scale = Scale::Stored;
