@@ -109,25 +109,11 @@ impl<'m> Instrument<'m> {
                 Reply::Summary(summary.ok_or(missing(Item::Summary, at))?)
             }
             Request::ReadLines(read) => return self.read_lines(id, read, out),
-            Request::ReadPeaks(run) => {
-                let at = self.run_index(*run)?;
-                let peaks = self.setup.peaks(at).ok_or(missing(Item::Survey, at))?;
-                let peaks = Packed::new(peaks);
-                out.reply(id, &Reply::Peaks(Peaks { run: *run, peaks }));
-                return Ok(());
-            }
-            Request::ReadWeights(run) => {
-                let at = self.run_index(*run)?;
-                let weights = Packed::new(self.setup.weights(at));
-                out.reply(id, &Reply::Weights(Weights { run: *run, weights }));
-                return Ok(());
-            }
+            Request::ReadPeaks(run) => return self.read_peaks(id, *run, out),
+            Request::ReadWeights(run) => return self.read_weights(id, *run, out),
             Request::Identify(question) => return self.identify(id, question, board),
             Request::ReadAnswer => return self.read_answer(id, out),
-            Request::ReadSetting(key) => {
-                out.reply(id, &Reply::Setting(board.setting(*key)?));
-                return Ok(());
-            }
+            Request::ReadSetting(key) => return read_setting(id, *key, board, out),
             Request::WriteSetting(setting) => {
                 self.not_running()?;
                 board.write_setting(setting)?;
@@ -145,6 +131,25 @@ impl<'m> Instrument<'m> {
             }
         };
         out.reply(id, &reply);
+        Ok(())
+    }
+
+    // A reply is 1 KB. Those that a reference keeps from being the one above are made apart.
+
+    #[inline(never)]
+    fn read_peaks(&self, id: u16, run: u8, out: &mut impl Outbox) -> Result<(), Problem> {
+        let at = self.run_index(run)?;
+        let peaks = self.setup.peaks(at).ok_or(missing(Item::Survey, at))?;
+        let peaks = Packed::new(peaks);
+        out.reply(id, &Reply::Peaks(Peaks { run, peaks }));
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn read_weights(&self, id: u16, run: u8, out: &mut impl Outbox) -> Result<(), Problem> {
+        let at = self.run_index(run)?;
+        let weights = Packed::new(self.setup.weights(at));
+        out.reply(id, &Reply::Weights(Weights { run, weights }));
         Ok(())
     }
 
@@ -312,6 +317,17 @@ impl<'m> Instrument<'m> {
         self.state = State::Ready;
         Ok(grid)
     }
+}
+
+#[inline(never)]
+fn read_setting(
+    id: u16,
+    key: SettingKey,
+    board: &impl Board,
+    out: &mut impl Outbox,
+) -> Result<(), Problem> {
+    out.reply(id, &Reply::Setting(board.setting(key)?));
+    Ok(())
 }
 
 pub(super) fn missing(item: Item, index: usize) -> Problem {

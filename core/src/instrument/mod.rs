@@ -138,6 +138,12 @@ pub struct Instrument<'m> {
     introduced: bool,
 }
 
+/// Answers a request with what is wrong with it.
+#[inline(never)] // A reply is 1 KB: not on the stack beside the one there might have been.
+fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Outbox) {
+    out.reply(id, &Reply::Error(Refused { request, problem }));
+}
+
 impl<'m> Instrument<'m> {
     /// A box that has just started. It says so with its first event
     /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
@@ -200,13 +206,7 @@ impl<'m> Instrument<'m> {
     ) {
         self.introduce(out);
         if let Err(problem) = self.deal(id, request, board, out) {
-            out.reply(
-                id,
-                &Reply::Error(Refused {
-                    request: request.number(),
-                    problem,
-                }),
-            );
+            refuse(id, request.number(), problem, out);
         }
     }
 
@@ -342,13 +342,7 @@ impl<'m> Instrument<'m> {
             // It comes back without having been run.
             _ => Problem::Busy(pending.number),
         };
-        out.reply(
-            pending.id,
-            &Reply::Error(Refused {
-                request: pending.number,
-                problem,
-            }),
-        );
+        refuse(pending.id, pending.number, problem, out);
     }
 
     /// A fault of the box that the board has noticed. It is told, and a converter that
