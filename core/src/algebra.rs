@@ -1,27 +1,32 @@
 //! The few pieces of small dense algebra that several chapters share: symmetric
-//! eigenproblems that cannot fail to return, and triangular solves.
+//! eigenproblems that cannot fail to return, triangular solves, and products.
+//!
+//! A chip's stack is small, so they work in place: a matrix of ten is 800 bytes, and one
+//! that is returned by value lies there twice.
 
+use core::ops::{Index, IndexMut};
 use nalgebra::allocator::Allocator;
-use nalgebra::{Complex, DefaultAllocator, DimName, Matrix6, OMatrix, OVector, SMatrix, SVector};
+use nalgebra::{Complex, DefaultAllocator, DimName, Matrix6, OMatrix, OVector, SMatrix};
 
 /// Cyclic Jacobi sweeps; a 10 x 10 matrix is diagonal to rounding after six or seven.
 const SWEEPS: usize = 24;
 
-/// Eigenvalues (descending) and eigenvectors (columns) of a symmetric matrix.
+/// Eigenvalues (descending) of a symmetric matrix, which is used up, and its eigenvectors,
+/// which become the columns of `vectors`.
 ///
 /// Jacobi's rotations, because they find small eigenvalues of a graded matrix with
 /// high relative accuracy, which a rank decision needs, and because they use nothing
 /// but `+ - * /` and the square root, which round alike on every machine.
 pub(crate) fn symmetric_eigen<D>(
-    matrix: &OMatrix<f64, D, D>,
-) -> (OVector<f64, D>, OMatrix<f64, D, D>)
+    a: &mut OMatrix<f64, D, D>,
+    vectors: &mut OMatrix<f64, D, D>,
+) -> OVector<f64, D>
 where
     D: DimName,
     DefaultAllocator: Allocator<D, D> + Allocator<D>,
 {
     let n = D::DIM;
-    let mut a = matrix.clone();
-    let mut v = OMatrix::<f64, D, D>::identity();
+    vectors.fill_with_identity();
     for _ in 0..SWEEPS {
         let mut rotated = false;
         for p in 0..n {
@@ -33,14 +38,14 @@ where
                     continue;
                 }
                 rotated = true;
-                rotate(&mut a, &mut v, p, q);
+                rotate(a, vectors, p, q);
             }
         }
         if !rotated {
             break;
         }
     }
-    sorted(&a, &v)
+    sorted(a.diagonal(), vectors)
 }
 
 fn rotate<D>(a: &mut OMatrix<f64, D, D>, v: &mut OMatrix<f64, D, D>, p: usize, q: usize)
@@ -75,17 +80,12 @@ where
     }
 }
 
-fn sorted<D>(
-    a: &OMatrix<f64, D, D>,
-    v: &OMatrix<f64, D, D>,
-) -> (OVector<f64, D>, OMatrix<f64, D, D>)
+fn sorted<D>(mut values: OVector<f64, D>, vectors: &mut OMatrix<f64, D, D>) -> OVector<f64, D>
 where
     D: DimName,
     DefaultAllocator: Allocator<D, D> + Allocator<D>,
 {
     let n = D::DIM;
-    let mut values = a.diagonal();
-    let mut vectors = v.clone();
     for i in 0..n {
         let mut largest = i;
         for j in i + 1..n {
@@ -98,64 +98,106 @@ where
             vectors.swap_columns(i, largest);
         }
     }
-    (values, vectors)
+    values
 }
 
-/// Lower Cholesky factor of the leading `n` x `n` part, of which the lower triangle is
-/// read. `None` if it is not positive definite.
-pub(crate) fn lower<const N: usize>(
-    matrix: &SMatrix<f64, N, N>,
-    n: usize,
-) -> Option<SMatrix<f64, N, N>> {
-    let mut l = SMatrix::<f64, N, N>::zeros();
+/// Replaces the leading `n` x `n` part, of which the lower triangle is read, by its lower
+/// Cholesky factor, and all else by zero. `None` if it is not positive definite.
+pub(crate) fn lower<const N: usize>(matrix: &mut SMatrix<f64, N, N>, n: usize) -> Option<()> {
+    factor(matrix, n)?;
+    for j in 0..N {
+        for i in 0..N {
+            if i < j || i >= n {
+                matrix[(i, j)] = 0.0;
+            }
+        }
+    }
+    Some(())
+}
+
+/// Cholesky's factorisation in place. An entry is read just before it is overwritten.
+fn factor<M>(m: &mut M, n: usize) -> Option<()>
+where
+    M: IndexMut<(usize, usize), Output = f64>,
+{
     for j in 0..n {
         for i in j..n {
-            let mut sum = matrix[(i, j)];
+            let mut sum = m[(i, j)];
             for k in 0..j {
-                sum -= l[(i, k)] * l[(j, k)];
+                sum -= m[(i, k)] * m[(j, k)];
             }
             if i == j {
                 if sum <= 0.0 || !sum.is_finite() {
                     return None;
                 }
-                l[(j, j)] = libm::sqrt(sum);
+                m[(j, j)] = libm::sqrt(sum);
             } else {
-                l[(i, j)] = sum / l[(j, j)];
+                m[(i, j)] = sum / m[(j, j)];
             }
         }
     }
-    Some(l)
+    Some(())
 }
 
-/// Inverse of the leading `n` x `n` part of a lower factor.
-pub(crate) fn inverse_lower<const N: usize>(
-    l: &SMatrix<f64, N, N>,
-    n: usize,
-) -> SMatrix<f64, N, N> {
-    let mut inverse = SMatrix::<f64, N, N>::zeros();
+/// Replaces the leading `n` x `n` part of a lower factor by its inverse.
+pub(crate) fn inverse_lower<const N: usize>(l: &mut SMatrix<f64, N, N>, n: usize) {
+    // Column after column: those that are still needed lie to the right.
     for c in 0..n {
         for i in c..n {
             let mut sum = if i == c { 1.0 } else { 0.0 };
             for k in c..i {
-                sum -= l[(i, k)] * inverse[(k, c)];
+                sum -= l[(i, k)] * l[(k, c)];
             }
-            inverse[(i, c)] = sum / l[(i, i)];
+            l[(i, c)] = sum / l[(i, i)];
         }
     }
-    inverse
 }
 
-/// Solves the leading `n` equations of a positive definite system, of which the lower
-/// triangle is read.
-pub(crate) fn solve_positive<const N: usize>(
-    matrix: &SMatrix<f64, N, N>,
-    right: &SVector<f64, N>,
+/// A lower triangle, row after row: half the memory of a square. `LEN` is
+/// [`triangle_len`] of its rows.
+#[derive(Clone, Debug)]
+pub(crate) struct Triangle<const LEN: usize>([f64; LEN]);
+
+/// Elements of a triangle of `rows` rows.
+pub(crate) const fn triangle_len(rows: usize) -> usize {
+    rows * (rows + 1) / 2
+}
+
+impl<const LEN: usize> Triangle<LEN> {
+    /// All zero.
+    pub(crate) const ZERO: Self = Self([0.0; LEN]);
+
+    /// Makes it all zero.
+    pub(crate) fn clear(&mut self) {
+        self.0.fill(0.0);
+    }
+}
+
+/// Row and column, the column not past the row.
+impl<const LEN: usize> Index<(usize, usize)> for Triangle<LEN> {
+    type Output = f64;
+
+    fn index(&self, (i, j): (usize, usize)) -> &f64 {
+        &self.0[triangle_len(i) + j]
+    }
+}
+
+impl<const LEN: usize> IndexMut<(usize, usize)> for Triangle<LEN> {
+    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
+        &mut self.0[triangle_len(i) + j]
+    }
+}
+
+/// Solves the leading `n` equations of a positive definite system, whose matrix is replaced
+/// by its factor, and whose right-hand side by the solution.
+pub(crate) fn solve_positive<const LEN: usize>(
+    l: &mut Triangle<LEN>,
+    x: &mut [f64],
     n: usize,
-) -> Option<SVector<f64, N>> {
-    let l = lower(matrix, n)?;
-    let mut x = SVector::<f64, N>::zeros();
+) -> Option<()> {
+    factor(l, n)?;
     for i in 0..n {
-        let mut sum = right[i];
+        let mut sum = x[i];
         for k in 0..i {
             sum -= l[(i, k)] * x[k];
         }
@@ -168,7 +210,36 @@ pub(crate) fn solve_positive<const N: usize>(
         }
         x[i] = sum / l[(i, i)];
     }
-    Some(x)
+    Some(())
+}
+
+/// Replaces `m` by `left m`.
+pub(crate) fn multiply_left<const N: usize>(left: &SMatrix<f64, N, N>, m: &mut SMatrix<f64, N, N>) {
+    for j in 0..N {
+        let column: [f64; N] = core::array::from_fn(|k| m[(k, j)]);
+        for i in 0..N {
+            m[(i, j)] = product(|k| left[(i, k)], &column);
+        }
+    }
+}
+
+/// Replaces `m` by `m right`.
+pub(crate) fn multiply_right<const N: usize>(
+    m: &mut SMatrix<f64, N, N>,
+    right: &SMatrix<f64, N, N>,
+) {
+    for i in 0..N {
+        let row: [f64; N] = core::array::from_fn(|k| m[(i, k)]);
+        for j in 0..N {
+            m[(i, j)] = product(|k| right[(k, j)], &row);
+        }
+    }
+}
+
+/// `Σ x y` in the order in which products of matrices are summed elsewhere.
+pub(crate) fn product(x: impl Fn(usize) -> f64, y: &[f64]) -> f64 {
+    let products = y.iter().enumerate().map(|(k, y)| x(k) * y);
+    products.reduce(|sum, next| sum + next).unwrap_or(0.0)
 }
 
 /// What the six channels `x` leave unexplained of the power of each of the six
@@ -219,57 +290,54 @@ pub(crate) fn incoherent_powers(
     })
 }
 
-/// `G = L D Lᴴ` of a Hermitian positive definite matrix in the leading rows and columns.
-pub(crate) struct HermitianFactor {
-    l: Matrix6<Complex<f64>>,
-    d: [f64; 6],
-    n: usize,
-}
-
-/// Factorises the leading `n` x `n` part. `None` if it is not positive definite to within
-/// rounding.
-pub(crate) fn factor_hermitian(g: &Matrix6<Complex<f64>>, n: usize) -> Option<HermitianFactor> {
-    let mut l = Matrix6::<Complex<f64>>::identity();
-    let mut d = [0.0; 6];
+/// Replaces the leading `n` x `n` part of a Hermitian positive definite matrix, of which
+/// the lower triangle is read, by its factors `G = L D Lᴴ`: D on the diagonal, L below it.
+/// `None` if it is not positive definite to within rounding.
+pub(crate) fn factor_hermitian(g: &mut Matrix6<Complex<f64>>, n: usize) -> Option<()> {
     for k in 0..n {
         let full = g[(k, k)].re;
-        let pivot = full - (0..k).map(|m| l[(k, m)].norm_sqr() * d[m]).sum::<f64>();
+        let explained = (0..k).map(|m| g[(k, m)].norm_sqr() * g[(m, m)].re);
+        let pivot = full - explained.sum::<f64>();
         if pivot <= 1e-14 * full || !pivot.is_finite() {
             return None;
         }
-        d[k] = pivot;
+        g[(k, k)] = Complex::new(pivot, 0.0);
         for i in k + 1..n {
             let mut sum = g[(i, k)];
             for m in 0..k {
-                sum -= l[(i, m)] * l[(k, m)].conj() * d[m];
+                sum -= g[(i, m)] * g[(k, m)].conj() * g[(m, m)].re;
             }
-            l[(i, k)] = sum / pivot;
+            g[(i, k)] = sum / pivot;
         }
     }
-    Some(HermitianFactor { l, d, n })
+    Some(())
 }
 
-impl HermitianFactor {
-    /// `G⁻¹ B` in the leading rows; the others are zero.
-    pub(crate) fn solve(&self, b: &Matrix6<Complex<f64>>) -> Matrix6<Complex<f64>> {
-        let mut x = Matrix6::zeros();
-        for c in 0..6 {
-            for i in 0..self.n {
-                let mut sum = b[(i, c)];
-                for k in 0..i {
-                    sum -= self.l[(i, k)] * x[(k, c)];
-                }
-                x[(i, c)] = sum;
+/// Replaces `b` by `G⁻¹ B` in the leading `n` rows, and by zero in the others, where
+/// `factors` are those of G.
+pub(crate) fn solve_hermitian(
+    factors: &Matrix6<Complex<f64>>,
+    n: usize,
+    b: &mut Matrix6<Complex<f64>>,
+) {
+    for c in 0..6 {
+        for i in 0..n {
+            let mut sum = b[(i, c)];
+            for k in 0..i {
+                sum -= factors[(i, k)] * b[(k, c)];
             }
-            for i in (0..self.n).rev() {
-                let mut sum = x[(i, c)] / self.d[i];
-                for k in i + 1..self.n {
-                    sum -= self.l[(k, i)].conj() * x[(k, c)];
-                }
-                x[(i, c)] = sum;
-            }
+            b[(i, c)] = sum;
         }
-        x
+        for i in (0..n).rev() {
+            let mut sum = b[(i, c)] / factors[(i, i)].re;
+            for k in i + 1..n {
+                sum -= factors[(k, i)].conj() * b[(k, c)];
+            }
+            b[(i, c)] = sum;
+        }
+        for i in n..6 {
+            b[(i, c)] = Complex::new(0.0, 0.0);
+        }
     }
 }
 
@@ -287,10 +355,60 @@ mod tests {
         let a = Matrix6::from_fn(random) + Matrix6::identity() * Complex::new(9.0, 0.0);
         let g = a * a.adjoint();
         let b = Matrix6::from_fn(|i, j| random(j + 2, i));
-        let x = factor_hermitian(&g, 6).unwrap().solve(&b);
+        let (mut factors, mut x) = (g, b);
+        factor_hermitian(&mut factors, 6).unwrap();
+        solve_hermitian(&factors, 6, &mut x);
         // Entries of order 100 with a condition of order 1e3.
         assert!((g * x - b).map(|z| z.norm_sqr()).sum() < 1e-20);
-        assert!(factor_hermitian(&(g - g), 6).is_none());
+        assert!(factor_hermitian(&mut (g - g), 6).is_none());
+    }
+
+    #[test]
+    fn products_in_place_are_products() {
+        let matrix = |seed: usize| {
+            SMatrix::<f64, 10, 10>::from_fn(|i, j| {
+                ((i * 17 + j * 29 + seed) % 23) as f64 / 7.0 - 1.5
+            })
+        };
+        let (a, b) = (matrix(3), matrix(8));
+        let (mut left, mut right) = (b, a);
+        multiply_left(&a, &mut left);
+        multiply_right(&mut right, &b);
+        // To the last bit: results must not depend on which of them is used.
+        assert_eq!(left, a * b);
+        assert_eq!(right, a * b);
+    }
+
+    #[test]
+    fn a_positive_system_is_solved_in_its_leading_part() {
+        const ROWS: usize = 5;
+        let b = SMatrix::<f64, ROWS, ROWS>::from_fn(|i, j| ((i * 5 + j * 3) % 7) as f64 - 3.0);
+        let g = b * b.transpose() + SMatrix::identity() * 9.0;
+        let mut triangle = Triangle::<{ triangle_len(ROWS) }>::ZERO;
+        for i in 0..ROWS {
+            for j in 0..=i {
+                triangle[(i, j)] = g[(i, j)];
+            }
+        }
+        let mut x = [1.0, -2.0, 3.0, 40.0, 50.0];
+        solve_positive(&mut triangle, &mut x, 3).unwrap();
+        for (i, right) in [1.0, -2.0, 3.0].into_iter().enumerate() {
+            let left: f64 = (0..3).map(|j| g[(i, j)] * x[j]).sum();
+            // Numbers of order ten, a few dozen roundings.
+            assert!((left - right).abs() < 1e-13);
+        }
+        assert_eq!(x[3..], [40.0, 50.0]);
+        let mut inverse = g;
+        lower(&mut inverse, 3).unwrap();
+        let l = inverse;
+        inverse_lower(&mut inverse, 3);
+        let back = (l * inverse).fixed_view::<3, 3>(0, 0).into_owned();
+        assert!((back - SMatrix::identity()).norm() < 1e-14);
+        assert_eq!(
+            inverse.rows(3, 2).norm() + inverse.columns(3, 2).norm(),
+            0.0
+        );
+        assert!(lower(&mut (g - g), 3).is_none());
     }
 
     #[test]

@@ -47,12 +47,22 @@ impl AccelerationFit {
                 return Err(GeometryError::Weight);
             }
             let row = sensor.borrow().rigid_body_row(reference);
-            normal += row.transpose() * row * weight;
+            for j in 0..6 {
+                for i in 0..6 {
+                    normal[(i, j)] += row[i] * row[j] * weight;
+                }
+            }
             total += weight;
         }
         if total <= 0.0 {
             return Err(GeometryError::NoAccelerometer);
         }
+        Ok(Self::solved(&normal, reference))
+    }
+
+    /// The fit with these normal equations.
+    #[inline(never)] // One step's matrices at a time.
+    fn solved(normal: &Matrix6<f64>, reference: &Vector3<f64>) -> Self {
         let tt: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 0).into();
         let tr: Matrix3<f64> = normal.fixed_view::<3, 3>(0, 3).into();
         let rr: Matrix3<f64> = normal.fixed_view::<3, 3>(3, 3).into();
@@ -71,12 +81,12 @@ impl AccelerationFit {
             .fixed_view_mut::<3, 3>(3, 0)
             .copy_from(&-coupling.transpose());
         inverse.fixed_view_mut::<3, 3>(3, 3).copy_from(&rr_inverse);
-        Ok(Self {
+        Self {
             reference: *reference,
             inverse,
             seen_translation,
             seen_rotation,
-        })
+        }
     }
 
     /// What one unit of this sensor's reading adds to the acceleration of A: its
@@ -100,7 +110,8 @@ impl AccelerationFit {
 
 /// Least-norm inverse of a symmetric 3 x 3 matrix and the projector on what it sees.
 fn pseudo_inverse(matrix: &Matrix3<f64>, scale: f64) -> (Matrix3<f64>, Matrix3<f64>) {
-    let (values, vectors) = symmetric_eigen(matrix);
+    let (mut rest, mut vectors) = (*matrix, Matrix3::zeros());
+    let values = symmetric_eigen(&mut rest, &mut vectors);
     let mut inverse = Matrix3::zeros();
     let mut projector = Matrix3::zeros();
     for (i, &value) in values.iter().enumerate() {
@@ -159,7 +170,8 @@ impl ForceResultants {
             row /= row.norm();
             gram += row.transpose() * row;
         }
-        let (values, vectors) = symmetric_eigen(&gram);
+        let mut vectors = Matrix6::zeros();
+        let values = symmetric_eigen(&mut gram, &mut vectors);
         let mut rows = Matrix6::zeros();
         let mut rank = 0;
         for (i, &value) in values.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! What follows from σ: centre of gravity, inertia about any point, their error bars.
 
 use super::normal::Solved;
+use crate::algebra::{multiply_left, multiply_right};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// A value with its standard deviation, in the same unit.
@@ -84,6 +85,10 @@ impl Body {
             value: s[0],
             std: std(0),
         });
+        let mut covariance = solved.covariance;
+        multiply_left(&jacobian, &mut covariance);
+        jacobian.transpose_mut();
+        multiply_right(&mut covariance, &jacobian);
         Self {
             point: solved.point,
             mass_known: known_mass.is_some(),
@@ -91,7 +96,7 @@ impl Body {
             mass,
             r,
             theta: core::array::from_fn(|j| s[4 + j]),
-            covariance: jacobian * solved.covariance * jacobian.transpose(),
+            covariance,
             observable,
         }
     }

@@ -17,6 +17,7 @@ mod sets;
 
 pub use derived::{Estimate, InertiaEstimate};
 pub use measurement::{Measurement, measurement_matrix};
+pub use normal::Workspace;
 pub use sets::MasslineSet;
 
 use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};
@@ -139,13 +140,26 @@ impl Identification {
 }
 
 /// Identifies the rigid body behind `masslines`, with respect to their first set's
-/// reference point. Sets may stand at different points; they are moved.
+/// reference point. Sets may stand at different points; they are moved. For stacks of some
+/// 16 KiB or more; see [`identify_in`].
 ///
 /// # Errors
 /// [`IdentifyError`].
 pub fn identify<S: MasslineSet>(
     masslines: &[S],
     question: &Question,
+) -> Result<Identification, IdentifyError> {
+    identify_in(masslines, question, &mut { Workspace::EMPTY })
+}
+
+/// As [`identify`], working in `space`.
+///
+/// # Errors
+/// [`IdentifyError`].
+pub fn identify_in<S: MasslineSet>(
+    masslines: &[S],
+    question: &Question,
+    space: &mut Workspace,
 ) -> Result<Identification, IdentifyError> {
     let first = masslines.first().ok_or(IdentifyError::NoMasslines)?;
     if let Some(m) = question.known_mass
@@ -154,13 +168,13 @@ pub fn identify<S: MasslineSet>(
         return Err(IdentifyError::KnownMass(m));
     }
     let reference = *first.reference();
-    let mut solved = normal::solve(masslines, &reference, question.known_mass)?;
+    normal::solve(masslines, &reference, question.known_mass, space)?;
     let mut iterations = 1;
     if let Procedure::Iterative { tolerance, limit } = question.procedure {
         let mut before = f64::INFINITY;
         let mut away = 0;
         loop {
-            let step = solved.step();
+            let step = space.solved.step();
             let distance = step.norm();
             if distance <= tolerance {
                 break;
@@ -174,19 +188,20 @@ pub fn identify<S: MasslineSet>(
                 return Err(IdentifyError::NotConverged(distance));
             }
             before = distance;
-            let point = solved.point + step;
-            solved = normal::solve(masslines, &point, question.known_mass)?;
+            let point = space.solved.point + step;
+            normal::solve(masslines, &point, question.known_mass, space)?;
             iterations += 1;
         }
     }
     Ok(assemble(
-        &solved,
+        &space.solved,
         reference,
         question.known_mass,
         iterations,
     ))
 }
 
+#[inline(never)] // Not on the stack while equations are solved.
 fn assemble(
     solved: &Solved,
     reference: Vector3<f64>,

@@ -1,9 +1,9 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
-use super::{IdentifyError, MasslineSet, measurement_matrix};
-use crate::algebra::symmetric_eigen;
+use super::{IdentifyError, MasslineSet, Measurement, measurement_matrix};
+use crate::algebra::{lower, multiply_left, multiply_right, symmetric_eigen};
 use crate::geometry::{resultants_at, transfer};
-use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
 ///
@@ -18,7 +18,11 @@ const SHARE: f64 = 1e-8;
 type Matrix10 = SMatrix<f64, 10, 10>;
 type Vector10 = SVector<f64, 10>;
 
+const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
+const NO_VECTOR: Vector10 = Vector10::from_array_storage(ArrayStorage([[0.0; 10]]));
+
 /// The solution about one point.
+#[derive(Clone, Debug)]
 pub(super) struct Solved {
     /// Where it was solved, m.
     pub(super) point: Vector3<f64>,
@@ -33,6 +37,18 @@ pub(super) struct Solved {
 }
 
 impl Solved {
+    /// Nothing solved yet.
+    pub(super) const NONE: Self = Self {
+        point: Vector3::new(0.0, 0.0, 0.0),
+        sigma: NO_VECTOR,
+        covariance: NO_MATRIX,
+        observable: [false; 10],
+        condition_number: 0.0,
+        consistency: None,
+        attenuation: 0.0,
+        known_mass: None,
+    };
+
     /// From the point to the identified S, along the axes on which S is known.
     pub(super) fn step(&self) -> Vector3<f64> {
         let mass = match self.known_mass {
@@ -55,7 +71,7 @@ impl Solved {
 const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
 
 /// Adds `Bᵀ diag(weights) B`.
-fn add_square(sum: &mut Matrix10, b: &SMatrix<f64, 6, 10>, weights: &Vector6<f64>) {
+fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
     for i in 0..10 {
         for j in 0..=i {
             let mut entry = 0.0;
@@ -70,7 +86,36 @@ fn add_square(sum: &mut Matrix10, b: &SMatrix<f64, 6, 10>, weights: &Vector6<f64
     }
 }
 
+/// The measurement matrix of an acceleration in the equations `e`.
+#[inline(never)] // One matrix on the caller's stack.
+fn measured(e: &Matrix6<f64>, acceleration: &Vector6<f64>, mass: f64) -> Measurement {
+    let mut b = measurement_matrix(acceleration, mass);
+    for mut column in b.column_iter_mut() {
+        let product = e * &column;
+        column.copy_from(&product);
+    }
+    b
+}
+
+/// What an identification works in: too large for the stack of a small chip, so it is lent.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    normal: Normal,
+    inverse: Matrix10,
+    pub(super) solved: Solved,
+}
+
+impl Workspace {
+    /// All zero, which takes no flash, and as good as any other state.
+    pub const EMPTY: Self = Self {
+        normal: Normal::EMPTY,
+        inverse: NO_MATRIX,
+        solved: Solved::NONE,
+    };
+}
+
 /// Normal equations of all sets about one point.
+#[derive(Clone, Debug)]
 struct Normal {
     matrix: Matrix10,
     right: Vector10,
@@ -85,53 +130,69 @@ struct Normal {
 }
 
 impl Normal {
-    #[inline(never)]
-    fn stack<S: MasslineSet>(sets: &[S], point: &Vector3<f64>, mass: f64) -> Self {
-        let mut n = Self {
-            matrix: Matrix10::zeros(),
-            right: Vector10::zeros(),
-            meat: Matrix10::zeros(),
-            noise: Matrix10::zeros(),
-            forces: 0.0,
-            rows: 0.0,
-            variance: 0.0,
-        };
+    const EMPTY: Self = Self {
+        matrix: NO_MATRIX,
+        right: NO_VECTOR,
+        meat: NO_MATRIX,
+        noise: NO_MATRIX,
+        forces: 0.0,
+        rows: 0.0,
+        variance: 0.0,
+    };
+
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    fn stack<S: MasslineSet>(&mut self, sets: &[S], point: &Vector3<f64>, mass: f64) {
+        *self = Self::EMPTY;
         for set in sets {
             let shift = point - set.reference();
             let t = transfer(&shift);
             let equations = set.equations().at(&shift);
             let e = equations.rows();
             for pair in set.pairs() {
-                let b = e * measurement_matrix(&(t * pair.acceleration), mass);
+                let b = measured(e, &(t * pair.acceleration), mass);
                 let f = e * resultants_at(&shift, &pair.force);
-                add_square(&mut n.matrix, &b, &ONES);
-                add_square(&mut n.meat, &b, &pair.variance);
-                n.right += b.tr_mul(&f);
-                n.forces += f.norm_squared();
-                n.rows += equations.count() as f64;
-                n.variance += pair.variance.sum();
+                add_square(&mut self.matrix, &b, &ONES);
+                add_square(&mut self.meat, &b, &pair.variance);
+                self.right += b.tr_mul(&f);
+                self.forces += f.norm_squared();
+                self.rows += equations.count() as f64;
+                self.variance += pair.variance.sum();
             }
             for j in 0..6 {
-                let column = t * set.noise().column(j);
-                let b = e * measurement_matrix(&column, mass);
-                add_square(&mut n.noise, &b, &ONES);
+                let b = measured(e, &(t * set.noise().column(j)), mass);
+                add_square(&mut self.noise, &b, &ONES);
             }
         }
-        n
-    }
-
-    /// Multiplies rows and columns with `d`.
-    fn scaled(m: &Matrix10, d: &Vector10) -> Matrix10 {
-        Matrix10::from_fn(|i, j| m[(i, j)] * d[i] * d[j])
     }
 }
 
+/// `m v`: the operator between values would copy the matrix.
+fn times(m: &Matrix10, v: &Vector10) -> Vector10 {
+    m * v
+}
+
+/// Multiplies rows and columns with `d`.
+fn scale(m: &mut Matrix10, d: &Vector10) {
+    for i in 0..10 {
+        for j in 0..10 {
+            m[(i, j)] = m[(i, j)] * d[i] * d[j];
+        }
+    }
+}
+
+/// Solves for the body behind the sets about one point, and leaves the solution in `space`.
 pub(super) fn solve<S: MasslineSet>(
     sets: &[S],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
-) -> Result<Solved, IdentifyError> {
-    let mut n = Normal::stack(sets, point, known_mass.unwrap_or(1.0));
+    space: &mut Workspace,
+) -> Result<(), IdentifyError> {
+    let Workspace {
+        normal: n,
+        inverse,
+        solved: into,
+    } = space;
+    n.stack(sets, point, known_mass.unwrap_or(1.0));
     let finite = n.matrix.iter().chain(n.right.iter()).all(|x| x.is_finite());
     if !finite {
         return Err(IdentifyError::NotFinite);
@@ -144,20 +205,22 @@ pub(super) fn solve<S: MasslineSet>(
             0.0
         }
     });
-    n.matrix = Normal::scaled(&n.matrix, &d);
-    n.meat = Normal::scaled(&n.meat, &d);
-    n.noise = Normal::scaled(&n.noise, &d);
-    n.right = n.right.component_mul(&d);
+    scale(&mut n.matrix, &d);
+    scale(&mut n.meat, &d);
+    scale(&mut n.noise, &d);
+    n.right.component_mul_assign(&d);
 
     let observable = observability(&n.matrix);
     if !observable.contains(&true) {
         return Err(IdentifyError::NothingObservable);
     }
     let kept = independent(&n.matrix, &observable);
-    let inverse = inverse_of(&n.matrix, &kept).ok_or(IdentifyError::NothingObservable)?;
+    invert(&n.matrix, &kept, inverse).ok_or(IdentifyError::NothingObservable)?;
 
-    let sigma = inverse * n.right;
-    let mut covariance = inverse * n.meat * inverse;
+    let sigma = times(inverse, &n.right);
+    let covariance = &mut n.meat;
+    multiply_left(inverse, covariance);
+    multiply_right(covariance, inverse);
     let unknowns = kept.iter().filter(|&&k| k).count() as f64;
     let freedom = n.rows - unknowns;
     let left = (n.forces - sigma.dot(&n.right)).max(0.0);
@@ -166,37 +229,40 @@ pub(super) fn solve<S: MasslineSet>(
         if n.variance > 0.0 {
             // Birge's ratio: what a rigid body leaves over, against what noise would.
             let ratio = left / (n.variance * freedom / n.rows);
-            covariance *= ratio.max(1.0);
+            *covariance *= ratio.max(1.0);
             consistency = Some(ratio);
         } else {
-            covariance = inverse * (left / freedom);
+            for (c, i) in covariance.iter_mut().zip(&*inverse) {
+                *c = i * (left / freedom);
+            }
         }
     }
     // The pull of the noise is a bias: its square joins the variance.
-    let pull = inverse * (n.noise * sigma);
-    covariance += pull * pull.transpose();
+    let pull = times(inverse, &times(&n.noise, &sigma));
+    covariance.ger(1.0, &pull, &pull, 1.0);
     let mut attenuation = 0.0_f64;
     for j in (0..10).filter(|&j| observable[j]) {
         if covariance[(j, j)] > 0.0 {
             attenuation = attenuation.max(pull[j] * pull[j] / covariance[(j, j)]);
         }
     }
-    Ok(Solved {
-        point: *point,
-        sigma: sigma.component_mul(&d),
-        covariance: Normal::scaled(&covariance, &d),
-        observable,
-        condition_number: condition(&n.matrix, &observable),
-        consistency,
-        attenuation,
-        known_mass,
-    })
+    scale(covariance, &d);
+    into.point = *point;
+    into.sigma = sigma.component_mul(&d);
+    into.covariance.copy_from(covariance);
+    into.observable = observable;
+    into.condition_number = condition(&n.matrix, &observable);
+    into.consistency = consistency;
+    into.attenuation = attenuation;
+    into.known_mass = known_mass;
+    Ok(())
 }
 
 /// The one rule: a parameter is observable if no undetermined direction involves it.
 #[inline(never)]
 fn observability(matrix: &Matrix10) -> [bool; 10] {
-    let (values, vectors) = symmetric_eigen(matrix);
+    let (mut rest, mut vectors) = (*matrix, Matrix10::zeros());
+    let values = symmetric_eigen(&mut rest, &mut vectors);
     let mut undetermined = [0.0; 10];
     for (i, &value) in values.iter().enumerate() {
         if value <= RANK {
@@ -238,10 +304,10 @@ fn independent(matrix: &Matrix10, observable: &[bool; 10]) -> [bool; 10] {
     kept
 }
 
-/// Inverse on the kept rows and columns by Cholesky, zero elsewhere.
-#[inline(never)]
-fn inverse_of(matrix: &Matrix10, kept: &[bool; 10]) -> Option<Matrix10> {
-    let reduced = Matrix10::from_fn(|i, j| {
+/// The rows and columns that are kept, with ones on the rest of the diagonal.
+#[inline(never)] // One matrix on the caller's stack.
+fn reduced(matrix: &Matrix10, kept: &[bool; 10]) -> Matrix10 {
+    Matrix10::from_fn(|i, j| {
         if kept[i] && kept[j] {
             matrix[(i, j)]
         } else if i == j {
@@ -249,27 +315,28 @@ fn inverse_of(matrix: &Matrix10, kept: &[bool; 10]) -> Option<Matrix10> {
         } else {
             0.0
         }
-    });
-    let mut inverse = reduced.cholesky()?.inverse();
+    })
+}
+
+/// Leaves the inverse on the kept rows and columns in `inverse`, by Cholesky; zero elsewhere.
+#[inline(never)]
+fn invert(matrix: &Matrix10, kept: &[bool; 10], inverse: &mut Matrix10) -> Option<()> {
+    let mut l = reduced(matrix, kept);
+    lower(&mut l, 10)?;
+    inverse.fill_with_identity();
+    l.solve_lower_triangular_unchecked_mut(inverse);
+    l.ad_solve_lower_triangular_unchecked_mut(inverse);
     for i in 0..10 {
         if !kept[i] {
             inverse[(i, i)] = 0.0;
         }
     }
-    Some(inverse)
+    Some(())
 }
 
 #[inline(never)]
 fn condition(matrix: &Matrix10, observable: &[bool; 10]) -> f64 {
-    let reduced = Matrix10::from_fn(|i, j| {
-        if observable[i] && observable[j] {
-            matrix[(i, j)]
-        } else if i == j {
-            1.0
-        } else {
-            0.0
-        }
-    });
-    let (values, _) = symmetric_eigen(&reduced);
+    let (mut rest, mut vectors) = (reduced(matrix, observable), Matrix10::zeros());
+    let values = symmetric_eigen(&mut rest, &mut vectors);
     values[0] / values[9]
 }

@@ -1,15 +1,17 @@
 //! What takes seconds: it leaves the instrument, is run elsewhere, and comes back.
 
 use super::answer::{Findings, answer};
-use super::memory::RUNS;
+use super::memory::{PAIRS, RUNS};
 use super::run::Buffers;
 use super::setup::Lines;
 use super::store::{Store, Stored};
-use crate::identify::{self, identify};
+use crate::geometry::Equations;
+use crate::identify::{self, Identification, identify_in};
 use crate::masslines::{self, Bands, DriveLines, Masslines, condense_into, lines_between};
 use crate::modes::MAX_MODES;
 use crate::spectra::RunResponses;
 use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
+use nalgebra::Vector3;
 
 /// Work that a request has left to be done. It owns all it needs, so that a task of low
 /// priority can run it while the instrument goes on.
@@ -54,7 +56,7 @@ impl Job<'_> {
         let window = self.lines.settings.window();
         let stored = &self.store.runs;
         let first = left.trailing_zeros() as usize;
-        let equations = *solver.equations.get(first).ok_or(NoAnswer::NoMasslines)?;
+        let equations = solver.equations.get(first).ok_or(NoAnswer::NoMasslines)?;
         let mut group: heapless::Vec<RunResponses<'_>, RUNS> = heapless::Vec::new();
         for run in first..RUNS {
             let others = solver.equations.get(run);
@@ -74,9 +76,7 @@ impl Job<'_> {
         if let Some(band) = self.question.fit_band {
             bands.fit = lines_between(&lines, band);
         }
-        let set = Masslines::new(solver.load_cells.reference(), equations);
-        solver.sets.push(set).map_err(|_| NoAnswer::TooManyPairs)?;
-        let set = solver.sets.last_mut().ok_or(NoAnswer::NoMasslines)?;
+        let set = add_set(&mut solver.sets, solver.load_cells.reference(), equations)?;
         condense_into(
             masslines::Method::from(self.question.method),
             &lines,
@@ -103,16 +103,34 @@ impl Job<'_> {
             known_mass: self.question.known_mass,
             procedure: self.question.procedure.into(),
         };
-        let identification = identify(&solver.sets, &question)?;
+        let identification = identify_in(&solver.sets, &question, &mut solver.identification);
+        self.tell(identification.as_ref().map_err(|error| *error)?);
+        Ok(())
+    }
+
+    #[inline(never)] // The answer is not on the stack while it is looked for.
+    fn tell(&mut self, identification: &Identification) {
+        let findings = self.buffers.bench.solver().map(|s| &s.findings);
         *self.store.answer = Some(answer(
             self.question,
             self.accelerations,
             quality(&self.store.runs, self.question.runs),
-            &identification,
-            &solver.findings,
+            identification,
+            findings.unwrap_or(&Findings::NONE),
         ));
-        Ok(())
     }
+}
+
+/// One more set of masslines, empty yet.
+#[inline(never)] // It is on the stack until it has its place.
+fn add_set<'s>(
+    sets: &'s mut heapless::Vec<Masslines<PAIRS>, RUNS>,
+    reference: Vector3<f64>,
+    equations: &Equations,
+) -> Result<&'s mut Masslines<PAIRS>, NoAnswer> {
+    let set = Masslines::new(reference, *equations);
+    sets.push(set).map_err(|_| NoAnswer::TooManyPairs)?;
+    sets.last_mut().ok_or(NoAnswer::NoMasslines)
 }
 
 /// What the runs suffered, all together.

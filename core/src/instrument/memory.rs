@@ -11,6 +11,7 @@ use super::live::{LevelMeter, Recorder};
 use super::setup::{LoadCells, SetUp};
 use super::store::Kept;
 use crate::geometry::{Equations, RESULTANTS, RunGeometry};
+use crate::identify;
 use crate::masslines::{Masslines, Workspace};
 use crate::spectra::{Complex32, Sum};
 use crate::wire::{Answer, Summary};
@@ -86,6 +87,7 @@ pub(super) struct Solver {
     pub(super) equations: [Equations; RUNS],
     pub(super) methods: Workspace,
     pub(super) sets: heapless::Vec<Masslines<PAIRS>, RUNS>,
+    pub(super) identification: identify::Workspace,
     pub(super) findings: Findings,
     /// Two numbers a line: the trace and the weights in which poles are found.
     pub(super) lines: [Complex<f64>; 2 * LINES],
@@ -111,6 +113,7 @@ impl Solver {
         equations: [Equations::none(); RUNS],
         methods: Workspace::EMPTY,
         sets: heapless::Vec::new(),
+        identification: identify::Workspace::EMPTY,
         findings: Findings::NONE,
         lines: [Complex::new(0.0, 0.0); 2 * LINES],
     };

@@ -193,10 +193,12 @@ impl Loads {
                 gram += row.transpose() * row;
             }
         }
-        let (values, vectors) = symmetric_eigen(&gram);
+        let least = 1e-10 * gram.trace();
+        let mut vectors = Matrix6::zeros();
+        let values = symmetric_eigen(&mut gram, &mut vectors);
         let mut inverse = Matrix6::zeros();
         for (i, &value) in values.iter().enumerate() {
-            if value > 1e-10 * gram.trace() {
+            if value > least {
                 let v: Vector6<f64> = vectors.column(i).into();
                 inverse += v * v.transpose() / value;
             }

@@ -13,9 +13,10 @@
 
 use super::averaging::MIN_LINES;
 use super::regression::{MAX_TERMS, Regression, Solution};
-use super::{Excitation, Lines, MasslineError, Masslines, Moments, Powers, Workspace};
+use super::{Lines, Massline, MasslineError, Masslines, Moments, Powers, Workspace};
+use crate::algebra::{multiply_left, multiply_right};
 use crate::geometry::Equations;
-use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
+use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
 
@@ -96,20 +97,22 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
         return Err(MasslineError::NoResultant);
     }
     let alike = [1.0; MAX_RUNS];
-    let energy = energy(lines, &band, &alike);
-    let (poles, _) = find_fixed_poles(lines, &energy, fit, work);
+    let mut energy = energy(lines, &band, &alike);
+    let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work);
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
         regression,
-        full,
+        candidate,
         best,
         apparent_mass,
+        residuals,
         ..
     } = space;
     let mut fit = Fit {
         regression,
-        full,
+        candidate,
         solution: best,
+        residuals,
         weights: alike,
         runs: lines.runs().min(MAX_RUNS),
         noise: Vector6::zeros(),
@@ -120,15 +123,13 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     fit.solve(lines, &band, &basis, &energy)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
     fit.weigh_runs(lines, &band, &basis);
-    let energy = self::energy(lines, &band, &fit.weights);
+    energy = self::energy(lines, &band, &fit.weights);
     fit.solve(lines, &band, &basis, &energy)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
-    let spread = fit.spread(lines, &band, &basis);
-    for (pair, spread) in set.pairs.iter_mut().skip(first).zip(&spread) {
-        pair.variance.component_mul_assign(spread);
-    }
-    set.noise = fit.noise_of_pairs();
+    fit.find_residuals(lines, &band, &basis);
+    fit.spread(lines, &band, &mut set.pairs[first..]);
+    fit.noise_of_pairs(&mut set.noise);
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
 }
@@ -156,6 +157,7 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     lines: &L,
     energy: &Powers,
     fit: Range<usize>,
+    search: &mut PoleSearch,
     work: &'w mut [Complex<f64>],
 ) -> (heapless::Vec<Pole, MAX_MODES>, Trace<'w>) {
     // W makes translations and rotations comparable: force over acceleration, roughly
@@ -166,7 +168,22 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     });
     let end = fit.end.min(lines.count()).min(fit.start + work.len() / 2);
     let count = end.saturating_sub(fit.start);
-    for (line, t) in (fit.start..end).zip(work.iter_mut()) {
+    power_like(lines, fit.start..end, &w, work);
+    let trace = Trace::new(&mut work[..2 * count]);
+    let frequency = |k: usize| lines.frequency(fit.start + k);
+    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
+    (poles, trace)
+}
+
+/// The scalar `Σ_runs a*f / a*W a` of each of the lines `fit`.
+#[inline(never)] // Its moments are off the stack when poles are looked for.
+fn power_like<L: Lines + ?Sized>(
+    lines: &L,
+    fit: Range<usize>,
+    w: &Vector6<f64>,
+    into: &mut [Complex<f64>],
+) {
+    for (line, t) in fit.zip(into) {
         *t = Complex::new(0.0, 0.0);
         for run in 0..lines.runs() {
             let mut power = Complex::new(0.0, 0.0);
@@ -189,11 +206,6 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
             }
         }
     }
-    let trace = Trace::new(&mut work[..2 * count]);
-    let poles = find_poles(&trace, Residues::Positive, &|k| {
-        lines.frequency(fit.start + k)
-    });
-    (poles, trace)
 }
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
@@ -232,11 +244,30 @@ impl Basis {
     }
 }
 
+/// What a fit leaves in each run.
+#[derive(Clone, Debug)]
+pub(super) struct Residuals {
+    /// What each term is multiplied with, in whitened equations.
+    models: [Matrix6<f64>; MAX_TERMS],
+    /// Power of each measured equation per independent complex line of each run, in units
+    /// of the pooled residual.
+    left: [Vector6<f64>; MAX_RUNS],
+}
+
+impl Residuals {
+    /// None yet.
+    pub(super) const EMPTY: Self = Self {
+        models: [NO_MATRIX; MAX_TERMS],
+        left: [Vector6::from_array_storage(ArrayStorage([[0.0; 6]])); MAX_RUNS],
+    };
+}
+
 struct Fit<'s> {
     regression: &'s mut Regression,
-    /// With all terms that can be told apart.
-    full: &'s mut Solution,
+    /// What is compared with it.
+    candidate: &'s mut Solution,
     solution: &'s mut Solution,
+    residuals: &'s mut Residuals,
     /// What each run's squares count.
     weights: [f64; MAX_RUNS],
     runs: usize,
@@ -247,7 +278,6 @@ struct Fit<'s> {
 impl Fit<'_> {
     /// Regression over all lines of the band with the weights as they are, with which the
     /// lines have the given energy.
-    #[inline(never)] // Its moments are off the stack when pairs are made.
     fn solve<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
@@ -263,11 +293,16 @@ impl Fit<'_> {
             }
         }
         self.power = energy.ff;
-        let excitation = Excitation::new(&energy.aa, &self.noise);
-        if excitation.rank() == 0 {
-            return Err(MasslineError::NoExcitation);
-        }
-        self.regression.restart(excitation);
+        self.regression
+            .restart(&energy.aa, &self.noise)
+            .ok_or(MasslineError::NoExcitation)?;
+        self.add_lines(lines, band, basis);
+        best(self.regression, basis, self.candidate, self.solution).ok_or(MasslineError::Singular)
+    }
+
+    /// Adds all lines of the band to the regression.
+    #[inline(never)] // Its moments are off the stack when it is solved.
+    fn add_lines<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
         for line in band.clone() {
             let mut m = Moments::zero();
             let mut count = 0.0;
@@ -277,30 +312,23 @@ impl Fit<'_> {
                 count += 2.0 * lines.equations_per_line(run);
             }
             let phi = basis.at(lines.frequency(line));
-            self.regression.add(&m, &phi[..basis.terms()], count);
+            self.regression.add(&mut m, &phi[..basis.terms()], count);
         }
-        best(self.regression, basis, self.full, self.solution).ok_or(MasslineError::Singular)
     }
 
-    /// What the fit leaves in each run: power of each measured equation per independent
-    /// complex line, in units of the pooled residual.
+    /// Finds what the fit leaves in each run.
     #[inline(never)]
-    fn left<L: Lines + ?Sized>(
-        &self,
-        lines: &L,
-        band: &Range<usize>,
-        basis: &Basis,
-    ) -> [Vector6<f64>; MAX_RUNS] {
-        let mut left = [Vector6::zeros(); MAX_RUNS];
+    fn find_residuals<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
+        let Residuals { models, left } = &mut *self.residuals;
+        left.fill(Vector6::zeros());
         let Some(whitened) = self.regression.whitened(self.solution) else {
-            return left;
+            return;
         };
-        let models: heapless::Vec<Matrix6<f64>, MAX_TERMS> = (0..basis.terms())
-            .map(|t| {
-                let m = self.regression.coefficient(self.solution, t);
-                whitened.rows() * m.unwrap_or_else(Matrix6::zeros)
-            })
-            .collect();
+        for (t, model) in models.iter_mut().enumerate().take(basis.terms()) {
+            self.regression.coefficient(self.solution, t, model);
+            multiply_left(whitened.rows(), model);
+        }
+        let models = &models[..basis.terms()];
         let runs = self.runs;
         for line in band.clone() {
             let phi = basis.at(lines.frequency(line));
@@ -321,13 +349,13 @@ impl Fit<'_> {
         for (run, left) in left.iter_mut().enumerate().take(runs) {
             *left /= (lines.equations_per_line(run) * band.len() as f64).max(1.0);
         }
-        left
     }
 
     /// Weighs each run with its inverse residual power.
+    #[inline(never)]
     fn weigh_runs<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
-        let left = self.left(lines, band, basis);
-        let left = left.iter().take(self.runs).map(Vector6::sum);
+        self.find_residuals(lines, band, basis);
+        let left = self.residuals.left.iter().take(self.runs).map(Vector6::sum);
         let mean = left.clone().sum::<f64>() / self.runs as f64;
         if mean > 0.0 {
             for (weight, left) in self.weights.iter_mut().zip(left) {
@@ -337,21 +365,21 @@ impl Fit<'_> {
         }
     }
 
-    /// Variance of the pairs' equations where runs differ in their noise: each pair has
-    /// that of the runs which excite its direction, in their shares of its power.
+    /// Spreads the variance of the pairs' equations where runs differ in their noise: each
+    /// pair has that of the runs which excite its direction, in their shares of its power.
     #[inline(never)]
-    fn spread<L: Lines + ?Sized>(
-        &self,
-        lines: &L,
-        band: &Range<usize>,
-        basis: &Basis,
-    ) -> [Vector6<f64>; 6] {
-        let left = self.left(lines, band, basis);
+    fn spread<L: Lines + ?Sized>(&self, lines: &L, band: &Range<usize>, pairs: &mut [Massline]) {
         let mut variance = [Vector6::zeros(); 6];
         let mut total = [0.0; 6];
         let mut mean = Vector6::zeros();
         let mut counted = 0.0;
-        for (run, (weight, left)) in self.weights.iter().zip(&left).enumerate().take(self.runs) {
+        for (run, (weight, left)) in self
+            .weights
+            .iter()
+            .zip(&self.residuals.left)
+            .enumerate()
+            .take(self.runs)
+        {
             let mut powers = Powers::zero();
             for line in band.clone() {
                 lines.add_powers(run, line, *weight, &mut powers);
@@ -366,24 +394,25 @@ impl Fit<'_> {
             counted += lines_of_run;
         }
         // In units of the pooled residual, whose degrees of freedom are taken off already.
-        for (variance, total) in variance.iter_mut().zip(total) {
+        for ((pair, variance), total) in pairs.iter_mut().zip(&variance).zip(total) {
             for j in 0..6 {
                 let pooled = mean[j] * total;
-                variance[j] = if pooled > 0.0 {
+                pair.variance[j] *= if pooled > 0.0 {
                     variance[j] * counted / pooled
                 } else {
                     1.0
                 };
             }
         }
-        variance
     }
 
     /// Of the noise, the pairs hold only what lies along the excited directions.
-    fn noise_of_pairs(&self) -> Matrix6<f64> {
+    #[inline(never)]
+    fn noise_of_pairs(&self, into: &mut Matrix6<f64>) {
         let excitation = self.regression.excitation();
-        let kept = excitation.basis() * excitation.coordinates();
-        kept * Matrix6::from_diagonal(&self.noise.map(libm::sqrt))
+        excitation.basis().mul_to(excitation.coordinates(), into);
+        let noise = Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
+        multiply_right(into, &noise);
     }
 
     #[inline(never)]
@@ -393,7 +422,11 @@ impl Fit<'_> {
         basis: &Basis,
         into: &mut ApparentMass,
     ) {
-        let coefficient = |t: usize| self.regression.coefficient(self.solution, t);
+        let coefficient = |t: usize| {
+            let mut m = NO_MATRIX;
+            let chosen = self.regression.coefficient(self.solution, t, &mut m);
+            chosen.then_some(m)
+        };
         for (r, slot) in into.elastic.iter_mut().enumerate() {
             *slot = None;
             if r < poles.len() {
@@ -408,7 +441,8 @@ impl Fit<'_> {
             },
         );
         into.upper = coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit));
-        into.rigid = coefficient(0).unwrap_or_else(Matrix6::zeros);
+        self.regression
+            .coefficient(self.solution, 0, &mut into.rigid);
         into.poles = poles;
         into.excited = self.regression.excitation().rank();
         into.weakest_excitation = self.regression.excitation().weakest();
@@ -425,25 +459,36 @@ impl Fit<'_> {
 /// Leaves it in `best`; `None` if there is none.
 #[inline(never)]
 fn best(
-    regression: &Regression,
+    regression: &mut Regression,
     basis: &Basis,
-    full: &mut Solution,
+    candidate: &mut Solution,
     best: &mut Solution,
 ) -> Option<()> {
     let modes = basis.poles.len();
-    let mut fullest = (0..=modes).rev();
-    if !fullest.any(|m| regression.solve(&terms(m, basis), full).is_some()) {
+    let mut fewer = (0..=modes).rev();
+    if !fewer.any(|m| regression.solve(&terms(m, basis), candidate).is_some()) {
         // Three lines of one run carry no more than a plain average.
         return regression.solve(&[0], best);
     }
-    let mut least = f64::INFINITY;
-    for m in (0..=modes).rev() {
-        least = consider(regression, &terms(m, basis), full, least, best);
+    let full = regression.first_term(candidate)?;
+    let mut least = regression.risk(candidate, &full);
+    core::mem::swap(best, candidate);
+    let mut consider = |chosen: &[usize]| {
+        if regression.solve(chosen, candidate).is_some() {
+            let risk = regression.risk(candidate, &full);
+            if risk < least {
+                least = risk;
+                core::mem::swap(best, candidate);
+            }
+        }
+    };
+    for m in fewer {
+        consider(&terms(m, basis));
     }
     // The ω² term has to be worth its cost, too.
     for m in (0..=modes).rev() {
         let without: heapless::Vec<usize, MAX_TERMS> = (0..=m).collect();
-        least = consider(regression, &without, full, least, best);
+        consider(&without);
     }
     Some(())
 }
@@ -452,26 +497,6 @@ fn best(
 fn terms(modes: usize, basis: &Basis) -> heapless::Vec<usize, MAX_TERMS> {
     // `MAX_TERMS` holds every mode and two more.
     (0..=modes).chain([basis.upper()]).collect()
-}
-
-/// Keeps the solution with the terms `chosen` if its risk is below `least`. Returns the
-/// lowest risk.
-fn consider(
-    regression: &Regression,
-    chosen: &[usize],
-    full: &Solution,
-    least: f64,
-    best: &mut Solution,
-) -> f64 {
-    let mut candidate = Solution::EMPTY;
-    if regression.solve(chosen, &mut candidate).is_some() {
-        let risk = regression.risk(&mut candidate, full);
-        if risk < least {
-            best.clone_from(&candidate);
-            return risk;
-        }
-    }
-    least
 }
 
 /// Power that `model`, the apparent mass in the rows of `equations`, leaves in each of
@@ -498,6 +523,18 @@ fn residual<L: Lines + ?Sized>(
             left.norm_sqr() * weight
         });
     }
+    residual_of_moments(lines, run, line, e, model)
+}
+
+/// As [`residual`], from the moments of a run that was not referred to a drive.
+#[inline(never)] // Its moments are on the stack only where they are needed.
+fn residual_of_moments<L: Lines + ?Sized>(
+    lines: &L,
+    run: usize,
+    line: usize,
+    e: &Matrix6<f64>,
+    model: &Matrix6<Complex<f64>>,
+) -> Vector6<f64> {
     let mut m = Moments::zero();
     lines.add_moments(run, line, 1.0, &mut m);
     Vector6::from_fn(|j, _| {

@@ -1,8 +1,9 @@
 //! Averages over the lines of a band, and what the scatter of the lines says about them.
 
-use super::{Lines, MasslineError, Masslines};
+use super::{Lines, Massline, MasslineError, Masslines, Moments};
+use crate::algebra::{multiply_left, multiply_right, symmetric_eigen};
 use core::ops::Range;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
 /// Fewest lines of an averaging band.
 pub const MIN_LINES: usize = 3;
@@ -72,8 +73,73 @@ impl LineWeights {
     }
 }
 
+/// Real parts of the moments summed over runs and lines, with the noise in them.
+pub(super) struct RealMoments {
+    pub(super) aa: Matrix6<f64>,
+    pub(super) ff: Matrix6<f64>,
+    pub(super) acceleration_noise: Vector6<f64>,
+    pub(super) force_noise: Vector6<f64>,
+    pub(super) lines: f64,
+}
+
+impl RealMoments {
+    #[inline(never)] // Complex moments are off the stack when the caller goes on.
+    pub(super) fn new<L: Lines + ?Sized>(lines: &L, band: &Range<usize>) -> Self {
+        let mut total = Moments::zero();
+        let mut noise = [0.0; 12];
+        for run in 0..lines.runs() {
+            let per_line = lines.noise(run);
+            for (sum, n) in noise.iter_mut().zip(per_line) {
+                *sum += n * band.len() as f64;
+            }
+            for line in band.clone() {
+                lines.add_moments(run, line, 1.0, &mut total);
+            }
+        }
+        Self {
+            aa: total.aa.map(|z| z.re),
+            ff: total.ff.map(|z| z.re),
+            acceleration_noise: Vector6::from_fn(|j, _| noise[j]),
+            force_noise: Vector6::from_fn(|j, _| noise[6 + j]),
+            lines: band.len() as f64,
+        }
+    }
+}
+
+/// An acceleration and the force that goes with it at one line.
+pub(super) type LinePair = (Vector6<f64>, Vector6<f64>);
+
+/// Fills in the pairs of one line.
+pub(super) type PairsOfLine<'f> =
+    &'f mut dyn FnMut(usize, &mut [LinePair]) -> Result<(), MasslineError>;
+
+const NO_VECTOR: Vector6<f64> = Vector6::from_array_storage(ArrayStorage([[0.0; 6]]));
+const NO_PAIR: LinePair = (NO_VECTOR, NO_VECTOR);
+
+/// The averages and their slopes, whose forces are replaced by what is left over of them by
+/// the matrix that fits the averages best.
+struct Fitted<const PAIRS: usize> {
+    mass: Matrix6<f64>,
+    value: [LinePair; PAIRS],
+    slope: [LinePair; PAIRS],
+}
+
+impl<const PAIRS: usize> Fitted<PAIRS> {
+    const NOTHING: Self = Self {
+        mass: Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
+        value: [NO_PAIR; PAIRS],
+        slope: [NO_PAIR; PAIRS],
+    };
+}
+
+/// What is left over of the force of a pair, in the equations `rows`.
+#[inline(never)] // A handful of vectors is off the stack when the next pair is made.
+fn left(rows: &Matrix6<f64>, mass: &Matrix6<f64>, (a, f): &LinePair) -> Vector6<f64> {
+    rows * (f - mass * a)
+}
+
 impl<const PAIRS: usize> Masslines<PAIRS> {
-    /// Adds one pair for each `p` that `line_pair(line, p)` knows, averaged over the
+    /// Adds the `count` pairs that `line_pairs` knows of every line, averaged over the
     /// lines `band` with the given trend, with the variance that their scatter tells.
     ///
     /// # Errors
@@ -84,43 +150,49 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         band: &Range<usize>,
         trend: Trend,
         count: usize,
-        mut line_pairs: impl FnMut(
-            usize,
-            &mut [(Vector6<f64>, Vector6<f64>)],
-        ) -> Result<(), MasslineError>,
+        line_pairs: PairsOfLine<'_>,
     ) -> Result<(), MasslineError> {
         if band.len() < MIN_LINES {
             return Err(MasslineError::TooFewLines(band.len()));
         }
-        let zero = (Vector6::zeros(), Vector6::zeros());
         if count > PAIRS {
             return Err(MasslineError::TooManyPairs);
         }
-        let mut buffer = [zero; PAIRS];
         let weights = LineWeights::new(lines, band, trend);
-        let (mut value, mut slope) = ([zero; PAIRS], [zero; PAIRS]);
-        for line in band.clone() {
-            let (w, s) = weights.at(lines.frequency(line));
-            line_pairs(line, &mut buffer[..count])?;
-            for p in 0..count {
-                let (a, f) = buffer[p];
-                value[p].0 += a * w;
-                value[p].1 += f * w;
-                slope[p].0 += a * s;
-                slope[p].1 += f * s;
-            }
-        }
         let first = self.pairs.len();
-        for (a, f) in value.iter().take(count) {
-            self.push(*a, *f, Vector6::zeros())?;
-        }
-        // The level of the excitation changes from line to line and is no error: what
-        // scatters is the force left over by the matrix that fits the averages best.
-        let mass = self.best_matrix();
-        let rows = *self.equations.rows();
-        let left = |(a, f): (Vector6<f64>, Vector6<f64>)| rows * (f - mass * a);
+        let mut fitted = Fitted::<PAIRS>::NOTHING;
+        self.add_averages(lines, band, &weights, count, line_pairs, &mut fitted)?;
+        let mut squares = [NO_VECTOR; PAIRS];
+        let gain = self.scatter(
+            lines,
+            band,
+            &weights,
+            line_pairs,
+            &fitted,
+            &mut squares[..count],
+        )?;
         let freedom = weights.count - weights.fitted();
-        let mut squares = [Vector6::<f64>::zeros(); PAIRS];
+        for (pair, squares) in self.pairs[first..].iter_mut().zip(&squares) {
+            pair.variance = squares * (lines.correlation() * gain / freedom.max(1.0));
+        }
+        Ok(())
+    }
+
+    /// Adds up the squares by which the force of each pair scatters from line to line, and
+    /// returns the sum of the squared weights.
+    #[inline(never)] // Its buffer is not on the stack while averages are taken.
+    fn scatter<L: Lines + ?Sized>(
+        &self,
+        lines: &L,
+        band: &Range<usize>,
+        weights: &LineWeights,
+        line_pairs: PairsOfLine<'_>,
+        fitted: &Fitted<PAIRS>,
+        squares: &mut [Vector6<f64>],
+    ) -> Result<f64, MasslineError> {
+        let count = squares.len();
+        let rows = self.equations.rows();
+        let mut buffer = [NO_PAIR; PAIRS];
         let mut gain = 0.0;
         for line in band.clone() {
             let frequency = lines.frequency(line);
@@ -128,43 +200,89 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             gain += w * w;
             line_pairs(line, &mut buffer[..count])?;
             for p in 0..count {
-                let scatter = match trend {
-                    Trend::Constant => left(buffer[p]) - left(value[p]),
-                    Trend::Squared => {
-                        let x = weights.x(frequency);
-                        left(buffer[p]) - left(value[p]) - left(slope[p]) * x
-                    }
-                };
+                let mut scatter = left(rows, &fitted.mass, &buffer[p]) - fitted.value[p].1;
+                if weights.trend == Trend::Squared {
+                    scatter -= fitted.slope[p].1 * weights.x(frequency);
+                }
                 squares[p] += scatter.component_mul(&scatter);
             }
         }
-        for (pair, squares) in self.pairs[first..].iter_mut().zip(&squares) {
-            pair.variance = squares * (lines.correlation() * gain / freedom.max(1.0));
+        Ok(gain)
+    }
+
+    /// Adds the averages to the pairs, and leaves them in `fitted`.
+    #[inline(never)] // Its sums are off the stack when scatter is looked at.
+    fn add_averages<L: Lines + ?Sized>(
+        &mut self,
+        lines: &L,
+        band: &Range<usize>,
+        weights: &LineWeights,
+        count: usize,
+        line_pairs: PairsOfLine<'_>,
+        fitted: &mut Fitted<PAIRS>,
+    ) -> Result<(), MasslineError> {
+        let mut buffer = [NO_PAIR; PAIRS];
+        let Fitted { mass, value, slope } = fitted;
+        for line in band.clone() {
+            let (w, s) = weights.at(lines.frequency(line));
+            line_pairs(line, &mut buffer[..count])?;
+            for p in 0..count {
+                let (a, f) = &buffer[p];
+                value[p].0 += a * w;
+                value[p].1 += f * w;
+                slope[p].0 += a * s;
+                slope[p].1 += f * s;
+            }
+        }
+        for (a, f) in value.iter().take(count) {
+            self.push(*a, *f, Vector6::zeros())?;
+        }
+        // The level of the excitation changes from line to line and is no error: what
+        // scatters is the force left over by the matrix that fits the averages best.
+        *mass = self.best_matrix();
+        let rows = self.equations.rows();
+        for pair in value[..count].iter_mut().chain(&mut slope[..count]) {
+            pair.1 = left(rows, mass, pair);
         }
         Ok(())
     }
 
     /// The matrix that maps accelerations to forces best, without any structure imposed:
     /// `Σ f aᵀ (Σ a aᵀ)⁻¹` on the directions the pairs span.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
     pub(super) fn best_matrix(&self) -> Matrix6<f64> {
         let (mut fa, mut aa) = (Matrix6::zeros(), Matrix6::zeros());
-        for pair in &self.pairs {
-            fa += pair.force * pair.acceleration.transpose();
-            aa += pair.acceleration * pair.acceleration.transpose();
+        for Massline {
+            acceleration,
+            force,
+            ..
+        } in &self.pairs
+        {
+            fa.ger(1.0, force, acceleration, 1.0);
+            aa.ger(1.0, acceleration, acceleration, 1.0);
         }
         let scale = aa
             .diagonal()
             .map(|d: f64| if d > 0.0 { 1.0 / libm::sqrt(d) } else { 0.0 });
         let d = Matrix6::from_diagonal(&scale);
-        let (values, vectors) = crate::algebra::symmetric_eigen(&(d * aa * d));
+        multiply_left(&d, &mut aa);
+        multiply_right(&mut aa, &d);
+        let mut vectors = Matrix6::zeros();
+        let values = symmetric_eigen(&mut aa, &mut vectors);
         let mut inverse = Matrix6::zeros();
         for (i, &value) in values.iter().enumerate() {
             // Pairs are few and exact numbers; below 1e-12 there is only rounding.
             if value > 1e-12 {
-                let v: Vector6<f64> = vectors.column(i).into();
-                inverse += v * v.transpose() / value;
+                for j in 0..6 {
+                    for k in 0..6 {
+                        inverse[(j, k)] += vectors[(j, i)] * vectors[(k, i)] / value;
+                    }
+                }
             }
         }
-        fa * (d * inverse * d)
+        multiply_left(&d, &mut inverse);
+        multiply_right(&mut inverse, &d);
+        multiply_right(&mut fa, &inverse);
+        fa
     }
 }

@@ -170,13 +170,7 @@ pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
         Method::PowerSpectraCholesky => power_spectra(lines, band, Factorisation::Cholesky, set),
         Method::FreeResponses => free_responses(lines, band, false, set),
         Method::FreeResponsesSquared => free_responses(lines, band, true, set),
-        Method::CurveFit => {
-            let modes = &mut space.free_modes;
-            curve_fit(lines, band, fit, bands.modes, set, modes, work)
-        }
-        Method::Synthesis => {
-            let modes = &mut space.free_modes;
-            synthesis(lines, band, fit, bands.modes, set, modes, work)
-        }
+        Method::CurveFit => curve_fit(lines, band, fit, bands.modes, set, space, work),
+        Method::Synthesis => synthesis(lines, band, fit, bands.modes, set, space, work),
     }
 }

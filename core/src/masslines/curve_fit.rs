@@ -1,12 +1,13 @@
 //! Method d: curve fit of the free system's frequency responses.
 
-use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines};
+use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use crate::algebra::multiply_left;
 use core::ops::Range;
 use nalgebra::{Complex, Vector6};
 
 /// Adds masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
 /// `limit` elastic modes with common poles, and one term for those above. The lines
-/// `band` only judge the excitation. The fit is left in `modes`; `work` holds two elements
+/// `band` only judge the excitation. The fit is left in `space`; `work` holds two elements
 /// per line.
 ///
 /// # Errors
@@ -19,20 +20,28 @@ pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     fit: Range<usize>,
     limit: usize,
     set: &mut Masslines<PAIRS>,
-    modes: &mut FreeModes,
+    space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations)?;
-    system.modes(fit, limit, modes, work)?;
+    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = system.as_ref().map_err(|error| *error)?;
+    system.modes(fit, limit, space, work)?;
+    let modes = &space.free_modes;
     for j in 0..system.forces() {
         let a = system.noise_filter() * modes.constant.column(j);
         set.push(a, system.unit_force(j), Vector6::zeros())?;
     }
-    // An error of the acceleration counts as the force that would make it.
-    let rows = *set.equations.rows();
-    let gain = (rows * set.best_matrix()).map(|x| x * x);
+    add_variances(set, modes);
+    Ok(())
+}
+
+/// An error of the acceleration counts as the force that would make it.
+#[inline(never)] // Not on the stack while modes are found.
+fn add_variances<const PAIRS: usize>(set: &mut Masslines<PAIRS>, modes: &FreeModes) {
+    let mut gain = set.best_matrix();
+    multiply_left(set.equations.rows(), &mut gain);
+    gain.apply(|x| *x *= *x);
     for (j, pair) in set.pairs.iter_mut().enumerate() {
         pair.variance = gain * modes.constant_variance.column(j);
     }
-    Ok(())
 }

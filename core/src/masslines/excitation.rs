@@ -4,7 +4,7 @@
 //! turn into ten confident wrong numbers. So every direction is held against the noise
 //! of the very channels it comes from, before anything is inverted.
 
-use crate::algebra::symmetric_eigen;
+use crate::algebra::{multiply_left, symmetric_eigen};
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
 
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
@@ -52,52 +52,62 @@ impl Excitation {
         // In units of its own noise every channel is comparable. A channel that is
         // exactly zero, because no sensor sees it, has no noise either and stays zero.
         let scale = noise.map(|n| if n > 0.0 { libm::sqrt(n) } else { 0.0 });
-        let ratio = Matrix6::from_fn(|i, j| {
+        let mut ratio = Matrix6::from_fn(|i, j| {
             let s = scale[i] * scale[j];
             if s > 0.0 { moments[(i, j)] / s } else { 0.0 }
         });
-        let (values, vectors) = symmetric_eigen(&ratio);
-        let mut basis = Matrix6::zeros();
-        let mut coordinates = Matrix6::zeros();
-        let mut rank = 0;
-        let mut weakest = f64::INFINITY;
+        // Filled where it lies: three matrices are not moved over the stack.
+        let mut excitation = Self::NONE;
+        let Self {
+            basis,
+            coordinates,
+            rank,
+            weakest,
+            cleaner,
+        } = &mut excitation;
+        for at in [0, 3] {
+            let block: Matrix3<f64> = ratio.fixed_view::<3, 3>(at, at).into();
+            let units = Vector3::new(scale[at], scale[at + 1], scale[at + 2]);
+            cleaner
+                .fixed_view_mut::<3, 3>(at, at)
+                .copy_from(&above_noise(block, &units));
+        }
+        let mut vectors = Matrix6::zeros();
+        let values = symmetric_eigen(&mut ratio, &mut vectors);
         let all = values.iter().all(|&v| v > EXCITED);
         for (i, &value) in values.iter().enumerate() {
             if value <= EXCITED {
                 continue;
             }
-            weakest = weakest.min(value);
+            *weakest = weakest.min(value);
             // With all six excited any basis will do, and the plain axes cost no rounding.
             if all {
                 basis[(i, i)] = 1.0;
                 coordinates[(i, i)] = 1.0;
             } else {
                 for j in 0..6 {
-                    basis[(j, rank)] = vectors[(j, i)] * scale[j];
-                    coordinates[(rank, j)] = if scale[j] > 0.0 {
+                    basis[(j, *rank)] = vectors[(j, i)] * scale[j];
+                    coordinates[(*rank, j)] = if scale[j] > 0.0 {
                         vectors[(j, i)] / scale[j]
                     } else {
                         0.0
                     };
                 }
             }
-            rank += 1;
+            *rank += 1;
         }
-        let mut cleaner = Matrix6::zeros();
-        for at in [0, 3] {
-            let block: Matrix3<f64> = ratio.fixed_view::<3, 3>(at, at).into();
-            let units = Vector3::new(scale[at], scale[at + 1], scale[at + 2]);
-            cleaner
-                .fixed_view_mut::<3, 3>(at, at)
-                .copy_from(&above_noise(&block, &units));
-        }
-        Self {
-            basis: cleaner * basis,
-            coordinates,
-            rank,
-            weakest,
-            cleaner,
-        }
+        multiply_left(cleaner, basis);
+        excitation
+    }
+
+    /// Rank and cleaner of [`Self::new`], for those who need no more of it.
+    #[inline(never)] // The rest is off the stack when the caller goes on.
+    pub(super) fn rank_and_cleaner(
+        moments: &Matrix6<f64>,
+        noise: &Vector6<f64>,
+    ) -> (usize, Matrix6<f64>) {
+        let excitation = Self::new(moments, noise);
+        (excitation.rank, excitation.cleaner)
     }
 
     /// Number of excited directions.
@@ -137,8 +147,10 @@ impl Excitation {
 
 /// Projector on the directions of three components that rise above noise, where `ratio`
 /// is their second moments in units of their noise `units`.
-fn above_noise(ratio: &Matrix3<f64>, units: &Vector3<f64>) -> Matrix3<f64> {
-    let (values, vectors) = symmetric_eigen(ratio);
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
+fn above_noise(mut ratio: Matrix3<f64>, units: &Vector3<f64>) -> Matrix3<f64> {
+    let mut vectors = Matrix3::zeros();
+    let values = symmetric_eigen(&mut ratio, &mut vectors);
     if values.iter().all(|&v| v > EXCITED) {
         return Matrix3::identity();
     }

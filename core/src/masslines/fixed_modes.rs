@@ -8,10 +8,10 @@
 
 use super::apparent_mass::{Basis, MAX_RUNS, energy, find_fixed_poles};
 use super::regression::{Regression, Solution};
-use super::{Excitation, Lines, MasslineError, Moments, Powers};
+use super::{Lines, MasslineError, Moments, Powers};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::Equations;
-use crate::modes::{MAX_MODES, Pole, Trace};
+use crate::modes::{MAX_MODES, Pole, PoleSearch, Trace};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
 
@@ -43,12 +43,13 @@ pub fn fixed_modes<L: Lines + ?Sized>(
 ) -> Result<heapless::Vec<FixedMode, MAX_MODES>, MasslineError> {
     let start = fit.start;
     let energy = energy(lines, &band, &[1.0; MAX_RUNS]);
-    let (poles, trace) = find_fixed_poles(lines, &energy, fit, work);
+    let mut search = PoleSearch::EMPTY;
+    let (poles, trace) = find_fixed_poles(lines, &energy, fit, &mut search, work);
     let mut modes = heapless::Vec::new();
     if poles.is_empty() {
         return Ok(modes);
     }
-    let regression = regress(lines, &band, &energy, start, equations, &poles, &trace)?;
+    let mut regression = regress(lines, &band, &energy, start, equations, &poles, &trace)?;
     let count = 2 + poles.len();
     let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..count).collect();
     let mut solution = Solution::EMPTY;
@@ -56,9 +57,8 @@ pub fn fixed_modes<L: Lines + ?Sized>(
         .solve(&chosen, &mut solution)
         .ok_or(MasslineError::Singular)?;
     for (r, pole) in poles.iter().enumerate() {
-        let raw = regression
-            .coefficient(&solution, 1 + r)
-            .unwrap_or_else(Matrix6::zeros);
+        let mut raw = Matrix6::zeros();
+        regression.coefficient(&solution, 1 + r, &mut raw);
         // A mode has one shape and so one row: what is left over is noise, and in the
         // small terms more of it than signal.
         let (participation, rank_one) = rank_one(&((raw + raw.transpose()) * 0.5));
@@ -88,16 +88,14 @@ fn regress<L: Lines + ?Sized>(
             noise[j] += per_line[j] * band.len() as f64;
         }
     }
-    let excitation = Excitation::new(&energy.aa, &noise);
-    if excitation.rank() == 0 {
-        return Err(MasslineError::NoExcitation);
-    }
     let all = start..start + trace.len();
     let basis = Basis::new(lines, poles, &all);
     let terms = basis.terms();
     let mut regression = Regression::EMPTY;
     regression.begin(equations, terms, lines.correlation());
-    regression.restart(excitation);
+    regression
+        .restart(&energy.aa, &noise)
+        .ok_or(MasslineError::NoExcitation)?;
     for line in all {
         let mut m = Moments::zero();
         let mut count = 0.0;
@@ -105,7 +103,7 @@ fn regress<L: Lines + ?Sized>(
             lines.add_moments(run, line, trace.weight(line - start), &mut m);
             count += 2.0 * lines.equations_per_line(run);
         }
-        regression.add(&m, &basis.at(lines.frequency(line))[..terms], count);
+        regression.add(&mut m, &basis.at(lines.frequency(line))[..terms], count);
     }
     Ok(regression)
 }
@@ -117,11 +115,12 @@ fn rank_one(matrix: &Matrix6<f64>) -> (Vector6<f64>, f64) {
     let scale = matrix
         .diagonal()
         .map(|d| if d > 0.0 { libm::sqrt(d) } else { 0.0 });
-    let scaled = Matrix6::from_fn(|i, j| {
+    let mut scaled = Matrix6::from_fn(|i, j| {
         let s = scale[i] * scale[j];
         if s > 0.0 { matrix[(i, j)] / s } else { 0.0 }
     });
-    let (values, vectors) = symmetric_eigen(&scaled);
+    let mut vectors = Matrix6::zeros();
+    let values = symmetric_eigen(&mut scaled, &mut vectors);
     let total: f64 = values.iter().map(|v| v.abs()).sum();
     if values[0] <= 0.0 || total <= 0.0 {
         return (Vector6::zeros(), 0.0);

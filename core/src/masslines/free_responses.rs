@@ -1,7 +1,7 @@
 //! Method c: averaged frequency responses of the free system.
 
 use super::averaging::Trend;
-use super::{FreeSystem, Lines, MasslineError, Masslines};
+use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines};
 use core::ops::Range;
 
 /// Adds masslines from the real part of H over the lines `band`: unit forces and the
@@ -19,17 +19,17 @@ pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     squared: bool,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations)?;
+    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = system.as_ref().map_err(|error| *error)?;
     let trend = if squared {
         Trend::Squared
     } else {
         Trend::Constant
     };
-    set.average(lines, &band, trend, system.forces(), |line, pairs| {
-        let h = system.response(line)?.map(|z| z.re);
-        for (j, pair) in pairs.iter_mut().enumerate() {
-            *pair = (system.noise_filter() * h.column(j), system.unit_force(j));
-        }
+    set.average(lines, &band, trend, system.forces(), &mut |line, pairs| {
+        let mut h = Complex6::zeros();
+        system.response_into(line, &mut h)?;
+        system.pairs(&h, pairs);
         Ok(())
     })
 }

@@ -8,9 +8,10 @@
 //! `H(ω) = M⁻¹ - Σ_r φ_r φ_rᵀ ω² / (ω_r² - ω² + 2jζ_r ω_r ω)` with the poles of the free
 //! structure. The constant is the rigid body, which methods c, d and e are after.
 
+use super::averaging::{LinePair, RealMoments};
 use super::regression::between;
-use super::{Excitation, Lines, MasslineError, Moments};
-use crate::algebra::{HermitianFactor, factor_hermitian};
+use super::{Complex6, Excitation, Lines, MasslineError, Moments, Workspace};
+use crate::algebra::{factor_hermitian, multiply_left, multiply_right, solve_hermitian};
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
@@ -26,7 +27,9 @@ pub struct FreeSystem<'l, L: ?Sized> {
     equations: Equations,
     /// Inverse root powers of the measured resultants: equilibration of G_FF.
     scale: Vector6<f64>,
-    acceleration: Excitation,
+    /// The equations with that scale.
+    scaled: Matrix6<f64>,
+    noise_filter: Matrix6<f64>,
 }
 
 impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
@@ -44,20 +47,11 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         if needed == 0 {
             return Err(MasslineError::NoResultant);
         }
-        let mut total = Moments::zero();
-        let mut noise = [0.0; 12];
-        for run in 0..lines.runs() {
-            for (sum, n) in noise.iter_mut().zip(lines.noise(run)) {
-                *sum += n * band.len() as f64;
-            }
-            for line in band.clone() {
-                lines.add_moments(run, line, 1.0, &mut total);
-            }
-        }
-        let half = |at: usize| Vector6::from_fn(|j, _| noise[at + j]);
-        let acceleration = Excitation::new(&total.aa.map(|z| z.re), &half(0));
-        let forces = Excitation::new(&total.ff.map(|z| z.re), &half(6));
-        let mut found = forces.rank().min(acceleration.rank());
+        let mut total = RealMoments::new(lines, band);
+        let (accelerations, noise_filter) =
+            Excitation::rank_and_cleaner(&total.aa, &total.acceleration_noise);
+        let (forces, _) = Excitation::rank_and_cleaner(&total.ff, &total.force_noise);
+        let mut found = forces.min(accelerations);
         if lines.pair(0, band.start).is_some() {
             // One response per run and line, whatever its direction does over the band.
             found = found.min(lines.runs());
@@ -65,13 +59,20 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         if found < needed {
             return Err(MasslineError::TooFewRuns { needed, found });
         }
-        let e = equations.rows();
-        let power = (e * total.ff.map(|z| z.re) * e.transpose()).diagonal();
+        let measured = &mut total.ff;
+        multiply_left(equations.rows(), measured);
+        multiply_right(measured, &equations.rows().transpose());
+        let scale = measured
+            .diagonal()
+            .map(|p| if p > 0.0 { 1.0 / libm::sqrt(p) } else { 0.0 });
+        let mut scaled = Matrix6::from_diagonal(&scale);
+        multiply_right(&mut scaled, equations.rows());
         Ok(Self {
             lines,
             equations: *equations,
-            scale: power.map(|p| if p > 0.0 { 1.0 / libm::sqrt(p) } else { 0.0 }),
-            acceleration,
+            scale,
+            scaled,
+            noise_filter,
         })
     }
 
@@ -87,38 +88,51 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         self.equations.rows().row(j).transpose()
     }
 
+    /// Unit interface forces, and the accelerations in phase with them by the response `h`.
+    pub(super) fn pairs(&self, h: &Complex6, pairs: &mut [LinePair]) {
+        for (j, pair) in pairs.iter_mut().enumerate() {
+            let in_phase: Vector6<f64> = h.column(j).map(|z| z.re);
+            *pair = (self.noise_filter * in_phase, self.unit_force(j));
+        }
+    }
+
     pub(super) fn noise_filter(&self) -> &Matrix6<f64> {
-        self.acceleration.cleaner()
+        &self.noise_filter
     }
 
     /// H at one line: column j is the acceleration of A per unit interface force j.
     ///
     /// # Errors
     /// [`MasslineError::Singular`] if the forces of this line depend on each other.
+    pub fn response(&self, line: usize) -> Result<Complex6, MasslineError> {
+        let mut h = Complex6::zeros();
+        self.response_into(line, &mut h)?;
+        Ok(h)
+    }
+
+    /// [`Self::response`], where it is wanted.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    pub fn response(&self, line: usize) -> Result<Matrix6<Complex<f64>>, MasslineError> {
+    pub(super) fn response_into(&self, line: usize, h: &mut Complex6) -> Result<(), MasslineError> {
         let mut m = Moments::zero();
         for run in 0..self.lines.runs() {
             self.lines.add_moments(run, line, 1.0, &mut m);
         }
-        let scaled = Matrix6::from_diagonal(&self.scale) * self.equations.rows();
-        let ff = between(&scaled, &m.ff, &scaled);
-        let fa = between(&scaled, &m.fa, &Matrix6::identity());
-        let factor: HermitianFactor =
-            factor_hermitian(&ff, self.forces()).ok_or(MasslineError::Singular)?;
+        between(&self.scaled, &mut m.ff, &self.scaled);
+        between(&self.scaled, &mut m.fa, &IDENTITY);
         // H = G_AF G_FF⁻¹, so G_FF Hᴴ = G_FA.
-        let adjoint = factor.solve(&fa);
-        let mut h = adjoint.adjoint();
+        let n = self.forces();
+        factor_hermitian(&mut m.ff, n).ok_or(MasslineError::Singular)?;
+        solve_hermitian(&m.ff, n, &mut m.fa);
         for j in 0..6 {
             for i in 0..6 {
-                h[(i, j)] *= self.scale[j];
+                h[(i, j)] = m.fa[(j, i)].conj() * self.scale[j];
             }
         }
-        Ok(h)
+        Ok(())
     }
 
     /// Modes of the free structure from all lines `fit`, at most `limit` of them, left in
-    /// `modes`. `work` holds two elements per line.
+    /// `space`. `work` holds two elements per line.
     ///
     /// # Errors
     /// [`MasslineError::NoMode`] if there is none in the lines.
@@ -126,9 +140,14 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         &self,
         fit: Range<usize>,
         limit: usize,
-        modes: &mut FreeModes,
+        space: &mut Workspace,
         work: &mut [Complex<f64>],
     ) -> Result<(), MasslineError> {
+        let Workspace {
+            free_modes: modes,
+            search,
+            ..
+        } = space;
         let fit = fit.start..fit.end.min(fit.start + work.len() / 2);
         let n = self.forces();
         // Every diagonal entry counts by its own size, so that rotations and translations
@@ -152,7 +171,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         }
         let frequency = |k: usize| self.lines.frequency(fit.start + k);
         let trace = Trace::new(work);
-        let mut poles = find_poles(&trace, Residues::Complex, &frequency);
+        let mut poles = find_poles(&trace, Residues::Complex, &frequency, search);
         poles.truncate(limit);
         if poles.is_empty() {
             return Err(MasslineError::NoMode);
@@ -162,8 +181,10 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     }
 
     /// H in force directions: what a unit force j moves along itself.
+    #[inline(never)] // Not on the stack while poles are found.
     fn diagonal(&self, line: usize) -> Result<[Complex<f64>; 6], MasslineError> {
-        let h = self.response(line)?;
+        let mut h = Complex6::zeros();
+        self.response_into(line, &mut h)?;
         let e = self.equations.rows();
         Ok(core::array::from_fn(|j| {
             (0..6).map(|i| h[(i, j)] * e[(j, i)]).sum()
@@ -184,37 +205,49 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         for i in 0..terms {
             normal[(i, i)] = 0.0;
         }
-        let mut right = [Matrix6::<f64>::zeros(); TERMS];
+        // Right-hand sides, and the solutions after them, lie where they belong at last.
+        for term in 0..TERMS {
+            modes.term(term).fill(0.0);
+        }
+        let mut h = Complex6::zeros();
         for (k, line) in fit.clone().enumerate() {
             let phi = modes.basis(self.lines.frequency(line));
-            let h = self.response(line)?;
+            self.response_into(line, &mut h)?;
             for i in 0..terms {
                 let conjugate = phi[i].conj() * trace.weight(k);
                 for j in 0..terms {
                     normal[(i, j)] += (conjugate * phi[j]).re;
                 }
-                right[i] += h.map(|z| (conjugate * z).re);
+                modes
+                    .term(i)
+                    .zip_apply(&h, |sum, z| *sum += (conjugate * z).re);
             }
         }
-        let inverse = normal.try_inverse().ok_or(MasslineError::Singular)?;
-        let solved =
-            |i: usize| -> Matrix6<f64> { (0..terms).map(|j| right[j] * inverse[(i, j)]).sum() };
-        modes.constant = solved(0);
-        modes.upper = solved(1);
-        modes.residues = [NO_MATRIX; MAX_MODES];
-        modes.quadratures = [NO_MATRIX; MAX_MODES];
-        for r in 0..modes.poles.len() {
-            modes.residues[r] = solved(2 + 2 * r);
-            modes.quadratures[r] = solved(3 + 2 * r);
+        if !normal.try_inverse_mut() {
+            return Err(MasslineError::Singular);
+        }
+        let inverse = &normal;
+        for entry in 0..36 {
+            let mut right = [0.0; TERMS];
+            for (j, right) in right.iter_mut().enumerate().take(terms) {
+                *right = modes.term(j)[entry];
+            }
+            for i in 0..terms {
+                let products = (0..terms).map(|j| right[j] * inverse[(i, j)]);
+                modes.term(i)[entry] = products.fold(0.0, |sum, product| sum + product);
+            }
         }
         // Scatter of each entry about the fit, as the lines count.
-        let mut squares = Matrix6::<f64>::zeros();
+        modes.constant_variance.fill(0.0);
         for (k, line) in fit.clone().enumerate() {
-            let left = self.response(line)? - modes.at(self.lines.frequency(line));
-            squares += left.map(|z| z.norm_sqr()) * trace.weight(k);
+            self.response_into(line, &mut h)?;
+            h -= modes.at(self.lines.frequency(line));
+            let weight = trace.weight(k);
+            let squares = &mut modes.constant_variance;
+            squares.zip_apply(&h, |sum, z| *sum += z.norm_sqr() * weight);
         }
         let freedom = (2.0 * fit.len() as f64 - terms as f64).max(1.0);
-        modes.constant_variance = squares * (inverse[(0, 0)] * self.lines.correlation() / freedom);
+        modes.constant_variance *= inverse[(0, 0)] * self.lines.correlation() / freedom;
         Ok(())
     }
 }
@@ -238,6 +271,14 @@ pub struct FreeModes {
     unit: f64,
 }
 
+const IDENTITY: Matrix6<f64> = Matrix6::new(
+    1.0, 0.0, 0.0, 0.0, 0.0, 0.0, //
+    0.0, 1.0, 0.0, 0.0, 0.0, 0.0, //
+    0.0, 0.0, 1.0, 0.0, 0.0, 0.0, //
+    0.0, 0.0, 0.0, 1.0, 0.0, 0.0, //
+    0.0, 0.0, 0.0, 0.0, 1.0, 0.0, //
+    0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+);
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 impl FreeModes {
@@ -256,6 +297,16 @@ impl FreeModes {
         2 + 2 * self.poles.len()
     }
 
+    /// What the function `term` of [`Self::basis`] is multiplied with.
+    fn term(&mut self, term: usize) -> &mut Matrix6<f64> {
+        match term {
+            0 => &mut self.constant,
+            1 => &mut self.upper,
+            _ if term.is_multiple_of(2) => &mut self.residues[term / 2 - 1],
+            _ => &mut self.quadratures[term / 2 - 1],
+        }
+    }
+
     fn basis(&self, frequency: f64) -> [Complex<f64>; TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); TERMS];
         let ratio = frequency / self.unit;
@@ -271,19 +322,35 @@ impl FreeModes {
 
     /// The elastic part of H at `frequency` Hz.
     #[must_use]
-    pub fn elastic(&self, frequency: f64) -> Matrix6<Complex<f64>> {
+    pub fn elastic(&self, frequency: f64) -> Complex6 {
         let phi = self.basis(frequency);
-        let mut h = self.upper.map(|x| phi[1] * x);
+        Complex6::from_fn(|i, j| self.elastic_entry(&phi, i, j))
+    }
+
+    /// One entry of the elastic part, from the functions of frequency.
+    fn elastic_entry(&self, phi: &[Complex<f64>; TERMS], i: usize, j: usize) -> Complex<f64> {
         let residues = self.residues.iter().zip(&self.quadratures);
-        for ((residue, quadrature), phi) in residues.zip(phi[2..].chunks_exact(2)) {
-            h += residue.map(|x| phi[0] * x) + quadrature.map(|x| phi[1] * x);
+        let modes = residues.zip(phi[2..].chunks_exact(2));
+        modes.fold(phi[1] * self.upper[(i, j)], |sum, ((r, q), phi)| {
+            sum + (phi[0] * r[(i, j)] + phi[1] * q[(i, j)])
+        })
+    }
+
+    /// Takes the elastic part at `frequency` Hz out of `h`.
+    pub(super) fn take_elastic(&self, frequency: f64, h: &mut Complex6) {
+        let phi = self.basis(frequency);
+        for j in 0..6 {
+            for i in 0..6 {
+                h[(i, j)] -= self.elastic_entry(&phi, i, j);
+            }
         }
-        h
     }
 
     /// The whole of H at `frequency` Hz.
     #[must_use]
-    pub fn at(&self, frequency: f64) -> Matrix6<Complex<f64>> {
-        self.elastic(frequency) + self.constant.map(|x| Complex::new(x, 0.0))
+    pub fn at(&self, frequency: f64) -> Complex6 {
+        let mut h = self.elastic(frequency);
+        h.zip_apply(&self.constant, |z, x| *z += Complex::new(x, 0.0));
+        h
     }
 }

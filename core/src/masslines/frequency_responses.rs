@@ -38,8 +38,9 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             lines.add_powers(run, line, 1.0, &mut energy);
         }
     }
-    let excited = Excitation::new(&energy.aa, &noise);
-    if excited.rank() == 0 {
+    let excited = Excitation::rank_and_cleaner(&energy.aa, &noise);
+    let (rank, noise_filter) = &excited;
+    if *rank == 0 {
         return Err(MasslineError::NoExcitation);
     }
     // Powers in units of noise, so that a rotation may lead as well.
@@ -57,7 +58,7 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             m.aa.diagonal().component_mul(&units).imax()
         })
         .collect();
-    set.average(lines, &band, Trend::Constant, runs, |line, pairs| {
+    set.average(lines, &band, Trend::Constant, runs, &mut |line, pairs| {
         for (run, pair) in pairs.iter_mut().enumerate() {
             let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
             let lead = a[leaders[run]];
@@ -68,7 +69,7 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
                 Complex::new(1.0, 0.0)
             };
             *pair = (
-                excited.cleaner() * a.map(|z| (z * turn).re),
+                noise_filter * a.map(|z| (z * turn).re),
                 f.map(|z| (z * turn).re),
             );
         }

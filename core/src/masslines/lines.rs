@@ -151,10 +151,7 @@ pub trait Lines {
         if let Some((a, f)) = self.pair(run, line) {
             into.add_pair(&a, &f, weight * self.pair_weight(run, line));
         } else {
-            let mut m = Moments::zero();
-            self.add_moments(run, line, weight, &mut m);
-            into.aa += m.aa.map(|z| z.re);
-            into.ff += m.ff.diagonal().map(|z| z.re);
+            add_powers_of_moments(self, run, line, weight, into);
         }
     }
     /// Noise power per line that `Σ a a*` (first six) and `Σ f f*` (last six) of a run
@@ -170,6 +167,20 @@ pub trait Lines {
     fn pair_weight(&self, _run: usize, _line: usize) -> f64 {
         1.0
     }
+}
+
+#[inline(never)] // Moments are on the stack only where they are needed.
+fn add_powers_of_moments<L: Lines + ?Sized>(
+    lines: &L,
+    run: usize,
+    line: usize,
+    weight: f64,
+    into: &mut Powers,
+) {
+    let mut m = Moments::zero();
+    lines.add_moments(run, line, weight, &mut m);
+    into.aa += m.aa.map(|z| z.re);
+    into.ff += m.ff.diagonal().map(|z| z.re);
 }
 
 /// The lines from `low` to `high` Hz, both ends included.

@@ -8,42 +8,20 @@
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
 use super::{Excitation, MasslineError, Masslines, Moments};
-use crate::algebra::{inverse_lower, lower};
+use crate::algebra::{Triangle, inverse_lower, lower, multiply_left, multiply_right, triangle_len};
 use crate::geometry::Equations;
-use core::ops::{AddAssign, Index, IndexMut, Mul};
+use core::ops::{AddAssign, Mul};
 use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6};
 
 /// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
 const SIZE: usize = 6 * MAX_TERMS;
 
+type Normal = Triangle<{ triangle_len(SIZE) }>;
 type Right = SMatrix<f64, SIZE, 6>;
 
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 const NO_RIGHT: Right = Right::from_array_storage(ArrayStorage([[0.0; SIZE]; 6]));
-
-/// A lower triangle: half the memory of a square, and it is on a small stack.
-#[derive(Clone, Debug)]
-struct Triangle([f64; SIZE * (SIZE + 1) / 2]);
-
-impl Triangle {
-    const ZERO: Self = Self([0.0; SIZE * (SIZE + 1) / 2]);
-}
-
-/// Row and column, the column not past the row.
-impl Index<(usize, usize)> for Triangle {
-    type Output = f64;
-
-    fn index(&self, (i, j): (usize, usize)) -> &f64 {
-        &self.0[i * (i + 1) / 2 + j]
-    }
-}
-
-impl IndexMut<(usize, usize)> for Triangle {
-    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
-        &mut self.0[i * (i + 1) / 2 + j]
-    }
-}
 
 /// Normal equations of the regression, in coordinates of the excited directions and of
 /// the measured equations.
@@ -52,7 +30,9 @@ pub(super) struct Regression {
     excitation: Excitation,
     equations: Equations,
     terms: usize,
-    normal: Triangle,
+    normal: Normal,
+    /// Of the equations that were solved last.
+    factor: Normal,
     right: Right,
     power: Matrix6<f64>,
     /// Real equations per row of f.
@@ -60,6 +40,15 @@ pub(super) struct Regression {
     correlation: f64,
     /// Whether the residuals of different resultants are taken as independent.
     independent: bool,
+}
+
+/// The first term of a solution.
+pub(super) struct FirstTerm {
+    coefficients: Matrix6<f64>,
+    /// Of the coefficients in one row, for a residual of one.
+    variances: [f64; 6],
+    /// Residual variance of each measured equation.
+    residual: Vector6<f64>,
 }
 
 /// The solution with a chosen set of terms.
@@ -82,7 +71,8 @@ impl Regression {
         excitation: Excitation::ZERO,
         equations: Equations::NONE,
         terms: 0,
-        normal: Triangle::ZERO,
+        normal: Normal::ZERO,
+        factor: Normal::ZERO,
         right: NO_RIGHT,
         power: NO_MATRIX,
         count: 0.0,
@@ -90,23 +80,25 @@ impl Regression {
         independent: false,
     };
 
-    /// Begins a regression with so many terms. `correlation` is the variance of a mean
+    /// Begins a regression with so many terms, which [`Self::restart`] goes on with. `correlation` is the variance of a mean
     /// over lines relative to independent ones.
     pub(super) fn begin(&mut self, equations: &Equations, terms: usize, correlation: f64) {
-        self.restart(Excitation::NONE);
         self.equations = *equations;
         self.terms = terms.clamp(1, MAX_TERMS);
         self.correlation = correlation;
         self.independent = false;
     }
 
-    /// Starts again with another excitation.
-    pub(super) fn restart(&mut self, excitation: Excitation) {
-        self.excitation = excitation;
-        self.normal.0.fill(0.0);
+    /// Starts again with the excitation that these moments of the accelerations show over
+    /// their noise. `None` if there is none.
+    #[inline(never)] // What is new is off the stack when it is in its place.
+    pub(super) fn restart(&mut self, aa: &Matrix6<f64>, noise: &Vector6<f64>) -> Option<()> {
+        self.excitation = Excitation::new(aa, noise);
+        self.normal.clear();
         self.right.fill(0.0);
         self.power.fill(0.0);
         self.count = 0.0;
+        (self.excitation.rank() > 0).then_some(())
     }
 
     /// The directions it is done in.
@@ -121,13 +113,14 @@ impl Regression {
     }
 
     /// Adds the moments of one line, where term t has the value `phi[t]`, that hold
-    /// `equations` real equations.
-    pub(super) fn add(&mut self, moments: &Moments, phi: &[Complex<f64>], equations: f64) {
+    /// `equations` real equations. They are turned into the regression's coordinates.
+    pub(super) fn add(&mut self, moments: &mut Moments, phi: &[Complex<f64>], equations: f64) {
         let rank = self.excitation.rank();
         let p = self.excitation.coordinates();
         let e = self.equations.rows();
-        let aa = between(p, &moments.aa, p);
-        let fa = between(e, &moments.fa, p);
+        let Moments { aa, fa, ff } = moments;
+        between(p, aa, p);
+        between(e, fa, p);
         for (t, phi_t) in phi.iter().enumerate().take(self.terms) {
             for (u, phi_u) in phi.iter().enumerate().take(t + 1) {
                 // Re conj(φ_t a_i) φ_u a_j
@@ -146,14 +139,15 @@ impl Regression {
                 }
             }
         }
-        self.power += between(e, &moments.ff.map(|z| z.re), e);
+        let mut power = ff.map(|z| z.re);
+        between(e, &mut power, e);
+        self.power += power;
         self.count += equations;
     }
 
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
-    #[inline(never)] // Its triangle is off the stack when the caller goes on.
-    pub(super) fn solve(&self, chosen: &[usize], into: &mut Solution) -> Option<()> {
+    pub(super) fn solve(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         let unknowns = rank * chosen.len();
@@ -181,7 +175,7 @@ impl Regression {
             }
             scale[n] = 1.0 / libm::sqrt(d);
         }
-        let mut l = Triangle::ZERO;
+        let l = &mut self.factor;
         let nuisance = unknowns - rank;
         let Solution {
             coefficients,
@@ -241,6 +235,7 @@ impl Regression {
         }
         *residual /= freedom;
         self.floor(residual);
+        let l = &self.factor;
         for c in 0..rows {
             for i in (0..unknowns).rev() {
                 let mut sum = coefficients[(i, c)];
@@ -274,9 +269,14 @@ impl Regression {
     fn floor(&self, c: &mut Matrix6<f64>) {
         const AMPLITUDE: f64 = 2e-7;
         const NOTHING: f64 = 1e-12;
-        *c = (*c + c.transpose()) * 0.5;
+        for i in 0..6 {
+            for j in 0..=i {
+                let mean = (c[(i, j)] + c[(j, i)]) * 0.5;
+                (c[(i, j)], c[(j, i)]) = (mean, mean);
+            }
+        }
         if self.independent {
-            *c = Matrix6::from_diagonal(&c.diagonal());
+            keep_diagonal(c);
         }
         let largest = self.power.diagonal().max();
         for j in 0..self.equations.count() {
@@ -287,26 +287,33 @@ impl Regression {
         }
         // Where the spectra fit to their last digit, the residual is the difference of
         // large numbers and its correlations mean nothing.
-        if lower(c, self.equations.count()).is_none() {
-            *c = Matrix6::from_diagonal(&c.diagonal());
+        if lower(&mut { *c }, self.equations.count()).is_none() {
+            keep_diagonal(c);
         }
+    }
+
+    /// What of a solution others are compared with by [`Self::risk`].
+    pub(super) fn first_term(&self, solution: &Solution) -> Option<FirstTerm> {
+        Some(FirstTerm {
+            coefficients: solution.coefficients.fixed_rows::<6>(0).into(),
+            variances: variances(&solution.schur, self.excitation.rank())?,
+            residual: solution.residual.diagonal(),
+        })
     }
 
     /// Expected squared error of the first term's coefficients, summed relative to their
     /// variances in `full`, a solution with more terms. Notes the share of bias in
     /// `solution`, whose pairs then carry it in their variances.
-    pub(super) fn risk(&self, solution: &mut Solution, full: &Solution) -> f64 {
+    pub(super) fn risk(&self, solution: &mut Solution, full: &FirstTerm) -> f64 {
         let rank = self.excitation.rank();
-        let (Some(p), Some(p_full)) = (
-            variances(&solution.schur, rank),
-            variances(&full.schur, rank),
-        ) else {
+        let Some(p) = variances(&solution.schur, rank) else {
             return f64::INFINITY;
         };
+        let p_full = &full.variances;
         let (mut variance, mut distance) = (0.0, 0.0);
         for i in 0..rank {
             for j in 0..self.equations.count() {
-                let unit = p_full[i] * full.residual[(j, j)] * self.correlation;
+                let unit = p_full[i] * full.residual[j] * self.correlation;
                 let difference = solution.coefficients[(i, j)] - full.coefficients[(i, j)];
                 variance += p[i] / p_full[i];
                 // Between nested fits the variance of a difference is the difference of
@@ -322,19 +329,26 @@ impl Regression {
     /// The equations in combinations whose residuals are independent and of variance one.
     pub(super) fn whitened(&self, solution: &Solution) -> Option<Equations> {
         let rows = self.equations.count();
-        let factor = lower(&solution.residual, rows)?;
-        Some(self.equations.whitened(&inverse_lower(&factor, rows)))
+        let mut weights = solution.residual;
+        lower(&mut weights, rows)?;
+        inverse_lower(&mut weights, rows);
+        Some(self.equations.whitened(&weights))
     }
 
     /// What second moments of acceleration, real part, contribute to each pair: its share
     /// of the pair's power, apart from what the other terms take.
     pub(super) fn powers(&self, solution: &Solution, moments: &Matrix6<f64>) -> [f64; 6] {
         let rank = self.excitation.rank();
-        let Some(u) = lower(&solution.schur, rank) else {
+        let mut to_pairs = solution.schur;
+        if lower(&mut to_pairs, rank).is_none() {
             return [0.0; 6];
-        };
-        let to_pairs = inverse_lower(&u, rank) * self.excitation.coordinates();
-        let inner = to_pairs * moments * to_pairs.transpose();
+        }
+        inverse_lower(&mut to_pairs, rank);
+        multiply_right(&mut to_pairs, self.excitation.coordinates());
+        let mut inner = *moments;
+        multiply_left(&to_pairs, &mut inner);
+        to_pairs.transpose_mut();
+        multiply_right(&mut inner, &to_pairs);
         core::array::from_fn(|p| if p < rank { inner[(p, p)] } else { 0.0 })
     }
 
@@ -347,7 +361,8 @@ impl Regression {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         set.equations = self.whitened(solution).ok_or(MasslineError::Singular)?;
-        let u = lower(&solution.schur, rank).ok_or(MasslineError::Singular)?;
+        let mut u = solution.schur;
+        lower(&mut u, rank).ok_or(MasslineError::Singular)?;
         for p in 0..rank {
             // Row p of U, with S = U Uᵀ here: column p of the lower factor.
             let c = Vector6::from_fn(|i, _| if i < rank { u[(i, p)] } else { 0.0 });
@@ -373,19 +388,28 @@ impl Regression {
         (e.transpose() * solution.residual * e).diagonal() * self.count
     }
 
-    /// Coefficient matrix of one chosen term as a 6 x 6 matrix in the units of `f / a`,
-    /// zero where nothing was excited or measured.
-    pub(super) fn coefficient(&self, solution: &Solution, term: usize) -> Option<Matrix6<f64>> {
+    /// Leaves the coefficient matrix of one term, 6 x 6 in the units of `f / a`, in `into`:
+    /// zero where nothing was excited or measured. `false`, and all zero, if the term was
+    /// not chosen.
+    pub(super) fn coefficient(
+        &self,
+        solution: &Solution,
+        term: usize,
+        into: &mut Matrix6<f64>,
+    ) -> bool {
+        into.fill(0.0);
         let rank = self.excitation.rank();
-        let n = solution.terms.iter().position(|&t| t == term)?;
-        let inner = Matrix6::from_fn(|j, i| {
-            if i < rank {
-                solution.coefficients[(n * rank + i, j)]
-            } else {
-                0.0
+        let Some(n) = solution.terms.iter().position(|&t| t == term) else {
+            return false;
+        };
+        for i in 0..rank {
+            for j in 0..6 {
+                into[(j, i)] = solution.coefficients[(n * rank + i, j)];
             }
-        });
-        Some(self.equations.rows().transpose() * inner * self.excitation.coordinates())
+        }
+        multiply_left(&self.equations.rows().transpose(), into);
+        multiply_right(into, self.excitation.coordinates());
+        true
     }
 }
 
@@ -411,15 +435,15 @@ fn real_product(x: &Complex<f64>, y: &Complex<f64>) -> f64 {
     }
 }
 
-/// `left m rightᵀ`, for factors most of which are zeros and ones.
+/// Replaces `m` by `left m rightᵀ`, for factors most of which are zeros and ones.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
-pub(super) fn between<T>(left: &Matrix6<f64>, m: &Matrix6<T>, right: &Matrix6<f64>) -> Matrix6<T>
+pub(super) fn between<T>(left: &Matrix6<f64>, m: &mut Matrix6<T>, right: &Matrix6<f64>)
 where
     T: Scalar + Copy + Default + AddAssign + Mul<f64, Output = T>,
 {
-    let identity = Matrix6::identity();
-    if *left == identity && *right == identity {
-        return *m;
+    let identity = |m: &Matrix6<f64>| (0..36).all(|k| m[k] == f64::from(u8::from(k % 7 == 0)));
+    if identity(left) && identity(right) {
+        return;
     }
     let mut half = Matrix6::from_element(T::default());
     for j in 0..6 {
@@ -436,27 +460,34 @@ where
             }
         }
     }
-    let mut product = Matrix6::from_element(T::default());
+    m.fill(T::default());
     for k in 0..6 {
         for i in 0..6 {
             let l = left[(i, k)];
             if l == 1.0 {
                 for j in 0..6 {
-                    product[(i, j)] += half[(k, j)];
+                    m[(i, j)] += half[(k, j)];
                 }
             } else if l != 0.0 {
                 for j in 0..6 {
-                    product[(i, j)] += half[(k, j)] * l;
+                    m[(i, j)] += half[(k, j)] * l;
                 }
             }
         }
     }
-    product
+}
+
+/// Makes all zero beside the diagonal.
+fn keep_diagonal(m: &mut Matrix6<f64>) {
+    m.fill_lower_triangle(0.0, 1);
+    m.fill_upper_triangle(0.0, 1);
 }
 
 /// Diagonal of the inverse of the leading `n` x `n` part.
 fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
-    let inverse = inverse_lower(&lower(matrix, n)?, n);
+    let mut inverse = *matrix;
+    lower(&mut inverse, n)?;
+    inverse_lower(&mut inverse, n);
     Some(core::array::from_fn(|i| {
         (0..n).map(|k| inverse[(k, i)] * inverse[(k, i)]).sum()
     }))

@@ -6,7 +6,7 @@
 //! which is the same as taking the means out of both sides.
 
 use super::regression::{Regression, Solution};
-use super::{Excitation, MasslineError, Masslines, Moments};
+use super::{MasslineError, Masslines, Moments};
 use crate::geometry::Equations;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
@@ -94,22 +94,20 @@ impl StaticPoses {
         }
         let symmetric = |m: &Matrix6<f64>| (m + m.transpose()) * 0.5;
         let power = noise.map(|n| n * n * self.count);
-        let excitation = Excitation::new(&symmetric(&self.aa), &power);
-        if excitation.rank() == 0 {
-            return Err(MasslineError::NoExcitation);
-        }
         let mut regression = Regression::EMPTY;
         regression.begin(equations, 1, 1.0);
-        regression.restart(excitation);
+        regression
+            .restart(&symmetric(&self.aa), &power)
+            .ok_or(MasslineError::NoExcitation)?;
         regression.take_residuals_as_independent();
         let complex = |m: Matrix6<f64>| m.map(|x| Complex::new(x, 0.0));
-        let moments = Moments {
+        let mut moments = Moments {
             aa: complex(symmetric(&self.aa)),
             fa: complex(self.fa),
             ff: complex(symmetric(&self.ff)),
         };
         // One equation per row went into the offset.
-        regression.add(&moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
+        regression.add(&mut moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
         let mut solution = Solution::EMPTY;
         regression
             .solve(&[0], &mut solution)
@@ -126,7 +124,7 @@ impl StaticPoses {
             mean_acceleration: self.mean_a,
             mean_force: self.mean_f,
             poses: self.count(),
-            excited: excitation.rank(),
+            excited: regression.excitation().rank(),
         })
     }
 }

@@ -2,13 +2,13 @@
 //! the elastic modes of the free system.
 
 use super::averaging::Trend;
-use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines};
+use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use core::ops::Range;
 use nalgebra::Complex;
 
 /// Adds masslines from the real part over the lines `band` of what remains of H when the
 /// elastic modes found in the lines `fit`, at most `limit`, are taken out. Those are left in
-/// `modes`; `work` holds two elements per line.
+/// `space`; `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
@@ -20,25 +20,23 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     fit: Range<usize>,
     limit: usize,
     set: &mut Masslines<PAIRS>,
-    modes: &mut FreeModes,
+    space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations)?;
-    system.modes(fit, limit, modes, work)?;
+    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = system.as_ref().map_err(|error| *error)?;
+    system.modes(fit, limit, space, work)?;
+    let modes = &space.free_modes;
     set.average(
         lines,
         &band,
         Trend::Constant,
         system.forces(),
-        |line, pairs| {
-            let left = system.response(line)? - modes.elastic(lines.frequency(line));
-            let rigid = left.map(|z| z.re);
-            for (j, pair) in pairs.iter_mut().enumerate() {
-                *pair = (
-                    system.noise_filter() * rigid.column(j),
-                    system.unit_force(j),
-                );
-            }
+        &mut |line, pairs| {
+            let mut rigid = Complex6::zeros();
+            system.response_into(line, &mut rigid)?;
+            modes.take_elastic(lines.frequency(line), &mut rigid);
+            system.pairs(&rigid, pairs);
             Ok(())
         },
     )

@@ -1,16 +1,20 @@
 //! The memory of the methods, apart from what grows with the number of lines.
 
+use super::apparent_mass::Residuals;
 use super::regression::{Regression, Solution};
 use super::{ApparentMass, FreeModes};
+use crate::modes::PoleSearch;
 
 /// What a method works in, and what it leaves beside the masslines. Too large for the stack
 /// of a small chip, so it is lent.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     pub(super) regression: Regression,
-    /// The solution with all terms, and the chosen one.
-    pub(super) full: Solution,
+    /// The solution that is looked at, and the best so far.
+    pub(super) candidate: Solution,
     pub(super) best: Solution,
+    pub(super) residuals: Residuals,
+    pub(super) search: PoleSearch,
     pub(super) apparent_mass: ApparentMass,
     pub(super) free_modes: FreeModes,
     /// Which of the two is there.
@@ -30,8 +34,10 @@ impl Workspace {
     /// what they find.
     pub const EMPTY: Self = Self {
         regression: Regression::EMPTY,
-        full: Solution::EMPTY,
+        candidate: Solution::EMPTY,
         best: Solution::EMPTY,
+        residuals: Residuals::EMPTY,
+        search: PoleSearch::EMPTY,
         apparent_mass: ApparentMass::EMPTY,
         free_modes: FreeModes::EMPTY,
         found: Found::Nothing,

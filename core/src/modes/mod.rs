@@ -8,7 +8,7 @@
 mod poles;
 mod trace;
 
-pub use poles::{Residues, find_poles};
+pub use poles::{PoleSearch, Residues, find_poles};
 pub use trace::Trace;
 
 use nalgebra::Complex;

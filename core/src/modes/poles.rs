@@ -1,8 +1,8 @@
 //! Poles of one scalar function: peaks first, then a damped Gauss-Newton fit.
 
 use super::{MAX_MODES, Pole, Trace};
-use crate::algebra::solve_positive;
-use nalgebra::{Complex, SMatrix, SVector};
+use crate::algebra::{Triangle, solve_positive, triangle_len};
+use nalgebra::{Complex, SVector};
 
 /// Unknowns of the fit: a constant, one term for all modes above, and frequency, damping
 /// and up to two residues of each mode.
@@ -13,7 +13,7 @@ const FIRST_DAMPING: f64 = 0.01;
 const DAMPING: core::ops::Range<f64> = 1e-5..0.3;
 const STEPS: usize = 40;
 
-type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type Normal = Triangle<{ triangle_len(UNKNOWNS) }>;
 type Parameters = SVector<f64, UNKNOWNS>;
 
 /// What is known of the residues beforehand.
@@ -26,18 +26,34 @@ pub enum Residues {
     Complex,
 }
 
+/// What poles are looked for in: too large for the stack of a small chip, so it is lent.
+#[derive(Clone, Debug)]
+pub struct PoleSearch {
+    normal: Normal,
+    /// With Levenberg's and Marquardt's term, and then its factor.
+    damped: Normal,
+}
+
+impl PoleSearch {
+    /// As good as any other state.
+    pub const EMPTY: Self = Self {
+        normal: Normal::ZERO,
+        damped: Normal::ZERO,
+    };
+}
+
 /// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace whose lines lie at
 /// `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones;
 /// none if no peak rises above what the lines scatter by.
 #[must_use]
-#[inline(never)] // Its matrices are off the stack when the caller goes on.
 pub fn find_poles(
     trace: &Trace<'_>,
     residues: Residues,
     frequency: &dyn Fn(usize) -> f64,
+    search: &mut PoleSearch,
 ) -> heapless::Vec<Pole, MAX_MODES> {
     let mut fit = Fit::start(trace, residues, frequency);
-    let mut cost = fit.refine(trace, frequency, ROUGH);
+    let mut cost = fit.refine(trace, frequency, ROUGH, search);
     // Strongest first, one at a time, each next one in what the others leave.
     let mut refused: heapless::Vec<usize, TRIES> = heapless::Vec::new();
     while fit.modes < MAX_MODES {
@@ -45,7 +61,7 @@ pub fn find_poles(
             break;
         };
         let mut more = fit.with_mode(frequency(line), fit.left(trace, line, frequency).im);
-        let lower = more.refine(trace, frequency, ROUGH);
+        let lower = more.refine(trace, frequency, ROUGH, search);
         let gain = trace.len() as f64 * libm::log(cost / lower);
         if gain > WORTH && !more.implausible(trace.len(), frequency) {
             fit = more;
@@ -54,7 +70,7 @@ pub fn find_poles(
             break;
         }
     }
-    fit.refine(trace, frequency, FINE);
+    fit.refine(trace, frequency, FINE, search);
     fit.poles()
 }
 
@@ -199,10 +215,9 @@ impl Fit {
         Complex::new(p[at], quadrature)
     }
 
-    /// Value and derivatives at one frequency.
-    fn model(&self, p: &Parameters, f: f64) -> (Complex<f64>, [Complex<f64>; UNKNOWNS]) {
+    /// Value at one frequency, and its derivatives, which are left in `d`.
+    fn model(&self, p: &Parameters, f: f64, d: &mut [Complex<f64>; UNKNOWNS]) -> Complex<f64> {
         let square = f * f;
-        let mut d = [Complex::new(0.0, 0.0); UNKNOWNS];
         d[0] = Complex::new(1.0, 0.0);
         d[1] = Complex::new(square * self.per_square, 0.0);
         let mut value = Complex::new(p[0] + d[1].re * p[1], 0.0);
@@ -224,7 +239,7 @@ impl Fit {
             d[at + 2] = Complex::new(-slope.im * damping, slope.re * damping);
             value += elastic;
         }
-        (value, d)
+        value
     }
 
     fn cost(&self, p: &Parameters, trace: &Trace<'_>, frequency: &dyn Fn(usize) -> f64) -> f64 {
@@ -237,15 +252,24 @@ impl Fit {
     }
 
     /// Levenberg and Marquardt: the step is accepted only if it explains more.
-    fn refine(&mut self, trace: &Trace<'_>, frequency: &dyn Fn(usize) -> f64, end: f64) -> f64 {
+    fn refine(
+        &mut self,
+        trace: &Trace<'_>,
+        frequency: &dyn Fn(usize) -> f64,
+        end: f64,
+        search: &mut PoleSearch,
+    ) -> f64 {
+        let PoleSearch { normal, damped } = search;
         let n = self.unknowns();
         let mut lambda = 1e-3;
         let mut cost = self.cost(&self.parameters, trace, frequency);
+        let mut right = Parameters::zeros();
+        let mut d = [Complex::new(0.0, 0.0); UNKNOWNS];
         for _ in 0..STEPS {
-            let mut normal = Normal::zeros();
-            let mut right = Parameters::zeros();
+            normal.clear();
+            right.fill(0.0);
             for k in 0..trace.len() {
-                let (value, d) = self.model(&self.parameters, frequency(k));
+                let value = self.model(&self.parameters, frequency(k), &mut d);
                 let weight = trace.weight(k);
                 let residual = (trace.value(k) - value) * weight;
                 // The first two derivatives are real. Where the processor has no `f64`,
@@ -267,11 +291,12 @@ impl Fit {
             }
             let mut improved = false;
             while lambda < 1e9 {
-                let mut damped = normal;
+                damped.clone_from(normal);
                 for i in 0..n {
                     damped[(i, i)] *= 1.0 + lambda;
                 }
-                if let Some(step) = solve_positive(&damped, &right, n) {
+                let mut step = right;
+                if solve_positive(damped, step.as_mut_slice(), n).is_some() {
                     let tried = self.bounded(&(self.parameters + step));
                     let tried_cost = self.cost(&tried, trace, frequency);
                     if tried_cost < cost {
@@ -365,7 +390,9 @@ mod tests {
                 *t += pole.amplification(frequency(k)) * e;
             }
         }
-        find_poles(&Trace::new(&mut work), residues, &frequency)
+        find_poles(&Trace::new(&mut work), residues, &frequency, &mut {
+            PoleSearch::EMPTY
+        })
     }
 
     #[test]
@@ -406,6 +433,11 @@ mod tests {
     #[test]
     fn no_lines_no_poles() {
         let none = Trace::new(&mut []);
-        assert!(find_poles(&none, Residues::Complex, &frequency).is_empty());
+        assert!(
+            find_poles(&none, Residues::Complex, &frequency, &mut {
+                PoleSearch::EMPTY
+            })
+            .is_empty()
+        );
     }
 }

@@ -98,7 +98,8 @@ impl Inertia {
     /// Principal moments and axes.
     #[must_use]
     pub fn principal(&self) -> PrincipalInertia {
-        let (values, vectors) = symmetric_eigen(&self.tensor());
+        let mut vectors = Matrix3::zeros();
+        let values = symmetric_eigen(&mut self.tensor(), &mut vectors);
         let moments = Vector3::new(values[2], values[1], values[0]);
         let mut axes = Matrix3::zeros();
         for column in 0..3 {
