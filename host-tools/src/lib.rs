@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod acquire;
 pub mod cli;
 pub mod commands;
 pub mod device;

@@ -11,10 +11,12 @@ pub mod study;
 mod compare;
 mod details;
 mod device;
+mod interrupt;
 mod progress;
 mod table;
 
-pub use progress::{Bar, Spinner};
+pub use interrupt::Interrupt;
+pub use progress::{Bar, Spinner, Ticker};
 pub use table::print_answer;
 
 use crate::cli::Verbosity;

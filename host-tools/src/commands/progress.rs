@@ -73,3 +73,37 @@ impl Drop for Spinner {
         self.bar.finish_and_clear();
     }
 }
+
+/// A line that tells how it is while it is not known how long it takes.
+pub struct Ticker {
+    bar: ProgressBar,
+}
+
+impl Ticker {
+    /// A line headed `verb`; invisible if quiet or stderr is no terminal.
+    #[must_use]
+    pub fn new(verb: &'static str, verbosity: Verbosity) -> Self {
+        let target = if verbosity.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
+        let bar = ProgressBar::with_draw_target(None, target);
+        if let Ok(style) = ProgressStyle::with_template("{prefix:>12} {wide_msg}") {
+            bar.set_style(style);
+        }
+        bar.set_prefix(verb);
+        Self { bar }
+    }
+
+    /// Tells.
+    pub fn set(&self, text: &str) {
+        self.bar.set_message(text.to_owned());
+    }
+}
+
+impl Drop for Ticker {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

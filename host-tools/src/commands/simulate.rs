@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long)]
     through_converters: bool,
     /// Have something go wrong on the way through the converters; may be given several times
-    #[arg(long, value_name = "KIND", value_parser = parse_trouble)]
+    #[arg(long, value_name = "KIND", value_parser = Trouble::parse)]
     fault: Vec<Trouble>,
     /// Faults per minute, of all kinds together
     #[arg(long, value_name = "N", default_value_t = 4.0, requires = "fault")]
@@ -41,12 +41,6 @@ pub struct Arguments {
     /// State the mass in the setup, as if it had been weighed
     #[arg(long)]
     weighed: bool,
-}
-
-fn parse_trouble(name: &str) -> Result<Trouble, String> {
-    let known = || Trouble::ALL.map(Trouble::name).join(", ");
-    let found = Trouble::ALL.into_iter().find(|t| t.name() == name);
-    found.ok_or_else(|| format!("the faults are: {}", known()))
 }
 
 /// Runs the command.

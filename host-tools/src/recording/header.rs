@@ -10,6 +10,15 @@ pub(super) struct Header {
     names: Vec<String>,
 }
 
+/// A CSV field, quoted only where it must be.
+pub(crate) fn field(name: &str) -> String {
+    if name.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
+
 /// Names shown before a list is cut off.
 const SHOWN: usize = 30;
 /// Typing errors between two names that still count as the same word.

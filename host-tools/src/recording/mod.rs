@@ -11,5 +11,6 @@ mod preamble;
 pub use csv_file::Recording;
 pub use error::RecordingError;
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
+pub(crate) use header::field;
 pub use health::{ChannelHealth, Complaint, Health};
 pub use preamble::{Preamble, Traceability, TrueRate};

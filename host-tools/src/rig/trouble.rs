@@ -53,6 +53,16 @@ impl Trouble {
         }
     }
 
+    /// The one of that name.
+    ///
+    /// # Errors
+    /// The names that there are.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        let known = || Self::ALL.map(Self::name).join(", ");
+        let found = Self::ALL.into_iter().find(|t| t.name() == name);
+        found.ok_or_else(|| format!("the faults are: {}", known()))
+    }
+
     /// The fault that it has to be found out as.
     #[must_use]
     pub const fn flag(self) -> Health {

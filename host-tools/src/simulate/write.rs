@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::{Recording, Simulation};
-use crate::recording::{HEALTH_COLUMN, spell};
+use crate::recording::{HEALTH_COLUMN, field, spell};
 use massline_core::wire::Health;
 
 /// A file that could not be written.
@@ -88,13 +88,4 @@ fn write_csv(path: &Path, recording: &Recording) -> io::Result<()> {
         file.write_all(line.as_bytes())?;
     }
     file.flush()
-}
-
-/// A CSV field, quoted only where it must be.
-fn field(name: &str) -> String {
-    if name.contains(['"', ',', '\n', '\r']) {
-        format!("\"{}\"", name.replace('"', "\"\""))
-    } else {
-        name.to_owned()
-    }
 }

@@ -1,19 +1,23 @@
 //! `massline board`: the box next to the table, asked directly.
 
+mod columns;
 mod forget;
 mod info;
+mod monitor;
+mod record;
 mod restart;
 mod selftest;
 mod settings;
+mod troubles;
 
 use super::Failure;
 use crate::cli::Verbosity;
 use clap::Subcommand;
 
-/// Ask the box next to the table who it is, and have it test itself
+/// The box next to the table: who it is, its settings, its inputs, its self-test
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline board info --port /dev/ttyACM0\n  massline board selftest --emulator\n  massline board settings --port COM3 --set name=\"table 2\" --save\n\n`massline board COMMAND --help` shows more."
+    after_help = "Examples:\n  massline board info --port /dev/ttyACM0\n  massline board selftest --emulator\n  massline board settings --port COM3 --set name=\"table 2\" --save\n  massline board monitor --port /dev/ttyACM0\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n\n`massline board COMMAND --help` shows more."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -25,6 +29,8 @@ enum Command {
     Info(info::Arguments),
     Selftest(selftest::Arguments),
     Settings(settings::Arguments),
+    Record(record::Arguments),
+    Monitor(monitor::Arguments),
     Forget(forget::Arguments),
     Restart(restart::Arguments),
 }
@@ -38,6 +44,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         Command::Info(a) => info::run(a, verbosity),
         Command::Selftest(a) => selftest::run(a, verbosity),
         Command::Settings(a) => settings::run(a, verbosity),
+        Command::Record(a) => record::run(a, verbosity),
+        Command::Monitor(a) => monitor::run(a, verbosity),
         Command::Forget(a) => forget::run(a, verbosity),
         Command::Restart(a) => restart::run(a, verbosity),
     }
@@ -46,4 +54,12 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
 /// A line of what a box says: what, and the text.
 fn print_row(out: &mut impl std::io::Write, what: &str, text: &str) -> std::io::Result<()> {
     writeln!(out, "{what:<16}{text}")
+}
+
+/// Seconds on the command line.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("write a number of seconds above 0, such as 60".to_owned()),
+    }
 }

@@ -1,0 +1,101 @@
+//! The conversation while samples come.
+
+use super::AcquireError;
+use crate::device::{Client, Port};
+use massline_core::wire::{Event, Reply, Request, Setting, SettingKey, Stream, Subscription};
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// How often it is looked whether all is well.
+const LOOK: Duration = Duration::from_millis(100);
+/// How long no sample may come. At the lowest rate a message takes a tenth of a second.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Who takes what comes.
+pub(super) trait Taker {
+    /// Takes an event that came at a time, s. Whether it had samples.
+    fn take(&mut self, event: &Event<'_>, seconds: f64) -> Result<bool, AcquireError>;
+
+    /// Whether it has all it wants.
+    fn is_done(&self) -> bool;
+}
+
+/// What has become of it.
+#[derive(Default)]
+struct Fate {
+    problem: Option<AcquireError>,
+    /// Whether samples have come since somebody looked.
+    came: bool,
+}
+
+/// Rate at which the box's settings have its converters sample, Hz.
+pub(super) fn sample_rate<P: Port>(client: &mut Client<'_, P>) -> Result<f64, AcquireError> {
+    let key = Request::ReadSetting(SettingKey::SampleRate);
+    Ok(client.ask(&key, |reply| match reply {
+        Reply::Setting(Setting::SampleRate(rate)) => Some(*rate),
+        _ => None,
+    })?)
+}
+
+/// Has the box send its samples to `taker` until that has all it wants, `watch` says `false`,
+/// or something goes wrong.
+pub(super) fn follow<'c, P: Port, T: Taker + 'c>(
+    client: &mut Client<'c, P>,
+    taker: &Rc<RefCell<T>>,
+    watch: &mut dyn FnMut(&mut T) -> bool,
+) -> Result<(), AcquireError> {
+    let fate = Rc::new(RefCell::new(Fate::default()));
+    let (theirs, told) = (Rc::clone(taker), Rc::clone(&fate));
+    client.on_event(move |event, seconds| {
+        let (mut taker, mut fate) = (theirs.borrow_mut(), told.borrow_mut());
+        if fate.problem.is_some() || taker.is_done() {
+            return;
+        }
+        match taker.take(event, seconds) {
+            Ok(came) => fate.came |= came,
+            Err(problem) => fate.problem = Some(problem),
+        }
+    });
+    let mut result = attend(client, taker, &fate, watch);
+    // The last samples come with its answer. A box that is gone cannot be told.
+    let gone = matches!(result, Err(AcquireError::Client(_) | AcquireError::Reset));
+    if !gone && let Err(error) = client.tell(&Request::Subscribe(Subscription::default())) {
+        result = result.and(Err(error.into()));
+    }
+    client.on_event(|_, _| ());
+    let problem = fate.borrow_mut().problem.take();
+    problem.map_or(result, Err)
+}
+
+fn attend<P: Port, T: Taker>(
+    client: &mut Client<'_, P>,
+    taker: &RefCell<T>,
+    fate: &RefCell<Fate>,
+    watch: &mut dyn FnMut(&mut T) -> bool,
+) -> Result<(), AcquireError> {
+    client.tell(&Request::Subscribe(Subscription {
+        samples: Stream::Counts,
+        ..Subscription::default()
+    }))?;
+    let restarts = client.link().received.restarts;
+    let mut last = Instant::now();
+    loop {
+        client.listen(LOOK)?;
+        let (mut taker, mut fate) = (taker.borrow_mut(), fate.borrow_mut());
+        let more = watch(&mut taker);
+        if fate.problem.is_some() || taker.is_done() || !more {
+            return Ok(());
+        }
+        if client.link().received.restarts > restarts {
+            return Err(AcquireError::Reset);
+        }
+        if std::mem::take(&mut fate.came) {
+            last = Instant::now();
+        }
+        if last.elapsed() > PATIENCE {
+            let seconds = last.elapsed().as_secs_f64();
+            return Err(AcquireError::Silence { seconds });
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Messages to rows.
+
+use super::AcquireError;
+use crate::inputs::InputEntry;
+use massline_core::calibration::Channel;
+use massline_core::wire::{Event, Health, Packed, Samples, Values};
+
+/// Longest gap that is filled with rows, s.
+const LONGEST_GAP: f64 = 60.0;
+
+/// Samples at the beginning that may be left out because converters still settle.
+const LEAD: u64 = 16;
+
+/// One sample of the chosen inputs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row<'a> {
+    /// Its number since the converters' start.
+    pub number: u64,
+    /// SI, input by input; zero where the sample is missing.
+    pub si: &'a [f32],
+    /// Faults, input by input.
+    pub health: &'a [Health],
+}
+
+impl Row<'_> {
+    /// The faults of all inputs.
+    #[must_use]
+    pub fn all(&self) -> Health {
+        self.health.iter().fold(Health::GOOD, |a, b| a.union(*b))
+    }
+}
+
+/// Turns messages into rows. The first row is one without a fault, unless there is none among
+/// the first samples.
+#[derive(Clone, Debug)]
+pub struct Intake {
+    inputs: Vec<(InputEntry, Channel)>,
+    longest: u64,
+    /// Number of the sample that is expected next.
+    next: Option<u64>,
+    /// Samples that were left out at the beginning, which is over once there was a row.
+    led: Option<u64>,
+    si: Vec<f32>,
+    health: Vec<Health>,
+}
+
+impl Intake {
+    /// For these inputs, at a sample rate in Hz.
+    #[must_use]
+    pub fn new(inputs: &[InputEntry], sample_rate: f64) -> Self {
+        let channel = |entry: &InputEntry| entry.certificate.channel(sample_rate as f32);
+        Self {
+            inputs: inputs.iter().map(|e| (e.clone(), channel(e))).collect(),
+            longest: (LONGEST_GAP * sample_rate) as u64,
+            next: None,
+            led: Some(0),
+            si: vec![0.0; inputs.len()],
+            health: vec![Health::GOOD; inputs.len()],
+        }
+    }
+
+    /// Takes an event; shows `take` the rows that it brings, those before it that are missing
+    /// included. The number of the last one, if it brings any.
+    ///
+    /// # Errors
+    /// [`AcquireError::Restarted`], [`AcquireError::Gap`], [`AcquireError::Inputs`].
+    pub fn take(
+        &mut self,
+        event: &Event<'_>,
+        take: &mut dyn FnMut(&Row<'_>),
+    ) -> Result<Option<u64>, AcquireError> {
+        let (samples, faults) = match event {
+            Event::Recorded(samples) => (samples, Packed::new(&[])),
+            Event::RecordedFaulty(faulty) => (&faulty.samples, faulty.health),
+            _ => return Ok(None),
+        };
+        let channels = usize::from(samples.channels);
+        let count = samples.count().unwrap_or(0) as u64;
+        let outside = |(e, _): &&(InputEntry, Channel)| usize::from(e.input) >= channels;
+        if let Some((entry, _)) = self.inputs.iter().find(outside) {
+            return Err(AcquireError::Inputs {
+                found: channels,
+                input: entry.number(),
+            });
+        }
+        let expected = self.next.unwrap_or(samples.first);
+        let missing = samples
+            .first
+            .checked_sub(expected)
+            .ok_or(AcquireError::Restarted {
+                found: samples.first,
+                last: expected.saturating_sub(1),
+            })?;
+        if missing > self.longest {
+            return Err(AcquireError::Gap { missing });
+        }
+        for number in expected..samples.first {
+            for (k, (_, channel)) in self.inputs.iter_mut().enumerate() {
+                // The watch's hold-off goes on.
+                (_, self.health[k]) = channel.count(0, Health::MISSING);
+                self.si[k] = 0.0;
+            }
+            self.show(number, take);
+        }
+        for at in 0..count {
+            for (k, (entry, channel)) in self.inputs.iter_mut().enumerate() {
+                let input = usize::from(entry.input);
+                let known = Health(faults.get(input).unwrap_or(0));
+                let value = at as usize * channels + input;
+                let (si, health) = read(samples, value, channel, known);
+                self.si[k] = si;
+                self.health[k] = health;
+            }
+            self.show(samples.first + at, take);
+        }
+        let end = samples.first + count;
+        self.next = Some(end);
+        Ok(end.checked_sub(1).filter(|_| count > 0))
+    }
+
+    /// Shows the row that has been read.
+    fn show(&mut self, number: u64, take: &mut dyn FnMut(&Row<'_>)) {
+        let row = Row {
+            number,
+            si: &self.si,
+            health: &self.health,
+        };
+        if let Some(led) = &mut self.led {
+            if !row.all().is_good() && *led < LEAD {
+                *led += 1;
+                return;
+            }
+            self.led = None;
+        }
+        take(&row);
+    }
+}
+
+fn read(samples: &Samples<'_>, at: usize, channel: &mut Channel, known: Health) -> (f32, Health) {
+    let missing = (0.0, Health::MISSING);
+    match samples.values {
+        Values::Counts24(list) => list
+            .get(at)
+            .map_or(missing, |x| channel.count(x.get(), known)),
+        Values::Counts(list) => list.get(at).map_or(missing, |x| channel.count(x, known)),
+        // SI already.
+        Values::Readings(list) => list.get(at).map_or(missing, |x| (x, known)),
+    }
+}

@@ -1,0 +1,37 @@
+//! Samples of a box's own converters on this machine: in their order, in SI, with their faults.
+//!
+//! | file | holds |
+//! | --- | --- |
+//! | `intake` | messages to rows: gaps filled, counts to SI, what the counts tell of the sensors |
+//! | `level` | mean, RMS and peak of each channel |
+//! | `follow` | the conversation while samples come |
+//! | `record` | rows to a recording that `identify` reads |
+//! | `file` | that recording while it grows |
+//! | `monitor` | levels some times a second |
+//!
+//! # Design
+//!
+//! The box sends counts, each message with the number of its first sample and the faults that
+//! the converters' driver has found. A frame that is lost leaves a gap in the numbers, which
+//! becomes rows without readings: nothing shifts, and nothing is made up. Overload, an open
+//! lead and a reading that stands still are found here, by the watch that the box itself uses
+//! in a run ([`massline_core::calibration::Channel`]).
+//!
+//! The rate at which samples really come is measured against this computer's clock and stands
+//! in the recording ([`crate::device::SampleRate`]).
+
+mod error;
+mod file;
+mod follow;
+mod intake;
+mod level;
+mod monitor;
+mod record;
+#[cfg(test)]
+mod tests;
+
+pub use error::AcquireError;
+pub use intake::{Intake, Row};
+pub use level::Level;
+pub use monitor::{Snapshot, monitor};
+pub use record::{Ending, Order, Progress, Recorded, free_name, record};

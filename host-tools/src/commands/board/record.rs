@@ -1,0 +1,254 @@
+//! `massline board record`: the box's inputs to a recording.
+
+use super::columns::{self, Wanted};
+use super::troubles::HostTroubles;
+use crate::acquire::{Ending, Order, Progress, Recorded, free_name, record};
+use crate::cli::Verbosity;
+use crate::commands::device::Device;
+use crate::commands::{Failure, Interrupt, Ticker, print_json, warn};
+use crate::format::{plain, with_std};
+use crate::recording::{TrueRate, fault_words, spell};
+use anstyle::{AnsiColor, Style};
+use massline_core::wire::Health;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Record the box's inputs to a file that `massline identify` reads
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n  massline board record x.csv.gz --port /dev/ttyACM0 --inputs inputs.toml\n  massline board record x.csv --host --seconds 60 --inputs drive=1,a1=2,a2=3\n\nIt ends after --seconds, or by Ctrl-C. Samples that are faulty or never came are marked in\nthe column `health`; the true sample rate and the calibrations stand above the header."
+)]
+pub struct Arguments {
+    /// The recording, .csv or .csv.gz; or a folder, for recording-1.csv and so on
+    file: PathBuf,
+    #[command(flatten)]
+    device: Device,
+    /// How long; until Ctrl-C if absent
+    #[arg(long, value_name = "S", value_parser = super::seconds)]
+    seconds: Option<f64>,
+    /// Which inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
+    #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
+    inputs: Option<Wanted>,
+    /// Replace a file of that name
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    troubles: HostTroubles,
+    /// One JSON document on stdout and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`] if there is no recording, or if it ended before its time.
+pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let file = file(&arguments.file)?;
+    let troubles = arguments.troubles.get()?;
+    let recorded = arguments.device.talk_of_inputs(troubles, |client| {
+        let order = Order {
+            inputs: columns::choose(client, arguments.inputs.as_ref())?,
+            seconds: arguments.seconds,
+            file,
+            replace: arguments.force,
+        };
+        let interrupt = Interrupt::catch()?;
+        let ticker = Ticker::new("recording", verbosity);
+        let watch = &mut |progress: &Progress<'_>| {
+            ticker.set(&told(progress, arguments.seconds));
+            !interrupt.is_pressed()
+        };
+        record(client, &order, watch).map_err(Failure::input)
+    })?;
+    if arguments.json {
+        print_json(&RecordDocument::new(&recorded))?;
+    } else {
+        print(&recorded).map_err(|e| Failure::stdout(&e))?;
+    }
+    warn(&notes(&recorded), verbosity);
+    match &recorded.ending {
+        Ending::Complete | Ending::Stopped => Ok(()),
+        Ending::Failed(error) => Err(Failure::input(format!(
+            "{error}\nwhat came before is in {}",
+            recorded.file.display()
+        ))),
+    }
+}
+
+/// The file, or a free name in the folder.
+fn file(path: &Path) -> Result<PathBuf, Failure> {
+    let text = path.to_string_lossy();
+    if path.is_dir() || text.ends_with(['/', '\\']) {
+        return Ok(free_name(path));
+    }
+    let name = text.to_ascii_lowercase();
+    if name.ends_with(".csv") || name.ends_with(".csv.gz") {
+        return Ok(path.to_owned());
+    }
+    Err(Failure::input(format!(
+        "{text}: a recording's name ends in .csv or .csv.gz; a folder's in /"
+    )))
+}
+
+/// The line that is shown meanwhile.
+fn told(progress: &Progress<'_>, seconds: Option<f64>) -> String {
+    let mut text = format!("{:.1} s", progress.seconds);
+    if let Some(seconds) = seconds {
+        text += &format!(" of {} s", plain(seconds, 6));
+    }
+    let used =
+        |a: &&crate::acquire::Level, b: &&crate::acquire::Level| a.used().total_cmp(&b.used());
+    if let Some(level) = progress.levels.iter().max_by(used) {
+        let share = 100.0 * level.used();
+        text += &format!(", largest {} at {share:.0} % of its range", level.channel);
+    }
+    if progress.faulty > 0 {
+        text += &format!(", {} faulty samples", progress.faulty);
+    }
+    let now = progress.levels.iter().filter(|l| !l.health.is_good());
+    let now: Vec<String> = now
+        .map(|l| format!("{} {}", l.channel, spell(l.health)))
+        .collect();
+    if !now.is_empty() {
+        text += &format!(", now: {}", now.join(", "));
+    }
+    text
+}
+
+fn notes(recorded: &Recorded) -> Vec<String> {
+    let mut notes = Vec::new();
+    if recorded.lost > 0 {
+        notes.push(format!(
+            "{} frames of the box were lost on the way; what they held is missing in the recording",
+            recorded.lost
+        ));
+    }
+    match &recorded.sample_rate {
+        None => notes.push(
+            "too short to tell the true sample rate: the setup needs `sample_rate`".to_owned(),
+        ),
+        Some(rate) if (rate.value / recorded.nominal - 1.0).abs() > 1e-3 => notes.push(format!(
+            "the converters sample at {} Hz where they are set to {} Hz: is their crystal the one that the firmware was built for?",
+            plain(rate.value, 7),
+            plain(recorded.nominal, 7)
+        )),
+        Some(_) => {}
+    }
+    notes
+}
+
+/// Faults with their rows, most frequent first.
+fn faults(recorded: &Recorded) -> Vec<(&'static str, u64)> {
+    let mut faults: Vec<_> = fault_words().into_iter().zip(recorded.by_fault).collect();
+    faults.retain(|(_, rows)| *rows > 0);
+    faults.sort_by_key(|(_, rows)| std::cmp::Reverse(*rows));
+    faults
+}
+
+fn print(recorded: &Recorded) -> std::io::Result<()> {
+    let mut out = anstream::stdout();
+    let bold = Style::new().bold();
+    let red = AnsiColor::Red.on_default();
+    writeln!(out, "{bold}{}{bold:#}", recorded.file.display())?;
+    let samples = format!(
+        "{} in {} s, {} channels",
+        recorded.samples,
+        plain(recorded.seconds, 6),
+        recorded.channels.len()
+    );
+    super::print_row(&mut out, "samples", &samples)?;
+    if let Some(TrueRate {
+        value, uncertainty, ..
+    }) = &recorded.sample_rate
+    {
+        let (value, uncertainty) = with_std(*value, *uncertainty);
+        let text = format!("{value} ± {uncertainty} Hz by this computer's clock");
+        super::print_row(&mut out, "true rate", &text)?;
+    }
+    if recorded.faulty == 0 {
+        return super::print_row(&mut out, "faulty", "none");
+    }
+    let list = faults(recorded);
+    let list: Vec<String> = list
+        .iter()
+        .map(|(word, n)| format!("{word} ({n})"))
+        .collect();
+    let text = format!("{red}{}{red:#}: {}", recorded.faulty, list.join(", "));
+    super::print_row(&mut out, "faulty", &text)?;
+    for (channel, (rows, health)) in recorded.channels.iter().zip(&recorded.by_channel) {
+        if *rows > 0 {
+            let text = format!("{rows}: {}", spell(*health));
+            super::print_row(&mut out, &format!("  {channel}"), &text)?;
+        }
+    }
+    Ok(())
+}
+
+/// The document of a recording, `massline/record/1`.
+#[derive(Serialize)]
+struct RecordDocument {
+    schema: &'static str,
+    file: String,
+    channels: Vec<String>,
+    samples: u64,
+    /// By the rate that the converters are set to.
+    seconds: f64,
+    faulty_samples: u64,
+    missing_samples: u64,
+    by_fault: BTreeMap<&'static str, u64>,
+    faulty_channels: BTreeMap<String, ChannelFaults>,
+    /// Hz, by the clock of this computer.
+    true_sample_rate: Option<TrueRate>,
+    frames_lost: u64,
+    /// `complete`, `stopped` or `failed`.
+    ending: &'static str,
+    reason: Option<String>,
+}
+
+/// What was wrong with a channel.
+#[derive(Serialize)]
+struct ChannelFaults {
+    samples: u64,
+    faults: Vec<&'static str>,
+}
+
+impl RecordDocument {
+    fn new(recorded: &Recorded) -> Self {
+        let channels = recorded.channels.iter().zip(&recorded.by_channel);
+        let words = |health: Health| {
+            let words = fault_words().into_iter().enumerate();
+            let known = words.filter(|(kind, _)| health.contains(Health(1 << kind)));
+            known.map(|(_, word)| word).collect()
+        };
+        let (ending, reason) = match &recorded.ending {
+            Ending::Complete => ("complete", None),
+            Ending::Stopped => ("stopped", None),
+            Ending::Failed(error) => ("failed", Some(error.to_string())),
+        };
+        Self {
+            schema: "massline/record/1",
+            file: recorded.file.display().to_string(),
+            channels: recorded.channels.clone(),
+            samples: recorded.samples,
+            seconds: recorded.seconds,
+            faulty_samples: recorded.faulty,
+            missing_samples: recorded.missing,
+            by_fault: faults(recorded).into_iter().collect(),
+            faulty_channels: channels
+                .filter(|(_, (rows, _))| *rows > 0)
+                .map(|(channel, (samples, health))| {
+                    let faults = words(*health);
+                    let samples = *samples;
+                    (channel.clone(), ChannelFaults { samples, faults })
+                })
+                .collect(),
+            true_sample_rate: recorded.sample_rate.clone(),
+            frames_lost: recorded.lost,
+            ending,
+            reason,
+        }
+    }
+}
