@@ -13,9 +13,9 @@
 
 use super::averaging::MIN_LINES;
 use super::regression::{MAX_TERMS, Regression, Solution};
-use super::{Lines, Massline, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::algebra::{multiply_left, multiply_right};
-use crate::geometry::Equations;
+use super::residuals::Residuals;
+use super::{Lines, MasslineError, Masslines, Moments, Powers, Workspace};
+use crate::algebra::multiply_right;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
@@ -244,33 +244,16 @@ impl Basis {
     }
 }
 
-/// What a fit leaves in each run.
-#[derive(Clone, Debug)]
-pub(super) struct Residuals {
-    /// What each term is multiplied with, in whitened equations.
-    models: [Matrix6<f64>; MAX_TERMS],
-    /// Power of each measured equation per independent complex line of each run, in units
-    /// of the pooled residual.
-    left: [Vector6<f64>; MAX_RUNS],
-}
-
-impl Residuals {
-    /// None yet.
-    pub(super) const EMPTY: Self = Self {
-        models: [NO_MATRIX; MAX_TERMS],
-        left: [Vector6::from_array_storage(ArrayStorage([[0.0; 6]])); MAX_RUNS],
-    };
-}
-
-struct Fit<'s> {
-    regression: &'s mut Regression,
+/// The fit that is under way.
+pub(super) struct Fit<'s> {
+    pub(super) regression: &'s mut Regression,
+    pub(super) solution: &'s mut Solution,
     /// What is compared with it.
     candidate: &'s mut Solution,
-    solution: &'s mut Solution,
-    residuals: &'s mut Residuals,
+    pub(super) residuals: &'s mut Residuals,
     /// What each run's squares count.
-    weights: [f64; MAX_RUNS],
-    runs: usize,
+    pub(super) weights: [f64; MAX_RUNS],
+    pub(super) runs: usize,
     noise: Vector6<f64>,
     power: Vector6<f64>,
 }
@@ -313,96 +296,6 @@ impl Fit<'_> {
             }
             let phi = basis.at(lines.frequency(line));
             self.regression.add(&mut m, &phi[..basis.terms()], count);
-        }
-    }
-
-    /// Finds what the fit leaves in each run.
-    #[inline(never)]
-    fn find_residuals<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
-        let Residuals { models, left } = &mut *self.residuals;
-        left.fill(Vector6::zeros());
-        let Some(whitened) = self.regression.whitened(self.solution) else {
-            return;
-        };
-        for (t, model) in models.iter_mut().enumerate().take(basis.terms()) {
-            self.regression.coefficient(self.solution, t, model);
-            multiply_left(whitened.rows(), model);
-        }
-        let models = &models[..basis.terms()];
-        let runs = self.runs;
-        for line in band.clone() {
-            let phi = basis.at(lines.frequency(line));
-            // The first term is one, others are real.
-            let mut model = Matrix6::<Complex<f64>>::zeros();
-            for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
-                for (sum, x) in model.iter_mut().zip(m) {
-                    sum.re += if t == 0 { *x } else { phi.re * x };
-                    if phi.im != 0.0 {
-                        sum.im += phi.im * x;
-                    }
-                }
-            }
-            for (run, left) in left.iter_mut().enumerate().take(runs) {
-                *left += residual(lines, run, line, &whitened, &model);
-            }
-        }
-        for (run, left) in left.iter_mut().enumerate().take(runs) {
-            *left /= (lines.equations_per_line(run) * band.len() as f64).max(1.0);
-        }
-    }
-
-    /// Weighs each run with its inverse residual power.
-    #[inline(never)]
-    fn weigh_runs<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
-        self.find_residuals(lines, band, basis);
-        let left = self.residuals.left.iter().take(self.runs).map(Vector6::sum);
-        let mean = left.clone().sum::<f64>() / self.runs as f64;
-        if mean > 0.0 {
-            for (weight, left) in self.weights.iter_mut().zip(left) {
-                // A run is never trusted a thousand times more than the average one.
-                *weight = mean / left.max(1e-3 * mean);
-            }
-        }
-    }
-
-    /// Spreads the variance of the pairs' equations where runs differ in their noise: each
-    /// pair has that of the runs which excite its direction, in their shares of its power.
-    #[inline(never)]
-    fn spread<L: Lines + ?Sized>(&self, lines: &L, band: &Range<usize>, pairs: &mut [Massline]) {
-        let mut variance = [Vector6::zeros(); 6];
-        let mut total = [0.0; 6];
-        let mut mean = Vector6::zeros();
-        let mut counted = 0.0;
-        for (run, (weight, left)) in self
-            .weights
-            .iter()
-            .zip(&self.residuals.left)
-            .enumerate()
-            .take(self.runs)
-        {
-            let mut powers = Powers::zero();
-            for line in band.clone() {
-                lines.add_powers(run, line, *weight, &mut powers);
-            }
-            let share = self.regression.powers(self.solution, &powers.aa);
-            for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
-                *variance += left * (share * *weight);
-                *total += share;
-            }
-            let lines_of_run = lines.equations_per_line(run);
-            mean += left * (lines_of_run * *weight);
-            counted += lines_of_run;
-        }
-        // In units of the pooled residual, whose degrees of freedom are taken off already.
-        for ((pair, variance), total) in pairs.iter_mut().zip(&variance).zip(total) {
-            for j in 0..6 {
-                let pooled = mean[j] * total;
-                pair.variance[j] *= if pooled > 0.0 {
-                    variance[j] * counted / pooled
-                } else {
-                    1.0
-                };
-            }
         }
     }
 
@@ -497,57 +390,4 @@ fn best(
 fn terms(modes: usize, basis: &Basis) -> heapless::Vec<usize, MAX_TERMS> {
     // `MAX_TERMS` holds every mode and two more.
     (0..=modes).chain([basis.upper()]).collect()
-}
-
-/// Power that `model`, the apparent mass in the rows of `equations`, leaves in each of
-/// them for one run at one line.
-fn residual<L: Lines + ?Sized>(
-    lines: &L,
-    run: usize,
-    line: usize,
-    equations: &Equations,
-    model: &Matrix6<Complex<f64>>,
-) -> Vector6<f64> {
-    let e = equations.rows();
-    if let Some((a, f)) = lines.pair(run, line) {
-        let weight = lines.pair_weight(run, line);
-        return Vector6::from_fn(|j, _| {
-            let mut left = Complex::new(0.0, 0.0);
-            for i in 0..6 {
-                // Half of the whitened rows are zero, and often all beside the diagonal.
-                if e[(j, i)] != 0.0 {
-                    left += f[i] * e[(j, i)];
-                }
-                left -= model[(j, i)] * a[i];
-            }
-            left.norm_sqr() * weight
-        });
-    }
-    residual_of_moments(lines, run, line, e, model)
-}
-
-/// As [`residual`], from the moments of a run that was not referred to a drive.
-#[inline(never)] // Its moments are on the stack only where they are needed.
-fn residual_of_moments<L: Lines + ?Sized>(
-    lines: &L,
-    run: usize,
-    line: usize,
-    e: &Matrix6<f64>,
-    model: &Matrix6<Complex<f64>>,
-) -> Vector6<f64> {
-    let mut m = Moments::zero();
-    lines.add_moments(run, line, 1.0, &mut m);
-    Vector6::from_fn(|j, _| {
-        let mut left = 0.0;
-        for i in 0..6 {
-            let (mut force, mut both) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
-            for k in 0..6 {
-                let (e, model) = (e[(j, k)], model[(j, k)].conj());
-                force += m.ff[(i, k)] * e - m.fa[(i, k)] * model;
-                both += m.fa[(k, i)].conj() * e - m.aa[(i, k)] * model;
-            }
-            left += e[(j, i)] * force.re - (model[(j, i)] * both).re;
-        }
-        left.max(0.0)
-    })
 }

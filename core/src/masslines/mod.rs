@@ -17,7 +17,8 @@
 //! | `static_poses` | poses of a DC-coupled measurement |
 //!
 //! `condense` is the door to all of them, `regression` and `free_system` what several have
-//! in common, and `workspace` the memory they are lent: none of them is on a small stack.
+//! in common, `residuals` what the runs of `apparent_mass` are weighed by, and `workspace` the
+//! memory they are lent: none of them is on a small stack.
 
 mod apparent_mass;
 mod averaging;
@@ -31,6 +32,7 @@ mod frequency_responses;
 mod lines;
 mod power_spectra;
 mod regression;
+mod residuals;
 mod sine;
 mod static_poses;
 mod synthesis;

@@ -1,7 +1,7 @@
 //! The memory of the methods, apart from what grows with the number of lines.
 
-use super::apparent_mass::Residuals;
 use super::regression::{Regression, Solution};
+use super::residuals::Residuals;
 use super::{ApparentMass, FreeModes};
 use crate::modes::PoleSearch;
 
