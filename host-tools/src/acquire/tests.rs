@@ -3,12 +3,21 @@
 use super::*;
 use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory, Noise, NoisyLine, Port};
 use crate::inputs::InputEntry;
+use crate::measure::block_settings;
 use crate::recording::Recording;
+use crate::replay::Base;
+use crate::replay::plan::{Calibration, upload};
 use crate::rig::{Inputs, Trouble, Troubles};
-use crate::simulate::Stream;
-use massline_core::wire::Health;
+use crate::setup::Setup;
+use crate::simulate::{Model, Options, Stream, simulate};
+use massline_core::wire::{
+    Event, Gaps, Health, Outcome, Pass, Request, Source, Start, Subscription,
+};
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::rc::Rc;
+use std::time::Duration;
 
 const RATE: f64 = 512.0;
 
@@ -269,4 +278,105 @@ fn levels_are_those_of_the_samples() {
         }
     }
     assert!(health.contains(Health::OPEN));
+}
+
+/// What the box says of a run from its own inputs has to be what its samples say here.
+#[test]
+fn a_run_from_the_inputs_counts_what_was_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut model = Model::fork().unwrap();
+    model.runs.truncate(1);
+    let options = Options {
+        duration: Some(40.0),
+        ..Options::default()
+    };
+    let mut simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+    let recording = &mut simulation.recordings[0];
+    // The drive last, as set-ups have it.
+    recording.channels.rotate_left(1);
+    recording.samples.rotate_left(1);
+    let setup = Setup::read(&simulation.write(folder.path()).unwrap()).unwrap();
+    let troubles = Troubles {
+        kinds: vec![Trouble::Overload, Trouble::Missed, Trouble::Checksum],
+        per_minute: 15.0,
+        seed: 11,
+    };
+    let inputs = Inputs::new(&simulation.setup, &simulation.recordings[0], troubles).unwrap();
+    let all = these(&inputs, &std::array::from_fn::<_, 19, _>(|k| k as u8));
+    let mut own = HostBoxMemory::new();
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(HostBox::with_inputs(&mut own, 1, inputs), &mut memory);
+    let settings = block_settings(&setup).unwrap().unwrap();
+    let calibration = Calibration::OfInputs;
+    upload(
+        &mut client,
+        &setup,
+        &settings,
+        Base::Interface,
+        calibration,
+        1,
+    )
+    .unwrap();
+
+    let seen = Rc::new(RefCell::new((Intake::new(&all, RATE), Vec::new(), None)));
+    let shared = Rc::clone(&seen);
+    client.on_event(move |event, _| {
+        let (intake, rows, ended) = &mut *shared.borrow_mut();
+        if let Event::RunEnded(summary) = event {
+            *ended = Some(*summary);
+        }
+        let mut take = |row: &Row<'_>| rows.push((row.number, row.all(), row.health.to_vec()));
+        intake.take(event, &mut take).unwrap();
+    });
+    client
+        .tell(&Request::Subscribe(Subscription {
+            samples: massline_core::wire::Stream::Counts,
+            ..Subscription::default()
+        }))
+        .unwrap();
+    let limit = 60 * 512;
+    client
+        .tell(&Request::Start(Start {
+            run: 0,
+            pass: Pass::Measure,
+            source: Source::Inputs,
+            gaps: Gaps::Count,
+            limit: Some(limit),
+        }))
+        .unwrap();
+    while seen.borrow().2.is_none() {
+        client.listen(Duration::from_millis(10)).unwrap();
+    }
+    client
+        .tell(&Request::Subscribe(Subscription::default()))
+        .unwrap();
+    client.on_event(|_, _| ());
+    let (_, rows, summary) = &*seen.borrow();
+    let summary = summary.unwrap();
+    assert_eq!(
+        (summary.samples + summary.missing, summary.outcome),
+        (limit, Outcome::Limit)
+    );
+    assert!(summary.rejected > 5 && summary.blocks > 5, "{summary:?}");
+    // The run began with the first sample of all, which was not settled yet; what is missing
+    // in it never came here either.
+    let first = rows[0].0 - rows[0].0.min(16);
+    let of_run = rows
+        .iter()
+        .take_while(|(number, ..)| *number < first + limit);
+    let lost = |health: &[Health]| health.iter().all(|h| *h == Health::MISSING);
+    let never = of_run.clone().filter(|(_, _, health)| lost(health)).count() as u64;
+    assert!(
+        summary.missing > 0 && summary.missing <= never,
+        "{never} {summary:?}"
+    );
+    let overloads = of_run.filter(|(_, all, _)| all.contains(Health::OVERLOAD));
+    // The box forgets a hold-off at a gap, which goes on here: 26 samples at the most.
+    let (found, gaps) = (overloads.count() as u64, summary.rejected_by[1]);
+    assert!(summary.overloads <= found, "{found} {summary:?}");
+    assert!(summary.overloads + 26 * u64::from(gaps) >= found && found > 0);
+    let crystal = 20e-6 * Stream::new(11, &["crystal"]).signed();
+    // Converters that are restarted leave their grid by half a period at the most.
+    let off = summary.sample_rate.unwrap().0 / (RATE * (1.0 + crystal)) - 1.0;
+    assert!(off.abs() < 0.5 / limit as f64, "{off:e}");
 }

@@ -23,7 +23,7 @@ mod document;
 mod error;
 mod flip;
 mod outcome;
-mod plan;
+pub(crate) mod plan;
 mod transfer;
 
 pub use compare::{Comparison, Difference, Found};
@@ -32,6 +32,7 @@ pub use error::ReplayError;
 pub use flip::Flip;
 pub use outcome::{AnswerOutcome, BaseOutcome, Outcome, RunOutcome};
 pub use plan::Base;
+use plan::Calibration;
 
 use crate::device::{Client, ClientError, ClientMemory, HostBox, HostBoxMemory, Port};
 use crate::identification::{AnswerError, Choice, Session};
@@ -166,7 +167,14 @@ impl Replay<'_, '_> {
         let resumes_measuring = running.is_some_and(|r| r.pass == Pass::Measure) || stored != 0;
         let mut grid = None;
         if held.is_none() {
-            let found = plan::upload(client, self.setup, &self.settings, base, fingerprint)?;
+            let found = plan::upload(
+                client,
+                self.setup,
+                &self.settings,
+                base,
+                Calibration::OfSetup,
+                fingerprint,
+            )?;
             grid = Some(found);
         }
         let weighed = if resumes_measuring {
@@ -310,7 +318,14 @@ impl Replay<'_, '_> {
     fn check_weights(&mut self, base: Base, device: &Weighed) -> Result<Comparison, ReplayError> {
         let (mut own, mut memory) = (HostBoxMemory::new(), ClientMemory::new());
         let mut client = Client::new(HostBox::new(&mut own, 1), &mut memory);
-        plan::upload(&mut client, self.setup, &self.settings, base, 0)?;
+        plan::upload(
+            &mut client,
+            self.setup,
+            &self.settings,
+            base,
+            Calibration::OfSetup,
+            0,
+        )?;
         let (done, flip) = (self.done, self.feed.flip.take());
         let host = self.weigh(&mut client, base, None);
         (self.done, self.feed.flip) = (done, flip);

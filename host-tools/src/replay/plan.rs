@@ -190,12 +190,22 @@ pub(super) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
     crc32(format!("{base:?} {mark} {setup:?}").as_bytes())
 }
 
+/// Who says how readings become SI.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Calibration {
+    /// The set-up, as for readings of a recording.
+    OfSetup,
+    /// The box's settings, as for counts of its inputs.
+    OfInputs,
+}
+
 /// Sends the set-up, and gives the box's lines.
-pub(super) fn upload<P: Port>(
+pub(crate) fn upload<P: Port>(
     client: &mut Client<'_, P>,
     setup: &Setup,
     settings: &BlockSettings,
     base: Base,
+    calibration: Calibration,
     fingerprint: u32,
 ) -> Result<Grid, ReplayError> {
     let p = setup.processing.as_ref().ok_or(ReplayError::NoProcessing)?;
@@ -218,7 +228,10 @@ pub(super) fn upload<P: Port>(
         weighting: base.weighting(),
         minimum_weight: setup.estimation.minimum_weight,
     }))?;
-    for sensor in sensors(setup) {
+    for mut sensor in sensors(setup) {
+        if calibration == Calibration::OfInputs {
+            sensor.scale = Scale::Stored;
+        }
         client.tell(&Request::SetSensor(sensor))?;
     }
     for (number, run) in setup.runs.iter().enumerate() {
