@@ -33,7 +33,7 @@ const AVERAGED: usize = 1 + RESULTANTS;
 /// Decimated samples of a block. 100 lines of 1024 samples are decimated by four.
 pub const TRANSFORM: usize = BLOCK_LENGTH / 4;
 /// States of the filters that decimate by four.
-const FILTERS: usize = 156;
+const FILTERS: usize = 70;
 
 /// Samples and filter states of the blocks that are under way.
 pub const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);

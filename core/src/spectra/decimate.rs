@@ -52,13 +52,26 @@ const EARLY: [f32; 5] = [
     6.338_563e-4,
 ];
 
-/// Elements of state that one channel needs: each stage's delay line is written twice, so
-/// that its newest samples always lie in one piece.
+/// Samples that a sum sees of those that came an even number of samples before: two a
+/// coefficient. Of the odd ones it sees the middle one.
+const LAST_EVENS: usize = 2 * LAST.len();
+const EARLY_EVENS: usize = 2 * EARLY.len();
+/// Even samples that a delay line has room for beyond these: the newest always lie in one
+/// piece, and are moved only when it is full.
+const SLACK: usize = 5;
+/// Elements of a delay line: odd samples, as many as there are coefficients, then even ones.
+const LAST_LINE: usize = LAST.len() + LAST_EVENS + SLACK;
+const EARLY_LINE: usize = EARLY.len() + EARLY_EVENS + SLACK;
+
+const _: () = assert!(2 * LAST_EVENS == LAST_TAPS + 1 && 2 * EARLY_EVENS == EARLY_TAPS + 1);
+const _: () = assert!(LAST.len().is_multiple_of(5) && EARLY.len().is_multiple_of(5));
+
+/// Elements of state that one channel needs.
 pub(super) const fn state_len(stages: usize) -> usize {
     if stages == 0 {
         0
     } else {
-        2 * (LAST_TAPS + (stages - 1) * EARLY_TAPS)
+        LAST_LINE + (stages - 1) * EARLY_LINE
     }
 }
 
@@ -80,96 +93,137 @@ pub(super) const fn settling(stages: usize) -> usize {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Phase {
     stages: usize,
-    /// Write position of each stage's delay line.
-    position: [usize; MAX_STAGES],
-    /// Whether the next sample completes a stage's pair.
-    second: [bool; MAX_STAGES],
+    lines: [LinePhase; MAX_STAGES],
 }
 
-const fn taps(stage: usize, stages: usize) -> usize {
-    if stage + 1 == stages {
-        LAST_TAPS
-    } else {
-        EARLY_TAPS
-    }
+/// Where a stage's delay line stands.
+#[derive(Clone, Copy, Debug)]
+struct LinePhase {
+    /// Whether the next sample completes a pair.
+    second: bool,
+    /// How much of the slack the even samples have taken.
+    even: usize,
+    /// Where the oldest odd sample lies, whose place the next one takes.
+    odd: usize,
 }
 
 impl Phase {
     pub(super) const fn new(stages: usize) -> Self {
+        let begin = LinePhase {
+            second: false,
+            even: 0,
+            odd: 0,
+        };
         Self {
             stages,
-            position: [0; MAX_STAGES],
-            second: [false; MAX_STAGES],
+            lines: [begin; MAX_STAGES],
         }
     }
 
     /// Whether the sample that is being pushed yields an output.
     pub(super) fn yields(&self) -> bool {
-        self.second.iter().take(self.stages).all(|s| *s)
+        self.lines.iter().take(self.stages).all(|line| line.second)
     }
 
     /// Pushes one channel's sample through its `state` of [`state_len`]. The result means
     /// something only where [`Self::yields`].
     pub(super) fn push(&self, state: &mut [f32], sample: f32) -> f32 {
-        let mut x = sample;
-        let mut rest = state;
-        for stage in 0..self.stages {
-            let taps = taps(stage, self.stages);
-            let Some((line, after)) = rest.split_at_mut_checked(2 * taps) else {
+        let lines = self.lines.get(..self.stages).unwrap_or(&self.lines);
+        let Some((last, early)) = lines.split_last() else {
+            return sample;
+        };
+        let (mut x, mut rest) = (sample, state);
+        for line in early {
+            let Some((own, after)) = rest.split_first_chunk_mut::<EARLY_LINE>() else {
                 return x;
             };
-            let at = self.position[stage];
-            line[at] = x;
-            line[at + taps] = x;
-            if !self.second[stage] {
+            let Some(y) = line.push(own, x, &EARLY) else {
                 return x;
-            }
-            let newest = &line[at + 1..at + 1 + taps];
-            x = if taps == LAST_TAPS {
-                filter::<LAST_TAPS, 15>(newest, &LAST)
-            } else {
-                filter::<EARLY_TAPS, 5>(newest, &EARLY)
             };
-            rest = after;
+            (x, rest) = (y, after);
         }
-        x
+        let Some(own) = rest.first_chunk_mut::<LAST_LINE>() else {
+            return x;
+        };
+        last.push(own, x, &LAST).unwrap_or(x)
     }
 
     /// Goes on to the next sample, after all channels were pushed.
     pub(super) fn advance(&mut self) {
+        let next = |at: usize, last: usize| if at == last { 0 } else { at + 1 };
         for stage in 0..self.stages {
-            let taps = taps(stage, self.stages);
-            self.position[stage] = if self.position[stage] + 1 == taps {
-                0
+            let odds = if stage + 1 == self.stages {
+                LAST.len()
             } else {
-                self.position[stage] + 1
+                EARLY.len()
             };
-            let completed = self.second[stage];
-            self.second[stage] = !completed;
-            if !completed {
+            let line = &mut self.lines[stage];
+            line.second = !line.second;
+            if line.second {
+                line.odd = next(line.odd, odds - 1);
                 break;
             }
+            line.even = next(line.even, SLACK);
         }
     }
 }
 
-/// The half-band sum over a delay line, oldest sample first.
+impl LinePhase {
+    /// Takes a sample into a delay line; every second one gives one.
+    #[inline]
+    fn push<const HALF: usize, const LINE: usize>(
+        &self,
+        line: &mut [f32; LINE],
+        x: f32,
+        h: &[f32; HALF],
+    ) -> Option<f32> {
+        let (odds, evens) = line.split_first_chunk_mut::<HALF>()?;
+        let odd = odds.get_mut(self.odd)?;
+        if !self.second {
+            *odd = x;
+            return None;
+        }
+        if self.even == 0 {
+            evens.copy_within(SLACK + 1.., 0);
+        }
+        let newest = evens.get_mut(self.even..self.even + 2 * HALF)?;
+        *newest.last_mut()? = x;
+        // Of as many odd samples as there are coefficients the oldest is the middle one.
+        Some(filter(newest, *odd, h))
+    }
+}
+
+/// The half-band sum over the even samples, oldest first, and the middle one.
 #[inline]
-fn filter<const TAPS: usize, const HALF: usize>(line: &[f32], h: &[f32; HALF]) -> f32 {
-    let Ok(line) = <&[f32; TAPS]>::try_from(line) else {
+fn filter<const HALF: usize>(evens: &[f32], middle: f32, h: &[f32; HALF]) -> f32 {
+    let Some((old, new)) = evens.split_first_chunk::<HALF>() else {
         return 0.0;
     };
-    let middle = (TAPS - 1) / 2;
-    let mut sum = 0.5 * line[middle];
-    for i in 0..HALF {
-        sum += h[i] * (line[middle - 1 - 2 * i] + line[middle + 1 + 2 * i]);
+    // Written out by fives, since the chip's code is made small rather than fast, and this
+    // runs for every reading.
+    let (h, old, new) = (
+        h.as_chunks::<5>().0,
+        old.as_chunks::<5>().0,
+        new.as_chunks::<5>().0,
+    );
+    let mut sum = 0.5 * middle;
+    for ((h, old), new) in h.iter().zip(old.iter().rev()).zip(new) {
+        sum += h[0] * (old[4] + new[0]);
+        sum += h[1] * (old[3] + new[1]);
+        sum += h[2] * (old[2] + new[2]);
+        sum += h[3] * (old[1] + new[3]);
+        sum += h[4] * (old[0] + new[4]);
     }
     sum
 }
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
+    use std::vec;
+    use std::vec::Vec;
 
     /// Magnitude of a half-band filter at `f` in units of its input rate.
     fn magnitude(h: &[f32], f: f64) -> f64 {
@@ -193,6 +247,45 @@ mod tests {
                 let db = 20.0 * libm::log10(magnitude(h, beyond).abs());
                 assert!(db < stop, "{beyond}: {db} dB");
             }
+        }
+    }
+
+    /// Every second output of a filter as it is written in books: all taps over all samples.
+    fn by_the_book(h: &[f32], samples: &[f32]) -> Vec<f32> {
+        let taps = 4 * h.len() - 1;
+        let middle = taps / 2;
+        let mut padded = vec![0.0; taps - 1];
+        padded.extend(samples);
+        let outputs = padded.windows(taps).skip(1).step_by(2);
+        outputs
+            .map(|line| {
+                let pairs = h.iter().enumerate();
+                pairs.fold(0.5 * line[middle], |sum, (i, h)| {
+                    sum + h * (line[middle - 1 - 2 * i] + line[middle + 1 + 2 * i])
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn decimates_as_by_the_book_to_the_last_bit() {
+        let samples: Vec<f32> = (0..4000_u32)
+            .map(|n| (n.wrapping_mul(0x9E37_79B1) >> 8) as f32 - 8e6)
+            .collect();
+        for stages in 1..=MAX_STAGES {
+            let mut phase = Phase::new(stages);
+            let mut state = vec![0.0; state_len(stages)];
+            let mut found = Vec::new();
+            for x in &samples {
+                let y = phase.push(&mut state, *x);
+                if phase.yields() {
+                    found.push(y);
+                }
+                phase.advance();
+            }
+            let early = (1..stages).fold(samples.clone(), |x, _| by_the_book(&EARLY, &x));
+            assert_eq!(found, by_the_book(&LAST, &early), "{stages}");
+            assert_eq!(found.len(), samples.len() >> stages);
         }
     }
 
