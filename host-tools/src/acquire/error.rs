@@ -45,6 +45,9 @@ pub enum AcquireError {
         /// For how long, s.
         seconds: f64,
     },
+    /// It was stopped too early.
+    #[error("it was stopped before the first sample came, so there is no recording")]
+    Nothing,
     /// The box has started anew.
     #[error("the box has started anew; `massline board info` says why, then start again")]
     Reset,

@@ -186,11 +186,11 @@ pub fn record<P: Port>(
     let ending = match result {
         // All that was wanted is there.
         _ if recorder.is_done() => Ending::Complete,
-        Ok(()) => Ending::Stopped,
-        Err(error) if recorder.rows == 0 => {
+        result if recorder.rows == 0 => {
             recorder.growing.discard();
-            return Err(error);
+            return Err(result.err().unwrap_or(AcquireError::Nothing));
         }
+        Ok(()) => Ending::Stopped,
         Err(error) => Ending::Failed(error),
     };
     let sample_rate = recorder.clock.estimate("host");

@@ -1,7 +1,9 @@
 //! Recordings from the box in this program against what its models did.
 
 use super::*;
-use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory, Noise, NoisyLine, Port};
+use crate::device::{
+    Client, ClientMemory, HostBox, HostBoxMemory, Noise, NoisyLine, Port, PortError,
+};
 use crate::inputs::InputEntry;
 use crate::measure::block_settings;
 use crate::recording::Recording;
@@ -232,6 +234,67 @@ fn a_recording_that_is_stopped_is_one_and_none_is_overwritten() {
         free_name(&folder.path().join("new")).file_name().unwrap(),
         "recording-1.csv"
     );
+}
+
+/// A port whose plug is drawn after some receives.
+struct Drawn<P> {
+    port: P,
+    receives: u32,
+}
+
+impl<P: Port> Port for Drawn<P> {
+    fn name(&self) -> String {
+        self.port.name()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        self.port.send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        self.receives = self.receives.checked_sub(1).ok_or(PortError::Gone {
+            name: self.name(),
+            reason: "drawn".to_owned(),
+        })?;
+        self.port.receive(into, timeout)
+    }
+
+    fn patience(&self) -> Duration {
+        self.port.patience()
+    }
+
+    fn seconds(&self) -> f64 {
+        self.port.seconds()
+    }
+}
+
+#[test]
+fn what_came_before_the_plug_was_drawn_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    for (receives, some) in [(200, true), (2, false)] {
+        let inputs = fork(&[], 1);
+        let chosen = chosen(&inputs);
+        let file = folder.path().join(format!("{receives}.csv"));
+        let order = order(&chosen, 60.0, &file);
+        let mut own = HostBoxMemory::new();
+        let mut memory = ClientMemory::new();
+        let port = HostBox::with_inputs(&mut own, 1, inputs);
+        let mut client = Client::new(Drawn { port, receives }, &mut memory);
+        let found = record(&mut client, &order, &mut |_| true);
+        if some {
+            let recorded = found.unwrap();
+            assert!(matches!(
+                recorded.ending,
+                Ending::Failed(AcquireError::Client(_))
+            ));
+            let rows = rows(&file, &recorded.channels);
+            assert!(rows.len() as u64 == recorded.samples && rows.len() > 1000);
+        } else {
+            // It was gone before the first sample.
+            assert!(found.is_err() && !file.exists());
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        }
+    }
 }
 
 #[test]
