@@ -113,8 +113,8 @@ pub trait Board {
     /// Starts afresh, once what was given to the outbox has left the box.
     fn reboot(&mut self);
 
-    /// Fails on purpose, once what was given to the outbox has left the box. `false` if
-    /// the box cannot.
+    /// Fails on purpose, once what was given to the outbox has left the box, or feigns at
+    /// once. `false` if the box cannot.
     fn provoke(&mut self, fault: Provoke) -> bool;
 }
 
@@ -134,6 +134,8 @@ pub struct RawSample<'a> {
     /// Number of the sample since the converters' start: two neighbours that differ by
     /// more than one have lost samples between them.
     pub number: u64,
+    /// Ticks of [`Board::ticks`] when it was taken.
+    pub ticks: u64,
     /// Counts of all inputs.
     pub counts: &'a [i32],
     /// Faults of each input that the driver found; inputs beyond its end are good.

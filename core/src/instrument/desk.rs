@@ -121,6 +121,7 @@ impl<'m> Instrument<'m> {
             }
             Request::SaveSettings => {
                 self.not_running()?;
+                self.not_busy()?;
                 let storage = board.save_settings()?;
                 Reply::Saved(Saved { storage })
             }

@@ -11,8 +11,12 @@ use crate::wire::{Carries, ChannelHealth, Event, Health, Packed, Values};
 pub(super) enum Sample<'a> {
     /// Sample number `0` of the host's, counted from the first one of a message.
     Host(Values<'a>, usize),
-    /// One of the box's own converters.
-    Counts(&'a [i32], &'a [Health]),
+    /// One of the box's own converters, and when it was taken.
+    Counts {
+        counts: &'a [i32],
+        health: &'a [Health],
+        ticks: u64,
+    },
     /// One that the box has computed, in SI.
     Computed(&'a [f32]),
 }
@@ -145,7 +149,7 @@ fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
         Sample::Host(Values::Counts24(list), at) => list
             .get(at + c)
             .map_or(missing, |x| channel.count(x.get(), Health::GOOD)),
-        Sample::Counts(counts, health) => {
+        Sample::Counts { counts, health, .. } => {
             let known = health.get(c).copied().unwrap_or(Health::GOOD);
             counts.get(c).map_or(missing, |x| channel.count(*x, known))
         }

@@ -239,7 +239,12 @@ impl<'m> Instrument<'m> {
         };
         run.skip_to(index, out);
         if index == run.next() && !run.is_complete() {
-            run.push(&Sample::Counts(sample.counts, sample.health), board, out);
+            let taken = Sample::Counts {
+                counts: sample.counts,
+                health: sample.health,
+                ticks: sample.ticks,
+            };
+            run.push(&taken, board, out);
             self.meter();
         }
         self.end_if_complete(board, out);

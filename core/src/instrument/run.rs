@@ -147,10 +147,14 @@ impl<'m> Run<'m> {
     /// Takes the next sample.
     pub(super) fn push(&mut self, sample: &Sample<'_>, board: &impl Board, out: &mut impl Outbox) {
         let begun = board.ticks();
+        let taken = match sample {
+            Sample::Counts { ticks, .. } => *ticks,
+            _ => begun,
+        };
         if self.counts.next == self.counts.missing {
-            self.ticks[0] = begun;
+            self.ticks[0] = taken;
         }
-        self.ticks[1] = begun;
+        self.ticks[1] = taken;
         let index = self.counts.next;
         self.counts.next += 1;
         let Some(room) = self.buffers.bench.run_mut() else {

@@ -282,7 +282,7 @@ pub enum FaultKind {
     Stack,
 }
 
-/// Has the box fail on purpose, so that tests see what becomes of it.
+/// Has the box fail or feign on purpose, so that tests see what becomes of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Provoke {
     /// A panic with a text that is known.
@@ -291,6 +291,9 @@ pub enum Provoke {
     StackOverflow,
     /// A task that does not check in with the watchdog.
     Hang,
+    /// No failure: from now on a timer and a known pattern of counts stand in for the
+    /// converters, so that sampling can be seen to go on whatever else the box is at.
+    Rehearsal,
 }
 
 /// Result of the self-test: the synthetic body's properties, found and true.

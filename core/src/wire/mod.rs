@@ -109,7 +109,7 @@ pub use measure::{
     Source, Start, Summary, Taken, Values,
 };
 pub use packed::{Count24, Packed, Word};
-pub use problem::{Field, Item, Problem, Refused};
+pub use problem::{ConverterFault, Field, Item, Problem, Refused};
 pub use receiver::{LinkCounters, Received, Receiver, Refusal};
 pub use sender::{RequestIds, Sender};
 pub use sequence::{Arrival, Tracker};

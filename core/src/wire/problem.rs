@@ -109,6 +109,42 @@ pub enum Problem {
     NoAnswer(NoAnswer),
     /// The flash has failed this setting.
     Storage(SettingKey),
+    /// A converter of the box does not come up.
+    Converter {
+        /// Its number, from zero.
+        converter: u8,
+        /// What it did instead.
+        fault: ConverterFault,
+    },
+}
+
+/// What a converter did that does not come up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ConverterFault {
+    /// The bus failed.
+    Bus,
+    /// Its data line stayed at one level.
+    Stuck,
+    /// Its frames came with wrong checksums.
+    Checksum,
+    /// It is another device.
+    Identity {
+        /// What it says it is.
+        found: u16,
+        /// What it should say.
+        expected: u16,
+    },
+    /// A register does not keep what is written.
+    Register {
+        /// Its address.
+        address: u8,
+        /// What was read.
+        found: u16,
+        /// What was written.
+        expected: u16,
+    },
+    /// It does not do as it is told.
+    Command,
 }
 
 /// Things there can be too many of.
@@ -307,6 +343,34 @@ impl Display for Problem {
             ),
             Self::NoAnswer(why) => why.fmt(f),
             Self::Storage(key) => write!(f, "the flash failed at setting {key:?}"),
+            Self::Converter { converter, fault } => {
+                write!(f, "converter {converter} does not come up: {fault}")
+            }
+        }
+    }
+}
+
+impl Display for ConverterFault {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        match self {
+            Self::Bus => f.write_str("the SPI bus failed"),
+            Self::Stuck => {
+                f.write_str("its data line does not move; see its supply, its clock and its wires")
+            }
+            Self::Checksum => f.write_str("its frames are garbled; shorten or shield the wires"),
+            Self::Identity { found, expected } => write!(
+                f,
+                "it says {found:#06x} where {expected:#06x} is expected; see which chip is selected"
+            ),
+            Self::Register {
+                address,
+                found,
+                expected,
+            } => write!(
+                f,
+                "register {address:#04x} reads {found:#06x} after {expected:#06x} was written"
+            ),
+            Self::Command => f.write_str("it does not do as it is told; see its RESET line"),
         }
     }
 }

@@ -110,7 +110,7 @@ messages! {
         0x05 ForgetFaults;
         /// Start afresh. [`Reply::Done`] at once, then [`Event::Started`]. In any state.
         0x06 Reboot;
-        /// For tests: fail. [`Reply::Done`] at once, or unsupported. In any state.
+        /// For tests: fail or feign. [`Reply::Done`] at once, or unsupported. In any state.
         0x07 Provoke(Provoke);
         /// Run the synthetic body through the box. [`Reply::Selftest`] when it is done. Not
         /// while running; forgets set-up and stored runs, and leaves the box empty.
@@ -162,7 +162,8 @@ messages! {
         0x50 ReadSetting(SettingKey);
         /// Change one setting. [`Reply::Done`]. Not while running.
         0x51 WriteSetting(Setting<'a>);
-        /// Keep the settings. [`Reply::Saved`]. Not while running: the flash stops the core.
+        /// Keep the settings. [`Reply::Saved`]. Not while running or identifying: the flash stops
+        /// the core.
         0x52 SaveSettings;
         /// Go back to the settings the box was delivered with. [`Reply::Done`]. Not while
         /// running; not kept until saved.

@@ -315,6 +315,7 @@ impl Bench<'_> {
     /// One sample of the converters, all of whose channels are good but those named.
     pub fn convert(&mut self, number: u64, counts: &[i32], health: &[Health]) {
         let sample = RawSample {
+            ticks: self.hardware.ticks(),
             number,
             counts,
             health,

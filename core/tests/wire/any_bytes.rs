@@ -219,7 +219,7 @@ fn the_box_can_say_what_is_wrong_with_a_sound_frame() {
     assert_eq!(refused.problem, Problem::UnknownNumber);
 
     // A variant that a later firmware may know; a byte too few; one too many.
-    for (number, payload) in [(0x07, &[3][..]), (0x30, &[]), (0x22, &[0])] {
+    for (number, payload) in [(0x07, &[99][..]), (0x30, &[]), (0x22, &[0])] {
         let (_, refused, counters) = refusal(&frame(&header(number, 0, 9), payload));
         assert_eq!(refused.problem, Problem::Malformed, "{number:#04x}");
         assert_eq!(counters.malformed, 1);

@@ -18,7 +18,12 @@ pub fn request<'a>(number: u8, d: &mut Draw<'a>) -> Request<'a> {
         }),
         0x05 => Request::ForgetFaults,
         0x06 => Request::Reboot,
-        0x07 => Request::Provoke(d.pick(&[Provoke::Panic, Provoke::StackOverflow, Provoke::Hang])),
+        0x07 => Request::Provoke(d.pick(&[
+            Provoke::Panic,
+            Provoke::StackOverflow,
+            Provoke::Hang,
+            Provoke::Rehearsal,
+        ])),
         0x08 => Request::Selftest,
         0x10 => Request::BeginSetup(Plan {
             sensors: d.u8(),

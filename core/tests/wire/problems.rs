@@ -5,7 +5,7 @@ use crate::parts::{accelerations, key, state};
 use massline_core::wire::*;
 
 pub fn problem(d: &mut Draw<'_>) -> Problem {
-    match d.pick(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14, 15, 10]) {
+    match d.pick(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14, 15, 10, 16]) {
         0 => Problem::Version {
             found: d.u8(),
             expected: d.u8(),
@@ -55,8 +55,31 @@ pub fn problem(d: &mut Draw<'_>) -> Problem {
             run: d.u8(),
         },
         14 => Problem::Storage(key(d)),
+        16 => Problem::Converter {
+            converter: d.u8(),
+            fault: converter_fault(d),
+        },
         _ => Problem::NoAnswer(no_answer(d)),
     }
+}
+
+fn converter_fault(d: &mut Draw<'_>) -> ConverterFault {
+    let all = [
+        ConverterFault::Bus,
+        ConverterFault::Stuck,
+        ConverterFault::Checksum,
+        ConverterFault::Identity {
+            found: d.u16(),
+            expected: d.u16(),
+        },
+        ConverterFault::Register {
+            address: d.u8(),
+            found: d.u16(),
+            expected: d.u16(),
+        },
+        ConverterFault::Command,
+    ];
+    d.pick(&all)
 }
 
 pub fn no_answer(d: &mut Draw<'_>) -> NoAnswer {

@@ -13,7 +13,7 @@ use super::{Port, PortError};
 use crate::rig::{INPUTS, Inputs};
 use crate::simulate::Stream;
 use massline_core::instrument::{
-    Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
+    Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
 };
 use massline_core::wire::{
     BODY_MAX, ClockSource, Event, FRAME_MAX, Health, Item, LinkCounters, Problem, Received,
@@ -197,6 +197,7 @@ impl<'m> HostBox<'m> {
         };
         let sample = RawSample {
             number,
+            ticks: self.board.ticks(),
             counts: &self.counts,
             health: &self.health,
         };
