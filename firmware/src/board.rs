@@ -4,26 +4,42 @@
 //! | --- | --- | --- |
 //! | PA2 (out), PA3 (in) | USART2, 8N1 | link to the host |
 //! | PH0, PH1 | HSE | 8 MHz crystal, optional |
+//! | PB13, PB14, PB15 | SPI2 SCK, MISO, MOSI | four ADS131M08, mode 1, 21 MHz |
+//! | PC2, PC3, PC4, PC5 (out) | | their chip selects |
+//! | PC6, PC7, PB8, PB9 (in) | EXTI 6 to 9 | their DRDY lines |
+//! | PA4 (out) | | SYNC/RESET of all four |
+//! | PB3, PB4, PB5 | SPI3 SCK, MISO, MOSI | ADXL355, mode 0, 10 MHz at most |
+//! | PA5 (out) | | its chip select |
+//! | none | FLASH | settings, in the last two sectors |
 //! | none | TIM2 | clock of all tick counts |
+//! | none | TIM5 | stands in for DRDY lines in a rehearsal |
 //! | none | SysTick | roll call, a hundred times a second |
 //! | none | IWDG | watchdog |
 //! | none | CAN2's interrupts | how tasks without hardware of their own are called |
 //!
-//! Everything sits on APB1 on purpose. The HAL resets a peripheral when it takes it over, and
+//! Everything that is reset sits on APB1 on purpose. The HAL resets a peripheral when it takes it over, and
 //! newer emulators crash on a reset through APB2; so does not use USART1, USART6, SPI1, the ADC,
-//! SDIO or TIM8 here.
+//! SDIO or TIM8 here. SYSCFG, which leads pins to EXTI, is there, too, but is only switched on.
 
 use cortex_m::peripheral::NVIC;
 use cortex_m::peripheral::syst::SystClkSource;
+use embedded_hal::delay::DelayNs;
+use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice};
+use embedded_hal_bus::util::AtomicCell;
+use massline_firmware::drivers::{ads131m08, adxl355};
 use massline_firmware::retained::ResetFlags;
-use stm32f4xx_hal::pac::{Interrupt, Peripherals, RCC, SYST, USART2};
+use massline_firmware::sampling::{self, Converters};
+use stm32f4xx_hal::gpio::{AnyPin, Edge, Output, PinState, Speed};
+use stm32f4xx_hal::pac::{FLASH, Interrupt, Peripherals, RCC, SPI2, SPI3, SYST, USART2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::HSI;
 use stm32f4xx_hal::serial::{Config, Rx, Tx};
+use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use crate::clocks::{self, Clock};
+use crate::edges::{Edges, Metronome};
 use crate::faults;
 use crate::ticks;
 
@@ -37,6 +53,25 @@ const _: () = assert!(HSI / 16 >= LINK_BAUD);
 /// Rounds of the roll call in a second.
 pub const ROUNDS: u32 = 100;
 
+/// Clock of the converters' bus, Hz: half of what the bus has at 168 MHz.
+const CONVERTERS_HZ: u32 = 21_000_000;
+/// Clock that is asked for the accelerometer's bus, Hz. The HAL divides by powers of two and
+/// rounds the division itself, so that it may run at 4/3 of it.
+const ACCELEROMETER_HZ: u32 = 7_000_000;
+
+const _: () = assert!(CONVERTERS_HZ <= ads131m08::SPI_HZ_MAX);
+const _: () = assert!(ACCELEROMETER_HZ / 3 * 4 <= adxl355::SPI_HZ_MAX);
+
+/// The bus of the ADS131M08.
+type Bus = AtomicCell<Spi<SPI2>>;
+/// An ADS131M08 on it.
+type Ads = AtomicDevice<'static, Spi<SPI2>, AnyPin<Output>, Delay>;
+/// The ADXL355 on a bus of its own.
+type Adxl = ExclusiveDevice<Spi<SPI3>, AnyPin<Output>, Delay>;
+
+/// The sampling task on this board.
+pub type Sampler = sampling::Sampler<'static, Ads, Adxl, AnyPin<Output>, Delay>;
+
 /// The board, with its clock running and its peripherals set up.
 pub struct Board {
     /// The clock that runs.
@@ -49,6 +84,12 @@ pub struct Board {
     pub link_tx: Tx<USART2>,
     /// Not started yet.
     pub watchdog: IndependentWatchdog,
+    /// What samples.
+    pub converters: Converters<Ads, Adxl, AnyPin<Output>, Delay>,
+    /// When they have.
+    pub edges: Edges,
+    /// When they would have.
+    pub metronome: Metronome,
 }
 
 /// Why a board cannot be used.
@@ -56,31 +97,91 @@ pub struct Board {
 pub enum Fault {
     /// The clock that runs cannot be divided down to the link's bit rate.
     LinkBaud,
+    /// It has been started before.
+    Twice,
 }
 
 impl Board {
-    /// Starts the clocks and sets up every peripheral the box uses.
+    /// Starts the clocks and sets up every peripheral the box uses. `settings` is given the
+    /// flash, and says the bit rate of the link.
     ///
     /// # Errors
     ///
     /// [`Fault`].
-    pub fn start(device: Peripherals, baud: u32) -> Result<Self, Fault> {
+    pub fn start(device: Peripherals, settings: impl FnOnce(FLASH) -> u32) -> Result<Self, Fault> {
         // The log reader looks into memory while the core sleeps, which needs the bus clocked.
         device.DBGMCU.cr().modify(|_, w| w.dbg_sleep().set_bit());
         let watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
 
         let (mut rcc, clock) = clocks::start(device.RCC);
-        let gpioa = device.GPIOA.split(&mut rcc);
+        let (a, b, c) = (
+            device.GPIOA.split(&mut rcc),
+            device.GPIOB.split(&mut rcc),
+            device.GPIOC.split(&mut rcc),
+        );
         let link = device
             .USART2
             .serial(
-                (gpioa.pa2, gpioa.pa3),
-                Config::default().baudrate(baud.bps()),
+                (a.pa2, a.pa3),
+                Config::default().baudrate(settings(device.FLASH).bps()),
                 &mut rcc,
             )
             .map_err(|_| Fault::LinkBaud)?;
         let (link_tx, link_rx) = link.split();
+
+        let delay = Delay {
+            megahertz: clock.core.to_MHz(),
+        };
+        // More than there is would be a mistake in the HAL's eyes.
+        let no_faster = |hz: u32| hz.min(rcc.clocks.pclk1().raw()).Hz();
+        let (fast, slow) = (no_faster(CONVERTERS_HZ), no_faster(ACCELEROMETER_HZ));
+        let bus = device.SPI2.spi(
+            (
+                Some(b.pb13.into_alternate().speed(Speed::VeryHigh)),
+                Some(b.pb14.into_alternate()),
+                Some(b.pb15.into_alternate().speed(Speed::VeryHigh)),
+            ),
+            ads131m08::SPI_MODE,
+            fast,
+            &mut rcc,
+        );
+        let bus = cortex_m::singleton!(: Bus = AtomicCell::new(bus)).ok_or(Fault::Twice)?;
+        let selects = [
+            c.pc2.into_push_pull_output_in_state(PinState::High).erase(),
+            c.pc3.into_push_pull_output_in_state(PinState::High).erase(),
+            c.pc4.into_push_pull_output_in_state(PinState::High).erase(),
+            c.pc5.into_push_pull_output_in_state(PinState::High).erase(),
+        ];
+        let bus: &'static Bus = bus;
+        let ads = selects.map(|select| ignore(AtomicDevice::new(bus, select, delay)));
+
+        let own_bus = device.SPI3.spi(
+            (
+                Some(b.pb3.into_alternate().speed(Speed::High)),
+                Some(b.pb4.into_alternate()),
+                Some(b.pb5.into_alternate().speed(Speed::High)),
+            ),
+            adxl355::SPI_MODE,
+            slow,
+            &mut rcc,
+        );
+        let select = a.pa5.into_push_pull_output_in_state(PinState::High).erase();
+        let adxl = ignore(ExclusiveDevice::new(own_bus, select, delay));
+        let sync = a.pa4.into_push_pull_output_in_state(PinState::High).erase();
+
+        let (mut exti, mut syscfg) = (device.EXTI, device.SYSCFG.constrain(&mut rcc));
+        let mut lines = [
+            c.pc6.into_pull_up_input().erase(),
+            c.pc7.into_pull_up_input().erase(),
+            b.pb8.into_pull_up_input().erase(),
+            b.pb9.into_pull_up_input().erase(),
+        ];
+        for line in &mut lines {
+            line.make_interrupt_source(&mut syscfg);
+            line.trigger_on_edge(&mut exti, Edge::Falling);
+            line.enable_interrupt(&mut exti);
+        }
 
         Ok(Board {
             clock,
@@ -88,7 +189,30 @@ impl Board {
             link_rx,
             link_tx,
             watchdog,
+            converters: Converters::new(ads, adxl, sync, delay),
+            edges: Edges::new(exti, lines, delay.megahertz),
+            metronome: Metronome::new(device.TIM5, &mut rcc),
         })
+    }
+}
+
+/// What cannot fail: a pin of the chip's own.
+fn ignore<T>(result: Result<T, core::convert::Infallible>) -> T {
+    match result {
+        Ok(value) => value,
+    }
+}
+
+/// Waits by counting cycles; interrupts make it longer.
+#[derive(Clone, Copy)]
+pub struct Delay {
+    megahertz: u32,
+}
+
+impl DelayNs for Delay {
+    fn delay_ns(&mut self, ns: u32) {
+        let cycles = u64::from(ns) * u64::from(self.megahertz) / 1000;
+        cortex_m::asm::delay(cycles as u32 + 1);
     }
 }
 
@@ -124,6 +248,14 @@ pub fn serial_number() -> [u8; 12] {
         bytes.copy_from_slice(&word.unwrap_or(0).to_le_bytes());
     }
     serial
+}
+
+/// Has the sampling task look at its orders, and at once where the caller's priority is lower.
+pub fn call_sampling() {
+    NVIC::pend(Interrupt::EXTI9_5);
+    // Otherwise it would begin some instructions later.
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }
 
 /// Has the port look for bytes to send.

@@ -19,7 +19,7 @@ use crate::stack;
 /// Memory that no start-up code touches.
 struct Retained(UnsafeCell<MaybeUninit<[u8; SIZE]>>);
 
-// SAFETY: all access is in `read` and `write`, inside critical sections on the only core.
+// SAFETY: all access is in `bytes` and `write`, byte by byte and volatile, on the only core.
 unsafe impl Sync for Retained {}
 
 #[unsafe(link_section = ".uninit.retained")]
@@ -27,30 +27,22 @@ static RETAINED: Retained = Retained(UnsafeCell::new(MaybeUninit::uninit()));
 
 /// The bytes as they lie there: a record, or the noise that the power switch leaves.
 fn bytes() -> [u8; SIZE] {
-    critical_section(|| {
-        let mut bytes = [0; SIZE];
-        let from: *const u8 = RETAINED.0.get().cast();
-        for (i, byte) in bytes.iter_mut().enumerate() {
-            // SAFETY: `i` is below `SIZE`. The compiler may not assume what it reads, as the
-            // memory was last written by the program before the reset: hence volatile.
-            *byte = unsafe { from.add(i).read_volatile() };
-        }
-        bytes
-    })
+    let mut bytes = [0; SIZE];
+    let from: *const u8 = RETAINED.0.get().cast();
+    for (i, byte) in bytes.iter_mut().enumerate() {
+        // SAFETY: `i` is below `SIZE`. The compiler may not assume what it reads, as the memory
+        // was last written by the program before the reset: hence volatile.
+        *byte = unsafe { from.add(i).read_volatile() };
+    }
+    bytes
 }
 
 fn write(record: &Record) {
-    critical_section(|| {
-        let to: *mut u8 = RETAINED.0.get().cast();
-        for (i, byte) in record.to_bytes().into_iter().enumerate() {
-            // SAFETY: `i` is below `SIZE`, and nobody else is at it in a critical section.
-            unsafe { to.add(i).write_volatile(byte) };
-        }
-    });
-}
-
-fn critical_section<R>(f: impl FnOnce() -> R) -> R {
-    cortex_m::interrupt::free(|_| f())
+    let to: *mut u8 = RETAINED.0.get().cast();
+    for (i, byte) in record.to_bytes().into_iter().enumerate() {
+        // SAFETY: `i` is below `SIZE`.
+        unsafe { to.add(i).write_volatile(byte) };
+    }
 }
 
 /// Opens the record of this session: what is remembered, and why the box started.
@@ -67,18 +59,20 @@ pub fn start(flags: ResetFlags) -> (Record, ResetReason) {
 }
 
 /// The record as it is now.
-pub fn record() -> Record {
+fn record() -> Record {
     // It was written at the start. Should a stray pointer have hit it, an empty one is honest.
     Record::from_bytes(&bytes()).unwrap_or_else(|| Record::start(None, ResetFlags::default(), 0).0)
 }
 
-/// Changes the record.
+/// Changes the record, which takes some 100 µs.
+///
+/// Interrupts go on meanwhile, as a sample cannot wait that long. Only the desk changes the record
+/// of a box that works; who fails in between finds half a record, which its checksum tells, and
+/// never comes back here.
 pub fn amend(change: impl FnOnce(&mut Record)) {
-    critical_section(|| {
-        let mut record = record();
-        change(&mut record);
-        write(&record);
-    });
+    let mut record = record();
+    change(&mut record);
+    write(&record);
 }
 
 /// Notes the cause with its last words, and resets the chip.

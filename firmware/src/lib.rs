@@ -10,4 +10,5 @@ pub mod drivers;
 pub mod models;
 pub mod retained;
 pub mod roll_call;
+pub mod sampling;
 pub mod settings;

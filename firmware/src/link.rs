@@ -9,9 +9,10 @@
 //! | to the host | 2 KiB | the longest reply finds room while the one before it is on its way |
 //!
 //! A reply is never given up: no request is taken before there is [`Post::has_room`] for its
-//! reply. Events are, and leave a gap in the frames' numbers.
+//! reply, and while one waits, events leave that room alone. Events are given up where there is
+//! none, and leave a gap in the frames' numbers.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use massline_core::instrument::Outbox;
@@ -27,12 +28,19 @@ use stm32f4xx_hal::serial::{Rx, Tx};
 /// Slots of the queue from the host, one of which stays free.
 const FROM_HOST: usize = WINDOW as usize * FRAME_MAX + 1;
 /// Slots of the queue to the host, one of which stays free.
-const TO_HOST: usize = 2048;
+const TO_HOST: usize = 4096;
 
 /// Frames of any length that the queue from the host holds.
 pub const WINDOW: u8 = 3;
 
 const _: () = assert!(FRAME_MAX < TO_HOST);
+
+/// Bytes each way that one interrupt moves at most. A real port has one or two; one that has as
+/// many as it likes, as the emulator's, waits for what has a lower priority before it goes on.
+const AT_ONCE: usize = 8;
+
+/// Whether the port has more to move than one interrupt does.
+static MORE: AtomicBool = AtomicBool::new(false);
 
 /// Bytes from the host that found no room or came garbled by the port.
 static OVERRUN: AtomicU32 = AtomicU32::new(0);
@@ -78,6 +86,7 @@ pub fn open(
         sender: Sender::new(session),
         queue: from_post,
         frame: [0; FRAME_MAX],
+        is_reserved: false,
         dropped: 0,
     };
     (port, inbox, post)
@@ -97,15 +106,24 @@ impl Port {
         self.rx.listen();
     }
 
-    /// Moves what can be moved without waiting. Whether there is something to do about it: a
-    /// frame has ended, or the way to the host is clear again.
+    /// Moves what can be moved without waiting, [`AT_ONCE`] bytes each way at the most. Whether
+    /// there is something to do about it: a frame has ended, the way to the host is clear again,
+    /// or there is more to move, which is left to the caller.
     ///
     /// To be called at the port's interrupt and whenever there are bytes to send. It asks the
-    /// port for an interrupt as soon as that can take more; a port that always can, as the
-    /// emulator's, is given all at once.
+    /// port for an interrupt as soon as that can take more.
     pub fn serve(&mut self) -> bool {
+        let (ended, is_more_in) = self.receive();
+        let (sent, is_more_out) = self.send();
+        let is_more = is_more_in || is_more_out;
+        MORE.store(is_more, Ordering::Relaxed);
+        ended || sent || is_more
+    }
+
+    /// Whether a frame has ended, and whether there is more.
+    fn receive(&mut self) -> (bool, bool) {
         let mut ended = false;
-        loop {
+        for _ in 0..AT_ONCE {
             match self.rx.read() {
                 Ok(byte) => {
                     ended |= byte == 0;
@@ -115,23 +133,41 @@ impl Port {
                         ended = true;
                     }
                 }
-                Err(nb::Error::WouldBlock) => break,
+                Err(nb::Error::WouldBlock) => {
+                    self.rx.listen();
+                    return (ended, false);
+                }
                 // The frame that the byte was in does not pass its checksum.
                 Err(nb::Error::Other(_)) => count_overrun(),
             }
         }
-        let mut sent = false;
-        while let Some(&byte) = self.to_host.peek() {
+        // It would call again at once, before anything else has its turn.
+        self.rx.unlisten();
+        (ended, true)
+    }
+
+    /// Whether anything was sent, and whether the port would take more.
+    fn send(&mut self) -> (bool, bool) {
+        for moved in 0..AT_ONCE {
+            let Some(&byte) = self.to_host.peek() else {
+                self.tx.unlisten();
+                return (moved > 0, false);
+            };
             if self.tx.write(byte).is_err() {
                 self.tx.listen();
-                return ended;
+                // There will be a call when all of it is gone.
+                return (false, false);
             }
             self.to_host.dequeue();
-            sent = true;
         }
         self.tx.unlisten();
-        ended || sent
+        (true, true)
     }
+}
+
+/// Whether the port waits to be called again.
+pub fn has_more() -> bool {
+    MORE.load(Ordering::Relaxed)
 }
 
 fn count_overrun() {
@@ -164,6 +200,11 @@ impl Inbox {
         false
     }
 
+    /// Whether bytes have come that nobody has looked at.
+    pub fn is_waiting(&self) -> bool {
+        !self.queue.is_empty()
+    }
+
     /// What was seen of the host's frames.
     pub fn counters(&self) -> &LinkCounters {
         self.receiver.counters()
@@ -175,6 +216,8 @@ pub struct Post {
     sender: Sender,
     queue: Producer<'static, u8>,
     frame: [u8; FRAME_MAX],
+    /// Room for a reply is not for events.
+    is_reserved: bool,
     dropped: u32,
 }
 
@@ -182,6 +225,11 @@ impl Post {
     /// Whether any reply finds room.
     pub fn has_room(&self) -> bool {
         self.room() >= FRAME_MAX
+    }
+
+    /// Keeps room for a reply from now on, or no longer.
+    pub const fn reserve(&mut self, is_reserved: bool) {
+        self.is_reserved = is_reserved;
     }
 
     /// Whether nothing is on its way from here to the port.
@@ -238,10 +286,9 @@ impl Outbox for Post {
 
     fn event(&mut self, event: &Event<'_>) {
         match self.sender.event(event, &mut self.frame) {
-            // What is left must do for a reply.
             Ok(frame) => {
                 let length = frame.len();
-                self.send(length, FRAME_MAX);
+                self.send(length, if self.is_reserved { FRAME_MAX } else { 0 });
             }
             Err(error) => self.not_written(error),
         }

@@ -1,17 +1,20 @@
 //! The box next to the shaking table: `massline-core` on an STM32F405.
 //!
 //! This file holds the tasks and nothing else. Pins and peripherals are in [`board`], the choice
-//! of clock in [`clocks`], the queues to the serial port in [`link`], the instrument and its
-//! dealings in [`office`], what becomes of a failure in [`faults`].
+//! of clock in [`clocks`], the queues to the serial port in [`link`], what calls for a sample in
+//! [`edges`], settings in [`keeping`], the instrument and its dealings in [`office`], what becomes
+//! of a failure in [`faults`].
 //!
 //! # Tasks
 //!
 //! | priority | task | called by | works for | why there |
 //! | --- | --- | --- | --- | --- |
 //! | 6 | `roll_call` | SysTick, every 10 ms | microseconds | must see any other task hang |
-//! | 5 | `link` | USART2 | a microsecond a byte | the port holds one byte, 11 µs long; the rate of the port bounds its share of time, so that no traffic starves what is below |
+//! | 6 | `beat` | TIM5, in a rehearsal | a microsecond | counts samples as a converter does |
+//! | 5 | `link` | USART2 | a microsecond a byte | the port holds one byte, 11 µs long; it moves some bytes at a time, so that no traffic starves what is below |
+//! | 4 | `sample` | DRDY lines, `roll_call` | a sample of all inputs | a sample waits a period at the most, and takes no lock |
 //! | 3 | `desk` | `link` at a frame's end | a message | answers while blocks are computed and jobs run |
-//! | 2 | `block` | `desk`, `roll_call` | a block | takes milliseconds, no one waits for it |
+//! | 2 | `block` | `sample`, `desk`, `roll_call` | a block | takes milliseconds, no one waits for it |
 //! | 2 | `telemetry` | `roll_call`, every 100 ms | a look at the stack | so does this |
 //! | 1 | `identify` | `desk` | a job of seconds | everything else goes on meanwhile |
 //!
@@ -33,7 +36,13 @@ mod build_id;
 #[cfg(target_os = "none")]
 mod clocks;
 #[cfg(target_os = "none")]
+mod edges;
+#[cfg(target_os = "none")]
 mod faults;
+#[cfg(target_os = "none")]
+mod flash;
+#[cfg(target_os = "none")]
+mod keeping;
 #[cfg(target_os = "none")]
 mod link;
 #[cfg(target_os = "none")]
@@ -57,22 +66,29 @@ mod app {
     use massline_core::instrument::{Memory, Notebook, WorkingStorage};
     use massline_firmware::retained::Cause;
     use massline_firmware::roll_call::{Answers, RollCall};
+    use massline_firmware::sampling;
+    use massline_firmware::sampling::INPUTS;
+    use massline_firmware::settings::Settings;
     use stm32f4xx_hal::prelude::*;
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-    use crate::board::{self, Board, ROUNDS};
-    use crate::link::{Port, Queues, open};
+    use crate::board::{self, Board, ROUNDS, Sampler};
+    use crate::edges::{self, Edges};
+    use crate::keeping::Keeping;
+    use crate::link::{Port, Queues, has_more, open};
     use crate::office::{self, Office};
-    use crate::{build_id, faults, memory, services, ticks};
+    use crate::services::{Inputs, Services, TALLY};
+    use crate::{build_id, faults, flash, memory, services, ticks};
 
     /// Who is called at the roll call, in the order of priority: where several are missing, the
     /// first keeps the others from answering.
-    const NAMES: [&str; 5] = ["link", "desk", "block", "telemetry", "identify"];
+    const NAMES: [&str; 6] = ["link", "sample", "desk", "block", "telemetry", "identify"];
     const LINK: u8 = 0;
-    const DESK: u8 = 1;
-    const BLOCK: u8 = 2;
-    const TELEMETRY: u8 = 3;
-    const IDENTIFY: u8 = 4;
+    const SAMPLE: u8 = 1;
+    const DESK: u8 = 2;
+    const BLOCK: u8 = 3;
+    const TELEMETRY: u8 = 4;
+    const IDENTIFY: u8 = 5;
 
     static ANSWERS: Answers = Answers::new();
 
@@ -84,7 +100,9 @@ mod app {
     #[local]
     struct Local {
         port: Port,
-        roll: RollCall<5>,
+        sampler: Sampler,
+        edges: Edges,
+        roll: RollCall<6>,
         watchdog: IndependentWatchdog,
         rounds: u32,
     }
@@ -93,14 +111,23 @@ mod app {
         working: WorkingStorage = WorkingStorage::new(),
         notebook: Notebook = Notebook::new(),
         queues: Queues = Queues::new(),
+        settings: Settings<INPUTS> = Settings::DELIVERED,
+        samples: sampling::Queues = sampling::Queues::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let flags = board::reset_flags(&cx.device.RCC);
         let (record, reset) = faults::start(flags);
-        let (resets, session) = (record.resets, record.session);
-        let mut board = match Board::start(cx.device, board::LINK_BAUD) {
-            Ok(board) => board,
-            Err(fault) => board::halt(fault),
+        let (resets, session, counts) = (record.resets, record.session, record.faults);
+        let mut kept = None;
+        let settings = cx.local.settings;
+        let started = Board::start(cx.device, |flash| {
+            let keeping = kept.insert(Keeping::open(flash, settings));
+            keeping.settings().link_baud()
+        });
+        let (mut board, keeping) = match (started, kept) {
+            (Ok(board), Some(keeping)) => (board, keeping),
+            (Err(fault), _) => board::halt(fault),
+            (Ok(_), None) => panic!("the board has not asked for its settings"),
         };
         let record = cortex_m::singleton!(: massline_firmware::retained::Record = record);
         let build = cortex_m::singleton!(: heapless::String<16> = build_id::read());
@@ -111,6 +138,7 @@ mod app {
             reset,
             resets,
             record.and_then(|record| record.words()),
+            keeping.storage(),
         );
         let Some(runs) = memory::runs() else {
             panic!("the 64 KiB of core-coupled memory do not answer");
@@ -122,21 +150,35 @@ mod app {
         };
         let (mut port, inbox, post) = open(board.link_rx, board.link_tx, session, cx.local.queues);
         port.start();
+        let (ends, desk, shots) = cx.local.samples.split();
+        let tick_hz = board.ticks.raw();
+        let sampler = Sampler::new(board.converters, ends, &TALLY, tick_hz);
+        let inputs = Inputs {
+            desk,
+            shots,
+            metronome: board.metronome,
+            tick_hz,
+        };
+        let services = Services::new(inputs, keeping, counts);
         board::start_rounds(cx.core.SYST, board.clock.core);
-        board.watchdog.start(2_u32.secs());
+        // The chip stands still while its flash is erased.
+        board.watchdog.start((2 * flash::ERASE_MS).millis());
         board::pend_block();
 
         // Patience of the roll call. A job may take 15 s at the highest clock, twelve times its
         // budget; with a slower clock everything takes longer, so it is counted in cycles.
         let cycles = |seconds: u32| seconds * (168_000_000 / (board.clock.core.raw() / ROUNDS));
         // Telemetry is called in one of ten rounds, and must not be late before what hinders it.
-        let roll = RollCall::new([cycles(1), cycles(1), cycles(1), cycles(2), cycles(15)]);
+        let second = cycles(1);
+        let roll = RollCall::new([second, second, second, second, cycles(2), cycles(15)]);
         (
             Shared {
-                office: Office::new(storage, identity, inbox, post),
+                office: Office::new(storage, identity, services, inbox, post),
             },
             Local {
                 port,
+                sampler,
+                edges: board.edges,
                 roll,
                 watchdog: board.watchdog,
                 rounds: 0,
@@ -175,6 +217,7 @@ mod app {
             board::pend_telemetry();
         }
         board::pend_link();
+        board::call_sampling();
         board::pend_desk();
         board::pend_block();
         board::pend_identify();
@@ -188,11 +231,35 @@ mod app {
         ANSWERS.present(LINK);
     }
 
+    #[task(binds = TIM5, priority = 6)]
+    fn beat(_: beat::Context) {
+        edges::beat();
+    }
+
+    #[task(binds = EXTI9_5, priority = 4, local = [sampler, edges])]
+    fn sample(cx: sample::Context) {
+        let now = ticks::now();
+        let sampler = cx.local.sampler;
+        let is_new = match (cx.local.edges.take(), edges::take_beats()) {
+            (_, (beats @ 1.., late)) => sampler.rehearsed(beats, late),
+            (Some(ready), _) => sampler.edge(ready, now),
+            (None, _) => false,
+        };
+        sampler.attend(now);
+        if is_new {
+            board::pend_block();
+        }
+        ANSWERS.present(SAMPLE);
+    }
+
     #[task(binds = CAN2_TX, priority = 3, shared = [office])]
     fn desk(mut cx: desk::Context) {
         while cx.shared.office.lock(Office::attend) {
             board::pend_block();
             board::pend_identify();
+        }
+        if has_more() {
+            board::pend_link();
         }
         ANSWERS.present(DESK);
     }

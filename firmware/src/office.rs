@@ -4,13 +4,19 @@
 //! block or one job at a time. Neither the link's interrupt nor sampling ever waits for it: they
 //! hand over by queues.
 
-use massline_core::instrument::{Identity, Instrument, Job, Memory, Outbox};
-use massline_core::wire::{ClockSource, Received, Refused, Reply, ResetReason, Storage};
+use massline_core::instrument::{Identity, Instrument, Job, Memory, Outbox, RawSample};
+use massline_core::wire::{ClockSource, FaultKind, Received, Refused, Reply, ResetReason, Storage};
+
+use massline_firmware::sampling::INPUTS;
 
 use crate::board;
 use crate::clocks::{Clock, Source};
 use crate::link::{self, Inbox, Post};
-use crate::services::Services;
+use crate::services::{Services, TALLY};
+
+/// Samples that are dealt with before a message is: what comes while one is dealt with, and
+/// more. A box that is too slow for its samples must still be told to stop.
+const SAMPLES_FIRST: usize = 8;
 
 /// The instrument and what it deals with.
 pub struct Office {
@@ -25,12 +31,13 @@ impl Office {
     pub fn new(
         memory: Memory<'static>,
         identity: Identity<'static>,
+        services: Services,
         inbox: Inbox,
         post: Post,
     ) -> Self {
         Self {
             instrument: Instrument::new(memory, identity),
-            services: Services::new(),
+            services,
             inbox,
             post,
         }
@@ -38,7 +45,7 @@ impl Office {
 
     /// Deals with one message from the host; whether there may be more.
     ///
-    /// Without room for a reply it leaves all messages where they are. The port calls the desk
+    /// Samples come first, so that no traffic keeps them waiting. Without room for a reply it leaves all messages where they are. The port calls the desk
     /// again when it has sent something.
     pub fn attend(&mut self) -> bool {
         if self.services.is_ending() {
@@ -46,6 +53,12 @@ impl Office {
                 self.services.end();
             }
             return false;
+        }
+        self.post.reserve(self.inbox.is_waiting());
+        for _ in 0..SAMPLES_FIRST {
+            if !self.take_sample() {
+                break;
+            }
         }
         if !self.post.has_room() {
             return false;
@@ -65,13 +78,42 @@ impl Office {
                 &Reply::Error(Refused::because(&header, refusal)),
             ),
         });
+        post.reserve(inbox.is_waiting());
         services.note_link(inbox.counters(), post.dropped());
         taken
     }
 
     /// Does what is due without a request, a block at the most; whether there is more.
     pub fn poll(&mut self) -> bool {
-        self.instrument.poll(&mut self.services, &mut self.post)
+        let is_more = self.take_sample();
+        let Self {
+            instrument,
+            services,
+            post,
+            ..
+        } = self;
+        if let Some(converter) = TALLY.take_failed() {
+            instrument.fault(FaultKind::Converter, Some(converter), services, post);
+        }
+        instrument.poll(services, post) || is_more
+    }
+
+    /// Takes one sample of the inputs; whether there was one.
+    #[inline(never)]
+    fn take_sample(&mut self) -> bool {
+        let Some(taken) = self.services.take_shot() else {
+            return false;
+        };
+        let inputs = self.services.inputs_in_use();
+        let sample = RawSample {
+            number: taken.number,
+            ticks: taken.ticks,
+            counts: taken.counts.get(..inputs).unwrap_or(&taken.counts),
+            health: taken.health.get(..inputs).unwrap_or(&taken.health),
+        };
+        self.instrument
+            .sample(&sample, &mut self.services, &mut self.post);
+        true
     }
 
     /// What takes seconds, if there is any of it.
@@ -98,6 +140,7 @@ pub fn identity(
     reset: ResetReason,
     resets: u32,
     panic: Option<&'static str>,
+    storage: Storage,
 ) -> Identity<'static> {
     Identity {
         firmware: "massline",
@@ -112,11 +155,11 @@ pub fn identity(
         },
         clock_hz: clock.core.raw(),
         tick_hz,
-        storage: Storage::Volatile,
+        storage,
         reset,
         resets,
         panic,
-        inputs: 0,
+        inputs: INPUTS as u8,
         window: link::WINDOW,
     }
 }

@@ -2,13 +2,21 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use heapless::spsc::Consumer;
 use massline_core::instrument::{Board, Vitals};
 use massline_core::wire::{
-    FaultCounters, Item, LinkCounters, Problem, Provoke, Setting, SettingKey, Storage,
+    Exact, FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey,
+    Storage,
 };
 use massline_firmware::retained::Cause;
+use massline_firmware::sampling::{self, Desk, INPUTS, Order, Plan, Shot, Tally};
 
+use crate::edges::Metronome;
+use crate::keeping::Keeping;
 use crate::{board, faults, link, stack, ticks};
+
+/// What sampling counts.
+pub static TALLY: Tally = Tally::new();
 
 /// Deepest that the stack was when somebody last looked, bytes.
 static STACK_USED: AtomicU32 = AtomicU32::new(0);
@@ -42,8 +50,31 @@ enum Ending {
     Provoked(Provoke),
 }
 
+/// The box's own inputs, as seen from the desk.
+pub struct Inputs {
+    /// Where the sampling task gets its orders.
+    pub desk: Desk<'static>,
+    /// Its samples.
+    pub shots: Consumer<'static, Shot>,
+    /// What stands in for their clock in a rehearsal.
+    pub metronome: Metronome,
+    /// Rate of [`ticks`], Hz.
+    pub tick_hz: u32,
+}
+
 /// The board, as the instrument sees it.
 pub struct Services {
+    inputs: Inputs,
+    /// Sample rate at which they run, if they do.
+    rate: Option<f64>,
+    /// Inputs up to the last one in use.
+    in_use: usize,
+    /// What has failed before this start.
+    faults: FaultCounters,
+    is_rehearsal: bool,
+    /// Samples so far.
+    samples: u64,
+    keeping: Keeping,
     ending: Option<Ending>,
     link: LinkCounters,
     dropped: u32,
@@ -53,8 +84,15 @@ pub struct Services {
 
 impl Services {
     /// At the start.
-    pub fn new() -> Self {
+    pub fn new(inputs: Inputs, keeping: Keeping, faults: FaultCounters) -> Self {
         Self {
+            inputs,
+            rate: None,
+            in_use: INPUTS,
+            faults,
+            is_rehearsal: false,
+            samples: 0,
+            keeping,
             ending: None,
             link: LinkCounters::default(),
             dropped: 0,
@@ -67,6 +105,18 @@ impl Services {
     pub fn note_link(&mut self, counters: &LinkCounters, dropped: u32) {
         self.link = *counters;
         self.dropped = dropped;
+    }
+
+    /// The next sample of the inputs, if one has come.
+    pub fn take_shot(&mut self) -> Option<Shot> {
+        let shot = self.inputs.shots.dequeue()?;
+        self.samples = self.samples.wrapping_add(1);
+        Some(shot)
+    }
+
+    /// Inputs up to the last one in use: what is behind it is nobody's.
+    pub fn inputs_in_use(&self) -> usize {
+        self.in_use
     }
 
     /// Whether the program is about to end.
@@ -87,6 +137,7 @@ impl Services {
                 descend(0);
             }
             Ending::Provoked(Provoke::Hang) => HANG.store(true, Ordering::Relaxed),
+            Ending::Provoked(Provoke::Rehearsal) => {}
         }
     }
 }
@@ -105,11 +156,17 @@ impl Board for Services {
     }
 
     fn faults(&self) -> FaultCounters {
-        faults::record().faults
+        let mut counts = self.faults;
+        TALLY.read(&mut counts);
+        counts.storage = self.keeping.failures();
+        counts
     }
 
     fn forget_faults(&mut self) {
         faults::amend(|record| record.forget());
+        self.faults = FaultCounters::default();
+        self.inputs.desk.give(Order::Forget, board::call_sampling);
+        self.keeping.forget_failures();
     }
 
     fn vitals(&mut self) -> Vitals {
@@ -128,28 +185,67 @@ impl Board for Services {
         }
     }
 
-    fn start_inputs(&mut self, _sample_rate: f64) -> Result<(), Problem> {
-        Err(Problem::Unsupported(Item::Input))
+    fn start_inputs(&mut self, sample_rate: f64) -> Result<(), Problem> {
+        match self.rate {
+            Some(running) if running == sample_rate => return Ok(()),
+            Some(running) => {
+                return Err(Problem::Range {
+                    field: Field::SampleRate,
+                    index: 0,
+                    found: Exact(sample_rate),
+                    low: Exact(running),
+                    high: Exact(running),
+                });
+            }
+            None => {}
+        }
+        let inputs = &mut self.inputs;
+        let plan = Plan::new(self.keeping.settings(), sample_rate, inputs.tick_hz)?;
+        let (period, in_use) = (plan.period as u32, plan.inputs);
+        while inputs.shots.dequeue().is_some() {}
+        self.samples = 0;
+        match inputs.desk.start(plan, board::call_sampling) {
+            Some(outcome) => outcome.map_err(sampling::problem)?,
+            // It is called at once, so this would be a mistake in the priorities.
+            None => return Err(Problem::Busy(Request::Status.number())),
+        }
+        self.rate = Some(sample_rate);
+        self.in_use = in_use;
+        if self.is_rehearsal {
+            inputs.metronome.start(period);
+        }
+        Ok(())
     }
 
-    fn stop_inputs(&mut self) {}
-
-    fn setting(&self, _key: SettingKey) -> Result<Setting<'_>, Problem> {
-        Err(Problem::Unsupported(Item::Setting))
+    fn stop_inputs(&mut self) {
+        self.rate = None;
+        self.inputs.metronome.stop();
+        self.inputs.desk.give(Order::Stop, board::call_sampling);
+        while self.inputs.shots.dequeue().is_some() {}
     }
 
-    fn write_setting(&mut self, _setting: &Setting<'_>) -> Result<(), Problem> {
-        Err(Problem::Unsupported(Item::Setting))
+    fn input_samples(&self) -> u64 {
+        self.samples + self.inputs.shots.len() as u64
+    }
+
+    fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
+        self.keeping.settings().get(key)
+    }
+
+    fn write_setting(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
+        self.keeping.write(setting)
     }
 
     fn save_settings(&mut self) -> Result<Storage, Problem> {
-        Ok(Storage::Volatile)
+        self.keeping.save()
     }
 
-    fn reset_settings(&mut self) {}
+    fn reset_settings(&mut self) {
+        self.keeping.reset();
+    }
 
     fn unsaved(&self) -> bool {
-        false
+        self.keeping.unsaved()
     }
 
     fn reboot(&mut self) {
@@ -157,6 +253,11 @@ impl Board for Services {
     }
 
     fn provoke(&mut self, fault: Provoke) -> bool {
+        if fault == Provoke::Rehearsal {
+            self.stop_inputs();
+            self.is_rehearsal = true;
+            return self.inputs.desk.give(Order::Rehearse, board::call_sampling);
+        }
         self.ending = Some(Ending::Provoked(fault));
         true
     }

@@ -222,12 +222,9 @@ fn frames_are_the_data_sheets() {
     }
     let mut chip = Ads131m08::new(Wire(Vec::new()), configuration());
     // Nothing answers; what was sent counts. RREG of GAIN1 is 101 0 0010 0 000 0000.
-    assert_eq!(chip.read_register(Register::GAIN1), Err(Fault::Checksum));
+    assert_eq!(chip.read_register(Register::GAIN1), Err(Fault::Stuck));
     // WREG of CH0_CFG is 011 0 0100 1 000 0000, then the value.
-    assert_eq!(
-        chip.write_register(Register(9), 0x1234),
-        Err(Fault::Checksum)
-    );
+    assert_eq!(chip.write_register(Register(9), 0x1234), Err(Fault::Stuck));
     let sent = chip.release().0;
     assert!(sent.iter().all(|frame| frame.len() == 30));
     assert_eq!(sent[0][..3], [0xA2, 0x00, 0]);
@@ -241,7 +238,7 @@ fn another_chip_is_named() {
     let rig = rig();
     let mut chip = Ads131m08::new(Port::new(&rig, 0), configuration());
     rig.borrow_mut().stick(0, Some(false));
-    assert_eq!(chip.prepare(), Err(Fault::Checksum));
+    assert_eq!(chip.prepare(), Err(Fault::Stuck));
     rig.borrow_mut().stick(0, None);
     rig.borrow_mut().fail_bus(0);
     assert_eq!(chip.prepare(), Err(Fault::Bus));

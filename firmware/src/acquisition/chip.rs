@@ -26,6 +26,8 @@ pub(super) enum State {
     Lost,
     /// It could not be prepared; samples until it is tried again.
     Down(u32),
+    /// Nobody needs it, and it does not answer.
+    LeftOut,
 }
 
 impl Chip {
@@ -68,6 +70,7 @@ impl Chip {
             }
             State::OutOfStep => return Health::OUT_OF_STEP,
             State::Lost => return self.lost_for,
+            State::LeftOut => return Health::MISSING,
             State::Down(_) => {
                 count(&mut faults.converter_missed);
                 return self.lost_for.union(Health::MISSING);

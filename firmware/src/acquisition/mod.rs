@@ -17,6 +17,7 @@
 //! | a converter says it was restarted | `OUT_OF_STEP` | all are restarted together |
 //! | a converter says it was reset, or is not configured as it was | `CONVERTER_RESET` | it is prepared anew, all are restarted together |
 //! | a converter cannot be prepared | `MISSING`, and what it was lost for | again after [`RETRY`] samples; the others go on without |
+//! | a converter is not there, and nobody needs it | `MISSING` on its inputs | [`Acquisition::leave_out`] |
 //! | no edge at all | numbers jump | [`Acquisition::watch`] prepares all and restarts them |
 //!
 //! A converter that is not where the others are is asked at once whether it was reset: then that
@@ -107,6 +108,13 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         }
     }
 
+    /// Goes on counting faults from there.
+    #[must_use]
+    pub const fn counting_from(mut self, faults: FaultCounters) -> Self {
+        self.faults = faults;
+        self
+    }
+
     /// Prepares all converters and starts them together by `synchronise`, which pulses the SYNC
     /// line. Samples come with the next edges.
     ///
@@ -122,6 +130,9 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         let mut result = Ok(());
         for (k, (chip, converter)) in (0..).zip(self.chips.iter_mut().zip(converters)) {
             chip.full = true;
+            if chip.state == State::LeftOut {
+                continue;
+            }
             chip.state = match converter.prepare() {
                 Ok(()) => State::InStep,
                 Err(fault) => {
@@ -132,6 +143,14 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         }
         self.synchronise(synchronise, Health::MISSING);
         result
+    }
+
+    /// Does without the converter of this number, which is not soldered, or not needed: its
+    /// inputs are `MISSING` from now on, which is no fault.
+    pub fn leave_out(&mut self, converter: usize) {
+        if let Some(chip) = self.chips.get_mut(converter) {
+            chip.state = State::LeftOut;
+        }
     }
 
     /// Takes an edge of the DRDY lines.
@@ -241,7 +260,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
 
     /// Whether all converters sample together and have settled.
     pub fn is_steady(&self, converters: usize) -> bool {
-        let mut chips = self.chips.iter().take(converters);
+        let chips = self.chips.iter().take(converters);
+        let mut chips = chips.filter(|c| c.state != State::LeftOut);
         self.settling == 0
             && self.restart.is_none()
             && chips.all(|c| c.state == State::InStep && c.absent == 0)

@@ -7,6 +7,7 @@
 //! | [`adxl355`] | the accelerometer |
 //! | [`flash`] | a flash that loses power, and whose bits flip |
 //! | [`rig`] | some ADS131M08 on one clock, with time, and what can go wrong on the way |
+//! | [`pattern`] | a converter that is not there, whose counts tell what they are |
 //! | [`injector`] | faults at random, and what they should be counted as |
 //! | [`random`] | random numbers |
 
@@ -14,6 +15,7 @@ pub mod ads131m08;
 pub mod adxl355;
 pub mod flash;
 pub mod injector;
+pub mod pattern;
 pub mod random;
 pub mod rig;
 

@@ -54,19 +54,50 @@ pub fn write<const INPUTS: usize>(settings: &Settings<INPUTS>, bytes: &mut [u8])
     Some(whole - rest.len())
 }
 
-/// Reads settings on top of those as delivered. Gives the version they were written by, too.
+/// Whether these bytes are what [`write`] makes of the settings.
+#[must_use]
+pub fn holds<const INPUTS: usize>(bytes: &[u8], settings: &Settings<INPUTS>) -> bool {
+    let same = || -> Option<bool> {
+        let mut rest = bytes.strip_prefix(&VERSION.to_le_bytes())?;
+        for setting in settings.changed() {
+            let mut one = [0; SETTING_MAX];
+            let one = postcard::to_slice(&setting, &mut one).ok()?;
+            let length = u16::try_from(one.len()).ok()?.to_le_bytes();
+            rest = rest.strip_prefix(&length)?.strip_prefix(&*one)?;
+        }
+        Some(rest.is_empty())
+    };
+    same() == Some(true)
+}
+
+/// Makes `settings` those as delivered, but for what the bytes say. Gives the version they were
+/// written by.
 ///
 /// # Errors
 ///
-/// [`LayoutError`]. A single setting that this firmware does not know, or would refuse, is left
-/// as delivered.
-pub fn read<const INPUTS: usize>(bytes: &[u8]) -> Result<(Settings<INPUTS>, u16), LayoutError> {
+/// [`LayoutError`]; the settings are as delivered then. A single setting that this firmware does
+/// not know, or would refuse, is left as delivered.
+pub fn read<const INPUTS: usize>(
+    bytes: &[u8],
+    settings: &mut Settings<INPUTS>,
+) -> Result<u16, LayoutError> {
+    *settings = Settings::DELIVERED;
+    let version = read_changed(bytes, settings);
+    if version.is_err() {
+        *settings = Settings::DELIVERED;
+    }
+    version
+}
+
+fn read_changed<const INPUTS: usize>(
+    bytes: &[u8],
+    settings: &mut Settings<INPUTS>,
+) -> Result<u16, LayoutError> {
     let (head, mut rest) = bytes.split_first_chunk().ok_or(LayoutError::Malformed)?;
     let version = u16::from_le_bytes(*head);
     if version > VERSION {
         return Err(LayoutError::Newer { found: version });
     }
-    let mut settings = Settings::DELIVERED;
     while !rest.is_empty() {
         let (head, body) = rest.split_first_chunk().ok_or(LayoutError::Malformed)?;
         let length = usize::from(u16::from_le_bytes(*head));
@@ -84,7 +115,7 @@ pub fn read<const INPUTS: usize>(bytes: &[u8]) -> Result<(Settings<INPUTS>, u16)
             let _ = settings.set(&setting);
         }
     }
-    Ok((settings, version))
+    Ok(version)
 }
 
 /// A setting of version 1.
@@ -136,6 +167,17 @@ mod tests {
     use super::*;
     use massline_core::wire::SettingKey;
 
+    fn found<const N: usize>(bytes: &[u8]) -> Result<(Settings<N>, u16), LayoutError> {
+        // Whatever was there before is gone.
+        let mut settings = Settings::DELIVERED;
+        settings.set(&Setting::Name("before")).unwrap();
+        let version = read(bytes, &mut settings);
+        if version.is_err() {
+            assert_eq!(settings, Settings::DELIVERED);
+        }
+        Ok((settings, version?))
+    }
+
     /// An input whose every part takes as many bytes as it can.
     fn longest(input: u8) -> Input<'static> {
         const TEXT: &str = "01234567890123456789012345678901";
@@ -172,11 +214,20 @@ mod tests {
     fn the_largest_settings_have_room_and_come_back() {
         let mut bytes = [0; room(32)];
         let length = write(&full(), &mut bytes).unwrap();
-        assert_eq!(read(&bytes[..length]), Ok((full(), VERSION)));
+        assert_eq!(found(&bytes[..length]), Ok((full(), VERSION)));
+        assert!(holds(&bytes[..length], &full()));
+        assert!(!holds(&bytes[..length - 1], &full()));
+        assert!(!holds(&bytes[..length + 1], &full()));
+        assert!(!holds(&bytes[..length], &Settings::<32>::DELIVERED));
+        for wrong in 0..length {
+            let mut bytes = bytes;
+            bytes[wrong] ^= 1;
+            assert!(!holds(&bytes[..length], &full()));
+        }
         assert_eq!(write(&full(), &mut bytes[..length - 1]), None);
         let delivered = Settings::<32>::DELIVERED;
         assert_eq!(write(&delivered, &mut bytes), Some(2));
-        assert_eq!(read(&bytes[..2]), Ok((delivered, VERSION)));
+        assert_eq!(found(&bytes[..2]), Ok((delivered, VERSION)));
     }
 
     #[test]
@@ -208,7 +259,7 @@ mod tests {
             rest = &mut body[used..];
             length += 2 + used;
         }
-        let (settings, version) = read::<32>(&bytes[..length]).unwrap();
+        let (settings, version) = found::<32>(&bytes[..length]).unwrap();
         assert_eq!(version, 1);
         assert_eq!(settings.get(SettingKey::Name), Ok(Setting::Name("old box")));
         assert_eq!(settings.link_baud(), 115_200);
@@ -227,7 +278,7 @@ mod tests {
     #[test]
     fn later_versions_and_unknown_settings() {
         let newer = LayoutError::Newer { found: 3 };
-        assert_eq!(read::<4>(&[3, 0, 1, 2, 3]), Err(newer));
+        assert_eq!(found::<4>(&[3, 0, 1, 2, 3]), Err(newer));
         // A setting number 9 of three bytes, then a link's rate.
         let mut bytes = [0; 64];
         let mut settings = Settings::<4>::DELIVERED;
@@ -235,7 +286,7 @@ mod tests {
         let length = write(&settings, &mut bytes).unwrap();
         bytes.copy_within(2..length, 7);
         bytes[2..7].copy_from_slice(&[3, 0, 9, 1, 1]);
-        assert_eq!(read(&bytes[..length + 5]), Ok((settings, VERSION)));
+        assert_eq!(found(&bytes[..length + 5]), Ok((settings, VERSION)));
     }
 
     #[test]
@@ -247,7 +298,7 @@ mod tests {
             bytes[..2].copy_from_slice(&(random.below(4) as u16).to_le_bytes());
             bytes[3] = 0;
             let length = random.below(200) as usize;
-            if let Ok((settings, _)) = read::<4>(&bytes[..length]) {
+            if let Ok((settings, _)) = found::<4>(&bytes[..length]) {
                 assert!(settings.changed().count() <= 7);
             }
         }

@@ -29,10 +29,10 @@ const KEY: u8 = 0;
 const TRIES: usize = 2;
 
 /// What was found in the flash.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Loaded<const INPUTS: usize> {
-    /// Settings, and the version of the layout they were written by.
-    Settings(Settings<INPUTS>, u16),
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loaded {
+    /// Settings, written by this version of the layout.
+    Settings(u16),
     /// Nothing: the box is as it was delivered.
     Nothing,
 }
@@ -99,22 +99,24 @@ impl<F: NorFlash> Store<F> {
         self.map.destroy().0.0
     }
 
-    /// Reads the last settings that were written whole. `buffer` has [`layout::room`] bytes and
-    /// some ten more.
+    /// Reads the last settings that were written whole; where there are none, `settings` become
+    /// those as delivered. `buffer` has [`layout::room`] bytes and some ten more.
     ///
     /// # Errors
     ///
     /// [`StoreError`]; the box then goes on as delivered, and says so.
     pub fn load<const INPUTS: usize>(
         &mut self,
+        settings: &mut Settings<INPUTS>,
         buffer: &mut [u8],
-    ) -> Result<Loaded<INPUTS>, StoreError> {
+    ) -> Result<Loaded, StoreError> {
+        *settings = Settings::DELIVERED;
         let found = prompt(self.map.fetch_item::<&[u8]>(buffer, &KEY))?;
         let Some(bytes) = found else {
             return Ok(Loaded::Nothing);
         };
-        let (settings, version) = layout::read(bytes).map_err(StoreError::Layout)?;
-        Ok(Loaded::Settings(settings, version))
+        let version = layout::read(bytes, settings).map_err(StoreError::Layout)?;
+        Ok(Loaded::Settings(version))
     }
 
     /// Keeps settings. When this has returned without an error, they survive anything but a
@@ -147,8 +149,8 @@ impl<F: NorFlash> Store<F> {
         buffer: &mut [u8],
     ) -> Result<(), StoreError> {
         prompt(self.map.store_item(buffer, &KEY, &Image(settings)))?;
-        match self.load::<INPUTS>(buffer)? {
-            Loaded::Settings(found, layout::VERSION) if found == *settings => Ok(()),
+        match prompt(self.map.fetch_item::<&[u8]>(buffer, &KEY))? {
+            Some(kept) if layout::holds(kept, settings) => Ok(()),
             _ => Err(StoreError::Verify),
         }
     }

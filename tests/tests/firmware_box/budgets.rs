@@ -9,8 +9,8 @@ use std::fs;
 use massline::device::firmware;
 use massline_core::wire::{
     Accelerations, Carries, Event, Excitation, Gaps, Grid, Method, Mount, Outcome, Pass, Plan,
-    Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale, Sensor, SensorKind,
-    Source, Start, Subscription, Telemetry, Weighting, Window,
+    Procedure, Processing, Provoke, Quantity, Question, Reply, Request, Run, Scale, Sensor,
+    SensorKind, Setting, Source, Start, Stream, Subscription, Telemetry, Weighting, Window,
 };
 
 use massline_tests::readme;
@@ -51,7 +51,7 @@ const RUNS: u8 = 6;
 const SENSORS: u8 = 12;
 /// Samples of a run: what the filters need, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
-/// 0.5 to 48 Hz in steps of half a hertz.
+/// At 512 samples/s, 0.5 to 48 Hz in steps of half a hertz.
 const LINES: u32 = 96;
 
 /// Places and directions of accelerometers and load cells: three, two and one, which determine
@@ -65,8 +65,13 @@ const PLACES: [([f64; 3], [f64; 3]); 6] = [
     ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
 ];
 
-/// Sets the box up for six runs of thirteen channels and 96 lines.
-fn set_up(talk: &mut Talk, accelerations: Accelerations, averaging_band: [f64; 2]) {
+/// Sets the box up for six runs of thirteen channels and 96 lines, bands in Hz.
+pub fn set_up(
+    talk: &mut Talk,
+    accelerations: Accelerations,
+    sample_rate: f64,
+    averaging_band: [f64; 2],
+) {
     talk.done(&Request::BeginSetup(Plan {
         sensors: SENSORS,
         runs: RUNS,
@@ -74,11 +79,11 @@ fn set_up(talk: &mut Talk, accelerations: Accelerations, averaging_band: [f64; 2
         fingerprint: 0,
     }));
     talk.done(&Request::SetProcessing(Processing {
-        sample_rate: 512.0,
+        sample_rate,
         block_length: 1024,
         overlap: 0.5,
         window: Window::Rectangular,
-        kept_band: [0.5, 48.0],
+        kept_band: [1, LINES].map(|line| f64::from(line) * sample_rate / 1024.0),
         averaging_band,
         mode_band: None,
         accelerations,
@@ -167,6 +172,22 @@ fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
     })
 }
 
+/// Identifies while inputs are recorded and everything is told, for the depth of the stack.
+fn all_at_once(talk: &mut Talk) {
+    talk.done(&Request::Provoke(Provoke::Rehearsal));
+    talk.done(&Request::WriteSetting(Setting::SampleRate(256.0)));
+    talk.done(&Request::Subscribe(Subscription {
+        telemetry: 100,
+        levels: 100,
+        samples: Stream::Counts,
+    }));
+    identify(talk, Method::CurveFit, ITERATIVE);
+    talk.done(&Request::Subscribe(Subscription::default()));
+    talk.ask(&Request::SaveSettings, |reply| {
+        assert!(matches!(reply, Reply::Saved(_)), "{reply:?}");
+    });
+}
+
 /// How deep the stack has been. The box looks every 100 ms, and tells of the look before.
 fn stack(talk: &mut Talk) -> Telemetry {
     let subscribe = |telemetry| {
@@ -216,7 +237,7 @@ fn find_out() -> Found {
             (Accelerations::Interface, &METHODS[..1]),
             (Accelerations::All, &METHODS[1..]),
         ] {
-            set_up(&mut talk, accelerations, band);
+            set_up(&mut talk, accelerations, 512.0, band);
             block = block.max(measure(&mut talk));
             for &method in asked {
                 let cost = identify(&mut talk, method, Procedure::Direct);
@@ -230,6 +251,7 @@ fn find_out() -> Found {
             }
         }
     }
+    all_at_once(&mut talk);
     Found {
         flash: used("FLASH"),
         ram: used("RAM") + used("CCM"),

@@ -10,4 +10,5 @@ mod faults;
 mod golden;
 mod hello;
 mod memory;
+mod sampling;
 mod talk;

@@ -15,7 +15,7 @@ const SMALL: u64 = 256;
 const MEMORIES: [(&str, &str); 2] = [("CCM", "core-coupled memory"), ("RAM", "SRAM")];
 
 /// What the large variables are for. One that has no words here is shown by its name alone.
-const WORDS: [(&str, &str); 8] = [
+const WORDS: [(&str, &str); 11] = [
     (
         "memory::RUNS",
         "six stored runs, 100 lines of twelve responses and the drive each; a block's transform \
@@ -28,6 +28,12 @@ const WORDS: [(&str, &str); 8] = [
     ),
     ("notebook", "set-up, weights and peaks, summaries, answer"),
     ("queues", "the link's queues, and the message that is read"),
+    ("samples", "samples on their way from the sampling task"),
+    ("settings", "settings, with the calibrations of 35 inputs"),
+    (
+        "sampler",
+        "the sampling task: converters, grid of samples, faults",
+    ),
     (
         "office",
         "instrument, run that is going on, frame that is sent",

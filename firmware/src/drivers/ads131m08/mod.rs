@@ -76,6 +76,12 @@ impl Oversampling {
         256 << self as u8
     }
 
+    /// Samples per second at a clock in Hz.
+    #[must_use]
+    pub fn rate(self, clock: u32) -> f64 {
+        f64::from(clock) / f64::from(self.cycles())
+    }
+
     /// The one that gives this rate, Hz, at a clock in Hz; `None` if none does.
     #[must_use]
     pub fn of_rate(rate: f64, clock: u32) -> Option<Self> {
@@ -161,6 +167,12 @@ pub struct Configuration {
 }
 
 impl Configuration {
+    /// 512 samples/s at [`CLOCK_HZ`], all pins at a gain of one.
+    pub const PLAIN: Self = Self {
+        oversampling: Oversampling::X8192,
+        channels: [Channel::pins(Gain::ONE); CHANNELS],
+    };
+
     /// All writable registers, from [`Register::MODE`] on.
     #[must_use]
     pub fn registers(&self) -> [u16; Register::WRITABLE] {
@@ -237,7 +249,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     ///
-    /// [`Fault::Bus`], [`Fault::Checksum`].
+    /// [`Fault::Bus`], [`Fault::Checksum`], [`Fault::Stuck`].
     pub fn read_register(&mut self, register: Register) -> Result<u16, Fault> {
         self.command(command::read(register, 1))
     }
@@ -247,7 +259,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     /// # Errors
     ///
     /// [`Fault::Command`] if the write is not acknowledged, [`Fault::Register`] if the register
-    /// reads otherwise then; [`Fault::Bus`], [`Fault::Checksum`].
+    /// reads otherwise then; [`Fault::Bus`], [`Fault::Checksum`], [`Fault::Stuck`].
     pub fn write_register(&mut self, register: Register, value: u16) -> Result<(), Fault> {
         self.write_registers(register, &[value])?;
         let found = self.read_register(register)?;
@@ -281,7 +293,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     ///
-    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`], [`Fault::Stuck`].
     pub fn lock(&mut self) -> Result<(), Fault> {
         self.acknowledged(command::LOCK)
     }
@@ -290,7 +302,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     ///
-    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`], [`Fault::Stuck`].
     pub fn unlock(&mut self) -> Result<(), Fault> {
         self.acknowledged(command::UNLOCK)
     }
@@ -299,7 +311,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     ///
-    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`], [`Fault::Stuck`].
     pub fn standby(&mut self) -> Result<(), Fault> {
         self.acknowledged(command::STANDBY)
     }
@@ -308,7 +320,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     ///
-    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`].
+    /// [`Fault::Command`]; [`Fault::Bus`], [`Fault::Checksum`], [`Fault::Stuck`].
     pub fn wake_up(&mut self) -> Result<(), Fault> {
         self.acknowledged(command::WAKEUP)
     }
@@ -326,7 +338,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
             frame = Frame::command(command::NULL);
         }
         self.transfer(&mut frame, 0)?;
-        let words = frame.checked(WORDS - 1).ok_or(Fault::Checksum)?;
+        let words = frame.checked(WORDS - 1)?;
         Ok(self::word(words, 0))
     }
 
@@ -345,7 +357,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         self.transfer(&mut frame, 0)?;
         let mut frame = Frame::null_for(expected.len());
         self.transfer(&mut frame, 0)?;
-        let words = frame.checked(expected.len() + 1).ok_or(Fault::Checksum)?;
+        let words = frame.checked(expected.len() + 1)?;
         expect(word(words, 0), command::read_done(first, count))?;
         for (k, &expected) in expected.iter().enumerate() {
             let found = word(words, k + 1);
@@ -406,11 +418,7 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         self.spi
             .transaction(&mut exchange)
             .map_err(|_| Fault::Bus)?;
-        let Some(words) = frame::checked(&bytes, WORDS - 1) else {
-            let is_stuck = |level: u8| bytes.iter().all(|&byte| byte == level);
-            let stuck = is_stuck(0) || is_stuck(u8::MAX);
-            return Err(if stuck { Fault::Stuck } else { Fault::Checksum });
-        };
+        let words = frame::checked(&bytes, WORDS - 1)?;
         let status = word(words, 0);
         let refused = status & status::CRC_ERR != 0;
         let status = status & !status::CRC_ERR;

@@ -96,6 +96,19 @@ pub struct Configuration {
 }
 
 impl Configuration {
+    /// 2.048 g, sampled when the SYNC pin says, with a filter for that many samples per second or
+    /// the next rate above.
+    #[must_use]
+    pub fn following(rate: f64) -> Self {
+        let fits = |halvings: &u8| 4000.0 / f64::from(1_u16 << halvings) >= rate;
+        Self {
+            range: Range::G2,
+            halvings: (0..=10).rev().find(fits).unwrap_or(0),
+            clocking: Clocking::External,
+            offsets: [0; CHANNELS],
+        }
+    }
+
     /// FILTER, FIFO_SAMPLES, INT_MAP, SYNC, RANGE and POWER_CTL.
     const fn registers(&self) -> [u8; 6] {
         let halvings = if self.halvings > 10 {
@@ -130,6 +143,11 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
     /// The chip behind a device of an SPI bus in [`SPI_MODE`].
     pub const fn new(spi: SPI, configuration: Configuration) -> Self {
         Self { spi, configuration }
+    }
+
+    /// Other settings, which hold from the next [`Converter::prepare`] on.
+    pub const fn configure(&mut self, configuration: Configuration) {
+        self.configuration = configuration;
     }
 
     /// Reads registers from an address on.

@@ -1,0 +1,103 @@
+//! What calls the sampling task: the converters' DRDY lines, or a timer in a rehearsal.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use massline_firmware::sampling::CONVERTERS;
+use stm32f4xx_hal::gpio::{AnyPin, Input};
+use stm32f4xx_hal::pac::{EXTI, TIM5};
+use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
+
+use crate::{board, ticks};
+
+/// EXTI lines of the DRDY pins, by bits.
+pub const EXTI_LINES: u32 = 0b11_1100_0000;
+
+/// The DRDY lines of the ADS131M08.
+pub struct Edges {
+    exti: EXTI,
+    lines: [AnyPin<Input>; CONVERTERS],
+    /// Cycles of the core in a microsecond.
+    microsecond: u32,
+}
+
+impl Edges {
+    /// Of pins that are set up as interrupts.
+    pub const fn new(exti: EXTI, lines: [AnyPin<Input>; CONVERTERS], microsecond: u32) -> Self {
+        Self {
+            exti,
+            lines,
+            microsecond,
+        }
+    }
+
+    /// If a line has fallen since the last call: which are low a microsecond later, by bits.
+    pub fn take(&mut self) -> Option<u32> {
+        let fallen = self.exti.pr().read().bits() & EXTI_LINES;
+        if fallen == 0 {
+            return None;
+        }
+        cortex_m::asm::delay(self.microsecond);
+        // Those that fell meanwhile belong to the same sample: writing ones clears them.
+        // SAFETY: the register has a bit for each of these lines.
+        self.exti.pr().write(|w| unsafe { w.bits(EXTI_LINES) });
+        let low = (0..).zip(&self.lines).filter(|(_, pin)| pin.is_low());
+        Some(low.fold(0, |bits, (k, _): (u32, _)| bits | 1 << k))
+    }
+}
+
+/// Beats that the sampling task has not seen yet.
+static BEATS: AtomicU32 = AtomicU32::new(0);
+/// [`ticks::low`] at the last one.
+static LAST: AtomicU32 = AtomicU32::new(0);
+
+/// TIM5, which stands in for the DRDY lines in a rehearsal.
+pub struct Metronome(TIM5);
+
+impl Metronome {
+    /// At rest.
+    pub fn new(tim: TIM5, rcc: &mut Rcc) -> Self {
+        TIM5::enable(rcc);
+        TIM5::reset(rcc);
+        Self(tim)
+    }
+
+    /// Beats every so many ticks of [`crate::ticks`], of which the timer has the same.
+    ///
+    /// It counts down, so that a new period holds from where the counter is: setting the counter
+    /// puts the emulator's alarm off.
+    pub fn start(&mut self, period: u32) {
+        BEATS.store(0, Ordering::Relaxed);
+        self.0.cr1().write(|w| w.dir().set_bit());
+        self.0
+            .arr()
+            .write(|w| w.arr().set(period.saturating_sub(1)));
+        self.0.sr().write(|w| w.uif().clear_bit());
+        self.0.dier().write(|w| w.uie().set_bit());
+        self.0.cr1().modify(|_, w| w.cen().set_bit());
+    }
+
+    /// Stops.
+    pub fn stop(&mut self) {
+        self.0.cr1().write(|w| w.cen().clear_bit());
+        self.0.dier().write(|w| w.uie().clear_bit());
+    }
+}
+
+/// A beat of the metronome: its interrupt.
+pub fn beat() {
+    // SAFETY: one write to the status register, which belongs to this interrupt while it is
+    // enabled.
+    unsafe { (*TIM5::ptr()).sr().write(|w| w.uif().clear_bit()) };
+    LAST.store(ticks::low(), Ordering::Relaxed);
+    BEATS.fetch_add(1, Ordering::Relaxed);
+    board::call_sampling();
+}
+
+/// Beats since the last call, and ticks since the last beat.
+pub fn take_beats() -> (u32, u32) {
+    let beats = BEATS.swap(0, Ordering::Relaxed);
+    (
+        beats,
+        ticks::low().wrapping_sub(LAST.load(Ordering::Relaxed)),
+    )
+}

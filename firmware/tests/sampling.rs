@@ -1,0 +1,398 @@
+//! The sampling task on modelled converters: orders in, samples out.
+
+use core::cell::RefCell;
+use core::convert::Infallible;
+use embedded_hal::delay::DelayNs;
+use embedded_hal::digital::{ErrorType, OutputPin};
+use embedded_hal::spi::{self, Operation, SpiDevice};
+use heapless::spsc::Consumer;
+use massline_core::calibration::Preset;
+use massline_core::wire::{ConverterFault, Exact, FaultCounters, Field, Health, Problem, Setting};
+use massline_firmware::acquisition::SETTLING;
+use massline_firmware::drivers::ads131m08::{CLOCK_HZ, Gain, Oversampling};
+use massline_firmware::models::BusError;
+use massline_firmware::models::adxl355::Chip as Adxl;
+use massline_firmware::models::pattern;
+use massline_firmware::models::rig::{Garble, Port, Rig};
+use massline_firmware::sampling::{
+    CONVERTERS, Converters, Desk, INPUTS, Order, Plan, Queues, Sampler, Shot, Tally, WAITING,
+    problem,
+};
+use massline_firmware::settings::Settings;
+
+type Signal = fn(usize, u64) -> f64;
+type Chips = RefCell<Rig<Signal, CONVERTERS>>;
+
+/// Ticks are cycles of the converters' clock.
+const TICK_HZ: u32 = CLOCK_HZ;
+
+/// The SYNC line of a rig: a pulse of two microseconds.
+struct Sync<'r>(&'r Chips);
+
+impl ErrorType for Sync<'_> {
+    type Error = Infallible;
+}
+
+impl OutputPin for Sync<'_> {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.borrow_mut().pull_sync(16);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+struct NoDelay;
+
+impl DelayNs for NoDelay {
+    fn delay_ns(&mut self, _: u32) {}
+}
+
+type OnRig<'r> = Sampler<'r, Port<'r, Signal, CONVERTERS>, Follower<'r>, Sync<'r>, NoDelay>;
+
+/// The accelerometer, also in the hands of whoever moves it.
+struct Follower<'r>(&'r RefCell<Adxl>);
+
+impl spi::ErrorType for Follower<'_> {
+    type Error = BusError;
+}
+
+impl SpiDevice for Follower<'_> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusError> {
+        self.0.borrow_mut().transaction(operations)
+    }
+}
+
+/// A box.
+struct Bench {
+    rig: Chips,
+    adxl: RefCell<Adxl>,
+    queues: Queues,
+    tally: Tally,
+}
+
+/// What its tasks have in hand.
+struct Hands<'b> {
+    rig: &'b Chips,
+    adxl: &'b RefCell<Adxl>,
+    tally: &'b Tally,
+    sampler: OnRig<'b>,
+    desk: Desk<'b>,
+    shots: Consumer<'b, Shot>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            rig: RefCell::new(Rig::new(volts as Signal, 5)),
+            adxl: RefCell::new(Adxl::new()),
+            queues: Queues::new(),
+            tally: Tally::new(),
+        }
+    }
+
+    fn hands(&mut self) -> Hands<'_> {
+        let (rig, adxl, tally) = (&self.rig, &self.adxl, &self.tally);
+        let (ends, desk, shots) = self.queues.split();
+        let ports = core::array::from_fn(|k| Port::new(rig, k));
+        let converters = Converters::new(ports, Follower(adxl), Sync(rig), NoDelay);
+        Hands {
+            rig,
+            adxl,
+            tally,
+            sampler: Sampler::new(converters, ends, tally, TICK_HZ),
+            desk,
+            shots,
+        }
+    }
+}
+
+impl Hands<'_> {
+    fn start(&mut self, plan: &Plan) -> Result<(), Problem> {
+        let (rig, sampler) = (self.rig, &mut self.sampler);
+        let attend = || {
+            let now = rig.borrow().cycle();
+            sampler.attend(now);
+        };
+        let outcome = self.desk.start(plan.clone(), attend);
+        outcome.expect("it is called at once").map_err(problem)
+    }
+
+    /// Lets one edge come; whether there is a sample.
+    fn edge(&mut self) -> bool {
+        let edge = self.rig.borrow_mut().wait();
+        let g = [0.1, 0.2, -0.5];
+        self.adxl.borrow_mut().convert(g);
+        self.sampler.attend(edge.cycle);
+        self.sampler.edge(edge.ready, edge.cycle)
+    }
+
+    fn faults(&self) -> FaultCounters {
+        let mut faults = FaultCounters::default();
+        self.tally.read(&mut faults);
+        faults
+    }
+}
+
+/// Number of the first sample of a start that is handed over.
+const FIRST: u64 = SETTLING as u64 + 1;
+
+/// Another voltage for each input, steady: what a chip converts is known whenever it does.
+fn volts(input: usize, _: u64) -> f64 {
+    1e-3 * (input as f64 - 15.0)
+}
+
+/// The count of an input at a gain.
+fn count(input: usize, gain: u8) -> i32 {
+    match input {
+        32 => 25_600,
+        33 => 51_200,
+        34 => -128_000,
+        // Full scale is 1.2 V at 2^23.
+        _ => (volts(input, 0) * f64::from(gain) * 8_388_608.0 / 1.2).round() as i32,
+    }
+}
+
+fn wired(inputs: &[u8]) -> Settings<INPUTS> {
+    let mut settings = Settings::DELIVERED;
+    for input in inputs {
+        // 2 mV/V on 3.3 V: a gain of 128.
+        let preset = Preset::bridge(500.0, 2e-3, 3.3);
+        let input = preset.input(*input, "LC", "K", None, 1e-3);
+        settings.set(&Setting::Input(input)).unwrap();
+    }
+    settings
+}
+
+fn plan(settings: &Settings<INPUTS>) -> Plan {
+    Plan::new(settings, 512.0, TICK_HZ).unwrap()
+}
+
+#[test]
+fn all_inputs_of_a_sample_come_under_one_number() {
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    // One input of each chip at a gain of 128, which 1 mV and more than 9 mV would overdrive.
+    hands.start(&plan(&wired(&[14, 16, 32]))).unwrap();
+    (0..FIRST).for_each(|_| assert!(!hands.edge()));
+    for taken in FIRST..200 {
+        assert!(hands.edge());
+        let Shot {
+            number,
+            counts,
+            health,
+            ..
+        } = hands.shots.dequeue().unwrap();
+        assert_eq!(number, taken);
+        for input in 0..INPUTS {
+            assert_eq!(
+                health[input],
+                Health::GOOD,
+                "input {input}, sample {number}"
+            );
+            let gain = if [14, 16].contains(&input) { 128 } else { 1 };
+            // The model rounds to the nearest, on the same scale.
+            let off = counts[input] - count(input, gain);
+            assert!(off.abs() <= 1, "input {input}: {} {off}", counts[input]);
+        }
+    }
+    assert_eq!(hands.faults(), FaultCounters::default());
+}
+
+#[test]
+fn a_chip_that_is_not_there_is_left_out_unless_it_is_needed() {
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    for chip in [1, 3] {
+        hands.rig.borrow_mut().stick(chip, Some(true));
+    }
+    hands.adxl.borrow_mut().stuck = Some(false);
+    hands.start(&plan(&wired(&[0, 17]))).unwrap();
+    let mut taken = FIRST;
+    while taken < 500 {
+        // Those that are left out have edges, too, at a rate of their own.
+        hands.edge();
+        let Some(shot) = hands.shots.dequeue() else {
+            continue;
+        };
+        let Shot { number, health, .. } = shot;
+        assert_eq!(number, taken);
+        taken += 1;
+        for (input, health) in health.iter().enumerate() {
+            let expected = match input / 8 {
+                1 | 3 | 4 => Health::MISSING,
+                _ => Health::GOOD,
+            };
+            assert_eq!(*health, expected, "input {input}, sample {number}");
+        }
+    }
+    assert_eq!(hands.faults(), FaultCounters::default());
+    assert_eq!(hands.tally.take_failed(), None);
+
+    let needed = hands.start(&plan(&wired(&[0, 9]))).unwrap_err();
+    let stuck = |converter| Problem::Converter {
+        converter,
+        fault: ConverterFault::Stuck,
+    };
+    // What comes up first is the garbled acknowledgement.
+    assert!(
+        matches!(needed, Problem::Converter { converter: 1, .. }),
+        "{needed:?}"
+    );
+    assert!(!hands.edge(), "it has not started");
+    (0..4).for_each(|chip| hands.rig.borrow_mut().stick(chip, Some(false)));
+    let nobody = hands.start(&plan(&wired(&[]))).unwrap_err();
+    assert_eq!(nobody, stuck(0));
+}
+
+#[test]
+fn a_sample_without_room_is_counted_and_shows_in_the_numbers() {
+    const LATE: u64 = 10;
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    hands.start(&plan(&wired(&[0]))).unwrap();
+    (0..FIRST).for_each(|_| assert!(!hands.edge()));
+    let room = WAITING as u64 - 1;
+    for _ in 0..room + LATE {
+        assert!(hands.edge());
+    }
+    assert_eq!(u64::from(hands.faults().overrun), LATE);
+    for expected in FIRST..FIRST + room {
+        assert_eq!(hands.shots.dequeue().unwrap().number, expected);
+    }
+    hands.edge();
+    assert_eq!(hands.shots.dequeue().unwrap().number, FIRST + room + LATE);
+
+    assert!(hands.desk.give(Order::Forget, || ()));
+    hands.edge();
+    assert_eq!(hands.faults().overrun, 0);
+}
+
+#[test]
+fn faults_go_on_being_counted_over_a_new_start() {
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    let plan = plan(&wired(&[0]));
+    for start in 1..4 {
+        hands.start(&plan).unwrap();
+        (0..10).for_each(|_| {
+            hands.edge();
+        });
+        hands.rig.borrow_mut().garble(0, Garble::Noise);
+        (0..10).for_each(|_| {
+            hands.edge();
+        });
+        assert_eq!(hands.faults().converter_checksum, start);
+        while hands.shots.dequeue().is_some() {}
+    }
+    hands.desk.give(Order::Stop, || ());
+    hands.edge();
+    assert!(!hands.edge());
+}
+
+#[test]
+fn a_converter_that_gives_up_is_told_once() {
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    hands.start(&plan(&wired(&[0, 8]))).unwrap();
+    (0..10).for_each(|_| {
+        hands.edge();
+    });
+    hands.rig.borrow_mut().stick(1, Some(true));
+    let told: Vec<_> = (0..400)
+        .filter_map(|_| {
+            hands.edge();
+            hands.tally.take_failed()
+        })
+        .collect();
+    assert_eq!(told, [1]);
+}
+
+#[test]
+fn converters_without_an_edge_are_started_again() {
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    hands.start(&plan(&wired(&[0]))).unwrap();
+    (0..10).for_each(|_| {
+        hands.edge();
+    });
+    while hands.shots.dequeue().is_some() {}
+    // A second without one: the line is broken. Then all of them come again.
+    let second = u64::from(TICK_HZ);
+    let now = hands.rig.borrow().cycle();
+    hands.rig.borrow_mut().pass_until(now + second);
+    hands.sampler.attend(now + second);
+    let before = hands.faults();
+    (0..10).for_each(|_| {
+        hands.edge();
+    });
+    let numbers: Vec<u64> =
+        core::iter::from_fn(|| hands.shots.dequeue().map(|s| s.number)).collect();
+    // 512 samples in the second, and 9 before it; a restart moves the grid by up to one.
+    assert!((520..=523).contains(&numbers[0]), "{numbers:?}");
+    assert!(numbers.windows(2).all(|w| w[1] == w[0] + 1));
+    assert!(hands.faults().converter_missed > before.converter_missed);
+}
+
+#[test]
+fn a_rehearsal_tells_each_sample_by_its_counts() {
+    let mut bench = Bench::new();
+    let mut hands = bench.hands();
+    hands.desk.give(Order::Rehearse, || ());
+    hands.start(&plan(&wired(&[0]))).unwrap();
+    let mut sample = 0;
+    while u64::from(sample) < FIRST {
+        assert!(!hands.sampler.rehearsed(1, 0));
+        sample += 1;
+    }
+    for step in [1, 1, 3, 1, 1, 2, 1, 1, 1] {
+        // Late by less than a quarter of a period.
+        assert!(hands.sampler.rehearsed(step, TICK_HZ / 512 / 5));
+        sample += step;
+        let Shot {
+            number,
+            counts,
+            health,
+            ..
+        } = hands.shots.dequeue().unwrap();
+        assert_eq!(number, u64::from(sample - 1));
+        if step == 1 {
+            assert_eq!(health, [Health::GOOD; INPUTS]);
+            assert_eq!(
+                counts,
+                core::array::from_fn(|i| pattern::count(sample - 1, i))
+            );
+        }
+    }
+    assert_eq!(hands.faults().converter_missed, 3);
+}
+
+#[test]
+fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
+    let settings = wired(&[]);
+    for (rate, low, high) in [
+        (500.0, 256.0, 512.0),
+        (1.0, 256.0, 256.0),
+        (1e5, 32_768.0, 32_768.0),
+    ] {
+        let expected = Problem::Range {
+            field: Field::SampleRate,
+            index: 0,
+            found: Exact(rate),
+            low: Exact(low),
+            high: Exact(high),
+        };
+        assert_eq!(Plan::new(&settings, rate, TICK_HZ), Err(expected));
+    }
+    let plan = Plan::new(&wired(&[3, 33]), 4096.0, TICK_HZ).unwrap();
+    assert_eq!(plan.oversampling, Oversampling::X1024);
+    assert_eq!((plan.used, plan.period), (0b1_0001, 2048.0));
+    assert_eq!(plan.inputs, 34);
+    assert_eq!(Plan::new(&settings, 512.0, TICK_HZ).unwrap().inputs, INPUTS);
+    assert_eq!(
+        (plan.gains[3], plan.gains[4]),
+        (Gain::new(128).unwrap(), Gain::ONE)
+    );
+}

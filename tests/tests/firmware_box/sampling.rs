@@ -1,0 +1,169 @@
+//! Sampling goes on whatever comes over the link.
+//!
+//! The emulator has no converters. In a rehearsal a timer stands in for their edges and a known
+//! pattern for their counts, and everything else is what samples on the board: the interrupt,
+//! the acquisition, the queues, the instrument. With `-icount shift=0` an instruction takes a
+//! nanosecond, and a period has 62 500 of them, as 2700 samples/s have on the board. A sample
+//! that is late by a quarter of that is not believed. The emulated port takes a byte every 700
+//! instructions or so, the real one every 1800 cycles.
+
+use massline_core::calibration::Preset;
+use massline_core::wire::{
+    Accelerations, Event, FaultCounters, FromBox, Gaps, Health, Outcome, Pass, Ping, Problem,
+    Provoke, Reply, Request, Samples, Setting, Source, Start, Stream, Subscription, Summary,
+    Values,
+};
+use massline_firmware::models::pattern;
+
+use crate::budgets::set_up;
+use crate::talk::Talk;
+
+/// Samples per second of the emulator's timer, whose second has 16 million ticks.
+const RATE: f64 = 256.0;
+/// Samples of the run: ten blocks, and what fills the filters.
+const SAMPLES: u64 = 6000;
+/// Pings on their way at once: as many as the queue from the host can hold, so that all that is
+/// between bytes that never end is the box itself.
+const FLOOD: usize = 100;
+
+fn boot() -> Talk {
+    Talk::boot_with(&["-icount", "shift=0,sleep=off"])
+}
+
+fn start() -> Request<'static> {
+    Request::Start(Start {
+        run: 0,
+        pass: Pass::Measure,
+        source: Source::Inputs,
+        gaps: Gaps::Count,
+        limit: Some(SAMPLES),
+    })
+}
+
+/// Counts of recorded samples against the pattern; how many.
+fn check(samples: &Samples<'_>) -> usize {
+    let channels = usize::from(samples.channels);
+    let of = |k: usize| match samples.values {
+        Values::Counts(list) => list.get(k),
+        Values::Counts24(list) => list.get(k).map(|count| count.get()),
+        Values::Readings(_) => None,
+    };
+    let count = samples.count().expect("whole samples");
+    for k in 0..count {
+        let number = samples.first as u32 + k as u32;
+        for input in 0..channels {
+            let found = of(k * channels + input);
+            let expected = pattern::count(number, input);
+            assert_eq!(found, Some(expected), "sample {number}, input {input}");
+        }
+    }
+    count
+}
+
+fn faults(talk: &mut Talk) -> FaultCounters {
+    talk.hello(|info| info.faults)
+}
+
+/// A run of the inputs with this much traffic beside it, until it has ended.
+fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (Summary, usize) {
+    talk.done(&Request::Provoke(Provoke::Rehearsal));
+    talk.done(&Request::WriteSetting(Setting::SampleRate(RATE)));
+    // Thirteen inputs are wired, as many as the run has channels.
+    let preset = Preset::bridge(500.0, 2e-3, 3.3);
+    for input in 0..13 {
+        let input = preset.input(input, "LC", "K", None, 1e-3);
+        talk.done(&Request::WriteSetting(Setting::Input(input)));
+    }
+    set_up(talk, Accelerations::Interface, RATE, [1.0, 20.0]);
+    talk.done(&Request::Subscribe(Subscription {
+        telemetry: 100,
+        levels: 100,
+        samples: Stream::Counts,
+    }));
+    talk.done(&start());
+    let mut recorded = 0;
+    let mut last = traffic(talk);
+    let summary = loop {
+        let ended = talk.wait(|request, message| match message {
+            FromBox::Event(Event::Recorded(samples)) => {
+                recorded += check(samples);
+                None
+            }
+            FromBox::Event(Event::RunEnded(summary)) => Some(Some(*summary)),
+            FromBox::Reply(_) if Some(request) == last => Some(None),
+            _ => None,
+        });
+        match ended {
+            Some(summary) => break summary,
+            None => last = traffic(talk),
+        }
+    };
+    talk.done(&Request::Subscribe(Subscription::default()));
+    (summary, recorded)
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn no_traffic_keeps_a_sample_waiting() {
+    let mut talk = boot();
+    let mut pings = 0;
+    let (summary, recorded) = run(&mut talk, |talk| {
+        let mut bytes = Vec::new();
+        let mut last = None;
+        for _ in 0..FLOOD {
+            pings += 1;
+            let (id, frame) = talk.frame(&Request::Ping(Ping { stamp: pings }));
+            bytes.extend(frame);
+            // Half of what comes is nothing that anybody could read.
+            bytes.extend((0..40_u8).map(|k| k.wrapping_mul(37) | 1));
+            bytes.push(0);
+            last = Some(id);
+        }
+        talk.send(&bytes);
+        last
+    });
+    let taken = (summary.samples, summary.missing, summary.rejected);
+    assert_eq!(taken, (SAMPLES, 0, 0), "{summary:?}");
+    assert_eq!(summary.outcome, Outcome::Limit);
+    assert!(summary.blocks >= 10);
+    // The average of a run is concluded in 3 million instructions, 18 ms on the board and some 90
+    // periods here. The samples meanwhile are nobody's: what finds no room is counted.
+    let counted = FaultCounters {
+        overrun: 0,
+        ..faults(&mut talk)
+    };
+    assert_eq!(counted, FaultCounters::default());
+    println!("{SAMPLES} samples, {recorded} of them recorded, beside {pings} pings");
+    // How many depends on this machine: the emulator's time goes as fast as it can. A thousand,
+    // mostly.
+    assert!(pings >= 2 * FLOOD as u64, "{pings}");
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn every_recorded_sample_is_the_one_of_its_number() {
+    let mut talk = boot();
+    let (summary, recorded) = run(&mut talk, |_| None);
+    assert_eq!((summary.samples, summary.missing), (SAMPLES, 0));
+    assert_eq!(summary.health, Health::GOOD);
+    // 18 of thirteen channels gather in an event, the last of which may come behind the end.
+    assert!(recorded as u64 > SAMPLES - 18, "{recorded}");
+    // By the box's own clock: what the sampling task is late, at the most, over all samples.
+    let rate = summary.sample_rate.expect("the box has measured it").0;
+    assert!((rate / RATE - 1.0).abs() < 1e-4, "{rate}");
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn a_box_without_converters_says_so() {
+    let mut talk = boot();
+    set_up(&mut talk, Accelerations::Interface, RATE, [1.0, 20.0]);
+    let problem = talk.ask(&start(), |reply| match reply {
+        Reply::Error(refused) => refused.problem,
+        other => panic!("{other:?}"),
+    });
+    let Problem::Converter { converter, .. } = problem else {
+        panic!("{problem:?}");
+    };
+    assert_eq!(converter, 0);
+}
