@@ -261,7 +261,7 @@ fn inputs_are_wired_by_a_file_shown_and_exported_again() {
     assert_eq!(cells.join(" "), expected);
     std::fs::write(
         folder.path().join("in.toml"),
-        file.replace("= 1\n", "= 33\n"),
+        file.replace("= 1\n", "= 36\n"),
     )
     .unwrap();
     let refused = settings(&["--inputs", "in.toml"]);
@@ -269,7 +269,7 @@ fn inputs_are_wired_by_a_file_shown_and_exported_again() {
     assert!(
         refused
             .stderr
-            .contains("input 33: this box has inputs 1 to 32")
+            .contains("input 36: this box has inputs 1 to 35")
     );
 }
 

@@ -86,10 +86,10 @@ impl Channel {
         }
     }
 
-    /// Forgets what the samples so far have shown: a new run.
-    pub fn restart(&mut self) {
+    /// Takes notice that so many samples are missing: a hold-off goes on meanwhile.
+    pub fn skip(&mut self, missing: u64) {
         if let Some(watch) = &mut self.watch {
-            watch.restart();
+            watch.skip(missing);
         }
     }
 }

@@ -135,9 +135,16 @@ impl Watch {
         health
     }
 
-    /// Forgets what the counts so far have shown.
-    pub fn restart(&mut self) {
-        self.state = State::default();
+    /// Takes notice that so many samples in a row are missing, as by that many
+    /// [`Self::absent`].
+    pub fn skip(&mut self, missing: u64) {
+        let state = &mut self.state;
+        if state.held == 0 || missing == 0 {
+            return;
+        }
+        state.held = u64::from(state.held).saturating_sub(missing) as u32;
+        state.beyond = 0;
+        state.open &= state.held > 0;
     }
 }
 
@@ -253,6 +260,26 @@ mod tests {
     }
 
     proptest! {
+        /// A gap of any length, in one go or sample by sample.
+        #[test]
+        fn a_gap_is_as_many_absent_samples(
+            before in prop::collection::vec(prop_oneof![Just(1000), -1500..1500], 0..700),
+            missing in 0_u64..80,
+            after in prop::collection::vec(prop_oneof![Just(1000), -1500..1500], 0..40),
+        ) {
+            let (mut single, mut whole) = (watch(), watch());
+            for &count in &before {
+                prop_assert_eq!(single.count(count), whole.count(count));
+            }
+            for _ in 0..missing {
+                single.absent();
+            }
+            whole.skip(missing);
+            for &count in &after {
+                prop_assert_eq!(single.count(count), whole.count(count));
+            }
+        }
+
         /// Against a plain statement of the rules over the whole record.
         #[test]
         fn rules_hold_for_any_counts(

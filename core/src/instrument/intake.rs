@@ -75,10 +75,11 @@ impl Intake {
         self.routes.len()
     }
 
-    /// Forgets what the samples so far have shown of the channels.
-    pub(super) fn restart(&mut self) {
+    /// Takes notice that so many samples are missing: what follows an overload is no better
+    /// for it.
+    pub(super) fn skip(&mut self, missing: u64) {
         for route in &mut self.routes {
-            route.channel.restart();
+            route.channel.skip(missing);
         }
     }
 

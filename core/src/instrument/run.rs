@@ -133,12 +133,13 @@ impl<'m> Run<'m> {
         if first <= self.counts.next {
             return;
         }
-        self.counts.missing += first - self.counts.next;
+        let missing = first - self.counts.next;
+        self.counts.missing += missing;
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
         if let Some(room) = self.buffers.bench.run_mut() {
             self.rings.restart(&mut room.history);
-            room.intake.restart();
+            room.intake.skip(missing);
         }
         self.faulty = [0; Health::KINDS];
         self.block_first = first;

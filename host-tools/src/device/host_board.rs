@@ -1,15 +1,15 @@
 //! What there is of a board around the instrument in this program: a clock, settings that last
 //! as long as the program, and modelled converters where something is wired to them.
 
-use crate::rig::{Chain, INPUTS, Inputs};
+use crate::rig::{CHIPS, Chain, Inputs, RigError};
 use crate::simulate::Stream;
-use massline_core::calibration::Certificate;
 use massline_core::instrument::{Board, Vitals};
 use massline_core::wire::{
-    Exact, FaultCounters, Field, Health, Item, LinkCounters, Problem, Provoke, Setting, SettingKey,
-    Storage,
+    ConverterFault, FaultCounters, Health, Item, LinkCounters, Problem, Provoke, Setting,
+    SettingKey, Storage,
 };
-use massline_firmware::settings::{SAMPLE_RATE_RANGE, Settings};
+use massline_firmware::sampling::{INPUTS, Plan};
+use massline_firmware::settings::Settings;
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -40,6 +40,8 @@ pub(super) struct HostBoard {
 /// Inputs that run.
 struct Running {
     chain: Chain<Rc<[Vec<f32>]>>,
+    /// Inputs up to the last one that something is wired to: no others are handed over.
+    inputs: usize,
     /// When they were started, s.
     since: f64,
 }
@@ -90,11 +92,15 @@ impl HostBoard {
         let running = self.running.as_mut()?;
         counts.clear();
         health.clear();
-        Some(running.chain.step(|sample| {
+        let number = running.chain.step(|sample| {
             counts.extend_from_slice(sample.counts);
             health.extend_from_slice(sample.health);
             sample.number
-        }))
+        });
+        // The accelerometer is left out.
+        counts.resize(running.inputs, 0);
+        health.resize(running.inputs, Health::MISSING);
+        Some(number)
     }
 
     /// Refuses an input of a box that has none.
@@ -146,24 +152,29 @@ impl Board for HostBoard {
         if self.running.is_some() {
             return Ok(());
         }
-        let gains: Vec<u8> = self
-            .settings
-            .inputs()
-            .iter()
-            .map(Certificate::gain)
-            .collect();
-        let chain = inputs
-            .chain(sample_rate, &gains, self.starts)
-            .map_err(|_| Problem::Range {
-                field: Field::SampleRate,
-                index: 0,
-                found: Exact(sample_rate),
-                low: Exact(SAMPLE_RATE_RANGE[0]),
-                high: Exact(SAMPLE_RATE_RANGE[1]),
-            })?;
+        let plan = Plan::new(&self.settings, sample_rate, TICK_HZ)?;
+        let no_answer = |converter| Problem::Converter {
+            converter,
+            fault: ConverterFault::Stuck,
+        };
+        // There is no model of the accelerometer's bus here.
+        if plan.used >> CHIPS & 1 == 1 {
+            return Err(no_answer(CHIPS as u8));
+        }
+        let gains = plan.gains.map(|gain| gain.factor());
+        let chain = inputs.chain(sample_rate, &gains, self.starts);
+        let chain = chain.map_err(|error| match error {
+            RigError::Start { number, .. } => no_answer(number),
+            // The plan has seen to the rest.
+            _ => Problem::Unsupported(Item::Input),
+        })?;
         self.starts += 1;
         let since = self.seconds();
-        self.running = Some(Running { chain, since });
+        self.running = Some(Running {
+            chain,
+            inputs: plan.inputs,
+            since,
+        });
         Ok(())
     }
 

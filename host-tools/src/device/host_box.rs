@@ -10,7 +10,7 @@
 
 use super::host_board::{HostBoard, TICK_HZ};
 use super::{Port, PortError};
-use crate::rig::{INPUTS, Inputs};
+use crate::rig::Inputs;
 use crate::simulate::Stream;
 use massline_core::instrument::{
     Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
@@ -19,6 +19,7 @@ use massline_core::wire::{
     BODY_MAX, ClockSource, Event, FRAME_MAX, Health, Item, LinkCounters, Problem, Received,
     Receiver, Refused, Reply, Request, ResetReason, Sender, Storage, ToBox,
 };
+use massline_firmware::sampling::INPUTS;
 use std::time::Duration;
 
 /// Requests of samples that may be on their way: what the firmware allows, so that replays
