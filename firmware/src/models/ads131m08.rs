@@ -162,7 +162,7 @@ impl Chip {
             let [low, _] = self.register(Register(msb.0 + 1)).to_be_bytes();
             [high, middle, low]
         };
-        let offset = frame::count(&two(Register::offset_msb(channel)));
+        let offset = frame::count(two(Register::offset_msb(channel)));
         let [high, middle, low] = two(Register::gain_msb(channel));
         let correction = u32::from_be_bytes([0, high, middle, low]);
         let clip = |counts: f64| libm::round(counts).clamp(-FULL_SCALE, FULL_SCALE - 1.0);

@@ -14,48 +14,49 @@ pub const BYTES_MAX: usize = (Register::WRITABLE + 2) * WORD;
 
 /// Checksum CRC-16-CCITT: polynomial 0x1021, from 0xFFFF on, neither reflected nor inverted.
 #[must_use]
+#[inline]
 pub fn crc(bytes: &[u8]) -> u16 {
     // The checksum is linear: each byte of a word adds its own, as many bytes later. Three
     // look-ups that do not wait for each other take the chip half as long as three in turn.
-    let entry = |later: usize, byte: u8| {
-        let table: Option<&[u16; 256]> = TABLES.get(later);
-        table.map_or(0, |table| table[usize::from(byte)])
-    };
+    // Bytes stay in the wire's order until the end, which is the chip's, too.
     let (words, rest) = bytes.as_chunks::<WORD>();
     let crc = words.iter().fold(0xFFFF_u16, |crc, &[a, b, c]| {
-        let [high, low] = crc.to_be_bytes();
-        entry(2, high ^ a) ^ entry(1, low ^ b) ^ entry(0, c)
+        let [a, b] = (u16::from_le_bytes([a, b]) ^ crc).to_le_bytes();
+        TWO_BEHIND[usize::from(a)] ^ ONE_BEHIND[usize::from(b)] ^ ALONE[usize::from(c)]
     });
-    rest.iter().fold(crc, |crc, &byte| {
-        let [high, low] = crc.to_be_bytes();
-        (u16::from(low) << 8) ^ entry(0, high ^ byte)
-    })
+    let crc = rest.iter().fold(crc, |crc, &byte| {
+        let [high, low] = crc.to_le_bytes();
+        u16::from(low) ^ ALONE[usize::from(high ^ byte)]
+    });
+    u16::from_be_bytes(crc.to_le_bytes())
 }
 
-/// Checksums of single bytes from zero on, with none, one and two zeros behind them.
-static TABLES: [[u16; 256]; WORD] = {
-    let mut tables = [[0; 256]; WORD];
+/// Checksums of single bytes from zero on, with none, one and two zeros behind them: as they go
+/// over the wire, the upper byte first, where this processor has the lower one.
+// Three variables, not an array of three: their addresses stay in registers.
+static ALONE: [u16; 256] = table(0);
+static ONE_BEHIND: [u16; 256] = table(1);
+static TWO_BEHIND: [u16; 256] = table(2);
+
+const fn table(behind: usize) -> [u16; 256] {
+    let mut table = [0; 256];
     let mut byte = 0;
     while byte < 256 {
         let mut crc = (byte as u16) << 8;
-        let mut later = 0;
-        while later < WORD {
-            let mut bit = 0;
-            while bit < 8 {
-                let out = crc & 0x8000 != 0;
-                crc <<= 1;
-                if out {
-                    crc ^= 0x1021;
-                }
-                bit += 1;
+        let mut bit = 0;
+        while bit < 8 * (1 + behind) {
+            let out = crc & 0x8000 != 0;
+            crc <<= 1;
+            if out {
+                crc ^= 0x1021;
             }
-            tables[later][byte] = crc;
-            later += 1;
+            bit += 1;
         }
+        table[byte] = u16::from_le_bytes(crc.to_be_bytes());
         byte += 1;
     }
-    tables
-};
+    table
+}
 
 /// A frame on its way out, in the place where the answer will come in.
 #[derive(Clone, Debug)]
@@ -124,6 +125,8 @@ impl Frame {
 ///
 /// [`Fault::Checksum`] unless the first word and the checksum are filled up with zeros and the
 /// checksum is right; [`Fault::Stuck`] if all bits are the same.
+// For every sample: where the lengths are known, what depends on them falls away.
+#[inline]
 pub fn checked(bytes: &[u8], words: usize) -> Result<&[u8], Fault> {
     let whole = || -> Option<&[u8]> {
         let (body, rest) = bytes.split_at_checked(words * WORD)?;
@@ -131,14 +134,18 @@ pub fn checked(bytes: &[u8], words: usize) -> Result<&[u8], Fault> {
         let filled = body.get(2) == Some(&0) && fill == 0;
         (filled && crc(body) == u16::from_be_bytes([high, low])).then_some(body)
     };
-    whole().ok_or_else(|| {
-        let is_stuck = |level: u8| bytes.iter().all(|&byte| byte == level);
-        if is_stuck(0) || is_stuck(u8::MAX) {
-            Fault::Stuck
-        } else {
-            Fault::Checksum
-        }
-    })
+    whole().ok_or_else(|| garbled(bytes))
+}
+
+/// What is wrong with bytes that are no frame.
+#[cold]
+fn garbled(bytes: &[u8]) -> Fault {
+    let is_stuck = |level: u8| bytes.iter().all(|&byte| byte == level);
+    if is_stuck(0) || is_stuck(u8::MAX) {
+        Fault::Stuck
+    } else {
+        Fault::Checksum
+    }
 }
 
 /// Writes 16 bits into a word of 24.
@@ -151,6 +158,7 @@ pub fn put(slot: &mut [u8], word: u16) {
 
 /// The upper 16 bits of the word of this number; zero beyond the end.
 #[must_use]
+#[inline]
 pub fn word(bytes: &[u8], number: usize) -> u16 {
     let first_two = bytes.get(number * WORD..).and_then(<[u8]>::first_chunk);
     first_two.map_or(0, |two| u16::from_be_bytes(*two))
@@ -158,11 +166,30 @@ pub fn word(bytes: &[u8], number: usize) -> u16 {
 
 /// The count in a word: 24 bits, two's complement.
 #[must_use]
-pub fn count(word: &[u8]) -> i32 {
-    match *word {
-        // Shifted down again from the top, so that the sign comes along.
-        [high, middle, low] => i32::from_be_bytes([high, middle, low, 0]) >> 8,
-        _ => 0,
+#[inline]
+pub fn count([high, middle, low]: [u8; WORD]) -> i32 {
+    // Shifted down again from the top, so that the sign comes along.
+    i32::from_be_bytes([high, middle, low, 0]) >> 8
+}
+
+/// The counts of a sample, behind its status; zeros if they are not all there.
+#[must_use]
+#[inline]
+pub fn counts(words: &[u8]) -> [i32; CHANNELS] {
+    // Written out, since the chip's code is made small rather than fast, and this runs for every
+    // sample.
+    match words.as_chunks().0 {
+        &[_, a, b, c, d, e, f, g, h] => [
+            count(a),
+            count(b),
+            count(c),
+            count(d),
+            count(e),
+            count(f),
+            count(g),
+            count(h),
+        ],
+        _ => [0; CHANNELS],
     }
 }
 
@@ -187,10 +214,10 @@ mod tests {
 
     #[test]
     fn counts_keep_their_sign() {
-        assert_eq!(count(&[0x7F, 0xFF, 0xFF]), 8_388_607);
-        assert_eq!(count(&[0x80, 0, 0]), -8_388_608);
-        assert_eq!(count(&[0xFF, 0xFF, 0xFE]), -2);
-        assert_eq!(count(&[0, 1, 2]), 258);
+        assert_eq!(count([0x7F, 0xFF, 0xFF]), 8_388_607);
+        assert_eq!(count([0x80, 0, 0]), -8_388_608);
+        assert_eq!(count([0xFF, 0xFF, 0xFE]), -2);
+        assert_eq!(count([0, 1, 2]), 258);
     }
 
     #[test]

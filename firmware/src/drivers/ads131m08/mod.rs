@@ -410,9 +410,6 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
     }
 
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
-        /// What the chip says of itself when all is well.
-        const GOOD: u16 = status::LOCK | status::WLENGTH_24 | status::DRDY;
-
         let mut bytes = NULL;
         let mut exchange = [Operation::TransferInPlace(&mut bytes)];
         self.spi
@@ -422,25 +419,31 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         let status = word(words, 0);
         let refused = status & status::CRC_ERR != 0;
         let status = status & !status::CRC_ERR;
-        if status & status::RESET != 0 {
-            return Err(Fault::Reset);
-        }
-        if status & !(status::DRDY | status::F_RESYNC) != GOOD & !status::DRDY {
-            // Neither locked nor reset, another checksum or word length, registers that were
-            // changed: not the chip that was prepared.
-            return Err(Fault::Reset);
-        }
-        if status & status::F_RESYNC != 0 {
-            return Err(Fault::Resynchronised);
-        }
         if status != GOOD {
-            return Err(Fault::Stale);
+            return Err(no_sample(status));
         }
-        let channels = words.chunks_exact(WORD).skip(1);
-        for (slot, word) in counts.iter_mut().zip(channels) {
-            *slot = frame::count(word);
+        if let Some(counts) = counts.first_chunk_mut() {
+            *counts = frame::counts(words);
         }
         Ok(Reading { refused })
+    }
+}
+
+/// What the chip says of itself when all is well.
+const GOOD: u16 = status::LOCK | status::WLENGTH_24 | status::DRDY;
+
+/// Why a chip that says anything else has no sample.
+#[cold]
+fn no_sample(status: u16) -> Fault {
+    let settings = !(status::DRDY | status::F_RESYNC);
+    if status & settings != GOOD & settings {
+        // Reset, not locked, another checksum or word length, registers that were changed: not
+        // the chip that was prepared.
+        Fault::Reset
+    } else if status & status::F_RESYNC != 0 {
+        Fault::Resynchronised
+    } else {
+        Fault::Stale
     }
 }
 
