@@ -41,7 +41,31 @@ impl Chip {
     };
 
     /// Reads the newest sample and says what is wrong with it.
+    #[inline]
     pub(super) fn read(
+        &mut self,
+        converter: &mut dyn Converter,
+        counts: &mut [i32],
+        (is_ready, is_settling): (bool, bool),
+        faults: &mut FaultCounters,
+        restart: &mut Option<Health>,
+    ) -> Health {
+        // Nearly always, so all that is seldom is kept away from it.
+        if self.state == State::InStep && is_ready && !is_settling && !self.full {
+            self.absent = 0;
+            let newest = converter.read(counts);
+            if newest == Ok(Reading { refused: false }) {
+                self.garbled = 0;
+                return Health::GOOD;
+            }
+            return self.judge(newest, (false, false), faults, restart);
+        }
+        self.read_seldom(converter, counts, (is_ready, is_settling), faults, restart)
+    }
+
+    /// Reads where it is not in step with empty buffers, ready and settled.
+    #[cold]
+    fn read_seldom(
         &mut self,
         converter: &mut dyn Converter,
         counts: &mut [i32],
@@ -85,6 +109,18 @@ impl Chip {
         } else {
             converter.read(counts)
         };
+        self.judge(newest, (was_full, is_settling), faults, restart)
+    }
+
+    /// What a sample is worth that was or was not read, and what is to be done about it.
+    #[cold]
+    fn judge(
+        &mut self,
+        newest: Result<Reading, Fault>,
+        (was_full, is_settling): (bool, bool),
+        faults: &mut FaultCounters,
+        restart: &mut Option<Health>,
+    ) -> Health {
         match newest {
             // Its line was low for what was left over, too: whether its newest sample belongs to
             // this edge will be seen at the next one.

@@ -29,7 +29,9 @@ const INSIST: u8 = 3;
 /// The grid of samples in time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
-    nominal: u64,
+    /// Ends of what the period may be.
+    shortest: u64,
+    longest: u64,
     /// Measured time from sample to sample.
     period: u64,
     /// Time of the last sample's edge; it may wrap, only differences count.
@@ -69,8 +71,10 @@ impl Grid {
     pub(super) fn new(ticks: f32) -> Self {
         // The cast saturates; a period of no length would divide by zero.
         let nominal = ((ticks * (1 << FRACTION) as f32) as u64).max(1 << FRACTION);
+        let margin = nominal / OFF;
         Self {
-            nominal,
+            shortest: nominal - margin,
+            longest: nominal.saturating_add(margin),
             period: nominal,
             last: 0,
             expected: 0,
@@ -112,7 +116,13 @@ impl Grid {
         // Negative where the last sample was expected but came early.
         let elapsed = self.since(ticks);
         let period = self.period as i64;
-        let samples = ((elapsed + period / 2) / period).max(0);
+        let rounded = elapsed + period / 2;
+        // Nearly always the next one; the chip takes some hundred instructions to divide.
+        let samples = if (0..period).contains(&(rounded - period)) {
+            1
+        } else {
+            (rounded / period).max(0)
+        };
         let off = elapsed - samples * period;
 
         if self.state == State::Moved {
@@ -140,8 +150,7 @@ impl Grid {
         if samples == 1 {
             // An arithmetic shift: what it cuts off is 2^-16 ticks at the most.
             let followed = self.period.saturating_add_signed(off >> FOLLOW);
-            let margin = self.nominal / OFF;
-            self.period = followed.clamp(self.nominal - margin, self.nominal + margin);
+            self.period = followed.max(self.shortest).min(self.longest);
         }
         self.on(samples)
     }

@@ -88,6 +88,8 @@ pub struct Acquisition<const CHIPS: usize, const INPUTS: usize> {
 
 impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     const TOGETHER: () = assert!(CHIPS <= 32, "converters are bits of a word");
+    /// The bits of all converters.
+    const ALL: u32 = ((1_u64 << CHIPS) - 1) as u32;
 
     /// For converters whose samples are `period` ticks apart, nominally.
     #[must_use]
@@ -181,11 +183,11 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             }
         };
         self.number += samples;
-        let missed = u32::try_from(samples.saturating_sub(1)).unwrap_or(u32::MAX);
-        let missed_by_all = &mut self.faults.converter_missed;
-        *missed_by_all = missed_by_all.saturating_add(missed);
-        if missed > 0 || !on_grid {
-            self.chips.iter_mut().for_each(|c| c.full = true);
+        if samples > 1 || !on_grid {
+            let missed = u32::try_from(samples.saturating_sub(1)).unwrap_or(u32::MAX);
+            let missed_by_all = &mut self.faults.converter_missed;
+            *missed_by_all = missed_by_all.saturating_add(missed);
+            self.leave_unread(u32::MAX);
         }
 
         if on_grid {
@@ -198,9 +200,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
                 self.grid.moved();
             }
         }
-        let is_whole = self.chips.iter().all(|c| c.state != State::Lost);
         if let Some(reason) = self.restart
-            && is_whole
+            && self.chips.iter().all(|c| c.state != State::Lost)
         {
             // What the converters hold is from before; they are read at the next edge.
             self.synchronise(synchronise, reason);
@@ -275,6 +276,10 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     /// Whether these are most of the converters that sample in step. A tie goes to the side of
     /// the first one.
     fn is_majority(&self, ready: u32) -> bool {
+        // Nearly always; who is in step need not be known then.
+        if ready & Self::ALL == Self::ALL {
+            return true;
+        }
         let mut in_step = 0_u32;
         for (k, chip) in self.chips.iter().enumerate() {
             in_step |= u32::from(chip.state == State::InStep) << k;
@@ -337,20 +342,21 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     }
 
     fn read_all(&mut self, converters: &mut [&mut dyn Converter], ready: u32, on_grid: bool) {
-        let mut counts = &mut self.counts[..];
-        let mut health = &mut self.health[..];
+        let mut first = 0;
         for (k, (chip, converter)) in self.chips.iter_mut().zip(converters).enumerate() {
-            let channels = converter.channels();
-            let Some((own, rest)) = core::mem::take(&mut counts).split_at_mut_checked(channels)
-            else {
+            let inputs = first..first + converter.channels();
+            first = inputs.end;
+            let (Some(counts), Some(health)) = (
+                self.counts.get_mut(inputs.clone()),
+                self.health.get_mut(inputs),
+            ) else {
                 break;
             };
-            counts = rest;
             let is_ready = ready >> k & 1 != 0;
             let settling = self.settling > 0;
             let mut found = chip.read(
                 &mut **converter,
-                own,
+                counts,
                 (is_ready, settling),
                 &mut self.faults,
                 &mut self.restart,
@@ -361,12 +367,10 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             if !on_grid {
                 found = found.union(Health::MISSING);
             }
-            let Some((own, rest)) = core::mem::take(&mut health).split_at_mut_checked(channels)
-            else {
-                break;
-            };
-            health = rest;
-            own.fill(found);
+            // All inputs of a converter always say the same.
+            if health.first() != Some(&found) {
+                health.fill(found);
+            }
         }
     }
 
