@@ -66,6 +66,7 @@ impl Channel {
     ///
     /// A count that came with a fault is not a reading of the sensor, so that the watch does not
     /// learn from it; only its hold-off goes on.
+    #[inline]
     pub fn count(&mut self, count: i32, known: Health) -> (f32, Health) {
         let found = match &mut self.watch {
             Some(watch) if known.is_good() => watch.count(count),

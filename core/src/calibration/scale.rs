@@ -71,6 +71,7 @@ impl Scale {
 
     /// SI from a count.
     #[must_use]
+    #[inline]
     pub fn count(&self, count: i32) -> f32 {
         (count.saturating_sub(self.whole) as f32 - self.rest) * self.per_unit
     }
