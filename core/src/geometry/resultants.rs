@@ -208,16 +208,23 @@ impl ForceResultants {
 /// only, a load cell to forces and moments only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Column {
-    /// Whether it is a load cell's.
-    force: bool,
+    /// Its place in the sample.
+    channel: u8,
     gains: [f32; 6],
 }
+
+const _: () = assert!(
+    MAX_CHANNELS <= u8::MAX as usize,
+    "channels are counted in bytes"
+);
 
 /// Equations (4) and (5) as one linear map, applied sample by sample in `f32`: SI samples
 /// of the channels in, `(a, f)` at A out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResultantMap {
-    columns: heapless::Vec<Column, MAX_CHANNELS>,
+    /// Those of the accelerometers, then those of the load cells.
+    columns: heapless::Vec<Column, MAX_CHANNELS, u8>,
+    accelerometers: u8,
 }
 
 impl ResultantMap {
@@ -226,19 +233,31 @@ impl ResultantMap {
     pub const fn new() -> Self {
         Self {
             columns: heapless::Vec::new(),
+            accelerometers: 0,
         }
     }
 
     /// Forgets all channels.
     pub fn clear(&mut self) {
         self.columns.clear();
+        self.accelerometers = 0;
     }
 
-    fn push(&mut self, force: bool, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
+    /// Puts the next channel's column at that place among the others.
+    fn insert(&mut self, at: usize, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
         let gains = core::array::from_fn(|j| contribution[j] as f32);
+        // As many fit.
+        let channel = self.columns.len() as u8;
         self.columns
-            .push(Column { force, gains })
+            .insert(at, Column { channel, gains })
             .map_err(|_| GeometryError::TooManyChannels)
+    }
+
+    /// The columns of accelerometers and of load cells, each in the order of the samples.
+    fn halves(&self) -> (&[Column], &[Column]) {
+        self.columns
+            .split_at_checked(self.accelerometers.into())
+            .unwrap_or_default()
     }
 
     /// The next channel is this accelerometer, in m/s².
@@ -246,7 +265,9 @@ impl ResultantMap {
     /// # Errors
     /// [`GeometryError::TooManyChannels`].
     pub fn push_acceleration(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
-        self.push(false, contribution)
+        self.insert(self.accelerometers.into(), contribution)?;
+        self.accelerometers += 1;
+        Ok(())
     }
 
     /// The next channel is this load cell, in N or N m.
@@ -254,7 +275,7 @@ impl ResultantMap {
     /// # Errors
     /// [`GeometryError::TooManyChannels`].
     pub fn push_force(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
-        self.push(true, contribution)
+        self.insert(self.columns.len(), contribution)
     }
 
     /// Number of channels.
@@ -267,26 +288,10 @@ impl ResultantMap {
     /// or missing from the sample, count as zero.
     #[must_use]
     pub fn apply(&self, sample: &[f32]) -> [f32; RESULTANTS] {
-        let mut acceleration = [0.0; 6];
-        let mut force = [0.0; 6];
-        for (column, &x) in self.columns.iter().zip(sample) {
-            let half = if column.force {
-                &mut force
-            } else {
-                &mut acceleration
-            };
-            // Written out, since the chip's code is made small rather than fast, and this runs
-            // for every reading.
-            let [a, b, c, d, e, f] = half;
-            let [ga, gb, gc, gd, ge, gf] = column.gains;
-            *a += ga * x;
-            *b += gb * x;
-            *c += gc * x;
-            *d += gd * x;
-            *e += ge * x;
-            *f += gf * x;
-        }
-        core::array::from_fn(|j| if j < 6 { acceleration[j] } else { force[j - 6] })
+        let (accelerometers, cells) = self.halves();
+        let [ax, ay, az, bx, by, bz] = sum(accelerometers, sample);
+        let [fx, fy, fz, mx, my, mz] = sum(cells, sample);
+        [ax, ay, az, bx, by, bz, fx, fy, fz, mx, my, mz]
     }
 
     /// Power of the rounding errors in each resultant, given the resultants' own powers.
@@ -300,8 +305,9 @@ impl ResultantMap {
     pub fn rounding_power(&self, power: &[f64; RESULTANTS]) -> [f64; RESULTANTS] {
         const AMPLITUDE: f64 = 4.0 * f32::EPSILON as f64;
         let gains: [f64; RESULTANTS] = core::array::from_fn(|j| {
-            let half = self.columns.iter().filter(|c| c.force == (j >= 6));
-            let gains = half.map(|c| f64::from(c.gains[j % 6]));
+            let (accelerometers, cells) = self.halves();
+            let half = if j < 6 { accelerometers } else { cells };
+            let gains = half.iter().map(|c| f64::from(c.gains[j % 6]));
             gains.map(|g| g * g).sum()
         });
         // Accelerations come from accelerometers, forces from load cells.
@@ -317,6 +323,26 @@ impl ResultantMap {
             AMPLITUDE * AMPLITUDE * gains[j] * channel_power
         })
     }
+}
+
+/// What these channels of a sample add up to.
+fn sum(columns: &[Column], sample: &[f32]) -> [f32; 6] {
+    // Written out, since the chip's code is made small rather than fast, and this runs for every
+    // reading: six sums stay in registers.
+    let [mut a, mut b, mut c, mut d, mut e, mut f] = [0.0; 6];
+    for column in columns {
+        let Some(x) = sample.get(usize::from(column.channel)) else {
+            break;
+        };
+        let [ga, gb, gc, gd, ge, gf] = column.gains;
+        a += ga * x;
+        b += gb * x;
+        c += gc * x;
+        d += gd * x;
+        e += ge * x;
+        f += gf * x;
+    }
+    [a, b, c, d, e, f]
 }
 
 impl Default for ResultantMap {
