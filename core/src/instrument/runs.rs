@@ -11,8 +11,8 @@ use super::synthetic::Synthetic;
 use super::{Board, Ended, Instrument, Outbox};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
-    Carries, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, ReadLines, Reply,
-    Request, Samples, Setting, SettingKey, Source, Start, State, Taken,
+    Carries, Circuit, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, ReadLines,
+    Reply, Request, Samples, Setting, SettingKey, Source, Start, State, Taken,
 };
 
 impl Instrument<'_> {
@@ -251,8 +251,12 @@ fn route(
         let channel = match (scale, source) {
             // What the converters deliver is watched, whoever says how it becomes SI.
             (Some(scale), Source::Inputs) => {
-                let limits = stored(board, number)?.limits();
-                Channel::watched(scale, Watch::new(limits, rate))
+                let input = stored(board, number)?;
+                // Boards leave out what nothing is wired to.
+                if carries != Carries::Nothing && input.circuit() == Circuit::Unused {
+                    return Err(missing(Item::Input, number));
+                }
+                Channel::watched(scale, Watch::new(input.limits(), rate))
             }
             (Some(scale), _) => Channel::unwatched(scale),
             (None, Source::Synthetic) => Channel::unwatched(calibration::Scale::ONE),

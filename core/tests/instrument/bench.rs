@@ -194,9 +194,16 @@ pub struct Shelf {
 }
 
 impl Shelf {
-    /// A box that has just been switched on, to whose inputs nothing is wired.
+    /// A box that has just been switched on, to whose inputs voltages are wired: counts stay
+    /// counts.
     pub fn switch_on(&mut self) -> Bench<'_> {
-        self.with_inputs(vec![Certificate::UNUSED; usize::from(INPUTS)])
+        let unused = Certificate::UNUSED;
+        let voltage = Input {
+            circuit: Circuit::Voltage,
+            ..unused.input(0)
+        };
+        let voltage = Certificate::new(&voltage).expect("it is like one that is unused");
+        self.with_inputs(vec![voltage; usize::from(INPUTS)])
     }
 
     /// One whose inputs are calibrated like this.

@@ -2,6 +2,7 @@
 
 use crate::bench::{Said, Shelf};
 use crate::plan::{Pieces, set_up, start};
+use massline_core::calibration::Certificate;
 use massline_core::wire::*;
 
 fn range(problem: Problem) -> (Field, u32) {
@@ -220,4 +221,20 @@ fn each_request_has_its_state() {
     bench.done(&begin);
     bench.done(&Request::Abort);
     assert_eq!(bench.status().state, State::Ready);
+}
+
+#[test]
+fn a_run_from_inputs_is_refused_where_nothing_is_wired() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    set_up(&mut bench);
+    bench.hardware.inputs[3] = Certificate::UNUSED;
+    let from_inputs = Request::Start(start(0, Source::Inputs, Gaps::Count, None));
+    let missing = Problem::Missing {
+        item: Item::Input,
+        index: 3,
+    };
+    assert_eq!(bench.refused(&from_inputs), missing);
+    assert_eq!(bench.status().state, State::Ready);
+    assert_eq!(bench.hardware.converting, None);
 }

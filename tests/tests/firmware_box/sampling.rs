@@ -64,16 +64,20 @@ fn faults(talk: &mut Talk) -> FaultCounters {
     talk.hello(|info| info.faults)
 }
 
-/// A run of the inputs with this much traffic beside it, until it has ended.
-fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (Summary, usize) {
-    talk.done(&Request::Provoke(Provoke::Rehearsal));
+/// Wires thirteen inputs, as many as the run has channels.
+fn wire(talk: &mut Talk) {
     talk.done(&Request::WriteSetting(Setting::SampleRate(RATE)));
-    // Thirteen inputs are wired, as many as the run has channels.
     let preset = Preset::bridge(500.0, 2e-3, 3.3);
     for input in 0..13 {
         let input = preset.input(input, "LC", "K", None, 1e-3);
         talk.done(&Request::WriteSetting(Setting::Input(input)));
     }
+}
+
+/// A run of the inputs with this much traffic beside it, until it has ended.
+fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (Summary, usize) {
+    talk.done(&Request::Provoke(Provoke::Rehearsal));
+    wire(talk);
     set_up(talk, Accelerations::Interface, RATE, [1.0, 20.0]);
     talk.done(&Request::Subscribe(Subscription {
         telemetry: 100,
@@ -157,6 +161,7 @@ fn every_recorded_sample_is_the_one_of_its_number() {
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn a_box_without_converters_says_so() {
     let mut talk = boot();
+    wire(&mut talk);
     set_up(&mut talk, Accelerations::Interface, RATE, [1.0, 20.0]);
     let problem = talk.ask(&start(), |reply| match reply {
         Reply::Error(refused) => refused.problem,
