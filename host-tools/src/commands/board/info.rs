@@ -272,7 +272,7 @@ fn notes(info: &BoxInfo) -> Vec<String> {
     }
     if info.chip.starts_with("STM32") && info.clock != ClockSource::CrystalPll {
         notes.push(
-            "the crystal does not start: the box works, but is slower and its own sample rate is only as exact as the chip's oscillator, about 1 %; check the crystal (an emulator has none)"
+            "the crystal does not start: the box works by the chip's own oscillator, which is good to 1 %; the converters have a clock of their own. Check the crystal (an emulator has none)"
                 .to_owned(),
         );
     }
