@@ -14,26 +14,38 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
+#[path = "../src/bus.rs"]
+mod bus;
+
+#[cfg(target_os = "none")]
 mod on_chip {
     use core::cell::UnsafeCell;
     use core::fmt::Write;
     use core::hint::black_box;
+    use embedded_hal::delay::DelayNs;
     use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+    use embedded_hal_bus::spi::AtomicDevice;
+    use embedded_hal_bus::util::AtomicCell;
+    use heapless::spsc::Queue;
     use massline_core::calibration::{Channel, Limits, Scale, Watch};
     use massline_core::geometry::ResultantMap;
     use massline_core::spectra::{BlockSettings, Complex32, DriveAverage, History, Sum, Window};
     use massline_core::wire::Health;
-    use massline_firmware::acquisition::Acquisition;
+    use massline_firmware::acquisition::{Acquisition, Sample};
     use massline_firmware::drivers::Converter;
     use massline_firmware::drivers::ads131m08::frame::BYTES;
     use massline_firmware::drivers::ads131m08::registers::CHANNELS;
     use massline_firmware::drivers::ads131m08::{
-        Ads131m08, Channel as Input, Configuration, Gain, Oversampling,
+        Ads131m08, Channel as Input, Configuration, Gain, Oversampling, SPI_MODE,
     };
     use massline_firmware::models::BusError;
     use massline_firmware::models::ads131m08::Chip;
     use massline_firmware::models::random::mix;
-    use stm32f4xx_hal::pac::{RCC, TIM2, USART2};
+    use massline_firmware::sampling::{self, Shot, WAITING};
+    use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, TIM2, USART2};
+    use stm32f4xx_hal::prelude::*;
+
+    use super::bus::Bus;
 
     const CHIPS: usize = 4;
     const INPUTS: usize = CHIPS * CHANNELS;
@@ -58,6 +70,7 @@ mod on_chip {
     }
 
     static HISTORY: Storage<[f32; 13 * 512]> = Storage(UnsafeCell::new([0.0; 13 * 512]));
+    static QUEUES: Storage<Queue<Shot, WAITING>> = Storage(UnsafeCell::new(Queue::new()));
     static SUMS: Storage<[Sum; 37 * LINES]> = Storage(UnsafeCell::new([Sum::ZERO; 37 * LINES]));
 
     /// The bus to one chip: a model that answers, or the frame that it gave last.
@@ -126,11 +139,14 @@ mod on_chip {
         start(&device.RCC, &device.TIM2, &device.USART2);
         let mut link = Link(device.USART2);
         let timer = device.TIM2;
+        let exchange = exchange(device.SPI2, device.GPIOC, device.RCC, &timer);
         let (acquisition, counts) = acquisition(&timer);
         let mut tell = |what: &str, cost: u32| {
             let _ = writeln!(link, "{what} {cost}");
         };
+        tell("exchange", exchange);
         tell("acquisition", acquisition);
+        tell("hand-over", hand_over(&timer));
         tell("calibration", calibration(&timer, &counts));
         tell("resultants", resultants(&timer));
         let (decimation, block) = spectra(&timer);
@@ -149,6 +165,56 @@ mod on_chip {
         timer.egr().write(|w| w.ug().set_bit());
         timer.cr1().write(|w| w.cen().set_bit());
         link.cr1().write(|w| w.ue().set_bit().te().set_bit());
+    }
+
+    /// A frame over the bus, chip select included. The emulated bus never waits, so that this is
+    /// what comes on top of its clock.
+    fn exchange(spi: SPI2, port: GPIOC, rcc: RCC, timer: &TIM2) -> u32 {
+        let mut rcc = rcc.constrain();
+        let spi = spi.spi(
+            (SPI2::NoSck, SPI2::NoMiso, SPI2::NoMosi),
+            SPI_MODE,
+            8.MHz(),
+            &mut rcc,
+        );
+        let bus = AtomicCell::new(Bus::new(spi));
+        let select = port.split(&mut rcc).pc2.into_push_pull_output().erase();
+        let Ok(mut chip) = AtomicDevice::new(&bus, select, NoDelay);
+        let mut good = true;
+        let cost = cost(timer, |_| {
+            let mut bytes = black_box([0; BYTES]);
+            let mut exchange = [Operation::TransferInPlace(&mut bytes)];
+            good &= chip.transaction(&mut exchange).is_ok();
+        });
+        if good { cost } else { 0 }
+    }
+
+    /// Nothing waits here.
+    struct NoDelay;
+
+    impl DelayNs for NoDelay {
+        fn delay_ns(&mut self, _: u32) {}
+    }
+
+    /// A sample into the queue and out of it.
+    fn hand_over(timer: &TIM2) -> u32 {
+        let queues = QUEUES.take();
+        let (mut taken, mut shots) = queues.split();
+        let (counts, health) = ([1; sampling::INPUTS], [Health::GOOD; sampling::INPUTS]);
+        let mut good = true;
+        let cost = cost(timer, |round| {
+            let sample = Sample {
+                number: round.into(),
+                counts: black_box(&counts),
+                health: black_box(&health),
+            };
+            good &= Shot::new(&sample, 0).is_some_and(|shot| taken.enqueue(shot).is_ok());
+            good &= shots
+                .peek()
+                .is_some_and(|shot| black_box(shot).number == u64::from(round));
+            let _ = shots.dequeue();
+        });
+        if good { cost } else { 0 }
     }
 
     /// Four converters read at one edge, with all checksums.

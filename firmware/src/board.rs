@@ -29,8 +29,9 @@ use embedded_hal_bus::util::AtomicCell;
 use massline_firmware::drivers::{ads131m08, adxl355};
 use massline_firmware::retained::ResetFlags;
 use massline_firmware::sampling::{self, Converters};
+use massline_firmware::settings::LINK_BAUD;
 use stm32f4xx_hal::gpio::{AnyPin, Edge, Output, PinState, Speed};
-use stm32f4xx_hal::pac::{FLASH, Interrupt, Peripherals, RCC, SPI2, SPI3, SYST, USART2};
+use stm32f4xx_hal::pac::{FLASH, Interrupt, Peripherals, RCC, SPI3, SYST, USART2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::HSI;
 use stm32f4xx_hal::serial::{Config, Rx, Tx};
@@ -38,16 +39,14 @@ use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
+use crate::bus::Bus;
 use crate::clocks::{self, Clock};
 use crate::edges::{Edges, Metronome};
 use crate::faults;
 use crate::ticks;
 
-/// Bit rate of the link unless the settings say otherwise, in baud; 8 data bits, no parity, 1
-/// stop bit.
-pub const LINK_BAUD: u32 = 921_600;
-
-// 16 clocks a bit even on the slowest clock, so that no choice of clock makes the rate impossible.
+// 16 clocks a bit even on the slowest clock, so that no choice of clock makes the rate that a box
+// is delivered with impossible.
 const _: () = assert!(HSI / 16 >= LINK_BAUD);
 
 /// Rounds of the roll call in a second.
@@ -62,10 +61,10 @@ const ACCELEROMETER_HZ: u32 = 7_000_000;
 const _: () = assert!(CONVERTERS_HZ <= ads131m08::SPI_HZ_MAX);
 const _: () = assert!(ACCELEROMETER_HZ / 3 * 4 <= adxl355::SPI_HZ_MAX);
 
-/// The bus of the ADS131M08.
-type Bus = AtomicCell<Spi<SPI2>>;
+/// The bus of the ADS131M08, which takes turns.
+type SharedBus = AtomicCell<Bus>;
 /// An ADS131M08 on it.
-type Ads = AtomicDevice<'static, Spi<SPI2>, AnyPin<Output>, Delay>;
+type Ads = AtomicDevice<'static, Bus, AnyPin<Output>, Delay>;
 /// The ADXL355 on a bus of its own.
 type Adxl = ExclusiveDevice<Spi<SPI3>, AnyPin<Output>, Delay>;
 
@@ -120,11 +119,15 @@ impl Board {
             device.GPIOB.split(&mut rcc),
             device.GPIOC.split(&mut rcc),
         );
+        // A rate that only the crystal makes possible must not lock the host out without it.
+        let fastest = rcc.clocks.pclk1().raw() / 16;
+        let baud = Some(settings(device.FLASH)).filter(|baud| *baud <= fastest);
+        let baud = baud.unwrap_or(LINK_BAUD);
         let link = device
             .USART2
             .serial(
                 (a.pa2, a.pa3),
-                Config::default().baudrate(settings(device.FLASH).bps()),
+                Config::default().baudrate(baud.bps()),
                 &mut rcc,
             )
             .map_err(|_| Fault::LinkBaud)?;
@@ -146,14 +149,15 @@ impl Board {
             fast,
             &mut rcc,
         );
-        let bus = cortex_m::singleton!(: Bus = AtomicCell::new(bus)).ok_or(Fault::Twice)?;
+        let bus = cortex_m::singleton!(: SharedBus = AtomicCell::new(Bus::new(bus)))
+            .ok_or(Fault::Twice)?;
         let selects = [
             c.pc2.into_push_pull_output_in_state(PinState::High).erase(),
             c.pc3.into_push_pull_output_in_state(PinState::High).erase(),
             c.pc4.into_push_pull_output_in_state(PinState::High).erase(),
             c.pc5.into_push_pull_output_in_state(PinState::High).erase(),
         ];
-        let bus: &'static Bus = bus;
+        let bus: &'static SharedBus = bus;
         let ads = selects.map(|select| ignore(AtomicDevice::new(bus, select, delay)));
 
         let own_bus = device.SPI3.spi(

@@ -34,6 +34,8 @@ mod board;
 #[cfg(target_os = "none")]
 mod build_id;
 #[cfg(target_os = "none")]
+mod bus;
+#[cfg(target_os = "none")]
 mod clocks;
 #[cfg(target_os = "none")]
 mod edges;
@@ -155,7 +157,6 @@ mod app {
         let sampler = Sampler::new(board.converters, ends, &TALLY, tick_hz);
         let inputs = Inputs {
             desk,
-            shots,
             metronome: board.metronome,
             tick_hz,
         };
@@ -173,7 +174,7 @@ mod app {
         let roll = RollCall::new([second, second, second, second, cycles(2), cycles(15)]);
         (
             Shared {
-                office: Office::new(storage, identity, services, inbox, post),
+                office: Office::new(storage, identity, services, shots, inbox, post),
             },
             Local {
                 port,

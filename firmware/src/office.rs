@@ -4,10 +4,10 @@
 //! block or one job at a time. Neither the link's interrupt nor sampling ever waits for it: they
 //! hand over by queues.
 
+use heapless::spsc::Consumer;
 use massline_core::instrument::{Identity, Instrument, Job, Memory, Outbox, RawSample};
 use massline_core::wire::{ClockSource, FaultKind, Received, Refused, Reply, ResetReason, Storage};
-
-use massline_firmware::sampling::INPUTS;
+use massline_firmware::sampling::{INPUTS, Shot};
 
 use crate::board;
 use crate::clocks::{Clock, Source};
@@ -22,6 +22,7 @@ const SAMPLES_FIRST: usize = 8;
 pub struct Office {
     instrument: Instrument<'static>,
     services: Services,
+    shots: Consumer<'static, Shot>,
     inbox: Inbox,
     post: Post,
 }
@@ -32,12 +33,14 @@ impl Office {
         memory: Memory<'static>,
         identity: Identity<'static>,
         services: Services,
+        shots: Consumer<'static, Shot>,
         inbox: Inbox,
         post: Post,
     ) -> Self {
         Self {
             instrument: Instrument::new(memory, identity),
             services,
+            shots,
             inbox,
             post,
         }
@@ -68,6 +71,7 @@ impl Office {
             services,
             inbox,
             post,
+            ..
         } = self;
         let taken = inbox.take(|received| match received {
             Received::Message(header, request) => {
@@ -101,9 +105,13 @@ impl Office {
     /// Takes one sample of the inputs; whether there was one.
     #[inline(never)]
     fn take_sample(&mut self) -> bool {
-        let Some(taken) = self.services.take_shot() else {
+        if self.services.take_stale() {
+            while self.shots.dequeue().is_some() {}
+        }
+        let Some(taken) = self.shots.peek() else {
             return false;
         };
+        self.services.note_sample(taken.number);
         let inputs = self.services.inputs_in_use();
         let sample = RawSample {
             number: taken.number,
@@ -113,6 +121,8 @@ impl Office {
         };
         self.instrument
             .sample(&sample, &mut self.services, &mut self.post);
+        // It was looked at where it lay: a copy takes as long as a converter's checksum.
+        let _ = self.shots.dequeue();
         true
     }
 

@@ -2,14 +2,13 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use heapless::spsc::Consumer;
 use massline_core::instrument::{Board, Vitals};
 use massline_core::wire::{
     Exact, FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey,
     Storage,
 };
 use massline_firmware::retained::Cause;
-use massline_firmware::sampling::{self, Desk, INPUTS, Order, Plan, Shot, Tally};
+use massline_firmware::sampling::{self, Desk, INPUTS, Order, Plan, Tally};
 
 use crate::edges::Metronome;
 use crate::keeping::Keeping;
@@ -54,8 +53,6 @@ enum Ending {
 pub struct Inputs {
     /// Where the sampling task gets its orders.
     pub desk: Desk<'static>,
-    /// Its samples.
-    pub shots: Consumer<'static, Shot>,
     /// What stands in for their clock in a rehearsal.
     pub metronome: Metronome,
     /// Rate of [`ticks`], Hz.
@@ -72,8 +69,10 @@ pub struct Services {
     /// What has failed before this start.
     faults: FaultCounters,
     is_rehearsal: bool,
-    /// Samples so far.
+    /// Number of the next sample.
     samples: u64,
+    /// Samples that wait are nobody's.
+    is_stale: bool,
     keeping: Keeping,
     ending: Option<Ending>,
     link: LinkCounters,
@@ -92,6 +91,7 @@ impl Services {
             faults,
             is_rehearsal: false,
             samples: 0,
+            is_stale: false,
             keeping,
             ending: None,
             link: LinkCounters::default(),
@@ -107,11 +107,14 @@ impl Services {
         self.dropped = dropped;
     }
 
-    /// The next sample of the inputs, if one has come.
-    pub fn take_shot(&mut self) -> Option<Shot> {
-        let shot = self.inputs.shots.dequeue()?;
-        self.samples = self.samples.wrapping_add(1);
-        Some(shot)
+    /// Whether the samples that wait are of before the last start or stop; asked for once.
+    pub fn take_stale(&mut self) -> bool {
+        core::mem::take(&mut self.is_stale)
+    }
+
+    /// Takes note of the number of a sample.
+    pub fn note_sample(&mut self, number: u64) {
+        self.samples = number + 1;
     }
 
     /// Inputs up to the last one in use: what is behind it is nobody's.
@@ -202,7 +205,7 @@ impl Board for Services {
         let inputs = &mut self.inputs;
         let plan = Plan::new(self.keeping.settings(), sample_rate, inputs.tick_hz)?;
         let (period, in_use) = (plan.period as u32, plan.inputs);
-        while inputs.shots.dequeue().is_some() {}
+        self.is_stale = true;
         self.samples = 0;
         match inputs.desk.start(plan, board::call_sampling) {
             Some(outcome) => outcome.map_err(sampling::problem)?,
@@ -221,11 +224,11 @@ impl Board for Services {
         self.rate = None;
         self.inputs.metronome.stop();
         self.inputs.desk.give(Order::Stop, board::call_sampling);
-        while self.inputs.shots.dequeue().is_some() {}
+        self.is_stale = true;
     }
 
     fn input_samples(&self) -> u64 {
-        self.samples + self.inputs.shots.len() as u64
+        self.samples
     }
 
     fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {

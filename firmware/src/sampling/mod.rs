@@ -278,8 +278,8 @@ where
         // The first ones after a start are of filters that settle: they are nobody's.
         let taken = taken.filter(|sample| sample.number > SETTLING.into());
         let is_new = taken.is_some();
-        if let Some(sample) = taken
-            && self.ends.taken.enqueue(Shot::new(&sample, ticks)).is_err()
+        if let Some(shot) = taken.and_then(|sample| Shot::new(&sample, ticks))
+            && self.ends.taken.enqueue(shot).is_err()
         {
             self.dropped = self.dropped.saturating_add(1);
         }

@@ -18,21 +18,15 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// A sample whose edge came at that time, ticks.
+    /// A sample whose edge came at that time, ticks. All inputs are there; a sample of fewer
+    /// would be of another box.
     #[must_use]
-    pub fn new(sample: &Sample<'_>, ticks: u64) -> Self {
-        let mut shot = Self {
+    pub fn new(sample: &Sample<'_>, ticks: u64) -> Option<Self> {
+        Some(Self {
             number: sample.number,
             ticks,
-            counts: [0; INPUTS],
-            health: [Health::MISSING; INPUTS],
-        };
-        for (slot, count) in shot.counts.iter_mut().zip(sample.counts) {
-            *slot = *count;
-        }
-        for (slot, health) in shot.health.iter_mut().zip(sample.health) {
-            *slot = *health;
-        }
-        shot
+            counts: *sample.counts.first_chunk()?,
+            health: *sample.health.first_chunk()?,
+        })
     }
 }

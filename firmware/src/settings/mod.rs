@@ -16,8 +16,8 @@ use massline_core::wire::{Exact, Field, Input, Item, NAME_MAX, Problem, Setting,
 
 /// Rate of the link as delivered, baud.
 pub const LINK_BAUD: u32 = 921_600;
-/// Lowest and highest rate of the link, baud: below, a frame takes seconds; above, the port of
-/// the slowest clock cannot follow.
+/// Lowest and highest rate of the link, baud: below, a frame takes seconds; above, adapters are
+/// rare. Where the clock that runs cannot make a rate, the box uses that of the delivery.
 pub const LINK_BAUD_RANGE: [u32; 2] = [9_600, 2_000_000];
 /// Sample rate as delivered, Hz.
 pub const SAMPLE_RATE: f64 = 512.0;
