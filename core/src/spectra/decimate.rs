@@ -125,38 +125,86 @@ impl Phase {
         self.lines.iter().take(self.stages).all(|line| line.second)
     }
 
-    /// Pushes one channel's sample through its `state` of [`state_len`]. The result means
-    /// something only where [`Self::yields`].
-    pub(super) fn push(&self, state: &mut [f32], sample: f32) -> f32 {
+    /// Pushes one sample of every channel through their `states` of [`state_len`] each; a
+    /// channel that `sample` lacks reads zero. The result goes to `outputs` where
+    /// [`Self::yields`], else nothing does.
+    #[inline]
+    pub(super) fn push<'o>(
+        &self,
+        states: &mut [f32],
+        sample: &[f32],
+        outputs: impl Iterator<Item = &'o mut f32>,
+    ) {
+        // Stage by stage for all channels: what all of them have in common is found once, and
+        // a filter's coefficients stay in registers.
+        let length = state_len(self.stages).max(1);
         let lines = self.lines.get(..self.stages).unwrap_or(&self.lines);
-        let Some((last, early)) = lines.split_last() else {
-            return sample;
-        };
-        let (mut x, mut rest) = (sample, state);
-        for line in early {
-            let Some((own, after)) = rest.split_first_chunk_mut::<EARLY_LINE>() else {
-                return x;
-            };
-            let Some(y) = line.push(own, x, &EARLY) else {
-                return x;
-            };
-            (x, rest) = (y, after);
+        let mut before: Option<Taps> = None;
+        for (stage, line) in lines.iter().enumerate() {
+            let begin = stage * EARLY_LINE;
+            let half = self.half(stage);
+            if line.second && line.even == 0 {
+                let evens = begin + half..begin + 3 * half + SLACK;
+                for state in states.chunks_exact_mut(length) {
+                    if let Some(evens) = state.get_mut(evens.clone()) {
+                        evens.copy_within(SLACK + 1.., 0);
+                    }
+                }
+            }
+            let place = begin + line.place(half);
+            if let Some(taps) = before {
+                for state in states.chunks_exact_mut(length) {
+                    let y = taps.sum(state, &EARLY);
+                    if let Some(slot) = state.get_mut(place) {
+                        *slot = y;
+                    }
+                }
+            } else {
+                let mut states = states.chunks_exact_mut(length);
+                for (x, state) in sample.iter().zip(states.by_ref()) {
+                    if let Some(slot) = state.get_mut(place) {
+                        *slot = *x;
+                    }
+                }
+                for slot in states.filter_map(|state| state.get_mut(place)) {
+                    *slot = 0.0;
+                }
+            }
+            if !line.second {
+                return;
+            }
+            before = Some(Taps {
+                evens: begin + half + line.even,
+                middle: begin + line.odd,
+            });
         }
-        let Some(own) = rest.first_chunk_mut::<LAST_LINE>() else {
-            return x;
-        };
-        last.push(own, x, &LAST).unwrap_or(x)
+        match before {
+            Some(taps) => {
+                for (output, state) in outputs.zip(states.chunks_exact(length)) {
+                    *output = taps.sum(state, &LAST);
+                }
+            }
+            None => {
+                let sample = sample.iter().copied().chain(core::iter::repeat(0.0));
+                outputs.zip(sample).for_each(|(output, x)| *output = x);
+            }
+        }
+    }
+
+    /// Coefficients of a stage's filter.
+    const fn half(&self, stage: usize) -> usize {
+        if stage + 1 == self.stages {
+            LAST.len()
+        } else {
+            EARLY.len()
+        }
     }
 
     /// Goes on to the next sample, after all channels were pushed.
     pub(super) fn advance(&mut self) {
         let next = |at: usize, last: usize| if at == last { 0 } else { at + 1 };
         for stage in 0..self.stages {
-            let odds = if stage + 1 == self.stages {
-                LAST.len()
-            } else {
-                EARLY.len()
-            };
+            let odds = self.half(stage);
             let line = &mut self.lines[stage];
             line.second = !line.second;
             if line.second {
@@ -169,27 +217,35 @@ impl Phase {
 }
 
 impl LinePhase {
-    /// Takes a sample into a delay line; every second one gives one.
+    /// Where the next sample goes in a delay line of a filter with so many coefficients.
+    const fn place(&self, half: usize) -> usize {
+        if self.second {
+            3 * half + self.even - 1
+        } else {
+            // The oldest odd one's, which no sum will see again.
+            self.odd
+        }
+    }
+}
+
+/// What a filter sees of a channel's state, once a second sample is in its place.
+#[derive(Clone, Copy)]
+struct Taps {
+    /// Where the even samples begin.
+    evens: usize,
+    /// Of as many odd samples as there are coefficients, the oldest is the middle one.
+    middle: usize,
+}
+
+impl Taps {
+    /// The filter's output.
     #[inline]
-    fn push<const HALF: usize, const LINE: usize>(
-        &self,
-        line: &mut [f32; LINE],
-        x: f32,
-        h: &[f32; HALF],
-    ) -> Option<f32> {
-        let (odds, evens) = line.split_first_chunk_mut::<HALF>()?;
-        let odd = odds.get_mut(self.odd)?;
-        if !self.second {
-            *odd = x;
-            return None;
+    fn sum<const HALF: usize>(self, state: &[f32], h: &[f32; HALF]) -> f32 {
+        let evens = state.get(self.evens..self.evens + 2 * HALF);
+        match (evens, state.get(self.middle)) {
+            (Some(evens), Some(middle)) => filter(evens, *middle, h),
+            _ => 0.0,
         }
-        if self.even == 0 {
-            evens.copy_within(SLACK + 1.., 0);
-        }
-        let newest = evens.get_mut(self.even..self.even + 2 * HALF)?;
-        *newest.last_mut()? = x;
-        // Of as many odd samples as there are coefficients the oldest is the middle one.
-        Some(filter(newest, *odd, h))
     }
 }
 
@@ -250,6 +306,13 @@ mod tests {
         }
     }
 
+    /// Pushes a sample of a single channel; gives zero where nothing comes out.
+    fn push(phase: &mut Phase, state: &mut [f32], x: f32) -> f32 {
+        let mut y = 0.0;
+        phase.push(state, &[x], core::iter::once(&mut y));
+        y
+    }
+
     /// Every second output of a filter as it is written in books: all taps over all samples.
     fn by_the_book(h: &[f32], samples: &[f32]) -> Vec<f32> {
         let taps = 4 * h.len() - 1;
@@ -277,7 +340,7 @@ mod tests {
             let mut state = vec![0.0; state_len(stages)];
             let mut found = Vec::new();
             for x in &samples {
-                let y = phase.push(&mut state, *x);
+                let y = push(&mut phase, &mut state, *x);
                 if phase.yields() {
                     found.push(y);
                 }
@@ -296,7 +359,7 @@ mod tests {
         let mut outputs = 0;
         for n in 0..400 {
             let yields = phase.yields();
-            let y = phase.push(&mut state, 1.0);
+            let y = push(&mut phase, &mut state, 1.0);
             phase.advance();
             if yields {
                 assert_eq!(n % 4, 3);
@@ -318,7 +381,7 @@ mod tests {
             let mut out = [0.0; 400];
             for (n, out) in out.iter_mut().enumerate() {
                 let x = if n == 0 { lead } else { libm::sinf(n as f32) };
-                *out = phase.push(&mut state, x);
+                *out = push(&mut phase, &mut state, x);
                 if !phase.yields() {
                     *out = 0.0;
                 }

@@ -128,21 +128,18 @@ impl Rings {
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
         let kept = self.phase.yields() && self.settling == 0;
-        let per_channel = state_len(self.settings.stages());
-        let Some((rings, filters)) = storage.split_at_mut_checked(self.channels * n) else {
+        let filters = self.channels * state_len(self.settings.stages());
+        let Some((rings, rest)) = storage.split_at_mut_checked(self.channels * n) else {
             return false;
         };
-        for c in 0..self.channels {
-            let state = filters
-                .get_mut(c * per_channel..(c + 1) * per_channel)
-                .unwrap_or(&mut []);
-            let x = self
-                .phase
-                .push(state, sample.get(c).copied().unwrap_or(0.0));
-            if kept && let Some(slot) = rings.get_mut(c * n + self.head) {
-                *slot = x;
-            }
-        }
+        let Some(states) = rest.get_mut(..filters) else {
+            return false;
+        };
+        let (head, kept_in) = (self.head, if kept { rings } else { &mut [] });
+        let slots = kept_in
+            .chunks_exact_mut(n)
+            .filter_map(|ring| ring.get_mut(head));
+        self.phase.push(states, sample, slots);
         self.phase.advance();
         self.settling = self.settling.saturating_sub(1);
         if !kept {
