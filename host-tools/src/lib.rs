@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod acquire;
+pub mod box_runs;
 pub mod cli;
 pub mod commands;
 pub mod device;

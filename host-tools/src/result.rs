@@ -1,10 +1,12 @@
 //! The result document, `massline/result/1`.
 
+use crate::box_runs::StoredRun;
 use crate::identification::Answer;
 use crate::measure::MeasuredRun;
 use crate::recording::{Traceability, TrueRate, fault_words};
+use crate::replay::DeviceEntry;
 use crate::setup::Setup;
-use massline_core::identify::{Estimate, InertiaEstimate, Procedure};
+use massline_core::identify::{Estimate, Identification, InertiaEstimate, Procedure};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -131,7 +133,7 @@ fn deflections(channels: &[String], shape: Option<&Vec<f64>>) -> Option<Vec<Defl
 }
 
 /// What the whole body has of each: mass along the axes, inertia about them.
-fn whole(identification: &massline_core::identify::Identification) -> [Option<f64>; 6] {
+fn whole(identification: &Identification) -> [Option<f64>; 6] {
     let mass = identification.mass.map(|m| m.value);
     let i = identification.inertia_reference;
     [
@@ -200,8 +202,8 @@ pub struct RunQuality {
     pub rejected: u32,
     /// Blocks left out for each fault; one with two faults counts twice.
     pub rejected_by: BTreeMap<&'static str, u32>,
-    /// Faulty samples.
-    pub faulty_samples: u64,
+    /// Faulty samples; null from a box, which counts blocks only.
+    pub faulty_samples: Option<u64>,
     /// Samples that never came, among them.
     pub missing_samples: u64,
     /// The true sample rate, where the recording carries it.
@@ -211,6 +213,23 @@ pub struct RunQuality {
 }
 
 impl RunQuality {
+    /// What a box tells of a run.
+    pub(crate) fn of_stored(run: &StoredRun) -> Self {
+        let s = &run.summary;
+        let by = fault_words().into_iter().zip(s.rejected_by);
+        Self {
+            run: run.name.clone(),
+            samples: s.samples,
+            blocks: s.blocks,
+            rejected: s.rejected,
+            rejected_by: by.filter(|(_, blocks)| *blocks > 0).collect(),
+            faulty_samples: None,
+            missing_samples: s.missing,
+            true_sample_rate: run.sample_rate(),
+            calibration: run.calibration.clone(),
+        }
+    }
+
     fn new(run: &MeasuredRun) -> Self {
         let by = fault_words().into_iter().zip(run.rejected.by_fault);
         Self {
@@ -219,7 +238,7 @@ impl RunQuality {
             blocks: run.blocks,
             rejected: run.rejected.blocks,
             rejected_by: by.filter(|(_, blocks)| *blocks > 0).collect(),
-            faulty_samples: run.rejected.samples,
+            faulty_samples: Some(run.rejected.samples),
             missing_samples: run.rejected.missing,
             true_sample_rate: run.preamble.sample_rate.clone(),
             calibration: run.preamble.channel.clone(),
@@ -278,6 +297,9 @@ pub struct ResultDocument {
     pub runs: Vec<RunQuality>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// The box that has measured and identified, where one has.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub device: Option<DeviceEntry>,
 }
 
 /// All methods side by side, `massline/comparison/1`.
@@ -306,6 +328,21 @@ pub struct FailedMethod {
     pub reason: String,
 }
 
+/// What gave the ten numbers, wherever that was.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin<'a> {
+    /// Title of the setup.
+    pub title: &'a str,
+    /// Name of the method.
+    pub method: &'static str,
+    /// Why this method, where the user left the choice.
+    pub why: Option<&'static str>,
+    /// Whether the reference point was iterated to the CG.
+    pub iterative: bool,
+    /// Whether accelerometer weights were used.
+    pub weighted: bool,
+}
+
 impl ResultDocument {
     /// The document of an answer to `setup`.
     #[must_use]
@@ -315,15 +352,39 @@ impl ResultDocument {
             .iter()
             .map(|a| a.channel.clone())
             .collect();
-        let i = &answer.identification;
+        let origin = Origin {
+            title: &setup.title,
+            method: answer.method_name(),
+            why: answer.why,
+            iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
+            weighted: answer.weighted(),
+        };
+        let offsets = answer.offsets.iter().map(|(run, resultants)| Offsets {
+            run: run.clone(),
+            resultants: *resultants,
+        });
+        let runs = answer.measurement.runs.iter();
+        Self {
+            fixed_modes: fixed_modes(&channels, answer),
+            free_modes: free_modes(&channels, answer),
+            offsets: offsets.collect(),
+            runs: runs.map(RunQuality::new).collect(),
+            warnings: answer.warnings.clone(),
+            ..Self::of_numbers(&origin, &answer.identification)
+        }
+    }
+
+    /// The document of the ten numbers alone.
+    #[must_use]
+    pub fn of_numbers(origin: &Origin<'_>, i: &Identification) -> Self {
         let p = &i.plausibility;
         Self {
             schema: SCHEMA,
-            title: setup.title.clone(),
-            method: answer.method_name(),
-            recommended_because: answer.why,
-            iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
-            weighted: answer.weighted(),
+            title: origin.title.to_owned(),
+            method: origin.method,
+            recommended_because: origin.why,
+            iterative: origin.iterative,
+            weighted: origin.weighted,
             reference_point: i.reference.into(),
             mass: i.mass.into(),
             indicator: i.indicator.map(|e| Some(e).into()),
@@ -344,23 +405,12 @@ impl ResultDocument {
                 positive_definite_margin: p.positive_definite.map(|m| m.relative),
                 triangle_margin: p.triangle.map(|m| m.relative),
             },
-            fixed_modes: fixed_modes(&channels, answer),
-            free_modes: free_modes(&channels, answer),
-            offsets: answer
-                .offsets
-                .iter()
-                .map(|(run, resultants)| Offsets {
-                    run: run.clone(),
-                    resultants: *resultants,
-                })
-                .collect(),
-            runs: answer
-                .measurement
-                .runs
-                .iter()
-                .map(RunQuality::new)
-                .collect(),
-            warnings: answer.warnings.clone(),
+            fixed_modes: Vec::new(),
+            free_modes: Vec::new(),
+            offsets: Vec::new(),
+            runs: Vec::new(),
+            warnings: Vec::new(),
+            device: None,
         }
     }
 }

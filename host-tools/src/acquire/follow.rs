@@ -1,7 +1,7 @@
 //! The conversation while samples come.
 
 use super::AcquireError;
-use crate::device::{Client, Port};
+use crate::device::{Client, ClientError, Port};
 use massline_core::wire::{Event, Reply, Request, Setting, SettingKey, Stream, Subscription};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -30,12 +30,12 @@ struct Fate {
 }
 
 /// Rate at which the box's settings have its converters sample, Hz.
-pub(super) fn sample_rate<P: Port>(client: &mut Client<'_, P>) -> Result<f64, AcquireError> {
+pub(crate) fn sample_rate<P: Port>(client: &mut Client<'_, P>) -> Result<f64, ClientError> {
     let key = Request::ReadSetting(SettingKey::SampleRate);
-    Ok(client.ask(&key, |reply| match reply {
+    client.ask(&key, |reply| match reply {
         Reply::Setting(Setting::SampleRate(rate)) => Some(*rate),
         _ => None,
-    })?)
+    })
 }
 
 /// Has the box send its samples to `taker` until that has all it wants, `watch` says `false`,

@@ -8,6 +8,7 @@
 //! | `record` | rows to a recording that `identify` reads |
 //! | `file` | that recording while it grows |
 //! | `monitor` | levels some times a second |
+//! | `fault` | the box's own faults in words |
 //!
 //! # Design
 //!
@@ -21,6 +22,7 @@
 //! in the recording ([`crate::device::SampleRate`]).
 
 mod error;
+mod fault;
 mod file;
 mod follow;
 mod intake;
@@ -31,7 +33,10 @@ mod record;
 mod tests;
 
 pub use error::AcquireError;
+pub use fault::{fault_name, fault_text};
+pub(crate) use follow::sample_rate;
 pub use intake::{Intake, Row};
 pub use level::Level;
 pub use monitor::{Snapshot, monitor};
+pub(crate) use record::traceability;
 pub use record::{Ending, Order, Progress, Recorded, free_name, record};

@@ -215,7 +215,7 @@ pub fn record<P: Port>(
     })
 }
 
-fn traceability(entry: &InputEntry) -> Traceability {
+pub(crate) fn traceability(entry: &InputEntry) -> Traceability {
     let input = entry.setting();
     Traceability {
         serial: input.serial.to_owned(),

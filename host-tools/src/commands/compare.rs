@@ -90,7 +90,10 @@ fn print(
         out,
         "{dim}values with half of their 95 % intervals; * recommended: {because}{dim:#}"
     )?;
-    let tables: Vec<Vec<Row>> = answers.iter().map(|a| rows(a, truth)).collect();
+    let tables: Vec<Vec<Row>> = answers
+        .iter()
+        .map(|a| rows(&a.identification, truth))
+        .collect();
     // Terminals are narrow: four methods beside each other at most.
     for (answers, tables) in answers.chunks(4).zip(tables.chunks(4)) {
         writeln!(out)?;

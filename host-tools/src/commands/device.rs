@@ -5,7 +5,7 @@ use crate::device::{
     BAUD, Client, ClientError, ClientMemory, Emulator, HostBox, HostBoxMemory, Port, Serial,
     firmware,
 };
-use crate::rig::{Inputs, Troubles};
+use crate::rig::{Inputs, Shaker, Troubles};
 use clap::ArgGroup;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -68,6 +68,23 @@ impl Device {
         }
         let inputs = Inputs::fork(troubles).map_err(Failure::input)?;
         self.reach(Some(inputs), work)
+    }
+
+    /// The same, and `work` is told who shakes the box in this program.
+    ///
+    /// # Errors
+    /// [`Failure`] if it cannot be reached, or that of `work`.
+    pub fn talk_of_runs<T>(
+        &self,
+        troubles: Troubles,
+        work: impl FnOnce(&mut Client<'_, Box<dyn Port + '_>>, Option<&Shaker>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        if !self.host {
+            return self.reach(None, |client| work(client, None));
+        }
+        let inputs = Inputs::fork_runs(troubles, usize::MAX).map_err(Failure::input)?;
+        let shaker = inputs.shaker();
+        self.reach(Some(inputs), |client| work(client, Some(&shaker)))
     }
 
     fn reach<T>(

@@ -9,7 +9,10 @@ const INTERRUPTED: i32 = 130;
 
 /// Whether the user has pressed Ctrl-C.
 #[derive(Clone, Debug)]
-pub struct Interrupt(Arc<AtomicBool>);
+pub struct Interrupt {
+    pressed: Arc<AtomicBool>,
+    armed: Arc<AtomicBool>,
+}
 
 impl Interrupt {
     /// From now on Ctrl-C ends nothing by itself; pressed again, it does.
@@ -17,20 +20,30 @@ impl Interrupt {
     /// # Errors
     /// [`Failure`] if the system does not let us.
     pub fn catch() -> Result<Self, Failure> {
-        let pressed = Arc::new(AtomicBool::new(false));
-        let seen = Arc::clone(&pressed);
+        let interrupt = Self {
+            pressed: Arc::new(AtomicBool::new(false)),
+            armed: Arc::new(AtomicBool::new(true)),
+        };
+        let seen = interrupt.clone();
         let caught = ctrlc::set_handler(move || {
-            if seen.swap(true, Ordering::Relaxed) {
+            let again = seen.pressed.swap(true, Ordering::Relaxed);
+            if again || !seen.armed.load(Ordering::Relaxed) {
                 std::process::exit(INTERRUPTED);
             }
         });
         caught.map_err(|e| Failure::input(format!("Ctrl-C cannot be caught: {e}")))?;
-        Ok(Self(pressed))
+        Ok(interrupt)
     }
 
     /// Whether it was pressed.
     #[must_use]
     pub fn is_pressed(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.pressed.load(Ordering::Relaxed)
+    }
+
+    /// While nothing is going on that could come to an end, Ctrl-C ends the program.
+    pub fn arm(&self, armed: bool) {
+        self.armed.store(armed, Ordering::Relaxed);
+        self.pressed.store(false, Ordering::Relaxed);
     }
 }

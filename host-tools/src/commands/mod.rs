@@ -17,7 +17,7 @@ mod table;
 
 pub use interrupt::Interrupt;
 pub use progress::{Bar, Spinner, Ticker};
-pub use table::print_answer;
+pub use table::{Heading, print_answer, print_numbers};
 
 use crate::cli::Verbosity;
 use crate::report::TrueBody;

@@ -96,6 +96,12 @@ impl Ticker {
         Self { bar }
     }
 
+    /// Says something that stays, on stderr.
+    pub fn say(&self, text: &str, verbosity: Verbosity) {
+        self.bar
+            .suspend(|| super::warn(&[text.to_owned()], verbosity));
+    }
+
     /// Tells.
     pub fn set(&self, text: &str) {
         self.bar.set_message(text.to_owned());

@@ -4,7 +4,7 @@ use crate::format::{significant, with_std};
 use crate::identification::Answer;
 use crate::simulate::Truth;
 use anstyle::{AnsiColor, Style};
-use massline_core::identify::{Estimate, Procedure};
+use massline_core::identify::{Estimate, Identification, Procedure};
 use std::io::Write;
 
 /// Half width of a 95 % interval in standard deviations.
@@ -21,9 +21,8 @@ pub(super) struct Row {
     pub(super) truth: Option<f64>,
 }
 
-/// The rows of an answer: mass or indicator, CG, inertia about A and about S.
-pub(super) fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
-    let i = &answer.identification;
+/// The rows of an identification: mass or indicator, CG, inertia about A and about S.
+pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |name: String, group, unit, scale, estimate, truth| {
         rows.push(Row {
@@ -83,6 +82,19 @@ pub(super) fn rows(answer: &Answer, truth: Option<&Truth>) -> Vec<Row> {
     rows
 }
 
+/// What stands above the ten numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Heading<'a> {
+    /// Title of the setup.
+    pub title: &'a str,
+    /// What gave the masslines, in words.
+    pub method: &'a str,
+    /// Direct or iterative.
+    pub procedure: Procedure,
+    /// Why this method, if the user left the choice.
+    pub why: Option<&'a str>,
+}
+
 /// Prints the ten numbers with their error bars, and the truth beside them if it is known.
 ///
 /// # Errors
@@ -93,16 +105,35 @@ pub fn print_answer(
     answer: &Answer,
     truth: Option<&Truth>,
 ) -> std::io::Result<()> {
+    let heading = Heading {
+        title,
+        method: answer.method_description(),
+        procedure: answer.procedure,
+        why: answer.why,
+    };
+    print_numbers(out, &heading, &answer.identification, truth)
+}
+
+/// The same of an identification, wherever it was done.
+///
+/// # Errors
+/// If the terminal is gone.
+pub fn print_numbers(
+    out: &mut dyn Write,
+    heading: &Heading<'_>,
+    i: &Identification,
+    truth: Option<&Truth>,
+) -> std::io::Result<()> {
     let bold = Style::new().bold();
     let dim = Style::new().dimmed();
-    let i = &answer.identification;
+    let title = heading.title;
     writeln!(out, "{bold}{title}{bold:#}")?;
-    let procedure = match answer.procedure {
+    let procedure = match heading.procedure {
         Procedure::Direct => "direct".to_owned(),
         Procedure::Iterative { .. } => format!("iterative, {} steps", i.iterations),
     };
-    writeln!(out, "{} ({procedure})", answer.method_description())?;
-    if let Some(why) = answer.why {
+    writeln!(out, "{} ({procedure})", heading.method)?;
+    if let Some(why) = heading.why {
         writeln!(out, "{dim}recommended: {why}{dim:#}")?;
     }
     let [x, y, z] = i.reference.into();
@@ -132,7 +163,7 @@ pub fn print_answer(
     writeln!(out, "{bold:#}")?;
     let mut unseen: Vec<String> = Vec::new();
     let mut about = "";
-    for row in rows(answer, truth) {
+    for row in rows(i, truth) {
         match row.estimate {
             Some(e) => print_row(out, &row, e, truth.is_some())?,
             None if row.group.is_empty() || row.group == about => unseen.push(row.name),

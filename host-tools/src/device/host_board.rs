@@ -8,6 +8,7 @@ use massline_core::wire::{
     ConverterFault, FaultCounters, Health, Item, LinkCounters, Problem, Provoke, Setting,
     SettingKey, Storage,
 };
+use massline_firmware::acquisition::SETTLING;
 use massline_firmware::sampling::{INPUTS, Plan};
 use massline_firmware::settings::Settings;
 use std::rc::Rc;
@@ -92,11 +93,20 @@ impl HostBoard {
         let running = self.running.as_mut()?;
         counts.clear();
         health.clear();
-        let number = running.chain.step(|sample| {
-            counts.extend_from_slice(sample.counts);
-            health.extend_from_slice(sample.health);
-            sample.number
-        });
+        // The first ones after a start are of filters that settle: they are nobody's.
+        let number = loop {
+            let taken = running.chain.step(|sample| {
+                let settled = sample.number > SETTLING.into();
+                settled.then(|| {
+                    counts.extend_from_slice(sample.counts);
+                    health.extend_from_slice(sample.health);
+                    sample.number
+                })
+            });
+            if let Some(number) = taken {
+                break number;
+            }
+        };
         // The accelerometer is left out.
         counts.resize(running.inputs, 0);
         health.resize(running.inputs, Health::MISSING);

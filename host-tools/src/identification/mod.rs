@@ -8,6 +8,7 @@ mod statics;
 mod weights;
 
 pub use error::AnswerError;
+pub(crate) use notice::notice_numbers;
 
 use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
 use crate::modal::Modal;

@@ -11,6 +11,17 @@ pub(super) fn notice(
     measurement: &Measurement,
     warnings: &mut Vec<String>,
 ) {
+    notice_numbers(identification, warnings);
+    let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
+    if measurement.runs.iter().any(cross) {
+        warnings.push(
+            "without a drive channel (`reference`) the noise of the accelerometers biases the result; record the generator's signal if you can".to_owned(),
+        );
+    }
+}
+
+/// Adds what the ten numbers themselves say.
+pub(crate) fn notice_numbers(identification: &Identification, warnings: &mut Vec<String>) {
     let missing: Vec<&str> = identification.unobservable().map(|p| p.name()).collect();
     if !missing.is_empty() {
         warnings.push(format!(
@@ -32,12 +43,6 @@ pub(super) fn notice(
     if identification.attenuation > 0.25 {
         warnings.push(
             "noise in the base acceleration pulls some results towards zero by as much as their error bars say; shake harder in rotation".to_owned(),
-        );
-    }
-    let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
-    if measurement.runs.iter().any(cross) {
-        warnings.push(
-            "without a drive channel (`reference`) the noise of the accelerometers biases the result; record the generator's signal if you can".to_owned(),
         );
     }
 }

@@ -16,6 +16,7 @@ pub(crate) use geometry::channel_names;
 pub use geometry::{Accelerations, RunGeometry};
 pub use group::Group;
 pub use poses::MeasuredPoses;
+pub(crate) use random::settings_at;
 pub use random::{MeasuredRun, Spectra, block_settings};
 pub use rejected::Rejected;
 pub use sine::MeasuredSine;

@@ -4,11 +4,11 @@ use super::geometry::{RunGeometry, channel_names};
 use super::rejected::{Gate, Rejected};
 use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
-use crate::setup::{Excitation, Run, Setup};
+use crate::setup::{Excitation, Processing, Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
     Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, RunResponses,
-    Sum,
+    SpectraError, Sum,
 };
 use std::path::Path;
 
@@ -267,7 +267,7 @@ fn finish_drive(
     geometry: &RunGeometry,
     settings: &BlockSettings,
     average: &DriveAverage<'_>,
-) -> Result<Finished, massline_core::spectra::SpectraError> {
+) -> Result<Finished, SpectraError> {
     let grid = settings.grid();
     let mut responses = vec![[Complex32::new(0.0, 0.0); RESULTANTS]; grid.count];
     let mut drive = vec![0.0; grid.count];
@@ -356,12 +356,16 @@ pub(super) fn settle(
         file: file.to_owned(),
         reason: e.to_string(),
     })?;
-    let band = [p.averaging_band[0], p.kept_up_to(Some(rate))];
-    let settings = BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, band);
-    let settings = settings.map_err(|source| MeasureError::Spectra {
+    let settings = settings_at(p, rate).map_err(|source| MeasureError::Spectra {
         file: file.to_owned(),
         source,
     })?;
     *settled = Some(settings);
     Ok(settings)
+}
+
+/// Blocks and lines of a setup at a sample rate, Hz.
+pub(crate) fn settings_at(p: &Processing, rate: f64) -> Result<BlockSettings, SpectraError> {
+    let band = [p.averaging_band[0], p.kept_up_to(Some(rate))];
+    BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, band)
 }

@@ -24,7 +24,7 @@ mod error;
 mod flip;
 mod outcome;
 pub(crate) mod plan;
-mod transfer;
+pub(crate) mod transfer;
 
 pub use compare::{Comparison, Difference, Found};
 pub use document::{ComparisonEntry, DeviceEntry, LinkEntry, ReplayDocument, SCHEMA};
@@ -32,7 +32,6 @@ pub use error::ReplayError;
 pub use flip::Flip;
 pub use outcome::{AnswerOutcome, BaseOutcome, Outcome, RunOutcome};
 pub use plan::Base;
-use plan::Calibration;
 
 use crate::device::{Client, ClientError, ClientMemory, HostBox, HostBoxMemory, Port};
 use crate::identification::{AnswerError, Choice, Session};
@@ -40,9 +39,7 @@ use crate::measure::{Accelerations, Measurement, block_settings};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::{
-    self, Grid, Item, NoAnswer, Pass, Problem, Question, Refused, Running, State, Summary,
-};
+use massline_core::wire::{Grid, Item, NoAnswer, Pass, Problem, Refused, Running, State, Summary};
 use transfer::Feed;
 
 /// What is to be replayed.
@@ -172,7 +169,7 @@ impl Replay<'_, '_> {
                 self.setup,
                 &self.settings,
                 base,
-                Calibration::OfSetup,
+                plan::Feed::Recording,
                 fingerprint,
             )?;
             grid = Some(found);
@@ -198,7 +195,7 @@ impl Replay<'_, '_> {
             let from = running.filter(|r| usize::from(r.run) == number);
             let summary = if from.is_none() && stored >> number & 1 == 1 {
                 self.done += 1;
-                read_summary(client, number)?
+                client.summary(number as u8)?
             } else {
                 let from = from.map(|r| r.next);
                 self.send(client, number, Pass::Measure, from, "to the box")?
@@ -283,17 +280,8 @@ impl Replay<'_, '_> {
             return Ok(weighed);
         }
         weighed.weights = read_each(self.setup, |run| transfer::weights(client, run))?;
-        let runs = self.setup.runs.iter().zip(&mut weighed.weights);
-        for (number, (run, weights)) in runs.enumerate() {
-            if run.weights.is_empty() {
-                continue;
-            }
-            for (entry, weight) in self.setup.accelerometers.iter().zip(weights.iter_mut()) {
-                if let Some(given) = run.weights.get(&entry.channel) {
-                    *weight = *given;
-                }
-            }
-            transfer::set_weights(client, number, weights)?;
+        for (number, weights) in weighed.weights.iter_mut().enumerate() {
+            transfer::weigh_by_hand(client, self.setup, number, weights)?;
         }
         Ok(weighed)
     }
@@ -323,7 +311,7 @@ impl Replay<'_, '_> {
             self.setup,
             &self.settings,
             base,
-            Calibration::OfSetup,
+            plan::Feed::Recording,
             0,
         )?;
         let (done, flip) = (self.done, self.feed.flip.take());
@@ -404,22 +392,8 @@ impl Replay<'_, '_> {
         let host = self
             .session
             .answer_with(method, &choice, accelerations, &mut |_| ());
-        let estimation = &self.setup.estimation;
-        let device = client.identify(Question {
-            method: method.into(),
-            known_mass: self.setup.known_mass,
-            procedure: if self.order.iterative {
-                wire::Procedure::Iterative {
-                    tolerance: estimation.tolerance,
-                    limit: estimation.iterations,
-                }
-            } else {
-                wire::Procedure::Direct
-            },
-            modes: estimation.modes as u8,
-            fit_band: self.setup.fit_band(),
-            runs: 0,
-        });
+        let question = plan::question(self.setup, method, self.order.iterative);
+        let device = client.identify(question);
         let device = match device {
             Ok(identified) => Ok(identified),
             Err(ClientError::Refused(refused)) => match refused.problem {
@@ -451,14 +425,6 @@ fn read_each(
     mut read: impl FnMut(usize) -> Result<Vec<f64>, ClientError>,
 ) -> Result<Vec<Vec<f64>>, ClientError> {
     (0..setup.runs.len()).map(&mut read).collect()
-}
-
-fn read_summary<P: Port>(client: &mut Client<'_, P>, run: usize) -> Result<Summary, ClientError> {
-    let request = wire::Request::ReadSummary(run as u8);
-    client.ask(&request, |reply| match reply {
-        wire::Reply::Summary(summary) => Some(*summary),
-        _ => None,
-    })
 }
 
 /// What a box holds of this replay: the runs that are stored, and the one that is going on.

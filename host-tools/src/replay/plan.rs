@@ -1,6 +1,7 @@
 //! The set-up in the box's words, and whether the box holds it.
 
 use super::ReplayError;
+use crate::box_runs::Wiring;
 use crate::device::{BoxInfo, Client, ClientError, Port};
 use crate::measure::channel_names;
 use crate::setup::{self, Excitation, Setup};
@@ -27,6 +28,15 @@ pub enum Base {
 }
 
 impl Base {
+    /// All of them.
+    pub(crate) const ALL: [Self; 5] = [
+        Self::Interface,
+        Self::All,
+        Self::WeightedEachRun,
+        Self::WeightedJoined,
+        Self::WeightedByHand,
+    ];
+
     /// In words.
     #[must_use]
     pub const fn description(self) -> &'static str {
@@ -46,7 +56,7 @@ impl Base {
     }
 
     /// What `identify` does for a method, as far as a box can.
-    fn of(method: Method, setup: &Setup, weighted: bool) -> Self {
+    pub(crate) fn of(method: Method, setup: &Setup, weighted: bool) -> Self {
         let mode_band = setup.processing.as_ref().and_then(|p| p.mode_band);
         let by_hand = setup.runs.iter().any(|r| !r.weights.is_empty());
         if method.interface_only() {
@@ -97,7 +107,7 @@ pub(super) fn bases(methods: &[Method], setup: &Setup, weighted: bool) -> Vec<(B
 }
 
 /// Whether the box does all that is asked.
-pub(super) fn check(
+pub(crate) fn check(
     setup: &Setup,
     methods: &[Method],
     settings: &BlockSettings,
@@ -121,7 +131,7 @@ pub(super) fn check(
         if run.excitation != Excitation::Random {
             return Err(wrong(
                 "is no random excitation",
-                "the box measures random runs; take the others out of the setup for a replay",
+                "the box measures random runs; take the others out of the setup",
             ));
         }
         if run.reference.is_none() {
@@ -152,7 +162,7 @@ pub(super) fn check(
             "runs",
             setup.runs.len(),
             usize::from(capacity.runs),
-            "replay them in parts".to_owned(),
+            "leave some out, or do it in parts".to_owned(),
         ),
         (
             "samples of a block",
@@ -186,17 +196,17 @@ fn name(text: &str) -> &str {
 }
 
 /// A mark of all that decides what the box stores.
-pub(super) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
+pub(crate) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
     crc32(format!("{base:?} {mark} {setup:?}").as_bytes())
 }
 
-/// Who says how readings become SI.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Calibration {
-    /// The set-up, as for readings of a recording.
-    OfSetup,
-    /// The box's settings, as for counts of its inputs.
-    OfInputs,
+/// What the channels of a sample are, and who says how they become SI.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Feed<'w> {
+    /// Columns of a recording in the set-up's order, scaled by the set-up.
+    Recording,
+    /// The box's inputs, by its calibrations.
+    Inputs(&'w Wiring),
 }
 
 /// Sends the set-up, and gives the box's lines.
@@ -205,7 +215,7 @@ pub(crate) fn upload<P: Port>(
     setup: &Setup,
     settings: &BlockSettings,
     base: Base,
-    calibration: Calibration,
+    feed: Feed<'_>,
     fingerprint: u32,
 ) -> Result<Grid, ReplayError> {
     let p = setup.processing.as_ref().ok_or(ReplayError::NoProcessing)?;
@@ -228,23 +238,17 @@ pub(crate) fn upload<P: Port>(
         weighting: base.weighting(),
         minimum_weight: setup.estimation.minimum_weight,
     }))?;
-    for mut sensor in sensors(setup) {
-        if calibration == Calibration::OfInputs {
-            sensor.scale = Scale::Stored;
+    for (number, mut sensor) in sensors(setup).enumerate() {
+        if let (Feed::Inputs(wiring), Scale::Given { per_unit, .. }) = (feed, sensor.scale) {
+            sensor.scale = wiring.scale(number, per_unit);
         }
         client.tell(&Request::SetSensor(sensor))?;
     }
     for (number, run) in setup.runs.iter().enumerate() {
-        let channels: Vec<u8> = (0..channel_names(setup, run).len())
-            .map(|channel| {
-                let sensors = setup.accelerometers.len() + setup.load_cells.len();
-                if channel < sensors {
-                    Carries::Sensor(channel as u8).code()
-                } else {
-                    Carries::Drive.code()
-                }
-            })
-            .collect();
+        let channels = match feed {
+            Feed::Recording => columns(setup, run),
+            Feed::Inputs(wiring) => wiring.channels(number),
+        };
         client.tell(&Request::SetRun(wire::Run {
             run: number as u8,
             name: name(&run.name),
@@ -255,6 +259,36 @@ pub(crate) fn upload<P: Port>(
         }))?;
     }
     Ok(grid(client)?)
+}
+
+/// What the columns of a recording carry.
+fn columns(setup: &Setup, run: &setup::Run) -> Vec<u8> {
+    let sensors = setup.accelerometers.len() + setup.load_cells.len();
+    let carries = |channel| match channel < sensors {
+        true => Carries::Sensor(channel as u8).code(),
+        false => Carries::Drive.code(),
+    };
+    (0..channel_names(setup, run).len()).map(carries).collect()
+}
+
+/// What the box is asked.
+pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::Question {
+    let estimation = &setup.estimation;
+    wire::Question {
+        method: method.into(),
+        known_mass: setup.known_mass,
+        procedure: if iterative {
+            wire::Procedure::Iterative {
+                tolerance: estimation.tolerance,
+                limit: estimation.iterations,
+            }
+        } else {
+            wire::Procedure::Direct
+        },
+        modes: estimation.modes as u8,
+        fit_band: setup.fit_band(),
+        runs: 0,
+    }
 }
 
 fn grid<P: Port>(client: &mut Client<'_, P>) -> Result<Grid, ClientError> {

@@ -102,7 +102,7 @@ pub(super) fn lines<P: Port>(
 }
 
 /// What the survey of a run found, one number a sensor.
-pub(super) fn peaks<P: Port>(
+pub(crate) fn peaks<P: Port>(
     client: &mut Client<'_, P>,
     run: usize,
 ) -> Result<Vec<f64>, ClientError> {
@@ -113,7 +113,7 @@ pub(super) fn peaks<P: Port>(
 }
 
 /// The weights of a run, one a sensor.
-pub(super) fn weights<P: Port>(
+pub(crate) fn weights<P: Port>(
     client: &mut Client<'_, P>,
     run: usize,
 ) -> Result<Vec<f64>, ClientError> {
@@ -123,14 +123,24 @@ pub(super) fn weights<P: Port>(
     })
 }
 
-/// Sets the weights of a run, one a sensor.
-pub(super) fn set_weights<P: Port>(
+/// Overrules the weights of a run, one a sensor, by those that the set-up gives by hand.
+pub(crate) fn weigh_by_hand<P: Port>(
     client: &mut Client<'_, P>,
-    run: usize,
-    weights: &[f64],
+    setup: &Setup,
+    number: usize,
+    weights: &mut [f64],
 ) -> Result<(), ClientError> {
+    let given = setup.runs.get(number).map(|run| &run.weights);
+    let Some(given) = given.filter(|given| !given.is_empty()) else {
+        return Ok(());
+    };
+    for (entry, weight) in setup.accelerometers.iter().zip(weights.iter_mut()) {
+        if let Some(given) = given.get(&entry.channel) {
+            *weight = *given;
+        }
+    }
     client.tell(&Request::SetWeights(Weights {
-        run: run as u8,
+        run: number as u8,
         weights: Packed::new(weights),
     }))
 }

@@ -4,6 +4,7 @@ use super::{Chain, Felt, Outfit, RigError, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Recording, simulate};
 use massline_core::calibration::Certificate;
+use std::cell::Cell;
 use std::rc::Rc;
 
 /// Length of the shaking that is felt over and over, s.
@@ -13,9 +14,34 @@ const SHAKING: f64 = 120.0;
 #[derive(Clone, Debug)]
 pub struct Inputs {
     outfit: Outfit,
-    recording: Recording,
-    felt: Rc<[Vec<f32>]>,
+    recordings: Rc<[Recording]>,
+    felt: Vec<Rc<[Vec<f32>]>>,
+    shaker: Shaker,
     troubles: Troubles,
+}
+
+/// Decides which of the recordings the sensors feel.
+#[derive(Clone, Debug)]
+pub struct Shaker {
+    recordings: Rc<[Recording]>,
+    runs: Vec<String>,
+    at: Rc<Cell<usize>>,
+}
+
+impl Shaker {
+    /// From the next start of the converters on it shakes as in a run; as before if it knows
+    /// none of that name.
+    pub fn shake(&self, run: &str) {
+        if let Some(at) = self.runs.iter().position(|name| name == run) {
+            self.at.set(at);
+        }
+    }
+
+    /// Names of the channels, input by input.
+    #[must_use]
+    pub fn channels(&self) -> &[String] {
+        self.recordings.first().map_or(&[], |r| &r.channels)
+    }
 }
 
 impl Inputs {
@@ -26,11 +52,21 @@ impl Inputs {
     /// # Errors
     /// [`RigError`].
     pub fn new(setup: &Setup, recording: &Recording, troubles: Troubles) -> Result<Self, RigError> {
-        let outfit = Outfit::new(setup, std::slice::from_ref(recording))?;
+        Self::of(setup, vec![recording.clone()], troubles)
+    }
+
+    fn of(setup: &Setup, recordings: Vec<Recording>, troubles: Troubles) -> Result<Self, RigError> {
+        let recordings: Rc<[Recording]> = recordings.into();
+        let felt = recordings.iter().map(|r| r.samples.clone().into());
         Ok(Self {
-            outfit,
-            felt: recording.samples.clone().into(),
-            recording: recording.clone(),
+            outfit: Outfit::new(setup, &recordings)?,
+            felt: felt.collect(),
+            shaker: Shaker {
+                recordings: Rc::clone(&recordings),
+                runs: setup.runs.iter().map(|run| run.name.clone()).collect(),
+                at: Rc::new(Cell::new(0)),
+            },
+            recordings,
             troubles,
         })
     }
@@ -41,29 +77,50 @@ impl Inputs {
     /// # Errors
     /// What the simulation says.
     pub fn fork(troubles: Troubles) -> Result<Self, Box<dyn std::error::Error>> {
+        Self::fork_runs(troubles, 1)
+    }
+
+    /// The same with its first `runs` runs, for [`Shaker::shake`] to choose from.
+    ///
+    /// # Errors
+    /// What the simulation says.
+    pub fn fork_runs(troubles: Troubles, runs: usize) -> Result<Self, Box<dyn std::error::Error>> {
         let mut model = Model::fork()?;
-        model.runs.truncate(1);
+        model.runs.truncate(runs.max(1));
         let options = Options {
             noise: Some(0.01),
             duration: Some(SHAKING),
             ..Options::default()
         };
         let simulation = simulate(&model, &options, &mut |_| ())?;
-        let recording = simulation.recordings.first();
-        let recording = recording.ok_or("the fork has no run")?;
-        Ok(Self::new(&simulation.setup, recording, troubles)?)
+        Ok(Self::of(
+            &simulation.setup,
+            simulation.recordings,
+            troubles,
+        )?)
+    }
+
+    /// Decides what the sensors feel.
+    #[must_use]
+    pub fn shaker(&self) -> Shaker {
+        self.shaker.clone()
+    }
+
+    fn recording(&self) -> (&Recording, &Rc<[Vec<f32>]>) {
+        let at = self.shaker.at.get();
+        (&self.recordings[at], &self.felt[at])
     }
 
     /// Names of the channels, input by input.
     #[must_use]
     pub fn channels(&self) -> &[String] {
-        &self.recording.channels
+        &self.recording().0.channels
     }
 
     /// What the box's settings hold for the inputs, in their order.
     #[must_use]
     pub fn certificates(&self) -> Vec<Certificate> {
-        self.outfit.certificates(&self.recording)
+        self.outfit.certificates(self.recording().0)
     }
 
     /// The converters and all before them, as they are when the box has started them for the
@@ -77,12 +134,13 @@ impl Inputs {
         gains: &[u8],
         start: u64,
     ) -> Result<Chain<Rc<[Vec<f32>]>>, RigError> {
+        let (recording, felt) = self.recording();
         let felt = Felt {
-            samples: Rc::clone(&self.felt),
-            rate: self.recording.sample_rate.unwrap_or(sample_rate),
+            samples: Rc::clone(felt),
+            rate: recording.sample_rate.unwrap_or(sample_rate),
             repeats: true,
         };
-        let sensors = self.outfit.of(&self.recording);
+        let sensors = self.outfit.of(recording);
         let seed = self.troubles.seed.wrapping_add(start);
         Chain::new(&sensors, gains, felt, sample_rate, &self.troubles, seed)
     }

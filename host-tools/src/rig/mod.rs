@@ -19,7 +19,7 @@ mod trouble;
 
 pub use chain::Chain;
 use chain::Felt;
-pub use inputs::Inputs;
+pub use inputs::{Inputs, Shaker};
 pub use sensors::Outfit;
 pub use trouble::{Trouble, Troubles};
 

@@ -2,7 +2,10 @@
 
 mod columns;
 mod forget;
+mod found;
+mod identify;
 mod info;
+mod measure;
 mod monitor;
 mod record;
 mod restart;
@@ -17,7 +20,7 @@ use clap::Subcommand;
 /// The box next to the table: who it is, its settings, its inputs, its self-test
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline board info --port /dev/ttyACM0\n  massline board selftest --emulator\n  massline board settings --port COM3 --set name=\"table 2\" --save\n  massline board monitor --port /dev/ttyACM0\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n\n`massline board COMMAND --help` shows more."
+    after_help = "Examples:\n  massline board info --port /dev/ttyACM0\n  massline board selftest --emulator\n  massline board settings --port COM3 --set name=\"table 2\" --save\n  massline board monitor --port /dev/ttyACM0\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n  massline board measure setup.toml --port /dev/ttyACM0 --inputs inputs.toml\n\n`massline board COMMAND --help` shows more."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -31,6 +34,8 @@ enum Command {
     Settings(settings::Arguments),
     Record(record::Arguments),
     Monitor(monitor::Arguments),
+    Measure(measure::Arguments),
+    Identify(identify::Arguments),
     Forget(forget::Arguments),
     Restart(restart::Arguments),
 }
@@ -46,6 +51,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         Command::Settings(a) => settings::run(a, verbosity),
         Command::Record(a) => record::run(a, verbosity),
         Command::Monitor(a) => monitor::run(a, verbosity),
+        Command::Measure(a) => measure::run(a, verbosity),
+        Command::Identify(a) => identify::run(a, verbosity),
         Command::Forget(a) => forget::run(a, verbosity),
         Command::Restart(a) => restart::run(a, verbosity),
     }

@@ -285,6 +285,17 @@ impl<'c, P: Port> Client<'c, P> {
         })
     }
 
+    /// The summary of a finished run, by its number from zero.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn summary(&mut self, run: u8) -> Result<Summary, ClientError> {
+        self.ask(&Request::ReadSummary(run), |reply| match reply {
+            Reply::Summary(summary) => Some(*summary),
+            _ => None,
+        })
+    }
+
     /// Identifies from the stored runs.
     ///
     /// # Errors

@@ -1,0 +1,115 @@
+//! The box's answer in this program's own types.
+
+use crate::recording::{Traceability, TrueRate};
+use crate::result::{Origin, ResultDocument, RunQuality};
+use massline_core::identify::{Estimate, Identification, InertiaEstimate};
+use massline_core::masslines::Method;
+use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia};
+use massline_core::wire::{self, Answer, Exact, Summary};
+use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
+
+/// What a box has identified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// By which method.
+    pub method: Method,
+    /// Whether accelerometers were weighted.
+    pub weighted: bool,
+    /// Whether the reference point was iterated to the CG.
+    pub iterative: bool,
+    /// The ten numbers.
+    pub identification: Identification,
+    /// As the box told it.
+    pub answer: Answer,
+    /// Time that the box took, s by its own clock.
+    pub seconds: f64,
+    /// The runs it was identified from.
+    pub runs: Vec<StoredRun>,
+    /// Names of the set-up's runs that the box has not.
+    pub unmeasured: Vec<String>,
+}
+
+/// A run that the box has measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredRun {
+    /// Its name.
+    pub name: String,
+    /// What became of it.
+    pub summary: Summary,
+    /// What the sensitivities of its channels rest on.
+    pub calibration: BTreeMap<String, Traceability>,
+}
+
+impl StoredRun {
+    /// The true sample rate by the box's clock. Converters that are restarted leave their grid
+    /// by half a period at the most at either end, so that it is uncertain by a sample's share.
+    #[must_use]
+    pub fn sample_rate(&self) -> Option<TrueRate> {
+        let value = self.summary.sample_rate?.0;
+        let samples = self.summary.samples + self.summary.missing;
+        Some(TrueRate {
+            value,
+            uncertainty: value / samples.max(1) as f64,
+            clock: "box".to_owned(),
+        })
+    }
+}
+
+impl Found {
+    /// The result document: what of it a box tells.
+    #[must_use]
+    pub fn document(&self, title: &str, why: Option<&'static str>) -> ResultDocument {
+        let origin = Origin {
+            title,
+            method: self.method.name(),
+            why,
+            iterative: self.iterative,
+            weighted: self.weighted,
+        };
+        ResultDocument {
+            runs: self.runs.iter().map(RunQuality::of_stored).collect(),
+            ..ResultDocument::of_numbers(&origin, &self.identification)
+        }
+    }
+}
+
+fn point(from: &[Exact<f64>; 3]) -> Vector3<f64> {
+    Vector3::from(from.map(|x| x.0))
+}
+
+fn estimate(from: Option<wire::Estimate>) -> Option<Estimate> {
+    from.map(|e| Estimate {
+        value: e.value.0,
+        std: e.std.0,
+    })
+}
+
+/// The ten numbers of a box's answer.
+pub(super) fn identification(answer: &Answer) -> Identification {
+    let margin = |m: Option<Exact<f64>>| m.map(|m| Margin { relative: m.0 });
+    let inertia = |terms: [Option<wire::Estimate>; 6]| -> InertiaEstimate { terms.map(estimate) };
+    let p = &answer.plausibility;
+    Identification {
+        reference: point(&answer.reference),
+        mass: estimate(answer.mass),
+        indicator: estimate(answer.indicator),
+        centre_of_gravity: answer.centre_of_gravity.map(estimate),
+        inertia_reference: inertia(answer.inertia_reference),
+        inertia_cg: inertia(answer.inertia_cg),
+        principal: answer.principal.map(|p| PrincipalInertia {
+            moments: point(&p.moments),
+            axes: Matrix3::from_columns(&p.axes.map(|axis| point(&axis))),
+        }),
+        observable: core::array::from_fn(|k| answer.observable >> k & 1 == 1),
+        condition_number: answer.condition_number.0,
+        iterations: answer.iterations,
+        consistency: answer.consistency.map(|x| x.0),
+        attenuation: answer.attenuation.0,
+        plausibility: Plausibility {
+            mass: margin(p.mass),
+            positive_definite: margin(p.positive_definite),
+            triangle: margin(p.triangle),
+        },
+    }
+}

@@ -1,0 +1,289 @@
+//! A test from the box's own inputs: the box measures the runs, and identifies.
+//!
+//! | file | holds |
+//! | --- | --- |
+//! | `wiring` | which input each channel of the set-up is read by |
+//! | `run` | one run, from its start to its summary |
+//! | `found` | the box's answer in this program's own types |
+//!
+//! # Design
+//!
+//! The set-up goes to the box as a replay sends it ([`crate::replay`]), but for its channels:
+//! channel k of a sample is input k, and counts become SI by the calibrations that the box
+//! keeps, times `scale` of the set-up where that is not one. Runs stay stored on the box. It is
+//! asked for a mark of the set-up it holds, so that a test may be done run by run, by as many
+//! calls of this program as one likes.
+
+mod error;
+mod found;
+mod run;
+#[cfg(test)]
+mod tests;
+mod wiring;
+
+pub use error::BoxRunError;
+pub use found::{Found, StoredRun};
+pub use run::{Ended, Operator, Progress, Stage};
+pub use wiring::Wiring;
+
+use crate::acquire::sample_rate;
+use crate::device::{BoxInfo, Client, ClientError, Port};
+use crate::inputs::InputEntry;
+use crate::measure::settings_at;
+use crate::replay::plan::{self, Feed};
+use crate::replay::{Base, ReplayError, transfer};
+use crate::setup::Setup;
+use massline_core::masslines::Method;
+use massline_core::spectra::BlockSettings;
+use massline_core::wire::{Item, Pass, Problem, Refused, State, Status, Summary};
+use std::path::PathBuf;
+
+/// A test that is to be done on a box.
+#[derive(Debug)]
+pub struct BoxTest<'s> {
+    setup: &'s Setup,
+    method: Method,
+    base: Base,
+    wiring: Wiring,
+    settings: BlockSettings,
+    rate: f64,
+    device: BoxInfo,
+}
+
+/// What is measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measuring {
+    /// Runs, by their numbers in the set-up from zero.
+    pub runs: Vec<usize>,
+    /// Length of each, s; until the operator ends it if `None`.
+    pub seconds: Option<f64>,
+}
+
+impl<'s> BoxTest<'s> {
+    /// Plans a test for a method: which input reads what, and whether the box can do it.
+    ///
+    /// # Errors
+    /// [`BoxRunError`] that says what does not fit.
+    pub fn new<P: Port>(
+        client: &mut Client<'_, P>,
+        setup: &'s Setup,
+        wired: &[InputEntry],
+        method: Method,
+        weighted: bool,
+    ) -> Result<Self, BoxRunError> {
+        let device = client.hello()?;
+        if device.capacity.inputs == 0 {
+            return Err(BoxRunError::NoInputs);
+        }
+        let processing = setup.processing.as_ref();
+        let processing = processing.ok_or(ReplayError::NoProcessing)?;
+        let rate = match processing.sample_rate {
+            Some(rate) => rate,
+            None => sample_rate(client)?,
+        };
+        let unfit = |reason: String| BoxRunError::Processing { rate, reason };
+        let bands = processing.check_bands(rate);
+        bands.map_err(|error| unfit(error.to_string()))?;
+        let settings = settings_at(processing, rate);
+        let settings = settings.map_err(|error| unfit(error.to_string()))?;
+        plan::check(setup, &[method], &settings, &device)?;
+        Ok(Self {
+            setup,
+            method,
+            base: Base::of(method, setup, weighted),
+            wiring: Wiring::new(setup, wired)?,
+            settings,
+            rate,
+            device,
+        })
+    }
+
+    /// Who measures.
+    #[must_use]
+    pub const fn device(&self) -> &BoxInfo {
+        &self.device
+    }
+
+    /// A mark of all that decides what the box stores, but not of where the setup file lies or
+    /// of what is asked afterwards.
+    fn fingerprint(&self, base: Base) -> u32 {
+        let mut setup = self.setup.clone();
+        setup.title.clear();
+        setup.folder = PathBuf::new();
+        setup.known_mass = None;
+        setup
+            .runs
+            .iter_mut()
+            .for_each(|r| r.recording = PathBuf::new());
+        plan::fingerprint(&setup, base, &format!("{:?} {}", self.wiring, self.rate))
+    }
+
+    fn holds(&self, status: &Status, base: Base) -> bool {
+        let known = matches!(status.state, State::Ready | State::Running);
+        known && status.fingerprint == Some(self.fingerprint(base))
+    }
+
+    /// Has the box hold the set-up, if it does not yet. The number of runs of another set-up
+    /// that it has forgotten.
+    ///
+    /// # Errors
+    /// [`BoxRunError`].
+    pub fn load<P: Port>(&self, client: &mut Client<'_, P>) -> Result<u32, BoxRunError> {
+        let status = client.status()?;
+        if self.holds(&status, self.base) {
+            return Ok(0);
+        }
+        if status.state == State::Running {
+            client.tell(&massline_core::wire::Request::Abort)?;
+        }
+        plan::upload(
+            client,
+            self.setup,
+            &self.settings,
+            self.base,
+            Feed::Inputs(&self.wiring),
+            self.fingerprint(self.base),
+        )?;
+        Ok(status.stored.count_ones())
+    }
+
+    /// Has the box measure runs, each when the operator says so. Weights that come from surveys
+    /// are surveyed before.
+    ///
+    /// # Errors
+    /// [`BoxRunError`]. Runs that were measured before it stay stored.
+    pub fn measure<P: Port>(
+        &self,
+        client: &mut Client<'_, P>,
+        order: &Measuring,
+        operator: &mut dyn Operator,
+    ) -> Result<(), BoxRunError> {
+        let joined = self.base == Base::WeightedJoined;
+        let each = self.base == Base::WeightedEachRun;
+        let steps = order.runs.len() * (1 + usize::from(joined || each));
+        let mut step = 0;
+        let mut go = |client: &mut Client<'_, P>, number, pass| {
+            step += 1;
+            let stage = Stage {
+                number,
+                name: &self.setup.runs[number].name,
+                pass,
+                step,
+                steps,
+            };
+            let summary = run::run(self, client, &stage, order.seconds, operator)?;
+            if pass == Pass::Survey {
+                self.check_survey(client, number)?;
+            }
+            Ok::<Summary, BoxRunError>(summary)
+        };
+        if joined {
+            for &number in &order.runs {
+                go(client, number, Pass::Survey)?;
+            }
+            self.check_all_surveyed(client)?;
+        }
+        for &number in &order.runs {
+            if each {
+                go(client, number, Pass::Survey)?;
+            }
+            if !matches!(self.base, Base::Interface | Base::All) {
+                let mut weights = transfer::weights(client, number)?;
+                transfer::weigh_by_hand(client, self.setup, number, &mut weights)?;
+            }
+            go(client, number, Pass::Measure)?;
+        }
+        Ok(())
+    }
+
+    /// A survey that the box does not have is one that came to nothing.
+    fn check_survey<P: Port>(
+        &self,
+        client: &mut Client<'_, P>,
+        number: usize,
+    ) -> Result<(), BoxRunError> {
+        match transfer::peaks(client, number) {
+            Ok(_) => Ok(()),
+            Err(ClientError::Refused(Refused {
+                problem:
+                    Problem::Missing {
+                        item: Item::Survey, ..
+                    },
+                ..
+            })) => Err(BoxRunError::Survey {
+                run: self.setup.runs[number].name.clone(),
+            }),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn check_all_surveyed<P: Port>(&self, client: &mut Client<'_, P>) -> Result<(), BoxRunError> {
+        let surveyed = client.status()?.surveyed;
+        let runs = self.missing_of(surveyed);
+        if runs.is_empty() {
+            return Ok(());
+        }
+        Err(BoxRunError::Unsurveyed { runs })
+    }
+
+    /// Names of the runs whose bits are not set.
+    fn missing_of(&self, mask: u32) -> Vec<String> {
+        let runs = self.setup.runs.iter().enumerate();
+        let missing = runs.filter(|(number, _)| mask >> number & 1 == 0);
+        missing.map(|(_, run)| run.name.clone()).collect()
+    }
+
+    /// Has the box identify from the runs that it has stored.
+    ///
+    /// # Errors
+    /// [`BoxRunError::NothingStored`], [`BoxRunError::OtherBase`], [`BoxRunError::NoAnswer`].
+    pub fn identify<P: Port>(
+        &self,
+        client: &mut Client<'_, P>,
+        iterative: bool,
+    ) -> Result<Found, BoxRunError> {
+        let status = client.status()?;
+        if !self.holds(&status, self.base) || status.stored == 0 {
+            let other = Base::ALL.into_iter().find(|&b| self.holds(&status, b));
+            let other = other.filter(|b| *b != self.base && status.stored != 0);
+            return Err(match other {
+                Some(found) => BoxRunError::OtherBase {
+                    found: found.description(),
+                    expected: self.base.description(),
+                },
+                None => BoxRunError::NothingStored {
+                    base: self.base.description(),
+                },
+            });
+        }
+        let question = plan::question(self.setup, self.method, iterative);
+        let identified = client.identify(question)?;
+        let mut runs = Vec::new();
+        for (number, run) in self.setup.runs.iter().enumerate() {
+            if status.stored >> number & 1 == 1 {
+                runs.push(StoredRun {
+                    name: run.name.clone(),
+                    summary: client.summary(number as u8)?,
+                    calibration: self
+                        .wiring
+                        .inputs(self.setup, number)
+                        .map(|(entry, name, _)| {
+                            (name.to_owned(), crate::acquire::traceability(entry))
+                        })
+                        .collect(),
+                });
+            }
+        }
+        let ticks = identified.ticks as f64;
+        Ok(Found {
+            method: self.method,
+            weighted: !matches!(self.base, Base::Interface | Base::All),
+            iterative,
+            identification: found::identification(&identified.answer),
+            answer: identified.answer,
+            seconds: ticks / f64::from(self.device.tick_hz.max(1)),
+            runs,
+            unmeasured: self.missing_of(status.stored),
+        })
+    }
+}

@@ -1,0 +1,135 @@
+//! Which input of the box each channel of a set-up is read by.
+
+use super::BoxRunError;
+use crate::inputs::InputEntry;
+use crate::measure::channel_names;
+use crate::setup::Setup;
+use massline_core::wire::{Carries, Scale};
+
+/// The inputs behind the channels of a set-up.
+#[derive(Clone, Debug)]
+pub struct Wiring {
+    /// One a sensor: accelerometers, then load cells.
+    sensors: Vec<InputEntry>,
+    /// The drive of each run.
+    drives: Vec<Option<InputEntry>>,
+    /// Factor of the set-up for each sensor.
+    scales: Vec<f64>,
+}
+
+impl Wiring {
+    /// Finds the channels of a set-up among the inputs that something is wired to: by the name
+    /// that the input was given, else by its sensor's serial number.
+    ///
+    /// # Errors
+    /// [`BoxRunError::Channel`], [`BoxRunError::Twice`].
+    pub fn new(setup: &Setup, wired: &[InputEntry]) -> Result<Self, BoxRunError> {
+        let accelerometers = setup.accelerometers.iter();
+        let channels = accelerometers.map(|a| (a.channel.as_str(), a.scale));
+        let cells = setup.load_cells.iter();
+        let channels = channels.chain(cells.map(|c| (c.channel.as_str(), c.scale)));
+        let (names, scales): (Vec<&str>, Vec<f64>) = channels.unzip();
+        let found: Result<_, _> = names
+            .iter()
+            .map(|name| find(wired, name).cloned())
+            .collect();
+        let sensors: Vec<InputEntry> = found?;
+        let drive = |reference: &Option<String>| {
+            let name = reference.as_deref();
+            name.map(|name| find(wired, name).cloned()).transpose()
+        };
+        let drives: Result<_, _> = setup.runs.iter().map(|r| drive(&r.reference)).collect();
+        let drives: Vec<Option<InputEntry>> = drives?;
+        for (number, run) in setup.runs.iter().enumerate() {
+            let all = sensors
+                .iter()
+                .chain(drives.get(number).into_iter().flatten());
+            let all: Vec<&InputEntry> = all.collect();
+            let names = channel_names(setup, run);
+            for (k, entry) in all.iter().enumerate() {
+                if let Some(other) = all[..k].iter().position(|e| e.input == entry.input) {
+                    return Err(BoxRunError::Twice {
+                        input: entry.number(),
+                        channels: [names[other].to_owned(), names[k].to_owned()],
+                    });
+                }
+            }
+        }
+        Ok(Self {
+            sensors,
+            drives,
+            scales,
+        })
+    }
+
+    /// How the counts of a sensor become SI, where the set-up multiplies by `factor`.
+    pub(crate) fn scale(&self, sensor: usize, factor: f64) -> Scale {
+        match self.sensors.get(sensor) {
+            Some(entry) if factor != 1.0 => {
+                let input = entry.setting();
+                Scale::Given {
+                    per_unit: factor * input.per_count,
+                    offset: input.offset,
+                }
+            }
+            _ => Scale::Stored,
+        }
+    }
+
+    /// What the inputs carry in a run, up to the last one that is wanted: codes of [`Carries`].
+    pub(crate) fn channels(&self, run: usize) -> Vec<u8> {
+        let sensors = self.sensors.iter().enumerate();
+        let sensors = sensors.map(|(k, entry)| (entry.input, Carries::Sensor(k as u8)));
+        let drive = self.drives.get(run).into_iter().flatten();
+        let drive = drive.map(|entry| (entry.input, Carries::Drive));
+        let mut channels = Vec::new();
+        for (input, carries) in sensors.chain(drive) {
+            let input = usize::from(input);
+            if channels.len() <= input {
+                channels.resize(input + 1, Carries::Nothing.code());
+            }
+            channels[input] = carries.code();
+        }
+        channels
+    }
+
+    /// The inputs of a run, each with the name of its channel and with its range: SI, counts of
+    /// the drive.
+    pub(super) fn inputs<'a>(
+        &'a self,
+        setup: &'a Setup,
+        run: usize,
+    ) -> impl Iterator<Item = (&'a InputEntry, &'a str, f64)> {
+        let names = channel_names(setup, &setup.runs[run]);
+        let range = |entry: &InputEntry, si: bool| {
+            let (scale, limits) = (entry.certificate.scale(), entry.certificate.limits());
+            let end = |count: i32| match si {
+                true => f64::from(scale.count(count)).abs(),
+                false => f64::from(count).abs(),
+            };
+            end(limits.low).min(end(limits.high))
+        };
+        let sensors = self.sensors.iter().zip(&self.scales);
+        let sensors = sensors.map(move |(e, factor)| (e, factor.abs() * range(e, true)));
+        let drive = self.drives.get(run).into_iter().flatten();
+        let all = sensors.chain(drive.map(move |e| (e, range(e, false))));
+        all.zip(names)
+            .map(|((entry, range), name)| (entry, name, range))
+    }
+}
+
+fn find<'w>(wired: &'w [InputEntry], name: &str) -> Result<&'w InputEntry, BoxRunError> {
+    let named = wired.iter().find(|entry| entry.column() == name);
+    let mut of_serial = wired.iter().filter(|e| e.setting().serial == name);
+    let only = match (of_serial.next(), of_serial.next()) {
+        (Some(only), None) => Some(only),
+        _ => None,
+    };
+    named.or(only).ok_or_else(|| BoxRunError::Channel {
+        channel: name.to_owned(),
+        inputs: wired
+            .iter()
+            .map(|entry| (entry.number(), entry.setting().serial.to_owned()))
+            .collect(),
+    })
+}

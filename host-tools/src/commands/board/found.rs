@@ -1,0 +1,146 @@
+//! What the box has found, on a terminal or as a document.
+
+use super::columns::{self, Wanted};
+use crate::box_runs::{BoxRunError, BoxTest, Found};
+use crate::cli::Verbosity;
+use crate::commands::{Failure, Heading, print_json, print_numbers, warn};
+use crate::device::{Client, Port};
+use crate::identification::{notice_numbers, recommended};
+use crate::inputs::InputEntry;
+use crate::replay::DeviceEntry;
+use crate::rig::Shaker;
+use crate::setup::Setup;
+use anstyle::Style;
+use massline_core::masslines::Method;
+use std::io::Write;
+
+/// What is asked of the box.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Asked {
+    /// How masslines are found; the recommended method if absent
+    #[arg(long, value_parser = parse_method, value_name = "NAME")]
+    method: Option<Method>,
+    /// Move the reference point to the centre of gravity until both coincide
+    #[arg(long, overrides_with = "direct")]
+    iterative: bool,
+    /// Solve once at the given reference point (default)
+    #[arg(long, overrides_with = "iterative")]
+    direct: bool,
+    /// Weigh all accelerometers alike
+    #[arg(long)]
+    no_weights: bool,
+    /// Which input reads which channel: drive=1,a1=2, or a file of inputs; by the sensors'
+    /// serial numbers if absent
+    #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
+    inputs: Option<Wanted>,
+    /// One JSON document on stdout and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+fn parse_method(name: &str) -> Result<Method, String> {
+    let found = Method::ALL.into_iter().find(|m| m.name() == name);
+    found.ok_or_else(|| {
+        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+        format!("the methods are: {}", names.join(", "))
+    })
+}
+
+impl From<BoxRunError> for Failure {
+    fn from(error: BoxRunError) -> Self {
+        Self {
+            code: error.exit_code(),
+            message: error.to_string(),
+        }
+    }
+}
+
+impl Asked {
+    /// The test that is meant.
+    pub(super) fn plan<'s, P: Port>(
+        &self,
+        client: &mut Client<'_, P>,
+        setup: &'s Setup,
+        shaker: Option<&Shaker>,
+    ) -> Result<BoxTest<'s>, Failure> {
+        let mut wired = columns::choose(client, self.inputs.as_ref())?;
+        if let (Some(shaker), None) = (shaker, &self.inputs) {
+            name(&mut wired, shaker);
+        }
+        let method = self.method.unwrap_or_else(|| recommended(setup).0);
+        let weighted = !self.no_weights;
+        Ok(BoxTest::new(client, setup, &wired, method, weighted)?)
+    }
+
+    /// Has the box identify, and shows what it has found.
+    pub(super) fn answer<P: Port>(
+        &self,
+        client: &mut Client<'_, P>,
+        test: &BoxTest<'_>,
+        setup: &Setup,
+        verbosity: Verbosity,
+    ) -> Result<(), Failure> {
+        let found = test.identify(client, self.iterative)?;
+        let why = self.method.is_none().then(|| recommended(setup).1);
+        let warnings = warnings(&found);
+        if self.json {
+            let mut document = found.document(&setup.title, why);
+            document.warnings = warnings;
+            document.device = Some(DeviceEntry::from(test.device()));
+            return print_json(&document);
+        }
+        warn(&warnings, verbosity);
+        print(&setup.title, &found, test, why).map_err(|e| Failure::stdout(&e))
+    }
+}
+
+/// Calls the inputs of the box in this program as the fork's channels are called.
+fn name(wired: &mut [InputEntry], shaker: &Shaker) {
+    for entry in wired {
+        entry.channel = shaker.channels().get(usize::from(entry.input)).cloned();
+    }
+}
+
+/// What the user should know of an answer.
+fn warnings(found: &Found) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if !found.unmeasured.is_empty() {
+        warnings.push(format!(
+            "not measured yet: {}; `massline board measure --run NAME` adds a run to those that the box has",
+            found.unmeasured.join(", ")
+        ));
+    }
+    let total = &found.answer.quality;
+    let all = total.blocks + total.rejected;
+    if total.rejected * 2 > all {
+        warnings.push(format!(
+            "{} of {all} blocks held a faulty sample; `massline board monitor` shows which channel",
+            total.rejected
+        ));
+    }
+    notice_numbers(&found.identification, &mut warnings);
+    warnings
+}
+
+fn print(
+    title: &str,
+    found: &Found,
+    test: &BoxTest<'_>,
+    why: Option<&'static str>,
+) -> std::io::Result<()> {
+    let mut out = anstream::stdout();
+    let heading = Heading {
+        title,
+        method: found.method.description(),
+        procedure: found.answer.question.procedure.into(),
+        why,
+    };
+    print_numbers(&mut out, &heading, &found.identification, None)?;
+    let dim = Style::new().dimmed();
+    let device = test.device();
+    writeln!(
+        out,
+        "{dim}identified by the box ({} {}) in {:.2} s{dim:#}",
+        device.firmware, device.version, found.seconds
+    )
+}
