@@ -15,7 +15,7 @@
 //! | none | TIM5 | stands in for DRDY lines in a rehearsal |
 //! | none | SysTick | roll call, a hundred times a second |
 //! | none | IWDG | watchdog |
-//! | none | CAN2's interrupts | how tasks without hardware of their own are called |
+//! | none | CAN1's first interrupt, CAN2's | how tasks without hardware of their own are called |
 //!
 //! Everything that is reset sits on APB1 on purpose. The HAL resets a peripheral when it takes it over, and
 //! newer emulators crash on a reset through APB2; so does not use USART1, USART6, SPI1, the ADC,
@@ -256,7 +256,7 @@ pub fn serial_number() -> [u8; 12] {
 
 /// Has the sampling task look at its orders, and at once where the caller's priority is lower.
 pub fn call_sampling() {
-    NVIC::pend(Interrupt::EXTI9_5);
+    NVIC::pend(Interrupt::CAN1_TX);
     // Otherwise it would begin some instructions later.
     cortex_m::asm::dsb();
     cortex_m::asm::isb();

@@ -1,4 +1,7 @@
 //! What calls the sampling task: the converters' DRDY lines, or a timer in a rehearsal.
+//!
+//! An edge is noted by an interrupt of the highest priority, which takes a microsecond: samples
+//! are numbered by the time of their edge, and that must not depend on what else the box is at.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -30,25 +33,46 @@ impl Edges {
         }
     }
 
-    /// If a line has fallen since the last call: which are low a microsecond later, by bits.
-    pub fn take(&mut self) -> Option<u32> {
+    /// Notes that a line has fallen, when, and which are low a microsecond later: the
+    /// interrupt of the lines.
+    pub fn note(&mut self) {
+        let at = ticks::low();
         let fallen = self.exti.pr().read().bits() & EXTI_LINES;
         if fallen == 0 {
-            return None;
+            return;
         }
         cortex_m::asm::delay(self.microsecond);
         // Those that fell meanwhile belong to the same sample: writing ones clears them.
         // SAFETY: the register has a bit for each of these lines.
         self.exti.pr().write(|w| unsafe { w.bits(EXTI_LINES) });
         let low = (0..).zip(&self.lines).filter(|(_, pin)| pin.is_low());
-        Some(low.fold(0, |bits, (k, _): (u32, _)| bits | 1 << k))
+        let ready = low.fold(NOTED, |bits, (k, _): (u32, _)| bits | 1 << k);
+        AT.store(at, Ordering::Relaxed);
+        READY.store(ready, Ordering::Relaxed);
+        board::call_sampling();
     }
+}
+
+/// Bit of [`READY`]: there is an edge that the sampling task has not seen yet.
+const NOTED: u32 = 1 << 31;
+/// Lines that were low after the last edge, by bits.
+static READY: AtomicU32 = AtomicU32::new(0);
+/// [`ticks::low`] at that edge.
+static AT: AtomicU32 = AtomicU32::new(0);
+
+/// The last edge, if there is one since the last call: which lines were low a microsecond later,
+/// by bits, and when it came, ticks.
+pub fn take() -> Option<(u32, u64)> {
+    let (ready, at) = cortex_m::interrupt::free(|_| {
+        (READY.swap(0, Ordering::Relaxed), AT.load(Ordering::Relaxed))
+    });
+    let now = ticks::now();
+    let since = (now as u32).wrapping_sub(at);
+    (ready != 0).then_some((ready & !NOTED, now - u64::from(since)))
 }
 
 /// Beats that the sampling task has not seen yet.
 static BEATS: AtomicU32 = AtomicU32::new(0);
-/// [`ticks::low`] at the last one.
-static LAST: AtomicU32 = AtomicU32::new(0);
 
 /// TIM5, which stands in for the DRDY lines in a rehearsal.
 pub struct Metronome(TIM5);
@@ -88,16 +112,11 @@ pub fn beat() {
     // SAFETY: one write to the status register, which belongs to this interrupt while it is
     // enabled.
     unsafe { (*TIM5::ptr()).sr().write(|w| w.uif().clear_bit()) };
-    LAST.store(ticks::low(), Ordering::Relaxed);
     BEATS.fetch_add(1, Ordering::Relaxed);
     board::call_sampling();
 }
 
-/// Beats since the last call, and ticks since the last beat.
-pub fn take_beats() -> (u32, u32) {
-    let beats = BEATS.swap(0, Ordering::Relaxed);
-    (
-        beats,
-        ticks::low().wrapping_sub(LAST.load(Ordering::Relaxed)),
-    )
+/// Beats since the last call.
+pub fn take_beats() -> u32 {
+    BEATS.swap(0, Ordering::Relaxed)
 }

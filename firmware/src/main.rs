@@ -10,9 +10,10 @@
 //! | priority | task | called by | works for | why there |
 //! | --- | --- | --- | --- | --- |
 //! | 6 | `roll_call` | SysTick, every 10 ms | microseconds | must see any other task hang |
-//! | 6 | `beat` | TIM5, in a rehearsal | a microsecond | counts samples as a converter does |
+//! | 6 | `edge` | DRDY lines | a microsecond | notes when a sample was taken |
+//! | 6 | `beat` | TIM5, in a rehearsal | a microsecond | stands in for that |
 //! | 5 | `link` | USART2 | a microsecond a byte | the port holds one byte, 11 µs long; it moves some bytes at a time, so that no traffic starves what is below |
-//! | 4 | `sample` | DRDY lines, `roll_call` | a sample of all inputs | a sample waits a period at the most, and takes no lock |
+//! | 4 | `sample` | `edge`, `beat`, `roll_call` | a sample of all inputs | a sample waits a period at the most, and takes no lock |
 //! | 3 | `desk` | `link` at a frame's end | a message | answers while blocks are computed and jobs run |
 //! | 2 | `block` | `sample`, `desk`, `roll_call` | a block | takes milliseconds, no one waits for it |
 //! | 2 | `telemetry` | `roll_call`, every 100 ms | a look at the stack | so does this |
@@ -237,16 +238,20 @@ mod app {
         edges::beat();
     }
 
-    #[task(binds = EXTI9_5, priority = 4, local = [sampler, edges])]
+    #[task(binds = EXTI9_5, priority = 6, local = [edges])]
+    fn edge(cx: edge::Context) {
+        cx.local.edges.note();
+    }
+
+    #[task(binds = CAN1_TX, priority = 4, local = [sampler])]
     fn sample(cx: sample::Context) {
-        let now = ticks::now();
         let sampler = cx.local.sampler;
-        let is_new = match (cx.local.edges.take(), edges::take_beats()) {
-            (_, (beats @ 1.., late)) => sampler.rehearsed(beats, late),
-            (Some(ready), _) => sampler.edge(ready, now),
-            (None, _) => false,
+        let is_new = match (edges::take_beats(), edges::take()) {
+            (beats @ 1.., _) => sampler.rehearsed(beats),
+            (0, Some((ready, at))) => sampler.edge(ready, at),
+            (0, None) => false,
         };
-        sampler.attend(now);
+        sampler.attend(ticks::now());
         if is_new {
             board::pend_block();
         }

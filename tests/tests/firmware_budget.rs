@@ -14,10 +14,10 @@ const SPI: f64 = 21e6;
 /// Frames a sample, bytes a frame.
 const FRAMES: f64 = 4.0;
 const FRAME_BYTES: f64 = 30.0;
-/// Cycles of the interrupts that a sample takes, DRDY's and that of the task that deals with it:
-/// 22 each to begin and to end, as the processor's maker has it, and what RTIC puts around a task.
-/// And the microsecond after which the DRDY lines are looked at.
-const INTERRUPTS: f64 = 2.0 * 60.0 + 168.0;
+/// Cycles of the interrupts that a sample takes, of DRDY, of sampling and of the task that deals
+/// with it: 22 each to begin and to end, as the processor's maker has it, and what RTIC puts around
+/// a task. And the microsecond after which the DRDY lines are looked at.
+const INTERRUPTS: f64 = 3.0 * 60.0 + 168.0;
 /// Samples from one block to the next.
 const HOP: f64 = 512.0;
 /// Cycles an instruction takes. The emulator does not know; on a Cortex-M4 most take one, loads

@@ -287,14 +287,13 @@ where
         is_new
     }
 
-    /// That many periods of a rehearsal have gone by, and `late` ticks; whether there is a new
-    /// sample.
+    /// That many periods of a rehearsal have gone by; whether there is a new sample.
     ///
     /// Time is that of the beats, not the clock's: the emulator's timer beats late, which no
-    /// converter does. What the sampling task is late itself is in it.
-    pub fn rehearsed(&mut self, samples: u32, late: u32) -> bool {
+    /// converter does.
+    pub fn rehearsed(&mut self, samples: u32) -> bool {
         let converted = self.converters.convert(samples);
-        let ticks = u64::from(converted) * self.period + u64::from(late);
+        let ticks = u64::from(converted) * self.period;
         samples > 0 && self.edge(u32::MAX, ticks)
     }
 
