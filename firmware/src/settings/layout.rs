@@ -54,7 +54,7 @@ pub fn write<const INPUTS: usize>(settings: &Settings<INPUTS>, bytes: &mut [u8])
     Some(whole - rest.len())
 }
 
-/// Whether these bytes are what [`write`] makes of the settings.
+/// Whether these bytes are what [`write()`] makes of the settings.
 #[must_use]
 pub fn holds<const INPUTS: usize>(bytes: &[u8], settings: &Settings<INPUTS>) -> bool {
     let same = || -> Option<bool> {
