@@ -1,11 +1,12 @@
 //! Faults of the box itself, as it tells them while it works.
 
 use massline_core::wire::{Fault, FaultKind};
+use std::collections::BTreeMap;
 
 /// A fault in words, with what to do about it.
 #[must_use]
 pub fn fault_text(fault: &Fault) -> String {
-    let part = fault.part.map(|part| format!(" {}", u32::from(part) + 1));
+    let part = fault.part.map(|part| format!(" {part}"));
     let part = part.unwrap_or_default();
     let what = match fault.kind {
         FaultKind::Overrun => "the box was too late for a sample".to_owned(),
@@ -31,4 +32,14 @@ pub const fn fault_name(kind: FaultKind) -> &'static str {
         FaultKind::Clock => "clock",
         FaultKind::Stack => "stack",
     }
+}
+
+/// Faults by the names of their kinds.
+#[must_use]
+pub fn count_faults(faults: &[Fault]) -> BTreeMap<&'static str, u64> {
+    let mut counts = BTreeMap::new();
+    for fault in faults {
+        *counts.entry(fault_name(fault.kind)).or_default() += 1;
+    }
+    counts
 }

@@ -2,7 +2,9 @@
 
 use super::AcquireError;
 use crate::device::{Client, ClientError, Port};
-use massline_core::wire::{Event, Reply, Request, Setting, SettingKey, Stream, Subscription};
+use massline_core::wire::{
+    Event, Fault, Reply, Request, Setting, SettingKey, Stream, Subscription,
+};
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -16,6 +18,9 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub(super) trait Taker {
     /// Takes an event that came at a time, s. Whether it had samples.
     fn take(&mut self, event: &Event<'_>, seconds: f64) -> Result<bool, AcquireError>;
+
+    /// Takes a fault of the box.
+    fn fault(&mut self, fault: &Fault);
 
     /// Whether it has all it wants.
     fn is_done(&self) -> bool;
@@ -51,6 +56,9 @@ pub(super) fn follow<'c, P: Port, T: Taker + 'c>(
         let (mut taker, mut fate) = (theirs.borrow_mut(), told.borrow_mut());
         if fate.problem.is_some() || taker.is_done() {
             return;
+        }
+        if let Event::Fault(fault) = event {
+            taker.fault(fault);
         }
         match taker.take(event, seconds) {
             Ok(came) => fate.came |= came,

@@ -30,10 +30,10 @@ mod level;
 mod monitor;
 mod record;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use error::AcquireError;
-pub use fault::{fault_name, fault_text};
+pub use fault::{count_faults, fault_name, fault_text};
 pub(crate) use follow::sample_rate;
 pub use intake::{Intake, Row};
 pub use level::Level;

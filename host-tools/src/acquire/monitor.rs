@@ -4,7 +4,7 @@ use super::follow::{Taker, follow, sample_rate};
 use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port};
 use crate::inputs::InputEntry;
-use massline_core::wire::Event;
+use massline_core::wire::{Event, Fault};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -15,6 +15,8 @@ pub struct Snapshot {
     pub seconds: f64,
     /// One for each input.
     pub levels: Vec<Level>,
+    /// Faults of the box since the one before.
+    pub box_faults: Vec<Fault>,
 }
 
 struct Monitor {
@@ -25,6 +27,7 @@ struct Monitor {
     limit: Option<u64>,
     rows: u64,
     levels: Vec<Level>,
+    box_faults: Vec<Fault>,
     ready: Vec<Snapshot>,
 }
 
@@ -37,6 +40,7 @@ impl Taker for Monitor {
             limit,
             rows,
             levels,
+            box_faults,
             ready,
         } = self;
         let last = intake.take(event, &mut |row| {
@@ -49,11 +53,16 @@ impl Taker for Monitor {
                 ready.push(Snapshot {
                     seconds: *rows as f64 / *rate,
                     levels: levels.clone(),
+                    box_faults: std::mem::take(box_faults),
                 });
                 levels.iter_mut().for_each(Level::restart);
             }
         })?;
         Ok(last.is_some())
+    }
+
+    fn fault(&mut self, fault: &Fault) {
+        self.box_faults.push(*fault);
     }
 
     fn is_done(&self) -> bool {
@@ -84,6 +93,7 @@ pub fn monitor<P: Port>(
         limit: seconds.map(whole),
         rows: 0,
         levels: Level::of(inputs),
+        box_faults: Vec::new(),
         ready: Vec::new(),
     };
     let mut stopped = false;

@@ -6,7 +6,7 @@ use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port, SampleRate};
 use crate::inputs::{InputEntry, day};
 use crate::recording::{Preamble, Traceability, TrueRate};
-use massline_core::wire::{Event, Health};
+use massline_core::wire::{Event, Fault, Health};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -35,6 +35,8 @@ pub struct Progress<'a> {
     pub faulty: u64,
     /// Levels since the last time.
     pub levels: &'a [Level],
+    /// Faults of the box so far.
+    pub box_faults: &'a [Fault],
 }
 
 /// Why a recording ended.
@@ -71,6 +73,8 @@ pub struct Recorded {
     pub nominal: f64,
     /// The true one; `None` if it was too short to tell.
     pub sample_rate: Option<TrueRate>,
+    /// Faults of the box itself.
+    pub box_faults: Vec<Fault>,
     /// Frames of the box that were lost meanwhile.
     pub lost: u64,
     /// Why it ended.
@@ -89,6 +93,7 @@ struct Recorder {
     missing: u64,
     by_fault: [u64; Health::KINDS],
     by_channel: Vec<(u64, Health)>,
+    box_faults: Vec<Fault>,
 }
 
 impl Taker for Recorder {
@@ -134,6 +139,10 @@ impl Taker for Recorder {
         Ok(last.is_some())
     }
 
+    fn fault(&mut self, fault: &Fault) {
+        self.box_faults.push(*fault);
+    }
+
     fn is_done(&self) -> bool {
         self.limit.is_some_and(|limit| self.rows >= limit)
     }
@@ -169,6 +178,7 @@ pub fn record<P: Port>(
         missing: 0,
         by_fault: [0; Health::KINDS],
         by_channel: vec![(0, Health::GOOD); channels.len()],
+        box_faults: Vec::new(),
     };
     let lost = client.link().received.lost;
     let recorder = Rc::new(RefCell::new(recorder));
@@ -178,6 +188,7 @@ pub fn record<P: Port>(
             share: recorder.limit.map(|l| recorder.rows as f64 / l as f64),
             faulty: recorder.faulty,
             levels: &recorder.levels,
+            box_faults: &recorder.box_faults,
         });
         recorder.levels.iter_mut().for_each(Level::restart);
         more
@@ -208,6 +219,7 @@ pub fn record<P: Port>(
         missing: recorder.missing,
         by_fault: recorder.by_fault,
         by_channel: std::mem::take(&mut recorder.by_channel),
+        box_faults: std::mem::take(&mut recorder.box_faults),
         nominal: rate,
         sample_rate,
         lost: client.link().received.lost - lost,

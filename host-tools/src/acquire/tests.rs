@@ -14,7 +14,7 @@ use crate::rig::{Inputs, Trouble, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Stream, simulate};
 use massline_core::wire::{
-    Event, Gaps, Health, Outcome, Pass, Request, Source, Start, Subscription,
+    Event, FaultKind, Gaps, Health, Outcome, Pass, Request, Source, Start, Subscription,
 };
 use massline_firmware::acquisition::SETTLING;
 use std::cell::RefCell;
@@ -82,6 +82,63 @@ fn truth(inputs: &Inputs, chosen: &[InputEntry], seconds: f64) -> Truth {
         });
     }
     truth
+}
+
+/// A box that notices faults of its own: each after so many looks at what it says.
+pub(crate) struct Failing<'m> {
+    pub(crate) inner: HostBox<'m>,
+    pub(crate) looks: u32,
+    pub(crate) faults: Vec<(u32, FaultKind, Option<u8>)>,
+}
+
+impl Port for Failing<'_> {
+    fn name(&self) -> String {
+        self.inner.name()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        self.inner.send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        self.looks += 1;
+        let due = self.faults.iter().filter(|(at, ..)| *at == self.looks);
+        for &(_, kind, part) in due {
+            self.inner.fault(kind, part);
+        }
+        self.inner.receive(into, timeout)
+    }
+
+    fn patience(&self) -> Duration {
+        self.inner.patience()
+    }
+
+    fn seconds(&self) -> f64 {
+        self.inner.seconds()
+    }
+}
+
+#[test]
+fn faults_of_the_box_are_told_and_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = fork(&[], 1);
+    let chosen = chosen(&inputs);
+    let faults = vec![
+        (60, FaultKind::Overrun, None),
+        (70, FaultKind::Overrun, None),
+        (80, FaultKind::Converter, Some(2)),
+    ];
+    let mut own = HostBoxMemory::new();
+    let failing = Failing {
+        inner: HostBox::with_inputs(&mut own, 1, inputs),
+        looks: 0,
+        faults,
+    };
+    let recorded = recorded(failing, &order(&chosen, 20.0, &folder.path().join("x.csv")));
+    let counts: Vec<_> = count_faults(&recorded.box_faults).into_iter().collect();
+    assert_eq!(counts, [("converter", 1), ("overrun", 2)]);
+    let text = fault_text(&recorded.box_faults[2]);
+    assert!(text.contains("converter 2 does not answer"), "{text}");
 }
 
 fn order(inputs: &[InputEntry], seconds: f64, file: &Path) -> Order {

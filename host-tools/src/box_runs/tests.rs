@@ -1,10 +1,11 @@
 //! Tests on the box in this program, run by run.
 
 use super::*;
+use crate::acquire::tests::Failing;
 use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory};
 use crate::rig::{Inputs, Troubles};
 use crate::simulate::{Model, Options, simulate};
-use massline_core::wire::Outcome;
+use massline_core::wire::{FaultKind, Outcome};
 
 /// The fork's setup, and its inputs with the names of their channels.
 fn fork() -> (Setup, Inputs, Vec<InputEntry>) {
@@ -34,6 +35,7 @@ struct Hand {
     looks: Option<u32>,
     seen: u32,
     shaken: Vec<String>,
+    faults: usize,
     ended: Vec<Ended>,
 }
 
@@ -44,8 +46,9 @@ impl Operator for Hand {
         Ok(())
     }
 
-    fn watch(&mut self, _: &Stage<'_>, _: &Progress) -> bool {
+    fn watch(&mut self, _: &Stage<'_>, progress: &Progress) -> bool {
         self.seen += 1;
+        self.faults += progress.faults.len();
         self.looks.is_none_or(|looks| self.seen < looks)
     }
 
@@ -141,6 +144,27 @@ fn the_operator_ends_a_run_and_one_that_goes_on_is_taken_up() {
         .unwrap();
     assert!(late.shaken.is_empty());
     assert_eq!(late.ended[0].summary.samples, 20_000);
+}
+
+#[test]
+fn a_converter_that_falls_silent_ends_the_run_and_what_came_before_is_kept() {
+    let (setup, inputs, wired) = fork();
+    let mut own = HostBoxMemory::new();
+    let mut memory = ClientMemory::new();
+    let failing = Failing {
+        inner: HostBox::with_inputs(&mut own, 1, inputs),
+        looks: 0,
+        faults: vec![(100, FaultKind::Converter, Some(1))],
+    };
+    let mut client = Client::new(failing, &mut memory);
+    let test = BoxTest::new(&mut client, &setup, &wired, Method::ApparentMass, true).unwrap();
+    test.load(&mut client).unwrap();
+    let mut hand = Hand::default();
+    test.measure(&mut client, &only(0, Some(1e6)), &mut hand)
+        .unwrap();
+    assert_eq!(hand.faults, 1);
+    assert!(hand.ended[0].failed() && hand.ended[0].summary.blocks > 2);
+    assert_eq!(test.identify(&mut client, false).unwrap().runs.len(), 1);
 }
 
 #[test]

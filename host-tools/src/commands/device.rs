@@ -110,7 +110,16 @@ impl Device {
         if self.emulator {
             booted(&mut client)?;
         }
-        work(&mut client)
+        work(&mut client).map_err(|failure| self.explain(failure))
+    }
+
+    /// Says of an emulated box that it is no wonder that its converters do not answer.
+    fn explain(&self, mut failure: Failure) -> Failure {
+        if self.emulator && failure.message.contains("does not come up") {
+            failure.message +=
+                "\nan emulated box has no converters; --host is one that has modelled ones";
+        }
+        failure
     }
 }
 

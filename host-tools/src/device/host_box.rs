@@ -16,8 +16,8 @@ use massline_core::instrument::{
     Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
 };
 use massline_core::wire::{
-    BODY_MAX, ClockSource, Event, FRAME_MAX, Health, Item, LinkCounters, Problem, Received,
-    Receiver, Refused, Reply, Request, ResetReason, Sender, Storage, ToBox,
+    BODY_MAX, ClockSource, Event, FRAME_MAX, FaultKind, Health, Item, LinkCounters, Problem,
+    Received, Receiver, Refused, Reply, Request, ResetReason, Sender, Storage, ToBox,
 };
 use massline_firmware::sampling::INPUTS;
 use std::time::Duration;
@@ -147,6 +147,12 @@ impl<'m> HostBox<'m> {
     pub fn unplugged(&mut self) {
         while self.work() {}
         self.out.bytes.clear();
+    }
+
+    /// Has the box notice a fault of its own.
+    pub fn fault(&mut self, kind: FaultKind, part: Option<u8>) {
+        let (board, out) = (&mut self.board, &mut self.out);
+        self.instrument.fault(kind, part, board, out);
     }
 
     fn take(&mut self, mut bytes: &[u8]) {

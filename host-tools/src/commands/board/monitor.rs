@@ -2,10 +2,10 @@
 
 use super::columns::{self, Wanted};
 use super::troubles::HostTroubles;
-use crate::acquire::{Level, Snapshot, monitor};
+use crate::acquire::{Level, Snapshot, fault_text, monitor};
 use crate::cli::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, Interrupt};
+use crate::commands::{Failure, Interrupt, warn};
 use crate::format::significant;
 use crate::recording::spell;
 use anstyle::{AnsiColor, Style};
@@ -49,8 +49,8 @@ pub fn run(arguments: &Arguments, _: Verbosity) -> Result<(), Failure> {
         let mut shown = 0;
         let mut show = |snapshot: &Snapshot| {
             let before = if live { std::mem::take(&mut shown) } else { 0 };
-            written = write(snapshot, before, live);
-            shown = snapshot.levels.len() + 1;
+            let lines = if live { height() } else { usize::MAX };
+            written = write(snapshot, before, live, lines).map(|lines| shown = lines);
             written.is_ok() && !interrupt.is_pressed()
         };
         let done = monitor(client, &inputs, every, arguments.seconds, &mut show);
@@ -59,14 +59,31 @@ pub fn run(arguments: &Arguments, _: Verbosity) -> Result<(), Failure> {
     })
 }
 
-/// Shows a snapshot; on a terminal over the `before` lines of the one before.
-fn write(snapshot: &Snapshot, before: usize, live: bool) -> std::io::Result<()> {
+/// Lines of the terminal.
+fn height() -> usize {
+    let (lines, _) = console::Term::stdout().size();
+    usize::from(lines)
+}
+
+/// Shows a snapshot in at most `height` lines, the cursor's included; on a terminal over the
+/// `before` lines of the one before. The lines that it took.
+fn write(snapshot: &Snapshot, before: usize, live: bool, height: usize) -> std::io::Result<usize> {
     let mut out = anstream::stdout().lock();
     if before > 0 {
         write!(out, "\x1b[{before}A")?;
     }
     // What was longer before is wiped out.
     let end = if live { "\x1b[K\n" } else { "\n" };
+    // Faults of the box stay: what follows moves down.
+    let yellow = AnsiColor::Yellow.on_default().bold();
+    for fault in &snapshot.box_faults {
+        let text = fault_text(fault);
+        if live {
+            write!(out, "{yellow}note:{yellow:#} {text}{end}")?;
+        } else {
+            warn(&[text], Verbosity::default());
+        }
+    }
     if live {
         let bold = Style::new().bold();
         let time = format!("{:.1} s", snapshot.seconds);
@@ -76,13 +93,41 @@ fn write(snapshot: &Snapshot, before: usize, live: bool) -> std::io::Result<()> 
             "mean", "RMS", "peak", "of range"
         )?;
     }
-    for level in &snapshot.levels {
+    let fit = fitting(snapshot.levels.len(), height);
+    let (shown, hidden) = snapshot.levels.split_at(fit);
+    for level in shown {
         if !live {
             write!(out, "{:>8.1}  ", snapshot.seconds)?;
         }
         write!(out, "{}{end}", row(level))?;
     }
-    out.flush()
+    if !hidden.is_empty() {
+        let faulty = hidden.iter().filter(|l| !l.health.is_good()).count();
+        let also = if faulty > 0 {
+            let red = AnsiColor::Red.on_default();
+            format!(", {red}{faulty} of them faulty{red:#}")
+        } else {
+            String::new()
+        };
+        write!(out, "... and {} more{also}{end}", hidden.len())?;
+    }
+    if live {
+        // Lines of a longer table before.
+        write!(out, "\x1b[J")?;
+    }
+    out.flush()?;
+    Ok(1 + fit + usize::from(!hidden.is_empty()))
+}
+
+/// How many of so many channels are shown where the heading and the cursor take a line each,
+/// and what is cut off another.
+fn fitting(channels: usize, height: usize) -> usize {
+    let room = height.saturating_sub(2);
+    if channels <= room {
+        channels
+    } else {
+        room.saturating_sub(1).min(channels)
+    }
 }
 
 fn row(level: &Level) -> String {
@@ -113,4 +158,19 @@ fn row(level: &Level) -> String {
         100.0 * share,
         spell(level.health)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_counted() {
+        assert_eq!(fitting(19, 21), 19);
+        // Heading, 17 channels, what is left, the cursor.
+        assert_eq!(fitting(19, 20), 17);
+        assert_eq!(fitting(19, 4), 1);
+        assert_eq!((fitting(19, 0), fitting(0, 0)), (0, 0));
+        assert_eq!(fitting(35, usize::MAX), 35);
+    }
 }

@@ -2,7 +2,9 @@
 
 use super::columns::{self, Wanted};
 use super::troubles::HostTroubles;
-use crate::acquire::{Ending, Order, Progress, Recorded, free_name, record};
+use crate::acquire::{
+    Ending, Order, Progress, Recorded, count_faults, fault_text, free_name, record,
+};
 use crate::cli::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Interrupt, Ticker, print_json, warn};
@@ -57,11 +59,20 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         };
         let interrupt = Interrupt::catch()?;
         let ticker = Ticker::new("recording", verbosity);
+        let mut told_faults = 0;
         let watch = &mut |progress: &Progress<'_>| {
+            for fault in progress.box_faults.iter().skip(told_faults) {
+                ticker.say(&fault_text(fault), verbosity);
+            }
+            told_faults = progress.box_faults.len();
             ticker.set(&told(progress, arguments.seconds));
             !interrupt.is_pressed()
         };
-        record(client, &order, watch).map_err(Failure::input)
+        let recorded = record(client, &order, watch).map_err(Failure::input)?;
+        let last = recorded.box_faults.iter().skip(told_faults);
+        let last: Vec<String> = last.map(fault_text).collect();
+        warn(&last, verbosity);
+        Ok(recorded)
     })?;
     if arguments.json {
         print_json(&RecordDocument::new(&recorded))?;
@@ -168,6 +179,12 @@ fn print(recorded: &Recorded) -> std::io::Result<()> {
         let text = format!("{value} ± {uncertainty} Hz by this computer's clock");
         super::print_row(&mut out, "true rate", &text)?;
     }
+    if !recorded.box_faults.is_empty() {
+        let counts = count_faults(&recorded.box_faults).into_iter();
+        let list: Vec<String> = counts.map(|(name, n)| format!("{name} ({n})")).collect();
+        let text = format!("{red}{}{red:#}", list.join(", "));
+        super::print_row(&mut out, "box", &text)?;
+    }
     if recorded.faulty == 0 {
         return super::print_row(&mut out, "faulty", "none");
     }
@@ -200,6 +217,8 @@ struct RecordDocument {
     missing_samples: u64,
     by_fault: BTreeMap<&'static str, u64>,
     faulty_channels: BTreeMap<String, ChannelFaults>,
+    /// Faults of the box itself, by kind.
+    box_faults: BTreeMap<&'static str, u64>,
     /// Hz, by the clock of this computer.
     true_sample_rate: Option<TrueRate>,
     frames_lost: u64,
@@ -245,6 +264,7 @@ impl RecordDocument {
                     (channel.clone(), ChannelFaults { samples, faults })
                 })
                 .collect(),
+            box_faults: count_faults(&recorded.box_faults),
             true_sample_rate: recorded.sample_rate.clone(),
             frames_lost: recorded.lost,
             ending,
