@@ -90,7 +90,7 @@ pub enum BoxRunError {
     },
     /// Nothing is stored of this set-up.
     #[error(
-        "the box holds no run of this setup, measured with {base}; `massline board measure` has it measure"
+        "the box holds no run of this setup that was measured with {base} and has a good block; `massline board measure` has it measure, `massline board monitor` shows what is wrong with the channels"
     )]
     NothingStored {
         /// The accelerometers of the base acceleration.
@@ -119,7 +119,7 @@ impl BoxRunError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Plan(error) => error.exit_code(),
-            Self::NoAnswer(_) | Self::Survey { .. } => 1,
+            Self::NoAnswer(_) | Self::Survey { .. } | Self::NothingStored { .. } => 1,
             _ => 2,
         }
     }

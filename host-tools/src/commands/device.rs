@@ -113,9 +113,14 @@ impl Device {
         work(&mut client).map_err(|failure| self.explain(failure))
     }
 
-    /// Says of an emulated box that it is no wonder that its converters do not answer.
+    /// Says of an emulated box that it is no wonder that it does not sample. Its settings last
+    /// as long as the command, so that nothing is ever wired to it either.
     fn explain(&self, mut failure: Failure) -> Failure {
-        if self.emulator && failure.message.contains("does not come up") {
+        let of_inputs = ["does not come up", "nothing is wired"];
+        let is_told = of_inputs
+            .iter()
+            .any(|words| failure.message.contains(words));
+        if self.emulator && is_told {
             failure.message +=
                 "\nan emulated box has no converters; --host is one that has modelled ones";
         }

@@ -149,6 +149,13 @@ impl Operator for Table<'_> {
         if !self.verbosity.quiet {
             let _ = writeln!(anstream::stderr(), "  {}", summary(ended));
         }
+        if stage.pass == Pass::Measure && ended.summary.blocks == 0 {
+            let note = format!(
+                "run \"{}\" has no good block and is not stored; let it last longer, or see by `massline board monitor` what is wrong",
+                stage.name
+            );
+            warn(&[note], self.verbosity);
+        }
         if ended.failed() {
             let note = format!(
                 "run \"{}\" was ended by a fault of the box; `massline board info` says more",
