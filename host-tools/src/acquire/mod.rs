@@ -30,7 +30,7 @@ mod level;
 mod monitor;
 mod record;
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
 
 pub use error::AcquireError;
 pub use fault::{count_faults, fault_name, fault_text};

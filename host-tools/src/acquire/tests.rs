@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::box_runs::Wiring;
+use crate::device::failing::Failing;
 use crate::device::{
     Client, ClientMemory, HostBox, HostBoxMemory, Noise, NoisyLine, Port, PortError,
 };
@@ -82,40 +83,6 @@ fn truth(inputs: &Inputs, chosen: &[InputEntry], seconds: f64) -> Truth {
         });
     }
     truth
-}
-
-/// A box that notices faults of its own: each after so many looks at what it says.
-pub(crate) struct Failing<'m> {
-    pub(crate) inner: HostBox<'m>,
-    pub(crate) looks: u32,
-    pub(crate) faults: Vec<(u32, FaultKind, Option<u8>)>,
-}
-
-impl Port for Failing<'_> {
-    fn name(&self) -> String {
-        self.inner.name()
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
-        self.inner.send(bytes)
-    }
-
-    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
-        self.looks += 1;
-        let due = self.faults.iter().filter(|(at, ..)| *at == self.looks);
-        for &(_, kind, part) in due {
-            self.inner.fault(kind, part);
-        }
-        self.inner.receive(into, timeout)
-    }
-
-    fn patience(&self) -> Duration {
-        self.inner.patience()
-    }
-
-    fn seconds(&self) -> f64 {
-        self.inner.seconds()
-    }
 }
 
 #[test]

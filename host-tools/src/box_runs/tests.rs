@@ -1,7 +1,7 @@
 //! Tests on the box in this program, run by run.
 
 use super::*;
-use crate::acquire::tests::Failing;
+use crate::device::failing::Failing;
 use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory};
 use crate::rig::{Inputs, Troubles};
 use crate::simulate::{Model, Options, simulate};

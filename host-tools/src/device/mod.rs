@@ -7,6 +7,8 @@
 
 mod client;
 pub mod emulator;
+#[cfg(test)]
+pub(crate) mod failing;
 pub mod firmware;
 mod host_board;
 mod host_box;
