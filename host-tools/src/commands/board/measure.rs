@@ -117,15 +117,17 @@ impl Operator for Table<'_> {
         if !self.verbosity.quiet || waits {
             let _ = writeln!(err, "{}", self.announcement(stage));
         }
-        match (countdown, self.shaker) {
-            (Some(seconds), _) => std::thread::sleep(Duration::from_secs_f64(seconds)),
-            (None, Some(shaker)) => shaker.shake(stage.name),
-            (None, None) if waits => {
+        match countdown {
+            Some(seconds) => std::thread::sleep(Duration::from_secs_f64(seconds)),
+            None if waits => {
                 let _ = write!(err, "  Enter when the table shakes: ");
                 let _ = err.flush();
                 let _ = std::io::stdin().read_line(&mut String::new());
             }
-            (None, None) => {}
+            None => {}
+        }
+        if let Some(shaker) = self.shaker {
+            shaker.shake(stage.name);
         }
         self.interrupt.arm(true);
         self.ticker = Some(Ticker::new("measuring", self.verbosity));
