@@ -22,6 +22,9 @@ use crate::talk::Talk;
 
 /// Flash, bytes.
 const FLASH: u64 = 384 << 10;
+/// Worst stack, bytes. How deep interrupts nest on top of an identification is chance: 11 600 to
+/// 13 700 were seen. The table shows this in their place.
+const STACK: u32 = 16 << 10;
 /// Static variables and the worst stack together, bytes: nine tenths of 192 KiB.
 const MEMORY: u64 = (192 << 10) * 9 / 10;
 /// A block, instructions: what CMSIS-DSP takes for twelve channels and 64 lines of the full
@@ -267,14 +270,18 @@ fn table(found: &Found) -> String {
         let budget = budget.map_or_else(|| "none".to_owned(), |b| b.to_string());
         let _ = writeln!(text, "| {what} | {found} | {budget} |");
     };
-    let stack = u64::from(found.stack);
+    let stack = u64::from(found.stack.max(STACK));
     row("flash, bytes", found.flash, Some(FLASH));
     row(
         "static variables in SRAM and core-coupled memory, bytes",
         found.ram,
         None,
     );
-    row("worst stack, bytes", stack, None);
+    row(
+        "worst stack, no more than, bytes",
+        stack,
+        Some(STACK.into()),
+    );
     row("both together, bytes", found.ram + stack, Some(MEMORY));
     row(
         "a block of 13 channels, 96 lines, instructions",
@@ -299,7 +306,8 @@ fn memory_and_instructions_are_within_their_budgets() {
     let report = table(&found);
     readme::compare("budgets", &report).unwrap_or_else(|error| panic!("{error}"));
     assert!(found.flash < FLASH, "{report}");
-    assert!(found.ram + u64::from(found.stack) < MEMORY, "{report}");
+    assert!(found.stack <= STACK, "{report}");
+    assert!(found.ram + u64::from(STACK) < MEMORY, "{report}");
     assert!(found.block <= BLOCK, "{report}");
     let (method, costs) = &found.methods[0];
     assert_eq!(*method, Method::ApparentMass);
