@@ -3,8 +3,10 @@
 //! # Design
 //!
 //! Sampling interrupts all but the link's port and what takes microseconds (the roll call, the note
-//! of an edge), and takes no lock. What it is to do comes by a queue of [`Order`]s; it looks at them as soon as its interrupt is called,
-//! which is at once, so that whoever gives an order finds the outcome when the call returns.
+//! of an edge), and takes no lock. What it is to do comes by a queue of [`Order`]s; it looks at them
+//! as soon as its interrupt is called, which is at once, so that whoever gives an order finds the
+//! outcome when the call returns.
+//!
 //! Samples leave by a queue of [`Shot`]s that holds what comes while a block is computed. One
 //! that finds no room is given up, and counted as an overrun: the next one's number tells how
 //! many are missing.
