@@ -12,8 +12,8 @@ use std::process::Command;
 use crate::emulator;
 
 use super::image;
-use super::packages;
 use super::process::{self, StepError};
+use super::qemu;
 use super::report::Ending;
 use super::toolchain::{self, CLIPPY, RUSTFMT, Tool, Toolchain};
 
@@ -56,14 +56,14 @@ impl Step {
 pub const STEPS: &[Step] = &[
     Step {
         name: "toolchain",
-        about: "a compiler for the chip, installed if need be",
+        about: "a compiler for the chip, fetched if need be",
         needs: &[],
         remedy: "install what the message above names, by hand",
         run: toolchain,
     },
     Step {
         name: "qemu",
-        about: "an emulator of the chip, installed if need be",
+        about: "an emulator of the chip, fetched if need be",
         needs: &[],
         remedy: "install qemu-system-arm by hand, or name one in MASSLINE_QEMU",
         run: qemu,
@@ -138,6 +138,7 @@ pub struct Context {
     cargo: OsString,
     colour: bool,
     chip: Option<Toolchain>,
+    qemu: Option<OsString>,
     elf: Option<PathBuf>,
 }
 
@@ -150,6 +151,7 @@ impl Context {
             cargo: env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")),
             colour,
             chip: None,
+            qemu: None,
             elf: None,
         }
     }
@@ -176,10 +178,11 @@ impl Context {
         tool: Tool,
         arguments: &str,
     ) -> Result<Ending, StepError> {
-        if let Err(reason) = toolchain::provide_tool(toolchain, tool) {
-            return Ok(Ending::Skipped(reason));
-        }
-        process::run(&mut self.set_up(toolchain.tool(tool), arguments))?;
+        let command = match toolchain::provide_tool(toolchain, tool) {
+            Ok(command) => command,
+            Err(reason) => return Ok(Ending::Skipped(reason)),
+        };
+        process::run(&mut self.set_up(command, arguments))?;
         Ok(Ending::Passed(String::new()))
     }
 
@@ -206,21 +209,10 @@ fn toolchain(context: &mut Context) -> Result<Ending, StepError> {
     Ok(Ending::Passed(provided.note))
 }
 
-fn qemu(_: &mut Context) -> Result<Ending, StepError> {
-    let program = emulator::program();
-    let version = || process::answer(Command::new(&program).arg("--version"));
-    let answer = match version() {
-        Ok(answer) => answer,
-        // Another one that was named in vain is not replaced by this one.
-        Err(_) if program == emulator::DEFAULT_PROGRAM && packages::available() => {
-            packages::install(&[emulator::DEFAULT_PROGRAM])?;
-            version()?
-        }
-        Err(error) => return Err(error),
-    };
-    Ok(Ending::Passed(
-        answer.lines().next().unwrap_or_default().to_owned(),
-    ))
+fn qemu(context: &mut Context) -> Result<Ending, StepError> {
+    let qemu = qemu::provide()?;
+    context.qemu = Some(qemu.program);
+    Ok(Ending::Passed(qemu.note))
 }
 
 fn format(context: &mut Context) -> Result<Ending, StepError> {
@@ -299,6 +291,9 @@ fn emulator(context: &mut Context) -> Result<Ending, StepError> {
     let arguments = "test --release --test firmware_* -- --include-ignored";
     let mut test = context.cargo(&context.host(), arguments);
     test.env(emulator::FIRMWARE_ELF, elf);
+    if let Some(qemu) = &context.qemu {
+        test.env(emulator::QEMU, qemu);
+    }
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 
