@@ -23,13 +23,6 @@ use std::process::Command;
 
 use super::process::{self, StepError};
 
-/// Whether the machine has Debian's package tools.
-pub fn available() -> bool {
-    ["apt-get", "apt-config", "dpkg-deb"]
-        .iter()
-        .all(|program| process::answer(Command::new(program).arg("--version")).is_ok())
-}
-
 /// Downloads packages with all that they need and this machine lacks, and gives the files.
 ///
 /// `source` is the source package they are built from. Everything apt writes is below `folder`,
@@ -39,6 +32,15 @@ pub fn available() -> bool {
 ///
 /// [`StepError`] with what apt said.
 pub fn fetch(packages: &[&str], source: &str, folder: &Path) -> Result<Vec<PathBuf>, StepError> {
+    for program in ["apt-get", "apt-config", "dpkg-deb"] {
+        process::answer(Command::new(program).arg("--version")).map_err(|_| {
+            StepError::Missing {
+                what: "a tool for Debian's packages",
+                tried: format!("there is no {program} that runs"),
+                remedy: "install by hand what these packages would have brought",
+            }
+        })?;
+    }
     let apt = Apt::set_up(source, folder)?;
     if let Ok(files) = apt.download(packages, &[]) {
         return Ok(files);

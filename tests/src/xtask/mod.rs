@@ -12,6 +12,7 @@
 //! * [`packages`]: Debian's packages, unpacked.
 //! * [`apt`]: finding and fetching them.
 //! * [`process`]: other programs, their output, their failures.
+//! * [`licences`]: the licences of dependencies.
 //! * [`image`]: how much of the chip the firmware takes.
 //! * [`variables`]: what of that its variables take.
 //! * [`report`]: what is shown.
@@ -21,6 +22,7 @@ use std::process::ExitCode;
 pub mod apt;
 pub mod arguments;
 pub mod image;
+pub mod licences;
 pub mod packages;
 pub mod plan;
 pub mod process;

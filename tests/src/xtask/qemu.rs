@@ -5,7 +5,6 @@ use std::process::Command;
 
 use crate::emulator::{self, DEFAULT_PROGRAM};
 
-use super::apt;
 use super::packages::Bundle;
 use super::process::{self, StepError};
 
@@ -51,9 +50,6 @@ pub fn provide() -> Result<Qemu, StepError> {
                  `apt-get install qemu-system-arm`); one named in MASSLINE_QEMU; or, on a Debian \
                  with a network, this command again, which unpacks it without root",
     };
-    if !apt::available() {
-        return Err(missing("there is no apt-get to fetch Debian's with"));
-    }
     let programs = DEBIAN
         .provide()
         .map_err(|error| missing(&error.to_string()))?;

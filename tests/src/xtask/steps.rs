@@ -12,6 +12,7 @@ use std::process::Command;
 use crate::emulator;
 
 use super::image;
+use super::licences::{self, Allowed};
 use super::process::{self, StepError};
 use super::qemu;
 use super::report::Ending;
@@ -74,6 +75,21 @@ pub const STEPS: &[Step] = &[
         needs: &[],
         remedy: "run `cargo fmt --all`",
         run: format,
+    },
+    Step {
+        name: "licences",
+        about: "every dependency is under a licence that the project allows",
+        needs: &[],
+        remedy: "do without the crate, or allow its licence in .cargo/deny.toml with a reason in \
+                 CONTRIBUTING.md",
+        run: licences,
+    },
+    Step {
+        name: "advisories",
+        about: "no security advisory is about a dependency, where cargo-deny can say",
+        needs: &[],
+        remedy: "move to the version that the advisory names, by `cargo update`",
+        run: advisories,
     },
     Step {
         name: "lints",
@@ -220,6 +236,40 @@ fn format(context: &mut Context) -> Result<Ending, StepError> {
     let colour = if context.colour { "always" } else { "never" };
     let arguments = format!("--all --check -- --color {colour}");
     context.run_tool(&context.host(), RUSTFMT, &arguments)
+}
+
+fn licences(context: &mut Context) -> Result<Ending, StepError> {
+    let path = context.root.join(licences::CONFIGURATION);
+    let unusable = |problem: String| StepError::File {
+        path: path.display().to_string(),
+        problem,
+    };
+    let text = fs::read_to_string(&path).map_err(|error| unusable(error.to_string()))?;
+    let allowed = Allowed::read(&text)
+        .ok_or_else(|| unusable("names no licence under [licenses] allow".to_owned()))?;
+    let mut tree = context.cargo(&context.host(), "");
+    let listing = process::answer(tree.args(licences::LISTING))?;
+    match licences::check(&listing, &allowed) {
+        Ok(count) => Ok(Ending::Passed(format!("{count} packages"))),
+        Err(findings) => Err(unusable(format!("does not allow this\n{findings}"))),
+    }
+}
+
+fn advisories(context: &mut Context) -> Result<Ending, StepError> {
+    let unchecked = |why: &str| Ok(Ending::Skipped(format!("NOT checked: {why}")));
+    let deny = |arguments: &str| {
+        let arguments = format!("deny --config {} {arguments}", licences::CONFIGURATION);
+        process::run(&mut context.cargo(&context.host(), &arguments))
+    };
+    if deny("--version").is_err() {
+        return unchecked("no cargo-deny; `cargo install --locked cargo-deny` takes minutes");
+    }
+    if deny("fetch db").is_err() {
+        return unchecked("cargo-deny cannot fetch the advisories; `cargo deny fetch db` says why");
+    }
+    // What was fetched just now; a network that goes away is no finding.
+    deny("--offline check advisories")?;
+    Ok(Ending::Passed(String::new()))
 }
 
 fn lints(context: &mut Context) -> Result<Ending, StepError> {

@@ -21,7 +21,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::apt;
 use super::packages::Bundle;
 use super::process::{self, StepError};
 
@@ -170,9 +169,6 @@ pub fn provide(cargo: &OsStr) -> Result<Provided, StepError> {
                  `apt-get install rustc-web cargo-web rust-web-src`; or, on a Debian with a \
                  network, this command again, which unpacks them without root",
     };
-    if !apt::available() {
-        return Err(missing("there is no apt-get to fetch Debian's with"));
-    }
     let programs = DEBIAN
         .provide()
         .map_err(|error| missing(&error.to_string()))?;
