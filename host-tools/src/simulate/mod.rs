@@ -34,11 +34,12 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use massline_core::wire::Health;
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
 pub use error::{ModelError, SimulationError};
 pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Table};
 pub(crate) use random::Stream;
+pub(crate) use specimen::shift;
 pub use specimen::{Mode, Specimen};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 pub use write::WriteError;
@@ -47,7 +48,7 @@ use crate::recording::Preamble;
 use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
 use specimen::{Gains, motion_row, stack};
-use synthesis::{Drive, DriveResponse};
+use synthesis::{Drive, DriveResponse, modal_response, table_resonance};
 
 /// Name of the channel that carries the generator's signal.
 pub const DRIVE: &str = "drive";
@@ -221,6 +222,55 @@ pub fn simulate(
         truth,
         recordings,
     })
+}
+
+/// Exact frequency responses of all sensors per unit of drive signal, accelerometers first, at
+/// each of `frequencies` (Hz) in the random run number `run`; none of a static run. `seed` is
+/// that of [`Options`].
+pub(crate) fn responses(
+    model: &Model,
+    run: usize,
+    seed: u64,
+    frequencies: &[f64],
+) -> Vec<Vec<Complex<f64>>> {
+    let Some(plan) = model.runs.get(run) else {
+        return Vec::new();
+    };
+    let Shaking::Random { motion, .. } = &plan.excitation else {
+        return Vec::new();
+    };
+    let paths = load_paths(&model.load_cells, model.table.internal_forces, seed);
+    let carry = mounting(&plan.rotation, &plan.translation);
+    let at_interface = table_motion(&model.table, motion, seed);
+    let at_specimen = TableMotion {
+        steady: carry * at_interface.steady,
+        resonant: carry * at_interface.resonant,
+    };
+    let channels: Vec<DriveResponse> = all_gains(model, &carry, &paths)
+        .iter()
+        .map(|(on_table, gains)| {
+            let motion = if *on_table {
+                &at_interface
+            } else {
+                &at_specimen
+            };
+            DriveResponse::new(gains, &model.specimen, motion)
+        })
+        .collect();
+    let at = |&frequency: &f64| {
+        let modes: Vec<Complex<f64>> = model
+            .specimen
+            .modes
+            .iter()
+            .map(|mode| modal_response(mode, frequency))
+            .collect();
+        let table = model.table.resonance.as_ref();
+        let resonance = table
+            .map(|table| table_resonance(table, frequency))
+            .unwrap_or_default();
+        channels.iter().map(|c| c.at(resonance, &modes)).collect()
+    };
+    frequencies.iter().map(at).collect()
 }
 
 /// The model's measurement with the options in place.

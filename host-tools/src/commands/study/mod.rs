@@ -1,0 +1,34 @@
+//! `massline study`: what the methods do, over many simulated tests.
+
+mod coverage;
+mod tuning_fork;
+
+use super::Failure;
+use crate::cli::Verbosity;
+
+/// Study the methods on simulated tests: the paper's example, how honest the error bars are
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  massline study tuning-fork\n  massline study coverage --draws 60 --case fork"
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    study: Study,
+}
+
+#[derive(clap::Subcommand)]
+enum Study {
+    TuningFork(Box<tuning_fork::Arguments>),
+    Coverage(coverage::Arguments),
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`] with the reason.
+pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    match &arguments.study {
+        Study::TuningFork(a) => tuning_fork::run(a, verbosity),
+        Study::Coverage(a) => coverage::run(a, verbosity),
+    }
+}
