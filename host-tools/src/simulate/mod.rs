@@ -39,15 +39,15 @@ use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 pub use error::{ModelError, SimulationError};
 pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Table};
 pub(crate) use random::Stream;
-pub(crate) use specimen::shift;
 pub use specimen::{Mode, Specimen};
+pub(crate) use specimen::{motion_row, shift};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 pub use write::WriteError;
 
 use crate::recording::Preamble;
 use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
-use specimen::{Gains, motion_row, stack};
+use specimen::{Gains, stack};
 use synthesis::{Drive, DriveResponse, modal_response, table_resonance};
 
 /// Name of the channel that carries the generator's signal.
@@ -271,6 +271,29 @@ pub(crate) fn responses(
         channels.iter().map(|c| c.at(resonance, &modes)).collect()
     };
     frequencies.iter().map(at).collect()
+}
+
+/// How a run moves the specimen: the transform from the motion of the interface's origin to that
+/// of the specimen's (its transpose carries resultants back), and the directions in which the
+/// interface's origin is accelerated, m/s² and rad/s²: one for a random run, for static poses
+/// the specific force of each. Cross-talk that varies with frequency is left out.
+pub(crate) fn motions(
+    model: &Model,
+    run: usize,
+    seed: u64,
+) -> Option<(Matrix6<f64>, Vec<Vector6<f64>>)> {
+    let plan = model.runs.get(run)?;
+    let directions = match &plan.excitation {
+        Shaking::Random { motion, .. } => vec![table_motion(&model.table, motion, seed).steady],
+        Shaking::Poses(tilts) => tilts
+            .iter()
+            .map(|tilt| {
+                let up = rotation_matrix(tilt).transpose() * Vector3::z();
+                stack(&(up * GRAVITY), &Vector3::zeros())
+            })
+            .collect(),
+    };
+    Some((mounting(&plan.rotation, &plan.translation), directions))
 }
 
 /// The model's measurement with the options in place.

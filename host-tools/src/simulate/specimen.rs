@@ -64,7 +64,7 @@ impl Specimen {
 
 /// The row dᵀ [I | -skew(r)] of eq (2): how a point at `position` (m) moves along the
 /// unit vector `direction` when the frame's origin moves.
-pub(super) fn motion_row(position: &Vector3<f64>, direction: &Vector3<f64>) -> Vector6<f64> {
+pub(crate) fn motion_row(position: &Vector3<f64>, direction: &Vector3<f64>) -> Vector6<f64> {
     // dᵀ (-skew(r)) ω = d·(ω × r) = ω·(r × d)
     stack(direction, &position.cross(direction))
 }

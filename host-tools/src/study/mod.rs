@@ -31,11 +31,12 @@
 //! | `document`, `terminal`, `page` | JSON, terminal, HTML |
 //!
 //! Beside the example, and with nothing of it: [`coverage`] counts how many intervals hold the
-//! truth.
+//! truth, [`plans`] tries whether what a test cannot tell has no number.
 //!
 //! | file | does |
 //! | --- | --- |
 //! | `coverage` | how many 95 % intervals hold the truth |
+//! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
 //! | `structures` | random structures and sensors |
 //! | `chance`, `parallel` | random choices, independent jobs on several threads |
@@ -51,6 +52,7 @@ pub mod paper;
 mod parallel;
 mod pattern;
 mod percent;
+pub mod plans;
 mod recordings;
 mod responses;
 mod rows;

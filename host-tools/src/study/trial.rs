@@ -15,7 +15,7 @@
 use super::chance::Chance;
 use crate::identification::{Choice, Session};
 use crate::measure::{Accelerations, MeasureError, RunGeometry, Samples, Survey, SurveyedRun};
-use crate::setup::{Excitation, Setup};
+use crate::setup::{Excitation, Quantity, Setup};
 use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
 use massline_core::identify::Identification;
 use massline_core::masslines::Method;
@@ -75,6 +75,8 @@ pub(super) struct Trial {
     seed: u64,
     frequencies: Vec<f64>,
     runs: Vec<Run>,
+    /// Noise of each sensor at a level of one, in its unit.
+    levels: Vec<f64>,
 }
 
 /// The answer of a method, or why there is none.
@@ -142,6 +144,7 @@ impl Trial {
             seed,
             frequencies: conditions.sines.clone(),
             runs,
+            levels: Vec::new(),
         };
         trial.draw_noise(conditions.unlike.max(1.0));
         Ok(trial)
@@ -151,31 +154,12 @@ impl Trial {
     /// own between 1/√`unlike` and √`unlike`. The RMS of a stepped sine is taken over the lines
     /// of the averaging band.
     fn draw_noise(&mut self, unlike: f64) {
-        let channels = self.runs.first().map_or(0, |r| r.sensors.len());
-        let band = self.setup.processing.as_ref().map(|p| p.averaging_band);
-        let counts = |n: usize| match (self.frequencies.get(n / 2), band) {
-            (Some(f), Some([low, high])) => (low..=high).contains(f),
-            _ => true,
-        };
         let root = libm::sqrt(unlike);
-        let levels: Vec<f64> = (0..channels)
-            .map(|c| {
-                let (mut power, mut count) = (0.0, 0_usize);
-                for run in &self.runs {
-                    for (_, x) in run.sensors[c]
-                        .iter()
-                        .enumerate()
-                        .filter(|(n, _)| counts(*n))
-                    {
-                        power += f64::from(*x).powi(2);
-                        count += 1;
-                    }
-                }
-                let number = c.to_string();
-                let factor = Chance::new(self.seed, &["level", &number]).by_ratio(1.0 / root, root);
-                factor * libm::sqrt(power / count.max(1) as f64)
-            })
-            .collect();
+        let mut levels = self.strengths();
+        for (c, level) in levels.iter_mut().enumerate() {
+            let number = c.to_string();
+            *level *= Chance::new(self.seed, &["level", &number]).by_ratio(1.0 / root, root);
+        }
         for (r, run) in self.runs.iter_mut().enumerate() {
             let number = r.to_string();
             run.noise = (run.sensors.iter().zip(&levels).enumerate())
@@ -194,6 +178,67 @@ impl Trial {
                 })
                 .collect();
         }
+        self.levels = levels;
+    }
+
+    /// RMS of each sensor's readings over all runs. A sensor that rests has the mean of its
+    /// kind: nothing is without noise because nothing moves it.
+    fn strengths(&self) -> Vec<f64> {
+        let channels = self.runs.first().map_or(0, |r| r.sensors.len());
+        let band = self.setup.processing.as_ref().map(|p| p.averaging_band);
+        let counts = |n: usize| match (self.frequencies.get(n / 2), band) {
+            (Some(f), Some([low, high])) => (low..=high).contains(f),
+            _ => true,
+        };
+        let own = |c: usize| {
+            let (mut power, mut count) = (0.0, 0_usize);
+            for run in &self.runs {
+                for (_, x) in run.sensors[c]
+                    .iter()
+                    .enumerate()
+                    .filter(|(n, _)| counts(*n))
+                {
+                    power += f64::from(*x).powi(2);
+                    count += 1;
+                }
+            }
+            libm::sqrt(power / count.max(1) as f64)
+        };
+        let mut strengths: Vec<f64> = (0..channels).map(own).collect();
+        let sensors = self.setup.accelerometers.len();
+        let moment = |c: usize| {
+            let cell = self.setup.load_cells.get(c.wrapping_sub(sensors));
+            cell.is_some_and(|cell| cell.quantity == Quantity::Moment)
+        };
+        let kinds: [&dyn Fn(usize) -> bool; 3] =
+            [&|c| c < sensors, &|c| c >= sensors && !moment(c), &moment];
+        let mut before = 0.0;
+        for kind in kinds {
+            let members: Vec<usize> = (0..channels).filter(|&c| kind(c)).collect();
+            let sum: f64 = members.iter().map(|&c| strengths[c]).sum();
+            let mut mean = sum / members.len().max(1) as f64;
+            if mean == 0.0 {
+                // Moments where none acts: forces at a lever of a tenth of a metre.
+                mean = 0.1 * before;
+            }
+            before = mean;
+            for &c in &members {
+                if strengths[c] < 1e-3 * mean {
+                    strengths[c] = mean;
+                }
+            }
+        }
+        strengths
+    }
+
+    /// Standard deviation of each sensor's noise at a level, in its unit.
+    pub(super) fn noise(&self, level: f64) -> Vec<f64> {
+        self.levels.iter().map(|l| l * level).collect()
+    }
+
+    /// The model that was simulated.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
     }
 
     /// The answers of some methods at one level of noise, a share of each channel's RMS; `None`
