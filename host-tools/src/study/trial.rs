@@ -468,3 +468,92 @@ impl Drop for Scratch {
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::{Options, Twin};
+
+    fn short_fork() -> Model {
+        let mut model = Model::fork().unwrap_or_else(|e| panic!("{e}"));
+        model.measurement.duration = 6.0;
+        model
+    }
+
+    /// The trial's way through memory and `massline identify`'s through files, to the last bit.
+    #[test]
+    fn memory_and_files_give_the_same_bits() {
+        let model = short_fork();
+        let trial = Trial::new(model.clone(), 5, &Conditions::default()).unwrap();
+        let ours = trial.answers(0.0, &[None]).unwrap().remove(0).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let options = simulate::Options {
+            noise: Some(0.0),
+            seed: 5,
+            ..simulate::Options::default()
+        };
+        let simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+        let path = simulation.write(folder.path()).unwrap();
+        let setup = Setup::read(&path).unwrap();
+        let answer = crate::identification::answer(&setup, &Choice::default(), &mut |_| ());
+        assert_eq!(answer.unwrap().identification, ours);
+    }
+
+    /// Noise has the level that was asked for, and is that of each sensor, not of each run.
+    #[test]
+    fn noise_is_the_share_of_the_rms() {
+        let trial = Trial::new(short_fork(), 5, &Conditions::default()).unwrap();
+        let strengths = trial.strengths();
+        assert_eq!(trial.noise(1.0), strengths);
+        let noisy = trial.noisy(0.03);
+        for (c, strength) in strengths.iter().enumerate() {
+            let (mut power, mut count) = (0.0, 0);
+            for (run, noisy) in trial.runs.iter().zip(&noisy) {
+                for (x, y) in run.sensors[c].iter().zip(&noisy[c]) {
+                    power += f64::from(y - x).powi(2);
+                    count += 1;
+                }
+            }
+            let level = (power / f64::from(count)).sqrt() / strength;
+            // Some 9000 samples tell a standard deviation to 0.75 %; four of those.
+            assert!((level / 0.03 - 1.0).abs() < 0.03, "{c}: {level}");
+        }
+    }
+
+    /// The simulator's responses beside the twin's, which are written out by themselves.
+    #[test]
+    fn responses_are_those_of_the_twin() {
+        let twin = Twin::new(&Options::default(), 1.0).unwrap();
+        for run in 0..3 {
+            for frequency in [2.0, 20.0, 32.0, 60.0] {
+                let ours = simulate::responses(&twin.model, run, 1, &[frequency]).remove(0);
+                let theirs = twin.channels(run, frequency);
+                assert_eq!(ours.len(), theirs.len());
+                let size = theirs.iter().map(|x| x.norm()).fold(0.0, f64::max);
+                for (a, b) in ours.iter().zip(&theirs) {
+                    // Sums of fifty terms, some large beside their sum.
+                    assert!((a - b).norm() < 1e-12 * size, "{a} {b}");
+                }
+            }
+        }
+    }
+
+    /// A sensor that nothing moves is as noisy as its kind.
+    #[test]
+    fn a_resting_sensor_has_noise() {
+        let mut model = short_fork();
+        model.runs.truncate(1);
+        let trial = Trial::new(model, 5, &Conditions::default()).unwrap();
+        assert!(trial.noise(0.01).iter().all(|noise| *noise > 0.0));
+    }
+
+    #[test]
+    fn scratch_folders_go() {
+        let path = {
+            let scratch = Scratch::new().unwrap();
+            scratch.write(Path::new("a.csv"), "a").unwrap();
+            scratch.0.clone()
+        };
+        assert!(!path.exists());
+    }
+}

@@ -214,7 +214,7 @@ pub fn markdown(coverage: &Coverage) -> String {
     // Writing to a string cannot fail.
     let _ = writeln!(
         text,
-        "{} draws a cell, seed {}. {:.0} s of processor time.\n",
+        "{} draws a cell, seed {}. {:.0} s of work over all threads.\n",
         coverage.options.draws,
         coverage.options.seed,
         coverage.work.as_secs_f64()
@@ -287,7 +287,8 @@ pub struct Document {
     schema: &'static str,
     draws: usize,
     seed: u64,
-    processor_seconds: f64,
+    /// Over all threads.
+    seconds_of_work: f64,
     numbers_outside: usize,
     numbers: usize,
     cases: Vec<CaseDocument>,
@@ -374,7 +375,7 @@ impl Document {
             schema: "massline/coverage/1",
             draws: coverage.options.draws,
             seed: coverage.options.seed,
-            processor_seconds: coverage.work.as_secs_f64(),
+            seconds_of_work: coverage.work.as_secs_f64(),
             numbers_outside,
             numbers,
             cases: cases

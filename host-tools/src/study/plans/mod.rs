@@ -11,7 +11,9 @@
 //! * **No plan stands on the border.** One where an excited direction is less than 1000 times
 //!   its noise in power, where a singular value lies between 1e-9 and 1e-4 of the largest, or
 //!   where an ideal estimator's error bar would exceed 1 % of the body's own scale is drawn
-//!   anew. How many were is reported.
+//!   anew. How many were, and why, is reported. The ideal error bar knows that noise tilts every
+//!   acceleration: it takes the forces of a body of the test's own size for what such a tilt
+//!   does, also by way of parameters that the plan does not tell.
 //! * **The same path as `massline identify`**, see [`super::trial`], by the recommended method.
 //!
 //! | file | does |
@@ -27,6 +29,7 @@ use super::coverage::{NAMES, NUMBERS, numbers};
 use super::parallel;
 use super::trial::{Trial, TrialError};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::io::Write;
 use tell::{Verdict, tell};
 
@@ -84,8 +87,8 @@ pub struct Tried {
     pub seed: u64,
     /// What it is, in words.
     pub what: String,
-    /// Draws before it that stood on the border.
-    pub drawn_anew: u32,
+    /// Why draws before it stood on the border.
+    pub drawn_anew: Vec<&'static str>,
     /// Numbers that the plan tells and the estimator gives.
     pub right: usize,
     /// Numbers that the plan cannot tell and the estimator gives.
@@ -117,8 +120,8 @@ pub struct Plans {
     pub plans: usize,
     /// Seed of the first.
     pub seed: u64,
-    /// Draws that stood on the border.
-    pub drawn_anew: u32,
+    /// Draws that stood on the border, by the reason.
+    pub drawn_anew: BTreeMap<&'static str, usize>,
     /// Plans with an invented number.
     pub plans_with_invented: usize,
     /// Numbers that plans cannot tell, and the estimator gave.
@@ -154,11 +157,15 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Plans, Pl
     let (tried, _) = parallel::each(options.plans, options.threads, &one, &mut |done, _| {
         progress(done as f64 / options.plans as f64);
     })?;
+    let mut borders = BTreeMap::new();
+    for why in tried.iter().flat_map(|t| &t.drawn_anew) {
+        *borders.entry(*why).or_insert(0) += 1;
+    }
     Ok(Plans {
         schema: "massline/plans/1",
         plans: options.plans,
         seed: options.seed,
-        drawn_anew: tried.iter().map(|t| t.drawn_anew).sum(),
+        drawn_anew: borders,
         plans_with_invented: tried.iter().filter(|t| !t.invented.is_empty()).count(),
         invented: tried.iter().map(|t| t.invented.len()).sum(),
         told: tried.iter().map(|t| t.right + t.missed.len()).sum(),
@@ -172,6 +179,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Plans, Pl
 
 fn try_one(seed: u64) -> Result<Tried, PlansError> {
     const TRIES: u32 = 200;
+    let mut borders = Vec::new();
     for attempt in 0..TRIES {
         let mut chance = Chance::new(seed, &["plan", &attempt.to_string()]);
         let drawn = draw::draw(&mut chance);
@@ -188,7 +196,10 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
         let weighed = drawn.conditions.weighed;
         let told = match tell(&runs, &body, drawn.size(), weighed) {
             Verdict::Clear(told) => told,
-            Verdict::Doubtful(_) => continue,
+            Verdict::Doubtful(why) => {
+                borders.push(why);
+                continue;
+            }
         };
         let outcomes = trial.answers(drawn.noise, &[None]).map_err(failed)?;
         let found = outcomes
@@ -203,7 +214,7 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
         let mut tried = Tried {
             seed,
             what: drawn.what.clone(),
-            drawn_anew: attempt,
+            drawn_anew: borders,
             right: 0,
             invented: Vec::new(),
             missed: Vec::new(),
@@ -239,7 +250,9 @@ pub fn print(out: &mut dyn Write, plans: &Plans) -> std::io::Result<()> {
     writeln!(
         out,
         "{} test plans from seed {}; {} draws near the border were drawn anew",
-        plans.plans, plans.seed, plans.drawn_anew
+        plans.plans,
+        plans.seed,
+        plans.drawn_anew.values().sum::<usize>()
     )?;
     writeln!(
         out,

@@ -97,7 +97,7 @@ pub(super) fn tell(runs: &[Excited], body: &Matrix6<f64>, size: f64, weighed: bo
         return Verdict::Doubtful("an acceleration near its noise");
     }
     if count == 0 {
-        return Verdict::Clear([false; 16]);
+        return Verdict::Clear(follow([false; 10], weighed));
     }
     let matrix = DMatrix::from_fn(count, 10, |i, j| stacked[i][j]);
     let svd = matrix.svd(false, true);
