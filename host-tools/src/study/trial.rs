@@ -250,9 +250,9 @@ impl Trial {
     ) -> Result<Vec<Outcome>, TrialError> {
         let random = |r: &crate::setup::Run| r.excitation == Excitation::Random;
         if self.setup.runs.iter().all(random) {
-            self.from_memory(level, methods)
+            self.in_memory(level, methods)
         } else {
-            self.from_files(level, methods)
+            self.by_files(level, methods)
         }
     }
 
@@ -265,7 +265,7 @@ impl Trial {
             .collect()
     }
 
-    fn from_memory(
+    fn in_memory(
         &self,
         level: f64,
         methods: &[Option<Method>],
@@ -349,11 +349,7 @@ impl Trial {
         Ok(Some(survey.weights_joined(&self.setup, band, least)))
     }
 
-    fn from_files(
-        &self,
-        level: f64,
-        methods: &[Option<Method>],
-    ) -> Result<Vec<Outcome>, TrialError> {
+    fn by_files(&self, level: f64, methods: &[Option<Method>]) -> Result<Vec<Outcome>, TrialError> {
         let scratch = Scratch::new()?;
         let mut setup = self.setup.clone();
         setup.folder.clone_from(&scratch.0);

@@ -91,7 +91,7 @@ pub enum CoverageError {
         /// The draw's seed.
         seed: u64,
         /// What is wrong.
-        source: TrialError,
+        source: Box<TrialError>,
     },
 }
 
@@ -216,7 +216,7 @@ fn draw(case: &Case, options: &Options, number: usize) -> Result<Vec<Scored>, Co
     let failed = |source| CoverageError::Trial {
         case: case.name,
         seed,
-        source,
+        source: Box::new(source),
     };
     let trial = Trial::new(model, seed, &conditions).map_err(failed)?;
     let mut scored = Vec::with_capacity(options.noise.len() * case.methods.len());

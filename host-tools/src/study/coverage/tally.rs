@@ -87,7 +87,6 @@ pub struct Hit {
 pub type Scored = Result<[Option<Hit>; NUMBERS], String>;
 
 /// Holds one answer against the truth.
-#[must_use]
 pub(super) fn score(outcome: &Outcome, truth: &Truth) -> Scored {
     let found = outcome.as_ref().map_err(String::clone)?;
     let mut hits = [None; NUMBERS];

@@ -68,7 +68,7 @@ pub enum PlansError {
         /// What it is.
         what: String,
         /// What is wrong.
-        source: TrialError,
+        source: Box<TrialError>,
     },
     /// None that stands clear of the border.
     #[error("plan {seed}: none of {tries} draws stands clear of the border")]
@@ -186,7 +186,7 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
         let failed = |source| PlansError::Trial {
             seed,
             what: drawn.what.clone(),
-            source,
+            source: Box::new(source),
         };
         let trial = Trial::new(drawn.model.clone(), seed, &drawn.conditions).map_err(failed)?;
         let runs = draw::excited(&drawn, &trial, seed);
