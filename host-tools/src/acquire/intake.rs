@@ -2,11 +2,9 @@
 
 use super::AcquireError;
 use crate::inputs::InputEntry;
+use crate::limits;
 use massline_core::calibration::Channel;
 use massline_core::wire::{Event, Health, Packed, Samples, Values};
-
-/// Longest gap that is filled with rows, s.
-const LONGEST_GAP: f64 = 60.0;
 
 /// Samples at the beginning that may be left out because converters still settle.
 const LEAD: u64 = 16;
@@ -35,7 +33,8 @@ impl Row<'_> {
 #[derive(Clone, Debug)]
 pub struct Intake {
     inputs: Vec<(InputEntry, Channel)>,
-    longest: u64,
+    /// Hz.
+    rate: f64,
     /// Number of the sample that is expected next.
     next: Option<u64>,
     /// Samples that were left out at the beginning, which is over once there was a row.
@@ -51,7 +50,7 @@ impl Intake {
         let channel = |entry: &InputEntry| entry.certificate.channel(sample_rate as f32);
         Self {
             inputs: inputs.iter().map(|e| (e.clone(), channel(e))).collect(),
-            longest: (LONGEST_GAP * sample_rate) as u64,
+            rate: sample_rate,
             next: None,
             led: Some(0),
             si: vec![0.0; inputs.len()],
@@ -63,7 +62,8 @@ impl Intake {
     /// included. The number of the last one, if it brings any.
     ///
     /// # Errors
-    /// [`AcquireError::Restarted`], [`AcquireError::Gap`], [`AcquireError::Inputs`].
+    /// [`AcquireError::Restarted`], [`AcquireError::Gap`], [`AcquireError::Number`],
+    /// [`AcquireError::Inputs`].
     pub fn take(
         &mut self,
         event: &Event<'_>,
@@ -83,6 +83,11 @@ impl Intake {
                 input: entry.number(),
             });
         }
+        let end = samples.first.checked_add(count);
+        let end = end.filter(|&end| end <= limits::LAST_SAMPLE);
+        let end = end.ok_or(AcquireError::Number {
+            found: samples.first,
+        })?;
         let expected = self.next.unwrap_or(samples.first);
         let missing = samples
             .first
@@ -91,8 +96,10 @@ impl Intake {
                 found: samples.first,
                 last: expected.saturating_sub(1),
             })?;
-        if missing > self.longest {
-            return Err(AcquireError::Gap { missing });
+        let seconds = missing as f64 / self.rate;
+        // What is no number is too much as well.
+        if !(seconds <= limits::LONGEST_GAP) {
+            return Err(AcquireError::Gap { missing, seconds });
         }
         for number in expected..samples.first {
             for (k, (_, channel)) in self.inputs.iter_mut().enumerate() {
@@ -113,7 +120,6 @@ impl Intake {
             }
             self.show(samples.first + at, take);
         }
-        let end = samples.first + count;
         self.next = Some(end);
         Ok(end.checked_sub(1).filter(|_| count > 0))
     }

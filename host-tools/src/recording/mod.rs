@@ -4,6 +4,7 @@
 mod csv_file;
 mod error;
 mod faults;
+mod gauge;
 mod header;
 mod health;
 mod preamble;
