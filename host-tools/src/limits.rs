@@ -138,14 +138,22 @@ pub fn table() -> Vec<[String; 3]> {
             seconds(PIPE),
             "the command ends",
         ),
-        row("sensors of a set-up", SENSORS.to_string(), "the command ends"),
+        row(
+            "sensors of a set-up",
+            SENSORS.to_string(),
+            "the command ends",
+        ),
         row("runs of a set-up", RUNS.to_string(), "the command ends"),
         row(
             "a row of a recording, comments before it included",
             mega(ROW),
             "the command ends",
         ),
-        row("columns of a recording", COLUMNS.to_string(), "the command ends"),
+        row(
+            "columns of a recording",
+            COLUMNS.to_string(),
+            "the command ends",
+        ),
     ]
 }
 

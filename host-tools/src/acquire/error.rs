@@ -22,7 +22,8 @@ pub enum AcquireError {
     },
     /// More missing samples than a recording bridges.
     #[error(
-        "{missing} samples are missing at once, {seconds:.3e} s of them, where a recording bridges at most {} s: the link was interrupted, or the box is faulty; start again", limits::LONGEST_GAP
+        "{missing} samples are missing at once, {seconds:.3e} s of them, where a recording bridges at most {} s: the link was interrupted, or the box is faulty; start again",
+        limits::LONGEST_GAP
     )]
     Gap {
         /// How many.
@@ -32,7 +33,8 @@ pub enum AcquireError {
     },
     /// A number beyond all that can be counted.
     #[error(
-        "the box numbers a sample {found}, beyond the last number there is ({}): it is faulty; start it again by `massline board restart`", limits::LAST_SAMPLE
+        "the box numbers a sample {found}, beyond the last number there is ({}): it is faulty; start it again by `massline board restart`",
+        limits::LAST_SAMPLE
     )]
     Number {
         /// The number.

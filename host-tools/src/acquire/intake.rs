@@ -153,3 +153,57 @@ fn read(samples: &Samples<'_>, at: usize, channel: &mut Channel, known: Health) 
         Values::Readings(list) => list.get(at).map_or(missing, |x| (x, known)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::calibration::Certificate;
+
+    fn intake() -> Intake {
+        let entry = InputEntry {
+            input: 0,
+            channel: None,
+            certificate: Certificate::UNUSED,
+        };
+        Intake::new(&[entry], 512.0)
+    }
+
+    fn take(intake: &mut Intake, first: u64) -> Result<Option<u64>, AcquireError> {
+        let samples = Samples {
+            first,
+            channels: 1,
+            values: Values::Counts(Packed::new(&[1, 2, 3, 4, 5])),
+        };
+        intake.take(&Event::Recorded(samples), &mut |_| ())
+    }
+
+    #[test]
+    fn numbers_have_an_end() {
+        for first in [
+            u64::MAX,
+            u64::MAX - 4,
+            u64::MAX - 5,
+            limits::LAST_SAMPLE - 4,
+        ] {
+            let error = take(&mut intake(), first).unwrap_err();
+            let AcquireError::Number { found } = error else {
+                panic!("{error}");
+            };
+            assert_eq!(found, first);
+        }
+        let last = take(&mut intake(), limits::LAST_SAMPLE - 5).unwrap();
+        assert_eq!(last, Some(limits::LAST_SAMPLE - 1));
+    }
+
+    #[test]
+    fn a_gap_is_bridged_up_to_a_minute() {
+        let mut begun = intake();
+        take(&mut begun, 0).unwrap();
+        let minute = 60 * 512;
+        let error = take(&mut begun.clone(), 5 + minute + 1).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("30721 samples are missing at once"), "{text}");
+        assert!(text.contains("at most 60 s"), "{text}");
+        assert!(take(&mut begun, 5 + minute).is_ok());
+    }
+}

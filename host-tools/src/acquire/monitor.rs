@@ -89,7 +89,12 @@ pub fn monitor<P: Port>(
     let rate = sample_rate(client)?;
     let every = ((every * rate).round() as u64).max(1);
     // Whole snapshots, one at the least.
-    let whole = |seconds: f64| ((seconds * rate).round() as u64).max(1).div_ceil(every).saturating_mul(every);
+    let whole = |seconds: f64| {
+        ((seconds * rate).round() as u64)
+            .max(1)
+            .div_ceil(every)
+            .saturating_mul(every)
+    };
     let monitor = Monitor {
         intake: Intake::new(inputs, rate),
         rate,

@@ -67,3 +67,44 @@ impl Pace {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::wire::{Packed, Samples, Values};
+
+    fn sample(first: u64) -> Event<'static> {
+        Event::Recorded(Samples {
+            first,
+            channels: 1,
+            values: Values::Counts(Packed::new(&[0])),
+        })
+    }
+
+    #[test]
+    fn a_lead_is_one_beyond_a_minute_and_what_a_clock_is_off() {
+        let mut pace = Pace::new(512.0);
+        pace.take(&sample(1000), 5.0).unwrap();
+        // After a hundred seconds: these, a minute more, and five percent of them.
+        let most = 1000 + 512 * (60 + 105);
+        assert!(pace.take(&sample(most), 105.0).is_ok());
+        let error = pace.take(&sample(most + 1), 105.0).unwrap_err();
+        assert!(matches!(error, AcquireError::Lead { .. }), "{error}");
+        // A rate that is no number lets nothing through.
+        let mut pace = Pace::new(f64::NAN);
+        assert!(pace.take(&sample(1000), 5.0).is_err());
+    }
+
+    #[test]
+    fn overtime_is_counted_from_the_first_sample() {
+        let mut pace = Pace::new(512.0);
+        pace.take(&sample(7), 1000.0).unwrap();
+        pace.take(&sample(8), 1050.0).unwrap();
+        // Twice ten seconds and thirty are fifty.
+        assert!(pace.check(Some(10.0)).is_ok() && pace.check(None).is_ok());
+        pace.take(&sample(9), 1050.1).unwrap();
+        let error = pace.check(Some(10.0)).unwrap_err();
+        assert!(matches!(error, AcquireError::Overtime { .. }), "{error}");
+        assert!(pace.check(None).is_ok());
+    }
+}

@@ -41,12 +41,11 @@ impl Writer {
     fn write(&self, bytes: &[u8]) -> std::io::Result<()> {
         let gone = std::io::Error::from(ErrorKind::BrokenPipe);
         self.bytes.send(bytes.to_vec()).map_err(|_| gone)?;
+        let full = || std::io::Error::new(ErrorKind::TimedOut, "nothing reads what is sent");
         match self.written.recv_timeout(limits::SENDING) {
+            Ok(Err(error)) if error.kind() == ErrorKind::TimedOut => Err(full()),
             Ok(result) => result,
-            Err(RecvTimeoutError::Timeout) => Err(std::io::Error::new(
-                ErrorKind::TimedOut,
-                "nothing reads what is sent",
-            )),
+            Err(RecvTimeoutError::Timeout) => Err(full()),
             Err(RecvTimeoutError::Disconnected) => Err(ErrorKind::BrokenPipe.into()),
         }
     }

@@ -72,7 +72,11 @@ pub(super) fn document(source: &Source) -> Result<Vec<InputEntry>, DocumentError
             && entries.iter().any(|e| e.column() == *channel)
         {
             let expected = "a name that no other input has";
-            return Err(section.unexpected("channel", format!("\"{}\"", quoted(channel)), expected));
+            return Err(section.unexpected(
+                "channel",
+                format!("\"{}\"", quoted(channel)),
+                expected,
+            ));
         }
         entries.push(entry);
     }

@@ -54,7 +54,9 @@ impl<R: Read> Read for Gauged<R> {
             return Err(io::Error::other("a row is too long"));
         }
         let count = self.inner.read(buffer)?;
-        gauge.left.set(gauge.left.get().saturating_sub(count as u64));
+        gauge
+            .left
+            .set(gauge.left.get().saturating_sub(count as u64));
         if let Some(&last) = buffer.get(..count).and_then(<[u8]>::last) {
             gauge.last.set(Some(last));
         }

@@ -19,7 +19,12 @@ pub(super) fn reply(request: u8, reply: &Reply<'_>) -> Result<(), ClientError> {
         Reply::Summary(found) => summary(found),
         Reply::Setting(found) => setting(found),
         Reply::Identified(found) => identified(found),
-        Reply::Peaks(found) => each("a survey's peak", found.peaks.iter(), |x| x >= 0.0, NOT_BELOW),
+        Reply::Peaks(found) => each(
+            "a survey's peak",
+            found.peaks.iter(),
+            |x| x >= 0.0,
+            NOT_BELOW,
+        ),
         Reply::Weights(found) => {
             let within = |x| (0.0..=1.0).contains(&x);
             each("a weight", found.weights.iter(), within, "0 to 1")
@@ -58,7 +63,8 @@ fn each(
 ) -> Result<(), Wrong> {
     match numbers.find(|&x| !(x.is_finite() && right(x))) {
         None => Ok(()),
-        Some(found) => Err(Wrong(what, found.to_string(), expected.to_owned())),
+        // The short way to write 1e300.
+        Some(found) => Err(Wrong(what, format!("{found:?}"), expected.to_owned())),
     }
 }
 
@@ -134,6 +140,103 @@ fn identified(identified: &Identified) -> Result<(), Wrong> {
 
 fn estimates(answer: &Answer) -> impl IntoIterator<Item = Option<Estimate>> {
     let own = [answer.mass, answer.indicator];
-    let inertia = answer.inertia_reference.into_iter().chain(answer.inertia_cg);
-    own.into_iter().chain(answer.centre_of_gravity).chain(inertia)
+    let inertia = answer
+        .inertia_reference
+        .into_iter()
+        .chain(answer.inertia_cg);
+    own.into_iter()
+        .chain(answer.centre_of_gravity)
+        .chain(inertia)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::wire::{Health, Outcome, Packed, Pass, Source, State, Weights};
+
+    fn refused(reply: &Reply<'_>) -> String {
+        super::reply(reply.number(), reply).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_status_counts_within_limits() {
+        let status = |next, run| {
+            Reply::Status(Status {
+                state: State::Running,
+                busy: None,
+                fingerprint: None,
+                running: Some(Running {
+                    run,
+                    pass: Pass::Measure,
+                    source: Source::Inputs,
+                    next,
+                    blocks: 0,
+                }),
+                stored: u32::MAX,
+                surveyed: u32::MAX,
+                answer: false,
+                unsaved: false,
+            })
+        };
+        assert!(reply(3, &status(limits::LAST_SAMPLE, 31)).is_ok());
+        assert!(refused(&status(u64::MAX, 0)).contains("sample of 18446744073709551615"));
+        assert!(refused(&status(0, 32)).contains("run of 33, expected at most 32"));
+    }
+
+    #[test]
+    fn sums_of_a_summary_do_not_overflow() {
+        let summary = |samples, blocks, rate: f64| {
+            Reply::Summary(Summary {
+                run: 0,
+                pass: Pass::Measure,
+                source: Source::Inputs,
+                outcome: Outcome::Stopped,
+                samples,
+                missing: samples,
+                blocks,
+                rejected: blocks,
+                rejected_by: [blocks; Health::KINDS],
+                health: Health::GOOD,
+                overloads: 0,
+                sample_rate: Some(rate.into()),
+                noise: None,
+            })
+        };
+        assert!(reply(3, &summary(limits::LAST_SAMPLE, limits::BLOCKS, 512.0)).is_ok());
+        assert!(limits::BLOCKS.checked_add(limits::BLOCKS).is_some());
+        assert!(refused(&summary(u64::MAX, 0, 512.0)).contains("number of samples"));
+        assert!(refused(&summary(0, u32::MAX, 512.0)).contains("number of blocks"));
+        for rate in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+            assert!(refused(&summary(0, 0, rate)).contains("true sample rate"));
+        }
+    }
+
+    #[test]
+    fn rates_and_weights_are_numbers_of_their_kind() {
+        for rate in [
+            f64::NAN,
+            f64::INFINITY,
+            1e300,
+            0.0,
+            -512.0,
+            1e-300,
+            200_001.0,
+        ] {
+            let text = refused(&Reply::Setting(Setting::SampleRate(rate)));
+            assert!(
+                text.contains("1 to 200000 Hz") && text.len() < 250,
+                "{text}"
+            );
+        }
+        assert!(reply(3, &Reply::Setting(Setting::SampleRate(32_768.0))).is_ok());
+        let weights = |all: &'static [f64]| {
+            Reply::Weights(Weights {
+                run: 0,
+                weights: Packed::new(all),
+            })
+        };
+        assert!(reply(3, &weights(&[0.0, 0.25, 1.0])).is_ok());
+        assert!(refused(&weights(&[1.0, f64::NAN])).contains("NaN"));
+        assert!(refused(&weights(&[1.5])).contains("0 to 1"));
+    }
 }
