@@ -193,8 +193,8 @@ fn attend<P: Port>(
     heard: &RefCell<Heard>,
     operator: &mut dyn Operator,
 ) -> Result<Summary, BoxRunError> {
-    let started = client.port().seconds();
-    let mut last = (0, Instant::now());
+    let started = Instant::now();
+    let mut last = (0, started);
     loop {
         client.listen(LOOK)?;
         let running = client.status()?.running;
@@ -220,7 +220,7 @@ fn attend<P: Port>(
         if !operator.watch(stage, &progress) {
             return Ok(client.stop()?);
         }
-        let elapsed = client.port().seconds() - started;
+        let elapsed = started.elapsed().as_secs_f64();
         if seconds.is_some_and(|wanted| elapsed > limits::overtime(wanted)) {
             client.tell(&Request::Abort)?;
             return Err(BoxRunError::Overtime {
