@@ -381,9 +381,14 @@ impl Bench<'_> {
     /// Sends a request and does not wait.
     pub fn send(&mut self, request: &Request<'_>) -> u16 {
         let id = self.ids.fresh();
+        self.hear(id, request);
+        id
+    }
+
+    /// Hears a request that somebody else has given this id.
+    pub fn hear(&mut self, id: u16, request: &Request<'_>) {
         self.instrument
             .request(id, request, &mut self.hardware, &mut self.host);
-        id
     }
 
     /// Sends a request, and returns the one reply that it has at once.
