@@ -3,7 +3,7 @@
 
 use massline_core::calibration::Certificate;
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, Vitals,
+    Board, Identity, Instrument, Job, Memory, Notebook, Outbox, RawSample, RunStorage, Vitals,
     WorkingStorage,
 };
 use massline_core::wire::*;
@@ -359,7 +359,7 @@ pub struct Bench<'m> {
     ids: RequestIds,
 }
 
-impl Bench<'_> {
+impl<'m> Bench<'m> {
     /// Lets the box do what it has to, jobs included.
     pub fn work(&mut self) {
         loop {
@@ -368,9 +368,14 @@ impl Bench<'_> {
                 return;
             };
             job.run();
-            self.instrument
-                .finish(job, &mut self.hardware, &mut self.host);
+            self.give_back(job);
         }
+    }
+
+    /// Gives a job back.
+    pub fn give_back(&mut self, job: Job<'m>) {
+        self.instrument
+            .finish(job, &mut self.hardware, &mut self.host);
     }
 
     /// One call of the box's idle task.
