@@ -175,7 +175,13 @@ mod app {
         let roll = RollCall::new([second, second, second, second, cycles(2), cycles(15)]);
         (
             Shared {
-                office: Office::new(storage, identity, services, shots, inbox, post),
+                office: Office::new(
+                    storage,
+                    identity,
+                    services,
+                    shots,
+                    (inbox, post, board.link_rate),
+                ),
             },
             Local {
                 port,
