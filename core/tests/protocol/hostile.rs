@@ -8,10 +8,10 @@
 //! ```
 
 use crate::bench::{Bench, INPUTS, Said, Shelf};
-use crate::draw::Material;
+use crate::frames::{Piece, corpus, damage, piece};
 use crate::plan::{CHANNELS, Pieces, counts, lines, set_up, start};
 use crate::random::{Random, wanted};
-use crate::{messages, reference};
+use crate::reference;
 use massline_core::wire::*;
 
 /// Samples of a run: the filters, one block, and four that overlap.
@@ -21,119 +21,31 @@ const FRAMES: u64 = 100_000;
 
 const SOURCES: [Source; 3] = [Source::Inputs, Source::Host, Source::Synthetic];
 
-/// Payloads of requests, the raw material of frames.
-fn corpus(random: &mut Random) -> Vec<(u8, Vec<u8>)> {
-    let mut corpus = Vec::new();
-    let mut frame = [0; FRAME_MAX];
-    let mut keep = |request: &Request<'_>| {
-        // A text or a list may be drawn that is longer than a frame.
-        if let Ok(written) = Sender::new(1).request(1, request, &mut frame) {
-            let body = reference::unstuffed(&written[1..written.len() - 1]).expect("whole groups");
-            corpus.push((
-                request.number(),
-                body[HEADER..body.len() - CHECKSUM].to_vec(),
-            ));
-        }
-    };
+/// Requests that fit the box as it is: samples of as many channels, ahead and behind, many, few
+/// and none, and the pieces of its set-up.
+fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     let pieces = Pieces::new();
-    for _ in 0..200 {
-        let entropy = (0..200).map(|_| random.bits() as u8).collect();
-        let material = Material::new(entropy, "table".to_owned());
-        for (number, _) in Request::TABLE {
-            keep(&messages::request(*number, &mut material.draw()));
-        }
-        // What fits the box as it is: samples of as many channels, ahead and behind, many, few
-        // and none, and the pieces of its set-up.
-        let first = random.below(2 * SAMPLES as usize) as u64;
-        let values: Vec<i32> = (0..random.below(4))
-            .flat_map(|n| counts(n as u64))
-            .collect();
-        keep(&Request::Samples(Samples {
-            first: random.pick(&[first, 1 << 60, u64::MAX]),
-            channels: CHANNELS as u8,
-            values: Values::Counts(Packed::new(&values)),
-        }));
-        let run = random.below(3) as u8;
-        for source in SOURCES {
-            keep(&Request::Start(start(run, source, Gaps::Count, None)));
-        }
-        keep(&Request::BeginSetup(pieces.plan));
-        keep(&Request::SetRun(pieces.run(run)));
-        keep(&Request::SetSensor(random.pick(&pieces.sensors)));
-        keep(&Request::Subscribe(Subscription {
-            telemetry: 1,
-            levels: 1,
-            samples: random.pick(&[Stream::Off, Stream::Readings, Stream::Counts]),
-        }));
+    let first = random.below(2 * SAMPLES as usize) as u64;
+    let values: Vec<i32> = (0..random.below(4))
+        .flat_map(|n| counts(n as u64))
+        .collect();
+    keep(&Request::Samples(Samples {
+        first: random.pick(&[first, 1 << 60, u64::MAX]),
+        channels: CHANNELS as u8,
+        values: Values::Counts(Packed::new(&values)),
+    }));
+    let run = random.below(3) as u8;
+    for source in SOURCES {
+        keep(&Request::Start(start(run, source, Gaps::Count, None)));
     }
-    corpus
-}
-
-/// Changes some bytes, or cuts, or joins with another payload.
-fn mutate(payload: &mut Vec<u8>, other: &[u8], random: &mut Random) {
-    const ENDS: [u8; 7] = [0, 1, 0x7F, 0x80, 0xFE, 0xFF, 0x3F];
-    for _ in 0..random.below(4) {
-        let at = random.below(payload.len() + 1);
-        match random.below(8) {
-            0..3 => {
-                if let Some(byte) = payload.get_mut(at) {
-                    *byte ^= 1 << random.below(8);
-                }
-            }
-            3 => {
-                if let Some(byte) = payload.get_mut(at) {
-                    *byte = random.pick(&ENDS);
-                }
-            }
-            4 => payload.truncate(at),
-            5 => payload.insert(at, random.bits() as u8),
-            6 => {
-                // A number of ten bytes in place of whatever was there.
-                let far = [0xFF; 9].into_iter().chain([1]);
-                payload.splice(at..payload.len().min(at + 2), far);
-            }
-            _ => {
-                payload.truncate(at);
-                payload.extend(&other[random.below(other.len() + 1)..]);
-            }
-        }
-    }
-    payload.truncate(PAYLOAD_MAX);
-}
-
-/// The next frame: random bytes in a sound frame, a request whose bytes were changed, or one
-/// whose frame was.
-fn frame(
-    corpus: &[(u8, Vec<u8>)],
-    (session, sequence): (&mut u16, &mut u32),
-    random: &mut Random,
-) -> Vec<u8> {
-    let (mut number, mut payload) = corpus[random.below(corpus.len())].clone();
-    let kind = random.below(16);
-    match kind {
-        0..2 => {
-            payload = (0..random.below(60)).map(|_| random.bits() as u8).collect();
-            number = random.bits() as u8;
-        }
-        2..12 => mutate(&mut payload, &corpus[random.below(corpus.len())].1, random),
-        _ => {}
-    }
-    *sequence = sequence.wrapping_add(1);
-    let mut header = reference::header(number, *sequence, 1 + random.below(60_000) as u16);
-    header[2..4].copy_from_slice(&session.to_le_bytes());
-    if random.once_in(32) {
-        let at = random.below(HEADER);
-        header[at] = random.bits() as u8;
-        // Whoever hears of another session or of a number far ahead takes no more of these.
-        *session = session.wrapping_add(1);
-        *sequence = random.bits() as u32;
-    }
-    let mut frame = reference::frame(&header, &payload);
-    if kind == 15 {
-        let bit = random.below(8 * frame.len());
-        frame[bit / 8] ^= 1 << (bit % 8);
-    }
-    frame
+    keep(&Request::BeginSetup(pieces.plan));
+    keep(&Request::SetRun(pieces.run(run)));
+    keep(&Request::SetSensor(random.pick(&pieces.sensors)));
+    keep(&Request::Subscribe(Subscription {
+        telemetry: 1,
+        levels: 1,
+        samples: random.pick(&[Stream::Off, Stream::Readings, Stream::Counts]),
+    }));
 }
 
 /// Whether a request is documented to end a run, or is the very samples that a run of the host's
@@ -163,7 +75,7 @@ struct Tally {
 }
 
 struct Hostile<'c> {
-    corpus: &'c [(u8, Vec<u8>)],
+    corpus: &'c [Piece],
     random: Random,
     session: u16,
     sequence: u32,
@@ -171,6 +83,25 @@ struct Hostile<'c> {
 }
 
 impl Hostile<'_> {
+    /// The next frame, now and then of another session, or with any number.
+    fn frame(&mut self) -> Vec<u8> {
+        let random = &mut self.random;
+        let Piece { number, payload } = piece(self.corpus, random);
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut header = reference::header(number, self.sequence, 1 + random.below(60_000) as u16);
+        header[2..4].copy_from_slice(&self.session.to_le_bytes());
+        if random.once_in(32) {
+            let at = random.below(HEADER);
+            header[at] = random.bits() as u8;
+            // Whoever hears of another session or of a number far ahead takes no more of these.
+            self.session = self.session.wrapping_add(1);
+            self.sequence = random.bits() as u32;
+        }
+        let mut frame = reference::frame(&header, &payload);
+        damage(&mut frame, random);
+        frame
+    }
+
     fn attack(
         &mut self,
         receiver: &mut Receiver<'_, ToBox>,
@@ -180,8 +111,7 @@ impl Hostile<'_> {
     ) {
         for _ in 0..frames {
             self.tally.frames += 1;
-            let place = (&mut self.session, &mut self.sequence);
-            let bytes = frame(self.corpus, place, &mut self.random);
+            let bytes = self.frame();
             let mut rest = &bytes[..];
             while let Some(received) = receiver.next(&mut rest) {
                 self.tally.taken += 1;
@@ -268,7 +198,7 @@ fn run(
 fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     let all = wanted("MASSLINE_FRAMES", 300_000);
     let mut random = Random::new(9);
-    let corpus = corpus(&mut random);
+    let corpus = corpus(&mut random, fitting);
     let mut hostile = Hostile {
         corpus: &corpus,
         random,

@@ -8,6 +8,7 @@ mod bench;
 #[allow(dead_code)]
 #[path = "../wire/draw.rs"]
 mod draw;
+mod frames;
 mod hostile;
 #[allow(dead_code)]
 #[path = "../wire/messages.rs"]
