@@ -246,22 +246,23 @@ impl<'m> Run<'m> {
         };
         let (drive, rest) = lines.split_at_mut(count.min(lines.len()));
         let (a, b) = rest.split_at_mut(count.min(rest.len()));
-        let seen = |lines: &'_ [Complex32]| -> core::ops::Range<usize> {
-            wanted.start.min(lines.len())..wanted.end.min(lines.len())
-        };
+        fn part<'l>(lines: &'l [Complex32], wanted: &core::ops::Range<usize>) -> &'l [Complex32] {
+            let end = wanted.end.min(lines.len());
+            lines.get(wanted.start..end).unwrap_or(&[])
+        }
         for pair in 0..self.rings.pairs() {
             // The drive is the first channel, responses follow.
             if pair == 0 {
                 self.rings.transform(0, history, work, drive, b);
-                average.add_drive(&drive[seen(drive)]);
+                average.add_drive(part(drive, &wanted));
             } else {
                 self.rings.transform(pair, history, work, a, b);
                 let response = 2 * pair - 1;
-                average.add_response(response, &drive[seen(drive)], &a[seen(a)]);
+                average.add_response(response, part(drive, &wanted), part(a, &wanted));
             }
             let response = 2 * pair;
             if response < RESULTANTS {
-                average.add_response(response, &drive[seen(drive)], &b[seen(b)]);
+                average.add_response(response, part(drive, &wanted), part(b, &wanted));
             }
         }
     }

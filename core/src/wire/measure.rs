@@ -266,8 +266,9 @@ impl Word for Line {
     fn to_bytes(self) -> Self::Bytes {
         let mut bytes = [0; Self::SIZE];
         let numbers = core::iter::once(self.drive).chain(self.responses.into_iter().flatten());
-        for (slot, number) in bytes.chunks_exact_mut(4).zip(numbers) {
-            slot.copy_from_slice(&number.to_le_bytes());
+        let (slots, _) = bytes.as_chunks_mut::<4>();
+        for (slot, number) in slots.iter_mut().zip(numbers) {
+            *slot = number.to_le_bytes();
         }
         bytes
     }

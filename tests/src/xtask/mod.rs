@@ -11,6 +11,7 @@
 //! * [`process`]: other programs, their output, their failures.
 //! * [`image`]: how much of the chip the firmware takes.
 //! * [`variables`]: what of that its variables take.
+//! * [`panics`]: where it can panic, by crate, against a budget.
 //! * [`report`]: what is shown.
 
 use std::process::ExitCode;
@@ -18,6 +19,7 @@ use std::process::ExitCode;
 pub mod arguments;
 pub mod image;
 pub mod packages;
+pub mod panics;
 pub mod plan;
 pub mod process;
 pub mod report;

@@ -13,6 +13,7 @@ use crate::emulator;
 
 use super::image;
 use super::packages;
+use super::panics;
 use super::process::{self, StepError};
 use super::report::Ending;
 use super::toolchain::{self, CLIPPY, RUSTFMT, Tool, Toolchain};
@@ -276,8 +277,9 @@ fn firmware(context: &mut Context) -> Result<Ending, StepError> {
     );
     process::run(&mut context.cargo(chip, &arguments))?;
     let size = size_of(&elf, &context.root.join("memory.x"))?;
+    let places = places_of(&elf)?;
     context.elf = Some(elf);
-    Ok(Ending::Passed(size))
+    Ok(Ending::Passed(format!("{size}; {places}")))
 }
 
 fn firmware_lints(context: &mut Context) -> Result<Ending, StepError> {
@@ -313,6 +315,18 @@ fn size_of(elf: &Path, map: &Path) -> Result<String, StepError> {
     image::usage(&bytes, &image::regions(&script))
         .map(|usages| image::summary(&usages))
         .ok_or_else(|| unusable(elf, "not an ELF for the chip".to_owned()))
+}
+
+/// Where a firmware can panic, within the budget.
+fn places_of(elf: &Path) -> Result<String, StepError> {
+    let unusable = |problem: String| StepError::File {
+        path: elf.display().to_string(),
+        problem,
+    };
+    let bytes = fs::read(elf).map_err(|error| unusable(error.to_string()))?;
+    let places = panics::places(&bytes);
+    let places = places.ok_or_else(|| unusable("not an ELF for the chip".to_owned()))?;
+    panics::judge(&places, &panics::BUDGET).map_err(unusable)
 }
 
 /// The last program that cargo says it has made.
