@@ -1,7 +1,8 @@
 //! A host that means harm: whatever frames it sends short of those that are documented to end a
 //! run, the run goes on and its numbers are those of a run that was left alone.
 //!
-//! The short form runs with all tests. The long one, with overflow checks:
+//! The short form runs with all tests. The long one, with overflow checks, and with its numbers
+//! shown:
 //!
 //! ```text
 //! MASSLINE_FRAMES=10_000_000 cargo test --profile checked -p massline-core --test protocol -- --nocapture hostile

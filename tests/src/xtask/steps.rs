@@ -91,6 +91,14 @@ pub const STEPS: &[Step] = &[
         run: host_tests,
     },
     Step {
+        name: "checked",
+        about: "core's tests with overflow checks, a hostile host and random walks among them",
+        needs: &[],
+        remedy: "read the assertion above; `cargo test --profile checked -p massline-core NAME` \
+                 runs one test alone",
+        run: checked,
+    },
+    Step {
         name: "docs",
         about: "documentation builds without a warning",
         needs: &["toolchain"],
@@ -238,6 +246,12 @@ fn lints(context: &mut Context) -> Result<Ending, StepError> {
 
 fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
     let mut test = context.cargo(&context.host(), "test --release --no-fail-fast");
+    Ok(Ending::Passed(counts(&process::run(&mut test)?)))
+}
+
+fn checked(context: &mut Context) -> Result<Ending, StepError> {
+    let arguments = "test --profile checked -p massline-core --lib --tests --no-fail-fast";
+    let mut test = context.cargo(&context.host(), arguments);
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 

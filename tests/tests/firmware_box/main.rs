@@ -10,6 +10,7 @@ mod abuse;
 #[path = "../../../core/tests/instrument/bench.rs"]
 mod bench;
 mod budgets;
+mod costs;
 #[allow(dead_code)]
 #[path = "../../../core/tests/wire/draw.rs"]
 mod draw;
