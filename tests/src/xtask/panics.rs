@@ -18,11 +18,11 @@ use std::collections::BTreeMap;
 ///
 /// Of those that are left, no input reaches one that is not checked before. They are the HAL's
 /// about clocks and pins, at the start; the flash store's and postcard's about their own state;
-/// nalgebra's about shapes, which are the same in every call; and the firmware's own at the start
-/// and where the host asks for a failure.
+/// nalgebra's about shapes, which are the same in every call; and the firmware's own at the start,
+/// where the host asks for a failure, and, for 37 of 48, sums that are checked for overflow.
 pub const BUDGET: [(&str, usize); 10] = [
     ("massline-core", 0),
-    ("massline-firmware", 11),
+    ("massline-firmware", 48),
     ("defmt-rtt", 2),
     ("heapless", 8),
     ("libm", 6),
@@ -30,7 +30,7 @@ pub const BUDGET: [(&str, usize); 10] = [
     ("postcard", 7),
     ("sequential-storage", 38),
     ("stm32f4xx-hal", 36),
-    (STANDARD, 4),
+    (STANDARD, 10),
 ];
 
 /// What the standard library is called here: `core` is ours.
