@@ -41,7 +41,6 @@ pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Tabl
 pub(crate) use random::Stream;
 pub use specimen::{Mode, Specimen};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
-pub use write::WriteError;
 
 use crate::recording::Preamble;
 use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
@@ -403,6 +402,7 @@ fn setup(
             .map(|(plan, recording)| Run {
                 name: plan.name.clone(),
                 recording: PathBuf::from(&recording.file),
+                checksum: None,
                 excitation: match plan.excitation {
                     Shaking::Random { .. } => Excitation::Random,
                     Shaking::Poses(_) => Excitation::Static,
