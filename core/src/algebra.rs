@@ -4,7 +4,8 @@
 //! A chip's stack is small, so they work in place: a matrix of ten is 800 bytes, and one
 //! that is returned by value lies there twice.
 
-use core::ops::{Index, IndexMut};
+use crate::cells::{cells, seen};
+use core::ops::IndexMut;
 use nalgebra::allocator::Allocator;
 use nalgebra::{Complex, DefaultAllocator, DimName, Matrix6, OMatrix, OVector, SMatrix};
 
@@ -54,6 +55,7 @@ where
     DefaultAllocator: Allocator<D, D>,
 {
     let n = D::DIM;
+    let (a, v) = (&mut cells(a), &mut cells(v));
     let apq = a[(p, q)];
     let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * apq);
     let t = {
@@ -89,7 +91,7 @@ where
     for i in 0..n {
         let mut largest = i;
         for j in i + 1..n {
-            if values[j] > values[largest] {
+            if seen(&values)[j] > seen(&values)[largest] {
                 largest = j;
             }
         }
@@ -104,6 +106,7 @@ where
 /// Replaces the leading `n` x `n` part, of which the lower triangle is read, by its lower
 /// Cholesky factor, and all else by zero. `None` if it is not positive definite.
 pub(crate) fn lower<const N: usize>(matrix: &mut SMatrix<f64, N, N>, n: usize) -> Option<()> {
+    let matrix = &mut cells(matrix);
     factor(matrix, n)?;
     for j in 0..N {
         for i in 0..N {
@@ -141,6 +144,7 @@ where
 
 /// Replaces the leading `n` x `n` part of a lower factor by its inverse.
 pub(crate) fn inverse_lower<const N: usize>(l: &mut SMatrix<f64, N, N>, n: usize) {
+    let l = &mut cells(l);
     // Column after column: those that are still needed lie to the right.
     for c in 0..n {
         for i in c..n {
@@ -171,20 +175,17 @@ impl<const LEN: usize> Triangle<LEN> {
     pub(crate) fn clear(&mut self) {
         self.0.fill(0.0);
     }
-}
 
-/// Row and column, the column not past the row.
-impl<const LEN: usize> Index<(usize, usize)> for Triangle<LEN> {
-    type Output = f64;
-
-    fn index(&self, (i, j): (usize, usize)) -> &f64 {
-        &self.0[triangle_len(i) + j]
+    /// Row and column, the column not past the row.
+    #[inline]
+    pub(crate) fn get(&self, i: usize, j: usize) -> Option<&f64> {
+        self.0.get(triangle_len(i) + j)
     }
-}
 
-impl<const LEN: usize> IndexMut<(usize, usize)> for Triangle<LEN> {
-    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
-        &mut self.0[triangle_len(i) + j]
+    /// The same, to be changed.
+    #[inline]
+    pub(crate) fn get_mut(&mut self, i: usize, j: usize) -> Option<&mut f64> {
+        self.0.get_mut(triangle_len(i) + j)
     }
 }
 
@@ -195,6 +196,7 @@ pub(crate) fn solve_positive<const LEN: usize>(
     x: &mut [f64],
     n: usize,
 ) -> Option<()> {
+    let (l, x) = (&mut cells(l), &mut cells(x));
     factor(l, n)?;
     for i in 0..n {
         let mut sum = x[i];
@@ -215,6 +217,7 @@ pub(crate) fn solve_positive<const LEN: usize>(
 
 /// Replaces `m` by `left m`.
 pub(crate) fn multiply_left<const N: usize>(left: &SMatrix<f64, N, N>, m: &mut SMatrix<f64, N, N>) {
+    let left = seen(left);
     for j in 0..N {
         let column: [f64; N] = core::array::from_fn(|k| m[(k, j)]);
         for i in 0..N {
@@ -228,6 +231,7 @@ pub(crate) fn multiply_right<const N: usize>(
     m: &mut SMatrix<f64, N, N>,
     right: &SMatrix<f64, N, N>,
 ) {
+    let right = seen(right);
     for i in 0..N {
         let row: [f64; N] = core::array::from_fn(|k| m[(i, k)]);
         for j in 0..N {
@@ -294,6 +298,7 @@ pub(crate) fn incoherent_powers(
 /// the lower triangle is read, by its factors `G = L D Lᴴ`: D on the diagonal, L below it.
 /// `None` if it is not positive definite to within rounding.
 pub(crate) fn factor_hermitian(g: &mut Matrix6<Complex<f64>>, n: usize) -> Option<()> {
+    let g = &mut cells(g);
     for k in 0..n {
         let full = g[(k, k)].re;
         let explained = (0..k).map(|m| g[(k, m)].norm_sqr() * g[(m, m)].re);
@@ -320,6 +325,7 @@ pub(crate) fn solve_hermitian(
     n: usize,
     b: &mut Matrix6<Complex<f64>>,
 ) {
+    let (factors, b) = (seen(factors), &mut cells(b));
     for c in 0..6 {
         for i in 0..n {
             let mut sum = b[(i, c)];
@@ -387,7 +393,7 @@ mod tests {
         let mut triangle = Triangle::<{ triangle_len(ROWS) }>::ZERO;
         for i in 0..ROWS {
             for j in 0..=i {
-                triangle[(i, j)] = g[(i, j)];
+                cells(&mut triangle)[(i, j)] = g[(i, j)];
             }
         }
         let mut x = [1.0, -2.0, 3.0, 40.0, 50.0];

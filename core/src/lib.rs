@@ -15,3 +15,4 @@ pub mod weighting;
 pub mod wire;
 
 mod algebra;
+mod cells;

@@ -27,6 +27,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice};
 use embedded_hal_bus::util::AtomicCell;
 use massline_firmware::drivers::{ads131m08, adxl355};
+use massline_firmware::link_rate::LinkRate;
 use massline_firmware::retained::ResetFlags;
 use massline_firmware::sampling::{self, Converters};
 use massline_firmware::settings::LINK_BAUD;
@@ -43,6 +44,7 @@ use crate::bus::Bus;
 use crate::clocks::{self, Clock};
 use crate::edges::{Edges, Metronome};
 use crate::faults;
+use crate::link::Rate;
 use crate::ticks;
 
 // 16 clocks a bit even on the slowest clock, so that no choice of clock makes the rate that a box
@@ -81,6 +83,8 @@ pub struct Board {
     pub link_rx: Rx<USART2>,
     /// Bytes to the host.
     pub link_tx: Tx<USART2>,
+    /// Its bit rate.
+    pub link_rate: Rate,
     /// Not started yet.
     pub watchdog: IndependentWatchdog,
     /// What samples.
@@ -187,9 +191,12 @@ impl Board {
             line.enable_interrupt(&mut exti);
         }
 
+        let ticks = ticks::start(device.TIM2, &mut rcc);
+        let choice = LinkRate::new(baud, LINK_BAUD, ticks.raw());
         Ok(Board {
             clock,
-            ticks: ticks::start(device.TIM2, &mut rcc),
+            ticks,
+            link_rate: Rate::new(choice, rcc.clocks.pclk1()),
             link_rx,
             link_tx,
             watchdog,

@@ -7,6 +7,7 @@
 
 pub mod acquisition;
 pub mod drivers;
+pub mod link_rate;
 pub mod models;
 pub mod retained;
 pub mod roll_call;

@@ -20,10 +20,12 @@ use massline_core::wire::{
     BODY_MAX, EncodeError, Event, FRAME_MAX, LinkCounters, Received, Receiver, Reply, Request,
     Sender, ToBox,
 };
+use massline_firmware::link_rate::LinkRate;
 use stm32f4xx_hal::nb;
 use stm32f4xx_hal::pac::USART2;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::serial::{Rx, Tx};
+use stm32f4xx_hal::time::Hertz;
 
 /// Slots of the queue from the host, one of which stays free.
 const FROM_HOST: usize = WINDOW as usize * FRAME_MAX + 1;
@@ -80,6 +82,7 @@ pub fn open(
     };
     let inbox = Inbox {
         queue: to_inbox,
+        bytes: 0,
         receiver: Receiver::new(&mut queues.body),
     };
     let post = Post {
@@ -177,6 +180,38 @@ fn count_overrun() {
     );
 }
 
+/// The bit rate of the port.
+pub struct Rate {
+    /// Which one.
+    choice: LinkRate,
+    /// What the port divides for it.
+    clock: Hertz,
+}
+
+impl Rate {
+    /// The rate that the port was set to, and what it is made of.
+    pub const fn new(choice: LinkRate, clock: Hertz) -> Self {
+        Self { choice, clock }
+    }
+
+    /// Changes it where nobody can be heard.
+    pub fn tend(&mut self, ticks: u64, inbox: &Inbox) {
+        let (frames, bytes) = (inbox.counters().frames, inbox.bytes());
+        if let Some(baud) = self.choice.look(ticks, frames, bytes) {
+            let clock = self.clock.raw();
+            let divisor = (clock + baud / 2) / baud.max(1);
+            // SAFETY: one write of a register that nothing else in the program touches after the
+            // start. The HAL has set the port up for 16 clocks a bit, which both rates have.
+            unsafe {
+                (*USART2::ptr())
+                    .brr()
+                    .write(|w| w.bits(divisor as u16 as _));
+            }
+            defmt::warn!("no host was heard, the link is at {} baud now", baud);
+        }
+    }
+}
+
 /// Bytes from the host that found no room.
 pub fn overrun() -> u32 {
     OVERRUN.load(Ordering::Relaxed)
@@ -185,6 +220,8 @@ pub fn overrun() -> u32 {
 /// Messages from the host.
 pub struct Inbox {
     queue: Consumer<'static, u8>,
+    /// Bytes that have been looked at.
+    bytes: u32,
     receiver: Receiver<'static, ToBox>,
 }
 
@@ -192,6 +229,7 @@ impl Inbox {
     /// Hands the next message over, if one is complete.
     pub fn take(&mut self, handle: impl FnOnce(Received<Request<'_>>)) -> bool {
         while let Some(byte) = self.queue.dequeue() {
+            self.bytes = self.bytes.wrapping_add(1);
             if let Some(received) = self.receiver.next(&mut &[byte][..]) {
                 handle(received);
                 return true;
@@ -203,6 +241,11 @@ impl Inbox {
     /// Whether bytes have come that nobody has looked at.
     pub fn is_waiting(&self) -> bool {
         !self.queue.is_empty()
+    }
+
+    /// Bytes that have come, whatever became of them. Counts on from zero after 2^32.
+    pub fn bytes(&self) -> u32 {
+        self.bytes.wrapping_add(overrun())
     }
 
     /// What was seen of the host's frames.

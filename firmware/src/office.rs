@@ -11,8 +11,9 @@ use massline_firmware::sampling::{INPUTS, Shot};
 
 use crate::board;
 use crate::clocks::{Clock, Source};
-use crate::link::{self, Inbox, Post};
+use crate::link::{self, Inbox, Post, Rate};
 use crate::services::{Services, TALLY};
+use crate::ticks;
 
 /// Samples that are dealt with before a message is: what comes while one is dealt with, and
 /// more. A box that is too slow for its samples must still be told to stop.
@@ -25,6 +26,7 @@ pub struct Office {
     shots: Consumer<'static, Shot>,
     inbox: Inbox,
     post: Post,
+    rate: Rate,
 }
 
 impl Office {
@@ -34,8 +36,7 @@ impl Office {
         identity: Identity<'static>,
         services: Services,
         shots: Consumer<'static, Shot>,
-        inbox: Inbox,
-        post: Post,
+        (inbox, post, rate): (Inbox, Post, Rate),
     ) -> Self {
         Self {
             instrument: Instrument::new(memory, identity),
@@ -43,13 +44,15 @@ impl Office {
             shots,
             inbox,
             post,
+            rate,
         }
     }
 
     /// Deals with one message from the host; whether there may be more.
     ///
-    /// Samples come first, so that no traffic keeps them waiting. Without room for a reply it leaves all messages where they are. The port calls the desk
-    /// again when it has sent something.
+    /// Samples come first, so that no traffic keeps them waiting. Without room for a reply it
+    /// leaves all messages where they are. The port calls the desk again when it has sent
+    /// something.
     pub fn attend(&mut self) -> bool {
         if self.services.is_ending() {
             if self.post.is_empty() {
@@ -71,6 +74,7 @@ impl Office {
             services,
             inbox,
             post,
+            rate,
             ..
         } = self;
         let taken = inbox.take(|received| match received {
@@ -83,6 +87,7 @@ impl Office {
             ),
         });
         post.reserve(inbox.is_waiting());
+        rate.tend(ticks::now(), inbox);
         services.note_link(inbox.counters(), post.dropped());
         taken
     }

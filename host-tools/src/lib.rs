@@ -11,6 +11,7 @@ pub mod inputs;
 pub mod limits;
 pub mod measure;
 pub mod modal;
+pub mod output;
 pub mod printable;
 pub mod recording;
 pub mod replay;

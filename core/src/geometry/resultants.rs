@@ -100,11 +100,11 @@ impl AccelerationFit {
     /// of it, 0 none, it is then taken as zero.
     #[must_use]
     pub fn determined(&self, j: usize) -> f64 {
-        if j < 3 {
-            self.seen_translation[(j, j)]
-        } else {
-            self.seen_rotation[(j - 3, j - 3)]
-        }
+        let (seen, k) = match j.checked_sub(3) {
+            None => (&self.seen_translation, j),
+            Some(k) => (&self.seen_rotation, k),
+        };
+        seen.get((k, k)).copied().unwrap_or(0.0)
     }
 }
 
@@ -311,16 +311,18 @@ impl ResultantMap {
             gains.map(|g| g * g).sum()
         });
         // Accelerations come from accelerometers, forces from load cells.
-        let channels = |range: core::ops::Range<usize>| {
-            range
-                .filter(|&j| gains[j] > 0.0)
-                .map(|j| power[j] / gains[j])
+        let channels = |skipped: usize| {
+            let half = power.iter().zip(&gains).skip(skipped).take(6);
+            half.filter(|(_, gain)| **gain > 0.0)
+                .map(|(power, gain)| power / gain)
                 .fold(0.0, f64::max)
         };
-        let (accelerometers, cells) = (channels(0..6), channels(6..RESULTANTS));
-        core::array::from_fn(|j| {
-            let channel_power = if j < 6 { accelerometers } else { cells };
-            AMPLITUDE * AMPLITUDE * gains[j] * channel_power
+        let (accelerometers, cells) = (channels(0), channels(6));
+        let mut number = 0;
+        gains.map(|gain| {
+            let channel_power = if number < 6 { accelerometers } else { cells };
+            number += 1;
+            AMPLITUDE * AMPLITUDE * gain * channel_power
         })
     }
 }

@@ -2,6 +2,7 @@
 
 use super::normal::Solved;
 use crate::algebra::{multiply_left, multiply_right};
+use crate::cells::{cells, seen};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// A value with its standard deviation, in the same unit.
@@ -126,10 +127,13 @@ impl Body {
     }
 
     pub(super) fn centre_of_gravity(&self) -> [Option<Estimate>; 3] {
+        let (observable, covariance) = (seen(&self.observable[..]), seen(&self.covariance));
+        let place = self.point + self.r;
+        let place = seen(&place);
         core::array::from_fn(|i| {
-            self.observable[1 + i].then(|| Estimate {
-                value: self.point[i] + self.r[i],
-                std: libm::sqrt(self.covariance[(1 + i, 1 + i)].max(0.0)),
+            observable[1 + i].then(|| Estimate {
+                value: place[i],
+                std: libm::sqrt(covariance[(1 + i, 1 + i)].max(0.0)),
             })
         })
     }
@@ -149,34 +153,36 @@ impl Body {
     /// `r r`. About S the offset c is r itself and moves with it.
     fn term(&self, j: usize, c: &Vector3<f64>, about_cg: bool) -> Option<Estimate> {
         let mut g = SVector::<f64, 10>::zeros();
-        let mut known = self.observable[4 + j];
-        let mut value = self.theta[j];
-        g[4 + j] = 1.0;
-        let (r, m) = (self.r, self.mass);
+        let observable = seen(&self.observable[..]);
+        let mut known = observable[4 + j];
+        let mut value = seen(&self.theta[..])[j];
+        let (r, m, c) = (seen(&self.r), self.mass, seen(c));
+        let slopes = &mut cells(&mut g);
+        slopes[4 + j] = 1.0;
         let mut add = |p: usize, q: usize| {
             if about_cg {
-                known &= self.observable[0] && self.observable[1 + p] && self.observable[1 + q];
+                known &= observable[0] && observable[1 + p] && observable[1 + q];
                 value -= m * r[p] * r[q];
-                g[0] -= r[p] * r[q];
-                g[1 + p] -= m * r[q];
-                g[1 + q] -= m * r[p];
+                slopes[0] -= r[p] * r[q];
+                slopes[1 + p] -= m * r[q];
+                slopes[1 + q] -= m * r[p];
             } else if c[p] != 0.0 || c[q] != 0.0 {
-                known &= self.observable[0];
-                known &= self.observable[1 + q] || c[p] == 0.0;
-                known &= self.observable[1 + p] || c[q] == 0.0;
+                known &= observable[0];
+                known &= observable[1 + q] || c[p] == 0.0;
+                known &= observable[1 + p] || c[q] == 0.0;
                 let change = c[p] * c[q] - c[p] * r[q] - c[q] * r[p];
                 value += m * change;
-                g[0] += change;
-                g[1 + q] -= m * c[p];
-                g[1 + p] -= m * c[q];
+                slopes[0] += change;
+                slopes[1 + q] -= m * c[p];
+                slopes[1 + p] -= m * c[q];
             }
         };
-        match TERMS[j] {
+        match TERMS.get(j)? {
             Term::Moment(p, q) => {
-                add(p, p);
-                add(q, q);
+                add(*p, *p);
+                add(*q, *q);
             }
-            Term::Product(p, q) => add(p, q),
+            Term::Product(p, q) => add(*p, *q),
         }
         known.then(|| self.estimate(value, &g))
     }

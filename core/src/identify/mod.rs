@@ -213,7 +213,10 @@ fn assemble(
     let all: Option<heapless::Vec<f64, 6>> =
         inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
     let full = all.and_then(|v| Some(Inertia::from_terms(v.into_array().ok()?)));
-    let moments = [0, 1, 2].map(|j| inertia_cg[j].map(|t| t.value));
+    let moments = {
+        let [xx, yy, zz, ..] = inertia_cg;
+        [xx, yy, zz].map(|term| term.map(|t| t.value))
+    };
     let mass = body.mass();
     // What the error bars could move a principal moment by is no violation.
     let uncertain = inertia_cg

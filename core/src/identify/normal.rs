@@ -2,6 +2,7 @@
 
 use super::{IdentifyError, MasslineSet, Measurement, measurement_matrix};
 use crate::algebra::{lower, multiply_left, multiply_right, symmetric_eigen};
+use crate::cells::{cells, seen};
 use crate::geometry::{resultants_at, transfer};
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
@@ -267,7 +268,8 @@ fn observability(matrix: &Matrix10) -> [bool; 10] {
     for (i, &value) in values.iter().enumerate() {
         if value <= RANK {
             for (j, share) in undetermined.iter_mut().enumerate() {
-                *share += vectors[(j, i)] * vectors[(j, i)];
+                let entry = seen(&vectors)[(j, i)];
+                *share += entry * entry;
             }
         }
     }
@@ -279,24 +281,30 @@ fn observability(matrix: &Matrix10) -> [bool; 10] {
 /// struck, though none of them has a value of its own.
 #[inline(never)]
 fn independent(matrix: &Matrix10, observable: &[bool; 10]) -> [bool; 10] {
-    let mut order: heapless::Vec<usize, 10> = (0..10).filter(|&j| observable[j]).collect();
-    order.extend((0..10).filter(|&j| !observable[j]));
+    let numbers = |wanted: bool| {
+        let all = observable.iter().enumerate();
+        all.filter_map(move |(j, is)| (*is == wanted).then_some(j))
+    };
+    let mut order: heapless::Vec<usize, 10> = numbers(true).collect();
+    order.extend(numbers(false));
     let mut l = Matrix10::zeros();
     let mut kept = [false; 10];
+    let (matrix, l, is_kept) = (seen(matrix), &mut cells(&mut l), &mut cells(&mut kept[..]));
     for (a, &j) in order.iter().enumerate() {
+        let (before, from) = order.split_at_checked(a).unwrap_or((&[], &[]));
         let mut pivot = matrix[(j, j)];
-        for k in 0..a {
-            pivot -= l[(j, order[k])] * l[(j, order[k])];
+        for &k in before {
+            pivot -= l[(j, k)] * l[(j, k)];
         }
         if pivot <= RANK {
             continue;
         }
-        kept[j] = true;
+        is_kept[j] = true;
         let root = libm::sqrt(pivot);
-        for &i in &order[a..] {
+        for &i in from {
             let mut sum = matrix[(i, j)];
-            for k in 0..a {
-                sum -= l[(i, order[k])] * l[(j, order[k])];
+            for &k in before {
+                sum -= l[(i, k)] * l[(j, k)];
             }
             l[(i, j)] = sum / root;
         }

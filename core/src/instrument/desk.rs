@@ -5,7 +5,8 @@ use super::run::Run;
 use super::{Board, Instrument, Outbox, cut};
 use crate::wire::{
     Capacity, Identified, Info, Item, Method, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong, Problem,
-    Reply, Request, Saved, Setting, SettingKey, State, Status, Stream, Subscription, Weights,
+    Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream, Subscription,
+    Weights,
 };
 
 /// The methods that fit the box.
@@ -56,6 +57,12 @@ impl<'m> Instrument<'m> {
                 return Ok(());
             }
             Request::Provoke(fault) => {
+                if *fault == Provoke::Rehearsal {
+                    // The others end the box. This one would take the samples from under
+                    // whoever is at work on them.
+                    self.not_running()?;
+                    self.not_streaming()?;
+                }
                 if !board.provoke(*fault) {
                     return Err(Problem::Unsupported(Item::Provoke));
                 }
@@ -116,17 +123,22 @@ impl<'m> Instrument<'m> {
             Request::ReadSetting(key) => return read_setting(id, *key, board, out),
             Request::WriteSetting(setting) => {
                 self.not_running()?;
+                if matches!(setting, Setting::Input(_) | Setting::SampleRate(_)) {
+                    self.not_streaming()?;
+                }
                 board.write_setting(setting)?;
                 Reply::Done
             }
             Request::SaveSettings => {
                 self.not_running()?;
+                self.not_streaming()?;
                 self.not_busy()?;
                 let storage = board.save_settings()?;
                 Reply::Saved(Saved { storage })
             }
             Request::ResetSettings => {
                 self.not_running()?;
+                self.not_streaming()?;
                 board.reset_settings();
                 Reply::Done
             }
@@ -169,6 +181,17 @@ impl<'m> Instrument<'m> {
             return self.only(State::Ready);
         }
         Ok(())
+    }
+
+    /// Whether nobody records the converters' samples: what makes SI of them, and when they are
+    /// taken, must not change in the middle of a recording.
+    pub(super) fn not_streaming(&self) -> Result<(), Problem> {
+        match self.subscription.samples {
+            Stream::Off => Ok(()),
+            _ => Err(Problem::Busy(
+                Request::Subscribe(self.subscription).number(),
+            )),
+        }
     }
 
     pub(super) fn not_busy(&self) -> Result<(), Problem> {

@@ -169,8 +169,11 @@ impl Recorder {
 
     fn put<T: Word>(&mut self, value: T) {
         let rest = self.bytes.get_mut(self.filled..).unwrap_or(&mut []);
+        let bytes = value.to_bytes();
         if let Some(slot) = rest.get_mut(..T::SIZE) {
-            slot.copy_from_slice(value.to_bytes().as_ref());
+            slot.iter_mut()
+                .zip(bytes.as_ref())
+                .for_each(|(slot, byte)| *slot = *byte);
             self.filled += T::SIZE;
         }
     }

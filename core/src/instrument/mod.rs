@@ -7,7 +7,9 @@
 //! Nothing here waits or takes long: [`Instrument::request`], [`Instrument::sample`] and
 //! [`Instrument::poll`] return after the samples of one message, or one block, at the
 //! most. What takes seconds leaves as a [`Job`], which a task of low priority runs while
-//! requests are still answered.
+//! requests are still answered. How many instructions a request may take on the chip is in
+//! the firmware's README; it depends on the message's length and on the set-up, never on a
+//! number that is sent, such as that of a sample.
 //!
 //! | file | holds |
 //! | --- | --- |
@@ -35,6 +37,10 @@
 //! **Faults.** Every sample carries its faults. A block into which a faulty sample has
 //! gone, also by way of a filter's memory, never enters an average. A gap ends the block
 //! it lies in, and the next block begins behind it.
+//!
+//! **A hostile host.** Each request is checked whole before anything is changed. What ends a
+//! run is listed in [`crate::wire`]. `core/tests/protocol` holds a model of all this against
+//! the instrument, by random walks and by frames that nobody should send.
 //!
 //! **Drive only.** A run needs a channel with the generator's signal. Without one its
 //! twelve resultants would have to be correlated with each other, 1152 bytes a line and

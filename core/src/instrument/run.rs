@@ -157,7 +157,7 @@ impl<'m> Run<'m> {
         }
         self.ticks[1] = taken;
         let index = self.counts.next;
-        self.counts.next += 1;
+        self.counts.next = index.saturating_add(1);
         let Some(room) = self.buffers.bench.run_mut() else {
             return;
         };
@@ -180,12 +180,12 @@ impl<'m> Run<'m> {
             }
         }
         if health.contains(Health::OVERLOAD) {
-            self.counts.overloads += 1;
+            self.counts.overloads = self.counts.overloads.saturating_add(1);
         }
         if !health.is_good() {
             for (kind, last) in self.faulty.iter_mut().enumerate() {
                 if health.contains(Health(1 << kind)) {
-                    *last = index + 1;
+                    *last = index.saturating_add(1);
                 }
             }
         }
@@ -204,7 +204,7 @@ impl<'m> Run<'m> {
         self.block_first = first;
         if health.is_good() {
             self.average();
-            self.counts.averaged += 1;
+            self.counts.averaged = self.counts.averaged.saturating_add(1);
             let coherence = self.coherence();
             let ticks = self.since(begun, board);
             self.tell(Health::GOOD, coherence, ticks, out);
@@ -212,7 +212,7 @@ impl<'m> Run<'m> {
             let ticks = self.since(begun, board);
             self.reject(health, ticks, out);
         }
-        self.block_first = first + self.lines.settings.hop() as u64;
+        self.block_first = first.saturating_add(self.lines.settings.hop() as u64);
         if let Task::Survey(survey) = &mut self.task
             && survey.turn()
             && let Some(room) = self.buffers.bench.run_mut()
@@ -246,22 +246,23 @@ impl<'m> Run<'m> {
         };
         let (drive, rest) = lines.split_at_mut(count.min(lines.len()));
         let (a, b) = rest.split_at_mut(count.min(rest.len()));
-        let seen = |lines: &'_ [Complex32]| -> core::ops::Range<usize> {
-            wanted.start.min(lines.len())..wanted.end.min(lines.len())
-        };
+        fn part<'l>(lines: &'l [Complex32], wanted: &core::ops::Range<usize>) -> &'l [Complex32] {
+            let end = wanted.end.min(lines.len());
+            lines.get(wanted.start..end).unwrap_or(&[])
+        }
         for pair in 0..self.rings.pairs() {
             // The drive is the first channel, responses follow.
             if pair == 0 {
                 self.rings.transform(0, history, work, drive, b);
-                average.add_drive(&drive[seen(drive)]);
+                average.add_drive(part(drive, &wanted));
             } else {
                 self.rings.transform(pair, history, work, a, b);
                 let response = 2 * pair - 1;
-                average.add_response(response, &drive[seen(drive)], &a[seen(a)]);
+                average.add_response(response, part(drive, &wanted), part(a, &wanted));
             }
             let response = 2 * pair;
             if response < RESULTANTS {
-                average.add_response(response, &drive[seen(drive)], &b[seen(b)]);
+                average.add_response(response, part(drive, &wanted), part(b, &wanted));
             }
         }
     }
@@ -273,11 +274,11 @@ impl<'m> Run<'m> {
     }
 
     fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Outbox) {
-        self.counts.rejected += 1;
+        self.counts.rejected = self.counts.rejected.saturating_add(1);
         self.counts.health = self.counts.health.union(health);
         for (kind, count) in self.counts.rejected_by.iter_mut().enumerate() {
             if health.contains(Health(1 << kind)) {
-                *count += 1;
+                *count = count.saturating_add(1);
             }
         }
         self.tell(health, None, ticks, out);
@@ -319,7 +320,7 @@ impl<'m> Run<'m> {
             coherence,
             ticks,
         }));
-        self.counts.blocks += 1;
+        self.counts.blocks = self.counts.blocks.saturating_add(1);
     }
 
     /// SI samples of the channels, as the last sample left them.

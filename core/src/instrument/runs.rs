@@ -101,15 +101,8 @@ impl Instrument<'_> {
         out: &mut impl Outbox,
     ) -> Result<Taken, Problem> {
         let Some(run) = &mut self.run else {
-            // A run that has ended by itself has them all.
-            let count = samples.count().unwrap_or(0) as u64;
             return match &self.ended {
-                Some(Ended { start, taken })
-                    if start.source == Source::Host
-                        && samples.first.saturating_add(count) <= taken.next =>
-                {
-                    Ok(*taken)
-                }
+                Some(ended) if ended.has(samples) => Ok(ended.taken),
                 _ => self.only(State::Running).map(|()| Taken {
                     next: 0,
                     missing: 0,
@@ -138,7 +131,7 @@ impl Instrument<'_> {
                 (u64::MAX - count as u64) as f64,
             ));
         };
-        if samples.first > run.next() && count > 0 {
+        if samples.first > run.next() {
             if run.start.gaps == Gaps::Refuse {
                 return Err(Problem::Gap {
                     found: samples.first,
@@ -147,12 +140,15 @@ impl Instrument<'_> {
             }
             run.skip_to(samples.first, out);
         }
-        for index in run.next()..end {
+        // Those that the box has are passed over. What is left to do is one message's samples
+        // at the most, however far ahead or behind it is numbered.
+        let known = run.next().saturating_sub(samples.first).min(count as u64);
+        for sample in known as usize..count {
             let Some(run) = &mut self.run else { break };
             if run.is_complete() {
                 break;
             }
-            let at = (index - samples.first) as usize * channels;
+            let at = sample * channels;
             run.push(&Sample::Host(samples.values, at), board, out);
             self.meter();
         }
@@ -171,9 +167,11 @@ impl Instrument<'_> {
     }
 
     pub(super) fn stop(&mut self, board: &mut impl Board) -> Result<crate::wire::Summary, Problem> {
-        if self.selftest.is_none()
-            && let Some(summary) = self.conclude(Outcome::Stopped, board)
-        {
+        if self.selftest.is_some() {
+            // Its runs are its own: the host has none that could be stopped, or has ended.
+            return Err(missing(Item::Summary, 0));
+        }
+        if let Some(summary) = self.conclude(Outcome::Stopped, board) {
             return Ok(summary);
         }
         let ended = self.ended.ok_or(missing(Item::Summary, 0))?;
@@ -228,6 +226,22 @@ impl Instrument<'_> {
             self.state = State::Ready;
             self.tend_inputs(board);
         }
+    }
+}
+
+impl Ended {
+    /// Whether a run that is over would have taken these samples as it did before: it has them,
+    /// or it has all that it was started for. A request whose reply was lost comes again.
+    fn has(&self, samples: &Samples<'_>) -> bool {
+        let Some(count) = samples.count() else {
+            return false;
+        };
+        let Self { start, taken } = self;
+        let is_full = start.limit.is_some_and(|limit| taken.next >= limit);
+        let joins = start.gaps == Gaps::Count || samples.first <= taken.next;
+        let end = samples.first.checked_add(count as u64);
+        start.source == Source::Host
+            && (is_full && joins && end.is_some() || end.is_some_and(|end| end <= taken.next))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
 use super::{Board, Instrument, Outbox, Pending};
+use crate::cells::seen;
 use crate::wire::{
     Accelerations, Answer, Carries, Check, Exact, Excitation, Gaps, Health, Method, Mount, Pass,
     Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale, Selftest,
@@ -200,12 +201,12 @@ pub(super) fn judge(answer: Option<&Answer>, health: Health) -> Selftest {
         let (truth, found, bound) = match k {
             0 => (body.mass, answer.map(|a| a.mass), mass),
             1..4 => {
-                let found = answer.map(|a| a.centre_of_gravity[k - 1]);
-                (place[k - 1], found, mass * lever / body.mass)
+                let found = answer.and_then(|a| a.centre_of_gravity.get(k - 1).copied());
+                (seen(&place)[k - 1], found, mass * lever / body.mass)
             }
             _ => {
-                let found = answer.map(|a| a.inertia_cg[k - 4]);
-                (inertia[k - 4], found, mass * lever * lever)
+                let found = answer.and_then(|a| a.inertia_cg.get(k - 4).copied());
+                (seen(&inertia[..])[k - 4], found, mass * lever * lever)
             }
         };
         Check {

@@ -91,7 +91,7 @@ impl Survey {
     pub(super) fn average<'s>(&mut self, sums: &'s mut [Sum]) -> Option<DriveAverage<'s>> {
         let average = self.sums(self.group, sums);
         if let Some(blocks) = self.blocks.get_mut(self.group) {
-            *blocks += 1;
+            *blocks = blocks.saturating_add(1);
         }
         average
     }

@@ -16,6 +16,7 @@ use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
 use super::{Lines, MasslineError, Masslines, Moments, Powers, Workspace};
 use crate::algebra::multiply_right;
+use crate::cells::cells;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
@@ -128,7 +129,7 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(lines, &band, &basis);
-    fit.spread(lines, &band, &mut set.pairs[first..]);
+    fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
     fit.noise_of_pairs(&mut set.noise);
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
@@ -169,7 +170,7 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     let end = fit.end.min(lines.count()).min(fit.start + work.len() / 2);
     let count = end.saturating_sub(fit.start);
     power_like(lines, fit.start..end, &w, work);
-    let trace = Trace::new(&mut work[..2 * count]);
+    let trace = Trace::new(work.get_mut(..2 * count).unwrap_or(&mut []));
     let frequency = |k: usize| lines.frequency(fit.start + k);
     let poles = find_poles(&trace, Residues::Positive, &frequency, search);
     (poles, trace)
@@ -239,7 +240,7 @@ impl Basis {
             *slot = pole.amplification(f);
         }
         let ratio = f / self.unit;
-        phi[self.upper()] = Complex::new(ratio * ratio, 0.0);
+        cells(&mut phi[..])[self.upper()] = Complex::new(ratio * ratio, 0.0);
         phi
     }
 }
@@ -295,7 +296,8 @@ impl Fit<'_> {
                 count += 2.0 * lines.equations_per_line(run);
             }
             let phi = basis.at(lines.frequency(line));
-            self.regression.add(&mut m, &phi[..basis.terms()], count);
+            let phi = phi.get(..basis.terms()).unwrap_or(&phi);
+            self.regression.add(&mut m, phi, count);
         }
     }
 

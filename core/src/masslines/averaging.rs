@@ -169,10 +169,10 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             &weights,
             line_pairs,
             &fitted,
-            &mut squares[..count],
+            squares.get_mut(..count).unwrap_or(&mut []),
         )?;
         let freedom = weights.count - weights.fitted();
-        for (pair, squares) in self.pairs[first..].iter_mut().zip(&squares) {
+        for (pair, squares) in self.pairs.iter_mut().skip(first).zip(&squares) {
             pair.variance = squares * (lines.correlation() * gain / freedom.max(1.0));
         }
         Ok(())
@@ -198,13 +198,15 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             let frequency = lines.frequency(line);
             let (w, _) = weights.at(frequency);
             gain += w * w;
-            line_pairs(line, &mut buffer[..count])?;
-            for p in 0..count {
-                let mut scatter = left(rows, &fitted.mass, &buffer[p]) - fitted.value[p].1;
+            let buffer = buffer.get_mut(..count).unwrap_or(&mut []);
+            line_pairs(line, buffer)?;
+            let found = fitted.value.iter().zip(&fitted.slope);
+            for ((pair, (value, slope)), squares) in buffer.iter().zip(found).zip(&mut *squares) {
+                let mut scatter = left(rows, &fitted.mass, pair) - value.1;
                 if weights.trend == Trend::Squared {
-                    scatter -= fitted.slope[p].1 * weights.x(frequency);
+                    scatter -= slope.1 * weights.x(frequency);
                 }
-                squares[p] += scatter.component_mul(&scatter);
+                *squares += scatter.component_mul(&scatter);
             }
         }
         Ok(gain)
@@ -225,13 +227,14 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let Fitted { mass, value, slope } = fitted;
         for line in band.clone() {
             let (w, s) = weights.at(lines.frequency(line));
-            line_pairs(line, &mut buffer[..count])?;
-            for p in 0..count {
-                let (a, f) = &buffer[p];
-                value[p].0 += a * w;
-                value[p].1 += f * w;
-                slope[p].0 += a * s;
-                slope[p].1 += f * s;
+            let buffer = buffer.get_mut(..count).unwrap_or(&mut []);
+            line_pairs(line, buffer)?;
+            let sums = value.iter_mut().zip(slope.iter_mut());
+            for ((a, f), (value, slope)) in buffer.iter().zip(sums) {
+                value.0 += a * w;
+                value.1 += f * w;
+                slope.0 += a * s;
+                slope.1 += f * s;
             }
         }
         for (a, f) in value.iter().take(count) {
@@ -241,7 +244,8 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         // scatters is the force left over by the matrix that fits the averages best.
         *mass = self.best_matrix();
         let rows = self.equations.rows();
-        for pair in value[..count].iter_mut().chain(&mut slope[..count]) {
+        let averages = value.iter_mut().take(count);
+        for pair in averages.chain(slope.iter_mut().take(count)) {
             pair.1 = left(rows, mass, pair);
         }
         Ok(())

@@ -5,6 +5,7 @@
 //! of the very channels it comes from, before anything is inverted.
 
 use crate::algebra::{multiply_left, symmetric_eigen};
+use crate::cells::{cells, seen};
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
 
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
@@ -67,7 +68,7 @@ impl Excitation {
         } = &mut excitation;
         for at in [0, 3] {
             let block: Matrix3<f64> = ratio.fixed_view::<3, 3>(at, at).into();
-            let units = Vector3::new(scale[at], scale[at + 1], scale[at + 2]);
+            let units: Vector3<f64> = scale.fixed_rows::<3>(at).into();
             cleaner
                 .fixed_view_mut::<3, 3>(at, at)
                 .copy_from(&above_noise(block, &units));
@@ -75,6 +76,8 @@ impl Excitation {
         let mut vectors = Matrix6::zeros();
         let values = symmetric_eigen(&mut ratio, &mut vectors);
         let all = values.iter().all(|&v| v > EXCITED);
+        let (axes, shares) = (&mut cells(basis), &mut cells(coordinates));
+        let (vectors, scale) = (seen(&vectors), seen(&scale));
         for (i, &value) in values.iter().enumerate() {
             if value <= EXCITED {
                 continue;
@@ -82,12 +85,12 @@ impl Excitation {
             *weakest = weakest.min(value);
             // With all six excited any basis will do, and the plain axes cost no rounding.
             if all {
-                basis[(i, i)] = 1.0;
-                coordinates[(i, i)] = 1.0;
+                axes[(i, i)] = 1.0;
+                shares[(i, i)] = 1.0;
             } else {
                 for j in 0..6 {
-                    basis[(j, *rank)] = vectors[(j, i)] * scale[j];
-                    coordinates[(*rank, j)] = if scale[j] > 0.0 {
+                    axes[(j, *rank)] = vectors[(j, i)] * scale[j];
+                    shares[(*rank, j)] = if scale[j] > 0.0 {
                         vectors[(j, i)] / scale[j]
                     } else {
                         0.0

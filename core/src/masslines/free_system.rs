@@ -12,6 +12,7 @@ use super::averaging::{LinePair, RealMoments};
 use super::regression::between;
 use super::{Complex6, Excitation, Lines, MasslineError, Moments, Workspace};
 use crate::algebra::{factor_hermitian, multiply_left, multiply_right, solve_hermitian};
+use crate::cells::{cells, seen};
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
@@ -155,18 +156,18 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         let mut size = [0.0; 6];
         for line in fit.clone() {
             let h = self.diagonal(line)?;
-            for j in 0..n {
-                size[j] += libm::sqrt(h[j].norm_sqr());
+            for (size, h) in size.iter_mut().zip(&h).take(n) {
+                *size += libm::sqrt(h.norm_sqr());
             }
         }
         let lines = fit.len() as f64;
-        let work = &mut work[..2 * fit.len()];
+        let work = work.get_mut(..2 * fit.len()).unwrap_or(&mut []);
         for (line, t) in fit.clone().zip(work.iter_mut()) {
             let h = self.diagonal(line)?;
             *t = Complex::new(0.0, 0.0);
-            for j in 0..n {
+            for (size, h) in size.iter().zip(&h).take(n) {
                 // Elastic modes subtract from the rigid body here.
-                *t -= h[j] * (lines / size[j].max(f64::MIN_POSITIVE));
+                *t -= h * (lines / size.max(f64::MIN_POSITIVE));
             }
         }
         let frequency = |k: usize| self.lines.frequency(fit.start + k);
@@ -185,7 +186,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     fn diagonal(&self, line: usize) -> Result<[Complex<f64>; 6], MasslineError> {
         let mut h = Complex6::zeros();
         self.response_into(line, &mut h)?;
-        let e = self.equations.rows();
+        let (h, e) = (seen(&h), seen(self.equations.rows()));
         Ok(core::array::from_fn(|j| {
             (0..6).map(|i| h[(i, j)] * e[(j, i)]).sum()
         }))
@@ -202,8 +203,9 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         modes.unit = self.lines.frequency(fit.end.saturating_sub(1));
         let terms = modes.terms();
         let mut normal = SMatrix::<f64, TERMS, TERMS>::identity();
+        let sums = &mut cells(&mut normal);
         for i in 0..terms {
-            normal[(i, i)] = 0.0;
+            sums[(i, i)] = 0.0;
         }
         // Right-hand sides, and the solutions after them, lie where they belong at last.
         for term in 0..TERMS {
@@ -212,11 +214,12 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         let mut h = Complex6::zeros();
         for (k, line) in fit.clone().enumerate() {
             let phi = modes.basis(self.lines.frequency(line));
+            let phi = seen(&phi[..]);
             self.response_into(line, &mut h)?;
             for i in 0..terms {
                 let conjugate = phi[i].conj() * trace.weight(k);
                 for j in 0..terms {
-                    normal[(i, j)] += (conjugate * phi[j]).re;
+                    sums[(i, j)] += (conjugate * phi[j]).re;
                 }
                 modes
                     .term(i)
@@ -230,11 +233,12 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         for entry in 0..36 {
             let mut right = [0.0; TERMS];
             for (j, right) in right.iter_mut().enumerate().take(terms) {
-                *right = modes.term(j)[entry];
+                *right = seen(modes.term(j))[entry];
             }
             for i in 0..terms {
-                let products = (0..terms).map(|j| right[j] * inverse[(i, j)]);
-                modes.term(i)[entry] = products.fold(0.0, |sum, product| sum + product);
+                let given = right.iter().enumerate().take(terms);
+                let products = given.map(|(j, right)| right * seen(inverse)[(i, j)]);
+                cells(modes.term(i))[entry] = products.fold(0.0, |sum, product| sum + product);
             }
         }
         // Scatter of each entry about the fit, as the lines count.
@@ -302,8 +306,19 @@ impl FreeModes {
         match term {
             0 => &mut self.constant,
             1 => &mut self.upper,
-            _ if term.is_multiple_of(2) => &mut self.residues[term / 2 - 1],
-            _ => &mut self.quadratures[term / 2 - 1],
+            _ => {
+                let all = match term.is_multiple_of(2) {
+                    true => &mut self.residues,
+                    false => &mut self.quadratures,
+                };
+                let last = all.len() - 1;
+                let at = (term / 2 - 1).min(last);
+                let (_, from) = all.split_at_mut(at);
+                match from.first_mut() {
+                    Some(matrix) => matrix,
+                    None => &mut self.upper,
+                }
+            }
         }
     }
 
@@ -312,10 +327,11 @@ impl FreeModes {
         let ratio = frequency / self.unit;
         phi[0] = Complex::new(1.0, 0.0);
         phi[1] = Complex::new(ratio * ratio, 0.0);
-        for (pair, pole) in phi[2..].chunks_exact_mut(2).zip(&self.poles) {
+        let (pairs, _) = phi[2..].as_chunks_mut::<2>();
+        for ([of_residue, of_quadrature], pole) in pairs.iter_mut().zip(&self.poles) {
             let d = pole.amplification(frequency);
-            pair[0] = d;
-            pair[1] = d * Complex::new(0.0, frequency / pole.frequency);
+            *of_residue = d;
+            *of_quadrature = d * Complex::new(0.0, frequency / pole.frequency);
         }
         phi
     }
@@ -330,9 +346,11 @@ impl FreeModes {
     /// One entry of the elastic part, from the functions of frequency.
     fn elastic_entry(&self, phi: &[Complex<f64>; TERMS], i: usize, j: usize) -> Complex<f64> {
         let residues = self.residues.iter().zip(&self.quadratures);
-        let modes = residues.zip(phi[2..].chunks_exact(2));
-        modes.fold(phi[1] * self.upper[(i, j)], |sum, ((r, q), phi)| {
-            sum + (phi[0] * r[(i, j)] + phi[1] * q[(i, j)])
+        let (pairs, _) = phi[2..].as_chunks::<2>();
+        let modes = residues.zip(pairs);
+        modes.fold(phi[1] * seen(&self.upper)[(i, j)], |sum, ((r, q), phi)| {
+            let [of_residue, of_quadrature] = *phi;
+            sum + (of_residue * seen(r)[(i, j)] + of_quadrature * seen(q)[(i, j)])
         })
     }
 

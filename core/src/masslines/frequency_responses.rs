@@ -2,6 +2,7 @@
 
 use super::averaging::Trend;
 use super::{Excitation, Lines, MasslineError, Masslines, Powers};
+use crate::cells::seen;
 use core::ops::Range;
 use nalgebra::{Complex, Vector6};
 
@@ -59,9 +60,9 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         })
         .collect();
     set.average(lines, &band, Trend::Constant, runs, &mut |line, pairs| {
-        for (run, pair) in pairs.iter_mut().enumerate() {
+        for (run, (pair, leader)) in pairs.iter_mut().zip(&leaders).enumerate() {
             let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
-            let lead = a[leaders[run]];
+            let lead = seen(&a)[*leader];
             let size = libm::sqrt(lead.norm_sqr());
             let turn = if size > 0.0 {
                 lead.conj() / size

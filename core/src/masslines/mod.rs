@@ -56,6 +56,7 @@ pub use static_poses::{StaticFit, StaticPoses};
 pub use synthesis::synthesis;
 pub use workspace::Workspace;
 
+use crate::cells::{cells, seen};
 use crate::geometry::{Equations, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
@@ -200,9 +201,10 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             let squares = self
                 .pairs
                 .iter()
-                .map(|p| p.acceleration[j] * p.acceleration[j]);
+                .map(|p| seen(&p.acceleration)[j] * seen(&p.acceleration)[j]);
             let in_pairs: f64 = squares.sum();
-            self.noise[(j, j)] = if power[j] > 0.0 {
+            let (power, noise) = (seen(power), seen(noise));
+            cells(&mut self.noise)[(j, j)] = if power[j] > 0.0 {
                 libm::sqrt(noise[j] / power[j] * in_pairs)
             } else {
                 0.0

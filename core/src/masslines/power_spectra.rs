@@ -3,6 +3,7 @@
 use super::averaging::{RealMoments, Trend};
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
+use crate::cells::seen;
 use core::ops::Range;
 use nalgebra::{Matrix6, Vector6};
 
@@ -58,8 +59,9 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
             for (pair, &c) in pairs.iter_mut().zip(&used) {
                 let column: Vector6<f64> = columns.column(c).into();
                 let column = column.as_slice();
-                let a = Vector6::from_fn(|i, _| product(|k| m.fa[(k, i)].re, column));
-                let f = Vector6::from_fn(|i, _| product(|k| m.ff[(i, k)].re, column));
+                let (fa, ff) = (seen(&m.fa), seen(&m.ff));
+                let a = Vector6::from_fn(|i, _| product(|k| fa[(k, i)].re, column));
+                let f = Vector6::from_fn(|i, _| product(|k| ff[(i, k)].re, column));
                 *pair = (noise_filter * a, f);
             }
             Ok(())

@@ -9,6 +9,7 @@
 
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{Triangle, inverse_lower, lower, multiply_left, multiply_right, triangle_len};
+use crate::cells::{cells, seen};
 use crate::geometry::Equations;
 use core::ops::{AddAssign, Mul};
 use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6};
@@ -121,6 +122,8 @@ impl Regression {
         let Moments { aa, fa, ff } = moments;
         between(p, aa, p);
         between(e, fa, p);
+        let (aa, fa) = (seen(aa), seen(fa));
+        let (normal, right) = (&mut cells(&mut self.normal), &mut cells(&mut self.right));
         for (t, phi_t) in phi.iter().enumerate().take(self.terms) {
             for (u, phi_u) in phi.iter().enumerate().take(t + 1) {
                 // Re conj(φ_t a_i) φ_u a_j
@@ -128,14 +131,14 @@ impl Regression {
                 for i in 0..rank {
                     let columns = if t == u { i + 1 } else { rank };
                     for j in 0..columns {
-                        self.normal[(6 * t + i, 6 * u + j)] += real_product(&factor, &aa[(j, i)]);
+                        normal[(6 * t + i, 6 * u + j)] += real_product(&factor, &aa[(j, i)]);
                     }
                 }
             }
             let factor = phi_t.conj();
             for i in 0..rank {
                 for j in 0..self.equations.count() {
-                    self.right[(6 * t + i, j)] += real_product(&factor, &fa[(j, i)]);
+                    right[(6 * t + i, j)] += real_product(&factor, &fa[(j, i)]);
                 }
             }
         }
@@ -155,19 +158,24 @@ impl Regression {
         if unknowns == 0 || rows == 0 || freedom < 1.0 {
             return None;
         }
-        let at = |n: usize| 6 * chosen[n / rank] + n % rank;
+        // No unknowns, had the rank been zero: the divisions cannot know.
+        let each = rank.max(1);
+        let all = unknowns.max(1);
+        let (chosen_terms, normal) = (seen(chosen), seen(&self.normal));
+        let at = |n: usize| 6 * chosen_terms[n / each] + n % each;
         let gathered = |i: usize, j: usize| {
             let (i, j) = (at(i), at(j));
             if i >= j {
-                self.normal[(i, j)]
+                normal[(i, j)]
             } else {
-                self.normal[(j, i)]
+                normal[(j, i)]
             }
         };
         // Column equilibration, then an LDLᵀ without pivoting that starts with the
         // nuisance terms: what it leaves of the rigid block is the Schur complement.
-        let order = |n: usize| (n + rank) % unknowns;
+        let order = |n: usize| (n + rank) % all;
         let mut scale = SVector::<f64, SIZE>::zeros();
+        let scale = &mut cells(&mut scale);
         for n in 0..unknowns {
             let d = gathered(order(n), order(n));
             if !(d > 0.0 && d.is_finite()) {
@@ -175,7 +183,7 @@ impl Regression {
             }
             scale[n] = 1.0 / libm::sqrt(d);
         }
-        let l = &mut self.factor;
+        let l = &mut cells(&mut self.factor);
         let nuisance = unknowns - rank;
         let Solution {
             coefficients,
@@ -184,6 +192,7 @@ impl Regression {
             ..
         } = into;
         schur.fill(0.0);
+        let schur = &mut cells(schur);
         for j in 0..unknowns {
             for i in j..unknowns {
                 let mut sum = gathered(order(i), order(j)) * scale[i] * scale[j];
@@ -214,39 +223,44 @@ impl Regression {
         // One right-hand side after the other. What each leaves of the power is taken off
         // before the back substitution overwrites its projections.
         coefficients.fill(0.0);
+        let (right, filled) = (seen(&self.right), &mut cells(coefficients));
         for c in 0..rows {
             for i in 0..unknowns {
-                let mut sum = self.right[(at(order(i)), c)] * scale[i];
+                let mut sum = right[(at(order(i)), c)] * scale[i];
                 for k in 0..i {
-                    sum -= l[(i, k)] * coefficients[(k, c)];
+                    sum -= l[(i, k)] * filled[(k, c)];
                 }
-                coefficients[(i, c)] = sum / l[(i, i)];
+                filled[(i, c)] = sum / l[(i, i)];
             }
         }
         *residual = self.power;
+        let left = &mut cells(residual);
         for c in 0..rows {
             for d in 0..rows {
                 let mut explained = 0.0;
                 for i in 0..unknowns {
-                    explained += coefficients[(i, c)] * coefficients[(i, d)];
+                    explained += filled[(i, c)] * filled[(i, d)];
                 }
-                residual[(c, d)] -= explained;
+                left[(c, d)] -= explained;
             }
         }
         *residual /= freedom;
         self.floor(residual);
-        let l = &self.factor;
-        for c in 0..rows {
+        let l = seen(&self.factor);
+        for mut column in coefficients.column_iter_mut().take(rows) {
+            let mut ordered = SVector::<f64, SIZE>::zeros();
+            ordered.copy_from(&column);
+            let ordered = &mut cells(&mut ordered);
             for i in (0..unknowns).rev() {
-                let mut sum = coefficients[(i, c)];
+                let mut sum = ordered[i];
                 for k in i + 1..unknowns {
-                    sum -= l[(k, i)] * coefficients[(k, c)];
+                    sum -= l[(k, i)] * ordered[k];
                 }
-                coefficients[(i, c)] = sum / l[(i, i)];
+                ordered[i] = sum / l[(i, i)];
             }
-            let ordered: SVector<f64, SIZE> = coefficients.column(c).into();
+            let column = &mut cells(&mut column);
             for i in 0..unknowns {
-                coefficients[(order(i), c)] = ordered[i] * scale[i];
+                column[order(i)] = ordered[i] * scale[i];
             }
         }
         into.terms = heapless::Vec::from_slice(chosen).ok()?;
@@ -279,11 +293,12 @@ impl Regression {
             keep_diagonal(c);
         }
         let largest = self.power.diagonal().max();
+        let (powers, diagonal) = (seen(&self.power), &mut cells(c));
         for j in 0..self.equations.count() {
             // A resultant that is zero throughout, exactly, is no better known than that.
-            let power = self.power[(j, j)].max(NOTHING * largest);
+            let power = powers[(j, j)].max(NOTHING * largest);
             let floor = AMPLITUDE * AMPLITUDE * power / self.count;
-            c[(j, j)] = c[(j, j)].max(0.0) * 1.001 + floor.max(f64::MIN_POSITIVE);
+            diagonal[(j, j)] = diagonal[(j, j)].max(0.0) * 1.001 + floor.max(f64::MIN_POSITIVE);
         }
         // Where the spectra fit to their last digit, the residual is the difference of
         // large numbers and its correlations mean nothing.
@@ -309,12 +324,14 @@ impl Regression {
         let Some(p) = variances(&solution.schur, rank) else {
             return f64::INFINITY;
         };
-        let p_full = &full.variances;
+        let (p, p_full) = (seen(&p[..]), seen(&full.variances[..]));
+        let (residual, first) = (seen(&full.residual), seen(&full.coefficients));
+        let coefficients = seen(&solution.coefficients);
         let (mut variance, mut distance) = (0.0, 0.0);
         for i in 0..rank {
             for j in 0..self.equations.count() {
-                let unit = p_full[i] * full.residual[j] * self.correlation;
-                let difference = solution.coefficients[(i, j)] - full.coefficients[(i, j)];
+                let unit = p_full[i] * residual[j] * self.correlation;
+                let difference = coefficients[(i, j)] - first[(i, j)];
                 variance += p[i] / p_full[i];
                 // Between nested fits the variance of a difference is the difference of
                 // the variances.
@@ -363,20 +380,18 @@ impl Regression {
         set.equations = self.whitened(solution).ok_or(MasslineError::Singular)?;
         let mut u = solution.schur;
         lower(&mut u, rank).ok_or(MasslineError::Singular)?;
+        let (u, coefficients) = (seen(&u), seen(&solution.coefficients));
         for p in 0..rank {
             // Row p of U, with S = U Uᵀ here: column p of the lower factor.
             let c = Vector6::from_fn(|i, _| if i < rank { u[(i, p)] } else { 0.0 });
             let acceleration = self.excitation.basis() * c;
             let measured = Vector6::from_fn(|j, _| {
-                (0..rank)
-                    .map(|i| solution.coefficients[(i, j)] * c[i])
-                    .sum()
+                (0..rank).map(|i| coefficients[(i, j)] * seen(&c)[i]).sum()
             });
             let force = self.equations.rows().transpose() * measured;
             let mut variance = Vector6::zeros();
-            for j in 0..rows {
-                variance[j] = self.correlation * solution.inflation;
-            }
+            let all = self.correlation * solution.inflation;
+            variance.iter_mut().take(rows).for_each(|v| *v = all);
             set.push(acceleration, force, variance)?;
         }
         Ok(())
@@ -402,9 +417,10 @@ impl Regression {
         let Some(n) = solution.terms.iter().position(|&t| t == term) else {
             return false;
         };
+        let (entries, coefficients) = (&mut cells(into), seen(&solution.coefficients));
         for i in 0..rank {
             for j in 0..6 {
-                into[(j, i)] = solution.coefficients[(n * rank + i, j)];
+                entries[(j, i)] = coefficients[(n * rank + i, j)];
             }
         }
         multiply_left(&self.equations.rows().transpose(), into);
@@ -488,6 +504,7 @@ fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
     let mut inverse = *matrix;
     lower(&mut inverse, n)?;
     inverse_lower(&mut inverse, n);
+    let inverse = seen(&inverse);
     Some(core::array::from_fn(|i| {
         (0..n).map(|k| inverse[(k, i)] * inverse[(k, i)]).sum()
     }))

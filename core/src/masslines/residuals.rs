@@ -45,7 +45,7 @@ impl Fit<'_> {
             self.regression.coefficient(self.solution, t, model);
             multiply_left(whitened.rows(), model);
         }
-        let models = &models[..basis.terms()];
+        let models = models.get(..basis.terms()).unwrap_or(&[]);
         let runs = self.runs;
         for line in band.clone() {
             let phi = basis.at(lines.frequency(line));

@@ -2,6 +2,7 @@
 
 use super::{MAX_MODES, Pole, Trace};
 use crate::algebra::{Triangle, solve_positive, triangle_len};
+use crate::cells::{Seen, cells, seen};
 use nalgebra::{Complex, SVector};
 
 /// Unknowns of the fit: a constant, one term for all modes above, and frequency, damping
@@ -163,9 +164,10 @@ impl Fit {
         let at = self.at(self.modes);
         let mut parameters = self.parameters;
         // At resonance Im D = -1 / 2ζ.
-        parameters[at] = -imaginary * 2.0 * FIRST_DAMPING;
-        parameters[at + 1] = frequency;
-        parameters[at + 2] = FIRST_DAMPING;
+        let p = &mut cells(&mut parameters);
+        p[at] = -imaginary * 2.0 * FIRST_DAMPING;
+        p[at + 1] = frequency;
+        p[at + 2] = FIRST_DAMPING;
         Self {
             modes: self.modes + 1,
             parameters,
@@ -184,9 +186,10 @@ impl Fit {
     }
 
     fn pole(&self, mode: usize) -> Pole {
+        let p = seen(&self.parameters);
         Pole {
-            frequency: self.parameters[self.at(mode) + 1],
-            damping: self.parameters[self.at(mode) + 2],
+            frequency: p[self.at(mode) + 1],
+            damping: p[self.at(mode) + 2],
         }
     }
 
@@ -199,14 +202,15 @@ impl Fit {
         let square = f * f;
         let mut value = Complex::new(p[0] + square * self.per_square * p[1], 0.0);
         for r in 0..self.modes {
-            let inverse = inverse(p[self.at(r) + 1], p[self.at(r) + 2], f, square);
-            value += times(inverse * square, self.residue(p, r, f));
+            let (at, p) = (self.at(r), seen(p));
+            let inverse = inverse(p[at + 1], p[at + 2], f, square);
+            value += times(inverse * square, self.residue(&p, r, f));
         }
         value
     }
 
     /// The residue of a mode, and its quadrature per ω/ω_r where there is one.
-    fn residue(&self, p: &Parameters, mode: usize, f: f64) -> Complex<f64> {
+    fn residue(&self, p: &Seen<'_, Parameters>, mode: usize, f: f64) -> Complex<f64> {
         let at = self.at(mode);
         let quadrature = match self.residues {
             Residues::Positive => 0.0,
@@ -221,10 +225,11 @@ impl Fit {
         d[0] = Complex::new(1.0, 0.0);
         d[1] = Complex::new(square * self.per_square, 0.0);
         let mut value = Complex::new(p[0] + d[1].re * p[1], 0.0);
+        let (p, d) = (seen(p), &mut cells(&mut d[..]));
         for r in 0..self.modes {
             let at = self.at(r);
             let (fr, z) = (p[at + 1], p[at + 2]);
-            let residue = self.residue(p, r, f);
+            let residue = self.residue(&p, r, f);
             let inverse = inverse(fr, z, f, square);
             let unit = inverse * square;
             d[at] = unit;
@@ -268,32 +273,35 @@ impl Fit {
         for _ in 0..STEPS {
             normal.clear();
             right.fill(0.0);
+            let (sums, sides) = (&mut cells(normal), &mut cells(&mut right));
             for k in 0..trace.len() {
                 let value = self.model(&self.parameters, frequency(k), &mut d);
                 let weight = trace.weight(k);
                 let residual = (trace.value(k) - value) * weight;
                 // The first two derivatives are real. Where the processor has no `f64`,
                 // a product with a zero costs as much as any other.
-                right[0] += residual.re;
-                right[1] += d[1].re * residual.re;
-                normal[(0, 0)] += weight;
-                normal[(1, 0)] += d[1].re * weight;
-                normal[(1, 1)] += d[1].re * d[1].re * weight;
+                sides[0] += residual.re;
+                sides[1] += d[1].re * residual.re;
+                sums[(0, 0)] += weight;
+                sums[(1, 0)] += d[1].re * weight;
+                sums[(1, 1)] += d[1].re * d[1].re * weight;
+                let d = seen(&d[..]);
                 for i in 2..n {
                     let weighted = d[i] * weight;
-                    right[i] += d[i].re * residual.re + d[i].im * residual.im;
-                    normal[(i, 0)] += weighted.re;
-                    normal[(i, 1)] += weighted.re * d[1].re;
+                    sides[i] += d[i].re * residual.re + d[i].im * residual.im;
+                    sums[(i, 0)] += weighted.re;
+                    sums[(i, 1)] += weighted.re * d[1].re;
                     for j in 2..=i {
-                        normal[(i, j)] += weighted.re * d[j].re + weighted.im * d[j].im;
+                        sums[(i, j)] += weighted.re * d[j].re + weighted.im * d[j].im;
                     }
                 }
             }
             let mut improved = false;
             while lambda < 1e9 {
                 damped.clone_from(normal);
+                let diagonal = &mut cells(damped);
                 for i in 0..n {
-                    damped[(i, i)] *= 1.0 + lambda;
+                    diagonal[(i, i)] *= 1.0 + lambda;
                 }
                 let mut step = right;
                 if solve_positive(damped, step.as_mut_slice(), n).is_some() {
@@ -318,13 +326,14 @@ impl Fit {
     }
 
     fn bounded(&self, p: &Parameters) -> Parameters {
-        let mut p = *p;
+        let mut bounded = *p;
+        let p = &mut cells(&mut bounded);
         for r in 0..self.modes {
             let at = self.at(r);
             p[at + 1] = p[at + 1].max(1e-3 * self.unit);
             p[at + 2] = p[at + 2].clamp(DAMPING.start, DAMPING.end);
         }
-        p
+        bounded
     }
 
     /// Whether a mode is none: outside the lines, without mass, overdamped, or a second
@@ -335,7 +344,8 @@ impl Fit {
         (0..self.modes).any(|r| {
             let pole = self.pole(r);
             let inside = pole.frequency > first && pole.frequency < last;
-            let positive = self.residues == Residues::Complex || self.parameters[self.at(r)] > 0.0;
+            let positive =
+                self.residues == Residues::Complex || seen(&self.parameters)[self.at(r)] > 0.0;
             let twin =
                 (0..r).any(|q| (self.pole(q).frequency - pole.frequency).abs() < 2.0 * spacing);
             !(inside && positive && pole.damping < DAMPING.end) || twin

@@ -105,7 +105,7 @@ impl Inertia {
         for column in 0..3 {
             let mut axis: Vector3<f64> = vectors.column(2 - column).into();
             // An axis has no sense; the largest component positive makes it unique.
-            if axis[axis.iamax()] < 0.0 {
+            if axis.get(axis.iamax()).is_some_and(|largest| *largest < 0.0) {
                 axis = -axis;
             }
             axes.set_column(column, &axis);

@@ -89,6 +89,11 @@ pub(super) const fn settling(stages: usize) -> usize {
     inputs
 }
 
+/// Coefficients of the last stage's filter, or of one before it.
+const fn half(is_last: bool) -> usize {
+    if is_last { LAST.len() } else { EARLY.len() }
+}
+
 /// Where all channels of a decimator stand: they march in step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Phase {
@@ -193,19 +198,15 @@ impl Phase {
 
     /// Coefficients of a stage's filter.
     const fn half(&self, stage: usize) -> usize {
-        if stage + 1 == self.stages {
-            LAST.len()
-        } else {
-            EARLY.len()
-        }
+        half(stage + 1 == self.stages)
     }
 
     /// Goes on to the next sample, after all channels were pushed.
     pub(super) fn advance(&mut self) {
         let next = |at: usize, last: usize| if at == last { 0 } else { at + 1 };
-        for stage in 0..self.stages {
-            let odds = self.half(stage);
-            let line = &mut self.lines[stage];
+        let last = self.stages.wrapping_sub(1);
+        for (stage, line) in self.lines.iter_mut().enumerate().take(self.stages) {
+            let odds = half(stage == last);
             line.second = !line.second;
             if line.second {
                 line.odd = next(line.odd, odds - 1);

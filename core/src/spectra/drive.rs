@@ -5,6 +5,7 @@
 //! remains, and the coherence tells how much.
 
 use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
+use crate::cells::seen;
 use crate::geometry::{RESULTANTS, ResultantMap};
 
 /// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
@@ -129,7 +130,7 @@ impl DriveAverage<'_> {
     /// [`Self::add_response`].
     pub fn add_drive(&mut self, drive: &[Complex32]) {
         let n = sums_per_line(self.channels);
-        for (sums, r) in self.sums.chunks_exact_mut(n).zip(drive) {
+        for (sums, r) in self.sums.chunks_exact_mut(n.max(1)).zip(drive) {
             if let Some(rr) = sums.first_mut() {
                 rr.add(r.re * r.re + r.im * r.im);
             }
@@ -142,7 +143,7 @@ impl DriveAverage<'_> {
         let n = sums_per_line(self.channels);
         let at = 1 + 3 * c;
         let products = drive.iter().zip(response);
-        for (sums, (r, x)) in self.sums.chunks_exact_mut(n).zip(products) {
+        for (sums, (r, x)) in self.sums.chunks_exact_mut(n.max(1)).zip(products) {
             if let Some([re, im, xx]) = sums.get_mut(at..at + 3) {
                 re.add(x.re * r.re + x.im * r.im);
                 im.add(x.im * r.re - x.re * r.im);
@@ -229,8 +230,9 @@ impl<'a> RunResponses<'a> {
         };
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
-        let noise =
-            core::array::from_fn(|c| (block_correlation * scatter[c]).max(rounding[c]) as f32);
+        let noise = core::array::from_fn(|c| {
+            (block_correlation * seen(&scatter[..])[c]).max(seen(&rounding[..])[c]) as f32
+        });
         Ok(Self {
             grid,
             responses,

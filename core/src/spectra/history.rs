@@ -4,6 +4,7 @@ use super::blocks::{BlockSettings, enough};
 use super::decimate::{Phase, settling, state_len};
 use super::fft::transform;
 use super::{Complex32, SpectraError};
+use crate::cells::seen;
 
 /// The last block's worth of samples of every channel, and the machinery to transform two
 /// of them at a time: for a chip that has no room for the lines of all channels at once.
@@ -137,7 +138,7 @@ impl Rings {
         };
         let (head, kept_in) = (self.head, if kept { rings } else { &mut [] });
         let slots = kept_in
-            .chunks_exact_mut(n)
+            .chunks_exact_mut(n.max(1))
             .filter_map(|ring| ring.get_mut(head));
         self.phase.push(states, sample, slots);
         self.phase.advance();
@@ -164,7 +165,10 @@ impl Rings {
         b: &mut [Complex32],
     ) {
         let n = self.settings.transform_length();
-        let mut rings = storage.chunks_exact(n).take(self.channels).skip(2 * pair);
+        let mut rings = storage
+            .chunks_exact(n.max(1))
+            .take(self.channels)
+            .skip(2 * pair);
         let first = rings.next().unwrap_or(&[]);
         let second = rings.next().unwrap_or(&[]);
         let Some(work) = work.get_mut(..n) else {
@@ -223,8 +227,11 @@ impl BlockSettings {
         let Some((first, rest)) = self.window().coefficients().split_first() else {
             return;
         };
-        for (i, &c) in rest.iter().enumerate() {
-            others += (z[i + 1] + z[n - i - 1]) * (sign * 0.5 * c);
+        // The lines next to the mean on its one side, and on the other side from the end.
+        let (_, lines) = z.get_mut(..n).and_then(|z| z.split_first_mut()).unzip();
+        let lines: &[Complex32] = lines.map_or(&[], |lines| lines);
+        for ((below, above), &c) in lines.iter().rev().zip(lines).zip(rest) {
+            others += (above + below) * (sign * 0.5 * c);
             sign = -sign;
         }
         if let Some(mean) = z.first_mut() {
@@ -236,16 +243,18 @@ impl BlockSettings {
     fn unpack(&self, z: &[Complex32], a: &mut [Complex32], b: &mut [Complex32]) {
         let n = self.transform_length();
         let coefficients = self.window().coefficients();
+        // A power of two, so that a mask is the remainder.
+        let (mask, z) = (n.wrapping_sub(1), seen(z));
         let windowed = |k: usize| {
             let mut sum = Complex32::new(0.0, 0.0);
             let mut sign = 1.0;
             for (i, &c) in coefficients.iter().enumerate() {
                 // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
                 if i == 0 {
-                    sum += z[k % n] * c;
+                    sum += z[k & mask] * c;
                 } else {
                     let half = sign * 0.5 * c;
-                    sum += (z[(k + i) % n] + z[(k + n - i) % n]) * half;
+                    sum += (z[(k + i) & mask] + z[(k + n - i) & mask]) * half;
                 }
                 sign = -sign;
             }

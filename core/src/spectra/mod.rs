@@ -104,7 +104,9 @@ impl LineGrid {
         let from = libm::ceil(low / self.spacing - FORGIVEN).max(0.0) as usize;
         let to = libm::floor(high / self.spacing + FORGIVEN).max(0.0) as usize;
         let start = from.max(self.first) - self.first;
-        let end = (to + 1).clamp(self.first, self.first + self.count) - self.first;
+        // Beyond the largest number a cast stops there; `clamp` panics if its ends are swapped.
+        let end = to.saturating_add(1).max(self.first) - self.first;
+        let end = end.min(self.count);
         start.min(end)..end
     }
 }

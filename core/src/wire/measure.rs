@@ -52,13 +52,16 @@ pub enum Gaps {
     /// again from the sample that is expected: a replay over a link that loses frames.
     Refuse,
     /// Missing samples are counted, the block they are missing from is rejected, and the
-    /// next block begins behind the gap: a source that has really lost them.
+    /// next block begins behind the gap: a source that has really lost them. A gap of any
+    /// length is one rejected block; one that goes on to the run's limit ends the run.
     Count,
 }
 
 /// Consecutive samples of all channels.
 ///
-/// Samples that the box already has are skipped, so that a request may be repeated.
+/// Samples that the box already has are skipped, so that a request may be repeated. The number
+/// of the first one may be any: one that is ahead is a gap, which [`Gaps`] says what to do
+/// about, also where the message holds no sample. Only a last number beyond 2⁶⁴ - 1 is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Samples<'a> {
     /// Index of the first sample; a run's first is 0.
@@ -263,8 +266,9 @@ impl Word for Line {
     fn to_bytes(self) -> Self::Bytes {
         let mut bytes = [0; Self::SIZE];
         let numbers = core::iter::once(self.drive).chain(self.responses.into_iter().flatten());
-        for (slot, number) in bytes.chunks_exact_mut(4).zip(numbers) {
-            slot.copy_from_slice(&number.to_le_bytes());
+        let (slots, _) = bytes.as_chunks_mut::<4>();
+        for (slot, number) in slots.iter_mut().zip(numbers) {
+            *slot = number.to_le_bytes();
         }
         bytes
     }

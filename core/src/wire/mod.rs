@@ -20,6 +20,10 @@
 //! 3. **Events** tell the present state, and all that matters can be read back: nothing
 //!    depends on an event's arrival. A run goes on when the host is unplugged, and
 //!    [`Request::Status`] says to one that comes back where things are.
+//!    What ends a run is on this list and nowhere else: [`Request::Stop`],
+//!    [`Request::Abort`], [`Request::Reboot`], [`Request::Provoke`] of a failure, samples up
+//!    to the limit of a run whose samples are the host's, and of itself the limit of any run
+//!    and a converter that fails. No other frame stops a run or changes its numbers.
 //! 4. **Numbers** are SI. Floating-point numbers travel as their bits. Lists and texts
 //!    have the bounds that are stated, and every message at its bounds fits a frame.
 //!

@@ -38,7 +38,9 @@ pub enum Problem {
         /// What it would have to do.
         expected: State,
     },
-    /// Still at work on an earlier request of this number.
+    /// Still at work on an earlier request of this number. That of
+    /// [`Request::Subscribe`]: samples are being sent to a recording, which the request would
+    /// disturb.
     Busy(u8),
     /// This firmware does not do that.
     Unsupported(Item),
@@ -299,6 +301,9 @@ impl Display for Problem {
             Self::NoRequestId => f.write_str("it has no id"),
             Self::State { found, expected } => {
                 write!(f, "the box is {found:?} and would have to be {expected:?}")
+            }
+            Self::Busy(number) if Request::name(*number) == Some("Subscribe") => {
+                f.write_str("the box sends its samples to a recording; end that recording first")
             }
             Self::Busy(number) => write!(
                 f,

@@ -27,7 +27,8 @@ pub enum SettingKey {
 pub enum Setting<'a> {
     /// What this box is called, at most 32 bytes.
     Name(&'a str),
-    /// Rate of the link, baud.
+    /// Rate of the link, baud. A box that hears bytes for a minute after a start, but no valid
+    /// frame, listens at the rate that it was delivered with, and so to and fro until it does.
     LinkBaud(u32),
     /// Samples per second of the box's converters.
     SampleRate(f64),

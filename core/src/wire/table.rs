@@ -108,9 +108,11 @@ messages! {
         0x04 Subscribe(Subscription);
         /// Fault counters to zero, panic text away. [`Reply::Done`]. In any state.
         0x05 ForgetFaults;
-        /// Start afresh. [`Reply::Done`] at once, then [`Event::Started`]. In any state.
+        /// Start afresh. [`Reply::Done`] at once, then [`Event::Started`]. In any state; ends a
+        /// run, of which nothing is left.
         0x06 Reboot;
-        /// For tests: fail or feign. [`Reply::Done`] at once, or unsupported. In any state.
+        /// For tests: fail or feign. [`Reply::Done`] at once, or unsupported. To fail, in any
+        /// state, which ends a run; to feign, not while running or while samples are recorded.
         0x07 Provoke(Provoke);
         /// Run the synthetic body through the box. [`Reply::Selftest`] when it is done. Not
         /// while running; forgets set-up and stored runs, and leaves the box empty.
@@ -134,10 +136,11 @@ messages! {
         /// changes nothing.
         0x20 Start(Start);
         /// Samples of the run. [`Reply::Taken`]. While running from the host. At most
-        /// [`super::Capacity::window`] of them are unanswered at a time.
+        /// [`super::Capacity::window`] of them are unanswered at a time. Those that reach the
+        /// run's limit end it.
         0x21 Samples(Samples<'a>);
         /// End the run. [`Reply::Summary`]. While running; without one, the summary of the
-        /// run that ended last.
+        /// run that ended last. The runs of a self-test are not the host's.
         0x22 Stop;
         /// Throw the run that is going on away. [`Reply::Done`]. In any state; without a run
         /// nothing happens.
@@ -160,13 +163,14 @@ messages! {
 
         /// One setting. [`Reply::Setting`]. In any state.
         0x50 ReadSetting(SettingKey);
-        /// Change one setting. [`Reply::Done`]. Not while running.
+        /// Change one setting. [`Reply::Done`]. Not while running; an input and the sample
+        /// rate not while samples are recorded, either.
         0x51 WriteSetting(Setting<'a>);
-        /// Keep the settings. [`Reply::Saved`]. Not while running or identifying: the flash stops
-        /// the core.
+        /// Keep the settings. [`Reply::Saved`]. Not while running, identifying or while samples
+        /// are recorded: the flash stops the core.
         0x52 SaveSettings;
         /// Go back to the settings the box was delivered with. [`Reply::Done`]. Not while
-        /// running; not kept until saved.
+        /// running, nor while samples are recorded; not kept until saved.
         0x53 ResetSettings;
     }
 }

@@ -3,7 +3,7 @@
 
 use massline_core::calibration::Certificate;
 use massline_core::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, Vitals,
+    Board, Identity, Instrument, Job, Memory, Notebook, Outbox, RawSample, RunStorage, Vitals,
     WorkingStorage,
 };
 use massline_core::wire::*;
@@ -11,13 +11,114 @@ use massline_core::wire::*;
 /// Inputs of the box's own converters.
 pub const INPUTS: u8 = 16;
 
+/// Settings, as a board keeps them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    pub name: String,
+    pub baud: u32,
+    pub rate: f64,
+    /// What they say of the inputs.
+    pub inputs: Vec<Certificate>,
+}
+
+impl Settings {
+    fn delivered(inputs: Vec<Certificate>) -> Self {
+        Self {
+            name: String::new(),
+            baud: 921_600,
+            rate: 512.0,
+            inputs,
+        }
+    }
+
+    pub fn get(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
+        Ok(match key {
+            SettingKey::Name => Setting::Name(&self.name),
+            SettingKey::LinkBaud => Setting::LinkBaud(self.baud),
+            SettingKey::SampleRate => Setting::SampleRate(self.rate),
+            SettingKey::Input(number) => {
+                let input = self.inputs.get(usize::from(number));
+                Setting::Input(input.ok_or(self.no_input(number))?.input(number))
+            }
+        })
+    }
+
+    pub fn set(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
+        let within = |field, found: f64, [low, high]: [f64; 2]| {
+            if (low..=high).contains(&found) {
+                return Ok(());
+            }
+            Err(Problem::Range {
+                field,
+                index: 0,
+                found: Exact(found),
+                low: Exact(low),
+                high: Exact(high),
+            })
+        };
+        match *setting {
+            Setting::Name(name) if name.len() > NAME_MAX => {
+                return Err(Problem::Capacity {
+                    item: Item::Byte,
+                    found: name.len() as u32,
+                    limit: NAME_MAX as u32,
+                });
+            }
+            Setting::Name(name) => self.name = name.to_owned(),
+            Setting::LinkBaud(baud) => {
+                within(Field::LinkBaud, baud.into(), [9_600.0, 2_000_000.0])?;
+                self.baud = baud;
+            }
+            Setting::SampleRate(rate) => {
+                within(Field::SampleRate, rate, [256.0, 32_768.0])?;
+                self.rate = rate;
+            }
+            Setting::Input(ref input) => {
+                let certificate = Certificate::new(input)?;
+                let none = self.no_input(input.input);
+                let place = self.inputs.get_mut(usize::from(input.input));
+                *place.ok_or(none)? = certificate;
+            }
+        }
+        Ok(())
+    }
+
+    fn no_input(&self, number: u8) -> Problem {
+        Problem::Index {
+            item: Item::Input,
+            found: number.into(),
+            limit: self.inputs.len() as u32,
+        }
+    }
+}
+
 /// The board.
 pub struct Hardware {
     pub ticks: u64,
     /// Rate at which the converters run.
     pub converting: Option<f64>,
-    /// What the inputs' settings say.
-    pub inputs: Vec<Certificate>,
+    pub settings: Settings,
+    /// As they were when they were kept last, and as they are delivered.
+    pub kept: Settings,
+    delivered: Settings,
+    /// Times that it was told to fail or to start afresh.
+    pub endings: u32,
+    pub rehearsals: u32,
+}
+
+impl Hardware {
+    fn new(inputs: Vec<Certificate>) -> Self {
+        let settings = Settings::delivered(inputs);
+        Self {
+            ticks: 0,
+            converting: None,
+            kept: settings.clone(),
+            delivered: settings.clone(),
+            settings,
+            endings: 0,
+            rehearsals: 0,
+        }
+    }
 }
 
 impl Board for Hardware {
@@ -36,8 +137,19 @@ impl Board for Hardware {
     }
 
     fn start_inputs(&mut self, rate: f64) -> Result<(), Problem> {
-        self.converting = Some(rate);
-        Ok(())
+        match self.converting {
+            Some(running) if running != rate => Err(Problem::Range {
+                field: Field::SampleRate,
+                index: 0,
+                found: Exact(rate),
+                low: Exact(running),
+                high: Exact(running),
+            }),
+            _ => {
+                self.converting = Some(rate);
+                Ok(())
+            }
+        }
     }
 
     fn stop_inputs(&mut self) {
@@ -45,35 +157,36 @@ impl Board for Hardware {
     }
 
     fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        match key {
-            SettingKey::Input(number) => {
-                let input = self.inputs.get(usize::from(number));
-                let input = input.ok_or(Problem::Unsupported(Item::Setting))?;
-                Ok(Setting::Input(input.input(number)))
-            }
-            SettingKey::SampleRate => Ok(Setting::SampleRate(512.0)),
-            _ => Err(Problem::Unsupported(Item::Setting)),
-        }
+        self.settings.get(key)
     }
 
-    fn write_setting(&mut self, _setting: &Setting<'_>) -> Result<(), Problem> {
-        Err(Problem::Unsupported(Item::Setting))
+    fn write_setting(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
+        self.settings.set(setting)
     }
 
     fn save_settings(&mut self) -> Result<Storage, Problem> {
+        self.kept = self.settings.clone();
         Ok(Storage::Volatile)
     }
 
-    fn reset_settings(&mut self) {}
-
-    fn unsaved(&self) -> bool {
-        false
+    fn reset_settings(&mut self) {
+        self.settings = self.delivered.clone();
     }
 
-    fn reboot(&mut self) {}
+    fn unsaved(&self) -> bool {
+        self.settings != self.kept
+    }
 
-    fn provoke(&mut self, _fault: Provoke) -> bool {
-        false
+    fn reboot(&mut self) {
+        self.endings += 1;
+    }
+
+    fn provoke(&mut self, fault: Provoke) -> bool {
+        match fault {
+            Provoke::Rehearsal => self.rehearsals += 1,
+            _ => self.endings += 1,
+        }
+        true
     }
 }
 
@@ -231,11 +344,7 @@ impl Shelf {
         };
         Bench {
             instrument: Instrument::new(memory, identity),
-            hardware: Hardware {
-                ticks: 0,
-                converting: None,
-                inputs,
-            },
+            hardware: Hardware::new(inputs),
             host: Host::default(),
             ids: RequestIds::new(),
         }
@@ -250,7 +359,7 @@ pub struct Bench<'m> {
     ids: RequestIds,
 }
 
-impl Bench<'_> {
+impl<'m> Bench<'m> {
     /// Lets the box do what it has to, jobs included.
     pub fn work(&mut self) {
         loop {
@@ -259,9 +368,14 @@ impl Bench<'_> {
                 return;
             };
             job.run();
-            self.instrument
-                .finish(job, &mut self.hardware, &mut self.host);
+            self.give_back(job);
         }
+    }
+
+    /// Gives a job back.
+    pub fn give_back(&mut self, job: Job<'m>) {
+        self.instrument
+            .finish(job, &mut self.hardware, &mut self.host);
     }
 
     /// One call of the box's idle task.
@@ -272,9 +386,14 @@ impl Bench<'_> {
     /// Sends a request and does not wait.
     pub fn send(&mut self, request: &Request<'_>) -> u16 {
         let id = self.ids.fresh();
+        self.hear(id, request);
+        id
+    }
+
+    /// Hears a request that somebody else has given this id.
+    pub fn hear(&mut self, id: u16, request: &Request<'_>) {
         self.instrument
             .request(id, request, &mut self.hardware, &mut self.host);
-        id
     }
 
     /// Sends a request, and returns the one reply that it has at once.

@@ -113,7 +113,7 @@ fn readings_are_in_si_and_good_where_nobody_says_otherwise() {
     let mut bench = shelf.switch_on();
     let preset = Preset::iepe(0.01, 0.1, 500.0);
     let input = preset.input(1, "", "", None, 0.0);
-    bench.hardware.inputs[1] = Certificate::new(&input).unwrap();
+    bench.hardware.settings.inputs[1] = Certificate::new(&input).unwrap();
     bench.done(&subscription(Stream::Readings));
     // As many as fit two messages of twelve values each, and one more.
     let fit = 840 / (4 * 12);

@@ -228,7 +228,7 @@ fn a_run_from_inputs_is_refused_where_nothing_is_wired() {
     let mut shelf = Shelf::default();
     let mut bench = shelf.switch_on();
     set_up(&mut bench);
-    bench.hardware.inputs[3] = Certificate::UNUSED;
+    bench.hardware.settings.inputs[3] = Certificate::UNUSED;
     let from_inputs = Request::Start(start(0, Source::Inputs, Gaps::Count, None));
     let missing = Problem::Missing {
         item: Item::Input,
@@ -237,4 +237,48 @@ fn a_run_from_inputs_is_refused_where_nothing_is_wired() {
     assert_eq!(bench.refused(&from_inputs), missing);
     assert_eq!(bench.status().state, State::Ready);
     assert_eq!(bench.hardware.converting, None);
+}
+
+#[test]
+fn what_samples_are_made_of_stays_while_they_are_recorded() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let stream = |samples| {
+        Request::Subscribe(Subscription {
+            samples,
+            ..Subscription::default()
+        })
+    };
+    bench.done(&stream(Stream::Readings));
+    let before = bench.hardware.settings.clone();
+    let unused = Certificate::UNUSED;
+    let input = unused.input(2);
+    let disturbing = [
+        Request::WriteSetting(Setting::Input(input)),
+        Request::WriteSetting(Setting::SampleRate(1024.0)),
+        Request::ResetSettings,
+        Request::SaveSettings,
+        Request::Provoke(Provoke::Rehearsal),
+    ];
+    let busy = Problem::Busy(stream(Stream::Off).number());
+    for request in &disturbing {
+        assert_eq!(bench.refused(request), busy, "{request:?}");
+    }
+    assert_eq!(bench.hardware.settings, before);
+    assert_eq!(bench.hardware.rehearsals, 0);
+    assert_eq!(bench.hardware.converting, Some(512.0));
+    // A name is no part of a sample.
+    bench.done(&Request::WriteSetting(Setting::Name("table 2")));
+    bench.done(&stream(Stream::Off));
+    for request in &disturbing {
+        let said = bench.ask(request);
+        assert!(!matches!(said, Said::Refused(_)), "{request:?}: {said:?}");
+    }
+    // Nor do they change while a run takes samples, wherever these come from.
+    set_up(&mut bench);
+    bench.done(&Request::Start(start(0, Source::Host, Gaps::Refuse, None)));
+    for request in &disturbing {
+        let problem = bench.refused(request);
+        assert!(matches!(problem, Problem::State { .. }), "{problem:?}");
+    }
 }

@@ -190,3 +190,109 @@ fn a_gap_that_is_counted_costs_its_block_and_shifts_no_channel() {
     // Each resultant still is the same share of the drive.
     assert_same_shares(&expected, &lines(&mut bench, 1));
 }
+
+/// An empty message of that number.
+fn nothing(first: u64) -> Request<'static> {
+    Request::Samples(Samples {
+        first,
+        channels: CHANNELS as u8,
+        values: Values::Counts(Packed::new(&[])),
+    })
+}
+
+#[test]
+fn a_message_without_samples_is_a_gap_like_any_other() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    set_up(&mut bench);
+    bench.done(&Request::Start(start(0, Source::Host, Gaps::Refuse, None)));
+    feed(&mut bench, 0, 100);
+    let taken = |next, missing| Said::Taken(Taken { next, missing });
+    // Where the run is, or behind it, there is nothing to do.
+    for first in [0, 99, 100] {
+        assert_eq!(bench.ask(&nothing(first)), taken(100, 0));
+    }
+    for ahead in [1, 1000, 1 << 60, u64::MAX - 100] {
+        let found = 100 + ahead;
+        let expected = 100;
+        let gap = Problem::Gap { found, expected };
+        assert_eq!(bench.refused(&nothing(found)), gap);
+    }
+    assert_eq!(bench.status().running.unwrap().next, 100);
+    bench.done(&Request::Abort);
+    // Where gaps are counted, one of any length is one block that is thrown away.
+    bench.done(&Request::Start(start(0, Source::Host, Gaps::Count, None)));
+    feed(&mut bench, 0, 100);
+    bench.events();
+    let far = [101, 5000, 1 << 60, u64::MAX - 1, u64::MAX];
+    for first in far {
+        assert_eq!(bench.ask(&nothing(first)), taken(first, first - 100));
+    }
+    assert_eq!(blocks(&bench.events()).len(), far.len());
+    // There is no number behind the last one.
+    let beyond = feed(&mut bench, u64::MAX, u64::MAX);
+    assert_eq!(beyond, Said::Done, "nothing was sent");
+    let one = Request::Samples(Samples {
+        first: u64::MAX,
+        channels: CHANNELS as u8,
+        values: Values::Counts(Packed::new(&[1; CHANNELS])),
+    });
+    assert!(matches!(
+        bench.refused(&one),
+        Problem::Range {
+            field: Field::Limit,
+            ..
+        }
+    ));
+    let Said::Summary(summary) = bench.ask(&Request::Stop) else {
+        panic!("no summary");
+    };
+    assert_eq!((summary.samples, summary.missing), (100, u64::MAX - 100));
+    assert_eq!(summary.rejected, far.len() as u32);
+}
+
+#[test]
+fn a_gap_beyond_the_limit_ends_the_run_and_may_be_told_again() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    set_up(&mut bench);
+    let limit = Some(3000);
+    bench.done(&Request::Start(start(0, Source::Host, Gaps::Count, limit)));
+    feed(&mut bench, 0, 2990);
+    let taken = Said::Taken(Taken {
+        next: 3000,
+        missing: 10,
+    });
+    for _ in 0..2 {
+        assert_eq!(bench.ask(&nothing(1 << 60)), taken);
+        assert_eq!(bench.status().state, State::Ready);
+    }
+    let Said::Summary(summary) = bench.ask(&Request::Stop) else {
+        panic!("no summary");
+    };
+    assert_eq!((summary.outcome, summary.samples), (Outcome::Limit, 2990));
+    // The same of a message that has samples on both sides of the limit.
+    bench.done(&Request::Start(start(1, Source::Host, Gaps::Refuse, limit)));
+    feed(&mut bench, 0, 2990);
+    let values: Vec<i32> = (2980..3010).flat_map(crate::plan::counts).collect();
+    let across = Request::Samples(Samples {
+        first: 2980,
+        channels: CHANNELS as u8,
+        values: Values::Counts(Packed::new(&values)),
+    });
+    let taken = Said::Taken(Taken {
+        next: 3000,
+        missing: 0,
+    });
+    for _ in 0..2 {
+        assert_eq!(bench.ask(&across), taken);
+    }
+    let Said::Summary(summary) = bench.ask(&Request::ReadSummary(1)) else {
+        panic!("no summary");
+    };
+    assert_eq!((summary.missing, summary.samples), (0, 3000));
+    assert!(matches!(
+        bench.refused(&nothing(3001)),
+        Problem::State { .. }
+    ));
+}

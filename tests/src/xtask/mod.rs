@@ -15,6 +15,7 @@
 //! * [`licences`]: the licences of dependencies.
 //! * [`image`]: how much of the chip the firmware takes.
 //! * [`variables`]: what of that its variables take.
+//! * [`panics`]: where it can panic, by crate, against a budget.
 //! * [`report`]: what is shown.
 
 use std::process::ExitCode;
@@ -24,6 +25,7 @@ pub mod arguments;
 pub mod image;
 pub mod licences;
 pub mod packages;
+pub mod panics;
 pub mod plan;
 pub mod process;
 pub mod qemu;

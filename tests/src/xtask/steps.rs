@@ -13,6 +13,7 @@ use crate::emulator;
 
 use super::image;
 use super::licences::{self, Allowed};
+use super::panics;
 use super::process::{self, StepError};
 use super::qemu;
 use super::report::Ending;
@@ -104,6 +105,14 @@ pub const STEPS: &[Step] = &[
         needs: &[],
         remedy: "read the assertion above; `cargo test --release NAME` runs one test alone",
         run: host_tests,
+    },
+    Step {
+        name: "checked",
+        about: "core's tests with overflow checks, a hostile host and random walks among them",
+        needs: &[],
+        remedy: "read the assertion above; `cargo test --profile checked -p massline-core NAME` \
+                 runs one test alone",
+        run: checked,
     },
     Step {
         name: "docs",
@@ -282,6 +291,12 @@ fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 
+fn checked(context: &mut Context) -> Result<Ending, StepError> {
+    let arguments = "test --profile checked -p massline-core --lib --tests --no-fail-fast";
+    let mut test = context.cargo(&context.host(), arguments);
+    Ok(Ending::Passed(counts(&process::run(&mut test)?)))
+}
+
 fn docs(context: &mut Context) -> Result<Ending, StepError> {
     let chip = context.chip()?;
     let for_chip = format!("-p {FIRMWARE} {}", chip.arguments());
@@ -318,8 +333,9 @@ fn firmware(context: &mut Context) -> Result<Ending, StepError> {
     );
     process::run(&mut context.cargo(chip, &arguments))?;
     let size = size_of(&elf, &context.root.join("memory.x"))?;
+    let places = places_of(&elf)?;
     context.elf = Some(elf);
-    Ok(Ending::Passed(size))
+    Ok(Ending::Passed(format!("{size}; {places}")))
 }
 
 fn firmware_lints(context: &mut Context) -> Result<Ending, StepError> {
@@ -358,6 +374,18 @@ fn size_of(elf: &Path, map: &Path) -> Result<String, StepError> {
     image::usage(&bytes, &image::regions(&script))
         .map(|usages| image::summary(&usages))
         .ok_or_else(|| unusable(elf, "not an ELF for the chip".to_owned()))
+}
+
+/// Where a firmware can panic, within the budget.
+fn places_of(elf: &Path) -> Result<String, StepError> {
+    let unusable = |problem: String| StepError::File {
+        path: elf.display().to_string(),
+        problem,
+    };
+    let bytes = fs::read(elf).map_err(|error| unusable(error.to_string()))?;
+    let places = panics::places(&bytes);
+    let places = places.ok_or_else(|| unusable("not an ELF for the chip".to_owned()))?;
+    panics::judge(&places, &panics::BUDGET).map_err(unusable)
 }
 
 /// The last program that cargo says it has made.

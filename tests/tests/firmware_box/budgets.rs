@@ -68,20 +68,20 @@ const PLACES: [([f64; 3], [f64; 3]); 6] = [
     ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
 ];
 
-/// Sets the box up for six runs of thirteen channels and 96 lines, bands in Hz.
-pub fn set_up(
-    talk: &mut Talk,
+/// The pieces of a set-up of six runs of thirteen channels and 96 lines, bands in Hz.
+pub fn pieces(
     accelerations: Accelerations,
     sample_rate: f64,
     averaging_band: [f64; 2],
+    mut send: impl FnMut(&Request<'_>),
 ) {
-    talk.done(&Request::BeginSetup(Plan {
+    send(&Request::BeginSetup(Plan {
         sensors: SENSORS,
         runs: RUNS,
         reference_point: [0.0; 3],
         fingerprint: 0,
     }));
-    talk.done(&Request::SetProcessing(Processing {
+    send(&Request::SetProcessing(Processing {
         sample_rate,
         block_length: 1024,
         overlap: 0.5,
@@ -99,7 +99,7 @@ pub fn set_up(
             0..6 => SensorKind::Accelerometer(Mount::Interface),
             _ => SensorKind::LoadCell(Quantity::Force),
         };
-        talk.done(&Request::SetSensor(Sensor {
+        send(&Request::SetSensor(Sensor {
             sensor,
             name: "",
             kind,
@@ -114,7 +114,7 @@ pub fn set_up(
     let mut channels: Vec<u8> = (0..SENSORS).collect();
     channels.push(Carries::Drive.code());
     for run in 0..RUNS {
-        talk.done(&Request::SetRun(Run {
+        send(&Request::SetRun(Run {
             run,
             name: "",
             excitation: Excitation::Random,
@@ -123,6 +123,18 @@ pub fn set_up(
             channels: &channels,
         }));
     }
+}
+
+/// Sets the box up with them.
+pub fn set_up(
+    talk: &mut Talk,
+    accelerations: Accelerations,
+    sample_rate: f64,
+    averaging_band: [f64; 2],
+) {
+    pieces(accelerations, sample_rate, averaging_band, |request| {
+        talk.done(request);
+    });
     let grid: Grid = talk.ask(&Request::EndSetup, |reply| match reply {
         Reply::Grid(grid) => *grid,
         other => panic!("{other:?}"),

@@ -9,9 +9,9 @@
 
 use massline_core::calibration::Preset;
 use massline_core::wire::{
-    Accelerations, Event, FaultCounters, FromBox, Gaps, Health, Outcome, Pass, Ping, Problem,
-    Provoke, Reply, Request, Samples, Setting, Source, Start, Stream, Subscription, Summary,
-    Values,
+    Accelerations, Event, FaultCounters, FromBox, Gaps, Health, Input, Outcome, Pass, Ping,
+    Problem, Provoke, Reply, Request, Samples, Setting, Source, Start, Stream, Subscription,
+    Summary, Values,
 };
 use massline_firmware::models::pattern;
 
@@ -19,14 +19,17 @@ use crate::budgets::set_up;
 use crate::talk::Talk;
 
 /// Samples per second of the emulator's timer, whose second has 16 million ticks.
-const RATE: f64 = 256.0;
+pub const RATE: f64 = 256.0;
+/// Inputs that are wired, as many as the run has channels.
+pub const INPUTS: u8 = 13;
 /// Samples of the run: ten blocks, and what fills the filters.
 const SAMPLES: u64 = 6000;
 /// Pings on their way at once: as many as the queue from the host can hold, so that all that is
 /// between bytes that never end is the box itself.
 const FLOOD: usize = 100;
 
-fn boot() -> Talk {
+/// Boots a box in which an instruction takes a nanosecond.
+pub fn boot() -> Talk {
     Talk::boot_with(&["-icount", "shift=0,sleep=off"])
 }
 
@@ -64,12 +67,16 @@ fn faults(talk: &mut Talk) -> FaultCounters {
     talk.hello(|info| info.faults)
 }
 
-/// Wires thirteen inputs, as many as the run has channels.
-fn wire(talk: &mut Talk) {
-    talk.done(&Request::WriteSetting(Setting::SampleRate(RATE)));
+/// What is wired to the inputs.
+pub fn inputs() -> impl Iterator<Item = Input<'static>> {
     let preset = Preset::bridge(500.0, 2e-3, 3.3);
-    for input in 0..13 {
-        let input = preset.input(input, "LC", "K", None, 1e-3);
+    (0..INPUTS).map(move |input| preset.input(input, "LC", "K", None, 1e-3))
+}
+
+/// Wires the inputs.
+pub fn wire(talk: &mut Talk) {
+    talk.done(&Request::WriteSetting(Setting::SampleRate(RATE)));
+    for input in inputs() {
         talk.done(&Request::WriteSetting(Setting::Input(input)));
     }
 }

@@ -67,7 +67,7 @@ impl<'m> StandIn<'m> {
             weighting: self.weighting,
             minimum_weight: setup.estimation.minimum_weight,
         }));
-        let is_wired = !self.bench.hardware.inputs.is_empty();
+        let is_wired = !self.bench.hardware.settings.inputs.is_empty();
         for mut sensor in sensor_pieces(setup) {
             if is_wired {
                 sensor.scale = Scale::Stored;

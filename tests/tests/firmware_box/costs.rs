@@ -1,0 +1,269 @@
+//! What a request may cost: the costliest ones, each between two pings.
+//!
+//! An instruction is a tick. Between the answers of the pings lie the request's work, the bytes of
+//! it and of the second ping, at some 700 instructions each, and what the emulator waits for its
+//! host. A long request goes before the pings, so that they have come when it is done; and of
+//! several times the shortest counts. So what is found is no less than the cost.
+
+use std::fmt::Write as _;
+
+use massline_core::wire::{
+    Accelerations, Carries, Count24, Event, Excitation, FromBox, Gaps, Mount, Packed, Pass, Ping,
+    Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, Scale, Sensor, SensorKind,
+    Source, Start, Values, Weighting, Window,
+};
+use massline_tests::readme;
+
+use crate::talk::Talk;
+
+/// No request costs more instructions than these: 155 ms at 168 MHz, by 1.3 cycles each.
+const BUDGET: u64 = 20_000_000;
+/// What costs are told in.
+const STEPS: [u64; 8] = [
+    200_000, 500_000, 1_000_000, 2_000_000, 3_000_000, 5_000_000, 10_000_000, BUDGET,
+];
+/// Times that each is measured.
+const TIMES: usize = 3;
+/// As many sensors as there are channels, but for the drive.
+const SENSORS: u8 = 47;
+/// The most runs.
+const RUNS: u8 = 6;
+
+/// A set-up that takes the most checking, or one whose samples make the most blocks.
+struct Setup {
+    sensors: u8,
+    runs: u8,
+    block_length: u32,
+    overlap: f64,
+    kept_band: [f64; 2],
+    averaging_band: [f64; 2],
+}
+
+/// The largest set-up.
+const LARGEST: Setup = Setup {
+    sensors: SENSORS,
+    runs: RUNS,
+    block_length: 1024,
+    overlap: 0.5,
+    kept_band: [0.5, 50.0],
+    averaging_band: [1.0, 20.0],
+};
+
+/// An accelerometer, a load cell and the drive, and blocks that overlap as far as they may.
+const fn dense(block_length: u32, kept_band: [f64; 2]) -> Setup {
+    Setup {
+        sensors: 2,
+        runs: 1,
+        block_length,
+        overlap: 0.95,
+        kept_band,
+        averaging_band: kept_band,
+    }
+}
+
+fn send_pieces(talk: &mut Talk, setup: &Setup) {
+    talk.done(&Request::BeginSetup(Plan {
+        sensors: setup.sensors,
+        runs: setup.runs,
+        reference_point: [0.0; 3],
+        fingerprint: 0,
+    }));
+    talk.done(&Request::SetProcessing(Processing {
+        sample_rate: 512.0,
+        block_length: setup.block_length,
+        overlap: setup.overlap,
+        window: Window::Hann,
+        kept_band: setup.kept_band,
+        averaging_band: setup.averaging_band,
+        mode_band: None,
+        accelerations: Accelerations::All,
+        weighting: Weighting::Given,
+        minimum_weight: 1.0,
+    }));
+    for sensor in 0..setup.sensors {
+        let kind = match sensor % 2 {
+            0 => SensorKind::Accelerometer(Mount::Structure),
+            _ => SensorKind::LoadCell(Quantity::Force),
+        };
+        let place = f64::from(sensor / 2);
+        talk.done(&Request::SetSensor(Sensor {
+            sensor,
+            name: "",
+            kind,
+            position: [0.1 * place, 0.3 - 0.05 * place, 0.01 * place * place],
+            direction: [1.0, place - 3.0, 5.0 - place],
+            scale: Scale::Given {
+                per_unit: 1.0,
+                offset: 0.0,
+            },
+        }));
+    }
+    for number in 0..setup.runs.min(RUNS - 1) {
+        talk.done(&Request::SetRun(run(number, &channels(setup))));
+    }
+}
+
+fn channels(setup: &Setup) -> Vec<u8> {
+    (0..setup.sensors).chain([Carries::Drive.code()]).collect()
+}
+
+fn run(number: u8, channels: &[u8]) -> Run<'_> {
+    Run {
+        run: number,
+        name: "",
+        excitation: Excitation::Random,
+        rotation: [10.0 * f64::from(number), 5.0, 1.0],
+        translation: [0.0, 0.1 * f64::from(number), 0.0],
+        channels,
+    }
+}
+
+fn start(source: Source, limit: Option<u64>) -> Request<'static> {
+    Request::Start(Start {
+        run: 0,
+        pass: Pass::Measure,
+        source,
+        gaps: Gaps::Count,
+        limit,
+    })
+}
+
+/// Sends a request between two pings, behind the others, and gives the instructions from the one
+/// ping to the other. The request must not be refused.
+fn cost(talk: &mut Talk, before: &[&Request<'_>], request: &Request<'_>) -> u64 {
+    let mut bytes = Vec::new();
+    for one in before {
+        bytes.extend(talk.frame(one).1);
+    }
+    let ping = |stamp| Request::Ping(Ping { stamp });
+    let ids = [&ping(0), request, &ping(1)].map(|one| {
+        let (id, frame) = talk.frame(one);
+        bytes.extend(frame);
+        id
+    });
+    talk.send(&bytes);
+    let mut begun = 0;
+    talk.wait(|id, message| match message {
+        FromBox::Reply(Reply::Pong(pong)) if id == ids[0] => {
+            begun = pong.ticks;
+            None
+        }
+        FromBox::Reply(Reply::Pong(pong)) if id == ids[2] => Some(pong.ticks - begun),
+        FromBox::Reply(Reply::Error(refused)) if id == ids[1] => {
+            panic!("{request:?}: {refused:?}")
+        }
+        _ => None,
+    })
+}
+
+/// The costliest requests, with their words.
+fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
+    let mut found: Vec<(&'static str, u64)> = Vec::new();
+    let mut note = |what: &'static str, cost: u64| match found.iter_mut().find(|f| f.0 == what) {
+        Some((_, least)) => *least = cost.min(*least),
+        None => found.push((what, cost)),
+    };
+    for _ in 0..TIMES {
+        // Without the last run: asked for the end of the set-up, the box checks all others.
+        let channels = channels(&LARGEST);
+        let last = Request::SetRun(run(RUNS - 1, &channels));
+        let begin = start(Source::Synthetic, Some(2400));
+        let end = &Request::EndSetup;
+        send_pieces(talk, &LARGEST);
+        note("SetRun of 48 channels", cost(talk, &[end], &last));
+        send_pieces(talk, &LARGEST);
+        note(
+            "EndSetup of 47 sensors and 6 runs",
+            cost(talk, &[end, &last], end),
+        );
+        send_pieces(talk, &LARGEST);
+        let begun = cost(talk, &[end, &last, end], &begin);
+        note("Start of a synthetic run", begun);
+        talk.event(|event| matches!(event, Event::RunEnded(_)).then_some(()));
+        let read = Request::ReadLines(ReadLines {
+            run: 0,
+            first: 0,
+            count: u16::MAX,
+        });
+        note("ReadLines, as many as fit", cost(talk, &[], &read));
+        talk.done(&start(Source::Synthetic, None));
+        let mut blocks = 0;
+        talk.event(|event| {
+            blocks += u32::from(matches!(event, Event::Block(_)));
+            (blocks == 3).then_some(())
+        });
+        note(
+            "Stop of a run of 100 lines",
+            cost(talk, &[], &Request::Stop),
+        );
+        let begun = cost(talk, &[], &Request::Selftest);
+        note("Selftest, to its beginning", begun);
+        talk.wait(|_, message| matches!(message, FromBox::Reply(Reply::Selftest(_))).then_some(()));
+        for (what, setup) in [
+            (
+                "Samples, 109 of three channels, blocks of 256",
+                dense(256, [2.0, 200.0]),
+            ),
+            (
+                "Samples, 109 of three channels, blocks of 64",
+                dense(64, [8.0, 224.0]),
+            ),
+        ] {
+            send_pieces(talk, &setup);
+            talk.ask(&Request::EndSetup, |reply| {
+                assert!(matches!(reply, Reply::Grid(_)), "{reply:?}");
+            });
+            talk.done(&start(Source::Host, None));
+            let together = Samples::fit(3, 3);
+            let mut number = 0_i32;
+            let values: Vec<Count24> = (0..5 * 3 * together as i32)
+                .map(|k| {
+                    number = number.wrapping_mul(1_103_515_245).wrapping_add(12_345 + k);
+                    Count24::nearest(number >> 8)
+                })
+                .collect();
+            let message = |n: usize| {
+                Request::Samples(Samples {
+                    first: (n * together) as u64,
+                    channels: 3,
+                    values: Values::Counts24(Packed::new(
+                        &values[3 * n * together..3 * (n + 1) * together],
+                    )),
+                })
+            };
+            // Blocks come once the first one is full.
+            for n in 0..3 {
+                talk.ask(&message(n), |reply| {
+                    assert!(matches!(reply, Reply::Taken(_)))
+                });
+            }
+            note(what, cost(talk, &[&message(3)], &message(4)));
+            let far = Request::Samples(Samples {
+                first: 1 << 60,
+                channels: 3,
+                values: Values::Counts24(Packed::new(&[])),
+            });
+            note("Samples, none, behind a gap of 2^60", cost(talk, &[], &far));
+            talk.done(&Request::Abort);
+        }
+    }
+    found
+}
+
+#[test]
+#[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
+fn no_request_costs_more_than_its_budget() {
+    let mut talk = Talk::boot_with(&["-icount", "shift=0"]);
+    let found = measure(&mut talk);
+    let mut text = String::from("| request | instructions, at most |\n| --- | ---: |\n");
+    for (what, cost) in &found {
+        println!("{what} {cost}");
+        // Bytes and interrupts fall differently in every run.
+        let step = STEPS.into_iter().find(|step| cost <= step);
+        let _ = writeln!(text, "| {what} | {} |", step.unwrap_or(u64::MAX));
+    }
+    for (what, cost) in &found {
+        assert!(*cost <= BUDGET, "{what}: {cost}");
+    }
+    readme::compare("requests", &text).unwrap_or_else(|error| panic!("{error}"));
+}
