@@ -1,4 +1,5 @@
-//! Memory does not grow with the length of a recording.
+//! Memory does not grow with the length of a recording, nor beyond what the limits of a row and of
+//! a set-up take.
 //!
 //! The system keeps the most memory that a process ever had resident; it is read until the
 //! process is gone.
@@ -7,19 +8,23 @@
 mod bench;
 
 use bench::{Bench, RECORDINGS, command};
-use std::process::Stdio;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use massline::limits;
+use std::io::{Read, Write};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Most memory that `identify` has resident, bytes.
-fn peak(bench: &Bench) -> u64 {
-    let mut child = command(
-        bench.path(),
-        ["identify", "setup.toml", "--report", "report.html"],
-    )
-    .stdout(Stdio::null())
-    .stderr(Stdio::null())
-    .spawn()
-    .unwrap();
+/// Most memory that a command has resident, bytes; whether it succeeds, and what it says.
+fn watched(mut command: Command) -> (u64, bool, String) {
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut stderr = child.stderr.take().unwrap();
+    let said = std::thread::spawn(move || {
+        let mut text = String::new();
+        stderr.read_to_string(&mut text).unwrap();
+        text
+    });
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0;
     loop {
@@ -32,12 +37,19 @@ fn peak(bench: &Bench) -> u64 {
             peak = peak.max(1024 * kilobytes);
         }
         if let Some(status) = child.try_wait().unwrap() {
-            assert!(status.success());
             assert!(peak > 0, "the process was gone before it was looked at");
-            return peak;
+            return (peak, status.success(), said.join().unwrap());
         }
         std::thread::sleep(Duration::from_micros(200));
     }
+}
+
+/// Most memory that `identify` has resident, bytes.
+fn peak(bench: &Bench) -> u64 {
+    let identify = ["identify", "setup.toml", "--report", "report.html"];
+    let (peak, success, said) = watched(command(bench.path(), identify));
+    assert!(success, "{said}");
+    peak
 }
 
 /// One run of the fork, its rows written `times` over.
@@ -71,4 +83,118 @@ fn ten_times_the_recording_takes_the_same_memory() {
     // a tenth of the added readings would be 2.1 MB.
     let bound = readings / 10;
     assert!(long < short + bound, "{short} bytes grew to {long}");
+}
+
+/// So much text, 64 MiB, by repeating some.
+fn much(of: &str) -> String {
+    of.repeat((64 << 20) / of.len())
+}
+
+fn gzip(parts: &[&str]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    for part in parts {
+        encoder.write_all(part.as_bytes()).unwrap();
+    }
+    encoder.finish().unwrap()
+}
+
+/// Memory of a row at its limit: its text in a buffer that doubles, the old one beside the new,
+/// and in the same way a number of eight bytes for the end of each field, of which the shortest
+/// has no byte but its comma. Twice and once again for each.
+const ROW: u64 = 3 * (1 + 8) * limits::ROW;
+
+#[test]
+fn a_row_without_end_is_not_read_to_its_end() {
+    let plain = peak(&Bench::fork());
+    let fork = Bench::fork();
+    let text = std::fs::read_to_string(fork.file(RECORDINGS[0])).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let header = format!("{header}\n");
+    let readings = much("0.25,");
+    let start: String = rows.lines().take(3).flat_map(|row| [row, "\n"]).collect();
+    for (what, parts) in [
+        ("a header", &[&*much("column,")][..]),
+        ("a header of commas", &[&*much(",")]),
+        ("a header in quotes", &["\"", &*much("a\n")]),
+        ("a row", &[&*header, &start, &readings]),
+        ("a comment", &[&*header, &start, "#", &readings]),
+        ("empty lines", &[&*header, &start, &much("\n")]),
+    ] {
+        let zipped = gzip(parts);
+        assert!(zipped.len() < 1 << 20, "{what}");
+        let bench = Bench::fork()
+            .setup(RECORDINGS[0], "x.csv.gz")
+            .write("x.csv.gz", zipped);
+        let (peak, success, said) = watched(command(bench.path(), ["identify", "setup.toml"]));
+        println!(
+            "{what}: {peak} resident, {plain} for a good one; {}",
+            said.trim_end()
+        );
+        assert!(
+            !success && said.contains("a row of more than 4 MiB"),
+            "{said}"
+        );
+        assert!(peak < plain + ROW, "{what}: {peak}");
+    }
+}
+
+#[test]
+fn a_document_without_end_is_not_read_to_its_end() {
+    let plain = peak(&Bench::fork());
+    // What a parser makes of a byte of text: a value takes two, and some hundred bytes in memory.
+    let document = 160 * limits::DOCUMENT;
+    let most = limits::DOCUMENT as usize;
+    let fill = |of: &str| of.repeat(most / of.len());
+    let good = Bench::fork();
+    let recording = good.file(RECORDINGS[0]);
+    for (what, text, words) in [
+        (
+            "many sensors",
+            fill("[[accelerometer]]\n"),
+            "at most 64 can be used",
+        ),
+        ("many runs", fill("[[run]]\n"), "at most 1000 can be used"),
+        (
+            "many values",
+            format!("a=[{}", &fill("1,")[4..]),
+            "not TOML",
+        ),
+        (
+            "more than fits",
+            fill("# text\n") + "# text\n# text\n",
+            "longer than 1 MiB",
+        ),
+    ] {
+        let bench = Bench::fork().write("setup.toml", text);
+        let (peak, success, said) = watched(command(bench.path(), ["identify", "setup.toml"]));
+        println!(
+            "{what}: {peak} resident, {plain} for a good one; {}",
+            said.trim_end()
+        );
+        assert!(!success && said.contains(words), "{what}: {said}");
+        assert!(peak < plain + document, "{what}: {peak}");
+    }
+    for (arguments, words) in [
+        (&["identify", "/dev/zero"][..], "longer than 1 MiB"),
+        (
+            &["simulate", "model.toml", "--out", "o"],
+            "longer than 1 MiB",
+        ),
+        (
+            &["board", "settings", "--host", "--inputs", "/dev/zero"],
+            "longer than 1 MiB",
+        ),
+        (
+            &["identify", "setup.toml", "--truth", "/dev/zero"],
+            "longer than 1 MiB",
+        ),
+    ] {
+        let bench = Bench::fork();
+        std::os::unix::fs::symlink("/dev/zero", bench.file("model.toml")).unwrap();
+        let (peak, success, said) = watched(command(bench.path(), arguments));
+        println!("{arguments:?}: {peak} resident; {}", said.trim_end());
+        assert!(!success && said.contains(words), "{arguments:?}: {said}");
+        assert!(peak < plain + document, "{arguments:?}: {peak}");
+    }
+    assert!(recording.exists());
 }

@@ -2,6 +2,7 @@
 
 use crate::device::ClientError;
 use crate::output::OutputError;
+use crate::limits;
 use std::path::PathBuf;
 
 /// Why samples do not come, or do not get into a file.
@@ -20,13 +21,49 @@ pub enum AcquireError {
         /// The one before it.
         last: u64,
     },
-    /// More missing samples than anybody wants rows for.
+    /// More missing samples than a recording bridges.
     #[error(
-        "{missing} samples are missing at once, a minute or more: the link was interrupted; start again"
+        "{missing} samples are missing at once, {seconds:.3e} s of them, where a recording bridges at most {} s: the link was interrupted, or the box is faulty; start again",
+        limits::LONGEST_GAP
     )]
     Gap {
         /// How many.
         missing: u64,
+        /// By the rate that the converters are set to, s.
+        seconds: f64,
+    },
+    /// A number beyond all that can be counted.
+    #[error(
+        "the box numbers a sample {found}, beyond the last number there is ({}): it is faulty; start it again by `massline board restart`",
+        limits::LAST_SAMPLE
+    )]
+    Number {
+        /// The number.
+        found: u64,
+    },
+    /// Samples that cannot have been taken yet.
+    #[error(
+        "the box says to have taken {samples} samples, {nominal:.3e} s at its rate of {rate} Hz, in {seconds:.1} s: its rate is another one than its settings say, or it is faulty; look at `massline board settings`, and start it again"
+    )]
+    Lead {
+        /// Samples since the first one that came.
+        samples: u64,
+        /// How long they take at the rate, s.
+        nominal: f64,
+        /// Of the settings, Hz.
+        rate: f64,
+        /// Time since the first one came, s.
+        seconds: f64,
+    },
+    /// Samples that come too slowly.
+    #[error(
+        "{wanted} s were asked for, and after {seconds:.0} s they have not come: the converters sample more slowly than their settings say, or the link loses most of it; look at `massline board settings` and `massline board info`"
+    )]
+    Overtime {
+        /// What was asked for, s of samples.
+        wanted: f64,
+        /// Time since the first samples came, s.
+        seconds: f64,
     },
     /// Samples without the input.
     #[error(

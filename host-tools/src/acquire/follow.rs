@@ -1,7 +1,9 @@
 //! The conversation while samples come.
 
 use super::AcquireError;
+use super::pace::Pace;
 use crate::device::{Client, ClientError, Port};
+use crate::limits;
 use massline_core::wire::{
     Event, Fault, Reply, Request, Setting, SettingKey, Stream, Subscription,
 };
@@ -11,8 +13,6 @@ use std::time::{Duration, Instant};
 
 /// How often it is looked whether all is well.
 const LOOK: Duration = Duration::from_millis(100);
-/// How long no sample may come. At the lowest rate a message takes a tenth of a second.
-const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Who takes what comes.
 pub(super) trait Taker {
@@ -26,10 +26,19 @@ pub(super) trait Taker {
     fn is_done(&self) -> bool;
 }
 
+/// What is followed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Course {
+    /// The rate that the converters are set to, Hz.
+    pub(super) rate: f64,
+    /// The length that is wanted, s of samples; `None`: until it is ended.
+    pub(super) seconds: Option<f64>,
+}
+
 /// What has become of it.
-#[derive(Default)]
 struct Fate {
     problem: Option<AcquireError>,
+    pace: Pace,
     /// Whether samples have come since somebody looked.
     came: bool,
 }
@@ -47,10 +56,15 @@ pub(crate) fn sample_rate<P: Port>(client: &mut Client<'_, P>) -> Result<f64, Cl
 /// or something goes wrong.
 pub(super) fn follow<'c, P: Port, T: Taker + 'c>(
     client: &mut Client<'c, P>,
+    course: Course,
     taker: &Rc<RefCell<T>>,
     watch: &mut dyn FnMut(&mut T) -> bool,
 ) -> Result<(), AcquireError> {
-    let fate = Rc::new(RefCell::new(Fate::default()));
+    let fate = Rc::new(RefCell::new(Fate {
+        problem: None,
+        pace: Pace::new(course.rate),
+        came: false,
+    }));
     let (theirs, told) = (Rc::clone(taker), Rc::clone(&fate));
     client.on_event(move |event, seconds| {
         let (mut taker, mut fate) = (theirs.borrow_mut(), told.borrow_mut());
@@ -60,12 +74,13 @@ pub(super) fn follow<'c, P: Port, T: Taker + 'c>(
         if let Event::Fault(fault) = event {
             taker.fault(fault);
         }
-        match taker.take(event, seconds) {
+        let taken = fate.pace.take(event, seconds);
+        match taken.and_then(|()| taker.take(event, seconds)) {
             Ok(came) => fate.came |= came,
             Err(problem) => fate.problem = Some(problem),
         }
     });
-    let mut result = attend(client, taker, &fate, watch);
+    let mut result = attend(client, course, taker, &fate, watch);
     // The last samples come with its answer. A box that is gone cannot be told.
     let gone = matches!(result, Err(AcquireError::Client(_) | AcquireError::Reset));
     if !gone && let Err(error) = client.tell(&Request::Subscribe(Subscription::default())) {
@@ -78,6 +93,7 @@ pub(super) fn follow<'c, P: Port, T: Taker + 'c>(
 
 fn attend<P: Port, T: Taker>(
     client: &mut Client<'_, P>,
+    course: Course,
     taker: &RefCell<T>,
     fate: &RefCell<Fate>,
     watch: &mut dyn FnMut(&mut T) -> bool,
@@ -101,7 +117,8 @@ fn attend<P: Port, T: Taker>(
         if std::mem::take(&mut fate.came) {
             last = Instant::now();
         }
-        if last.elapsed() > PATIENCE {
+        fate.pace.check(course.seconds)?;
+        if last.elapsed() > limits::SILENCE {
             let seconds = last.elapsed().as_secs_f64();
             return Err(AcquireError::Silence { seconds });
         }

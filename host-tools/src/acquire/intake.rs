@@ -2,11 +2,9 @@
 
 use super::AcquireError;
 use crate::inputs::InputEntry;
+use crate::limits;
 use massline_core::calibration::Channel;
 use massline_core::wire::{Event, Health, Packed, Samples, Values};
-
-/// Longest gap that is filled with rows, s.
-const LONGEST_GAP: f64 = 60.0;
 
 /// Samples at the beginning that may be left out because converters still settle.
 const LEAD: u64 = 16;
@@ -35,7 +33,8 @@ impl Row<'_> {
 #[derive(Clone, Debug)]
 pub struct Intake {
     inputs: Vec<(InputEntry, Channel)>,
-    longest: u64,
+    /// Hz.
+    rate: f64,
     /// Number of the sample that is expected next.
     next: Option<u64>,
     /// Samples that were left out at the beginning, which is over once there was a row.
@@ -51,7 +50,7 @@ impl Intake {
         let channel = |entry: &InputEntry| entry.certificate.channel(sample_rate as f32);
         Self {
             inputs: inputs.iter().map(|e| (e.clone(), channel(e))).collect(),
-            longest: (LONGEST_GAP * sample_rate) as u64,
+            rate: sample_rate,
             next: None,
             led: Some(0),
             si: vec![0.0; inputs.len()],
@@ -63,7 +62,8 @@ impl Intake {
     /// included. The number of the last one, if it brings any.
     ///
     /// # Errors
-    /// [`AcquireError::Restarted`], [`AcquireError::Gap`], [`AcquireError::Inputs`].
+    /// [`AcquireError::Restarted`], [`AcquireError::Gap`], [`AcquireError::Number`],
+    /// [`AcquireError::Inputs`].
     pub fn take(
         &mut self,
         event: &Event<'_>,
@@ -83,6 +83,11 @@ impl Intake {
                 input: entry.number(),
             });
         }
+        let end = samples.first.checked_add(count);
+        let end = end.filter(|&end| end <= limits::LAST_SAMPLE);
+        let end = end.ok_or(AcquireError::Number {
+            found: samples.first,
+        })?;
         let expected = self.next.unwrap_or(samples.first);
         let missing = samples
             .first
@@ -91,8 +96,10 @@ impl Intake {
                 found: samples.first,
                 last: expected.saturating_sub(1),
             })?;
-        if missing > self.longest {
-            return Err(AcquireError::Gap { missing });
+        let seconds = missing as f64 / self.rate;
+        // What is no number is too much as well.
+        if !(seconds <= limits::LONGEST_GAP) {
+            return Err(AcquireError::Gap { missing, seconds });
         }
         for number in expected..samples.first {
             for (k, (_, channel)) in self.inputs.iter_mut().enumerate() {
@@ -113,7 +120,6 @@ impl Intake {
             }
             self.show(samples.first + at, take);
         }
-        let end = samples.first + count;
         self.next = Some(end);
         Ok(end.checked_sub(1).filter(|_| count > 0))
     }
@@ -145,5 +151,59 @@ fn read(samples: &Samples<'_>, at: usize, channel: &mut Channel, known: Health) 
         Values::Counts(list) => list.get(at).map_or(missing, |x| channel.count(x, known)),
         // SI already.
         Values::Readings(list) => list.get(at).map_or(missing, |x| (x, known)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::calibration::Certificate;
+
+    fn intake() -> Intake {
+        let entry = InputEntry {
+            input: 0,
+            channel: None,
+            certificate: Certificate::UNUSED,
+        };
+        Intake::new(&[entry], 512.0)
+    }
+
+    fn take(intake: &mut Intake, first: u64) -> Result<Option<u64>, AcquireError> {
+        let samples = Samples {
+            first,
+            channels: 1,
+            values: Values::Counts(Packed::new(&[1, 2, 3, 4, 5])),
+        };
+        intake.take(&Event::Recorded(samples), &mut |_| ())
+    }
+
+    #[test]
+    fn numbers_have_an_end() {
+        for first in [
+            u64::MAX,
+            u64::MAX - 4,
+            u64::MAX - 5,
+            limits::LAST_SAMPLE - 4,
+        ] {
+            let error = take(&mut intake(), first).unwrap_err();
+            let AcquireError::Number { found } = error else {
+                panic!("{error}");
+            };
+            assert_eq!(found, first);
+        }
+        let last = take(&mut intake(), limits::LAST_SAMPLE - 5).unwrap();
+        assert_eq!(last, Some(limits::LAST_SAMPLE - 1));
+    }
+
+    #[test]
+    fn a_gap_is_bridged_up_to_a_minute() {
+        let mut begun = intake();
+        take(&mut begun, 0).unwrap();
+        let minute = 60 * 512;
+        let error = take(&mut begun.clone(), 5 + minute + 1).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("30721 samples are missing at once"), "{text}");
+        assert!(text.contains("at most 60 s"), "{text}");
+        assert!(take(&mut begun, 5 + minute).is_ok());
     }
 }

@@ -5,6 +5,7 @@
 //! | `intake` | messages to rows: gaps filled, counts to SI, what the counts tell of the sensors |
 //! | `level` | mean, RMS and peak of each channel |
 //! | `follow` | the conversation while samples come |
+//! | `pace` | whether they come as fast as the box's rate says |
 //! | `record` | rows to a recording that `identify` reads |
 //! | `file` | that recording while it grows |
 //! | `monitor` | levels some times a second |
@@ -28,6 +29,7 @@ mod follow;
 mod intake;
 mod level;
 mod monitor;
+mod pace;
 mod record;
 #[cfg(test)]
 mod tests;

@@ -1,9 +1,10 @@
 //! Levels some times a second.
 
-use super::follow::{Taker, follow, sample_rate};
+use super::follow::{Course, Taker, follow, sample_rate};
 use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port};
 use crate::inputs::InputEntry;
+use crate::limits;
 use massline_core::wire::{Event, Fault};
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -62,7 +63,10 @@ impl Taker for Monitor {
     }
 
     fn fault(&mut self, fault: &Fault) {
-        self.box_faults.push(*fault);
+        // They are shown some times a second; nobody reads more of them in that time.
+        if self.box_faults.len() < limits::LISTED_FAULTS {
+            self.box_faults.push(*fault);
+        }
     }
 
     fn is_done(&self) -> bool {
@@ -85,7 +89,12 @@ pub fn monitor<P: Port>(
     let rate = sample_rate(client)?;
     let every = ((every * rate).round() as u64).max(1);
     // Whole snapshots, one at the least.
-    let whole = |seconds: f64| ((seconds * rate).round() as u64).max(1).div_ceil(every) * every;
+    let whole = |seconds: f64| {
+        ((seconds * rate).round() as u64)
+            .max(1)
+            .div_ceil(every)
+            .saturating_mul(every)
+    };
     let monitor = Monitor {
         intake: Intake::new(inputs, rate),
         rate,
@@ -104,7 +113,7 @@ pub fn monitor<P: Port>(
         !stopped
     };
     let monitor = Rc::new(RefCell::new(monitor));
-    let result = follow(client, &monitor, &mut tell);
+    let result = follow(client, Course { rate, seconds }, &monitor, &mut tell);
     tell(&mut monitor.borrow_mut());
     result
 }

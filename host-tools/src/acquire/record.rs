@@ -1,11 +1,12 @@
 //! Rows to a recording that `identify` reads.
 
 use super::file::Growing;
-use super::follow::{Taker, follow, sample_rate};
+use super::follow::{Course, Taker, follow, sample_rate};
 use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port, SampleRate};
 use crate::inputs::{InputEntry, day};
 use crate::output::part_of;
+use crate::limits;
 use crate::recording::{Preamble, Traceability, TrueRate};
 use massline_core::wire::{Event, Fault, Health};
 use std::cell::RefCell;
@@ -74,8 +75,10 @@ pub struct Recorded {
     pub nominal: f64,
     /// The true one; `None` if it was too short to tell.
     pub sample_rate: Option<TrueRate>,
-    /// Faults of the box itself.
+    /// Faults of the box itself, at most [`limits::LISTED_FAULTS`].
     pub box_faults: Vec<Fault>,
+    /// Further ones.
+    pub more_box_faults: u64,
     /// Frames of the box that were lost meanwhile.
     pub lost: u64,
     /// Why it ended.
@@ -99,6 +102,7 @@ struct Recorder {
     by_fault: [u64; Health::KINDS],
     by_channel: Vec<(u64, Health)>,
     box_faults: Vec<Fault>,
+    more_box_faults: u64,
 }
 
 impl Taker for Recorder {
@@ -148,7 +152,11 @@ impl Taker for Recorder {
     }
 
     fn fault(&mut self, fault: &Fault) {
-        self.box_faults.push(*fault);
+        if self.box_faults.len() < limits::LISTED_FAULTS {
+            self.box_faults.push(*fault);
+        } else {
+            self.more_box_faults += 1;
+        }
     }
 
     fn is_done(&self) -> bool {
@@ -189,11 +197,16 @@ pub fn record<P: Port>(
         by_fault: [0; Health::KINDS],
         by_channel: vec![(0, Health::GOOD); channels.len()],
         box_faults: Vec::new(),
+        more_box_faults: 0,
     };
     let lost = client.link().received.lost;
     let recorder = Rc::new(RefCell::new(recorder));
+    let course = Course {
+        rate,
+        seconds: order.seconds,
+    };
     let mut unwritten = None;
-    let result = follow(client, &recorder, &mut |recorder| {
+    let result = follow(client, course, &recorder, &mut |recorder| {
         if let Err(error) = recorder.growing.flush() {
             unwritten = Some(error);
             return false;
@@ -236,6 +249,7 @@ pub fn record<P: Port>(
         by_fault: recorder.by_fault,
         by_channel: std::mem::take(&mut recorder.by_channel),
         box_faults: std::mem::take(&mut recorder.box_faults),
+        more_box_faults: recorder.more_box_faults,
         nominal: rate,
         sample_rate,
         lost: client.link().received.lost - lost,

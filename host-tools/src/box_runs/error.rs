@@ -88,6 +88,16 @@ pub enum BoxRunError {
         /// For how long.
         seconds: f64,
     },
+    /// Samples that come too slowly.
+    #[error(
+        "run \"{run}\" was not over after {seconds:.0} s: the converters sample more slowly than the setup says; look at `massline board info`. What was measured before is kept in the box"
+    )]
+    Overtime {
+        /// The run.
+        run: String,
+        /// For how long it went on, s.
+        seconds: f64,
+    },
     /// Nothing is stored of this set-up.
     #[error(
         "the box holds no run of this setup that was measured with {base} and has a good block; `massline board measure` has it measure, `massline board monitor` shows what is wrong with the channels"

@@ -2,6 +2,7 @@
 
 use super::{BoxRunError, BoxTest};
 use crate::device::{Client, Port};
+use crate::limits;
 use crate::measure::Rejected;
 use massline_core::wire::{
     Event, Fault, Gaps, Health, Outcome, Pass, RESULTANTS, Request, Source, Start, Subscription,
@@ -13,8 +14,6 @@ use std::time::{Duration, Instant};
 
 /// How often it is looked how far the run is.
 const LOOK: Duration = Duration::from_millis(100);
-/// How long no sample may come.
-const PATIENCE: Duration = Duration::from_secs(5);
 /// Milliseconds between two looks at the levels.
 const LEVELS: u16 = 500;
 
@@ -119,7 +118,9 @@ impl Heard {
                 let fullest = used.max_by(|a, b| a.1.total_cmp(&b.1));
                 progress.fullest = fullest.map(|(name, share)| (name.clone(), share));
             }
-            Event::Fault(fault) => progress.faults.push(*fault),
+            Event::Fault(fault) if progress.faults.len() < limits::LISTED_FAULTS => {
+                progress.faults.push(*fault);
+            }
             Event::RunEnded(ended) if (ended.run, ended.pass) == *stage => {
                 *summary = Some(*ended);
             }
@@ -172,7 +173,7 @@ pub(super) fn run<P: Port>(
             limit: seconds.map(|s| ((s * test.rate).round() as u64).max(1)),
         }))?;
     }
-    let summary = attend(test, client, stage, &heard, operator);
+    let summary = attend(test, client, stage, seconds, &heard, operator);
     client.on_event(|_, _| ());
     let summary = summary?;
     client.tell(&Request::Subscribe(Subscription::default()))?;
@@ -188,10 +189,12 @@ fn attend<P: Port>(
     test: &BoxTest<'_>,
     client: &mut Client<'_, P>,
     stage: &Stage<'_>,
+    seconds: Option<f64>,
     heard: &RefCell<Heard>,
     operator: &mut dyn Operator,
 ) -> Result<Summary, BoxRunError> {
-    let mut last = (0, Instant::now());
+    let started = Instant::now();
+    let mut last = (0, started);
     loop {
         client.listen(LOOK)?;
         let running = client.status()?.running;
@@ -217,7 +220,15 @@ fn attend<P: Port>(
         if !operator.watch(stage, &progress) {
             return Ok(client.stop()?);
         }
-        if last.1.elapsed() > PATIENCE {
+        let elapsed = started.elapsed().as_secs_f64();
+        if seconds.is_some_and(|wanted| elapsed > limits::overtime(wanted)) {
+            client.tell(&Request::Abort)?;
+            return Err(BoxRunError::Overtime {
+                run: stage.name.to_owned(),
+                seconds: elapsed,
+            });
+        }
+        if last.1.elapsed() > limits::SILENCE {
             client.tell(&Request::Abort)?;
             return Err(BoxRunError::Silence {
                 run: stage.name.to_owned(),

@@ -120,14 +120,14 @@ impl Device {
 
     /// Says of an emulated box that it is no wonder that it does not sample. Its settings last
     /// as long as the command, so that nothing is ever wired to it either.
-    fn explain(&self, mut failure: Failure) -> Failure {
+    fn explain(&self, failure: Failure) -> Failure {
         let of_inputs = ["does not come up", "nothing is wired"];
         let is_told = of_inputs
             .iter()
             .any(|words| failure.message.contains(words));
         if self.emulator && is_told {
-            failure.message +=
-                "\nan emulated box has no converters; --host is one that has modelled ones";
+            return failure
+                .and("an emulated box has no converters; --host is one that has modelled ones");
         }
         failure
     }

@@ -6,7 +6,7 @@ use crate::identification::{Answer, Choice, OnProgress, Session};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
-use crate::setup::Setup;
+use crate::setup::{Setup, read_document};
 use crate::simulate::Truth;
 use massline_core::masslines::Method;
 use std::path::{Path, PathBuf};
@@ -153,6 +153,6 @@ fn read_truth(path: &Path) -> Result<Truth, Failure> {
             path.display()
         ))
     };
-    let text = std::fs::read_to_string(path).map_err(|e| wrong(&e))?;
-    serde_json::from_str(&text).map_err(|e| wrong(&e))
+    let text = read_document(path).map_err(Failure::input)?;
+    serde_json::from_slice(&text).map_err(|e| wrong(&e))
 }

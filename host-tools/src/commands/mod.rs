@@ -20,6 +20,7 @@ pub use progress::{Bar, Spinner, Ticker};
 pub use table::{Heading, print_answer, print_numbers};
 
 use crate::cli::Verbosity;
+use crate::printable::{printable, printable_json, printable_lines};
 use crate::report::TrueBody;
 use crate::simulate::{InertiaTruth, Truth};
 use std::io::Write;
@@ -30,17 +31,31 @@ use std::process::ExitCode;
 pub struct Failure {
     /// 1: the data do not allow an answer. 2: wrong usage or unreadable input.
     pub code: u8,
-    /// What is wrong, where, and what to do.
+    /// What is wrong, where, and what to do: text that shows as it stands.
     pub message: String,
 }
 
 impl Failure {
     /// Unusable input.
     pub fn input(error: impl std::fmt::Display) -> Self {
+        Self::because(2, error)
+    }
+
+    /// An error with its exit code. What it quotes of files and boxes shows as it stands, on one
+    /// line.
+    pub fn because(code: u8, error: impl std::fmt::Display) -> Self {
         Self {
-            code: 2,
-            message: error.to_string(),
+            code,
+            message: printable(&error.to_string()).into_owned(),
         }
+    }
+
+    /// The same with another line below.
+    #[must_use]
+    pub fn and(mut self, line: impl std::fmt::Display) -> Self {
+        self.message.push('\n');
+        self.message += &printable(&line.to_string());
+        self
     }
 
     /// The terminal, or what stands in its place, refused to take a result. A reader who
@@ -58,10 +73,7 @@ impl Failure {
 
 impl From<crate::identification::AnswerError> for Failure {
     fn from(error: crate::identification::AnswerError) -> Self {
-        Self {
-            code: error.exit_code(),
-            message: error.to_string(),
-        }
+        Self::because(error.exit_code(), error)
     }
 }
 
@@ -80,7 +92,7 @@ pub fn report(failure: &Failure) -> ExitCode {
     let _ = writeln!(
         anstream::stderr(),
         "{style}error:{style:#} {}",
-        failure.message
+        printable_lines(&failure.message)
     );
     ExitCode::from(failure.code)
 }
@@ -93,7 +105,7 @@ pub fn warn(warnings: &[String], verbosity: Verbosity) {
     let style = anstyle::AnsiColor::Yellow.on_default().bold();
     let mut err = anstream::stderr();
     for warning in warnings {
-        let _ = writeln!(err, "{style}note:{style:#} {warning}");
+        let _ = writeln!(err, "{style}note:{style:#} {}", printable(warning));
     }
 }
 
@@ -115,7 +127,7 @@ pub fn true_body(truth: &Truth) -> TrueBody {
 /// [`Failure`] if stdout is gone.
 pub fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(document).map_err(Failure::input)?;
-    print_line(&text)
+    print_line(&printable_json(&text))
 }
 
 /// Prints one line on stdout.

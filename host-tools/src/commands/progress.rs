@@ -1,6 +1,7 @@
 //! Progress on stderr, on a terminal only.
 
 use crate::cli::Verbosity;
+use crate::printable::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// A bar from 0 to 1 with a word on what is being done.
@@ -34,7 +35,7 @@ impl Bar {
     pub fn set(&self, share: f64, what: &str) {
         self.bar
             .set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
-        self.bar.set_message(what.to_owned());
+        self.bar.set_message(printable(what).into_owned());
     }
 }
 
@@ -104,7 +105,7 @@ impl Ticker {
 
     /// Tells.
     pub fn set(&self, text: &str) {
-        self.bar.set_message(text.to_owned());
+        self.bar.set_message(printable(text).into_owned());
     }
 }
 

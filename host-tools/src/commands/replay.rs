@@ -77,10 +77,7 @@ fn parse_methods(names: &str) -> Result<Wanted, String> {
 
 impl From<ReplayError> for Failure {
     fn from(error: ReplayError) -> Self {
-        Self {
-            code: error.exit_code(),
-            message: error.to_string(),
-        }
+        Self::because(error.exit_code(), error)
     }
 }
 

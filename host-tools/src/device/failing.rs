@@ -33,6 +33,10 @@ impl Port for Failing<'_> {
         self.inner.patience()
     }
 
+    fn longest_work(&self) -> Duration {
+        self.inner.longest_work()
+    }
+
     fn seconds(&self) -> f64 {
         self.inner.seconds()
     }

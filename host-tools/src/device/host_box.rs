@@ -237,6 +237,10 @@ impl Port for HostBox<'_> {
         Duration::from_secs(3600)
     }
 
+    fn longest_work(&self) -> Duration {
+        self.patience()
+    }
+
     fn seconds(&self) -> f64 {
         self.arrived
     }

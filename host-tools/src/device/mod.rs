@@ -6,6 +6,7 @@
 //! * [`firmware`] knows where the file is that is flashed and emulated.
 
 mod client;
+mod cut_line;
 pub mod emulator;
 #[cfg(test)]
 pub(crate) mod failing;
@@ -22,6 +23,7 @@ mod tests;
 pub use client::{
     BoxInfo, Client, ClientError, ClientMemory, LinkReport, SampleSource, StreamError,
 };
+pub use cut_line::{Cut, CutLine, Place};
 pub use emulator::{Emulator, EmulatorError};
 pub use host_box::{HostBox, HostBoxMemory};
 pub use noisy_line::{Damage, Noise, NoisyLine};

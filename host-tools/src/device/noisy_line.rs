@@ -134,6 +134,10 @@ impl<P: Port> Port for NoisyLine<P> {
         self.port.patience()
     }
 
+    fn longest_work(&self) -> Duration {
+        self.port.longest_work()
+    }
+
     fn seconds(&self) -> f64 {
         self.port.seconds()
     }

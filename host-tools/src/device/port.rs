@@ -1,6 +1,7 @@
 //! One trait for all that a box can be reached through.
 
 use super::{Emulator, EmulatorError};
+use crate::limits;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
@@ -26,6 +27,11 @@ pub trait Port {
     /// How long a reply may take before it counts as lost: the longest that a request and its
     /// reply are on their way behind a full window of others, several times over.
     fn patience(&self) -> Duration;
+
+    /// How long the box may work at one request at the most.
+    fn longest_work(&self) -> Duration {
+        limits::LONGEST_WORK
+    }
 
     /// The time, s since any instant, by the clock that samples are to be held against: this
     /// computer's. It is asked when something has come.
@@ -92,6 +98,11 @@ impl Port for Emulator {
     fn patience(&self) -> Duration {
         Duration::from_secs(20)
     }
+
+    /// An emulated processor is some ten times slower than the real one on an idle machine.
+    fn longest_work(&self) -> Duration {
+        10 * limits::LONGEST_WORK
+    }
 }
 
 impl<P: Port + ?Sized> Port for Box<P> {
@@ -109,6 +120,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
 
     fn patience(&self) -> Duration {
         (**self).patience()
+    }
+
+    fn longest_work(&self) -> Duration {
+        (**self).longest_work()
     }
 
     fn seconds(&self) -> f64 {
@@ -131,6 +146,10 @@ impl<P: Port + ?Sized> Port for &mut P {
 
     fn patience(&self) -> Duration {
         (**self).patience()
+    }
+
+    fn longest_work(&self) -> Duration {
+        (**self).longest_work()
     }
 
     fn seconds(&self) -> f64 {

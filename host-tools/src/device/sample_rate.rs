@@ -102,9 +102,12 @@ impl SampleRate {
         let inflation = (1.0 + correlation) / (1.0 - correlation);
         let of_slope = (variance * inflation / spread).sqrt();
         let value = 1.0 / slope;
-        (value.is_finite() && value > 0.0).then(|| TrueRate {
+        let uncertainty = value * of_slope / slope;
+        // Arrivals of a box that does not count on have no slope.
+        let known = value.is_finite() && value > 0.0 && uncertainty.is_finite();
+        known.then(|| TrueRate {
             value,
-            uncertainty: value * of_slope / slope,
+            uncertainty,
             clock: clock.to_owned(),
         })
     }

@@ -1,12 +1,15 @@
 //! TOML to inputs.
 
 use super::InputEntry;
-use crate::setup::{DocumentError, Section, Source};
+use crate::setup::{DocumentError, Section, Source, quoted};
 use massline_core::calibration::{Certificate, Limits, Preset};
 use massline_core::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 
 /// Supply of bridges that the wiring page describes, V.
 const SUPPLY: f64 = 3.3;
+
+/// Most inputs of a box: their numbers go over the link as a byte.
+const MOST: usize = 256;
 
 /// What a circuit is in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +52,11 @@ pub(super) fn document(source: &Source) -> Result<Vec<InputEntry>, DocumentError
     let document = source.parse()?;
     let root = Section::root(source, &document);
     root.only(&["input"])?;
+    let found = root.count("input");
+    if found > MOST {
+        let expected = format!("at most {MOST}, one for each input");
+        return Err(root.unexpected("input", format!("a list of {found}"), expected));
+    }
     let sections = root.sections("input", "channel")?;
     if sections.is_empty() {
         return Err(root.missing("input", "one [[input]] for each input that is wired"));
@@ -64,7 +72,11 @@ pub(super) fn document(source: &Source) -> Result<Vec<InputEntry>, DocumentError
             && entries.iter().any(|e| e.column() == *channel)
         {
             let expected = "a name that no other input has";
-            return Err(section.unexpected("channel", format!("\"{channel}\""), expected));
+            return Err(section.unexpected(
+                "channel",
+                format!("\"{}\"", quoted(channel)),
+                expected,
+            ));
         }
         entries.push(entry);
     }
@@ -218,7 +230,7 @@ fn date(section: &Section<'_>) -> Result<Option<Date>, DocumentError> {
         return Ok(Some(Date { year, month, day }));
     }
     let expected = "a day as year-month-day, such as \"2026-03-02\"";
-    Err(section.unexpected("calibrated", format!("\"{text}\""), expected))
+    Err(section.unexpected("calibrated", format!("\"{}\"", quoted(&text)), expected))
 }
 
 /// What the box would refuse, in the words of the file.

@@ -38,13 +38,7 @@ pub(super) fn read(
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
     let mut recording = setup.open_recording(run, &names)?;
-    if !recording.ignored().is_empty() {
-        warnings.push(format!(
-            "{}: columns not used: {}",
-            file.display(),
-            recording.ignored().join(", ")
-        ));
-    }
+    recording.notice_columns(warnings);
     let mut poses = StaticPoses::new();
     let mut rows = Vec::new();
     let mut health = Health::new(names.len());
@@ -64,6 +58,7 @@ pub(super) fn read(
         poses.add(&a, &f);
         rows.push((a, f));
     }
+    recording.notice_end(warnings);
     if left_out > 0 {
         warnings.push(format!(
             "run \"{}\": {left_out} of {} poses were left out for faulty samples",

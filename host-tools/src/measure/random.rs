@@ -101,13 +101,7 @@ pub(super) fn read(
     let names = channel_names(setup, run);
     let mut recording = setup.open_recording(run, &names)?;
     recording.limit(limit);
-    if !recording.ignored().is_empty() {
-        warnings.push(format!(
-            "{}: columns not used: {}",
-            file.display(),
-            recording.ignored().join(", ")
-        ));
-    }
+    recording.notice_columns(warnings);
     let settings = settle(setup, run, &file, &mut recording, settings)?;
     let grid = settings.grid();
     let spectral = |source| MeasureError::Spectra {
@@ -158,6 +152,7 @@ pub(super) fn read(
     if let Spectra::Cross { sums: kept } = &mut spectra {
         *kept = sums;
     }
+    recording.notice_end(warnings);
     let samples = recording.rows();
     if count < 2 && rejected.blocks > 0 {
         return Err(MeasureError::TooFaulty {

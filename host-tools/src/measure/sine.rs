@@ -71,13 +71,7 @@ pub(super) fn read(
     }
     let wanted: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut recording = setup.open_recording(run, &wanted)?;
-    if !recording.ignored().is_empty() {
-        warnings.push(format!(
-            "{}: columns not used: {}",
-            file.display(),
-            recording.ignored().join(", ")
-        ));
-    }
+    recording.notice_columns(warnings);
     let sensors_of = setup.accelerometers.len();
     let mut measured = MeasuredSine {
         name: run.name.clone(),
@@ -120,6 +114,7 @@ pub(super) fn read(
         measured.responses.push(response);
         measured.sensors.push(sensors);
     }
+    recording.notice_end(warnings);
     let lines = measured.frequencies.len().max(1) as f64;
     for noise in &mut measured.noise {
         *noise *= RESOLUTION * RESOLUTION / lines;

@@ -1,12 +1,16 @@
 //! CSV and gzipped CSV, one row at a time.
 
-use super::header::Header;
+use super::gauge::{Gauge, Gauged};
+use super::header::{Header, some_of};
 use super::preamble::{self, Preamble};
 use super::{Checksum, HEALTH_COLUMN, RecordingError, Summed, faults};
+use crate::limits;
+use crate::setup::quoted;
 use csv::ByteRecord;
 use flate2::read::MultiGzDecoder;
 use massline_core::wire::Health;
 use std::cell::RefCell;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -14,6 +18,9 @@ use std::rc::Rc;
 
 /// Rows of which the time column is looked at to learn the sample rate.
 const RATE_ROWS: usize = 1000;
+
+/// Bytes of a field that a message repeats.
+const SHOWN: usize = 40;
 
 /// A recording that is being read.
 pub struct Recording {
@@ -38,6 +45,9 @@ pub struct Recording {
     raw: Shared,
     /// What the setup says that the file is, until it has been compared.
     expected: Option<Checksum>,
+    gauge: Rc<Gauge>,
+    /// Whether the file ends in the middle of a line.
+    unfinished: bool,
 }
 
 /// The time a row should carry.
@@ -93,11 +103,18 @@ impl Recording {
             file: file.to_owned(),
             source,
         };
-        let opened = File::open(file).map_err(unreadable)?;
-        let metadata = opened.metadata().map_err(unreadable)?;
+        let metadata = std::fs::metadata(file).map_err(unreadable)?;
         if metadata.is_dir() {
             return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
         }
+        // Recordings are read several times, which a pipe cannot be; one without a writer would
+        // not even open.
+        if !metadata.is_file() {
+            return Err(RecordingError::NoFile {
+                file: file.to_owned(),
+            });
+        }
+        let opened = File::open(file).map_err(unreadable)?;
         let size = metadata.len();
         if size == 0 {
             return Err(RecordingError::Empty {
@@ -122,10 +139,12 @@ impl Recording {
             })?;
         let preamble = preamble.map_err(|e| RecordingError::Preamble {
             file: file.to_owned(),
-            reason: e.message().to_owned(),
+            reason: quoted(e.message()),
         })?;
         // Back they go, so that lines are counted from the file's beginning.
-        let input: Box<dyn Read> = Box::new(Cursor::new(remarks).chain(input));
+        let gauge = Rc::new(Gauge::default());
+        let input = Gauged::new(Cursor::new(remarks).chain(input), Rc::clone(&gauge));
+        let input: Box<dyn Read> = Box::new(input);
         let reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -150,6 +169,8 @@ impl Recording {
             size,
             raw,
             expected: None,
+            gauge,
+            unfinished: false,
         };
         recording.read_header()?;
         Ok(recording)
@@ -159,6 +180,12 @@ impl Recording {
         if !self.advance()? {
             return Err(RecordingError::Empty {
                 file: self.file.clone(),
+            });
+        }
+        if self.record.len() > limits::COLUMNS {
+            return Err(RecordingError::TooManyColumns {
+                file: self.file.clone(),
+                found: self.record.len(),
             });
         }
         let header = Header::read(&self.record, &self.file)?;
@@ -173,30 +200,61 @@ impl Recording {
         self.faults = names
             .iter()
             .position(|n| n == HEALTH_COLUMN && !self.names.contains(n));
-        self.ignored = names
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| {
-                let own = [self.time, self.faults];
-                !own.contains(&Some(*i)) && !self.columns.contains(i)
-            })
-            .map(|(_, n)| n.clone())
-            .collect();
+        let own = self.columns.iter().copied().chain(self.time);
+        let own: HashSet<usize> = own.chain(self.faults).collect();
+        let others = names.iter().enumerate().filter(|(i, _)| !own.contains(i));
+        self.ignored = others.map(|(_, name)| name.clone()).collect();
         self.width = header.len();
         self.record.clear();
         Ok(())
     }
 
     fn advance(&mut self) -> Result<bool, RecordingError> {
-        self.reader
-            .read_byte_record(&mut self.record)
-            .map_err(|e| RecordingError::Damaged {
+        self.gauge.begin_row();
+        let more = self.reader.read_byte_record(&mut self.record);
+        let more = more.map_err(|e| {
+            if self.gauge.exceeded() {
+                return RecordingError::RowTooLong {
+                    file: self.file.clone(),
+                    line: self.reader.position().line(),
+                };
+            }
+            RecordingError::Damaged {
                 file: self.file.clone(),
                 line: e
                     .position()
                     .map_or_else(|| self.reader.position().line(), csv::Position::line),
                 reason: e.to_string(),
-            })
+            }
+        })?;
+        self.unfinished = !more && !self.gauge.ends_a_line();
+        Ok(more)
+    }
+
+    /// Adds what a user should know before the first row is read: the columns that nothing asked
+    /// for.
+    pub fn notice_columns(&self, warnings: &mut Vec<String>) {
+        if !self.ignored.is_empty() {
+            let (count, list) = (self.ignored.len(), some_of(self.ignored.iter()));
+            let of = if list.ends_with('…') {
+                format!(" ({count} of them)")
+            } else {
+                String::new()
+            };
+            let file = self.file.display();
+            warnings.push(format!("{file}: columns not used: {list}{of}"));
+        }
+    }
+
+    /// Adds what a user should know once the last row was read: whether it may be cut within its
+    /// last number. One that lacks a number as well is an error when it is read.
+    pub fn notice_end(&self, warnings: &mut Vec<String>) {
+        if self.unfinished {
+            warnings.push(format!(
+                "{}: the last row has no line end, so that its last number may be cut off; it was taken as it stands: compare it with the original, or delete that row",
+                self.file.display()
+            ));
+        }
     }
 
     /// Line of the row read last, counted from one.
@@ -345,13 +403,17 @@ impl Recording {
         faults::read(&String::from_utf8_lossy(field)).map_err(|found| RecordingError::NoFault {
             file: self.file.clone(),
             line: self.line(),
-            found: found.chars().take(40).collect(),
+            found: quoted(&found),
         })
     }
 
     fn number(&self, column: usize, channel: &str) -> Result<f64, RecordingError> {
         let field = self.record.get(column).unwrap_or(&[]);
-        let text = || String::from_utf8_lossy(field).chars().take(40).collect();
+        let text = || {
+            // A character has up to four bytes.
+            let start = field.get(..SHOWN).unwrap_or(field);
+            quoted(&String::from_utf8_lossy(start))
+        };
         let value: f64 = std::str::from_utf8(field)
             .ok()
             .and_then(|t| t.parse().ok())

@@ -2,6 +2,7 @@
 
 use super::Checksum;
 use crate::format::plain;
+use crate::limits;
 use std::path::PathBuf;
 
 /// What can be wrong with a recording: where, what, and what to do about it.
@@ -14,6 +15,28 @@ pub enum RecordingError {
         file: PathBuf,
         /// The system's reason.
         source: std::io::Error,
+    },
+    /// A pipe or a device.
+    #[error("{}: it is no file but a pipe or a device, and a recording is read several times; save it to a file first", file.display())]
+    NoFile {
+        /// As it was named.
+        file: PathBuf,
+    },
+    /// A row that no recording has.
+    #[error("{}, line {line}: a row of more than {} MiB; this is no recording, or its line ends are lost: export it again", file.display(), limits::ROW >> 20)]
+    RowTooLong {
+        /// The file.
+        file: PathBuf,
+        /// The line at which it begins, or the line within it that was reached.
+        line: u64,
+    },
+    /// A header that no recording has.
+    #[error("{}, line 1: {found} columns, at most {} can be read; export fewer channels, or the file in parts", file.display(), limits::COLUMNS)]
+    TooManyColumns {
+        /// The file.
+        file: PathBuf,
+        /// Columns of the header.
+        found: usize,
     },
     /// Damaged in the middle: a broken gzip stream, or no text.
     #[error("{}, line {line}: the file breaks off or is damaged: {reason}; copy or export it again", file.display())]

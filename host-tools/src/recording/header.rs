@@ -1,7 +1,9 @@
 //! The first line of a recording: which channel stands in which column.
 
 use super::RecordingError;
+use crate::setup::quoted;
 use csv::ByteRecord;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// The names in a recording's first line.
@@ -21,6 +23,14 @@ pub(crate) fn field(name: &str) -> String {
 
 /// Names shown before a list is cut off.
 const SHOWN: usize = 30;
+
+/// The first names of a list, fit for a message.
+pub(crate) fn some_of<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    let some: Vec<String> = names.take(SHOWN).map(|name| quoted(name)).collect();
+    some.join(", ") + more
+}
+
 /// Typing errors between two names that still count as the same word.
 const TYPOS: usize = 2;
 
@@ -54,14 +64,15 @@ impl Header {
         if names.iter().all(|name| name.parse::<f64>().is_ok()) {
             return Err(RecordingError::NoHeader {
                 file: file.to_owned(),
-                found: names.into_iter().next().unwrap_or_default(),
+                found: quoted(names.first().map_or("", String::as_str)),
             });
         }
+        let mut columns = HashMap::with_capacity(names.len());
         for (i, name) in names.iter().enumerate() {
-            if let Some(first) = names[..i].iter().position(|n| n == name) {
+            if let Some(first) = columns.insert(name.as_str(), i) {
                 return Err(RecordingError::DuplicateChannel {
                     file: file.to_owned(),
-                    channel: name.clone(),
+                    channel: quoted(name),
                     first: first + 1,
                     second: i + 1,
                 });
@@ -99,26 +110,27 @@ impl Header {
 
     /// The column that is meant, if one is near that no other sensor claims.
     fn hint(&self, channel: &str, wanted: &[String]) -> String {
+        let wanted: HashSet<&String> = wanted.iter().collect();
         let free: Vec<&String> = self.names.iter().filter(|n| !wanted.contains(n)).collect();
+        let length = channel.chars().count();
+        // The distance of two texts takes time and memory by the product of their lengths.
+        let alike = |name: &&&String| name.chars().count().abs_diff(length) <= TYPOS;
         let near = free
             .iter()
+            .filter(alike)
             .map(|name| (strsim::damerau_levenshtein(channel, name), name))
             .filter(|(typos, name)| *typos <= TYPOS && *typos < name.chars().count())
             .min();
         if let Some((_, name)) = near {
-            return format!("did you mean `{name}`?");
+            return format!("did you mean `{}`?", quoted(name));
         }
         let (which, list) = if free.is_empty() {
             ("the file has", self.names.iter().collect())
         } else {
             ("columns without a sensor are", free)
         };
-        let more = if list.len() > SHOWN { ", …" } else { "" };
-        let list: Vec<&str> = list.iter().take(SHOWN).map(|n| n.as_str()).collect();
-        format!(
-            "{which} {}{more}; correct `channel` in the setup or the column's name",
-            list.join(", ")
-        )
+        let list = some_of(list.into_iter());
+        format!("{which} {list}; correct `channel` in the setup or the column's name")
     }
 }
 

@@ -5,6 +5,7 @@ mod checksum;
 mod csv_file;
 mod error;
 mod faults;
+mod gauge;
 mod header;
 mod health;
 mod preamble;

@@ -17,6 +17,7 @@
 //! # uncertainty = 0.005
 //! ```
 
+use crate::printable::printable;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};
@@ -71,6 +72,20 @@ impl Preamble {
         *self == Self::default()
     }
 
+    /// The same with texts that show as they stand.
+    fn printable(mut self) -> Self {
+        let clean = |text: &mut String| *text = printable(text).into_owned();
+        if let Some(rate) = &mut self.sample_rate {
+            clean(&mut rate.clock);
+        }
+        for known in self.channel.values_mut() {
+            clean(&mut known.serial);
+            clean(&mut known.certificate);
+            known.calibrated.iter_mut().for_each(clean);
+        }
+        self
+    }
+
     /// Writes it, or nothing if it says nothing.
     ///
     /// # Errors
@@ -104,7 +119,7 @@ pub(super) fn take(
         return Ok((bytes, Ok(Preamble::default())));
     }
     let body: Vec<&str> = lines.map(|line| line.trim_start_matches('#')).collect();
-    let preamble = toml::from_str(&body.join("\n"));
+    let preamble = toml::from_str(&body.join("\n")).map(Preamble::printable);
     Ok((bytes, preamble))
 }
 

@@ -76,6 +76,18 @@ pub enum ReplayError {
         /// Its name.
         run: String,
     },
+    /// A box that has more samples than there are.
+    #[error(
+        "the box has taken {found} samples of run \"{run}\", whose recording has {samples}: it was sent another one; leave out --resume"
+    )]
+    Beyond {
+        /// Its name.
+        run: String,
+        /// Samples that the box has.
+        found: u64,
+        /// Samples of the recording.
+        samples: u64,
+    },
     /// Nothing to go on with.
     #[error(
         "the box does not hold this replay's set-up, so there is nothing to go on with; leave out --resume"

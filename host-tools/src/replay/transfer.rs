@@ -62,8 +62,14 @@ impl Feed<'_> {
             }))?,
             Some(from) => {
                 let mut skipped = vec![0.0; names.len()];
-                for _ in 0..from {
-                    next(&mut skipped)?;
+                for sample in 0..from {
+                    if !next(&mut skipped)? {
+                        return Err(ReplayError::Beyond {
+                            run: run.name.clone(),
+                            found: from,
+                            samples: sample,
+                        });
+                    }
                 }
             }
         }
@@ -90,7 +96,10 @@ pub(super) fn lines<P: Port>(
             count: (count - all.len()).min(Lines::FIT) as u16,
         };
         let some = client.ask(&Request::ReadLines(wanted), |reply| match reply {
-            Reply::Lines(lines) if lines.first == wanted.first && !lines.lines.is_empty() => {
+            Reply::Lines(lines)
+                if lines.first == wanted.first
+                    && (1..=usize::from(wanted.count)).contains(&lines.lines.len()) =>
+            {
                 Some(lines.lines.iter().collect::<Vec<_>>())
             }
             _ => None,

@@ -1,7 +1,10 @@
 //! Text into HTML and SVG.
 
+use crate::printable::steers;
+
 /// The text with everything escaped that HTML or XML would read as markup, good for
-/// content and for quoted attributes. Characters that XML forbids become U+FFFD.
+/// content and for quoted attributes. Characters that XML forbids, or
+/// that would turn the direction of what stands beside them, become U+FFFD.
 #[must_use]
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 8);
@@ -13,9 +16,8 @@ pub fn escape(text: &str) -> String {
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
             '\t' | '\n' | '\r' => out.push(' '),
-            '\u{0}'..='\u{1f}' | '\u{7f}'..='\u{9f}' | '\u{fffe}' | '\u{ffff}' => {
-                out.push('\u{fffd}');
-            }
+            '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
+            c if steers(c) => out.push('\u{fffd}'),
             _ => out.push(c),
         }
     }
@@ -45,6 +47,7 @@ mod tests {
             "a&lt;b &amp; &quot;c&quot; &gt; &#39;d&#39;"
         );
         assert_eq!(escape("x\u{0}\u{1b}y\nz"), "x\u{fffd}\u{fffd}y z");
+        assert_eq!(escape("a\u{202e}b\u{9b}"), "a\u{fffd}b\u{fffd}");
         assert_eq!(escape("Θ ü −"), "Θ ü −");
     }
 

@@ -12,6 +12,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{DocumentError, Place};
+use crate::printable::{printable, steers};
 
 /// Numbers beyond this are typing errors; below it, products of three of them, mass times
 /// length squared, stay finite.
@@ -25,10 +26,7 @@ pub(crate) struct Source {
 
 impl Source {
     pub(crate) fn read(file: &Path) -> Result<Self, DocumentError> {
-        let bytes = std::fs::read(file).map_err(|source| DocumentError::Unreadable {
-            file: file.to_owned(),
-            source,
-        })?;
+        let bytes = super::file::read(file)?;
         let text = String::from_utf8(bytes).map_err(|e| DocumentError::NotText {
             file: file.to_owned(),
             offset: e.utf8_error().valid_up_to(),
@@ -54,7 +52,7 @@ impl Source {
                 line: e.span().map(|span| self.line(span.start)),
                 section: String::new(),
             }),
-            message: e.message().to_owned(),
+            message: quoted(e.message()),
         })
     }
 
@@ -119,7 +117,7 @@ impl<'a> Section<'a> {
             if !known.contains(&name.get_ref().as_ref()) {
                 return Err(DocumentError::UnknownKey {
                     place: self.place_at(&name.span()),
-                    key: name.get_ref().to_string(),
+                    key: quoted(name.get_ref()),
                     hint: nearest(name.get_ref(), known.iter().copied()),
                 });
             }
@@ -234,12 +232,24 @@ impl<'a> Section<'a> {
         Ok(Some(vectors))
     }
 
-    /// Text that is not blank.
+    /// Number of the `[[key]]` tables.
+    pub(crate) fn count(&self, key: &str) -> usize {
+        match self.value(key) {
+            Some(DeValue::Array(list)) => list.len(),
+            _ => 0,
+        }
+    }
+
+    /// Text that is not blank, of one line, and shows as it stands wherever it is printed.
     pub(crate) fn text(&self, key: &str) -> Result<Option<String>, DocumentError> {
         match self.value(key) {
             None => Ok(None),
             Some(DeValue::String(text)) if text.trim().is_empty() => {
                 Err(self.unexpected(key, "empty", "a name"))
+            }
+            Some(value @ DeValue::String(text)) if text.contains(steers) => {
+                let expected = "text of one line without control characters";
+                Err(self.unexpected(key, describe(value), expected))
             }
             Some(DeValue::String(text)) => Ok(Some(text.to_string())),
             Some(other) => Err(self.unexpected(key, describe(other), "text in quotes")),
@@ -267,7 +277,7 @@ impl<'a> Section<'a> {
             Some((_, value)) => Ok(Some(*value)),
             None => {
                 let words: Vec<String> = words.iter().map(|(w, _)| format!("\"{w}\"")).collect();
-                Err(self.unexpected(key, format!("\"{text}\""), words.join(" or ")))
+                Err(self.unexpected(key, format!("\"{}\"", quoted(&text)), words.join(" or ")))
             }
         }
     }
@@ -280,7 +290,7 @@ impl<'a> Section<'a> {
             Some(DeValue::Array(list)) => list
                 .iter()
                 .map(|item| match item.get_ref() {
-                    DeValue::String(word) => Ok(word.to_string()),
+                    DeValue::String(word) if !word.contains(steers) => Ok(word.to_string()),
                     other => Err(self.unexpected(key, describe(other), EXPECTED)),
                 })
                 .collect::<Result<_, _>>()
@@ -325,7 +335,9 @@ impl<'a> Section<'a> {
                 DeValue::Table(table) => {
                     let number = index + 1;
                     let name = match table.get(naming).map(Spanned::get_ref) {
-                        Some(DeValue::String(name)) => format!(" ({naming} \"{name}\")"),
+                        Some(DeValue::String(name)) => {
+                            format!(" ({naming} \"{}\")", quoted(name))
+                        }
                         _ => String::new(),
                     };
                     Ok(Section {
@@ -362,11 +374,22 @@ fn number_of(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
+/// Most characters of a file's text that a message repeats.
+const QUOTED: usize = 80;
+
+/// The beginning of a file's text, fit for a message.
+pub(crate) fn quoted(text: &str) -> String {
+    let mut rest = text.chars();
+    let start: String = rest.by_ref().take(QUOTED).collect();
+    let more = if rest.next().is_some() { "…" } else { "" };
+    format!("{}{more}", printable(&start))
+}
+
 fn describe(value: &DeValue<'_>) -> String {
     match value {
-        DeValue::String(text) => format!("the text \"{text}\""),
-        DeValue::Integer(number) => format!("the integer {number}"),
-        DeValue::Float(number) => format!("the number {number}"),
+        DeValue::String(text) => format!("the text \"{}\"", quoted(text)),
+        DeValue::Integer(number) => format!("the integer {}", quoted(&number.to_string())),
+        DeValue::Float(number) => format!("the number {}", quoted(&number.to_string())),
         DeValue::Boolean(flag) => format!("{flag}"),
         DeValue::Datetime(_) => "a date".to_owned(),
         DeValue::Array(_) => "a list".to_owned(),

@@ -38,6 +38,28 @@ pub enum DocumentError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// A file that no test is described by.
+    #[error(
+        "{}: it is longer than {} MiB, so it is no file of this kind; check the path",
+        file.display(), .limit >> 20
+    )]
+    TooLong {
+        /// The file.
+        file: PathBuf,
+        /// Most bytes that are read.
+        limit: u64,
+    },
+    /// A pipe that nothing comes through.
+    #[error(
+        "{}: it is no file but a pipe, and has not come to its end for {seconds} s; check the \
+         program that writes to it, or save the text to a file", file.display()
+    )]
+    Late {
+        /// The pipe.
+        file: PathBuf,
+        /// How long it was waited for, s.
+        seconds: f64,
+    },
     /// Bytes that are no text.
     #[error("{}: byte {offset} is not UTF-8 text; save the file as UTF-8", file.display())]
     NotText {
@@ -103,6 +125,22 @@ pub enum SetupError {
         list: &'static str,
         /// What is not known then.
         reason: &'static str,
+    },
+    /// More entries than a measurement has.
+    #[error(
+        "{}: {found} {what}, at most {limit} can be used; {advice}", file.display()
+    )]
+    TooMany {
+        /// The file.
+        file: PathBuf,
+        /// `sensors` or `runs`.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many are taken.
+        limit: usize,
+        /// How the file becomes one that can be used.
+        advice: &'static str,
     },
     /// A direction without direction.
     #[error(

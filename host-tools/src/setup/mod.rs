@@ -10,6 +10,7 @@
 
 mod document;
 mod error;
+mod file;
 mod parse;
 mod print;
 #[cfg(test)]
@@ -21,8 +22,9 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-pub(crate) use document::{Section, Source, nearest};
+pub(crate) use document::{Section, Source, nearest, quoted};
 pub use error::{BandError, DocumentError, Place, SetupError};
+pub(crate) use file::read as read_document;
 pub(crate) use parse::unit;
 
 /// A measurement: sensors, processing and runs.

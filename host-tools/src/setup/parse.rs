@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::document::{Section, Source, nearest};
+use super::document::{Section, Source, nearest, quoted};
 use super::{
     AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
     Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
 };
 use crate::recording::Checksum;
+use crate::limits;
+use crate::printable::printable;
 
 const MOUNTS: [(&str, Mount); 2] = [
     ("interface", Mount::Interface),
@@ -69,6 +71,8 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         "load_cell",
         "run",
     ])?;
+
+    fits(source, &root)?;
 
     let known_mass = root.number_where(
         "known_mass",
@@ -139,10 +143,31 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
     })
 }
 
+/// Refuses more entries than can be used before any of them is looked at.
+fn fits(source: &Source, root: &Section<'_>) -> Result<(), SetupError> {
+    let sensors = root.count("accelerometer") + root.count("load_cell");
+    let split = "do the test in parts, each with a setup of its own";
+    for (what, found, limit, advice) in [
+        ("sensors", sensors, limits::SENSORS, "leave some out"),
+        ("runs", root.count("run"), limits::RUNS, split),
+    ] {
+        if found > limit {
+            return Err(SetupError::TooMany {
+                file: source.file.clone(),
+                what,
+                found,
+                limit,
+                advice,
+            });
+        }
+    }
+    Ok(())
+}
+
 fn stem(file: &Path) -> String {
     file.file_stem().map_or_else(
         || "Untitled".to_owned(),
-        |stem| stem.to_string_lossy().into_owned(),
+        |stem| printable(&stem.to_string_lossy()).into_owned(),
     )
 }
 
@@ -458,21 +483,23 @@ fn weights(
         return Ok(weights);
     };
     for (channel, weight) in table.numbers()? {
-        let place = section.place_of("weights");
+        // The line of a place is counted from the file's beginning, so only where it is told.
+        let place = || section.place_of("weights");
         if load_cells.iter().any(|cell| cell.channel == channel) {
+            let place = place();
             return Err(SetupError::WeightOnLoadCell { place, channel });
         }
         if !accelerometers.iter().any(|a| a.channel == channel) {
             let hint = nearest(&channel, accelerometers.iter().map(|a| a.channel.as_str()));
             return Err(SetupError::WeightUnknown {
-                place,
-                channel,
+                place: place(),
+                channel: quoted(&channel),
                 hint,
             });
         }
         if !(weight > 0.0 && weight <= 1.0) {
             return Err(SetupError::WeightRange {
-                place,
+                place: place(),
                 channel,
                 found: weight,
             });

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::*;
+use crate::limits;
 
 const GOOD: &str = r#"
 title = "Tuning fork on the shaker"
@@ -93,7 +94,7 @@ fn reads_what_is_written() {
 #[test]
 fn writes_what_reads_back() {
     let mut setup = read(GOOD).unwrap();
-    setup.title = "quotes \" and \\ and\nlines \u{1}".to_owned();
+    setup.title = "quotes \" and \\ and Θ".to_owned();
     setup.runs[0].translation = [1e-9, -1.0 / 3.0, 1e12];
     let again = read(&setup.to_toml()).unwrap();
     assert_eq!(again, setup);
@@ -102,6 +103,49 @@ fn writes_what_reads_back() {
     setup.processing = None;
     setup.runs.remove(0);
     assert_eq!(read(&setup.to_toml()).unwrap(), setup);
+}
+
+/// Titles and names come out on terminals, where they could pass for this program's own words.
+#[test]
+fn a_text_that_steers_a_terminal_is_refused_and_shown_as_it_is() {
+    for (escaped, shown) in [
+        ("\\u001b[2J", "\\u{1b}[2J"),
+        ("\\u009b1m", "\\u{9b}1m"),
+        ("a\\nerror: b", "a\\nerror: b"),
+        ("\\u202e", "\\u{202e}"),
+    ] {
+        for (from, key) in [
+            ("\"Tuning fork on the shaker\"", "`title`"),
+            ("\"lateral-x.csv\"", "`recording`"),
+            ("\"a4\"", "`channel`"),
+        ] {
+            let message = refused(&with(from, &format!("\"{escaped}\"")));
+            assert!(
+                message.contains(key) && message.contains(shown),
+                "{message}"
+            );
+            assert!(message.contains("text of one line"), "{message}");
+            assert!(!message.contains(crate::printable::steers), "{message:?}");
+        }
+    }
+    let key = refused(&with("title =", "\"ti\\u001btle\" ="));
+    assert!(key.contains("`ti\\u{1b}tle`"), "{key}");
+    let long = refused(&with(
+        "title = \"",
+        &format!("title = {} # \"", "9".repeat(1000)),
+    ));
+    assert!(long.len() < 300, "{long}");
+}
+
+#[test]
+fn too_many_sensors_or_runs_are_named_before_anything_else_of_them() {
+    // What is wrong with each of them is not looked at.
+    let sensors = GOOD.to_owned() + &"[[accelerometer]]\n".repeat(limits::SENSORS);
+    let message = refused(&sensors);
+    assert!(message.contains("sensors, at most 64"), "{message}");
+    let runs = GOOD.to_owned() + &"[[run]]\n".repeat(limits::RUNS);
+    let message = refused(&runs);
+    assert!(message.contains("runs, at most 1000"), "{message}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use crate::bench::{self, Bench};
 use crate::{X, refused};
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use massline::recording::Recording;
 use std::io::Write;
 
 fn gzip(text: &str) -> Vec<u8> {
@@ -151,4 +152,109 @@ fn gzip_that_breaks_off() {
             "copy or export it again",
         ],
     );
+}
+
+#[test]
+fn a_number_that_may_be_cut_is_noted() {
+    // Three digits of the last number are missing, and then all of it.
+    let cut = |bytes: usize| {
+        Bench::fork().edit(X, |text| {
+            let end = text.trim_end().len();
+            text[..end - bytes].to_owned()
+        })
+    };
+    let finished = cut(3).identify(&[]);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    let note = finished.stderr.lines().find(|l| l.contains("no line end"));
+    assert!(note.unwrap().contains(X), "{finished:?}");
+    let whole = Bench::fork().identify(&[]);
+    assert!(!whole.stderr.contains("no line end"), "{whole:?}");
+    let fields = cut(0);
+    let text = std::fs::read_to_string(fields.file(X)).unwrap();
+    let last = text.rsplit_once(',').unwrap().0;
+    let finished = fields.write(X, last).identify(&[]);
+    refused(&finished, 2, &[X, "fields where the header has", "cut"]);
+}
+
+#[test]
+fn columns_by_the_hundred_thousand_are_left_out_with_a_short_note() {
+    let names: String = (0..100_000)
+        .map(|k| format!(",unused column {k:06}"))
+        .collect();
+    let fields = ",0".repeat(100_000);
+    let bench = Bench::fork().edit(X, |text| {
+        let rows = text.lines().take(4).enumerate();
+        let wide = rows.map(|(row, line)| match row {
+            0 => format!("{line}{names}\n"),
+            _ => format!("{line}{fields}\n"),
+        });
+        wide.collect()
+    });
+    let mut recording = Recording::open(&bench.file(X), &["a1", "fx"]).unwrap();
+    let mut row = [0.0; 2];
+    let rows = std::iter::from_fn(|| recording.next_row(&mut row).unwrap().then_some(()));
+    assert_eq!(rows.count(), 3);
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    assert!(notes[0].contains("columns not used: "), "{}", notes[0]);
+    assert!(
+        notes[0].len() < 2000 && notes[0].contains(" of them)"),
+        "{}",
+        notes[0]
+    );
+    // A comparison of each name with all before it would take half a minute.
+    refused(&bench.identify(&[]), 1, &[X, "3 samples give 0 block(s)"]);
+    // One more than there may be.
+    let names: String = (0..131_073).map(|k| format!("c{k},")).collect();
+    let finished = Bench::fork()
+        .write(X, format!("{}\n", names.trim_end_matches(',')))
+        .identify(&[]);
+    refused(&finished, 2, &[X, "131073 columns", "at most 131072"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_no_recording() {
+    let bench = Bench::fork().setup(X, "pipe");
+    let made = std::process::Command::new("mkfifo")
+        .arg(bench.file("pipe"))
+        .status();
+    assert!(made.unwrap().success());
+    refused(
+        &bench.identify(&[]),
+        2,
+        &["pipe", "no file", "save it to a file"],
+    );
+    let finished = Bench::fork().setup(X, "/dev/zero").identify(&[]);
+    refused(&finished, 2, &["/dev/zero", "no file", "save it to a file"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_setup_may_come_through_a_pipe() {
+    use std::process::Stdio;
+    let bench = Bench::fork().edit("setup.toml", |text| {
+        let place = |name: &str| format!("recording = \"{}\"", name);
+        // The folder of the setup is the pipe's.
+        crate::RECORDINGS
+            .iter()
+            .fold(text.to_owned(), |text, name| {
+                text.replace(&place(name), &place(&format!("MARK{name}")))
+            })
+    });
+    let folder = bench.path().display().to_string() + "/";
+    let text = std::fs::read_to_string(bench.file("setup.toml")).unwrap();
+    let mut child = bench::command(bench.path(), ["identify", "/dev/stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    stdin
+        .write_all(text.replace("MARK", &folder).as_bytes())
+        .unwrap();
+    drop(stdin);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
 }

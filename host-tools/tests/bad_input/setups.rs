@@ -186,3 +186,20 @@ fn setups_that_say_something_else() {
         ],
     );
 }
+
+#[test]
+fn a_name_that_steers_a_terminal() {
+    let finished = Bench::fork()
+        .setup("channel = \"a1\"", "channel = \"a\\u001b[2J\"")
+        .identify(&[]);
+    refused(
+        &finished,
+        2,
+        &[
+            "setup.toml, line ",
+            "`channel` is the text",
+            "a\\u{1b}[2J",
+            "without control characters",
+        ],
+    );
+}

@@ -48,10 +48,7 @@ fn parse_method(name: &str) -> Result<Method, String> {
 
 impl From<BoxRunError> for Failure {
     fn from(error: BoxRunError) -> Self {
-        Self {
-            code: error.exit_code(),
-            message: error.to_string(),
-        }
+        Self::because(error.exit_code(), error)
     }
 }
 

@@ -245,7 +245,7 @@ fn activity(status: &Status) -> String {
             };
             format!(
                 "{pass} run {}, {} blocks, {} samples",
-                running.run + 1,
+                u32::from(running.run) + 1,
                 running.blocks,
                 running.next
             )

@@ -1,5 +1,6 @@
 //! `massline board`: the box next to the table, asked directly.
 
+mod change;
 mod columns;
 mod forget;
 mod found;
@@ -63,10 +64,15 @@ fn print_row(out: &mut impl std::io::Write, what: &str, text: &str) -> std::io::
     writeln!(out, "{what:<16}{text}")
 }
 
+/// Longest time that can be asked for, s: three years.
+const LONGEST: f64 = 1e8;
+
 /// Seconds on the command line.
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
-        _ => Err("write a number of seconds above 0, such as 60".to_owned()),
+        Ok(seconds) if seconds > 0.0 && seconds <= LONGEST => Ok(seconds),
+        _ => Err(format!(
+            "write a number of seconds above 0 and at most {LONGEST}, such as 60"
+        )),
     }
 }

@@ -10,6 +10,7 @@ use crate::commands::device::Device;
 use crate::commands::{Failure, Interrupt, Ticker, print_json, warn};
 use crate::format::{plain, with_std};
 use crate::output::{self, Existing};
+use crate::printable::printable;
 use crate::recording::{TrueRate, fault_words, spell};
 use anstyle::{AnsiColor, Style};
 use massline_core::wire::Health;
@@ -86,10 +87,10 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     warn(&notes(&recorded), verbosity);
     match &recorded.ending {
         Ending::Complete | Ending::Stopped => Ok(()),
-        Ending::Failed(error) => Err(Failure::input(format!(
-            "{error}\nwhat came before is in {}",
-            recorded.file.display()
-        ))),
+        Ending::Failed(error) => {
+            let kept = format!("what came before is in {}", recorded.file.display());
+            Err(Failure::input(error).and(kept))
+        }
     }
 }
 
@@ -153,6 +154,13 @@ fn notes(recorded: &Recorded) -> Vec<String> {
             recorded.lost
         ));
     }
+    if recorded.more_box_faults > 0 {
+        notes.push(format!(
+            "the box told of {} more faults than the {} that were counted",
+            recorded.more_box_faults,
+            recorded.box_faults.len()
+        ));
+    }
     match &recorded.sample_rate {
         None => notes.push(
             "too short to tell the true sample rate: the setup needs `sample_rate`".to_owned(),
@@ -179,7 +187,8 @@ fn print(recorded: &Recorded) -> std::io::Result<()> {
     let mut out = anstream::stdout();
     let bold = Style::new().bold();
     let red = AnsiColor::Red.on_default();
-    writeln!(out, "{bold}{}{bold:#}", recorded.file.display())?;
+    let file = recorded.file.display().to_string();
+    writeln!(out, "{bold}{}{bold:#}", printable(&file))?;
     let samples = format!(
         "{} in {} s, {} channels",
         recorded.samples,

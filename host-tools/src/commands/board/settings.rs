@@ -1,5 +1,6 @@
 //! `massline board settings`: what the box keeps beyond a set-up.
 
+use super::change::{Change, Order, parse};
 use super::print_row;
 use crate::cli::Verbosity;
 use crate::commands::device::Device;
@@ -8,9 +9,10 @@ use crate::device::{Client, ClientError, Port};
 use crate::format::plain;
 use crate::inputs::{self, InputEntry};
 use crate::output::{self, Existing};
+use crate::printable::printable;
 use crate::rig::Troubles;
 use anstyle::Style;
-use massline_core::wire::{NAME_MAX, Reply, Request, Saved, Setting, SettingKey, Storage};
+use massline_core::wire::{Reply, Request, Setting, SettingKey, Storage};
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
@@ -41,51 +43,12 @@ pub struct Arguments {
     /// Keep them when the box is switched off
     #[arg(long)]
     save: bool,
+    /// With --reset and --save: do not ask whether the calibrations may go
+    #[arg(long, requires = "reset")]
+    yes: bool,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-}
-
-/// A setting with its new value.
-#[derive(Clone, Debug, PartialEq)]
-enum Change {
-    Name(String),
-    Baud(u32),
-    Rate(f64),
-}
-
-fn parse(text: &str) -> Result<Change, String> {
-    let (key, value) = text
-        .split_once('=')
-        .ok_or("write KEY=VALUE, for example name=\"table 2\"")?;
-    match key {
-        "name" if value.len() > NAME_MAX => Err(format!(
-            "the name has {} bytes, {NAME_MAX} fit",
-            value.len()
-        )),
-        "name" => Ok(Change::Name(value.to_owned())),
-        "baud" => value
-            .parse()
-            .map(Change::Baud)
-            .map_err(|e| format!("{value}: {e}; write a number such as 921600")),
-        "rate" => value
-            .parse()
-            .map(Change::Rate)
-            .map_err(|e| format!("{value}: {e}; write a number such as 512")),
-        other => Err(format!(
-            "there is no setting {other}; there are name, baud, rate"
-        )),
-    }
-}
-
-impl Change {
-    fn setting(&self) -> Setting<'_> {
-        match self {
-            Self::Name(name) => Setting::Name(name),
-            Self::Baud(baud) => Setting::LinkBaud(*baud),
-            Self::Rate(rate) => Setting::SampleRate(*rate),
-        }
-    }
 }
 
 /// The document of the settings, `massline/settings/1`.
@@ -138,23 +101,17 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         .transpose()
         .map_err(Failure::input)?
         .unwrap_or_default();
+    let order = Order {
+        reset: arguments.reset,
+        set: &arguments.set,
+        wired: &wired,
+        save: arguments.save,
+        yes: arguments.yes,
+    };
+    order.check()?;
     let talk = |client: &mut Client<'_, Box<dyn Port + '_>>| {
         let info = client.hello()?;
-        fits(&wired, info.capacity.inputs)?;
-        if arguments.reset {
-            client.tell(&Request::ResetSettings)?;
-        }
-        for change in &arguments.set {
-            client.tell(&Request::WriteSetting(change.setting()))?;
-        }
-        for entry in &wired {
-            client.tell(&Request::WriteSetting(Setting::Input(entry.setting())))?;
-        }
-        let saved = if arguments.save {
-            Some(save(client)?)
-        } else {
-            None
-        };
+        let saved = order.apply(client, &info)?;
         let (document, entries) = read(client, info.capacity.inputs)?;
         Ok((document, entries, saved == Some(Storage::Volatile)))
     };
@@ -181,28 +138,6 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         warn(&[note.to_owned()], verbosity);
     }
     Ok(())
-}
-
-fn save<P: Port>(client: &mut Client<'_, P>) -> Result<Storage, ClientError> {
-    client.ask(&Request::SaveSettings, |reply| match reply {
-        Reply::Saved(Saved { storage }) => Some(*storage),
-        _ => None,
-    })
-}
-
-/// Whether the box has all these inputs.
-fn fits(wired: &[InputEntry], inputs: u8) -> Result<(), Failure> {
-    match wired.iter().find(|entry| entry.input >= inputs) {
-        None => Ok(()),
-        Some(entry) if inputs == 0 => Err(Failure::input(format!(
-            "input {}: this box has no inputs of its own",
-            entry.number()
-        ))),
-        Some(entry) => Err(Failure::input(format!(
-            "input {}: this box has inputs 1 to {inputs}; correct `input` in the file",
-            entry.number()
-        ))),
-    }
 }
 
 fn read<P: Port>(
@@ -254,7 +189,7 @@ impl InputRow {
 impl SettingsDocument {
     fn take(&mut self, setting: &Setting<'_>) {
         match setting {
-            Setting::Name(name) => (*name).clone_into(&mut self.name),
+            Setting::Name(name) => self.name = printable(name).into_owned(),
             Setting::LinkBaud(baud) => self.baud = *baud,
             Setting::SampleRate(rate) => self.rate = *rate,
             // They are read on their own.
@@ -334,25 +269,4 @@ fn print_inputs(out: &mut impl Write, inputs: &[InputRow]) -> std::io::Result<()
         writeln!(out, "{}", line(row.each_ref().map(String::as_str)))?;
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn changes_are_read_and_wrong_ones_say_what_there_is() {
-        assert_eq!(parse("name=a=b"), Ok(Change::Name("a=b".to_owned())));
-        assert_eq!(parse("baud=115200"), Ok(Change::Baud(115_200)));
-        assert_eq!(parse("rate=512.5"), Ok(Change::Rate(512.5)));
-        for (text, word) in [
-            ("name", "KEY=VALUE"),
-            ("colour=red", "name, baud, rate"),
-            ("baud=fast", "921600"),
-            ("name=0123456789012345678901234567890123", "34 bytes"),
-        ] {
-            let error = parse(text).unwrap_err();
-            assert!(error.contains(word), "{error}");
-        }
-    }
 }

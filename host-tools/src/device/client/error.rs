@@ -54,6 +54,56 @@ pub enum ClientError {
         /// Number of the reply.
         reply: u8,
     },
+    /// An answer that no box can mean.
+    #[error(
+        "the box answered {} with {what} of {found}, expected {expected}; it is faulty, or no massline box: start it again, and if that does not help put the firmware on it anew by `massline flash`",
+        name(*.request)
+    )]
+    Limit {
+        /// Number of the request.
+        request: u8,
+        /// The quantity.
+        what: &'static str,
+        /// Its value.
+        found: String,
+        /// The values that are taken.
+        expected: String,
+    },
+    /// It works at a request without end.
+    #[error(
+        "the box is still at work on {} after {seconds:.0} s; start it again by `massline board restart` or switch it off and on, and if that does not help put the firmware on it anew by `massline flash`",
+        name(*.request)
+    )]
+    Busy {
+        /// Number of the request.
+        request: u8,
+        /// For how long, s.
+        seconds: f64,
+    },
+    /// It answers, but so late that nothing can be done with it.
+    #[error(
+        "{port}: only {read} of {inputs} inputs were read within {seconds:.0} s, the link is too slow or loses too much; look at the cable and the bit rate (--baud)"
+    )]
+    Slow {
+        /// Name of the port.
+        port: String,
+        /// Inputs that were read.
+        read: u8,
+        /// Inputs of the box.
+        inputs: u8,
+        /// The time, s.
+        seconds: f64,
+    },
+    /// The box says to have samples that it was never sent.
+    #[error(
+        "the box expects sample {next}, but was only sent those before {end}: somebody else sends to it; let only one program talk to it and replay again"
+    )]
+    Ahead {
+        /// What it expects.
+        next: u64,
+        /// The first one that was not sent.
+        end: u64,
+    },
     /// The box started anew while it was asked something.
     #[error(
         "the box has started anew in the middle of {}, its set-up and runs are gone; {}",

@@ -1,5 +1,6 @@
 //! Who the box is, kept beyond the frame that told it.
 
+use crate::printable::printable;
 use massline_core::wire::{Capacity, ClockSource, FaultCounters, Info, ResetReason, Storage};
 
 /// What the box says of itself: [`Info`], with texts of its own.
@@ -36,12 +37,14 @@ pub struct BoxInfo {
 }
 
 impl From<&Info<'_>> for BoxInfo {
+    /// Its texts show as they stand: see [`printable`].
     fn from(info: &Info<'_>) -> Self {
+        let shown = |text: &str| printable(text).into_owned();
         Self {
-            firmware: info.firmware.to_owned(),
-            version: info.version.to_owned(),
-            build: info.build.to_owned(),
-            chip: info.chip.to_owned(),
+            firmware: shown(info.firmware),
+            version: shown(info.version),
+            build: shown(info.build),
+            chip: shown(info.chip),
             serial: info.serial,
             clock: info.clock,
             clock_hz: info.clock_hz,
@@ -49,7 +52,7 @@ impl From<&Info<'_>> for BoxInfo {
             storage: info.storage,
             reset: info.reset,
             resets: info.resets,
-            panic: info.panic.map(str::to_owned),
+            panic: info.panic.map(shown),
             faults: info.faults,
             capacity: info.capacity,
         }

@@ -3,6 +3,7 @@
 //! A reply that does not come in time is asked for again, which the contract allows
 //! ([`massline_core::wire`], rule 2). What was lost is known to the frame.
 
+mod check;
 mod error;
 mod info;
 mod samples;
@@ -13,17 +14,16 @@ pub use samples::{SampleSource, StreamError};
 
 use super::Port;
 use crate::inputs::InputEntry;
+use crate::limits::{self, ATTEMPTS};
+use crate::printable::steers;
 use massline_core::calibration::Certificate;
 use massline_core::wire::{
-    BODY_MAX, Event, FRAME_MAX, FromBox, Identified, LinkCounters, Ping, Problem, Question,
+    BODY_MAX, Event, FRAME_MAX, FromBox, Identified, Input, LinkCounters, Ping, Problem, Question,
     Received, Receiver, Refusal, Reply, Request, RequestIds, Selftest, Sender, Setting, SettingKey,
     Status, Summary, ToHost,
 };
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant, SystemTime};
-
-/// How often a request is sent before the box counts as silent.
-const ATTEMPTS: u32 = 8;
 
 /// Memory that a [`Client`] is lent.
 #[derive(Debug)]
@@ -180,12 +180,28 @@ impl<'c, P: Port> Client<'c, P> {
                 // The first of two requests is still worked at; its reply will come.
                 Reply::Error(refused) if refused.problem == Problem::Busy(number) => None,
                 Reply::Error(refused) => Some(Heard::Reply(Err(ClientError::Refused(*refused)))),
-                reply => Some(Heard::Reply(read(reply).ok_or(ClientError::Unexpected {
-                    request: number,
-                    reply: reply.number(),
-                }))),
+                reply => {
+                    let checked = check::reply(number, reply);
+                    let taken = checked.and_then(|()| {
+                        read(reply).ok_or(ClientError::Unexpected {
+                            request: number,
+                            reply: reply.number(),
+                        })
+                    });
+                    Some(Heard::Reply(taken))
+                }
             })?;
+            let worked = started.elapsed();
             match heard {
+                // A box that is busy for ever would be asked for ever.
+                Waited::Silence | Waited::Taken(Heard::Working(true))
+                    if takes_long(request) && worked > self.port.longest_work() =>
+                {
+                    return Err(ClientError::Busy {
+                        request: number,
+                        seconds: worked.as_secs_f64(),
+                    });
+                }
                 Waited::Taken(Heard::Reply(reply)) => return reply,
                 Waited::Taken(Heard::Working(true)) => polls = 0,
                 Waited::Restarted => return Err(self.restarted(number)),
@@ -254,15 +270,30 @@ impl<'c, P: Port> Client<'c, P> {
     /// [`ClientError`].
     pub fn wired_inputs(&mut self, inputs: u8) -> Result<Vec<InputEntry>, ClientError> {
         let mut wired = Vec::new();
+        let started = Instant::now();
         for input in 0..inputs {
+            if started.elapsed() > limits::READING_SETTINGS {
+                return Err(ClientError::Slow {
+                    port: self.port.name(),
+                    read: input,
+                    inputs,
+                    seconds: started.elapsed().as_secs_f64(),
+                });
+            }
             let key = SettingKey::Input(input);
             let entry = self.ask(&Request::ReadSetting(key), |reply| match reply {
                 Reply::Setting(Setting::Input(found)) if found.input == input => {
-                    let certificate = Certificate::new(found).ok()?;
+                    // It was checked when it came; texts show as they stand.
+                    let [serial, certificate] = [found.serial, found.certificate].map(shown);
+                    let found = Input {
+                        serial: &serial,
+                        certificate: &certificate,
+                        ..*found
+                    };
                     Some(InputEntry {
                         input,
                         channel: None,
-                        certificate,
+                        certificate: Certificate::new(&found).ok()?,
                     })
                 }
                 _ => None,
@@ -372,6 +403,8 @@ impl<'c, P: Port> Client<'c, P> {
         let deadline = Instant::now() + patience;
         let mut looked = false;
         loop {
+            // What is left of an earlier chunk counts as looked at, too.
+            looked = looked || self.taken < self.input.len();
             let mut rest = self.input.get(self.taken..).unwrap_or(&[]);
             let restarts = self.receiver.counters().restarts;
             let received = self.receiver.next(&mut rest);
@@ -383,7 +416,7 @@ impl<'c, P: Port> Client<'c, P> {
                 Some(Received::Message(header, FromBox::Reply(reply))) => {
                     match take(header.request, &reply) {
                         Some(taken) => return Ok(Waited::Taken(taken)),
-                        None => self.late += 1,
+                        None => self.late = self.late.saturating_add(1),
                     }
                 }
                 Some(Received::Refused(_, Refusal::Version { found })) => {
@@ -415,8 +448,18 @@ impl<'c, P: Port> Client<'c, P> {
             if self.receiver.counters().restarts > restarts {
                 return Ok(Waited::Restarted);
             }
+            // One chunk may hold many messages, and each may have the listener do much.
+            if looked && Instant::now() > deadline {
+                return Ok(Waited::Silence);
+            }
         }
     }
+}
+
+/// A text of at most as many bytes that shows as it stands: a character that steers a terminal
+/// becomes a question mark.
+fn shown(text: &str) -> String {
+    text.replace(steers, "?")
 }
 
 /// Requests whose replies take seconds.

@@ -140,6 +140,8 @@ struct Window {
     chunks: VecDeque<Chunk>,
     /// Those of `chunks` that were sent since sending last went back.
     sent: usize,
+    /// Those of `chunks` that were ever sent.
+    reached: usize,
     /// Ids of requests that are unanswered.
     open: Vec<u16>,
     /// The sample that the box expects next.
@@ -147,17 +149,26 @@ struct Window {
 }
 
 impl Window {
-    fn taken(&mut self, next: u64) -> Result<(), ClientError> {
+    /// Takes note of what the box expects next. Whether it has a chunk more than before: it takes
+    /// them whole.
+    fn taken(&mut self, next: u64) -> Result<bool, ClientError> {
+        let sent = self.chunks.iter().take(self.sent.max(self.reached));
+        let end = sent.last().map_or(self.next, Chunk::end);
+        if next > end {
+            return Err(ClientError::Ahead { next, end });
+        }
         let first = self.chunks.front().map_or(self.next, |c| c.first);
         if next < first {
             return Err(ClientError::Behind { next, first });
         }
         self.next = self.next.max(next);
+        let before = self.chunks.len();
         while self.chunks.front().is_some_and(|c| c.end() <= self.next) {
             self.chunks.pop_front();
             self.sent = self.sent.saturating_sub(1);
+            self.reached = self.reached.saturating_sub(1);
         }
-        Ok(())
+        Ok(self.chunks.len() < before)
     }
 }
 
@@ -188,6 +199,7 @@ impl<P: Port> Client<'_, P> {
         let mut flight = Window {
             chunks: VecDeque::new(),
             sent: 0,
+            reached: 0,
             open: Vec::new(),
             next: first,
         };
@@ -207,6 +219,7 @@ impl<P: Port> Client<'_, P> {
                 self.send_chunk(id, channels, &flight.chunks[flight.sent])?;
                 flight.open.push(id);
                 flight.sent += 1;
+                flight.reached = flight.reached.max(flight.sent);
             }
             if flight.open.is_empty() {
                 if flight.chunks.is_empty() {
@@ -246,10 +259,9 @@ impl<P: Port> Client<'_, P> {
             })?;
             match waited {
                 Waited::Taken(taken) => {
-                    let before = flight.next;
-                    flight.taken(taken?.next)?;
+                    let more = flight.taken(taken?.next)?;
                     silences = 0;
-                    if flight.next > before {
+                    if more {
                         (retreats, since) = (0, Instant::now());
                         progress(flight.next);
                     }

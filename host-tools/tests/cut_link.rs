@@ -1,0 +1,274 @@
+//! The link cut at the n-th frame, for every n, in all that talks to a box: unplugged, silent from
+//! there on, or that one frame lost.
+//!
+//! The box is the one in this program, so that a silence is noticed at once. What is lost once
+//! has to be made up for; what is cut has to be said, in time, and what was recorded before is a
+//! whole recording.
+
+use massline::acquire::{self, Ending};
+use massline::box_runs::{BoxRunError, BoxTest, Ended, Measuring, Operator, Progress, Stage};
+use massline::device::{Client, ClientMemory, Cut, CutLine, HostBox, HostBoxMemory, Place};
+use massline::inputs::InputEntry;
+use massline::limits;
+use massline::recording::Recording;
+use massline::replay;
+use massline::rig::{Inputs, Troubles};
+use massline::setup::Setup;
+use massline::simulate::{Model, Options, simulate};
+use massline_core::masslines::Method;
+use massline_core::wire::{Reply, Request, Setting, SettingKey};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+type Link<'c, 'm> = Client<'c, CutLine<HostBox<'m>>>;
+
+/// The fork's test of a few seconds, and its inputs.
+struct Fork {
+    folder: TempDir,
+    setup: Setup,
+}
+
+fn fork() -> Fork {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        duration: Some(4.0),
+        ..Options::default()
+    };
+    let mut model = Model::fork().unwrap();
+    model.runs.truncate(1);
+    let simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+    let setup = Setup::read(&simulation.write(folder.path()).unwrap()).unwrap();
+    Fork { folder, setup }
+}
+
+fn inputs() -> Inputs {
+    Inputs::fork(Troubles::default()).unwrap()
+}
+
+fn wired() -> Vec<InputEntry> {
+    let inputs = inputs();
+    let known = inputs.certificates().into_iter().zip(inputs.channels());
+    let entry = |(input, (certificate, name)): (u8, (_, &String))| InputEntry {
+        input,
+        channel: Some(name.clone()),
+        certificate,
+    };
+    (0..).zip(known).map(entry).collect()
+}
+
+/// What became of a conversation: a word, or the error's text.
+type Talked = Result<(), String>;
+
+/// Has a conversation over a line that is cut; what passed, and what became of it.
+fn talk(
+    talk: &(dyn Fn(&mut Link<'_, '_>, &Path) -> Talked + Sync),
+    inputs: &Inputs,
+    cut: Cut,
+    place: Place,
+) -> ([u64; 2], Talked) {
+    let (mut memory, mut own) = (ClientMemory::new(), HostBoxMemory::new());
+    let folder = tempfile::tempdir().unwrap();
+    let line = CutLine::new(
+        HostBox::with_inputs(&mut own, 1, inputs.clone()),
+        cut,
+        place,
+    );
+    let mut client = Client::new(line, &mut memory);
+    let talked = talk(&mut client, folder.path());
+    (client.port().passed(), talked)
+}
+
+/// Conversations that go on beside each other: in most of them somebody waits.
+const BESIDE: usize = 12;
+
+/// Longest that one may take: the time without samples, and the answers that are waited for,
+/// four times over on a machine that is busy otherwise.
+const LONGEST: Duration = limits::SILENCE.saturating_mul(4);
+
+/// Cuts a conversation at every frame, or at every `stride`-th one behind the first sixty.
+fn at_every_frame(stride: u64, conversation: &(dyn Fn(&mut Link<'_, '_>, &Path) -> Talked + Sync)) {
+    let (passed, whole) = talk(conversation, &inputs(), Cut::Gone, Place::Frame(u64::MAX));
+    assert_eq!(whole, Ok(()));
+    let [frames, bytes] = passed;
+    println!("{frames} frames, {bytes} bytes");
+    let steps: Vec<u64> = (0..frames).filter(|n| *n < 60 || n % stride == 0).collect();
+    let cuts = [Cut::Gone, Cut::Silent, Cut::Once];
+    let mut cases: Vec<(Cut, Place)> = Vec::new();
+    for cut in cuts {
+        cases.extend(steps.iter().map(|&n| (cut, Place::Frame(n))));
+    }
+    // Each byte of the first frames: a question and most of its answer.
+    cases.extend((0..bytes.min(40)).map(|n| (Cut::Once, Place::Byte(n))));
+    cases.extend((0..bytes.min(40)).map(|n| (Cut::Gone, Place::Byte(n))));
+    let next = AtomicU64::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..BESIDE {
+            scope.spawn(|| {
+                // The models cannot be shared.
+                let inputs = inputs();
+                while let Some(&(cut, place)) =
+                    cases.get(next.fetch_add(1, Ordering::Relaxed) as usize)
+                {
+                    let since = Instant::now();
+                    let (_, talked) = talk(conversation, &inputs, cut, place);
+                    let took = since.elapsed();
+                    assert!(took < LONGEST, "{cut:?} {place:?}: {took:?}");
+                    match (cut, talked) {
+                        (Cut::Once, talked) => assert_eq!(talked, Ok(()), "{place:?}"),
+                        // The last frames may be ones that nothing depends on.
+                        (_, Ok(())) => {}
+                        (_, Err(text)) => assert!(
+                            ["connection is lost", "no answer to", "no samples for"]
+                                .iter()
+                                .any(|words| text.contains(words)),
+                            "{cut:?} {place:?}: {text}"
+                        ),
+                    }
+                }
+            });
+        }
+    });
+}
+
+fn text(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}
+
+#[test]
+fn info_and_selftest() {
+    at_every_frame(1, &|client, _| {
+        client.hello().map_err(text)?;
+        client.status().map_err(text)?;
+        let selftest = client.selftest().map_err(text)?;
+        assert!(selftest.passed);
+        Ok(())
+    });
+}
+
+#[test]
+fn settings_that_are_read_changed_and_kept() {
+    at_every_frame(1, &|client, _| {
+        let info = client.hello().map_err(text)?;
+        let name = Request::WriteSetting(Setting::Name("table 2"));
+        client.tell(&name).map_err(text)?;
+        let read = Request::ReadSetting(SettingKey::Name);
+        let name = client.ask(&read, |reply| match reply {
+            Reply::Setting(Setting::Name(name)) => Some((*name).to_owned()),
+            _ => None,
+        });
+        assert_eq!(name.map_err(text)?, "table 2");
+        let kept = client.ask(&Request::SaveSettings, |reply| {
+            matches!(reply, Reply::Saved(_)).then_some(())
+        });
+        kept.map_err(text)?;
+        let entries = client.wired_inputs(info.capacity.inputs).map_err(text)?;
+        assert_eq!(entries.len(), 19);
+        Ok(())
+    });
+}
+
+#[test]
+fn a_recording() {
+    let inputs = wired()[..3].to_vec();
+    at_every_frame(1, &|client, folder| {
+        let file = folder.join("x.csv");
+        let order = acquire::Order {
+            inputs: inputs.clone(),
+            seconds: Some(0.5),
+            file: file.clone(),
+            replace: false,
+        };
+        let recorded = acquire::record(client, &order, &mut |_| true);
+        let files = std::fs::read_dir(folder).unwrap().count();
+        let recorded = recorded.map_err(|error| {
+            assert_eq!(files, 0, "{error}");
+            text(error)
+        })?;
+        // One file, and it holds what was told of it.
+        assert_eq!(files, 1);
+        let mut recording = Recording::open(&file, &[]).unwrap();
+        while recording.next_row(&mut []).unwrap() {}
+        assert_eq!(recording.rows(), recorded.samples);
+        let mut ends = Vec::new();
+        recording.notice_end(&mut ends);
+        assert_eq!(ends, [""; 0]);
+        match recorded.ending {
+            Ending::Complete => {
+                assert_eq!(recorded.samples, 256);
+                Ok(())
+            }
+            Ending::Stopped => panic!("nobody stopped it"),
+            Ending::Failed(error) => Err(text(error)),
+        }
+    });
+}
+
+#[test]
+fn levels() {
+    let inputs = wired()[..3].to_vec();
+    at_every_frame(1, &|client, _| {
+        let mut seen = 0;
+        let done = acquire::monitor(client, &inputs, 0.25, Some(0.5), &mut |_| {
+            seen += 1;
+            true
+        });
+        done.map_err(text)?;
+        assert_eq!(seen, 2);
+        Ok(())
+    });
+}
+
+/// Shakes without being asked.
+struct Hand;
+
+impl Operator for Hand {
+    fn shake(&mut self, _: &Stage<'_>) -> Result<(), BoxRunError> {
+        Ok(())
+    }
+
+    fn watch(&mut self, _: &Stage<'_>, _: &Progress) -> bool {
+        true
+    }
+
+    fn ended(&mut self, _: &Stage<'_>, _: &Ended) {}
+}
+
+#[test]
+fn a_test_on_the_box() {
+    let (fork, wired) = (fork(), wired());
+    at_every_frame(1, &|client, _| {
+        let method = Method::ApparentMass;
+        let test = BoxTest::new(client, &fork.setup, &wired, method, true).map_err(text)?;
+        test.load(client).map_err(text)?;
+        let order = Measuring {
+            runs: vec![0],
+            seconds: Some(6.0),
+        };
+        test.measure(client, &order, &mut Hand).map_err(text)?;
+        let found = test.identify(client, false).map_err(text)?;
+        assert_eq!(found.runs.len(), 1);
+        Ok(())
+    });
+    assert!(fork.folder.path().exists());
+}
+
+#[test]
+fn a_replay() {
+    let fork = fork();
+    let order = replay::Order {
+        methods: vec![Method::ApparentMass],
+        iterative: false,
+        weighted: true,
+        blocks: Some(2),
+        flip: None,
+        resume: false,
+    };
+    // Each goes through both the box and this machine's own run: every seventh frame of samples.
+    at_every_frame(7, &|client, _| {
+        let outcome = replay::replay(client, &fork.setup, &order, &mut |_| ()).map_err(text)?;
+        assert!(outcome.identical());
+        Ok(())
+    });
+}
