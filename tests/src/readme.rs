@@ -76,7 +76,9 @@ fn parts_of<'t>(text: &'t str, name: &str) -> Result<[&'t str; 3], String> {
     let begin = find(mark("begin"))? + mark("begin").len();
     let end = find(mark("end"))?;
     let (before, rest) = text.split_at(begin);
-    let shown = end.checked_sub(begin).and_then(|length| rest.split_at_checked(length));
+    let shown = end
+        .checked_sub(begin)
+        .and_then(|length| rest.split_at_checked(length));
     let (shown, after) = shown.ok_or(format!("the README ends {name} before it begins"))?;
     Ok([before, shown, after])
 }

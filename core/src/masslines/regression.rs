@@ -8,7 +8,9 @@
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
 use super::{Excitation, MasslineError, Masslines, Moments};
-use crate::algebra::{Triangle, inverse_lower, lower, multiply_left, multiply_right, triangle_len};
+use crate::algebra::{
+    Triangle, inverse_lower, lower, multiply_left, multiply_right, not_negative, triangle_len,
+};
 use crate::geometry::Equations;
 use core::ops::{AddAssign, Mul};
 use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6};
@@ -283,7 +285,7 @@ impl Regression {
             // A resultant that is zero throughout, exactly, is no better known than that.
             let power = self.power[(j, j)].max(NOTHING * largest);
             let floor = AMPLITUDE * AMPLITUDE * power / self.count;
-            c[(j, j)] = c[(j, j)].max(0.0) * 1.001 + floor.max(f64::MIN_POSITIVE);
+            c[(j, j)] = not_negative(c[(j, j)]) * 1.001 + floor.max(f64::MIN_POSITIVE);
         }
         // Where the spectra fit to their last digit, the residual is the difference of
         // large numbers and its correlations mean nothing.
@@ -321,7 +323,7 @@ impl Regression {
                 distance += difference * difference / unit - (1.0 - p[i] / p_full[i]);
             }
         }
-        let bias = distance.max(0.0);
+        let bias = not_negative(distance);
         solution.inflation = 1.0 + bias / variance;
         variance + bias
     }

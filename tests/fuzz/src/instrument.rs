@@ -5,8 +5,8 @@ use crate::link;
 use crate::script::{Bytes, steps};
 use massline_core::instrument::{Job, RawSample};
 use massline_core::wire::{
-    Count24, FaultKind, Health, Packed, Reply, Request, Samples, SettingKey, State,
-    Status, Taken, Values,
+    Count24, FaultKind, Health, Packed, Reply, Request, Samples, SettingKey, State, Status, Taken,
+    Values,
 };
 use massline_firmware::sampling::INPUTS;
 
@@ -103,7 +103,10 @@ impl Talk<'_> {
         let reply = match replies.as_slice() {
             [] => {
                 let takes_long = matches!(request, Request::Identify(_) | Request::Selftest);
-                assert!(takes_long && self.pending.is_none(), "no reply: {request:?}");
+                assert!(
+                    takes_long && self.pending.is_none(),
+                    "no reply: {request:?}"
+                );
                 assert_eq!(self.status().busy, Some(request.number()));
                 self.pending = Some(id);
                 return;
@@ -173,7 +176,10 @@ impl Talk<'_> {
     }
 
     fn random(&mut self) -> u32 {
-        self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        self.noise = self
+            .noise
+            .wrapping_mul(1_664_525)
+            .wrapping_add(1_013_904_223);
         self.noise
     }
 

@@ -408,7 +408,10 @@ fn client() -> Vec<Vec<u8>> {
         with(0x86, vec![]),
         with(0x87, vec![]),
         with(0x87, tested),
-        with(0x80, vec![(7, vec![0; 4]), (5, vec![0x80, 3, 0]), (4, vec![0, 1])]),
+        with(
+            0x80,
+            vec![(7, vec![0; 4]), (5, vec![0x80, 3, 0]), (4, vec![0, 1])],
+        ),
     ]
 }
 
@@ -439,7 +442,9 @@ fn recordings() -> Vec<Vec<u8>> {
     simple.extend(b"a1,fx\n1,2\n-3.5e2,0.25\n");
     all.push(simple);
     // An empty stream of gzip, by its description.
-    let empty = [31, 139, 8, 0, 0, 0, 0, 0, 0, 255, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    let empty = [
+        31, 139, 8, 0, 0, 0, 0, 0, 0, 255, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+    ];
     all.push([&[0][..], &empty].concat());
     all
 }

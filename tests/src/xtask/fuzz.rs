@@ -182,6 +182,8 @@ impl Programs {
     pub fn run(&self, target: &'static str, seconds: u64) -> Result<Outcome, StepError> {
         let work = self.folder("corpus", target)?;
         let findings = self.folder("findings", target)?;
+        let committed = self.committed(target);
+        fs::create_dir_all(&committed).map_err(|error| unusable(&committed, &error))?;
         let began = Instant::now();
         let mut command = self.command(target);
         command
@@ -190,15 +192,21 @@ impl Programs {
             .arg("-print_final_stats=1")
             .arg(format!("-artifact_prefix={}/", findings.display()))
             .arg(&work)
-            .arg(self.committed(target));
+            .arg(&committed);
         let dictionary = self.root.join(format!("tests/fuzz/words/{target}.dict"));
         if dictionary.is_file() {
             command.arg(format!("-dict={}", dictionary.display()));
         }
-        let (output, failed) = match process::run(&mut command) {
-            Ok(output) => (output, false),
-            Err(StepError::Exit { output, .. }) => (output, true),
-            Err(error) => return Err(error),
+        let (output, finding) = match process::run(&mut command) {
+            Ok(output) => (output, None),
+            Err(error) => match &error {
+                StepError::Exit { output, .. } => match finding(output) {
+                    Some(finding) => (output.clone(), Some(finding)),
+                    // It could not even begin.
+                    None => return Err(error),
+                },
+                _ => return Err(error),
+            },
         };
         if !output.contains("inline 8-bit counters") {
             return Err(StepError::Missing {
@@ -208,14 +216,13 @@ impl Programs {
             });
         }
         let (places, features) = coverage(&output);
-        let finding = failed.then(|| finding(&output, &findings));
         Ok(Outcome {
             target,
             executions: statistic(&output, "number_of_executed_units"),
             places,
             features,
             seconds: began.elapsed().as_secs(),
-            findings: u64::from(failed),
+            findings: u64::from(finding.is_some()),
             finding,
         })
     }
@@ -337,20 +344,30 @@ fn statistic(output: &str, key: &str) -> u64 {
         line.contains(key).then(|| rest.trim().parse().ok())?
     });
     let counted = || {
-        let number = |line: &str| line.strip_prefix('#')?.split_whitespace().next()?.parse().ok();
+        let number = |line: &str| {
+            line.strip_prefix('#')?
+                .split_whitespace()
+                .next()?
+                .parse()
+                .ok()
+        };
         output.lines().rev().find_map(number)
     };
     stated.or_else(counted).unwrap_or(0)
 }
 
-/// Where the input is that broke a promise, and what was said of it.
-fn finding(output: &str, folder: &Path) -> (PathBuf, String) {
+/// Where the input is that broke a promise, and what was said of it; `None` if there is none.
+fn finding(output: &str) -> Option<(PathBuf, String)> {
+    // Slow ones that broke none come before it.
     let written = output
         .lines()
+        .rev()
         .find_map(|line| line.split_once("Test unit written to "));
-    let place = written.map_or_else(|| folder.to_owned(), |(_, path)| path.trim().into());
+    let place = PathBuf::from(written?.1.trim());
     let said = |line: &&str| {
-        line.contains("panicked at") || line.contains("ERROR: libFuzzer") || line.contains("SUMMARY")
+        line.contains("panicked at")
+            || line.contains("ERROR: libFuzzer")
+            || line.contains("SUMMARY")
     };
     let mut words = String::new();
     let mut lines = output.lines();
@@ -365,7 +382,7 @@ fn finding(output: &str, folder: &Path) -> (PathBuf, String) {
             }
         }
     }
-    (place, words)
+    Some((place, words))
 }
 
 /// Outcomes as a table.
@@ -455,10 +472,14 @@ stat::average_exec_per_sec:     506
         assert_eq!(statistic(OUTPUT, "number_of_executed_units"), 8110);
         let (cut, _) = OUTPUT.split_once("stat::").unwrap();
         assert_eq!(statistic(cut, "number_of_executed_units"), 8104);
-        let (place, words) = finding(OUTPUT, Path::new("folder"));
+        let (place, words) = finding(OUTPUT).unwrap();
         assert_eq!(place, Path::new("x/crash-12"));
-        assert!(words.contains("src/a.rs:135:9:\nTaken too much\n"), "{words}");
+        assert!(
+            words.contains("src/a.rs:135:9:\nTaken too much\n"),
+            "{words}"
+        );
         assert_eq!((coverage(""), statistic("", "x")), ((0, 0), 0));
+        assert_eq!(finding("INFO: no such folder"), None);
     }
 
     #[test]
@@ -473,9 +494,15 @@ stat::average_exec_per_sec:     506
             finding: Some(("x/crash".into(), "why\n".to_owned())),
         };
         let text = table(std::slice::from_ref(&outcome));
-        assert!(text.ends_with("| wire | 1,234,567 | 2 | 3 | 60 | 1 |"), "{text}");
+        assert!(
+            text.ends_with("| wire | 1,234,567 | 2 | 3 | 60 | 1 |"),
+            "{text}"
+        );
         let told = findings(&[outcome]);
-        assert!(told.contains("cargo xtask fuzz wire --repeat x/crash"), "{told}");
+        assert!(
+            told.contains("cargo xtask fuzz wire --repeat x/crash"),
+            "{told}"
+        );
         assert_eq!([7, 1000, 999_999].map(grouped), ["7", "1,000", "999,999"]);
     }
 

@@ -61,7 +61,11 @@ pub fn main(arguments: impl Iterator<Item = String>) -> ExitCode {
         Request::Fuzz(order) => return ended(fuzzed(&order, &mut report)),
         Request::Mutants(order) => {
             let context = steps::Context::new(style.colour);
-            return ended(mutants::run(context.root(), &|| context.host_cargo(), &order));
+            return ended(mutants::run(
+                context.root(),
+                &|| context.host_cargo(),
+                &order,
+            ));
         }
         Request::Miri => {
             let context = steps::Context::new(style.colour);
