@@ -1,6 +1,6 @@
 //! The command line: one file a command, in [`crate::commands`].
 
-use crate::commands::{self, board, demo, flash, identify, replay, simulate, study};
+use crate::commands::{self, Failure, board, demo, flash, identify, replay, simulate, study};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -53,9 +53,22 @@ enum Command {
 /// Runs the command line of this process.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    match run(Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => commands::report(&failure),
+    }
+}
+
+/// Runs a command line in this process, as tests of what it writes do.
+#[cfg(test)]
+pub(crate) fn run_words(words: &[&str]) -> Result<(), Failure> {
+    let words = std::iter::once("massline").chain(words.iter().copied());
+    run(Cli::try_parse_from(words).map_err(Failure::input)?)
+}
+
+fn run(cli: Cli) -> Result<(), Failure> {
     let verbosity = cli.verbosity;
-    let done = match cli.command {
+    match cli.command {
         Command::Demo(a) => demo::run(&a, verbosity),
         Command::Identify(a) => identify::run(&a, verbosity),
         Command::Simulate(a) => simulate::run(&a, verbosity),
@@ -70,9 +83,5 @@ pub fn main() -> ExitCode {
             clap_complete::generate(shell, &mut command, "massline", &mut script);
             commands::print_line(String::from_utf8_lossy(&script).trim_end())
         }
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => commands::report(&failure),
     }
 }

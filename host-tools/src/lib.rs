@@ -10,6 +10,7 @@ pub mod identification;
 pub mod inputs;
 pub mod measure;
 pub mod modal;
+pub mod output;
 pub mod recording;
 pub mod replay;
 pub mod report;

@@ -1,6 +1,7 @@
 //! Why samples do not come, or do not get into a file.
 
 use crate::device::ClientError;
+use crate::output::OutputError;
 use std::path::PathBuf;
 
 /// Why samples do not come, or do not get into a file.
@@ -57,12 +58,15 @@ pub enum AcquireError {
         /// The file.
         file: PathBuf,
     },
-    /// The file system refuses.
-    #[error("{}: cannot be written: {source}; choose another place for it", .file.display())]
-    Write {
-        /// The file.
-        file: PathBuf,
+    /// A file that is not written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// Rows that did not become a recording.
+    #[error("{source}\nthe rows that came are kept in {}: once what is wrong is mended, rename it to a name that ends in .csv, and it is a recording for a setup with `sample_rate`", .part.display())]
+    Kept {
+        /// The rows.
+        part: PathBuf,
         /// Why.
-        source: std::io::Error,
+        source: OutputError,
     },
 }

@@ -2,55 +2,66 @@
 //!
 //! What stands above a recording's header is known at its end only, the true sample rate for
 //! one. So rows go to a file beside it, whose name ends in `.part`; at the end the preamble and
-//! they become the recording. If this program dies before, the rows are there: a recording
-//! without a preamble.
+//! they become the recording, which is in its place as a whole or not at all. If this program
+//! dies before, the rows are there: a recording without a preamble. Those that were flushed are
+//! all there, however it dies; the last line may be cut.
 
 use super::AcquireError;
+use crate::output::{self, Existing, Output, OutputError, Part};
 use crate::recording::{HEALTH_COLUMN, Preamble, field, spell};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use massline_core::wire::Health;
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// A recording while it grows.
 pub(super) struct Growing {
     file: PathBuf,
-    part: PathBuf,
-    rows: BufWriter<File>,
+    /// Whether a file of that name may be replaced.
+    replace: bool,
+    part: Part,
     line: String,
 }
 
 impl Growing {
     /// Begins a recording of these channels. Its folder is made if it is missing.
-    pub(super) fn create(file: &Path, channels: &[String]) -> Result<Self, AcquireError> {
-        let refused = |source| AcquireError::Write {
-            file: file.to_owned(),
-            source,
-        };
-        if let Some(folder) = file.parent() {
-            std::fs::create_dir_all(folder).map_err(refused)?;
-        }
-        let mut part = file.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let rows = File::create(&part).map_err(refused)?;
+    ///
+    /// # Errors
+    /// [`AcquireError::Output`] if there can be no such file, or if it would take the place of
+    /// what another recording has left.
+    pub(super) fn create(
+        file: &Path,
+        channels: &[String],
+        replace: bool,
+    ) -> Result<Self, AcquireError> {
+        let part = Part::begin(file, replace)?;
         let mut growing = Self {
             file: file.to_owned(),
+            replace,
             part,
-            rows: BufWriter::new(rows),
             line: String::new(),
         };
         let mut header: Vec<String> = channels.iter().map(|name| field(name)).collect();
         header.push(HEALTH_COLUMN.to_owned());
         growing.line = header.join(",");
-        growing.flush_line()?;
-        Ok(growing)
+        let begun = growing.end_line().and_then(|()| growing.flush());
+        if begun.is_err() {
+            growing.discard();
+        }
+        begun.map(|()| growing)
+    }
+
+    /// Where the rows of an earlier recording are now that were in the way.
+    pub(super) fn set_aside(&self) -> Option<&Path> {
+        self.part.set_aside()
     }
 
     /// Adds a row. A sample that never came has no readings.
+    ///
+    /// # Errors
+    /// [`AcquireError::Output`] if the file system takes no more; then it is not added.
     pub(super) fn row(&mut self, si: &[f32], health: Health) -> Result<(), AcquireError> {
         self.line.clear();
         for x in si {
@@ -64,47 +75,70 @@ impl Growing {
         if !health.is_good() {
             self.line.push_str(&spell(health));
         }
-        self.flush_line()
+        self.end_line()
     }
 
-    fn flush_line(&mut self) -> Result<(), AcquireError> {
+    /// Hands all rows to the system, so that they outlive this program. To be called before
+    /// anybody is told of them.
+    ///
+    /// # Errors
+    /// [`AcquireError::Output`] if the file system does not take them.
+    pub(super) fn flush(&mut self) -> Result<(), AcquireError> {
+        let flushed = self.part.flush();
+        flushed.map_err(|source| self.refused(source))
+    }
+
+    fn end_line(&mut self) -> Result<(), AcquireError> {
         self.line.push('\n');
-        let written = self.rows.write_all(self.line.as_bytes());
+        // The buffer, which is longer than any line, takes one as a whole or not at all, and
+        // keeps what the system did not take: no later line follows a part of one.
+        let written = self.part.write_all(self.line.as_bytes());
         written.map_err(|source| self.refused(source))
     }
 
     fn refused(&self, source: io::Error) -> AcquireError {
-        AcquireError::Write {
-            file: self.file.clone(),
+        OutputError::write(self.part.path(), source).into()
+    }
+
+    /// Makes it a recording. Where its rows still are, if they could not be removed.
+    ///
+    /// # Errors
+    /// [`AcquireError::Kept`]; the rows are where they were, and so is a recording that was to
+    /// be replaced.
+    pub(super) fn finish(&mut self, preamble: &Preamble) -> Result<Option<PathBuf>, AcquireError> {
+        self.join(preamble).map_err(|source| AcquireError::Kept {
+            part: self.part.path().to_owned(),
             source,
-        }
+        })?;
+        let removed = self.part.remove();
+        Ok(removed.err().map(|_| self.part.path().to_owned()))
     }
 
-    /// Makes it a recording.
-    pub(super) fn finish(&mut self, preamble: &Preamble) -> Result<(), AcquireError> {
-        let done = self.rows.flush().and_then(|()| self.join(preamble));
-        done.and_then(|()| std::fs::remove_file(&self.part))
-            .map_err(|source| self.refused(source))
-    }
-
-    fn join(&self, preamble: &Preamble) -> io::Result<()> {
-        let mut rows = BufReader::new(File::open(&self.part)?);
-        let mut out = BufWriter::new(File::create(&self.file)?);
+    fn join(&mut self, preamble: &Preamble) -> Result<(), OutputError> {
+        // Nobody knows what has come there since the recording began.
+        let existing = Existing::Keep.or_force(self.replace);
+        output::check(&self.file, [], existing)?;
+        let mut out = Output::create(&self.file)?;
         let zipped = self.file.extension();
-        if zipped.is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
-            let mut out = GzEncoder::new(out, Compression::default());
-            preamble.write(&mut out)?;
-            io::copy(&mut rows, &mut out)?;
-            return out.finish()?.flush();
-        }
-        preamble.write(&mut out)?;
-        io::copy(&mut rows, &mut out)?;
-        out.flush()
+        let copied = if zipped.is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
+            let mut zip = GzEncoder::new(&mut out, Compression::default());
+            let copied = self.copy(preamble, &mut zip);
+            copied.and_then(|()| zip.try_finish())
+        } else {
+            self.copy(preamble, &mut out)
+        };
+        copied.map_err(|source| OutputError::write(&self.file, source))?;
+        out.finish()?.place()
     }
 
-    /// Throws it away.
+    fn copy(&mut self, preamble: &Preamble, out: &mut dyn Write) -> io::Result<()> {
+        preamble.write(out)?;
+        io::copy(&mut self.part.reread()?, out)?;
+        Ok(())
+    }
+
+    /// Throws it away: there is nothing in it that anybody wants.
     pub(super) fn discard(&mut self) {
-        // There is nothing in it that anybody wants.
-        let _ = std::fs::remove_file(&self.part);
+        self.part.undo();
     }
 }

@@ -5,6 +5,7 @@ use super::follow::{Taker, follow, sample_rate};
 use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port, SampleRate};
 use crate::inputs::{InputEntry, day};
+use crate::output::part_of;
 use crate::recording::{Preamble, Traceability, TrueRate};
 use massline_core::wire::{Event, Fault, Health};
 use std::cell::RefCell;
@@ -79,6 +80,10 @@ pub struct Recorded {
     pub lost: u64,
     /// Why it ended.
     pub ending: Ending,
+    /// Where the rows of an earlier recording are now that a killed program had left in the way.
+    pub set_aside: Option<PathBuf>,
+    /// A file of the same rows that could not be removed.
+    pub left_over: Option<PathBuf>,
 }
 
 struct Recorder {
@@ -117,6 +122,9 @@ impl Taker for Recorder {
             }
             let all = row.all();
             written = growing.row(row.si, all);
+            if written.is_err() {
+                return;
+            }
             *rows += 1;
             Level::add(levels, row);
             if all.is_good() {
@@ -149,7 +157,9 @@ impl Taker for Recorder {
 }
 
 /// Records the box's inputs. `watch` is told how far it is some times a second, and ends the
-/// recording by `false`.
+/// recording by `false`. The rows that it is told of are with the system by then: should this
+/// program be killed, they are in the file beside the recording's place whose name ends in
+/// `.part`.
 ///
 /// # Errors
 /// [`AcquireError`] if there is no recording. One that ended before its time is one: see
@@ -168,7 +178,7 @@ pub fn record<P: Port>(
     let channels: Vec<String> = order.inputs.iter().map(InputEntry::column).collect();
     let recorder = Recorder {
         intake: Intake::new(&order.inputs, rate),
-        growing: Growing::create(&order.file, &channels)?,
+        growing: Growing::create(&order.file, &channels, order.replace)?,
         clock: SampleRate::default(),
         limit: order.seconds.map(|s| ((s * rate).round() as u64).max(1)),
         rate,
@@ -182,7 +192,12 @@ pub fn record<P: Port>(
     };
     let lost = client.link().received.lost;
     let recorder = Rc::new(RefCell::new(recorder));
+    let mut unwritten = None;
     let result = follow(client, &recorder, &mut |recorder| {
+        if let Err(error) = recorder.growing.flush() {
+            unwritten = Some(error);
+            return false;
+        }
         let more = watch(&Progress {
             seconds: recorder.rows as f64 / recorder.rate,
             share: recorder.limit.map(|l| recorder.rows as f64 / l as f64),
@@ -194,6 +209,7 @@ pub fn record<P: Port>(
         more
     });
     let mut recorder = recorder.borrow_mut();
+    let result = unwritten.map_or(result, Err);
     let ending = match result {
         // All that was wanted is there.
         _ if recorder.is_done() => Ending::Complete,
@@ -206,7 +222,7 @@ pub fn record<P: Port>(
     };
     let sample_rate = recorder.clock.estimate("host");
     let known = order.inputs.iter().map(traceability);
-    recorder.growing.finish(&Preamble {
+    let left_over = recorder.growing.finish(&Preamble {
         sample_rate: sample_rate.clone(),
         channel: channels.iter().cloned().zip(known).collect(),
     })?;
@@ -224,6 +240,8 @@ pub fn record<P: Port>(
         sample_rate,
         lost: client.link().received.lost - lost,
         ending,
+        set_aside: recorder.growing.set_aside().map(Path::to_owned),
+        left_over,
     })
 }
 
@@ -238,12 +256,13 @@ pub(crate) fn traceability(entry: &InputEntry) -> Traceability {
     }
 }
 
-/// The first name `recording-1.csv`, `recording-2.csv` and so on that is free in a folder.
+/// The first name `recording-1.csv`, `recording-2.csv` and so on that is free in a folder, and
+/// that no unfinished recording waits for.
 #[must_use]
 pub fn free_name(folder: &Path) -> PathBuf {
     let name = |k: u32| folder.join(format!("recording-{k}.csv"));
     (1..)
         .map(name)
-        .find(|file| !file.exists())
+        .find(|file| !file.exists() && !part_of(file).exists())
         .unwrap_or_else(|| name(0))
 }

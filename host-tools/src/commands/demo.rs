@@ -1,8 +1,9 @@
 //! `massline demo`: the main job on an embedded example, no arguments, no hardware.
 
-use super::{Failure, details, identify, print_json, simulate, true_body, warn, write_file};
+use super::{Failure, details, identify, print_json, simulate, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::Choice;
+use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
 use crate::setup::Setup;
@@ -17,6 +18,9 @@ pub struct Arguments {
     /// Folder for setup, recordings, result and report
     #[arg(long, value_name = "DIR", default_value = "demo")]
     out: PathBuf,
+    /// Replace files of the same names that this program has not simulated
+    #[arg(long)]
+    force: bool,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
@@ -44,15 +48,16 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         ..Options::default()
     };
     let simulation = simulate::with_progress(&model, &options, verbosity)?;
+    let html = arguments.out.join("report.html");
+    let report = Existing::KeepUnlessReport.or_force(arguments.force);
+    output::check(&html, [], report)?;
+    simulation.check(&arguments.out, &[], arguments.force)?;
     let path = simulation.write(&arguments.out).map_err(Failure::input)?;
     let truth = simulation.truth;
     let setup = Setup::read(&path).map_err(Failure::input)?;
     let answer = identify::with_progress(&setup, &Choice::default(), verbosity)?;
-    let html = arguments.out.join("report.html");
-    write_file(
-        &html,
-        &report::render(&setup, &answer, Some(&true_body(&truth))),
-    )?;
+    let page = report::render(&setup, &answer, Some(&true_body(&truth)));
+    output::write(&html, page.as_bytes())?;
     let result = ResultDocument::new(&setup, &answer);
     if arguments.json {
         return print_json(&Document { result, truth });

@@ -7,7 +7,7 @@ use crate::device::{
 };
 use crate::rig::{Inputs, Shaker, Troubles};
 use clap::ArgGroup;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Where the box is: exactly one of three places.
@@ -40,6 +40,11 @@ impl Device {
     /// Whether ticks of the box's clock are true: an emulator's are not.
     pub const fn keeps_time(&self) -> bool {
         !self.emulator
+    }
+
+    /// The file that it is read from, where there is one.
+    pub fn file(&self) -> Option<&Path> {
+        self.elf.as_deref()
     }
 
     /// Reaches the box and has `work` talk to it. To the inputs of the one in this program

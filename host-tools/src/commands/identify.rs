@@ -1,10 +1,9 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::{
-    Bar, Failure, compare, details, print_answer, print_json, true_body, warn, write_file,
-};
+use super::{Bar, Failure, compare, details, print_answer, print_json, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice, OnProgress, Session};
+use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
 use crate::setup::Setup;
@@ -35,9 +34,12 @@ pub struct Arguments {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-    /// Write a report with plots
+    /// Write a report with plots; an earlier report is replaced
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Have the report replace a file that is none
+    #[arg(long, requires = "report")]
+    force: bool,
     /// Compare with the truth.json of a simulation
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
@@ -88,12 +90,19 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         }
         return compare::run(&setup, &choice, truth.as_ref(), arguments.json, verbosity);
     }
+    if let Some(path) = &arguments.report {
+        let recordings = setup.runs.iter().map(|run| setup.recording_path(run));
+        let recordings: Vec<PathBuf> = recordings.collect();
+        let inputs = recordings.iter().chain([&arguments.setup]);
+        let inputs = inputs.chain(&arguments.truth).map(PathBuf::as_path);
+        let existing = Existing::KeepUnlessReport.or_force(arguments.force);
+        output::check(path, inputs, existing)?;
+    }
     let answer = with_progress(&setup, &choice, verbosity)?;
     if let Some(path) = &arguments.report {
-        write_file(
-            path,
-            &report::render(&setup, &answer, truth.as_ref().map(true_body).as_ref()),
-        )?;
+        let truth = truth.as_ref().map(true_body);
+        let page = report::render(&setup, &answer, truth.as_ref());
+        output::write(path, page.as_bytes())?;
     }
     if arguments.json {
         return print_json(&ResultDocument::new(&setup, &answer));

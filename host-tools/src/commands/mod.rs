@@ -23,7 +23,6 @@ use crate::cli::Verbosity;
 use crate::report::TrueBody;
 use crate::simulate::{InertiaTruth, Truth};
 use std::io::Write;
-use std::path::Path;
 use std::process::ExitCode;
 
 /// Why a command ends without doing what was asked.
@@ -42,14 +41,6 @@ impl Failure {
             code: 2,
             message: error.to_string(),
         }
-    }
-
-    /// The file system refused to take a result.
-    pub fn write(path: &Path, error: &std::io::Error) -> Self {
-        Self::input(format!(
-            "{}: cannot be written: {error}; choose another place for it",
-            path.display()
-        ))
     }
 
     /// The terminal, or what stands in its place, refused to take a result. A reader who
@@ -71,6 +62,12 @@ impl From<crate::identification::AnswerError> for Failure {
             code: error.exit_code(),
             message: error.to_string(),
         }
+    }
+}
+
+impl From<crate::output::OutputError> for Failure {
+    fn from(error: crate::output::OutputError) -> Self {
+        Self::input(error)
     }
 }
 
@@ -100,17 +97,6 @@ pub fn warn(warnings: &[String], verbosity: Verbosity) {
     }
 }
 
-/// Writes a text file, its folder included.
-///
-/// # Errors
-/// [`Failure`] that names the file.
-pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|e| Failure::write(folder, &e))?;
-    }
-    std::fs::write(path, text).map_err(|e| Failure::write(path, &e))
-}
-
 /// The truth of a simulation as the report wants it.
 #[must_use]
 pub fn true_body(truth: &Truth) -> TrueBody {
@@ -137,5 +123,10 @@ pub fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
 /// # Errors
 /// [`Failure`] if stdout is gone.
 pub fn print_line(text: &str) -> Result<(), Failure> {
+    // What tests print this way is shown where one fails only.
+    if cfg!(test) {
+        println!("{text}");
+        return Ok(());
+    }
     writeln!(std::io::stdout(), "{text}").map_err(|e| Failure::stdout(&e))
 }

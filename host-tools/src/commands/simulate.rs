@@ -41,6 +41,9 @@ pub struct Arguments {
     /// State the mass in the setup, as if it had been weighed
     #[arg(long)]
     weighed: bool,
+    /// Replace files of the same names that this program has not simulated
+    #[arg(long)]
+    force: bool,
 }
 
 /// Runs the command.
@@ -48,12 +51,16 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let model = if arguments.model == Path::new("fork") {
-        Model::fork()
+    let (model, inputs) = if arguments.model == Path::new("fork") {
+        (Model::fork(), Ok(Vec::new()))
     } else {
-        Model::read(&arguments.model)
-    }
-    .map_err(Failure::input)?;
+        (
+            Model::read(&arguments.model),
+            Model::files(&arguments.model),
+        )
+    };
+    let model = model.map_err(Failure::input)?;
+    let inputs = inputs.map_err(Failure::input)?;
     let options = Options {
         noise: arguments.noise,
         seed: arguments.seed,
@@ -79,7 +86,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let mut progress = |share: f64, run: &str| bar.set(share, run);
         rig::acquire(&mut simulation, &troubles, &mut progress).map_err(Failure::input)?;
     }
-    let setup = simulation.write(&arguments.out).map_err(Failure::input)?;
+    simulation.check(&arguments.out, &inputs, arguments.force)?;
+    let setup = simulation.write(&arguments.out)?;
     print_line(&setup.display().to_string())?;
     if !verbosity.quiet {
         eprintln!(

@@ -2,7 +2,7 @@
 
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
-use crate::recording::{Health, Recording};
+use crate::recording::Health;
 use crate::setup::{Run, Setup};
 use massline_core::masslines::StaticPoses;
 use nalgebra::Vector6;
@@ -37,7 +37,7 @@ pub(super) fn read(
 ) -> Result<MeasuredPoses, MeasureError> {
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
-    let mut recording = Recording::open(&file, &names)?;
+    let mut recording = setup.open_recording(run, &names)?;
     if !recording.ignored().is_empty() {
         warnings.push(format!(
             "{}: columns not used: {}",

@@ -99,7 +99,7 @@ pub(super) fn read(
 ) -> Result<MeasuredRun, MeasureError> {
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
-    let mut recording = Recording::open(&file, &names)?;
+    let mut recording = setup.open_recording(run, &names)?;
     recording.limit(limit);
     if !recording.ignored().is_empty() {
         warnings.push(format!(
@@ -322,7 +322,7 @@ pub fn block_settings(setup: &Setup) -> Result<Option<BlockSettings>, MeasureErr
         return Ok(None);
     };
     let file = setup.recording_path(run);
-    let mut recording = Recording::open(&file, &channel_names(setup, run))?;
+    let mut recording = setup.open_recording(run, &channel_names(setup, run))?;
     settle(setup, run, &file, &mut recording, &mut None).map(Some)
 }
 

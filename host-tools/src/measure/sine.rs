@@ -2,7 +2,6 @@
 
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
-use crate::recording::Recording;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::SineRun;
@@ -71,7 +70,7 @@ pub(super) fn read(
         columns.push(format!("{name}.im"));
     }
     let wanted: Vec<&str> = columns.iter().map(String::as_str).collect();
-    let mut recording = Recording::open(&file, &wanted)?;
+    let mut recording = setup.open_recording(run, &wanted)?;
     if !recording.ignored().is_empty() {
         warnings.push(format!(
             "{}: columns not used: {}",

@@ -7,7 +7,6 @@
 use super::geometry::{Accelerations, RunGeometry, channel_names};
 use super::random::{settle, stream};
 use super::{MeasureError, Progress, sine};
-use crate::recording::Recording;
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};
 use massline_core::spectra::{Average, BlockSettings, DriveAverage, Sum};
@@ -127,7 +126,7 @@ fn random(
     let run = &setup.runs[number];
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
-    let mut recording = Recording::open(&file, &names)?;
+    let mut recording = setup.open_recording(run, &names)?;
     recording.limit(limit);
     let settings = settle(setup, run, &file, &mut recording, settings)?;
     let sensors = setup.accelerometers.len().min(MAX_CHANNELS);

@@ -2,11 +2,11 @@
 
 use super::header::Header;
 use super::preamble::{self, Preamble};
-use super::{HEALTH_COLUMN, RecordingError, faults};
+use super::{Checksum, HEALTH_COLUMN, RecordingError, Summed, faults};
 use csv::ByteRecord;
 use flate2::read::MultiGzDecoder;
 use massline_core::wire::Health;
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,9 @@ pub struct Recording {
     /// Rows after which the recording counts as ended.
     limit: Option<u64>,
     size: u64,
-    consumed: Rc<Cell<u64>>,
+    raw: Shared,
+    /// What the setup says that the file is, until it has been compared.
+    expected: Option<Checksum>,
 }
 
 /// The time a row should carry.
@@ -44,20 +46,43 @@ struct Clock {
     rate: f64,
 }
 
-struct Counted<R> {
-    inner: R,
-    consumed: Rc<Cell<u64>>,
-}
+/// The file, while others read on from it.
+#[derive(Clone)]
+struct Shared(Rc<RefCell<Summed<File>>>);
 
-impl<R: Read> Read for Counted<R> {
+impl Read for Shared {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let n = self.inner.read(buffer)?;
-        self.consumed.set(self.consumed.get() + n as u64);
-        Ok(n)
+        self.0.borrow_mut().read(buffer)
     }
 }
 
 impl Recording {
+    /// The same of a file that should be the one with this checksum, if there is one. Its
+    /// length is compared now, its bytes when the last row is asked for, or when something is
+    /// wrong with a row.
+    ///
+    /// # Errors
+    /// [`RecordingError`]; [`RecordingError::OtherRecording`] before any other.
+    pub fn open_as(
+        file: &Path,
+        channels: &[&str],
+        expected: Option<Checksum>,
+    ) -> Result<Self, RecordingError> {
+        let is_other = |expected: &Checksum| {
+            let found = std::fs::metadata(file);
+            found.is_ok_and(|found| found.is_file() && found.len() != expected.bytes)
+        };
+        if let Some(other) = expected.filter(is_other) {
+            compare(file, other)?;
+        }
+        let mut recording = Self::open(file, channels).or_else(|error| {
+            expected.map_or(Ok(()), |expected| compare(file, expected))?;
+            Err(error)
+        })?;
+        recording.expected = expected;
+        Ok(recording)
+    }
+
     /// Opens a recording and looks for `channels` in its header; rows are then returned
     /// in the order asked for.
     ///
@@ -79,18 +104,14 @@ impl Recording {
                 file: file.to_owned(),
             });
         }
-        let consumed = Rc::new(Cell::new(0));
-        let raw = Counted {
-            inner: opened,
-            consumed: Rc::clone(&consumed),
-        };
+        let raw = Shared(Rc::new(RefCell::new(Summed::new(opened))));
         let zipped = file
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("gz"));
         let input: Box<dyn Read> = if zipped {
-            Box::new(MultiGzDecoder::new(BufReader::new(raw)))
+            Box::new(MultiGzDecoder::new(BufReader::new(raw.clone())))
         } else {
-            Box::new(raw)
+            Box::new(raw.clone())
         };
         let mut input = BufReader::new(input);
         let (remarks, preamble) =
@@ -127,7 +148,8 @@ impl Recording {
             rows: 0,
             limit: None,
             size,
-            consumed,
+            raw,
+            expected: None,
         };
         recording.read_header()?;
         Ok(recording)
@@ -234,7 +256,7 @@ impl Recording {
         if let Some(limit) = self.limit {
             return self.rows as f64 / limit.max(1) as f64;
         }
-        self.consumed.get() as f64 / self.size.max(1) as f64
+        self.raw.0.borrow().checksum().bytes as f64 / self.size.max(1) as f64
     }
 
     /// Settles the sample rate from the setup's, the preamble's and the time column's, whichever
@@ -368,10 +390,21 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError`] that names line and channel.
-    pub fn next_row_f64(
-        &mut self,
-        mut store: impl FnMut(usize, f64),
-    ) -> Result<bool, RecordingError> {
+    pub fn next_row_f64(&mut self, store: impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
+        let row = self.row_f64(store);
+        if !matches!(row, Ok(true))
+            && let Some(expected) = self.expected.take()
+        {
+            let found = self.raw.0.borrow().checksum();
+            // All of it has passed by, unless reading stopped early.
+            if found != expected {
+                compare(&self.file, expected)?;
+            }
+        }
+        row
+    }
+
+    fn row_f64(&mut self, mut store: impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
         if self.limit.is_some_and(|limit| self.rows >= limit) {
             return Ok(false);
         }
@@ -426,4 +459,23 @@ impl Recording {
         }
         Ok(())
     }
+}
+
+/// Whether a file is the one with this checksum. What is no regular file has none.
+fn compare(file: &Path, expected: Checksum) -> Result<(), RecordingError> {
+    if !std::fs::metadata(file).is_ok_and(|found| found.is_file()) {
+        return Ok(());
+    }
+    let found = Checksum::of_file(file).map_err(|source| RecordingError::Unreadable {
+        file: file.to_owned(),
+        source,
+    })?;
+    if found == expected {
+        return Ok(());
+    }
+    Err(RecordingError::OtherRecording {
+        file: file.to_owned(),
+        expected,
+        found,
+    })
 }

@@ -1,5 +1,6 @@
 //! What can be wrong with a recording.
 
+use super::Checksum;
 use crate::format::plain;
 use std::path::PathBuf;
 
@@ -165,5 +166,15 @@ pub enum RecordingError {
         file: PathBuf,
         /// What is wrong.
         reason: String,
+    },
+    /// Another recording than the setup was written with.
+    #[error("{}: this is not the recording that the setup was written with: it has {found}, the setup says {expected}. Either `massline simulate` was ended while it replaced a test, and recordings of two tests lie here: simulate again. Or the recording was changed on purpose: then take the key `checksum` out of its [[run]]", file.display())]
+    OtherRecording {
+        /// The file.
+        file: PathBuf,
+        /// What the setup says of it.
+        expected: Checksum,
+        /// What it is.
+        found: Checksum,
     },
 }

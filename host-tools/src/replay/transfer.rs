@@ -3,7 +3,6 @@
 use super::{Flip, ReplayError};
 use crate::device::{Client, ClientError, Port};
 use crate::measure::channel_names;
-use crate::recording::Recording;
 use crate::setup::Setup;
 use massline_core::wire::{
     Gaps, Line, Lines, Packed, Pass, ReadLines, Reply, Request, Source, Start, Summary, Weights,
@@ -33,7 +32,7 @@ impl Feed<'_> {
     ) -> Result<Summary, ReplayError> {
         let run = &self.setup.runs[number];
         let names = channel_names(self.setup, run);
-        let mut recording = Recording::open(&self.setup.recording_path(run), &names)?;
+        let mut recording = self.setup.open_recording(run, &names)?;
         recording.limit(self.limit);
         let rate = self.setup.processing.as_ref().and_then(|p| p.sample_rate);
         recording.settle_rate(rate)?;

@@ -6,6 +6,9 @@ use std::fmt::Write;
 /// The style sheet, for screens light and dark and for paper.
 const STYLE: &str = include_str!("style.css");
 
+/// By this a page is known as one that this program made, and may be replaced by the next.
+pub(crate) const MADE_BY: &str = "<meta name=\"generator\" content=\"massline\"/>";
+
 /// A part of the page with a heading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
@@ -30,6 +33,7 @@ impl Section {
 pub fn page(title: &str, header: &str, sections: &[Section], footer: &str) -> String {
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\
+         {MADE_BY}\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
          <meta name=\"color-scheme\" content=\"light dark\"/>\
          <title>{}</title>\n<style>\n{STYLE}</style></head>\n<body><main>\n{header}\n",

@@ -16,6 +16,7 @@ mod print;
 mod tests;
 
 use crate::measure;
+use crate::recording::{Checksum, Recording, RecordingError};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -144,6 +145,8 @@ pub struct Run {
     pub name: String,
     /// As written: absolute, or relative to the setup file. See [`Setup::recording_path`].
     pub recording: PathBuf,
+    /// Which bytes it has, where the program that wrote the setup has written it, too.
+    pub checksum: Option<Checksum>,
     /// What the recording holds.
     pub excitation: Excitation,
     /// Channel of the generator's drive signal, random runs only.
@@ -210,6 +213,18 @@ impl Setup {
     #[must_use]
     pub fn to_toml(&self) -> String {
         print::setup(self)
+    }
+
+    /// Opens the recording of a run and looks for `channels` in its header.
+    ///
+    /// # Errors
+    /// As [`Recording::open_as`].
+    pub fn open_recording(
+        &self,
+        run: &Run,
+        channels: &[&str],
+    ) -> Result<Recording, RecordingError> {
+        Recording::open_as(&self.recording_path(run), channels, run.checksum)
     }
 
     /// Where the recording of a run lies.

@@ -8,6 +8,7 @@ use super::{
     AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
     Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
 };
+use crate::recording::Checksum;
 
 const MOUNTS: [(&str, Mount); 2] = [
     ("interface", Mount::Interface),
@@ -374,6 +375,7 @@ fn run(
     section.only(&[
         "name",
         "recording",
+        "checksum",
         "excitation",
         "reference",
         "weights",
@@ -409,12 +411,41 @@ fn run(
             .text("recording")?
             .map(PathBuf::from)
             .ok_or_else(|| section.missing("recording", "the recording's file name"))?,
+        checksum: checksum(section)?,
         excitation,
         reference,
         weights: weights(section, accelerometers, load_cells)?,
         rotation: section.vector("rotation")?.unwrap_or_default(),
         translation: section.vector("translation")?.unwrap_or_default(),
     })
+}
+
+fn checksum(section: &Section<'_>) -> Result<Option<Checksum>, SetupError> {
+    let Some(table) = section.section("checksum")? else {
+        return Ok(None);
+    };
+    table.only(&["crc32", "bytes"])?;
+    let expected = "the CRC-32 of the recording in eight hexadecimal digits, such as \"cbf43926\"";
+    let crc32 = table
+        .text("crc32")?
+        .ok_or_else(|| table.missing("crc32", expected))?;
+    let is_hex = crc32.len() == 8 && crc32.bytes().all(|b| b.is_ascii_hexdigit());
+    let Some(crc32) = u32::from_str_radix(&crc32, 16).ok().filter(|_| is_hex) else {
+        return Err(table
+            .unexpected("crc32", format!("\"{crc32}\""), expected)
+            .into());
+    };
+    // Up to 2^53 every whole number has its own f64.
+    let length = "the recording's length, a whole number of bytes";
+    let bytes = table
+        .number_where("bytes", length, |n| {
+            n.fract() == 0.0 && (0.0..=9e15).contains(&n)
+        })?
+        .ok_or_else(|| table.missing("bytes", length))?;
+    Ok(Some(Checksum {
+        crc32,
+        bytes: bytes as u64,
+    }))
 }
 
 fn weights(

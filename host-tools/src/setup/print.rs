@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::recording::Checksum;
+
 use super::{Estimation, Mount, Processing, Quantity, Run, Setup};
 
 /// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.
@@ -109,6 +111,12 @@ fn print_run(out: &mut String, run: &Run) {
         "recording = {}",
         quoted(&run.recording.to_string_lossy())
     );
+    if let Some(Checksum { crc32, bytes }) = run.checksum {
+        let _ = writeln!(
+            out,
+            "checksum = {{ crc32 = \"{crc32:08x}\", bytes = {bytes} }}  # of the recording; take this line out if you change it"
+        );
+    }
     let _ = writeln!(out, "excitation = \"{}\"", run.excitation.word());
     if let Some(reference) = &run.reference {
         let _ = writeln!(out, "reference = {}", quoted(reference));

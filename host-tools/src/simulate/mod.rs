@@ -42,7 +42,6 @@ pub(crate) use random::Stream;
 pub use specimen::{Mode, Specimen};
 pub(crate) use specimen::{motion_row, shift};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
-pub use write::WriteError;
 
 use crate::recording::Preamble;
 use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
@@ -476,6 +475,7 @@ fn setup(
             .map(|(plan, recording)| Run {
                 name: plan.name.clone(),
                 recording: PathBuf::from(&recording.file),
+                checksum: None,
                 excitation: match plan.excitation {
                     Shaking::Random { .. } => Excitation::Random,
                     Shaking::Poses(_) => Excitation::Static,

@@ -1,6 +1,6 @@
 //! A model: a specimen, its sensors, the table under it, and the runs of the test.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::beam::{BeamModel, ReducedBeam};
 use super::error::ModelError;
@@ -152,6 +152,17 @@ impl Model {
                 file: path.to_owned(),
             }),
         }
+    }
+
+    /// All files that a model is read from: itself and those that it extends.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn files(path: &Path) -> Result<Vec<PathBuf>, ModelError> {
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            return Ok(vec![path.to_owned()]);
+        }
+        model_file::files(Source::read(path)?)
     }
 
     /// A model of bodies and sprung masses from text; `path` names the file in messages,

@@ -2,6 +2,7 @@
 //! describes it.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use nalgebra::Vector3;
 
@@ -80,6 +81,11 @@ pub(super) fn model(first: Source) -> Result<Model, ModelError> {
         ])?;
     }
     build(&layers, &sources[0])
+}
+
+/// The files that a model is read from.
+pub(super) fn files(first: Source) -> Result<Vec<PathBuf>, ModelError> {
+    Ok(chain(first)?.into_iter().map(|s| s.file).collect())
 }
 
 /// The file and those it extends, in that order.

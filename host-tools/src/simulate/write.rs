@@ -1,64 +1,123 @@
 //! A simulated test as a folder: setup.toml, one CSV a run, truth.json.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::{Recording, Simulation};
-use crate::recording::{HEALTH_COLUMN, field, spell};
+use crate::output::{self, Existing, Output, OutputError};
+use crate::recording::{Checksum, HEALTH_COLUMN, Summed, field, spell};
 use massline_core::wire::Health;
 
-/// A file that could not be written.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: cannot be written: {source}", path.display())]
-pub struct WriteError {
-    /// The file or folder.
-    pub path: PathBuf,
-    /// The system's reason.
-    pub source: io::Error,
-}
+const SETUP: &str = "setup.toml";
+const TRUTH: &str = "truth.json";
+
+/// How every setup begins that [`Simulation::write`] has written.
+const WRITTEN_BY: &str = "# Written by `massline simulate`.";
 
 impl Simulation {
     /// Writes everything into a folder, which is made if it is missing; files of the same
     /// names are replaced. Returns the path of the setup file.
     ///
+    /// All files are made beside their places first. Then the setup is put in its place, which
+    /// carries the checksums of the recordings to come, and they last: should this program be
+    /// killed in between, no recording of an earlier test passes for one of this.
+    ///
     /// # Errors
-    /// Names the first file that could not be written.
-    pub fn write(&self, folder: &Path) -> Result<PathBuf, WriteError> {
-        at(folder, std::fs::create_dir_all(folder))?;
-        for recording in &self.recordings {
-            let path = folder.join(&recording.file);
-            at(&path, write_csv(&path, recording))?;
+    /// Names the first file that could not be written. Unless files were being put in their
+    /// places, those of the same names are as they were.
+    pub fn write(&self, folder: &Path) -> Result<PathBuf, OutputError> {
+        let mut setup = self.setup.clone();
+        let mut recordings = Vec::with_capacity(self.recordings.len());
+        for (run, recording) in setup.runs.iter_mut().zip(&self.recordings) {
+            let (ready, checksum) = write_recording(&folder.join(&recording.file), recording)?;
+            recordings.push(ready);
+            run.checksum = Some(checksum);
         }
-        let truth = folder.join("truth.json");
-        at(&truth, self.write_truth(&truth))?;
-        // Last, so that a setup never stands there without its recordings.
-        let setup = folder.join("setup.toml");
-        at(&setup, std::fs::write(&setup, self.setup.to_toml()))?;
-        Ok(setup)
+        let truth = ready(&folder.join(TRUTH), |out| {
+            serde_json::to_writer_pretty(&mut *out, &self.truth)?;
+            out.write_all(b"\n")
+        })?;
+        let path = folder.join(SETUP);
+        let text = format!("{WRITTEN_BY}\n{}", setup.to_toml());
+        ready(&path, |out| out.write_all(text.as_bytes()))?.place()?;
+        truth.place()?;
+        for recording in recordings {
+            recording.place()?;
+        }
+        Ok(path)
     }
 
-    fn write_truth(&self, path: &Path) -> io::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
-        serde_json::to_writer_pretty(&mut file, &self.truth)?;
-        file.write_all(b"\n")?;
-        file.flush()
+    /// Whether all files may be written into a folder: none is one of `inputs`, and none takes
+    /// the place of another's work, unless that is what the user wants (`force`). An earlier
+    /// simulation may be replaced.
+    ///
+    /// # Errors
+    /// Names the first file that would be lost.
+    pub(crate) fn check(
+        &self,
+        folder: &Path,
+        inputs: &[PathBuf],
+        force: bool,
+    ) -> Result<(), OutputError> {
+        let existing = if force || is_simulated(folder) {
+            Existing::Replace
+        } else {
+            Existing::KeepUnlessSimulated
+        };
+        let recordings = self.recordings.iter().map(|r| r.file.as_str());
+        for file in [SETUP, TRUTH].into_iter().chain(recordings) {
+            let inputs = inputs.iter().map(PathBuf::as_path);
+            output::check(&folder.join(file), inputs, existing)?;
+        }
+        Ok(())
     }
 }
 
-fn at(path: &Path, result: io::Result<()>) -> Result<(), WriteError> {
-    result.map_err(|source| WriteError {
-        path: path.to_owned(),
-        source,
-    })
+/// Whether a folder holds a test that [`Simulation::write`] has written.
+fn is_simulated(folder: &Path) -> bool {
+    let file = folder.join(SETUP);
+    // A pipe would wait for somebody to write.
+    if !std::fs::metadata(&file).is_ok_and(|found| found.is_file()) {
+        return false;
+    }
+    let mut line = String::new();
+    let read = std::fs::File::open(file).and_then(|file| {
+        let head = file.take(WRITTEN_BY.len() as u64 + 2);
+        BufReader::new(head).read_line(&mut line)
+    });
+    read.is_ok() && line.trim_end() == WRITTEN_BY
+}
+
+/// A file that is whole, but not in its place yet.
+fn ready(
+    file: &Path,
+    write: impl FnOnce(&mut Output) -> io::Result<()>,
+) -> Result<output::Ready, OutputError> {
+    let mut out = Output::create(file)?;
+    write(&mut out).map_err(|source| OutputError::write(file, source))?;
+    out.finish()
+}
+
+fn write_recording(
+    file: &Path,
+    recording: &Recording,
+) -> Result<(output::Ready, Checksum), OutputError> {
+    let mut checksum = None;
+    let ready = ready(file, |out| {
+        let mut summed = Summed::new(out);
+        write_csv(&mut summed, recording)?;
+        checksum = Some(summed.checksum());
+        Ok(())
+    })?;
+    // There is one where there was no error.
+    Ok((ready, checksum.unwrap_or(Checksum { crc32: 0, bytes: 0 })))
 }
 
 /// Header of channel names, then one row a sample; every number is the shortest text
 /// that reads back to the same f32. A sample that never came has none.
-fn write_csv(path: &Path, recording: &Recording) -> io::Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    recording.preamble.write(&mut file)?;
+fn write_csv(file: &mut dyn Write, recording: &Recording) -> io::Result<()> {
+    recording.preamble.write(file)?;
     let mut header: Vec<String> = recording.channels.iter().map(|name| field(name)).collect();
     let tells = !recording.health.is_empty();
     if tells {
@@ -87,5 +146,5 @@ fn write_csv(path: &Path, recording: &Recording) -> io::Result<()> {
         line.push('\n');
         file.write_all(line.as_bytes())?;
     }
-    file.flush()
+    Ok(())
 }

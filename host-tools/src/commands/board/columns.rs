@@ -4,7 +4,7 @@ use crate::commands::Failure;
 use crate::device::{Client, Port};
 use crate::inputs::{self, InputEntry};
 use crate::recording::HEALTH_COLUMN;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What `--inputs` says.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +13,16 @@ pub(super) enum Wanted {
     File(PathBuf),
     /// Inputs from zero, some with the name of their channel.
     These(Vec<(u8, Option<String>)>),
+}
+
+impl Wanted {
+    /// The file of inputs, if it is one.
+    pub(super) fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(file) => Some(file),
+            Self::These(_) => None,
+        }
+    }
 }
 
 /// Reads `inputs.toml`, or a list such as `1,3-6,drive=8`.

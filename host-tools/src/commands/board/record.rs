@@ -9,6 +9,7 @@ use crate::cli::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Interrupt, Ticker, print_json, warn};
 use crate::format::{plain, with_std};
+use crate::output::{self, Existing};
 use crate::recording::{TrueRate, fault_words, spell};
 use anstyle::{AnsiColor, Style};
 use massline_core::wire::Health;
@@ -33,7 +34,7 @@ pub struct Arguments {
     /// Which inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
     #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
     inputs: Option<Wanted>,
-    /// Replace a file of that name
+    /// Replace a file of that name, and set aside what a killed program left of one (.part)
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -49,6 +50,9 @@ pub struct Arguments {
 /// [`Failure`] if there is no recording, or if it ended before its time.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let file = file(&arguments.file)?;
+    let inputs = arguments.inputs.as_ref().and_then(Wanted::file);
+    let inputs = inputs.into_iter().chain(arguments.device.file());
+    output::check(&file, inputs, Existing::Keep.or_force(arguments.force))?;
     let troubles = arguments.troubles.get()?;
     let recorded = arguments.device.talk_of_inputs(troubles, |client| {
         let order = Order {
@@ -131,6 +135,18 @@ fn told(progress: &Progress<'_>, seconds: Option<f64>) -> String {
 
 fn notes(recorded: &Recorded) -> Vec<String> {
     let mut notes = Vec::new();
+    if let Some(aside) = &recorded.set_aside {
+        notes.push(format!(
+            "{}: here are now the rows of an earlier recording that was not finished",
+            aside.display()
+        ));
+    }
+    if let Some(left_over) = &recorded.left_over {
+        notes.push(format!(
+            "{}: could not be removed; all that is in it is in the recording",
+            left_over.display()
+        ));
+    }
     if recorded.lost > 0 {
         notes.push(format!(
             "{} frames of the box were lost on the way; what they held is missing in the recording",
@@ -222,6 +238,8 @@ struct RecordDocument {
     /// Hz, by the clock of this computer.
     true_sample_rate: Option<TrueRate>,
     frames_lost: u64,
+    /// Where the rows of an unfinished recording are now that were in the way.
+    set_aside: Option<String>,
     /// `complete`, `stopped` or `failed`.
     ending: &'static str,
     reason: Option<String>,
@@ -267,6 +285,7 @@ impl RecordDocument {
             box_faults: count_faults(&recorded.box_faults),
             true_sample_rate: recorded.sample_rate.clone(),
             frames_lost: recorded.lost,
+            set_aside: recorded.set_aside.as_ref().map(|p| p.display().to_string()),
             ending,
             reason,
         }

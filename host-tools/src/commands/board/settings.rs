@@ -3,10 +3,11 @@
 use super::print_row;
 use crate::cli::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, print_json, warn, write_file};
+use crate::commands::{Failure, print_json, warn};
 use crate::device::{Client, ClientError, Port};
 use crate::format::plain;
 use crate::inputs::{self, InputEntry};
+use crate::output::{self, Existing};
 use crate::rig::Troubles;
 use anstyle::Style;
 use massline_core::wire::{NAME_MAX, Reply, Request, Saved, Setting, SettingKey, Storage};
@@ -31,6 +32,9 @@ pub struct Arguments {
     /// Write the box's inputs to a file, to be kept or given to --inputs
     #[arg(long, value_name = "FILE")]
     export: Option<PathBuf>,
+    /// Have --export replace a file of that name
+    #[arg(long, requires = "export")]
+    force: bool,
     /// Go back to the settings the box was delivered with, before any --set and --inputs
     #[arg(long)]
     reset: bool,
@@ -123,6 +127,12 @@ struct InputRow {
 /// [`Failure`] if the box cannot be asked, or refuses a value.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     // Before the box is asked for anything, so that a mistake in the file changes nothing.
+    if let Some(file) = &arguments.export {
+        let inputs = arguments.inputs.iter().map(PathBuf::as_path);
+        let inputs = inputs.chain(arguments.device.file());
+        let existing = Existing::Keep.or_force(arguments.force);
+        output::check(file, inputs, existing)?;
+    }
     let file = arguments.inputs.as_deref().map(inputs::read);
     let wired = file
         .transpose()
@@ -156,7 +166,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             let named = wired.iter().find(|w| w.input == entry.input);
             entry.channel = named.and_then(|w| w.channel.clone());
         }
-        write_file(file, &inputs::to_toml(&entries))?;
+        output::write(file, inputs::to_toml(&entries).as_bytes())?;
     }
     if arguments.json {
         print_json(&document)?;

@@ -1,7 +1,8 @@
 //! `massline study tuning-fork`: the paper's numerical example, row by row.
 
 use crate::cli::Verbosity;
-use crate::commands::{Bar, Failure, print_json, write_file};
+use crate::commands::{Bar, Failure, print_json};
+use crate::output::{self, Existing};
 use crate::study::{self, Document, NoiseKind, Options, StudyError, WeightRule};
 use std::path::PathBuf;
 
@@ -32,9 +33,12 @@ pub struct Arguments {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-    /// Write a report with plots
+    /// Write a report with plots; an earlier report is replaced
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Have the report replace a file that is none
+    #[arg(long, requires = "report")]
+    force: bool,
     #[command(flatten)]
     paper: Unknowns,
 }
@@ -151,6 +155,10 @@ impl From<StudyError> for Failure {
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    if let Some(path) = &arguments.report {
+        let existing = Existing::KeepUnlessReport.or_force(arguments.force);
+        output::check(path, [], existing)?;
+    }
     let bar = Bar::new("studying", verbosity);
     let options = arguments.options();
     let study = study::run(&options, &mut |share| {
@@ -159,7 +167,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     })?;
     drop(bar);
     if let Some(path) = &arguments.report {
-        write_file(path, &study::render(&study))?;
+        output::write(path, study::render(&study).as_bytes())?;
     }
     if arguments.json {
         return print_json(&Document::new(&study));
