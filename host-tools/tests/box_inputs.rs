@@ -2,7 +2,7 @@
 
 mod bench;
 
-use bench::{Finished, command, massline};
+use bench::{Finished, by_hand, command, massline};
 use serde_json::Value;
 use std::path::Path;
 
@@ -15,6 +15,7 @@ fn board(folder: &Path, arguments: &[&str]) -> Finished {
 fn setup(folder: &Path) -> String {
     let simulate = ["simulate", "fork", "--out", ".", "--duration", "6", "-q"];
     assert_eq!(massline(folder, simulate).code, Some(0));
+    by_hand(&folder.join("setup.toml"));
     let header = std::fs::read_to_string(folder.join("lateral-x.csv")).unwrap();
     let names = header.lines().next().unwrap().split(',').enumerate();
     let inputs = names.map(|(k, name)| format!("{name}={}", k + 1));

@@ -2,14 +2,14 @@
 
 use super::{Failure, details, identify, print_json, simulate, true_body, warn};
 use crate::cli::Verbosity;
-use crate::identification::Choice;
+use crate::identification::{Answer, Choice};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Truth};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Shake a tuning fork, record it, identify it, compare with the truth
 #[derive(clap::Args)]
@@ -36,28 +36,67 @@ struct Document {
     truth: Truth,
 }
 
-/// Runs the command.
-///
-/// # Errors
-/// [`Failure`] with the reason.
-pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let model = Model::fork().map_err(Failure::input)?;
-    let options = Options {
+/// How the fork is shaken.
+pub(crate) fn options() -> Options {
+    Options {
         noise: Some(NOISE),
         weighed: true,
         ..Options::default()
-    };
-    let simulation = simulate::with_progress(&model, &options, verbosity)?;
-    let html = arguments.out.join("report.html");
-    let report = Existing::KeepUnlessReport.or_force(arguments.force);
-    output::check(&html, [], report)?;
-    simulation.check(&arguments.out, &[], arguments.force)?;
-    let path = simulation.write(&arguments.out).map_err(Failure::input)?;
+    }
+}
+
+/// What a demonstration has left in its folder, and found.
+pub(crate) struct Left {
+    path: PathBuf,
+    html: PathBuf,
+    setup: Setup,
+    truth: Truth,
+    answer: Answer,
+}
+
+/// Simulates, identifies and reports into a folder.
+///
+/// # Errors
+/// [`Failure`] with the reason.
+pub(crate) fn leave(
+    folder: &Path,
+    options: &Options,
+    force: bool,
+    verbosity: Verbosity,
+) -> Result<Left, Failure> {
+    let model = Model::fork().map_err(Failure::input)?;
+    let simulation = simulate::with_progress(&model, options, verbosity)?;
+    let html = folder.join("report.html");
+    output::check(&html, [], Existing::KeepUnlessReport.or_force(force))?;
+    simulation.check(folder, &[], force)?;
+    let path = simulation.write(folder)?;
     let truth = simulation.truth;
     let setup = Setup::read(&path).map_err(Failure::input)?;
     let answer = identify::with_progress(&setup, &Choice::default(), verbosity)?;
     let page = report::render(&setup, &answer, Some(&true_body(&truth)));
     output::write(&html, page.as_bytes())?;
+    Ok(Left {
+        path,
+        html,
+        setup,
+        truth,
+        answer,
+    })
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`] with the reason.
+pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let left = leave(&arguments.out, &options(), arguments.force, verbosity)?;
+    let Left {
+        path,
+        html,
+        setup,
+        truth,
+        answer,
+    } = left;
     let result = ResultDocument::new(&setup, &answer);
     if arguments.json {
         return print_json(&Document { result, truth });

@@ -98,7 +98,8 @@ impl Drop for Beside {
 /// A file that is whole and on the disk, but not in its place yet.
 pub(crate) struct Ready {
     file: PathBuf,
-    beside: Option<Beside>,
+    /// With its handle, whose lock says that it is in use.
+    beside: Option<(Beside, Handle)>,
 }
 
 impl Output {
@@ -142,15 +143,17 @@ impl Output {
     /// [`OutputError`]; the old file is as it was.
     pub(crate) fn finish(self) -> Result<Ready, OutputError> {
         let Self { file, to } = self;
-        let (done, beside) = match to {
-            To::File { mut rows, beside } => {
-                let done = rows.flush().and_then(|()| rows.get_ref().sync());
-                (done, Some(beside))
-            }
-            To::Stream(mut stream) => (stream.flush(), None),
+        let done = match to {
+            To::File { rows, beside } => match rows.into_inner() {
+                Ok(handle) => handle.sync().map(|()| Some((beside, handle))),
+                Err(error) => Err(error.into_error()),
+            },
+            To::Stream(mut stream) => stream.flush().map(|()| None),
         };
-        done.map_err(|source| OutputError::write(&file, source))?;
-        Ok(Ready { file, beside })
+        match done {
+            Ok(beside) => Ok(Ready { file, beside }),
+            Err(source) => Err(OutputError::write(&file, source)),
+        }
     }
 }
 
@@ -177,7 +180,7 @@ impl Ready {
     /// [`OutputError`]; the old file is as it was, or the new one is there as a whole.
     pub(crate) fn place(self) -> Result<(), OutputError> {
         let Self { file, beside } = self;
-        let Some(mut beside) = beside else {
+        let Some((mut beside, _in_use)) = beside else {
             return Ok(());
         };
         disk::rename(&beside.path, &beside.target)

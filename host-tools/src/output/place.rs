@@ -46,9 +46,8 @@ pub(super) fn follow(file: &Path) -> io::Result<End> {
         match fs::symlink_metadata(&path) {
             Ok(found) if found.is_symlink() => path = folder.join(fs::read_link(&path)?),
             Ok(found) => return Ok(End::Found(path, found)),
-            Err(error) if error.kind() == ErrorKind::NotFound && is_named(&path) => {
-                return Ok(End::Nothing(path));
-            }
+            // Its folder may have to be made, or cannot be one.
+            Err(error) if is_nothing(&error) && is_named(&path) => return Ok(End::Nothing(path)),
             Err(error) => return Err(error),
         }
     }
@@ -88,6 +87,10 @@ pub(super) fn folder(file: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
+}
+
+fn is_nothing(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
 }
 
 /// Whether there is a name that a file could have.

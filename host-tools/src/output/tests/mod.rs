@@ -53,13 +53,14 @@ struct Left<'a> {
     now: Files,
 }
 
-/// Runs a command on a folder with every fault at every operation. What is said of all commands
-/// is said here; `look` adds what is said of this one.
-fn at_every_step(
+/// Runs a command on a folder with every fault at every operation of those that are `chosen`.
+/// What is said of all commands is said here; `look` adds what is said of this one.
+fn at_steps(
     folder: &Path,
     targets: &[&str],
+    chosen: impl Fn(Operation, &Path) -> bool,
     command: impl Fn() -> Result<(), Failure>,
-    look: impl Fn(&Left<'_>),
+    mut look: impl FnMut(&Left<'_>),
 ) {
     let old = files(folder);
     let clean = faults::with(usize::MAX, Fault::Error, &command);
@@ -71,7 +72,10 @@ fn at_every_step(
     let fewest = 5 * targets.len();
     assert!(clean.seen.len() >= fewest, "{:?}", clean.seen);
     for fault in [Fault::Full, Fault::Error, Fault::Killed] {
-        for (at, (operation, _)) in clean.seen.iter().enumerate() {
+        for (at, (operation, path)) in clean.seen.iter().enumerate() {
+            if !chosen(*operation, path) {
+                continue;
+            }
             restore(folder, &old);
             let done = faults::with(at, fault, &command);
             let left = Left {
