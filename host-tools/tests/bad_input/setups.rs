@@ -101,7 +101,7 @@ fn known_mass_of_zero_or_below() {
             &finished,
             2,
             &[
-                "setup.toml, line 3",
+                "setup.toml, line 4",
                 "`known_mass` is ",
                 "more than 0",
                 "leave it out",
@@ -166,7 +166,7 @@ fn setups_that_say_something_else() {
     let finished = Bench::fork()
         .setup("[processing]", "[processing")
         .identify(&[]);
-    refused(&finished, 2, &["setup.toml, line 5", "this is not TOML"]);
+    refused(&finished, 2, &["setup.toml, line 6", "this is not TOML"]);
     let finished = Bench::fork()
         .write("setup.toml", [0xff, 0, 7])
         .identify(&[]);

@@ -4,7 +4,6 @@
 //! every fault that this operation can meet.
 
 mod commands;
-mod places;
 mod recordings;
 
 use super::disk::Operation;
