@@ -240,6 +240,17 @@ pub(crate) fn multiply_right<const N: usize>(
     }
 }
 
+/// A sum of squares from which more was taken than rounding leaves is zero. What is no number
+/// stays none: `f64::max` would make a perfect zero of it.
+pub(crate) fn not_negative(x: f64) -> f64 {
+    if x < 0.0 { 0.0 } else { x }
+}
+
+/// The larger of two; no number if either is none, of which `f64::max` would take the other.
+pub(crate) fn larger(x: f64, y: f64) -> f64 {
+    if x.is_nan() || x > y { x } else { y }
+}
+
 /// `Σ x y` in the order in which products of matrices are summed elsewhere.
 pub(crate) fn product(x: impl Fn(usize) -> f64, y: &[f64]) -> f64 {
     let products = y.iter().enumerate().map(|(k, y)| x(k) * y);
@@ -290,7 +301,7 @@ pub(crate) fn incoherent_powers(
                 left -= sum.norm_sqr() / d[k];
             }
         }
-        left.max(0.0)
+        not_negative(left)
     })
 }
 

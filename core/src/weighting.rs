@@ -30,8 +30,10 @@ pub fn weights_from_peaks(peaks: &mut [f64], minimum: f64) {
     let largest = peaks.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let smallest = peaks.iter().copied().fold(f64::INFINITY, f64::min);
     let spread = largest - smallest;
+    // Comparisons with what is no number would leave it out.
+    let finite = peaks.iter().all(|peak| peak.is_finite());
     for peak in peaks {
-        *peak = if spread > 0.0 && spread.is_finite() && peak.is_finite() {
+        *peak = if finite && spread.is_normal() {
             1.0 - (1.0 - minimum) * (*peak - smallest) / spread
         } else {
             1.0

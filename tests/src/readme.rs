@@ -1,4 +1,5 @@
-//! Tables in the firmware's README that a test writes and compares.
+//! Tables in READMEs: those of the firmware's, which tests write and compare, and those that a
+//! command writes.
 //!
 //! A table stands between `<!-- name: begin -->` and `<!-- name: end -->`.
 
@@ -30,28 +31,56 @@ pub fn compare(name: &str, found: &str) -> Result<(), String> {
     static FILE: Mutex<()> = Mutex::new(());
     let _file = FILE.lock().unwrap_or_else(PoisonError::into_inner);
 
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../firmware/README.md");
-    let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let (begin, end) = (
-        format!("<!-- {name}: begin -->"),
-        format!("<!-- {name}: end -->"),
-    );
-    let (before, rest) = text
-        .split_once(&begin)
-        .ok_or(format!("the README has no {begin}"))?;
-    let (shown, after) = rest
-        .split_once(&end)
-        .ok_or(format!("the README has no {end}"))?;
+    const FIRMWARE: &str = "firmware/README.md";
     if accepts() {
-        let text = format!("{before}{begin}\n\n{found}\n{end}{after}");
-        return fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()));
+        return put(FIRMWARE, name, found);
     }
+    let text = read(FIRMWARE)?;
+    let [_, shown, _] = parts_of(&text, name)?;
     differ(shown, found).map_or(Ok(()), |(ours, theirs)| {
         Err(format!(
             "the README says {ours:?}, the firmware {theirs:?}. If that is right, run this again \
              with {ACCEPT}=1 and commit the file.\n{found}"
         ))
     })
+}
+
+/// Writes the table of this name into a file of the workspace.
+///
+/// # Errors
+///
+/// Why it cannot be written, in words.
+pub fn put(file: &str, name: &str, table: &str) -> Result<(), String> {
+    let text = read(file)?;
+    let [before, _, after] = parts_of(&text, name)?;
+    let path = place(file);
+    fs::write(&path, format!("{before}\n\n{table}\n{after}"))
+        .map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn place(file: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("..")
+        .join(file)
+}
+
+fn read(file: &str) -> Result<String, String> {
+    let path = place(file);
+    fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// A text up to and with the mark where the table begins, the table, and the rest.
+fn parts_of<'t>(text: &'t str, name: &str) -> Result<[&'t str; 3], String> {
+    let mark = |word: &str| format!("<!-- {name}: {word} -->");
+    let find = |mark: String| text.find(&mark).ok_or(format!("the README has no {mark}"));
+    let begin = find(mark("begin"))? + mark("begin").len();
+    let end = find(mark("end"))?;
+    let (before, rest) = text.split_at(begin);
+    let shown = end
+        .checked_sub(begin)
+        .and_then(|length| rest.split_at_checked(length));
+    let (shown, after) = shown.ok_or(format!("the README ends {name} before it begins"))?;
+    Ok([before, shown, after])
 }
 
 /// The first lines of two tables that differ, if any do.
@@ -90,6 +119,16 @@ mod tests {
     use super::*;
 
     const SHOWN: &str = "| what | bytes |\n| --- | ---: |\n| stack | 1000 |\n| rest | 2.5 % |\n";
+
+    #[test]
+    fn a_table_lies_between_its_marks() {
+        let text = "a<!-- t: begin -->\n1\n<!-- t: end -->b";
+        let [before, shown, after] = parts_of(text, "t").unwrap();
+        assert_eq!(shown, "\n1\n");
+        assert_eq!(format!("{before}{shown}{after}"), text);
+        assert!(parts_of(text, "u").is_err());
+        assert!(parts_of("<!-- t: end --><!-- t: begin -->", "t").is_err());
+    }
 
     #[test]
     fn numbers_may_differ_a_little_and_words_may_not() {

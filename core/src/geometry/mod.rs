@@ -43,6 +43,9 @@ pub enum GeometryError {
     NoLoadCell,
     /// A weight that is negative or not finite.
     Weight,
+    /// A rotation, shift, position or weight with which coordinates, or what sensors add to
+    /// the resultants, are not finite.
+    NotFinite,
 }
 
 impl core::fmt::Display for GeometryError {
@@ -55,6 +58,9 @@ impl core::fmt::Display for GeometryError {
             Self::NoAccelerometer => f.write_str("no accelerometer with a weight above zero"),
             Self::NoLoadCell => f.write_str("no load cell"),
             Self::Weight => f.write_str("a weight is negative or not finite"),
+            Self::NotFinite => f.write_str(
+                "a rotation, shift, position or weight is not finite, or too large to compute with",
+            ),
         }
     }
 }
@@ -105,10 +111,13 @@ fn checked(
     position: Vector3<f64>,
     direction: Vector3<f64>,
 ) -> Result<(Vector3<f64>, Vector3<f64>), GeometryError> {
-    let length = direction.norm();
-    let finite = position.iter().all(|x| x.is_finite()) && length.is_finite();
-    if finite && length > 0.0 {
-        Ok((position, direction / length))
+    // Squares of numbers far from one overflow, or are zero.
+    let largest = direction.amax();
+    let finite = position.iter().chain(&direction).all(|x| x.is_finite());
+    if finite && largest > 0.0 {
+        let safe = (1e-140..1e140).contains(&largest);
+        let direction = if safe { direction } else { direction / largest };
+        Ok((position, direction / direction.norm()))
     } else {
         Err(GeometryError::Direction)
     }

@@ -28,17 +28,22 @@ impl Placement {
     /// A placement from a rotation vector (axis times angle, degrees) and a shift (m).
     ///
     /// # Errors
-    /// [`GeometryError::Direction`] if a component is not finite.
+    /// [`GeometryError::NotFinite`] if a component is not finite, or so large that the rotation
+    /// is not.
     pub fn new(
         rotation_degrees: Vector3<f64>,
         translation: Vector3<f64>,
     ) -> Result<Self, GeometryError> {
-        let mut all = rotation_degrees.iter().chain(translation.iter());
-        if !all.all(|x| x.is_finite()) {
-            return Err(GeometryError::Direction);
+        let rotation = rotation_matrix(&rotation_degrees);
+        // An angle that is no number would be a rotation of no numbers, and one whose square
+        // overflows would be, too.
+        let all = [rotation_degrees, translation];
+        let given = all.iter().flatten().all(|x| x.is_finite());
+        if !(given && rotation.iter().all(|x| x.is_finite())) {
+            return Err(GeometryError::NotFinite);
         }
         Ok(Self {
-            rotation: rotation_matrix(&rotation_degrees),
+            rotation,
             translation,
         })
     }

@@ -34,7 +34,8 @@ impl AccelerationFit {
     ///
     /// # Errors
     /// [`GeometryError::Weight`] for a negative or non-finite weight,
-    /// [`GeometryError::NoAccelerometer`] if nothing carries weight.
+    /// [`GeometryError::NoAccelerometer`] if nothing carries weight,
+    /// [`GeometryError::NotFinite`] if positions or weights are too large to compute with.
     #[inline(never)] // One step's matrices at a time.
     pub fn new(
         sensors: impl IntoIterator<Item = (impl Borrow<Accelerometer>, f64)>,
@@ -57,7 +58,12 @@ impl AccelerationFit {
         if total <= 0.0 {
             return Err(GeometryError::NoAccelerometer);
         }
-        Ok(Self::solved(&normal, reference))
+        let fit = Self::solved(&normal, reference);
+        let seen = fit.seen_translation.iter().chain(&fit.seen_rotation);
+        if !seen.chain(&fit.inverse).all(|x| x.is_finite()) {
+            return Err(GeometryError::NotFinite);
+        }
+        Ok(fit)
     }
 
     /// The fit with these normal equations.
@@ -140,7 +146,8 @@ impl ForceResultants {
     /// The resultants of `cells` about the reference point A (m).
     ///
     /// # Errors
-    /// [`GeometryError::NoLoadCell`] if there is none.
+    /// [`GeometryError::NoLoadCell`] if there is none, [`GeometryError::NotFinite`] if positions
+    /// are too large to compute with.
     #[inline(never)] // One step's matrices at a time.
     pub fn new(
         cells: impl IntoIterator<Item = impl Borrow<LoadCell>, IntoIter: Clone>,
@@ -184,10 +191,13 @@ impl ForceResultants {
                 rank += 1;
             }
         }
-        let at_centre = Equations::spanned(&rows, rank);
+        let equations = Equations::spanned(&rows, rank).at(&(reference - centre));
+        if !(spread.is_finite() && equations.rows().iter().all(|x| x.is_finite())) {
+            return Err(GeometryError::NotFinite);
+        }
         Ok(Self {
             reference: *reference,
-            equations: at_centre.at(&(reference - centre)),
+            equations,
         })
     }
 
@@ -245,7 +255,10 @@ impl ResultantMap {
 
     /// Puts the next channel's column at that place among the others.
     fn insert(&mut self, at: usize, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
-        let gains = core::array::from_fn(|j| contribution[j] as f32);
+        let gains: [f32; 6] = core::array::from_fn(|j| contribution[j] as f32);
+        if !gains.iter().all(|gain| gain.is_finite()) {
+            return Err(GeometryError::NotFinite);
+        }
         // As many fit.
         let channel = self.columns.len() as u8;
         self.columns
@@ -263,7 +276,8 @@ impl ResultantMap {
     /// The next channel is this accelerometer, in m/s².
     ///
     /// # Errors
-    /// [`GeometryError::TooManyChannels`].
+    /// [`GeometryError::TooManyChannels`]; [`GeometryError::NotFinite`] of a contribution that
+    /// is not finite in `f32`.
     pub fn push_acceleration(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
         self.insert(self.accelerometers.into(), contribution)?;
         self.accelerometers += 1;
@@ -273,7 +287,7 @@ impl ResultantMap {
     /// The next channel is this load cell, in N or N m.
     ///
     /// # Errors
-    /// [`GeometryError::TooManyChannels`].
+    /// Those of [`Self::push_acceleration`].
     pub fn push_force(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
         self.insert(self.columns.len(), contribution)
     }

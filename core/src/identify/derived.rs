@@ -1,7 +1,7 @@
 //! What follows from σ: centre of gravity, inertia about any point, their error bars.
 
 use super::normal::Solved;
-use crate::algebra::{multiply_left, multiply_right};
+use crate::algebra::{multiply_left, multiply_right, not_negative};
 use crate::cells::{cells, seen};
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -12,6 +12,18 @@ pub struct Estimate {
     pub value: f64,
     /// One standard deviation.
     pub std: f64,
+}
+
+impl Estimate {
+    /// Whether both are finite.
+    pub(super) fn is_finite(&self) -> bool {
+        self.value.is_finite() && self.std.is_finite()
+    }
+}
+
+/// The standard deviation of a variance that rounding may have made negative.
+fn deviation(variance: f64) -> f64 {
+    libm::sqrt(not_negative(variance))
 }
 
 /// Six inertia terms xx, yy, zz, xy, xz, yz; `None` where not observable.
@@ -81,7 +93,7 @@ impl Body {
                 0.0
             }
         });
-        let std = |j: usize| libm::sqrt(solved.covariance[(j, j)].max(0.0));
+        let std = |j: usize| deviation(solved.covariance[(j, j)]);
         let indicator = (known_mass.is_some() && solved.observable[0]).then(|| Estimate {
             value: s[0],
             std: std(0),
@@ -106,7 +118,7 @@ impl Body {
         let variance = (gradient.transpose() * self.covariance * gradient)[0];
         Estimate {
             value,
-            std: libm::sqrt(variance.max(0.0)),
+            std: deviation(variance),
         }
     }
 
@@ -114,7 +126,7 @@ impl Body {
         let std = if self.mass_known {
             0.0
         } else {
-            libm::sqrt(self.covariance[(0, 0)].max(0.0))
+            deviation(self.covariance[(0, 0)])
         };
         self.observable[0].then_some(Estimate {
             value: self.mass,
@@ -133,7 +145,7 @@ impl Body {
         core::array::from_fn(|i| {
             observable[1 + i].then(|| Estimate {
                 value: place[i],
-                std: libm::sqrt(covariance[(1 + i, 1 + i)].max(0.0)),
+                std: deviation(covariance[(1 + i, 1 + i)]),
             })
         })
     }

@@ -71,7 +71,7 @@ pub enum IdentifyError {
     Diverged(f64),
     /// The iteration did not end within its limit; the last distance, m.
     NotConverged(f64),
-    /// A number that is not finite.
+    /// A number that is not finite: in the masslines, or in what follows from them.
     NotFinite,
 }
 
@@ -89,7 +89,9 @@ impl core::fmt::Display for IdentifyError {
             Self::NotConverged(d) => {
                 write!(f, "the iteration has not ended, the last step was {d} m")
             }
-            Self::NotFinite => f.write_str("the masslines hold numbers that are not finite"),
+            Self::NotFinite => f.write_str(
+                "the masslines hold numbers that are not finite, or too large or small to compute with",
+            ),
         }
     }
 }
@@ -136,6 +138,23 @@ impl Identification {
     pub fn unobservable(&self) -> impl Iterator<Item = Parameter> + '_ {
         let flags = Parameter::ALL.into_iter().zip(self.observable);
         flags.filter_map(|(p, seen)| (!seen).then_some(p))
+    }
+
+    /// Whether every number that is given is finite.
+    fn is_finite(&self) -> bool {
+        let estimates = [self.mass, self.indicator]
+            .into_iter()
+            .chain(self.centre_of_gravity)
+            .chain(self.inertia_reference)
+            .chain(self.inertia_cg);
+        let principal = self.principal.iter();
+        let mut others = principal.flat_map(|p| p.moments.iter().chain(&p.axes));
+        estimates.flatten().all(|estimate| estimate.is_finite())
+            && others.all(|x| x.is_finite())
+            && self.reference.iter().all(|x| x.is_finite())
+            && self.condition_number.is_finite()
+            && self.consistency.is_none_or(f64::is_finite)
+            && self.attenuation.is_finite()
     }
 }
 
@@ -193,12 +212,13 @@ pub fn identify_in<S: MasslineSet>(
             iterations += 1;
         }
     }
-    Ok(assemble(
-        &space.solved,
-        reference,
-        question.known_mass,
-        iterations,
-    ))
+    let found = assemble(&space.solved, reference, question.known_mass, iterations);
+    // Numbers near the ends of their range overflow on the way.
+    if found.is_finite() {
+        Ok(found)
+    } else {
+        Err(IdentifyError::NotFinite)
+    }
 }
 
 #[inline(never)] // Not on the stack while equations are solved.

@@ -1,7 +1,7 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
 use super::{IdentifyError, MasslineSet, Measurement, measurement_matrix};
-use crate::algebra::{lower, multiply_left, multiply_right, symmetric_eigen};
+use crate::algebra::{lower, multiply_left, multiply_right, not_negative, symmetric_eigen};
 use crate::cells::{cells, seen};
 use crate::geometry::{resultants_at, transfer};
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
@@ -224,13 +224,14 @@ pub(super) fn solve<S: MasslineSet>(
     multiply_right(covariance, inverse);
     let unknowns = kept.iter().filter(|&&k| k).count() as f64;
     let freedom = n.rows - unknowns;
-    let left = (n.forces - sigma.dot(&n.right)).max(0.0);
+    let left = not_negative(n.forces - sigma.dot(&n.right));
     let mut consistency = None;
     if freedom > 0.0 {
         if n.variance > 0.0 {
             // Birge's ratio: what a rigid body leaves over, against what noise would.
             let ratio = left / (n.variance * freedom / n.rows);
-            *covariance *= ratio.max(1.0);
+            // What is no number widens them, too, and is refused with them.
+            *covariance *= if ratio <= 1.0 { 1.0 } else { ratio };
             consistency = Some(ratio);
         } else {
             for (c, i) in covariance.iter_mut().zip(&*inverse) {

@@ -74,7 +74,9 @@ impl LevelMeter {
         for (c, level) in self.levels.iter().enumerate() {
             let distance = level.sum / n;
             mean[c] = level.first + distance;
-            rms[c] = libm::sqrtf((level.squares / n - distance * distance).max(0.0));
+            let variance = level.squares / n - distance * distance;
+            // Rounding may make it negative; where squares overflow, it stays what is no number.
+            rms[c] = libm::sqrtf(if variance < 0.0 { 0.0 } else { variance });
             peak[c] = level.peak;
         }
         let channels = self.channels;

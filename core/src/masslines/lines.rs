@@ -5,7 +5,7 @@
 //! matrix. Both come down to the same three matrices, `Σ a a*`, `Σ f a*` and `Σ f f*`,
 //! which is equation (13) before anyone averages over the band.
 
-use crate::algebra::incoherent_powers;
+use crate::algebra::{incoherent_powers, larger};
 use crate::geometry::{RESULTANTS, ResultantMap};
 use crate::spectra::{Average, CrossAverage, LineGrid, RunResponses, Window};
 use core::ops::Range;
@@ -344,7 +344,7 @@ impl<'a, 's> CrossLines<'a, 's> {
             }
         }
         let rounding = map.rounding_power(&power);
-        core::array::from_fn(|j| noise[j].max(rounding[j]))
+        core::array::from_fn(|j| larger(noise[j], rounding[j]))
     }
 }
 

@@ -8,7 +8,9 @@
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
 use super::{Excitation, MasslineError, Masslines, Moments};
-use crate::algebra::{Triangle, inverse_lower, lower, multiply_left, multiply_right, triangle_len};
+use crate::algebra::{
+    Triangle, inverse_lower, lower, multiply_left, multiply_right, not_negative, triangle_len,
+};
 use crate::cells::{cells, seen};
 use crate::geometry::Equations;
 use core::ops::{AddAssign, Mul};
@@ -298,7 +300,8 @@ impl Regression {
             // A resultant that is zero throughout, exactly, is no better known than that.
             let power = powers[(j, j)].max(NOTHING * largest);
             let floor = AMPLITUDE * AMPLITUDE * power / self.count;
-            diagonal[(j, j)] = diagonal[(j, j)].max(0.0) * 1.001 + floor.max(f64::MIN_POSITIVE);
+            diagonal[(j, j)] =
+                not_negative(diagonal[(j, j)]) * 1.001 + floor.max(f64::MIN_POSITIVE);
         }
         // Where the spectra fit to their last digit, the residual is the difference of
         // large numbers and its correlations mean nothing.
@@ -338,7 +341,7 @@ impl Regression {
                 distance += difference * difference / unit - (1.0 - p[i] / p_full[i]);
             }
         }
-        let bias = distance.max(0.0);
+        let bias = not_negative(distance);
         solution.inflation = 1.0 + bias / variance;
         variance + bias
     }

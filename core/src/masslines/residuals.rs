@@ -4,7 +4,7 @@
 use super::apparent_mass::{Basis, Fit, MAX_RUNS};
 use super::regression::MAX_TERMS;
 use super::{Lines, Massline, Moments, Powers};
-use crate::algebra::multiply_left;
+use crate::algebra::{multiply_left, not_negative};
 use crate::geometry::Equations;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
@@ -183,6 +183,6 @@ fn residual_of_moments<L: Lines + ?Sized>(
             }
             left += e[(j, i)] * force.re - (model[(j, i)] * both).re;
         }
-        left.max(0.0)
+        not_negative(left)
     })
 }

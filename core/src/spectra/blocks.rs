@@ -24,7 +24,7 @@ impl BlockSettings {
     /// would see them.
     ///
     /// # Errors
-    /// [`SpectraError::BlockLength`], [`SpectraError::Overlap`], or
+    /// [`SpectraError::BlockLength`], [`SpectraError::Overlap`], [`SpectraError::SampleRate`], or
     /// [`SpectraError::Band`] if the band holds no line or leaves the spectrum.
     pub fn new(
         block_length: usize,
@@ -40,6 +40,9 @@ impl BlockSettings {
             return Err(SpectraError::Overlap(overlap));
         }
         let spacing = sample_rate / block_length as f64;
+        if !(sample_rate.is_finite() && spacing.is_normal() && spacing > 0.0) {
+            return Err(SpectraError::SampleRate(sample_rate));
+        }
         let usable = block_length / 2 - 1 - window.reach();
         let whole = LineGrid {
             first: 0,

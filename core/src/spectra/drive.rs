@@ -5,6 +5,7 @@
 //! remains, and the coherence tells how much.
 
 use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
+use crate::algebra::{larger, not_negative};
 use crate::cells::seen;
 use crate::geometry::{RESULTANTS, ResultantMap};
 
@@ -98,7 +99,7 @@ impl<'s> DriveAverage<'s> {
         let (re, im) = self.cross(c, k);
         let powers = self.drive_power(k) * self.power(c, k);
         if powers > 0.0 {
-            ((re * re + im * im) / powers).min(1.0)
+            share((re * re + im * im) / powers)
         } else {
             0.0
         }
@@ -121,7 +122,17 @@ impl<'s> DriveAverage<'s> {
                 }
             }
         }
-        (sum / lines).min(1.0)
+        share((sum / lines).into()) as f32
+    }
+}
+
+/// A coherence that rounding may have taken above one. Where squares overflow it is zero: nothing
+/// is known to be explained.
+fn share(coherence: f64) -> f64 {
+    if coherence.is_nan() {
+        0.0
+    } else {
+        coherence.min(1.0)
     }
 }
 
@@ -231,7 +242,7 @@ impl<'a> RunResponses<'a> {
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
         let noise = core::array::from_fn(|c| {
-            (block_correlation * seen(&scatter[..])[c]).max(seen(&rounding[..])[c]) as f32
+            larger(block_correlation * seen(&scatter[..])[c], seen(&rounding[..])[c]) as f32
         });
         Ok(Self {
             grid,
@@ -252,5 +263,5 @@ fn noise_power(average: &DriveAverage<'_>, c: usize, k: usize) -> f64 {
     }
     let (re, im) = average.cross(c, k);
     let left = average.power(c, k) - (re * re + im * im) / drive;
-    left.max(0.0) / (blocks - 1.0)
+    not_negative(left) / (blocks - 1.0)
 }

@@ -33,6 +33,8 @@ pub use microfft::Complex32;
 pub enum SpectraError {
     /// The block length is not a power of two in 16 to [`MAX_BLOCK_LENGTH`].
     BlockLength(usize),
+    /// The sample rate is not above zero, not finite, or too small to divide, Hz.
+    SampleRate(f64),
     /// The overlap is outside 0 to 0.95.
     Overlap(f64),
     /// The band of lines reaches outside the spectrum; the last usable line is given.
@@ -60,6 +62,12 @@ impl core::fmt::Display for SpectraError {
                 f,
                 "a block of {n} samples; expected a power of two from 16 to {MAX_BLOCK_LENGTH}"
             ),
+            Self::SampleRate(rate) => {
+                write!(
+                    f,
+                    "a sample rate of {rate} Hz; expected a number above zero"
+                )
+            }
             Self::Overlap(o) => write!(f, "an overlap of {o}; expected 0 to 0.95"),
             Self::Band {
                 first,
@@ -93,18 +101,24 @@ impl LineGrid {
     /// Frequency of kept line `k`, Hz.
     #[must_use]
     pub fn frequency(&self, k: usize) -> f64 {
-        (self.first + k) as f64 * self.spacing
+        self.first.saturating_add(k) as f64 * self.spacing
     }
 
     /// Kept lines from `low` to `high` Hz, both ends included, as indices into the
-    /// kept ones. A thousandth of a line forgives the rounding of a band's ends.
+    /// kept ones. A thousandth of a line forgives the rounding of a band's ends. A band whose
+    /// ends are no numbers holds no line.
     #[must_use]
     pub fn within(&self, low: f64, high: f64) -> core::ops::Range<usize> {
         const FORGIVEN: f64 = 1e-3;
-        let from = libm::ceil(low / self.spacing - FORGIVEN).max(0.0) as usize;
-        let to = libm::floor(high / self.spacing + FORGIVEN).max(0.0) as usize;
+        let from = libm::ceil(low / self.spacing - FORGIVEN);
+        let to = libm::floor(high / self.spacing + FORGIVEN);
+        if from.is_nan() || to.is_nan() {
+            return 0..0;
+        }
+        // Casts stop at the largest number there is, as do the sums.
+        let [from, to] = [from, to].map(|line| line.max(0.0) as usize);
         let start = from.max(self.first) - self.first;
-        // Beyond the largest number a cast stops there; `clamp` panics if its ends are swapped.
+        // `clamp` would panic if its ends were swapped.
         let end = to.saturating_add(1).max(self.first) - self.first;
         let end = end.min(self.count);
         start.min(end)..end

@@ -3,10 +3,15 @@
 use std::fmt;
 
 use super::steps::{self, Step};
+use super::{fuzz, mutants};
 
 /// The short help, shown after a mistake.
 pub const USAGE: &str = "\
 usage: cargo xtask test [--only STEP]... [--list]
+       cargo xtask fuzz [TARGET]... [--seconds N] [--jobs N] [--table] [--minimise]
+       cargo xtask fuzz TARGET --repeat FILE
+       cargo xtask mutants [--shard K/N] [--file PATH]... [--list]
+       cargo xtask miri
        cargo xtask test --help";
 
 /// What the long help says besides [`USAGE`] and the steps.
@@ -21,8 +26,23 @@ options:
   --list        show the steps and stop
   --help        show this text
 
+fuzz looks for inputs that break a promise, an hour for each target unless told otherwise:
+  --seconds N   so long for each target
+  --jobs N      so many targets at a time, 2 unless told otherwise
+  --table       write what came of it into tests/README.md
+  --minimise    then put the inputs that reach most into the repository
+  --repeat FILE repeat an input
+
+mutants changes core in one place at a time and says which changes no test notices:
+  --shard K/N   only the part K of N, from 0
+  --file PATH   only this file; may be given several times
+  --list        show the changes and stop
+
+miri runs core's tests in an interpreter that sees undefined behaviour.
+
 example:
   cargo xtask test --only lints --only emulator
+  cargo xtask fuzz wire --seconds 60
 
 environment:
   NO_COLOR                    no colours
@@ -41,6 +61,12 @@ pub enum Request {
         /// The steps asked for; none means all.
         only: Vec<&'static Step>,
     },
+    /// Look for inputs that break a promise.
+    Fuzz(fuzz::Order),
+    /// Look for changes that no test notices.
+    Mutants(mutants::Order),
+    /// Run core's tests in an interpreter.
+    Miri,
 }
 
 /// What is wrong with the arguments.
@@ -56,6 +82,19 @@ pub enum ArgumentError {
     NoValue(&'static str),
     /// There is no step of this name.
     UnknownStep(String),
+    /// There is no fuzz target of this name.
+    UnknownTarget(String),
+    /// A value is not what its option takes.
+    BadValue {
+        /// The option.
+        option: &'static str,
+        /// The value.
+        found: String,
+        /// What the option takes.
+        expected: &'static str,
+    },
+    /// An input is repeated by one target.
+    OneTarget,
 }
 
 impl fmt::Display for ArgumentError {
@@ -64,7 +103,7 @@ impl fmt::Display for ArgumentError {
             Self::NoCommand => write!(f, "say what to do, for example `cargo xtask test`"),
             Self::UnknownCommand(name) => write!(f, "there is no command {name:?}"),
             Self::UnknownOption(name) => write!(f, "there is no option {name:?}"),
-            Self::NoValue(option) => write!(f, "{option} needs the name of a step"),
+            Self::NoValue(option) => write!(f, "{option} needs a value"),
             Self::UnknownStep(name) => {
                 write!(f, "there is no step {name:?}; the steps are")?;
                 for (n, step) in steps::STEPS.iter().enumerate() {
@@ -72,6 +111,17 @@ impl fmt::Display for ArgumentError {
                 }
                 Ok(())
             }
+            Self::UnknownTarget(name) => write!(
+                f,
+                "there is no fuzz target {name:?}; the targets are {}",
+                fuzz::TARGETS.join(", ")
+            ),
+            Self::BadValue {
+                option,
+                found,
+                expected,
+            } => write!(f, "{option} is {found:?}; expected {expected}"),
+            Self::OneTarget => write!(f, "--repeat needs the name of one target"),
         }
     }
 }
@@ -87,6 +137,14 @@ pub fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Request, Arg
     match arguments.next().as_deref() {
         None => return Err(ArgumentError::NoCommand),
         Some("test") => {}
+        Some("fuzz") => return parse_fuzz(arguments),
+        Some("mutants") => return parse_mutants(arguments),
+        Some("miri") => {
+            return match arguments.next() {
+                None => Ok(Request::Miri),
+                Some(other) => Err(ArgumentError::UnknownOption(other)),
+            };
+        }
         Some("--help" | "-h" | "help") => return Ok(Request::Help(help())),
         Some(other) if other.starts_with('-') => {
             return Err(ArgumentError::UnknownOption(other.to_owned()));
@@ -112,6 +170,72 @@ pub fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Request, Arg
         Request::List
     } else {
         Request::Test { only }
+    })
+}
+
+fn parse_fuzz(mut arguments: impl Iterator<Item = String>) -> Result<Request, ArgumentError> {
+    let mut order = fuzz::Order {
+        targets: Vec::new(),
+        seconds: fuzz::HOUR,
+        jobs: fuzz::JOBS,
+        table: false,
+        minimise: false,
+        repeat: None,
+    };
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--help" | "-h" => return Ok(Request::Help(help())),
+            "--seconds" => order.seconds = number("--seconds", arguments.next())?,
+            "--jobs" => order.jobs = number("--jobs", arguments.next())? as usize,
+            "--table" => order.table = true,
+            "--minimise" => order.minimise = true,
+            "--repeat" => {
+                let file = arguments.next();
+                order.repeat = Some(file.ok_or(ArgumentError::NoValue("--repeat"))?.into());
+            }
+            option if option.starts_with('-') => {
+                return Err(ArgumentError::UnknownOption(argument));
+            }
+            name => match fuzz::TARGETS.into_iter().find(|target| *target == name) {
+                Some(target) => order.targets.push(target),
+                None => return Err(ArgumentError::UnknownTarget(argument)),
+            },
+        }
+    }
+    if order.repeat.is_some() && order.targets.len() != 1 {
+        return Err(ArgumentError::OneTarget);
+    }
+    Ok(Request::Fuzz(order))
+}
+
+fn parse_mutants(mut arguments: impl Iterator<Item = String>) -> Result<Request, ArgumentError> {
+    let mut order = mutants::Order::default();
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--help" | "-h" => return Ok(Request::Help(help())),
+            "--list" => order.list = true,
+            "--shard" => {
+                let shard = arguments.next().ok_or(ArgumentError::NoValue("--shard"))?;
+                order.shard = Some(shard);
+            }
+            "--file" => {
+                let file = arguments.next().ok_or(ArgumentError::NoValue("--file"))?;
+                order.files.push(file);
+            }
+            _ => return Err(ArgumentError::UnknownOption(argument)),
+        }
+    }
+    Ok(Request::Mutants(order))
+}
+
+/// A whole number of one or more.
+fn number(option: &'static str, value: Option<String>) -> Result<u64, ArgumentError> {
+    let found = value.ok_or(ArgumentError::NoValue(option))?;
+    let number = found.parse().ok().filter(|number| *number > 0);
+    number.ok_or(ArgumentError::BadValue {
+        option,
+        found,
+        expected: "a whole number of one or more",
     })
 }
 
@@ -149,6 +273,44 @@ mod tests {
         for line in ["--help", "help", "test --help", "test --only lints -h"] {
             assert!(matches!(parsed(line), Ok(Request::Help(_))), "{line}");
         }
+    }
+
+    #[test]
+    fn understands_fuzz_mutants_and_miri() {
+        let order = |line: &str| match parsed(line) {
+            Ok(Request::Fuzz(order)) => order,
+            other => panic!("{line}: {other:?}"),
+        };
+        let all = order("fuzz");
+        assert_eq!((all.targets.len(), all.seconds, all.jobs), (0, 3600, 2));
+        let some = order("fuzz wire flash --seconds 60 --jobs 1 --table --minimise");
+        assert_eq!(some.targets, ["wire", "flash"]);
+        assert_eq!((some.seconds, some.jobs), (60, 1));
+        assert!(some.table && some.minimise);
+        let one = order("fuzz client --repeat a/b");
+        assert_eq!(one.repeat, Some("a/b".into()));
+        let mutants = mutants::Order {
+            shard: Some("1/8".into()),
+            files: vec!["a.rs".into()],
+            list: true,
+        };
+        assert_eq!(
+            parsed("mutants --shard 1/8 --file a.rs --list"),
+            Ok(Request::Mutants(mutants))
+        );
+        assert_eq!(parsed("miri"), Ok(Request::Miri));
+        for (line, error) in [
+            ("fuzz wires", ArgumentError::UnknownTarget("wires".into())),
+            ("fuzz --seconds", ArgumentError::NoValue("--seconds")),
+            ("fuzz --repeat x", ArgumentError::OneTarget),
+            ("fuzz --fast", ArgumentError::UnknownOption("--fast".into())),
+            ("mutants --shard", ArgumentError::NoValue("--shard")),
+            ("miri --fast", ArgumentError::UnknownOption("--fast".into())),
+        ] {
+            assert_eq!(parsed(line), Err(error), "{line}");
+        }
+        let error = parsed("fuzz --jobs 0").unwrap_err().to_string();
+        assert!(error.starts_with("--jobs is \"0\""), "{error}");
     }
 
     #[test]

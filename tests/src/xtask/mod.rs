@@ -13,6 +13,9 @@
 //! * [`apt`]: finding and fetching them.
 //! * [`process`]: other programs, their output, their failures.
 //! * [`licences`]: the licences of dependencies.
+//! * [`fuzz`]: inputs that break the fuzz targets.
+//! * [`mutants`]: changes that no test notices.
+//! * [`miri`]: core's tests in an interpreter.
 //! * [`image`]: how much of the chip the firmware takes.
 //! * [`variables`]: what of that its variables take.
 //! * [`panics`]: where it can panic, by crate, against a budget.
@@ -22,8 +25,11 @@ use std::process::ExitCode;
 
 pub mod apt;
 pub mod arguments;
+pub mod fuzz;
 pub mod image;
 pub mod licences;
+pub mod miri;
+pub mod mutants;
 pub mod packages;
 pub mod panics;
 pub mod plan;
@@ -35,6 +41,7 @@ pub mod toolchain;
 pub mod variables;
 
 use arguments::Request;
+use process::StepError;
 use report::{Report, Style};
 
 /// Runs the command that the arguments ask for.
@@ -60,6 +67,80 @@ pub fn main(arguments: impl Iterator<Item = String>) -> ExitCode {
                 return ExitCode::FAILURE;
             }
         }
+        Request::Fuzz(order) => return ended(fuzzed(&order, &mut report)),
+        Request::Mutants(order) => {
+            let context = steps::Context::new(style.colour);
+            return ended(mutants::run(
+                context.root(),
+                &|| context.host_cargo(),
+                &order,
+            ));
+        }
+        Request::Miri => {
+            let context = steps::Context::new(style.colour);
+            return ended(miri::run(context.root()).map(|output| report.text(&output)));
+        }
     }
     ExitCode::SUCCESS
+}
+
+/// Looks for findings, or repeats one, and shows what came of it.
+fn fuzzed(order: &fuzz::Order, report: &mut Report<std::io::Stdout>) -> Result<(), StepError> {
+    if let Some(reason) = fuzz::impossible() {
+        return Err(StepError::Missing {
+            what: "a C++ compiler",
+            tried: reason,
+            remedy: "install one (Debian's g++), or name one in CXX",
+        });
+    }
+    let context = steps::Context::new(false);
+    eprintln!("building the targets");
+    let programs = fuzz::build(context.root(), context.host_cargo())?;
+    let targets = match order.targets.as_slice() {
+        [] => &fuzz::TARGETS[..],
+        some => some,
+    };
+    if let (Some(input), [target]) = (&order.repeat, targets) {
+        report.text(&programs.repeat(target, input)?);
+        return Ok(());
+    }
+    eprintln!("each target runs for {} s", order.seconds);
+    let outcomes = programs.run_all(targets, order.seconds, order.jobs, &|outcome| {
+        eprintln!(
+            "{}: {} inputs, {} findings",
+            outcome.target, outcome.executions, outcome.findings
+        );
+    })?;
+    let table = fuzz::table(&outcomes);
+    report.text(&table);
+    if order.table {
+        crate::readme::put("tests/README.md", "fuzz", &table).map_err(|problem| {
+            StepError::File {
+                path: "tests/README.md".to_owned(),
+                problem,
+            }
+        })?;
+    }
+    let findings = fuzz::findings(&outcomes);
+    if !findings.is_empty() {
+        return Err(StepError::Finding(findings));
+    }
+    if order.minimise {
+        for target in targets {
+            report.text(&programs.minimise(target)?);
+        }
+    }
+    Ok(())
+}
+
+/// The exit code of a command; what went wrong is shown.
+fn ended(result: Result<(), StepError>) -> ExitCode {
+    let Err(error) = result else {
+        return ExitCode::SUCCESS;
+    };
+    eprintln!("error: {error}");
+    if let Some(remedy) = error.remedy() {
+        eprintln!("\nWhat to do: {remedy}.");
+    }
+    ExitCode::FAILURE
 }

@@ -39,6 +39,8 @@ pub enum StepError {
         /// What to do by hand.
         remedy: &'static str,
     },
+    /// Inputs were found that break a promise.
+    Finding(String),
     /// A file that a step made cannot be used.
     File {
         /// The file.
@@ -53,6 +55,10 @@ impl StepError {
     pub fn remedy(&self) -> Option<&'static str> {
         match self {
             Self::Missing { remedy, .. } => Some(remedy),
+            Self::Finding(_) => Some(
+                "mend what it shows, and copy its input into the target's folder of \
+                 tests/fuzz/corpus, where every test run repeats it",
+            ),
             _ => None,
         }
     }
@@ -73,6 +79,7 @@ impl fmt::Display for StepError {
             Self::Missing { what, tried, .. } => {
                 write!(f, "{what} is missing\n{}", tried.trim_end())
             }
+            Self::Finding(told) => f.write_str(told.trim()),
             Self::File { path, problem } => write!(f, "{path}: {problem}"),
         }
     }
@@ -136,6 +143,19 @@ pub fn answer(command: &mut Command) -> Result<String, StepError> {
         output.stderr
     };
     finish(command, output.status, text)
+}
+
+/// Runs a program to its end; what it writes goes where this program's goes.
+///
+/// # Errors
+///
+/// [`StepError::Start`] and [`StepError::Exit`], whose output was shown already.
+pub fn show(command: &mut Command) -> Result<(), StepError> {
+    let status = command.status().map_err(|source| StepError::Start {
+        command: describe(command),
+        source,
+    })?;
+    finish(command, status, Vec::new()).map(drop)
 }
 
 fn finish(command: &Command, status: ExitStatus, output: Vec<u8>) -> Result<String, StepError> {

@@ -8,9 +8,11 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use crate::emulator;
 
+use super::fuzz;
 use super::image;
 use super::licences::{self, Allowed};
 use super::panics;
@@ -115,6 +117,13 @@ pub const STEPS: &[Step] = &[
         run: checked,
     },
     Step {
+        name: "fuzz",
+        about: "inputs that nobody meant to send, for half a minute a target",
+        needs: &[],
+        remedy: "mend what the finding shows, and put its input into tests/fuzz/corpus",
+        run: fuzz_targets,
+    },
+    Step {
         name: "docs",
         about: "documentation builds without a warning",
         needs: &["toolchain"],
@@ -179,6 +188,16 @@ impl Context {
             qemu: None,
             elf: None,
         }
+    }
+
+    /// The folder of the workspace.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// A command of the cargo that has started this program.
+    pub fn host_cargo(&self) -> Command {
+        self.cargo(&self.host(), "")
     }
 
     /// A cargo command, its arguments between spaces.
@@ -295,6 +314,20 @@ fn checked(context: &mut Context) -> Result<Ending, StepError> {
     let arguments = "test --profile checked -p massline-core --lib --tests --no-fail-fast";
     let mut test = context.cargo(&context.host(), arguments);
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
+}
+
+fn fuzz_targets(context: &mut Context) -> Result<Ending, StepError> {
+    if let Some(reason) = fuzz::impossible() {
+        return Ok(Ending::Skipped(reason));
+    }
+    let begin = Instant::now();
+    let programs = fuzz::build(context.root(), context.host_cargo())?;
+    let seconds = fuzz::STEP_SECONDS;
+    let outcomes = programs.run_all(&fuzz::TARGETS, seconds, fuzz::JOBS, &|_| ())?;
+    match fuzz::findings(&outcomes).as_str() {
+        "" => Ok(Ending::Passed(fuzz::sum(&outcomes, begin.elapsed()))),
+        told => Err(StepError::Finding(told.to_owned())),
+    }
 }
 
 fn docs(context: &mut Context) -> Result<Ending, StepError> {

@@ -284,7 +284,7 @@ impl Arrangement {
                 index,
             },
             GeometryError::Weight => range(Field::Weight, index, f64::NAN, 0.0, f64::MAX),
-            GeometryError::Direction => range(
+            GeometryError::Direction | GeometryError::NotFinite => range(
                 Field::Direction,
                 index,
                 f64::NAN,

@@ -1,7 +1,8 @@
 //! `massline study coverage`: how many 95 % intervals hold the truth.
 
 use crate::cli::Verbosity;
-use crate::commands::{Bar, Failure, print_json, write_file};
+use crate::commands::{Bar, Failure, print_json};
+use crate::output;
 use crate::study::coverage::{self, CoverageError, Document, Options};
 use std::path::{Path, PathBuf};
 
@@ -59,7 +60,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     drop(bar);
     if let (Some(path), Some(page)) = (&arguments.page, page) {
         let new = coverage::insert(&page, &coverage::markdown(&found));
-        write_file(path, &new.unwrap_or(page))?;
+        output::write(path, new.unwrap_or(page).as_bytes())?;
     }
     if arguments.json {
         print_json(&Document::new(&found))?;

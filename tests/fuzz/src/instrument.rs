@@ -1,0 +1,313 @@
+//! Requests to the box, with samples and time between them.
+
+use crate::bench::{ASKED, Bench, Said, Shelf};
+use crate::link;
+use crate::script::{Bytes, steps};
+use massline_core::instrument::{Job, RawSample};
+use massline_core::wire::{
+    Count24, FaultKind, Health, Packed, Reply, Request, Samples, SettingKey, State, Status, Taken,
+    Values,
+};
+use massline_firmware::sampling::INPUTS;
+
+/// Steps of a script that are taken.
+const STEPS: usize = 200;
+/// Samples of a script that are taken, and computed.
+const SAMPLES: u32 = 6000;
+/// Jobs of a script that are run: each takes milliseconds.
+const JOBS: u32 = 2;
+/// Requests of a script around which everything that can be read is read.
+const LOOKS: u32 = 20;
+
+/// See the module.
+pub fn run(bytes: &[u8]) {
+    let mut shelf = Shelf::default();
+    let mut talk = Talk {
+        bench: Bench::new(&mut shelf),
+        job: None,
+        pending: None,
+        samples: SAMPLES,
+        jobs: JOBS,
+        looks: LOOKS,
+        reached: 0,
+        noise: 1,
+        id: 0,
+    };
+    for (step, bytes) in steps(bytes).take(STEPS) {
+        talk.step(step, bytes);
+    }
+    talk.end();
+}
+
+struct Talk<'m> {
+    bench: Bench<'m>,
+    /// A job that was taken and did not come back yet.
+    job: Option<Job<'m>>,
+    /// The request that is still worked at.
+    pending: Option<u16>,
+    samples: u32,
+    jobs: u32,
+    looks: u32,
+    /// As far as any run has come: a run that has ended says so again.
+    reached: u64,
+    noise: u32,
+    id: u16,
+}
+
+impl Talk<'_> {
+    fn step(&mut self, step: u8, mut bytes: Bytes<'_>) {
+        match step % 8 {
+            0..=2 => link::request(bytes.u8(), bytes.0, |request| self.request(request)),
+            3 => self.feed(&mut bytes),
+            4 => self.convert(&mut bytes),
+            5 => {
+                self.bench.hardware.ticks += u64::from(bytes.u32());
+                let times = bytes.u8();
+                self.poll(times.into());
+            }
+            6 => self.work(bytes.u8()),
+            _ => {
+                let kind = match bytes.u8() % 5 {
+                    0 => FaultKind::Overrun,
+                    1 => FaultKind::Converter,
+                    2 => FaultKind::Storage,
+                    3 => FaultKind::Clock,
+                    _ => FaultKind::Stack,
+                };
+                let Bench {
+                    instrument,
+                    hardware,
+                    out,
+                } = &mut self.bench;
+                instrument.fault(kind, Some(bytes.u8()), hardware, out);
+            }
+        }
+        self.hear();
+    }
+
+    /// Sends a request of the script.
+    fn request(&mut self, request: &Request<'_>) {
+        // The last id is the bench's own.
+        self.id = (self.id + 1) % ASKED;
+        let id = self.id.max(1);
+        self.hear();
+        let before = self.look();
+        let status = self.status();
+        self.bench.send(id, request);
+        let said: Vec<Said> = self.bench.out.said.drain(..).collect();
+        let replies: Vec<&Said> = said.iter().filter(|said| said.id == id).collect();
+        for said in &said {
+            // Nothing else that takes its time can be ended by a request.
+            assert!(said.id == 0 || said.id == id, "{said:?} to {request:?}");
+        }
+        let reply = match replies.as_slice() {
+            [] => {
+                let takes_long = matches!(request, Request::Identify(_) | Request::Selftest);
+                assert!(
+                    takes_long && self.pending.is_none(),
+                    "no reply: {request:?}"
+                );
+                assert_eq!(self.status().busy, Some(request.number()));
+                self.pending = Some(id);
+                return;
+            }
+            [reply] => *reply,
+            more => panic!("{request:?} has replies {more:?}"),
+        };
+        reply.read(|reply| match reply {
+            Reply::Error(refused) => {
+                assert_eq!(refused.request, request.number());
+                assert_eq!(self.status(), status, "{request:?}, {refused:?}");
+                if before.is_some() {
+                    self.looks += 1;
+                    assert_eq!(self.look(), before, "{request:?}, {refused:?}");
+                }
+            }
+            Reply::Taken(taken) => {
+                self.taken(request, taken);
+                self.reached = self.reached.max(taken.next);
+            }
+            _ => {}
+        });
+    }
+
+    /// What the box says that it has taken is no more than what was sent.
+    fn taken(&self, request: &Request<'_>, taken: &Taken) {
+        let Request::Samples(samples) = request else {
+            panic!("{request:?} has taken samples: {taken:?}");
+        };
+        let count = samples.count().unwrap_or(0) as u64;
+        let sent = samples.first.saturating_add(count);
+        assert!(
+            taken.next <= self.reached.max(sent) && taken.missing <= taken.next,
+            "{taken:?} after {} and {sent}",
+            self.reached
+        );
+    }
+
+    /// Samples in order from where the run stands.
+    fn feed(&mut self, bytes: &mut Bytes<'_>) {
+        let count = u32::from(bytes.u16()).min(self.samples);
+        let channels = bytes.u8().clamp(1, 48);
+        let jump = u64::from(bytes.u8() & 7);
+        self.samples -= count;
+        let mut left = count as usize;
+        let mut first = self.status().running.map_or(0, |run| run.next) + jump;
+        while left > 0 {
+            let fit = Samples::fit(channels, 3).min(left);
+            let mut values = Vec::new();
+            for _ in 0..fit {
+                let common = self.random() >> 16;
+                for channel in 0..u32::from(channels) {
+                    // Shares of one noise, and a little of their own.
+                    let own = self.random() >> 24;
+                    let value = (common * (1 + channel * 5 % 7)) as i32 - (1 << 18) + own as i32;
+                    values.extend(Count24::new(value.clamp(-8_388_608, 8_388_607)));
+                }
+            }
+            self.request(&Request::Samples(Samples {
+                first,
+                channels,
+                values: Values::Counts24(Packed::new(&values)),
+            }));
+            first += fit as u64;
+            left -= fit;
+        }
+    }
+
+    fn random(&mut self) -> u32 {
+        self.noise = self
+            .noise
+            .wrapping_mul(1_664_525)
+            .wrapping_add(1_013_904_223);
+        self.noise
+    }
+
+    /// Samples of the box's own converters.
+    fn convert(&mut self, bytes: &mut Bytes<'_>) {
+        let count = u32::from(bytes.u16()).min(self.samples);
+        self.samples -= count;
+        let jump = u64::from(bytes.u8());
+        let faulty = usize::from(bytes.u8()) % INPUTS;
+        let fault = Health(bytes.u16());
+        let scale = bytes.u8() & 15;
+        self.bench.hardware.samples += jump;
+        for _ in 0..count {
+            let mut counts = [0; INPUTS];
+            for count in &mut counts {
+                *count = (self.random() as i32 >> 8) >> scale;
+            }
+            let mut health = [Health::GOOD; INPUTS];
+            health[faulty] = fault;
+            let Bench {
+                instrument,
+                hardware,
+                out,
+            } = &mut self.bench;
+            hardware.ticks += 1953;
+            let sample = RawSample {
+                number: hardware.samples,
+                ticks: hardware.ticks,
+                counts: &counts,
+                health: &health,
+            };
+            hardware.samples += 1;
+            instrument.sample(&sample, hardware, out);
+        }
+    }
+
+    fn poll(&mut self, times: u32) {
+        for _ in 0..times {
+            // A poll computes eight samples, if any.
+            if self.samples < 8 {
+                return;
+            }
+            if !self.bench.poll() {
+                return;
+            }
+            self.samples -= 8;
+        }
+    }
+
+    /// The task of low priority takes the job, runs it, or gives it back.
+    fn work(&mut self, how: u8) {
+        let mut job = self.job.take().or_else(|| self.bench.instrument.take_job());
+        if how & 1 == 1
+            && self.jobs > 0
+            && let Some(job) = &mut job
+        {
+            self.jobs -= 1;
+            job.run();
+        }
+        if how & 2 == 2 {
+            self.job = job;
+        } else if let Some(job) = job {
+            let Bench {
+                instrument,
+                hardware,
+                out,
+            } = &mut self.bench;
+            instrument.finish(job, hardware, out);
+        }
+    }
+
+    /// Hears what the box says without being asked at once.
+    fn hear(&mut self) {
+        let said: Vec<Said> = self.bench.out.said.drain(..).collect();
+        for said in said.iter().filter(|said| said.id != 0) {
+            assert_eq!(Some(said.id), self.pending.take(), "{said:?}");
+        }
+        let next = self.status().running.map_or(0, |run| run.next);
+        self.reached = self.reached.max(next);
+    }
+
+    fn status(&mut self) -> Status {
+        let said = self.bench.ask(&Request::Status);
+        let mut status = None;
+        said.read(|reply| {
+            if let Reply::Status(found) = reply {
+                status = Some(*found);
+            }
+        });
+        let status = status.expect("a status is never refused");
+        assert_eq!(status.state == State::Running, status.running.is_some());
+        status
+    }
+
+    /// Everything that a host can read, unless that was done too often.
+    fn look(&mut self) -> Option<Vec<Said>> {
+        self.looks = self.looks.checked_sub(1)?;
+        let mut all = vec![self.bench.ask(&Request::ReadAnswer)];
+        for run in 0..6 {
+            all.push(self.bench.ask(&Request::ReadSummary(run)));
+            all.push(self.bench.ask(&Request::ReadWeights(run)));
+            all.push(self.bench.ask(&Request::ReadPeaks(run)));
+        }
+        for key in [
+            SettingKey::Name,
+            SettingKey::LinkBaud,
+            SettingKey::SampleRate,
+            SettingKey::Input(0),
+            SettingKey::Input(INPUTS as u8 - 1),
+        ] {
+            all.push(self.bench.ask(&Request::ReadSetting(key)));
+        }
+        Some(all)
+    }
+
+    /// Lets the box finish what it is at: then everything is answered.
+    fn end(&mut self) {
+        self.hear();
+        if self.job.is_some() {
+            self.work(0);
+        }
+        self.work(0);
+        self.hear();
+        // A self-test goes on for thousands of samples more.
+        let status = self.status();
+        let testing = status.busy == Some(Request::Selftest.number());
+        if !testing {
+            assert_eq!((self.pending, status.busy), (None, None));
+        }
+    }
+}

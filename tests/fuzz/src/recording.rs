@@ -1,0 +1,140 @@
+//! A recording, plain or compressed.
+//!
+//! The first byte says how the file is named and asked; the rest is the file, or what is in it.
+
+use crate::scratch::{Scratch, sayable};
+use crate::script::Bytes;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use massline::recording::{HEALTH_COLUMN, Recording, RecordingError, spell};
+use massline_core::wire::Health;
+use std::io::Write;
+use std::path::Path;
+
+/// Channels that are asked for.
+const CHANNELS: [&str; 2] = ["a1", "fx"];
+
+/// See the module.
+pub fn run(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let choice = bytes.u8();
+    let text = bytes.0;
+    let scratch = Scratch::new();
+    let stated = (choice & 4 != 0).then_some(512.0);
+    match choice & 3 {
+        // Any bytes that call themselves compressed.
+        0 => {
+            let file = scratch.file("any.csv.gz", text);
+            drop(read(&file, stated));
+        }
+        // Text that is compressed reads as it does plain.
+        1 => {
+            let plain = outcome(read(&scratch.file("a.csv", text), stated));
+            let packed = outcome(read(&scratch.file("a.csv.gz", &gzip(text)), stated));
+            assert_eq!(plain, packed);
+        }
+        _ => {
+            let found = read(&scratch.file("a.csv", text), stated);
+            if let (Some(expected), None) = (naive(text), stated) {
+                match found {
+                    Ok((rows, _)) => assert_eq!(bits(&rows), bits(&expected)),
+                    Err(error) => panic!("{error}"),
+                }
+            }
+        }
+    }
+}
+
+/// Rows of readings, and of faults.
+type Table = (Vec<Vec<f64>>, Vec<Health>);
+
+fn read(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
+    let table = rows(file, stated);
+    if let Err(error) = &table {
+        let text = error.to_string();
+        sayable(&text);
+        assert!(text.contains(".csv"), "no file is named: {text}");
+    }
+    table
+}
+
+fn rows(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
+    let mut recording = Recording::open(file, &CHANNELS)?;
+    if stated.is_some() {
+        let rate = recording.settle_rate(stated)?;
+        assert!(rate > 0.0 && rate.is_finite());
+    }
+    let mut preamble = Vec::new();
+    // What was read from lines can be written as lines.
+    let written = recording.preamble().write(&mut preamble);
+    written.expect("a list takes all that is written to it");
+    let (mut readings, mut faults) = (Vec::new(), Vec::new());
+    loop {
+        let mut row = vec![f64::NAN; CHANNELS.len()];
+        if !recording.next_row_f64(|channel, value| row[channel] = value)? {
+            break;
+        }
+        assert!(row.iter().all(|x| x.is_finite()), "{row:?}");
+        let health = recording.health();
+        assert_eq!(spell(health).is_empty(), health.is_good());
+        readings.push(row);
+        faults.push(health);
+        assert_eq!(recording.rows(), readings.len() as u64);
+    }
+    assert!(!readings.is_empty());
+    Ok((readings, faults))
+}
+
+/// What can be compared: the numbers, or the error without the file's name.
+fn outcome(table: Result<Table, RecordingError>) -> Result<(Vec<u64>, Vec<Health>), String> {
+    match table {
+        Ok((rows, faults)) => Ok((bits(&rows), faults)),
+        Err(error) => {
+            let text = error.to_string();
+            let (_, reason) = text.split_once(".csv").unwrap_or_default();
+            Err(reason.trim_start_matches(".gz").to_owned())
+        }
+    }
+}
+
+fn bits(rows: &[Vec<f64>]) -> Vec<u64> {
+    rows.iter().flatten().map(|x| x.to_bits()).collect()
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    let written = encoder.write_all(bytes).and_then(|()| encoder.finish());
+    written.expect("a list takes all that is written to it")
+}
+
+/// What anyone reads in a plain table: names without blanks or quotes, numbers between commas,
+/// lines that end in line feeds. `None` for all else.
+fn naive(text: &[u8]) -> Option<Vec<Vec<f64>>> {
+    let text = std::str::from_utf8(text).ok()?.strip_suffix('\n')?;
+    let mut lines = text.split('\n');
+    let name = |name: &&str| !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric());
+    let names: Vec<&str> = lines.next()?.split(',').collect();
+    let named = names.iter().all(name) && !names.contains(&HEALTH_COLUMN);
+    let once = |name: &&&str| names.iter().filter(|n| n == name).count() == 1;
+    if !named || !names.iter().all(|n| once(&n)) {
+        return None;
+    }
+    let place = |channel: &str| names.iter().position(|name| *name == channel);
+    let places = [place(CHANNELS[0])?, place(CHANNELS[1])?];
+    let mut rows = Vec::new();
+    for line in lines {
+        let fields: Vec<&str> = line.split(',').collect();
+        let plain = |b: u8| b.is_ascii_digit() || b"+-.eE".contains(&b);
+        if fields.len() != names.len() || !line.bytes().all(|b| plain(b) || b == b',') {
+            return None;
+        }
+        let mut row = Vec::new();
+        for place in places {
+            let number: f64 = fields[place].parse().ok()?;
+            // Readings are kept in single precision.
+            (number as f32).is_finite().then(|| row.push(number))?;
+        }
+        rows.push(row);
+    }
+    (!rows.is_empty()).then_some(rows)
+}

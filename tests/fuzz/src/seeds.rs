@@ -1,0 +1,574 @@
+//! Inputs to begin with: what honest hosts, boxes and users write.
+
+use crate::link;
+use crate::script::push;
+use massline_core::calibration::Preset;
+use massline_core::wire::*;
+use std::fmt::Write;
+
+/// Inputs of a target.
+#[must_use]
+pub fn of(target: &str) -> Vec<Vec<u8>> {
+    match target {
+        "wire" => wire(),
+        "instrument" => instrument(),
+        "setup" => SETUPS.iter().map(|text| text.as_bytes().to_vec()).collect(),
+        "recording" => recordings(),
+        "inputs" => vec![INPUTS.as_bytes().to_vec()],
+        "flash" => flash(),
+        "client" => client(),
+        _ => Vec::new(),
+    }
+}
+
+/// A request as a step: its number and its payload.
+fn request(request: &Request<'_>) -> Vec<u8> {
+    let mut out = [0; FRAME_MAX];
+    let frame = Sender::new(1).request(1, request, &mut out);
+    let mut step = vec![request.number()];
+    step.extend(link::payload(frame.unwrap_or_default()));
+    step
+}
+
+/// The same of a reply or an event.
+fn message(message: &FromBox<'_>) -> Vec<u8> {
+    let mut out = [0; FRAME_MAX];
+    let mut sender = Sender::new(1);
+    let (number, frame) = match message {
+        FromBox::Reply(reply) => (reply.number(), sender.reply(1, reply, &mut out)),
+        FromBox::Event(event) => (event.number(), sender.event(event, &mut out)),
+    };
+    let mut step = vec![number];
+    step.extend(link::payload(frame.unwrap_or_default()));
+    step
+}
+
+/// Six accelerometers on the interface, six load cells, and a drive.
+fn set_up(weighting: Weighting, runs: u8) -> Vec<Vec<u8>> {
+    let places = [
+        ([0.2, 0.2, 0.0], [1.0, 0.0, 0.0]),
+        ([0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
+        ([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
+        ([-0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
+        ([-0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
+        ([0.2, -0.2, 0.0], [0.0, 0.0, 1.0]),
+    ];
+    let kinds = [
+        SensorKind::Accelerometer(Mount::Interface),
+        SensorKind::LoadCell(Quantity::Force),
+    ];
+    let mut all = vec![
+        Request::BeginSetup(Plan {
+            sensors: 12,
+            runs,
+            reference_point: [0.0; 3],
+            fingerprint: 99,
+        }),
+        Request::SetProcessing(Processing {
+            sample_rate: 512.0,
+            block_length: 64,
+            overlap: 0.5,
+            window: Window::Hann,
+            kept_band: [8.0, 100.0],
+            averaging_band: [8.0, 60.0],
+            mode_band: Some([64.0, 100.0]),
+            accelerations: Accelerations::Interface,
+            weighting,
+            minimum_weight: 0.1,
+        }),
+    ];
+    let sensors = kinds.iter().flat_map(|kind| places.map(|at| (*kind, at)));
+    for (sensor, (kind, (position, direction))) in (0..).zip(sensors) {
+        all.push(Request::SetSensor(Sensor {
+            sensor,
+            name: "s",
+            kind,
+            position,
+            direction,
+            scale: Scale::Given {
+                per_unit: 0.1,
+                offset: 0.0,
+            },
+        }));
+    }
+    let channels: Vec<u8> = (0..12).chain([Carries::Drive.code()]).collect();
+    for run in 0..runs {
+        all.push(Request::SetRun(Run {
+            run,
+            name: "r",
+            excitation: Excitation::Random,
+            rotation: [0.0; 3],
+            translation: [0.0; 3],
+            channels: &channels,
+        }));
+    }
+    all.push(Request::EndSetup);
+    all.iter().map(request).collect()
+}
+
+fn start(run: u8, pass: Pass, source: Source, gaps: Gaps) -> Vec<u8> {
+    request(&Request::Start(Start {
+        run,
+        pass,
+        source,
+        gaps,
+        limit: Some(400),
+    }))
+}
+
+fn question(method: Method) -> Vec<u8> {
+    request(&Request::Identify(Question {
+        method,
+        known_mass: None,
+        procedure: Procedure::Iterative {
+            tolerance: 1e-7,
+            limit: 20,
+        },
+        modes: 2,
+        fit_band: None,
+        runs: 0,
+    }))
+}
+
+fn reading() -> Vec<Vec<u8>> {
+    [
+        Request::Status,
+        Request::ReadSummary(0),
+        Request::ReadLines(ReadLines {
+            run: 0,
+            first: 0,
+            count: 9,
+        }),
+        Request::ReadPeaks(0),
+        Request::ReadWeights(0),
+        Request::ReadAnswer,
+    ]
+    .iter()
+    .map(request)
+    .collect()
+}
+
+fn setting() -> Vec<u8> {
+    let input = Preset::bridge(500.0, 2e-3, 3.3).input(1, "LC-0815", "K 17", None, 1e-3);
+    request(&Request::WriteSetting(Setting::Input(input)))
+}
+
+fn voltages() -> Vec<Vec<u8>> {
+    let setting = |input| {
+        let input = Preset::voltage(Circuit::Voltage, 1.0, 1.0).input(input, "", "", None, 0.0);
+        request(&Request::WriteSetting(Setting::Input(input)))
+    };
+    (0..13).map(setting).collect()
+}
+
+/// The step that feeds so many samples of thirteen channels.
+fn feed(samples: u16) -> Vec<u8> {
+    let mut step = samples.to_le_bytes().to_vec();
+    step.extend([13, 0]);
+    step
+}
+
+/// A script of requests and other steps.
+fn script(steps: impl IntoIterator<Item = (u8, Vec<u8>)>) -> Vec<u8> {
+    let mut script = Vec::new();
+    for (number, bytes) in steps {
+        push(&mut script, number, &bytes);
+    }
+    script
+}
+
+fn requests(all: Vec<Vec<u8>>) -> impl Iterator<Item = (u8, Vec<u8>)> {
+    all.into_iter().map(|step| (0, step))
+}
+
+/// The step that runs a job.
+fn job() -> (u8, Vec<u8>) {
+    (6, vec![1])
+}
+
+fn instrument() -> Vec<Vec<u8>> {
+    let measured = |method| {
+        let mut steps: Vec<_> = requests(set_up(Weighting::Given, 3)).collect();
+        for run in 0..3 {
+            steps.push((0, start(run, Pass::Measure, Source::Host, Gaps::Refuse)));
+            steps.push((3, feed(400)));
+            steps.push((0, request(&Request::Stop)));
+        }
+        steps.push((0, question(method)));
+        steps.push(job());
+        steps.extend(requests(reading()));
+        script(steps)
+    };
+    let mut all: Vec<_> = [
+        Method::ApparentMass,
+        Method::FrequencyResponses,
+        Method::FreeResponsesSquared,
+        Method::Synthesis,
+    ]
+    .map(measured)
+    .into();
+
+    // Surveys, then weights, from the host with gaps.
+    let mut steps: Vec<_> = requests(set_up(Weighting::EachRun, 1)).collect();
+    steps.push((0, start(0, Pass::Survey, Source::Host, Gaps::Count)));
+    steps.push((3, feed(300)));
+    steps.push((3, vec![20, 0, 13, 5]));
+    steps.push((0, request(&Request::Stop)));
+    steps.extend(requests(reading()));
+    steps.push((0, start(0, Pass::Measure, Source::Host, Gaps::Count)));
+    steps.push((3, feed(300)));
+    steps.push((0, request(&Request::Abort)));
+    all.push(script(steps));
+
+    // From the inputs, with levels, samples and telemetry.
+    let mut steps: Vec<_> = requests(voltages()).collect();
+    steps.push((0, setting()));
+    steps.push((0, request(&Request::SaveSettings)));
+    steps.extend(requests(set_up(Weighting::Given, 1)));
+    steps.push((
+        0,
+        request(&Request::Subscribe(Subscription {
+            telemetry: 100,
+            levels: 100,
+            samples: Stream::Readings,
+        })),
+    ));
+    steps.push((0, start(0, Pass::Measure, Source::Inputs, Gaps::Count)));
+    for (samples, jump, fault) in [(100_u8, 0, 0), (100, 3, 0), (50, 0, 2), (100, 0, 0)] {
+        steps.push((4, vec![samples, 0, jump, 2, fault, 0, 4]));
+        steps.push((5, vec![0, 0, 2, 0, 3]));
+    }
+    steps.push((7, vec![1, 0]));
+    steps.push((0, request(&Request::ResetSettings)));
+    all.push(script(steps));
+
+    // A synthetic run, and the self-test.
+    let mut steps: Vec<_> = requests(set_up(Weighting::Given, 1)).collect();
+    steps.push((0, start(0, Pass::Measure, Source::Synthetic, Gaps::Refuse)));
+    steps.push((5, vec![0, 0, 2, 0, 60]));
+    steps.extend(requests(reading()));
+    steps.push((0, request(&Request::Selftest)));
+    steps.push((5, vec![0, 0, 2, 0, 255]));
+    steps.push(job());
+    all.push(script(steps));
+    all
+}
+
+fn wire() -> Vec<Vec<u8>> {
+    let mut all = Vec::new();
+    let samples: Vec<f32> = (0..39).map(|i| i as f32 * 0.25).collect();
+    let counts: Vec<i32> = (0..26).map(|i| i * 1000 - 9000).collect();
+    let frames = |values: Values<'_>| {
+        let samples = Samples {
+            first: 3,
+            channels: 13,
+            values,
+        };
+        let health = [0_u16, 1, 2, 3, 0, 0, 0, 0, 0, 0, 0, 0, 4];
+        [
+            request(&Request::Samples(samples)),
+            message(&FromBox::Event(Event::Recorded(samples))),
+            message(&FromBox::Event(Event::RecordedFaulty(FaultySamples {
+                health: Packed::new(&health),
+                samples,
+            }))),
+        ]
+    };
+    let mut steps = set_up(Weighting::Joined, 2);
+    steps.extend(reading());
+    steps.push(question(Method::CurveFit));
+    steps.push(setting());
+    steps.extend(frames(Values::Readings(Packed::new(&samples))));
+    steps.extend(frames(Values::Counts(Packed::new(&counts))));
+    for step in steps {
+        // The number, the request's id, the payload.
+        let (number, payload) = step.split_first().map_or((0, &[][..]), |(n, p)| (*n, p));
+        let id = if number < 0xC0 { [9, 0] } else { [0, 0] };
+        let mut bytes = vec![number];
+        bytes.extend(id);
+        bytes.extend(payload);
+        let mut seed = vec![2, 9, 0, 40];
+        push(&mut seed, 1, &bytes);
+        push(&mut seed, 5, &[]);
+        push(&mut seed, 6, &[3, 0, 0, 0]);
+        push(&mut seed, 1, &bytes);
+        push(&mut seed, 7, &[4, 0, 8]);
+        push(&mut seed, 0, &[0, 1, 2, 0]);
+        all.push(seed);
+    }
+    all
+}
+
+fn flash() -> Vec<Vec<u8>> {
+    let payload = |step: Vec<u8>| step.get(1..).unwrap_or_default().to_vec();
+    let name = payload(request(&Request::WriteSetting(Setting::Name("table 2"))));
+    let baud = payload(request(&Request::WriteSetting(Setting::LinkBaud(115_200))));
+    let rate = payload(request(&Request::WriteSetting(Setting::SampleRate(1024.0))));
+    let input = payload(setting());
+    let mut layout = vec![0, 2, 0];
+    for one in [&name, &baud, &rate, &input] {
+        layout.extend((one.len() as u16).to_le_bytes());
+        layout.extend(one);
+    }
+    let mut first = layout.clone();
+    first[1] = 1;
+    let mut pages = vec![1];
+    for one in [&name, &baud, &rate, &input] {
+        push(&mut pages, 2, one);
+        push(&mut pages, 7, &[]);
+        push(&mut pages, 6, &[30, 0, 0]);
+    }
+    let mut spoilt = pages.clone();
+    push(&mut spoilt, 1, &[40, 0, 3]);
+    push(&mut spoilt, 6, &[10, 0, 5]);
+    push(&mut spoilt, 0, &[0, 0, 0, 0, 0, 0]);
+    vec![layout, first, pages, spoilt]
+}
+
+fn client() -> Vec<Vec<u8>> {
+    let reply = |reply: Reply<'_>| (0, message(&FromBox::Reply(reply)));
+    let event = |event: Event<'_>| (3, message(&FromBox::Event(event)));
+    let counts: Vec<i32> = (0..300).map(|i| (i * 7919) % 4001 - 2000).collect();
+    let recorded = |first: u64, values: &[i32]| {
+        event(Event::Recorded(Samples {
+            first,
+            channels: 3,
+            values: Values::Counts(Packed::new(values)),
+        }))
+    };
+    let rate = || reply(Reply::Setting(Setting::SampleRate(512.0)));
+    let done = || reply(Reply::Done);
+    let with = |choice: u8, steps: Vec<(u8, Vec<u8>)>| {
+        let mut seed = vec![choice];
+        seed.extend(script(steps));
+        seed
+    };
+    let recording = || {
+        vec![
+            rate(),
+            recorded(0, &counts[..150]),
+            recorded(50, &counts[..60]),
+            recorded(90, &counts),
+            event(Event::Fault(Fault {
+                kind: FaultKind::Overrun,
+                sample: 3,
+                part: None,
+            })),
+            done(),
+        ]
+    };
+    let summary = Summary {
+        run: 0,
+        pass: Pass::Measure,
+        source: Source::Inputs,
+        outcome: Outcome::Limit,
+        samples: 512,
+        missing: 0,
+        blocks: 7,
+        rejected: 0,
+        rejected_by: [0; Health::KINDS],
+        health: Health::GOOD,
+        overloads: 0,
+        sample_rate: None,
+        noise: None,
+    };
+    let tested = vec![
+        (2, Vec::new()),
+        (2, Vec::new()),
+        (2, Vec::new()),
+        event(Event::RunEnded(summary)),
+        reply(Reply::Summary(summary)),
+    ];
+    vec![
+        with(0x80, vec![]),
+        with(0x81, vec![]),
+        with(0x82, vec![]),
+        with(0x83, vec![reply(Reply::Summary(summary))]),
+        with(
+            4,
+            vec![
+                done(),
+                reply(Reply::Taken(Taken {
+                    next: 40,
+                    missing: 0,
+                })),
+                (6, vec![]),
+                reply(Reply::Error(Refused {
+                    request: 0x21,
+                    problem: Problem::Gap {
+                        found: 90,
+                        expected: 60,
+                    },
+                })),
+            ],
+        ),
+        with(5, recording()),
+        with(6, recording()),
+        with(0x85, vec![]),
+        with(0x86, vec![]),
+        with(0x87, vec![]),
+        with(0x87, tested),
+        with(
+            0x80,
+            vec![(7, vec![0; 4]), (5, vec![0x80, 3, 0]), (4, vec![0, 1])],
+        ),
+    ]
+}
+
+fn recordings() -> Vec<Vec<u8>> {
+    let mut plain = "time,a1,fx,ignored\n".to_owned();
+    let mut faulty = "# massline recording 1\n# [sample_rate]\n# value = 511.9\n# uncertainty = \
+                      0.01\n# clock = \"host\"\n# [channel.a1]\n# serial = \"7\"\na1,fx,health\n"
+        .to_owned();
+    for row in 0..8 {
+        let x = f64::from(row) * 0.37 - 1.0;
+        // A list takes all that is written to it.
+        let _ = writeln!(plain, "{},{x},{:e},0", f64::from(row) / 512.0, x * 1e-3);
+        let words = ["", "missing", "overload+open", "unknown"][row as usize % 4];
+        let _ = match words {
+            "missing" => writeln!(faulty, ",,{words}"),
+            _ => writeln!(faulty, "{x},\"{x}\",{words}"),
+        };
+    }
+    let mut all = Vec::new();
+    for text in [&plain, &faulty] {
+        for choice in [1, 2, 5, 6] {
+            let mut seed = vec![choice];
+            seed.extend(text.bytes());
+            all.push(seed);
+        }
+    }
+    let mut simple = vec![2];
+    simple.extend(b"a1,fx\n1,2\n-3.5e2,0.25\n");
+    all.push(simple);
+    // An empty stream of gzip, by its description.
+    let empty = [
+        31, 139, 8, 0, 0, 0, 0, 0, 0, 255, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+    ];
+    all.push([&[0][..], &empty].concat());
+    all
+}
+
+const SETUPS: [&str; 3] = [
+    r#"title = "any bytes"
+reference_point = [0.0, 0.1, 0.0]
+known_mass = 2.0
+[processing]
+sample_rate = 128.0
+block_length = 16
+overlap = 0.5
+averaging_band = [8.0, 24.0]
+mode_band = [24.0, 48.0]
+[estimation]
+minimum_weight = 0.25
+modes = 2
+tolerance = 1e-6
+iterations = 9
+fit_band = [8.0, 40.0]
+[[accelerometer]]
+channel = "ax"
+position = [0.1, 0.0, 0.2]
+direction = [1, 0, 0]
+mount = "interface"
+[[accelerometer]]
+channel = "az"
+position = [0.0, 0.3, 0.0]
+direction = [0, 0, 1]
+scale = -1.0
+[[load_cell]]
+channel = "fx"
+position = [0.0, 0.0, 0.0]
+direction = [1, 0, 0]
+[[load_cell]]
+channel = "ty"
+direction = [0, 1, 0]
+quantity = "moment"
+[[run]]
+name = "one"
+recording = "one.csv"
+reference = "drive"
+weights = { ax = 0.5 }
+[[run]]
+name = "two"
+recording = "two.csv.gz"
+rotation = [0.0, 0.0, 90.0]
+translation = [0.0, 0.1, 0.0]
+"#,
+    r#"[processing]
+averaging_band = [8.0, 60.0]
+sample_rate = 512.0
+block_length = 128
+[[accelerometer]]
+channel = "a1"
+position = [0.1, 0.0, 0.0]
+direction = [1, 0, 0]
+mount = "interface"
+[[load_cell]]
+channel = "fx"
+position = [0.0, 0.0, 0.0]
+direction = [1, 0, 0]
+[[run]]
+name = "x"
+recording = "x.csv"
+reference = "drive"
+"#,
+    r#"[[accelerometer]]
+channel = "a1"
+position = [0, 0, 0]
+direction = [0, 0.6, 0.8]
+[[load_cell]]
+channel = "f"
+position = [1e-3, 0, 0]
+direction = [1, 0, 0]
+[[run]]
+name = "poses"
+excitation = "static"
+recording = "poses.csv"
+"#,
+];
+
+const INPUTS: &str = r#"[[input]]
+input = 1
+channel = "fx"
+circuit = "bridge"
+serial = "LC-0815"
+certificate = "K 2026-17"
+calibrated = "2026-03-02"
+uncertainty = 0.002
+rated_load = 500.0
+rated_output = 2e-3
+supply = 5
+[[input]]
+input = 2
+circuit = "charge"
+sensitivity = 1e-11
+amplifier = 1e9
+divider = 0.5
+range = 40.0
+[[input]]
+input = 3
+circuit = "iepe"
+sensitivity = 0.01
+range = 50.0
+gain = 4
+limits = [-8000000, 8000000]
+[[input]]
+input = 4
+circuit = "voltage"
+sensitivity = 0.1
+range = 5.0
+per_count = 1e-6
+offset = 12.5
+[[input]]
+input = 9
+circuit = "digital"
+per_count = 1e-6
+gain = 1
+limits = [-9, 9]
+[[input]]
+input = 10
+circuit = "adxl355"
+[[input]]
+input = 11
+circuit = "unused"
+"#;

@@ -1,0 +1,67 @@
+//! A set-up file.
+
+use crate::bench::{Bench, Shelf};
+use crate::client::{Answering, wired};
+use crate::scratch::{Scratch, sayable};
+use massline::box_runs::BoxTest;
+use massline::device::{Client, ClientMemory};
+use massline::setup::Setup;
+use massline_core::masslines::Method;
+use std::path::Path;
+
+/// See the module.
+pub fn run(bytes: &[u8]) {
+    let found = match std::str::from_utf8(bytes) {
+        Ok(text) => Setup::from_str(text, Path::new("folder/setup.toml")),
+        Err(_) => Setup::read(&Scratch::new().file("setup.toml", bytes)),
+    };
+    let setup = match found {
+        Ok(setup) => setup,
+        Err(error) => return sayable(&error.to_string()),
+    };
+    let text = setup.to_toml();
+    match Setup::from_str(&text, Path::new("folder/setup.toml")) {
+        Ok(again) => assert_eq!(again, setup, "{text}"),
+        Err(error) => panic!("{error}\nin what this program wrote:\n{text}"),
+    }
+    use_it(&setup);
+}
+
+/// What a command does with a set-up before it has read a recording.
+fn use_it(setup: &Setup) {
+    for run in &setup.runs {
+        assert!(setup.recording_path(run).ends_with(&run.recording));
+    }
+    assert!(setup.fit_band().is_none_or(|[low, high]| low < high));
+    let Some(processing) = &setup.processing else {
+        return;
+    };
+    for rate in [processing.sample_rate.unwrap_or(512.0), 1e-3, 512.0, 1e9] {
+        let kept = processing.kept_up_to(Some(rate));
+        assert!(kept.is_finite() && kept >= processing.averaging_band[1]);
+        if let Err(error) = processing.check_bands(rate) {
+            sayable(&error.to_string());
+            continue;
+        }
+        let lines = processing.lines(processing.averaging_band, rate);
+        assert!(*lines.start() >= 1 && *lines.end() <= processing.block_length / 2);
+    }
+    upload(setup);
+}
+
+/// A box gets the set-up, or this program says why not.
+fn upload(setup: &Setup) {
+    let mut shelf = Shelf::default();
+    let box_ = Answering::new(&[], Some(Bench::new(&mut shelf)));
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(box_, &mut memory);
+    let accelerometers = setup.accelerometers.iter().map(|a| &a.channel);
+    let channels = accelerometers.chain(setup.load_cells.iter().map(|l| &l.channel));
+    let drives = setup.runs.iter().filter_map(|run| run.reference.as_ref());
+    let wired = wired(channels.chain(drives).map(String::as_str));
+    let test = BoxTest::new(&mut client, setup, &wired, Method::ApparentMass, true);
+    let loaded = test.and_then(|test| test.load(&mut client));
+    if let Err(error) = loaded {
+        sayable(&error.to_string());
+    }
+}
