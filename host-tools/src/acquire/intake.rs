@@ -98,7 +98,7 @@ impl Intake {
             })?;
         let seconds = missing as f64 / self.rate;
         // What is no number is too much as well.
-        if !(seconds <= limits::LONGEST_GAP) {
+        if seconds.is_nan() || seconds > limits::LONGEST_GAP {
             return Err(AcquireError::Gap { missing, seconds });
         }
         for number in expected..samples.first {

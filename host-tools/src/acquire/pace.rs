@@ -42,7 +42,7 @@ impl Pace {
         let nominal = samples as f64 / self.rate;
         let most = limits::LONGEST_LEAD + (1.0 + limits::CLOCK) * self.elapsed;
         // What is no number is too much as well.
-        if !(nominal <= most) {
+        if nominal.is_nan() || nominal > most {
             return Err(AcquireError::Lead {
                 samples,
                 nominal,

@@ -228,13 +228,13 @@ fn rates_that_no_box_has_are_refused() {
 fn numbers_that_no_sample_has_end_a_recording_that_is_kept() {
     let minute = (limits::LONGEST_GAP * RATE) as u64;
     // A gap may also be one that the time since the first sample cannot have brought.
-    let gap = ["missing at once", "samples in"];
+    let gap = ["missing at once", "says to have taken"];
     for (lie, words) in [
         (Lie::Jump(1 << 60), gap),
         (Lie::Jump(1 << 50), gap),
         (Lie::Jump(minute + 1), gap),
         // Each gap on its own would be bridged.
-        (Lie::Jump(minute - 10), ["samples in"; 2]),
+        (Lie::Jump(minute - 10), ["says to have taken"; 2]),
         (Lie::First(u64::MAX - 12), ["beyond the last number"; 2]),
         (Lie::First(1 << 53), ["beyond the last number"; 2]),
     ] {

@@ -152,8 +152,9 @@ impl Window {
     /// Takes note of what the box expects next. Whether it has a chunk more than before: it takes
     /// them whole.
     fn taken(&mut self, next: u64) -> Result<bool, ClientError> {
-        let sent = self.chunks.iter().take(self.sent.max(self.reached));
-        let end = sent.last().map_or(self.next, Chunk::end);
+        let reached = self.sent.max(self.reached);
+        let last = reached.checked_sub(1).and_then(|k| self.chunks.get(k));
+        let end = last.map_or(self.next, Chunk::end);
         if next > end {
             return Err(ClientError::Ahead { next, end });
         }
