@@ -81,14 +81,14 @@ fn talk(
 }
 
 /// Conversations that go on beside each other: in most of them somebody waits.
-const BESIDE: usize = 12;
+const BESIDE: usize = 6;
 
 /// Longest that one may take: the time without samples, and the answers that are waited for,
 /// four times over on a machine that is busy otherwise.
 const LONGEST: Duration = limits::SILENCE.saturating_mul(4);
 
 /// Frames at which every conversation is cut one by one.
-const EACH: u64 = 60;
+const EACH: u64 = 30;
 
 /// Cuts a conversation at every frame, behind the first [`EACH`] at every `stride`-th one, or at
 /// none if that is zero.
