@@ -7,7 +7,9 @@
 
 use massline::acquire::{self, Ending};
 use massline::box_runs::{BoxRunError, BoxTest, Ended, Measuring, Operator, Progress, Stage};
-use massline::device::{Client, ClientMemory, Cut, CutLine, HostBox, HostBoxMemory, Place};
+use massline::device::{
+    Client, ClientMemory, Cut, CutLine, HostBox, HostBoxMemory, Place, Port, PortError,
+};
 use massline::inputs::InputEntry;
 use massline::limits;
 use massline::recording::Recording;
@@ -22,7 +24,37 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-type Link<'c, 'm> = Client<'c, CutLine<HostBox<'m>>>;
+/// The line, waited for as one to a box on a serial port is. The box in this program has its
+/// clients wait until it has nothing more to say, which is never while its inputs run.
+struct Line<'m>(CutLine<HostBox<'m>>);
+
+impl Port for Line<'_> {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        self.0.send(bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        self.0.receive(into, timeout)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(200)
+    }
+
+    fn longest_work(&self) -> Duration {
+        self.0.longest_work()
+    }
+
+    fn seconds(&self) -> f64 {
+        self.0.seconds()
+    }
+}
+
+type Link<'c, 'm> = Client<'c, Line<'m>>;
 
 /// The fork's test of a few seconds, and its inputs.
 struct Fork {
@@ -75,9 +107,9 @@ fn talk(
         cut,
         place,
     );
-    let mut client = Client::new(line, &mut memory);
+    let mut client = Client::new(Line(line), &mut memory);
     let talked = talk(&mut client, folder.path());
-    (client.port().passed(), talked)
+    (client.port().0.passed(), talked)
 }
 
 /// Conversations that go on beside each other: in most of them somebody waits.
