@@ -6,6 +6,7 @@
 //! | `normal` | stacking (9), normal equations (10), observability |
 //! | `sets` | what masslines come in |
 //! | `derived` | CG, inertia about A and S with their error bars |
+//! | `student` | 95 % intervals for the degrees of freedom behind the error bars |
 //!
 //! Observability is decided by rank, nowhere else: uniaxial tests (11), plane problems
 //! and too few runs all come out of one rule.
@@ -14,13 +15,17 @@ mod derived;
 mod measurement;
 mod normal;
 mod sets;
+mod student;
 
-pub use derived::{Estimate, InertiaEstimate};
+pub use derived::{Covariance, Estimate, InertiaEstimate};
 pub use measurement::{Measurement, measurement_matrix};
 pub use normal::Workspace;
 pub use sets::MasslineSet;
+pub use student::{beyond_chance, half_width_95};
 
-use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};
+use crate::rigid_body::{
+    Bounded, Inertia, Moments, Parameter, Plausibility, PrincipalInertia, check,
+};
 use nalgebra::Vector3;
 use normal::Solved;
 
@@ -127,6 +132,9 @@ pub struct Identification {
     pub consistency: Option<f64>,
     /// Largest share of an error bar's variance that the pull of acceleration noise has.
     pub attenuation: f64,
+    /// Effective degrees of freedom of the estimate of noise behind the error bars; infinite
+    /// where the noise is known. [`Estimate::interval`] makes 95 % intervals of it.
+    pub freedom: f64,
     /// Whether a body like this could exist.
     pub plausibility: Plausibility,
 }
@@ -136,6 +144,16 @@ impl Identification {
     pub fn unobservable(&self) -> impl Iterator<Item = Parameter> + '_ {
         let flags = Parameter::ALL.into_iter().zip(self.observable);
         flags.filter_map(|(p, seen)| (!seen).then_some(p))
+    }
+}
+
+impl Workspace {
+    /// Covariance of the ten numbers of the last identification in this workspace: mass (or Δ
+    /// where the mass was known), three coordinates of the CG, and the six terms of inertia
+    /// about S.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        derived::Body::new(&self.solved, self.solved.known_mass).covariance()
     }
 }
 
@@ -213,36 +231,44 @@ fn assemble(
     let all: Option<heapless::Vec<f64, 6>> =
         inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
     let full = all.and_then(|v| Some(Inertia::from_terms(v.into_array().ok()?)));
-    let moments = [0, 1, 2].map(|j| inertia_cg[j].map(|t| t.value));
+    let principal = full.map(|i| i.principal());
     let mass = body.mass();
-    // What the error bars could move a principal moment by is no violation.
-    let uncertain = inertia_cg
-        .iter()
-        .flatten()
-        .map(|t| 2.0 * t.std)
-        .fold(0.0, f64::max);
-    let largest = moments
-        .iter()
-        .flatten()
-        .fold(0.0, |a: f64, &b| a.max(b.abs()));
-    let rounding = if largest > 0.0 {
-        uncertain / largest + 1e-12
-    } else {
-        0.0
+    let freedom = solved.freedom;
+    let bounded = |e: Estimate| Bounded {
+        value: e.value,
+        half_width: e.interval(freedom),
     };
+    // A weighed mass is positive; the mass that the data say is Δ times as much.
+    let indicator = body.indicator();
+    let measured = match (mass, indicator) {
+        (Some(mass), Some(delta)) => Some(Estimate {
+            value: mass.value * delta.value,
+            std: mass.value * delta.std,
+        }),
+        _ => mass,
+    };
+    let moments = match &principal {
+        Some(principal) => Moments::Principal(principal),
+        None => Moments::Some([0, 1, 2].map(|j| inertia_cg[j].map(bounded))),
+    };
+    let plausibility = check(measured.map(bounded), &moments, |weights| {
+        let std = body.deviation_about_cg(weights);
+        Estimate { value: 0.0, std }.interval(freedom)
+    });
     Identification {
         reference,
         mass,
-        indicator: body.indicator(),
+        indicator,
         centre_of_gravity: body.centre_of_gravity(),
         inertia_reference: body.inertia_about(&reference),
         inertia_cg,
-        principal: full.map(|i| i.principal()),
+        principal,
         observable: solved.observable,
         condition_number: solved.condition_number,
         iterations,
         consistency: solved.consistency,
         attenuation: solved.attenuation,
-        plausibility: check(mass.map(|m| m.value), full.as_ref(), &moments, rounding),
+        freedom,
+        plausibility,
     }
 }
