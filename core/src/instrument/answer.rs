@@ -66,7 +66,12 @@ pub fn answer(
             std: Exact(e.std),
         })
     };
-    let margin = |m: Option<Margin>| m.map(|m| Exact(m.relative));
+    let margin = |m: Option<Margin>| {
+        m.map(|m| wire::Margin {
+            relative: Exact(m.relative),
+            uncertainty: Exact(m.uncertainty),
+        })
+    };
     Answer {
         question,
         accelerations,
@@ -87,6 +92,7 @@ pub fn answer(
         iterations: i.iterations,
         consistency: i.consistency.map(Exact),
         attenuation: Exact(i.attenuation),
+        freedom: Exact(i.freedom),
         plausibility: Plausibility {
             mass: margin(i.plausibility.mass),
             positive_definite: margin(i.plausibility.positive_definite),

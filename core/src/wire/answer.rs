@@ -116,6 +116,9 @@ pub struct Answer {
     pub consistency: Option<Exact<f64>>,
     /// Largest share of an error bar's variance that noise of the accelerations has.
     pub attenuation: Exact<f64>,
+    /// Degrees of freedom of the estimate of noise behind the error bars; infinite where the
+    /// noise is known.
+    pub freedom: Exact<f64>,
     /// Whether such a body could exist.
     pub plausibility: Plausibility,
     /// Independent directions of base acceleration that the runs excite, where the
@@ -172,16 +175,25 @@ pub struct Solution {
     pub variance: [Exact<f64>; 10],
 }
 
-/// How far the conditions that every body obeys are from being violated, relative to the
-/// quantity they are taken from; negative is violated, `None` could not be checked.
+/// How far the conditions that every body obeys are from being violated; `None` could not be
+/// checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Plausibility {
     /// Positive mass.
-    pub mass: Option<Exact<f64>>,
+    pub mass: Option<Margin>,
     /// Positive definite inertia about the centre of gravity.
-    pub positive_definite: Option<Exact<f64>>,
+    pub positive_definite: Option<Margin>,
     /// Triangle inequality of the principal moments.
-    pub triangle: Option<Exact<f64>>,
+    pub triangle: Option<Margin>,
+}
+
+/// A condition's margin, relative to the quantity it is taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Margin {
+    /// The margin; negative is violated.
+    pub relative: Exact<f64>,
+    /// Half of its 95 % interval.
+    pub uncertainty: Exact<f64>,
 }
 
 /// A mode's natural frequency and damping.

@@ -144,6 +144,12 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
             std: d.exact(),
         })
     };
+    let margin = |d: &mut Draw<'_>| {
+        d.option(|d| Margin {
+            relative: d.exact(),
+            uncertainty: d.exact(),
+        })
+    };
     Answer {
         question: question(d),
         accelerations: accelerations(d),
@@ -174,10 +180,11 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
         iterations: d.u32(),
         consistency: d.option(Draw::exact),
         attenuation: d.exact(),
+        freedom: d.exact(),
         plausibility: Plausibility {
-            mass: d.option(Draw::exact),
-            positive_definite: d.option(Draw::exact),
-            triangle: d.option(Draw::exact),
+            mass: margin(d),
+            positive_definite: margin(d),
+            triangle: margin(d),
         },
         excited: d.option(Draw::u8),
         weakest_excitation: d.option(Draw::exact),

@@ -87,7 +87,12 @@ fn estimate(from: Option<wire::Estimate>) -> Option<Estimate> {
 
 /// The ten numbers of a box's answer.
 pub(super) fn identification(answer: &Answer) -> Identification {
-    let margin = |m: Option<Exact<f64>>| m.map(|m| Margin { relative: m.0 });
+    let margin = |m: Option<wire::Margin>| {
+        m.map(|m| Margin {
+            relative: m.relative.0,
+            uncertainty: m.uncertainty.0,
+        })
+    };
     let inertia = |terms: [Option<wire::Estimate>; 6]| -> InertiaEstimate { terms.map(estimate) };
     let p = &answer.plausibility;
     Identification {
@@ -106,6 +111,7 @@ pub(super) fn identification(answer: &Answer) -> Identification {
         iterations: answer.iterations,
         consistency: answer.consistency.map(|x| x.0),
         attenuation: answer.attenuation.0,
+        freedom: answer.freedom.0,
         plausibility: Plausibility {
             mass: margin(p.mass),
             positive_definite: margin(p.positive_definite),
