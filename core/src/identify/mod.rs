@@ -130,6 +130,10 @@ pub struct Identification {
     /// Residual over expected residual of the masslines, 1 where a rigid body explains
     /// them to within their noise. Above one the error bars were widened with its root.
     pub consistency: Option<f64>,
+    /// Share of the masslines' forces that a rigid body leaves, root mean square over root
+    /// mean square: 0 for a rigid body without noise, 1 for forces that have nothing to do
+    /// with the accelerations.
+    pub misfit: f64,
     /// Largest share of an error bar's variance that the pull of acceleration noise has.
     pub attenuation: f64,
     /// Effective degrees of freedom of the estimate of noise behind the error bars; infinite
@@ -267,6 +271,7 @@ fn assemble(
         condition_number: solved.condition_number,
         iterations,
         consistency: solved.consistency,
+        misfit: solved.misfit,
         attenuation: solved.attenuation,
         freedom,
         plausibility,

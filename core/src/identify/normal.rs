@@ -36,6 +36,8 @@ pub(super) struct Solved {
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,
     pub(super) attenuation: f64,
+    /// Share of the forces that a rigid body leaves, as amplitude.
+    pub(super) misfit: f64,
     /// Degrees of freedom of the estimate of noise behind `covariance`.
     pub(super) freedom: f64,
     pub(super) known_mass: Option<f64>,
@@ -51,6 +53,7 @@ impl Solved {
         condition_number: 0.0,
         consistency: None,
         attenuation: 0.0,
+        misfit: 0.0,
         freedom: f64::INFINITY,
         known_mass: None,
     };
@@ -260,6 +263,11 @@ pub(super) fn solve<S: MasslineSet>(
     into.condition_number = condition(&n.matrix, &observable);
     into.consistency = consistency;
     into.attenuation = attenuation;
+    into.misfit = if n.forces > 0.0 {
+        libm::sqrt(left / n.forces)
+    } else {
+        0.0
+    };
     into.freedom = NOISE_FREEDOM;
     into.known_mass = known_mass;
     Ok(())

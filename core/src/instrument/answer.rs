@@ -91,6 +91,7 @@ pub fn answer(
         condition_number: Exact(i.condition_number),
         iterations: i.iterations,
         consistency: i.consistency.map(Exact),
+        misfit: Exact(i.misfit),
         attenuation: Exact(i.attenuation),
         freedom: Exact(i.freedom),
         plausibility: Plausibility {

@@ -114,6 +114,8 @@ pub struct Answer {
     pub iterations: u32,
     /// Residual over expected residual of the masslines, if it can be told.
     pub consistency: Option<Exact<f64>>,
+    /// Share of the masslines' forces that a rigid body leaves.
+    pub misfit: Exact<f64>,
     /// Largest share of an error bar's variance that noise of the accelerations has.
     pub attenuation: Exact<f64>,
     /// Degrees of freedom of the estimate of noise behind the error bars; infinite where the

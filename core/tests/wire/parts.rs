@@ -179,6 +179,7 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
         condition_number: d.exact(),
         iterations: d.u32(),
         consistency: d.option(Draw::exact),
+        misfit: d.exact(),
         attenuation: d.exact(),
         freedom: d.exact(),
         plausibility: Plausibility {

@@ -1,5 +1,6 @@
 //! The box's answer in this program's own types.
 
+use crate::identification::refusal;
 use crate::recording::{Traceability, TrueRate};
 use crate::result::{Origin, ResultDocument, RunQuality};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
@@ -57,6 +58,13 @@ impl StoredRun {
 }
 
 impl Found {
+    /// Why the numbers must not be believed, and what to do.
+    #[must_use]
+    pub fn refused(&self) -> Option<String> {
+        // A box averages random runs only, which tell their noise.
+        refusal(&self.identification, true)
+    }
+
     /// The result document: what of it a box tells.
     #[must_use]
     pub fn document(&self, title: &str, why: Option<&'static str>) -> ResultDocument {
@@ -68,6 +76,7 @@ impl Found {
             weighted: self.weighted,
         };
         ResultDocument {
+            refused: self.refused(),
             runs: self.runs.iter().map(RunQuality::of_stored).collect(),
             ..ResultDocument::of_numbers(&origin, &self.identification)
         }
@@ -110,6 +119,7 @@ pub(super) fn identification(answer: &Answer) -> Identification {
         condition_number: answer.condition_number.0,
         iterations: answer.iterations,
         consistency: answer.consistency.map(|x| x.0),
+        misfit: answer.misfit.0,
         attenuation: answer.attenuation.0,
         freedom: answer.freedom.0,
         plausibility: Plausibility {

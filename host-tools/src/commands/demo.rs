@@ -1,6 +1,8 @@
 //! `massline demo`: the main job on an embedded example, no arguments, no hardware.
 
-use super::{Failure, details, identify, print_json, simulate, true_body, warn, write_file};
+use super::{
+    Failure, details, identify, print_json, refuse, simulate, true_body, warn, write_file,
+};
 use crate::cli::Verbosity;
 use crate::identification::Choice;
 use crate::report;
@@ -55,7 +57,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     )?;
     let result = ResultDocument::new(&setup, &answer);
     if arguments.json {
-        return print_json(&Document { result, truth });
+        print_json(&Document { result, truth })?;
+        return refuse(answer.refused.as_deref());
     }
     warn(&answer.warnings, verbosity);
     details::show(&setup, &answer, verbosity);
@@ -68,5 +71,5 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             path.display()
         );
     }
-    Ok(())
+    refuse(answer.refused.as_deref())
 }

@@ -298,6 +298,7 @@ impl Comparison {
         self.same("iterations", &host.iterations, &device.iterations);
         let consistency = device.consistency.map(|c| c.0);
         self.optional(|| "consistency".to_owned(), host.consistency, consistency);
+        self.double(|| "misfit".to_owned(), host.misfit, device.misfit.0);
         self.double(
             || "attenuation".to_owned(),
             host.attenuation,
