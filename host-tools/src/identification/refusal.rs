@@ -10,7 +10,7 @@ use massline_core::rigid_body::{Margin, Verdict};
 /// Elastic structures below their first mode leave up to 1.3 % in the worst of the methods
 /// (the fork up to 80 % of its first natural frequency, method a). Sensors of the satellite
 /// whose scales are 3 % wrong, their directions 0.03 rad and their positions 5 mm (standard
-/// deviations) leave 6 to 9 %, and an answer that is wrong by as much, with error bars that say
+/// deviations) leave up to 9 %, and an answer that is wrong by as much, with error bars that say
 /// so. One interface accelerometer with the wrong sign leaves 11 % (method a) to 51 % (c), one
 /// load cell 61 to 67 %. Method b, whose pseudo forces are powers, leaves less than all
 /// others, 3 and 16 %: what it misses is said by the recommended method.
@@ -60,7 +60,7 @@ fn negative_mass(i: &Identification) -> Option<String> {
     let violated = i.plausibility.mass?.verdict() == Verdict::Violated;
     let mass = mass(i).filter(|_| violated)?;
     Some(format!(
-        "the mass that the data say is {} kg; negative, because forces and accelerations have opposite signs: check `direction` of the load cells, which is positive where the force acts on the structure, and of the accelerometers",
+        "the mass in the data is negative, {} kg: forces and accelerations have opposite signs; check `direction` of the load cells, which is positive where the force acts on the structure, and of the accelerometers",
         with_interval(&mass, i.freedom)
     ))
 }
