@@ -87,7 +87,6 @@ pub fn answer(
             axes: [0, 1, 2].map(|k| point(&p.axes.column(k).into())),
         }),
         observable: super::setup::mask(i.observable) as u16,
-        solution: None,
         condition_number: Exact(i.condition_number),
         iterations: i.iterations,
         consistency: i.consistency.map(Exact),

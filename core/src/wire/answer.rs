@@ -106,8 +106,6 @@ pub struct Answer {
     pub principal: Option<Principal>,
     /// Bit k: unknown k of equation (6) or (7) is determined by the data.
     pub observable: u16,
-    /// The unknowns as they were solved for, where the box reports them.
-    pub solution: Option<Solution>,
     /// Condition number of the column-equilibrated normal equations.
     pub condition_number: Exact<f64>,
     /// Iterations done; one for the direct procedure.
@@ -164,17 +162,6 @@ pub struct Principal {
     pub moments: [Exact<f64>; 3],
     /// Their unit vectors in the same order.
     pub axes: [[Exact<f64>; 3]; 3],
-}
-
-/// The ten unknowns of equation (6), or of (7) if the mass was known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Solution {
-    /// The point about which they were solved at last, m.
-    pub point: [Exact<f64>; 3],
-    /// The unknowns σ.
-    pub sigma: [Exact<f64>; 10],
-    /// The diagonal of their covariance.
-    pub variance: [Exact<f64>; 10],
 }
 
 /// How far the conditions that every body obeys are from being violated; `None` could not be

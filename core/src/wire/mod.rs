@@ -93,7 +93,7 @@ mod table;
 
 pub use answer::{
     Answer, Estimate, Identified, Margin, Method, NoAnswer, POLES_MAX, Plausibility, Pole,
-    Principal, Procedure, Quality, Question, Solution,
+    Principal, Procedure, Quality, Question,
 };
 pub use board::{
     Capacity, Check, ClockSource, Fault, FaultCounters, FaultKind, Info, PANIC_MAX, Ping, Pong,

@@ -171,11 +171,6 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
             axes: d.array(|d| d.array(Draw::exact)),
         }),
         observable: d.u16(),
-        solution: d.option(|d| Solution {
-            point: d.array(Draw::exact),
-            sigma: d.array(Draw::exact),
-            variance: d.array(Draw::exact),
-        }),
         condition_number: d.exact(),
         iterations: d.u32(),
         consistency: d.option(Draw::exact),
