@@ -150,18 +150,17 @@ impl Body {
     /// Inertia about `target`, m, by the parallel-axis rule.
     pub(super) fn inertia_about(&self, target: &Vector3<f64>) -> InertiaEstimate {
         let c = target - self.point;
-        core::array::from_fn(|j| self.estimate(self.term(j, &c, false)?))
+        core::array::from_fn(|j| self.term(j, &c, false).map(|term| self.estimate(term)))
     }
 
     /// Inertia about S.
     pub(super) fn inertia_about_cg(&self) -> InertiaEstimate {
-        core::array::from_fn(|j| self.estimate(self.term(j, &self.r, true)?))
+        core::array::from_fn(|j| self.term(j, &self.r, true).map(|term| self.estimate(term)))
     }
 
-    #[allow(clippy::unnecessary_wraps)] // Ends the question mark of its callers.
-    fn estimate(&self, (value, gradient): (f64, SVector<f64, 10>)) -> Option<Estimate> {
+    fn estimate(&self, (value, gradient): (f64, SVector<f64, 10>)) -> Estimate {
         let std = self.deviation(&gradient);
-        Some(Estimate { value, std })
+        Estimate { value, std }
     }
 
     /// Standard deviation of a weighted sum of the six terms about S; unknown terms are

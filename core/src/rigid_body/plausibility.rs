@@ -213,7 +213,6 @@ mod tests {
         )
     }
 
-    #[allow(clippy::unnecessary_wraps)] // Written as the argument it is.
     fn bounded(value: f64, half_width: f64) -> Option<Bounded> {
         Some(Bounded { value, half_width })
     }
