@@ -16,6 +16,9 @@ const RANK: f64 = 1e-12;
 /// Share of a parameter in the undetermined directions above which it is one of them.
 const SHARE: f64 = 1e-8;
 
+/// Degrees of freedom of the estimate of noise: the variances of masslines count as known.
+const NOISE_FREEDOM: f64 = f64::INFINITY;
+
 type Matrix10 = SMatrix<f64, 10, 10>;
 type Vector10 = SVector<f64, 10>;
 
@@ -34,7 +37,11 @@ pub(super) struct Solved {
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,
     pub(super) attenuation: f64,
-    known_mass: Option<f64>,
+    /// Share of the forces that a rigid body leaves, as amplitude.
+    pub(super) misfit: f64,
+    /// Degrees of freedom of the estimate of noise behind `covariance`.
+    pub(super) freedom: f64,
+    pub(super) known_mass: Option<f64>,
 }
 
 impl Solved {
@@ -47,6 +54,8 @@ impl Solved {
         condition_number: 0.0,
         consistency: None,
         attenuation: 0.0,
+        misfit: 0.0,
+        freedom: f64::INFINITY,
         known_mass: None,
     };
 
@@ -256,6 +265,12 @@ pub(super) fn solve<S: MasslineSet>(
     into.condition_number = condition(&n.matrix, &observable);
     into.consistency = consistency;
     into.attenuation = attenuation;
+    into.misfit = if n.forces > 0.0 {
+        libm::sqrt(left / n.forces)
+    } else {
+        0.0
+    };
+    into.freedom = NOISE_FREEDOM;
     into.known_mass = known_mass;
     Ok(())
 }

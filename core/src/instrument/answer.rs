@@ -66,7 +66,12 @@ pub fn answer(
             std: Exact(e.std),
         })
     };
-    let margin = |m: Option<Margin>| m.map(|m| Exact(m.relative));
+    let margin = |m: Option<Margin>| {
+        m.map(|m| wire::Margin {
+            relative: Exact(m.relative),
+            uncertainty: Exact(m.uncertainty),
+        })
+    };
     Answer {
         question,
         accelerations,
@@ -82,11 +87,12 @@ pub fn answer(
             axes: [0, 1, 2].map(|k| point(&p.axes.column(k).into())),
         }),
         observable: super::setup::mask(i.observable) as u16,
-        solution: None,
         condition_number: Exact(i.condition_number),
         iterations: i.iterations,
         consistency: i.consistency.map(Exact),
+        misfit: Exact(i.misfit),
         attenuation: Exact(i.attenuation),
+        freedom: Exact(i.freedom),
         plausibility: Plausibility {
             mass: margin(i.plausibility.mass),
             positive_definite: margin(i.plausibility.positive_definite),

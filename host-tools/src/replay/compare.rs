@@ -298,10 +298,16 @@ impl Comparison {
         self.same("iterations", &host.iterations, &device.iterations);
         let consistency = device.consistency.map(|c| c.0);
         self.optional(|| "consistency".to_owned(), host.consistency, consistency);
+        self.double(|| "misfit".to_owned(), host.misfit, device.misfit.0);
         self.double(
             || "attenuation".to_owned(),
             host.attenuation,
             device.attenuation.0,
+        );
+        self.double(
+            || "degrees of freedom".to_owned(),
+            host.freedom,
+            device.freedom.0,
         );
         let (h, d) = (&host.plausibility, &device.plausibility);
         for (what, h, d) in [
@@ -313,7 +319,14 @@ impl Comparison {
             ),
             ("margin of the triangle inequality", h.triangle, d.triangle),
         ] {
-            self.optional(|| what.to_owned(), h.map(|m| m.relative), d.map(|m| m.0));
+            let share = d.map(|m| m.relative.0);
+            self.optional(|| what.to_owned(), h.map(|m| m.relative), share);
+            let bar = d.map(|m| m.uncertainty.0);
+            self.optional(
+                || format!("error bar of the {what}"),
+                h.map(|m| m.uncertainty),
+                bar,
+            );
         }
     }
 }

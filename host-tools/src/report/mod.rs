@@ -29,7 +29,7 @@ mod poses;
 mod response;
 mod rigid;
 mod runs;
-mod scales;
+pub(crate) mod scales;
 mod sketch;
 mod table;
 #[cfg(test)]

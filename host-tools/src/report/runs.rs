@@ -26,8 +26,8 @@ pub(super) fn reading(answer: &Answer) -> Section {
     let random = !answer.measurement.runs.is_empty();
     let sine = !answer.measurement.sines.is_empty();
     let mut html = String::from(
-        "<p>An error bar is one standard deviation of the value; the true value lies within \
-         1.96 of them in 95 of 100 tests, as long as nothing but noise is wrong.",
+        "<p>What follows ± is half of a 95\u{202f}% interval: the true value lies within in 95 of \
+         100 tests, as long as nothing but noise is wrong.",
     );
     if random {
         html.push_str(
