@@ -6,12 +6,14 @@
 //! modal mass, and the diagonal of `L_rᵀ L_r` holds the effective masses. Over all modes
 //! they add up to the rigid-body mass matrix.
 
-use super::apparent_mass::{Basis, MAX_RUNS, energy, find_fixed_poles};
+use super::apparent_mass::{Basis, energy, few_enough, find_fixed_poles};
+use super::lines::indices;
 use super::regression::{Regression, Solution};
-use super::{Lines, MasslineError, Moments, Powers};
+use super::{Lines, MAX_RUNS, MasslineError, Moments, Powers};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Trace};
+use crate::spectra::LineRange;
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
 
@@ -33,18 +35,22 @@ pub struct FixedMode {
 /// excitation, the lines `fit` are fitted. `work` holds two elements per line.
 ///
 /// # Errors
-/// [`MasslineError`] if nothing is excited or measured; no mode is an empty list.
+/// [`MasslineError`] if nothing is excited or measured, and among them
+/// [`MasslineError::OtherLines`], [`MasslineError::Work`] and [`MasslineError::TooManyRuns`];
+/// no mode is an empty list.
 pub fn fixed_modes<L: Lines + ?Sized>(
     lines: &L,
-    band: Range<usize>,
-    fit: Range<usize>,
+    band: LineRange,
+    fit: LineRange,
     equations: &Equations,
     work: &mut [Complex<f64>],
 ) -> Result<heapless::Vec<FixedMode, MAX_MODES>, MasslineError> {
+    let (band, fit) = (indices(lines, band)?, indices(lines, fit)?);
+    few_enough(lines)?;
     let start = fit.start;
     let energy = energy(lines, &band, &[1.0; MAX_RUNS]);
     let mut search = PoleSearch::EMPTY;
-    let (poles, trace) = find_fixed_poles(lines, &energy, fit, &mut search, work);
+    let (poles, trace) = find_fixed_poles(lines, &energy, fit, &mut search, work)?;
     let mut modes = heapless::Vec::new();
     if poles.is_empty() {
         return Ok(modes);

@@ -3,8 +3,8 @@
 use super::Rejected;
 use crate::recording::RecordingError;
 use massline_core::geometry::GeometryError;
-use massline_core::spectra::SpectraError;
-use std::path::PathBuf;
+use massline_core::spectra::{BandError, SpectraError};
+use std::path::{Path, PathBuf};
 
 /// What keeps recordings from becoming spectra: where, what, and what to do about it.
 #[derive(Debug, thiserror::Error)]
@@ -157,6 +157,14 @@ pub enum MeasureError {
 }
 
 impl MeasureError {
+    /// A band, by its key in the setup, that a recording's lines do not hold.
+    pub(crate) fn band(file: &Path, key: &str, why: BandError) -> Self {
+        Self::Band {
+            file: file.to_owned(),
+            reason: format!("`{key}`: {why}; move the band's ends to where there are lines"),
+        }
+    }
+
     /// Whether the input could be read but does not allow an answer (exit code 1), rather
     /// than being unusable input (exit code 2).
     #[must_use]

@@ -25,9 +25,8 @@ pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 
 use crate::setup::{Excitation, Setup};
-use massline_core::spectra::{BlockSettings, LineGrid, Window};
+use massline_core::spectra::{BlockSettings, LineGrid, LineRange, Window};
 use std::collections::HashMap;
-use std::ops::Range;
 
 /// Told now and then how far the reading of recordings is.
 pub struct Progress<'a> {
@@ -52,7 +51,7 @@ pub struct Measurement {
     /// Where the lines lie; `None` if all runs are static.
     pub grid: Option<LineGrid>,
     /// The averaging band, as indices into the kept lines.
-    pub band: Range<usize>,
+    pub band: LineRange,
     /// Blocks' hop over their length.
     pub hop: f64,
     /// What the user should know.
@@ -90,7 +89,7 @@ pub fn measure_first(
         sines: Vec::new(),
         poses: Vec::new(),
         grid: None,
-        band: 0..0,
+        band: LineRange::NONE,
         hop: 0.5,
         warnings: Vec::new(),
     };
@@ -149,10 +148,8 @@ pub fn measure_first(
     if let Some(settings) = settings {
         measurement.grid = Some(settings.grid());
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
-        if let Some(p) = &setup.processing {
-            let [low, high] = p.averaging_band;
-            measurement.band = settings.grid().within(low, high);
-        }
+        // All random runs have one band, which the first of them was asked for.
+        measurement.band = measurement.runs.first().map_or(LineRange::NONE, |r| r.band);
     }
     silent::check(setup, &health, &mut measurement.warnings)?;
     dedup(&mut measurement.warnings);

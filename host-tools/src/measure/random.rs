@@ -7,8 +7,8 @@ use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, RunResponses,
-    SpectraError, Sum,
+    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
+    RunResponses, SpectraError, Sum,
 };
 use std::path::Path;
 
@@ -49,6 +49,8 @@ pub struct MeasuredRun {
     pub blocks: u32,
     /// Samples read.
     pub samples: u64,
+    /// Lines of the averaging band.
+    pub band: LineRange,
     /// What was left out of the average.
     pub rejected: Rejected,
     /// What the recording says of itself.
@@ -104,6 +106,12 @@ pub(super) fn read(
     recording.notice_columns(warnings);
     let settings = settle(setup, run, &file, &mut recording, settings)?;
     let grid = settings.grid();
+    let band = match &setup.processing {
+        Some(p) => grid
+            .within(p.averaging_band)
+            .map_err(|why| MeasureError::band(&file, "averaging_band", why))?,
+        None => LineRange::all(grid.count),
+    };
     let spectral = |source| MeasureError::Spectra {
         file: file.clone(),
         source,
@@ -137,7 +145,7 @@ pub(super) fn read(
     let (averaged, rejected) = if drive_at.is_some() {
         let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums).map_err(spectral)?;
         let rejected = feed(&mut average)?;
-        let averaged = finish_drive(setup, &geometry, &settings, &average).map_err(spectral)?;
+        let averaged = finish_drive(band, &geometry, &settings, &average).map_err(spectral)?;
         (averaged, rejected)
     } else {
         let mut average = CrossAverage::new(&settings, &mut sums).map_err(spectral)?;
@@ -191,6 +199,7 @@ pub(super) fn read(
         density,
         blocks: count,
         samples,
+        band,
         rejected,
         preamble: recording.preamble().clone(),
         health: health.channels(),
@@ -258,7 +267,7 @@ pub(super) fn stream(
 pub(super) type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);
 
 pub(super) fn finish_drive(
-    setup: &Setup,
+    band: LineRange,
     geometry: &RunGeometry,
     settings: &BlockSettings,
     average: &DriveAverage<'_>,
@@ -267,9 +276,6 @@ pub(super) fn finish_drive(
     let mut responses = vec![[Complex32::new(0.0, 0.0); RESULTANTS]; grid.count];
     let mut drive = vec![0.0; grid.count];
     let hop = settings.hop() as f64 / settings.block_length() as f64;
-    let band = setup.processing.as_ref().map_or(0..0, |p| {
-        grid.within(p.averaging_band[0], p.averaging_band[1])
-    });
     let noise = RunResponses::finish(
         average,
         grid,

@@ -9,7 +9,7 @@ use super::random::{settle, stream};
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};
-use massline_core::spectra::{Average, BlockSettings, DriveAverage, Sum};
+use massline_core::spectra::{Average, BandError, BlockSettings, DriveAverage, LineRange, Sum};
 use massline_core::weighting::{join_peaks, weights_from_peaks};
 use nalgebra::{Complex, DMatrix, Matrix6, Vector6};
 
@@ -260,20 +260,22 @@ impl Survey {
         Some(all)
     }
 
-    fn lines_within(&self, [low, high]: [f64; 2]) -> std::ops::Range<usize> {
-        let start = self.frequencies.partition_point(|&f| f < low);
-        let end = self.frequencies.partition_point(|&f| f <= high);
-        start..end.max(start)
+    /// The surveyed lines of a band, Hz.
+    ///
+    /// # Errors
+    /// [`BandError`] if it is no band, or reaches beyond the lines.
+    pub fn lines(&self, band: [f64; 2]) -> Result<LineRange, BandError> {
+        LineRange::among(&self.frequencies, band)
     }
 
-    /// Largest amplitude in the mode band of each accelerometer, in the order of the setup,
-    /// m/s² per unit of drive.
+    /// Largest amplitude over the lines of the mode band of each accelerometer, in the order of
+    /// the setup, m/s² per unit of drive.
     #[must_use]
-    pub fn peaks(&self, run: &SurveyedRun, band: [f64; 2]) -> Vec<f64> {
+    pub fn peaks(&self, run: &SurveyedRun, band: LineRange) -> Vec<f64> {
         let sensors = run.sensors.first().map_or(0, Vec::len);
         let mut peaks = vec![0.0_f64; sensors];
-        for line in self.lines_within(band) {
-            for (peak, x) in peaks.iter_mut().zip(&run.sensors[line]) {
+        for line in run.sensors.get(band.indices()).unwrap_or_default() {
+            for (peak, x) in peaks.iter_mut().zip(line) {
                 *peak = peak.max(x.norm_sqr());
             }
         }
@@ -286,7 +288,7 @@ impl Survey {
     /// Weights of chapter 7 from each run's own responses in the mode band: for method a.
     /// One list a run of the setup; runs that were not surveyed weigh equally.
     #[must_use]
-    pub fn weights_per_run(&self, setup: &Setup, band: [f64; 2], minimum: f64) -> Vec<Vec<f64>> {
+    pub fn weights_per_run(&self, setup: &Setup, band: LineRange, minimum: f64) -> Vec<Vec<f64>> {
         let mut weights = vec![vec![1.0; setup.accelerometers.len()]; setup.runs.len()];
         for run in &self.runs {
             let mut peaks = self.peaks(run, band);
@@ -300,15 +302,15 @@ impl Survey {
     /// from the runs' own; the same for all runs. Methods b to e combine runs line by line,
     /// and a structure filtered differently in each is not one structure any more.
     #[must_use]
-    pub fn weights_joined(&self, setup: &Setup, band: [f64; 2], minimum: f64) -> Vec<Vec<f64>> {
+    pub fn weights_joined(&self, setup: &Setup, band: LineRange, minimum: f64) -> Vec<Vec<f64>> {
         let count = setup.accelerometers.len();
         let mut joined = vec![0.0; count];
-        let lines = self.lines_within(band);
         if let Some(free) = self.free_responses() {
             let inputs = free.first().map_or(0, DMatrix::ncols);
             for j in 0..inputs {
                 let peak = |s: usize| {
-                    let at = free[lines.clone()].iter().map(|h| h[(s, j)].norm_sqr());
+                    let lines = free.get(band.indices()).unwrap_or_default();
+                    let at = lines.iter().map(|h| h[(s, j)].norm_sqr());
                     at.fold(0.0, f64::max).sqrt()
                 };
                 join_peaks(&mut joined, &(0..count).map(peak).collect::<Vec<_>>());

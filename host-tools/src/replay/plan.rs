@@ -286,7 +286,8 @@ pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::
             wire::Procedure::Direct
         },
         modes: estimation.modes as u8,
-        fit_band: setup.fit_band(),
+        // Without one, the box fits all the lines it keeps, as the workstation does.
+        fit_band: estimation.fit_band,
         runs: 0,
     }
 }

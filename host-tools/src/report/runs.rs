@@ -126,7 +126,7 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
     if let (Some(grid), Some(run)) = (m.grid, m.runs.first()) {
         let block = run.settings().block_length();
         let rate = grid.spacing * block as f64;
-        let [low, high] = [m.band.start, m.band.end.saturating_sub(1)].map(|k| grid.frequency(k));
+        let [low, high] = [m.band.start(), m.band.last()].map(|k| grid.frequency(k));
         rows.push(("Sample rate", with_unit(&exact(round(rate)), "Hz")));
         rows.push((
             "Blocks",
@@ -165,7 +165,7 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
                 "{} to {}, {} frequencies",
                 exact(low),
                 with_unit(&exact(high), "Hz"),
-                sine.within(p.averaging_band).len()
+                sine.band.len()
             ),
         ));
     }
