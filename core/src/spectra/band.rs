@@ -17,9 +17,10 @@ const ROUNDING: f64 = 1e-9;
 /// from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineRange {
-    start: usize,
-    end: usize,
-    count: usize,
+    // 32 bits each: some of them are kept on a chip.
+    start: u32,
+    end: u32,
+    count: u32,
 }
 
 /// Why a band is no range of lines.
@@ -77,9 +78,14 @@ impl LineRange {
     /// No line out of none.
     pub const NONE: Self = Self::all(0);
 
-    /// All of `count` lines.
+    /// All of `count` lines, of which there are never as many as 2³².
     #[must_use]
     pub const fn all(count: usize) -> Self {
+        let count = if count > u32::MAX as usize {
+            u32::MAX
+        } else {
+            count as u32
+        };
         Self {
             start: 0,
             end: count,
@@ -93,10 +99,14 @@ impl LineRange {
     /// [`BandError::Indices`] if it does not lie within them.
     pub const fn new(range: Range<usize>, count: usize) -> Result<Self, BandError> {
         let Range { start, end } = range;
-        if start > end || end > count {
+        if start > end || end > count || count > u32::MAX as usize {
             return Err(BandError::Indices { start, end, count });
         }
-        Ok(Self { start, end, count })
+        Ok(Self {
+            start: start as u32,
+            end: end as u32,
+            count: count as u32,
+        })
     }
 
     /// The lines from `low` to `high` Hz, both ends included, out of `count` that lie at
@@ -140,11 +150,7 @@ impl LineRange {
         }
         let start = first_line(count, |line| frequency(line) + slack(line) >= low);
         let end = first_line(count, |line| frequency(line) - slack(line) > high);
-        Ok(Self {
-            start: start.min(end),
-            end,
-            count,
-        })
+        Self::new(start.min(end)..end, count)
     }
 
     /// [`Self::between`] of lines that are listed, Hz, ascending.
@@ -158,29 +164,29 @@ impl LineRange {
     /// First line.
     #[must_use]
     pub const fn start(&self) -> usize {
-        self.start
+        self.start as usize
     }
 
     /// One beyond the last line.
     #[must_use]
     pub const fn end(&self) -> usize {
-        self.end
+        self.end as usize
     }
 
     /// Last line; the first one where the range is empty.
     #[must_use]
     pub const fn last(&self) -> usize {
         if self.end > self.start {
-            self.end - 1
+            self.end() - 1
         } else {
-            self.start
+            self.start()
         }
     }
 
     /// Number of lines.
     #[must_use]
     pub const fn len(&self) -> usize {
-        self.end - self.start
+        (self.end - self.start) as usize
     }
 
     /// Whether there is none.
@@ -192,13 +198,13 @@ impl LineRange {
     /// Number of lines that they were chosen from.
     #[must_use]
     pub const fn count(&self) -> usize {
-        self.count
+        self.count as usize
     }
 
     /// The indices.
     #[must_use]
     pub const fn indices(&self) -> Range<usize> {
-        self.start..self.end
+        self.start()..self.end()
     }
 }
 
