@@ -176,6 +176,22 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     search: &mut PoleSearch,
     work: &'w mut [Complex<f64>],
 ) -> Result<(heapless::Vec<Pole, MAX_MODES>, Trace<'w>), MasslineError> {
+    let frequency = |k: usize| lines.frequency(fit.start + k);
+    let trace = fixed_trace(lines, energy, fit.clone(), work)?;
+    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
+    Ok((poles, trace))
+}
+
+/// The scalar in which the poles of the fixed structure are looked for, with its weights.
+///
+/// # Errors
+/// [`MasslineError::Work`] if there are not two elements a line.
+pub(super) fn fixed_trace<'w, L: Lines + ?Sized>(
+    lines: &L,
+    energy: &Powers,
+    fit: Range<usize>,
+    work: &'w mut [Complex<f64>],
+) -> Result<Trace<'w>, MasslineError> {
     let work = two_a_line(&fit, work)?;
     // W makes translations and rotations comparable: force over acceleration, roughly
     // the body's own mass and inertia.
@@ -183,11 +199,8 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
         let (a, f) = (energy.aa[(j, j)], energy.ff[j]);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    power_like(lines, fit.clone(), &w, work);
-    let trace = Trace::new(work);
-    let frequency = |k: usize| lines.frequency(fit.start + k);
-    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
-    Ok((poles, trace))
+    power_like(lines, fit, &w, work);
+    Ok(Trace::new(work))
 }
 
 /// The scalar `Σ_runs a*f / a*W a` of each of the lines `fit`.

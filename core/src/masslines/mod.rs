@@ -14,6 +14,7 @@
 //! | `synthesis` | e, averaged responses of the rigid body, elastic modes subtracted |
 //! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
 //! | `fixed_modes` | effective masses of the fixed structure, from the same fit over all lines |
+//! | `close_modes` | those of them that lie too close for one scalar to tell |
 //! | `static_poses` | poses of a DC-coupled measurement |
 //!
 //! `condense` is the door to all of them, `regression` and `free_system` what several have
@@ -22,6 +23,7 @@
 
 mod apparent_mass;
 mod averaging;
+mod close_modes;
 mod condense;
 mod curve_fit;
 mod excitation;
@@ -43,7 +45,7 @@ pub use averaging::MIN_LINES;
 pub use condense::{Bands, Condensed, Method, condense, condense_into};
 pub use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
-pub use fixed_modes::{FixedMode, fixed_modes};
+pub use fixed_modes::{FixedMode, MAX_FIXED_MODES, fixed_modes};
 pub use free_responses::free_responses;
 pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;

