@@ -74,6 +74,16 @@ pub enum MeasureError {
         /// Samples of a block.
         block_length: usize,
     },
+    /// Not even two blocks more than drives.
+    #[error("{}: {blocks} block(s) without a faulty sample for {drives} drives; at least two more than drives are needed, and some 50 for small error bars; record longer, shorten `block_length`, or shake with fewer drives at a time", file.display())]
+    TooFewBlocks {
+        /// The recording.
+        file: PathBuf,
+        /// Blocks averaged.
+        blocks: u32,
+        /// Drives named.
+        drives: usize,
+    },
     /// Hardly a block without a faulty sample.
     #[error("{}: {blocks} block(s) without a faulty sample; at least 2 are needed, and some 50 for small error bars. {} were left out: {}; mend what is at fault and record again", file.display(), rejected.blocks, rejected.reasons())]
     TooFaulty {
@@ -172,6 +182,7 @@ impl MeasureError {
         matches!(
             self,
             Self::TooShort { .. }
+                | Self::TooFewBlocks { .. }
                 | Self::TooFaulty { .. }
                 | Self::TooFewPoses { .. }
                 | Self::Dead { .. }

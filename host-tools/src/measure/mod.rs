@@ -1,6 +1,7 @@
 //! From recordings to averaged spectra of the twelve resultants: the core's own blocks
 //! and averages, fed from files.
 
+mod drives;
 mod error;
 mod geometry;
 mod group;
@@ -42,7 +43,7 @@ pub struct Progress<'a> {
 
 /// Everything the estimators need, and what was noticed on the way.
 pub struct Measurement {
-    /// Random runs, in the order of the setup.
+    /// Random runs, in the order of the setup: one a drive where there are several.
     pub runs: Vec<MeasuredRun>,
     /// Stepped sine runs, in the order of the setup.
     pub sines: Vec<MeasuredSine>,
@@ -117,16 +118,20 @@ pub fn measure_first(
             Excitation::Random => {
                 let measured = random::read(
                     setup,
-                    run,
+                    number,
                     geometry,
                     limit,
                     &mut settings,
                     &mut measurement.warnings,
                     &mut report,
                 )?;
-                health.push((run, measured.health.clone()));
-                let fingerprint = measured.fingerprint;
-                measurement.runs.push(measured);
+                let mut fingerprint = 0;
+                // One a drive.
+                if let Some(first) = measured.first() {
+                    health.push((run, first.health.clone()));
+                    fingerprint = first.fingerprint;
+                }
+                measurement.runs.extend(measured);
                 fingerprint
             }
             Excitation::Sine => {

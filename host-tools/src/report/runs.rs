@@ -7,7 +7,7 @@ use super::page::Section;
 use super::traceability;
 use crate::identification::Answer;
 use crate::measure::WINDOW;
-use crate::setup::Setup;
+use crate::setup::{Run, Setup};
 use massline_core::spectra::Window;
 use std::fmt::Write;
 
@@ -64,8 +64,8 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
          <th scope=\"col\" class=\"num\">Blocks</th><th scope=\"col\">Mounting</th>\
          </tr></thead><tbody>",
     );
-    for run in &setup.runs {
-        let random = answer.measurement.runs.iter().find(|r| r.name == run.name);
+    for (number, run) in setup.runs.iter().enumerate() {
+        let random = answer.measurement.runs.iter().find(|r| r.number == number);
         let poses = answer.measurement.poses.iter().find(|r| r.name == run.name);
         let sine = answer.measurement.sines.iter().find(|r| r.name == run.name);
         let (kind, samples, duration, blocks) = match (random, sine, poses) {
@@ -112,11 +112,18 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
              <td class=\"num\">{blocks}</td><td>{mounting}</td></tr>",
             escape(&run.name),
             escape(&run.recording.display().to_string()),
-            escape(run.reference.as_deref().unwrap_or("none")),
+            escape(&drives(run)),
         );
     }
     html.push_str("</tbody></table></div>");
     html
+}
+
+fn drives(run: &Run) -> String {
+    match run.references.as_slice() {
+        [] => "none".to_owned(),
+        some => some.join(", "),
+    }
 }
 
 fn processing(setup: &Setup, answer: &Answer) -> String {

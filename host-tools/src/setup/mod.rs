@@ -152,8 +152,9 @@ pub struct Run {
     pub checksum: Option<Checksum>,
     /// What the recording holds.
     pub excitation: Excitation,
-    /// Channel of the generator's drive signal, random runs only.
-    pub reference: Option<String>,
+    /// Channels of the generator's drive signals, random runs only: one a shaker that is driven
+    /// by itself. None: spectra are referred to nothing.
+    pub references: Vec<String>,
     /// Weights given by hand, by accelerometer channel, each in (0, 1]; this run only.
     pub weights: BTreeMap<String, f64>,
     /// Rotation vector in degrees: x_interface = R x_specimen + translation.
