@@ -330,7 +330,6 @@ impl Told<'_> {
         if suspects.is_empty() {
             return Ok(None);
         }
-        let file = self.setup.recording_path(self.run);
         let names = channel_names(self.setup, self.run);
         let mut recording = self.setup.open_recording(self.run, &names)?;
         recording.limit(limit);
