@@ -52,7 +52,7 @@ pub struct MeasuredRun {
     pub blocks: u32,
     /// Blocks less one for each drive beyond the first: one more than the noise has degrees of
     /// freedom.
-    freedom: u32,
+    pub(super) freedom: u32,
     /// Samples read.
     pub samples: u64,
     /// Lines of the averaging band.
