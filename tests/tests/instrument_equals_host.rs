@@ -38,7 +38,6 @@ fn short_fork(folder: &tempfile::TempDir) -> Setup {
 }
 
 fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
-    let processing = setup.processing.as_ref().unwrap();
     Question {
         method: method.into(),
         known_mass: setup.known_mass,
@@ -51,7 +50,7 @@ fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
             Procedure::Direct
         },
         modes: setup.estimation.modes as u8,
-        fit_band: Some([processing.averaging_band[0], processing.kept_up_to(None)]),
+        fit_band: setup.estimation.fit_band,
         runs: 0,
     }
 }
@@ -229,7 +228,11 @@ fn a_survey_finds_the_workstations_weights() {
     let survey = session.survey(&mut |_| ()).unwrap();
     let processing = setup.processing.as_ref().unwrap();
     let band = processing.mode_band.unwrap();
-    let host = survey.weights_per_run(&setup, band, setup.estimation.minimum_weight);
+    let host = survey.weights_per_run(
+        &setup,
+        survey.lines(band).unwrap(),
+        setup.estimation.minimum_weight,
+    );
     let mut shelf = Shelf::default();
     let mut stand_in = StandIn::new(&mut shelf, Vec::new());
     stand_in.weighting = Weighting::EachRun;

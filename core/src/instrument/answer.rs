@@ -155,7 +155,7 @@ impl From<MasslineError> for NoAnswer {
             MasslineError::TooFewLines(n) => Self::TooFewLines(n as u32),
             MasslineError::NoExcitation => Self::NoExcitation,
             MasslineError::NoResultant => Self::NoResultant,
-            MasslineError::TooManyPairs => Self::TooManyPairs,
+            MasslineError::TooManyPairs { .. } => Self::TooManyPairs,
             MasslineError::Singular => Self::Singular,
             MasslineError::NoReference => Self::NoReference,
             MasslineError::TooFewRuns { needed, found } => Self::TooFewRuns {
@@ -163,6 +163,18 @@ impl From<MasslineError> for NoAnswer {
                 found: found as u8,
             },
             MasslineError::NoMode => Self::NoMode,
+            MasslineError::OtherLines { band, lines } => Self::Room {
+                needed: band as u32,
+                given: lines as u32,
+            },
+            MasslineError::Work { needed, given } => Self::Room {
+                needed: needed as u32,
+                given: given as u32,
+            },
+            MasslineError::TooManyRuns { limit, found } => Self::Room {
+                needed: found as u32,
+                given: limit as u32,
+            },
         }
     }
 }

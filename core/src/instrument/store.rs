@@ -2,9 +2,8 @@
 
 use super::memory::{LINES, RUNS};
 use crate::geometry::{RESULTANTS, ResultantMap};
-use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
+use crate::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
 use crate::wire::{Accelerations, Answer, Line, Quality};
-use core::ops::Range;
 
 /// What is kept of a run beside its lines.
 #[derive(Clone, Copy, Debug)]
@@ -70,7 +69,7 @@ impl Stored<'_> {
         run: usize,
         average: &DriveAverage<'_>,
         grid: LineGrid,
-        band: Range<usize>,
+        band: LineRange,
         block_correlation: f64,
         map: &ResultantMap,
         accelerations: Accelerations,

@@ -156,7 +156,10 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             return Err(MasslineError::TooFewLines(band.len()));
         }
         if count > PAIRS {
-            return Err(MasslineError::TooManyPairs);
+            return Err(MasslineError::TooManyPairs {
+                limit: PAIRS,
+                found: count,
+            });
         }
         let weights = LineWeights::new(lines, band, trend);
         let first = self.pairs.len();

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::geometry::Equations;
 use crate::modes::MAX_MODES;
-use core::ops::Range;
+use crate::spectra::LineRange;
 use nalgebra::{Complex, Vector3};
 
 /// The ways to masslines.
@@ -86,23 +86,23 @@ impl Method {
 }
 
 /// Which of the kept lines serve for what.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bands {
     /// The averaging band: the rigid body is read from these.
-    pub averaging: Range<usize>,
+    pub averaging: LineRange,
     /// Lines in which elastic modes are looked for and fitted.
-    pub fit: Range<usize>,
+    pub fit: LineRange,
     /// Most elastic modes that methods d and e take account of.
     pub modes: usize,
 }
 
 impl Bands {
-    /// The averaging band, with modes looked for in all `count` lines.
+    /// The averaging band, with modes looked for in all the lines it was chosen from.
     #[must_use]
-    pub fn new(averaging: Range<usize>, count: usize) -> Self {
+    pub fn new(averaging: LineRange) -> Self {
         Self {
             averaging,
-            fit: 0..count,
+            fit: LineRange::all(averaging.count()),
             modes: MAX_MODES,
         }
     }
@@ -155,8 +155,7 @@ pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let band = bands.averaging.clone();
-    let fit = bands.fit.clone();
+    let (band, fit) = (bands.averaging, bands.fit);
     // Read only where the method has succeeded.
     space.found = match method {
         Method::ApparentMass => Found::ApparentMass,

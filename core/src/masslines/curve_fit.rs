@@ -2,7 +2,7 @@
 
 use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::algebra::multiply_left;
-use core::ops::Range;
+use crate::spectra::LineRange;
 use nalgebra::{Complex, Vector6};
 
 /// Adds masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
@@ -16,14 +16,14 @@ use nalgebra::{Complex, Vector6};
 #[inline(never)] // One method's working memory at a time.
 pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
-    fit: Range<usize>,
+    band: LineRange,
+    fit: LineRange,
     limit: usize,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = FreeSystem::new(lines, band, &set.equations);
     let system = system.as_ref().map_err(|error| *error)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;

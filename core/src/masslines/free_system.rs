@@ -9,12 +9,14 @@
 //! structure. The constant is the rigid body, which methods c, d and e are after.
 
 use super::averaging::{LinePair, RealMoments};
+use super::lines::{indices, two_a_line};
 use super::regression::between;
 use super::{Complex6, Excitation, Lines, MasslineError, Moments, Workspace};
 use crate::algebra::{factor_hermitian, multiply_left, multiply_right, solve_hermitian};
 use crate::cells::{cells, seen};
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
+use crate::spectra::LineRange;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, Vector6};
 
@@ -38,17 +40,18 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     ///
     /// # Errors
     /// [`MasslineError::TooFewRuns`] unless all measured resultants were excited
-    /// independently.
+    /// independently, [`MasslineError::OtherLines`].
     pub fn new(
         lines: &'l L,
-        band: &Range<usize>,
+        band: LineRange,
         equations: &Equations,
     ) -> Result<Self, MasslineError> {
+        let band = indices(lines, band)?;
         let needed = equations.count();
         if needed == 0 {
             return Err(MasslineError::NoResultant);
         }
-        let mut total = RealMoments::new(lines, band);
+        let mut total = RealMoments::new(lines, &band);
         let (accelerations, noise_filter) =
             Excitation::rank_and_cleaner(&total.aa, &total.acceleration_noise);
         let (forces, _) = Excitation::rank_and_cleaner(&total.ff, &total.force_noise);
@@ -136,20 +139,21 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     /// `space`. `work` holds two elements per line.
     ///
     /// # Errors
-    /// [`MasslineError::NoMode`] if there is none in the lines.
+    /// [`MasslineError::NoMode`] if there is none in the lines, [`MasslineError::Work`].
     pub fn modes(
         &self,
-        fit: Range<usize>,
+        fit: LineRange,
         limit: usize,
         space: &mut Workspace,
         work: &mut [Complex<f64>],
     ) -> Result<(), MasslineError> {
+        let fit = indices(self.lines, fit)?;
         let Workspace {
             free_modes: modes,
             search,
             ..
         } = space;
-        let fit = fit.start..fit.end.min(fit.start + work.len() / 2);
+        let work = two_a_line(&fit, work)?;
         let n = self.forces();
         // Every diagonal entry counts by its own size, so that rotations and translations
         // are comparable.
@@ -161,7 +165,6 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             }
         }
         let lines = fit.len() as f64;
-        let work = work.get_mut(..2 * fit.len()).unwrap_or(&mut []);
         for (line, t) in fit.clone().zip(work.iter_mut()) {
             let h = self.diagonal(line)?;
             *t = Complex::new(0.0, 0.0);

@@ -1,9 +1,10 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
 use super::averaging::Trend;
+use super::lines::indices;
 use super::{Excitation, Lines, MasslineError, Masslines, Powers};
 use crate::cells::seen;
-use core::ops::Range;
+use crate::spectra::LineRange;
 use nalgebra::{Complex, Vector6};
 
 /// Adds masslines from the real parts of the measured frequency responses, averaged over the
@@ -19,9 +20,10 @@ use nalgebra::{Complex, Vector6};
 #[inline(never)] // One method's working memory at a time.
 pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
+    band: LineRange,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
+    let band = indices(lines, band)?;
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
@@ -48,7 +50,10 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     let units = noise.map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
     let runs = lines.runs();
     if runs > PAIRS {
-        return Err(MasslineError::TooManyPairs);
+        return Err(MasslineError::TooManyPairs {
+            limit: PAIRS,
+            found: runs,
+        });
     }
     let leaders: heapless::Vec<usize, PAIRS> = (0..runs)
         .map(|run| {

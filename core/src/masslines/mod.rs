@@ -14,6 +14,7 @@
 //! | `synthesis` | e, averaged responses of the rigid body, elastic modes subtracted |
 //! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
 //! | `fixed_modes` | effective masses of the fixed structure, from the same fit over all lines |
+//! | `close_modes` | those of them that lie too close for one scalar to tell |
 //! | `static_poses` | poses of a DC-coupled measurement |
 //!
 //! `condense` is the door to all of them, `regression` and `free_system` what several have
@@ -22,6 +23,7 @@
 
 mod apparent_mass;
 mod averaging;
+mod close_modes;
 mod condense;
 mod curve_fit;
 mod excitation;
@@ -43,12 +45,12 @@ pub use averaging::MIN_LINES;
 pub use condense::{Bands, Condensed, Method, condense, condense_into};
 pub use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
-pub use fixed_modes::{FixedMode, fixed_modes};
+pub use fixed_modes::{FixedMode, MAX_FIXED_MODES, fixed_modes};
 pub use free_responses::free_responses;
 pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;
 pub use lines::{
-    Complex6, CrossLines, DriveLines, Lines, MAX_CROSS_RUNS, Moments, Powers, lines_between,
+    Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, lines_between,
 };
 pub use power_spectra::{Factorisation, power_spectra};
 pub use sine::{SineLines, SineRun};
@@ -73,7 +75,12 @@ pub enum MasslineError {
     /// No resultant is measured.
     NoResultant,
     /// More pairs than the set has room for: [`MAX_PAIRS`], or what it was made with.
-    TooManyPairs,
+    TooManyPairs {
+        /// Most pairs.
+        limit: usize,
+        /// Pairs there would be, as far as they were counted.
+        found: usize,
+    },
     /// Numbers that are not finite, or a matrix that cannot be factorised.
     Singular,
     /// The method needs frequency responses: a drive channel or a stepped sine.
@@ -87,6 +94,27 @@ pub enum MasslineError {
     },
     /// The method fits elastic modes, and none was found in the lines.
     NoMode,
+    /// A band was chosen from other lines than these.
+    OtherLines {
+        /// Number of lines it was chosen from.
+        band: usize,
+        /// Number of lines there are.
+        lines: usize,
+    },
+    /// Lent working memory is too small.
+    Work {
+        /// Elements needed.
+        needed: usize,
+        /// Elements given.
+        given: usize,
+    },
+    /// More runs than can be weighed against each other.
+    TooManyRuns {
+        /// Most runs.
+        limit: usize,
+        /// Runs there are.
+        found: usize,
+    },
 }
 
 impl core::fmt::Display for MasslineError {
@@ -102,7 +130,10 @@ impl core::fmt::Display for MasslineError {
                 "no direction of base acceleration rises above the accelerometers' noise",
             ),
             Self::NoResultant => f.write_str("the load cells complete no equation of motion"),
-            Self::TooManyPairs => f.write_str("more masslines than there is room for"),
+            Self::TooManyPairs { limit, found } => write!(
+                f,
+                "{found} or more masslines, but there is room for {limit}"
+            ),
             Self::Singular => f.write_str("the averaged spectra are not finite"),
             Self::NoReference => f.write_str(
                 "this method needs responses referred to a drive channel or a stepped sine",
@@ -112,6 +143,17 @@ impl core::fmt::Display for MasslineError {
                 "this method needs {needed} independent runs, as many as resultants are measured; found {found}"
             ),
             Self::NoMode => f.write_str("no elastic mode was found in the lines"),
+            Self::OtherLines { band, lines } => {
+                write!(f, "a band chosen from {band} lines, but there are {lines}")
+            }
+            Self::Work { needed, given } => write!(
+                f,
+                "working memory of {given} elements, but {needed} are needed, two a line"
+            ),
+            Self::TooManyRuns { limit, found } => write!(
+                f,
+                "{found} runs, of which at most {limit} can be weighed against each other"
+            ),
         }
     }
 }
@@ -191,7 +233,10 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
                 force,
                 variance,
             })
-            .map_err(|_| MasslineError::TooManyPairs)
+            .map_err(|_| MasslineError::TooManyPairs {
+                limit: PAIRS,
+                found: PAIRS + 1,
+            })
     }
 
     /// Sets the noise of the pairs: the share that `noise` has in `power`, component by

@@ -1,10 +1,11 @@
 //! Method b: averaged power spectra, `M G_AF = G_FF` (13), without and with Cholesky.
 
 use super::averaging::{RealMoments, Trend};
+use super::lines::indices;
 use super::{Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use crate::cells::seen;
-use core::ops::Range;
+use crate::spectra::LineRange;
 use nalgebra::{Matrix6, Vector6};
 
 /// What is done with the band averages of the power spectra.
@@ -29,10 +30,11 @@ pub enum Factorisation {
 #[inline(never)] // One method's working memory at a time.
 pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
+    band: LineRange,
     factorisation: Factorisation,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
+    let band = indices(lines, band)?;
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }

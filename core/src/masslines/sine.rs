@@ -3,6 +3,7 @@
 use super::Moments;
 use super::lines::{Amplitudes, Lines};
 use crate::geometry::RESULTANTS;
+use crate::spectra::listed;
 use nalgebra::{Complex, Vector6};
 
 /// Frequency responses of the twelve resultants, one run.
@@ -41,14 +42,7 @@ impl Lines for SineLines<'_> {
 
     fn frequency(&self, line: usize) -> f64 {
         // One step beyond the last line is asked for to learn the spacing there.
-        match (self.frequencies.get(line), self.frequencies) {
-            (Some(f), _) => *f,
-            (None, [.., before, last]) => {
-                last + (last - before) * (line + 1 - self.frequencies.len()) as f64
-            }
-            (None, [only]) => *only,
-            (None, []) => 0.0,
-        }
+        listed(self.frequencies, line)
     }
 
     fn runs(&self) -> usize {

@@ -7,6 +7,9 @@
 use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
 use crate::algebra::{larger, not_negative};
 use crate::cells::seen;
+use super::{
+    Average, BlockSettings, BlockSpectra, Complex32, LineGrid, LineRange, SpectraError, Sum,
+};
 use crate::geometry::{RESULTANTS, ResultantMap};
 
 /// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
@@ -109,7 +112,7 @@ impl<'s> DriveAverage<'s> {
     /// precision: to be told after every block, where [`Self::coherence`] would cost more
     /// than the block itself.
     #[must_use]
-    pub fn mean_coherence(&self, c: usize, band: core::ops::Range<usize>) -> f32 {
+    pub fn mean_coherence(&self, c: usize, band: LineRange) -> f32 {
         let lines = band.len().max(1) as f32;
         let mut sum = 0.0;
         for k in band {
@@ -207,16 +210,21 @@ impl<'a> RunResponses<'a> {
     /// resultants.
     ///
     /// # Errors
-    /// [`SpectraError::Storage`] if the storage is too small.
+    /// [`SpectraError::Storage`] if the storage is too small, [`SpectraError::OtherLines`] if
+    /// the band was chosen from other lines.
     pub fn finish(
         average: &DriveAverage<'_>,
         grid: LineGrid,
-        band: core::ops::Range<usize>,
+        band: LineRange,
         block_correlation: f64,
         map: &ResultantMap,
         responses: &'a mut [[Complex32; RESULTANTS]],
         drive: &'a mut [f32],
     ) -> Result<Self, SpectraError> {
+        if band.count() != grid.count {
+            let (band, lines) = (band.count(), grid.count);
+            return Err(SpectraError::OtherLines { band, lines });
+        }
         let needed = grid.count;
         let given = responses.len().min(drive.len());
         let (Some(responses), Some(drive)) = (responses.get_mut(..needed), drive.get_mut(..needed))
@@ -237,7 +245,7 @@ impl<'a> RunResponses<'a> {
         }
         let lines = band.len().max(1) as f64;
         let mean = |of: &dyn Fn(usize, usize) -> f64| -> [f64; RESULTANTS] {
-            core::array::from_fn(|c| band.clone().map(|k| of(c, k)).sum::<f64>() / lines)
+            core::array::from_fn(|c| band.indices().map(|k| of(c, k)).sum::<f64>() / lines)
         };
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));

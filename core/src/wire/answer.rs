@@ -230,6 +230,13 @@ pub enum NoAnswer {
     NotConverged(f64),
     /// Masslines that are not finite.
     NotFinite,
+    /// More lines or runs than the method has room for.
+    Room {
+        /// Places needed.
+        needed: u32,
+        /// Places there are.
+        given: u32,
+    },
 }
 
 impl core::fmt::Display for NoAnswer {
@@ -258,6 +265,12 @@ impl core::fmt::Display for NoAnswer {
                 write!(f, "the iteration has not ended, the last step was {d} m")
             }
             Self::NotFinite => f.write_str("the masslines are not finite"),
+            Self::Room { needed, given } => {
+                write!(
+                    f,
+                    "room for {given} lines or runs, but {needed} are asked for"
+                )
+            }
         }
     }
 }

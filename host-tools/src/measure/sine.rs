@@ -5,9 +5,9 @@ use super::geometry::{RunGeometry, channel_names};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::SineRun;
+use massline_core::spectra::LineRange;
 use nalgebra::Complex;
 use std::hash::{DefaultHasher, Hasher};
-use std::ops::Range;
 
 /// One stepped sine run.
 pub struct MeasuredSine {
@@ -21,6 +21,8 @@ pub struct MeasuredSine {
     pub responses: Vec<[Complex<f64>; RESULTANTS]>,
     /// Responses of the accelerometers, m/s², frequency by frequency.
     pub sensors: Vec<Vec<Complex<f64>>>,
+    /// Lines of the averaging band.
+    pub band: LineRange,
     /// Resolution of each resultant, as a power per line.
     pub noise: [f64; RESULTANTS],
     pub(super) fingerprint: u64,
@@ -37,15 +39,6 @@ impl MeasuredSine {
             responses: &self.responses,
             noise: self.noise,
         }
-    }
-
-    /// Lines from `low` to `high` Hz, both ends included.
-    #[must_use]
-    pub fn within(&self, [low, high]: [f64; 2]) -> Range<usize> {
-        let slack = 1e-9 * high;
-        let start = self.frequencies.partition_point(|&f| f < low - slack);
-        let end = self.frequencies.partition_point(|&f| f <= high + slack);
-        start..end.max(start)
     }
 }
 
@@ -79,6 +72,7 @@ pub(super) fn read(
         frequencies: Vec::new(),
         responses: Vec::new(),
         sensors: Vec::new(),
+        band: LineRange::NONE,
         noise: [0.0; RESULTANTS],
         fingerprint: 0,
     };
@@ -120,6 +114,10 @@ pub(super) fn read(
         *noise *= RESOLUTION * RESOLUTION / lines;
     }
     measured.fingerprint = hash.finish();
+    if let Some(p) = &setup.processing {
+        let band = LineRange::among(&measured.frequencies, p.averaging_band);
+        measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
+    }
     if let Some(before) = before
         && let Some(frequency) = first_difference(before, &measured.frequencies)
     {

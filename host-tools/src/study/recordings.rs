@@ -53,7 +53,7 @@ impl Recordings {
     /// # Errors
     /// [`StudyError`] if the lines do not suit the recordings.
     pub fn answers(&self, twin: &Twin, options: &Options) -> Result<Vec<Answer>, StudyError> {
-        let task = Task::new(twin, options, &self.survey(twin)?);
+        let task = Task::new(twin, options, &self.survey(twin)?)?;
         let mut answers = task.none_yet();
         for selection in Selection::ALL {
             let accelerations = task.accelerations(selection);
@@ -97,11 +97,10 @@ impl Recordings {
                 blocks: average.blocks(),
             };
             for range in task.ranges() {
-                let [low, high] = task.band(range);
                 let finished = RunResponses::finish(
                     average,
                     grid,
-                    grid.within(low, high),
+                    grid.within(task.band(range))?,
                     WINDOW.block_correlation(hop),
                     &geometry.map,
                     &mut averaged.responses,

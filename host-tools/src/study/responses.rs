@@ -100,7 +100,7 @@ impl Responses {
     /// # Errors
     /// [`StudyError::Measure`].
     pub fn answers(&self, twin: &Twin, options: &Options) -> Result<Vec<Answer>, StudyError> {
-        let task = Task::new(twin, options, &self.survey(twin)?);
+        let task = Task::new(twin, options, &self.survey(twin)?)?;
         let mut answers = task.none_yet();
         for selection in Selection::ALL {
             let accelerations = task.accelerations(selection);
