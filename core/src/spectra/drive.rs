@@ -4,12 +4,11 @@
 //! sensor does not correlate with the drive, so it averages out of H; only its scatter
 //! remains, and the coherence tells how much.
 
-use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
-use crate::algebra::{larger, not_negative};
-use crate::cells::seen;
 use super::{
     Average, BlockSettings, BlockSpectra, Complex32, LineGrid, LineRange, SpectraError, Sum,
 };
+use crate::algebra::{larger, not_negative};
+use crate::cells::seen;
 use crate::geometry::{RESULTANTS, ResultantMap};
 
 /// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
@@ -250,7 +249,10 @@ impl<'a> RunResponses<'a> {
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
         let noise = core::array::from_fn(|c| {
-            larger(block_correlation * seen(&scatter[..])[c], seen(&rounding[..])[c]) as f32
+            larger(
+                block_correlation * seen(&scatter[..])[c],
+                seen(&rounding[..])[c],
+            ) as f32
         });
         Ok(Self {
             grid,

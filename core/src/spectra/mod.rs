@@ -51,8 +51,6 @@ pub enum SpectraError {
     },
     /// The ends of the band (Hz) are not finite, negative, or not in order.
     BandEnds([f64; 2]),
-    /// The sample rate is not a positive number, Hz.
-    SampleRate(f64),
     /// A band was chosen from other lines than these.
     OtherLines {
         /// Number of lines it was chosen from.
@@ -92,9 +90,6 @@ impl core::fmt::Display for SpectraError {
                 "lines {first} to {last} asked for, but the spectrum offers 1 to {usable}"
             ),
             Self::BandEnds(ends) => BandError::Ends(*ends).fmt(f),
-            Self::SampleRate(rate) => {
-                write!(f, "a sample rate of {rate} Hz; expected a positive number")
-            }
             Self::OtherLines { band, lines } => write!(
                 f,
                 "a band chosen from {band} lines, but there are {lines}; choose it from these"

@@ -1,8 +1,8 @@
 //! Why samples do not come, or do not get into a file.
 
 use crate::device::ClientError;
-use crate::output::OutputError;
 use crate::limits;
+use crate::output::OutputError;
 use std::path::PathBuf;
 
 /// Why samples do not come, or do not get into a file.

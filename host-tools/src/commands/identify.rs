@@ -1,8 +1,6 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::{
-    Bar, Failure, compare, details, print_answer, print_json, refuse, true_body, warn,
-};
+use super::{Bar, Failure, compare, details, print_answer, print_json, refuse, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice, OnProgress, Session};
 use crate::output::{self, Existing};

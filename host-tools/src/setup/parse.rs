@@ -8,9 +8,9 @@ use super::{
     AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
     Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
 };
-use crate::recording::Checksum;
 use crate::limits;
 use crate::printable::printable;
+use crate::recording::Checksum;
 
 const MOUNTS: [(&str, Mount); 2] = [
     ("interface", Mount::Interface),

@@ -61,9 +61,6 @@ impl Lines {
                 let most = BLOCK_LENGTH as f64;
                 range(Field::BlockLength, 0, found as f64, 16.0, most)
             }
-            SpectraError::SampleRate(found) => {
-                range(Field::SampleRate, 0, found, f64::MIN_POSITIVE, f64::MAX)
-            }
             SpectraError::Overlap(found) => range(Field::Overlap, 0, found, 0.0, 0.95),
             SpectraError::Band { last, usable, .. } => {
                 let spacing = p.sample_rate / length as f64;
