@@ -20,6 +20,7 @@ pub use measurement::{Measurement, measurement_matrix};
 pub use normal::Workspace;
 pub use sets::MasslineSet;
 
+use crate::geometry::least_translation;
 use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};
 use nalgebra::Vector3;
 use normal::Solved;
@@ -127,6 +128,8 @@ pub struct Identification {
     pub consistency: Option<f64>,
     /// Largest share of an error bar's variance that the pull of acceleration noise has.
     pub attenuation: f64,
+    /// Degrees of freedom of the noise behind the error bars; infinite where it is known.
+    pub freedom: f64,
     /// Whether a body like this could exist.
     pub plausibility: Plausibility,
 }
@@ -168,7 +171,13 @@ pub fn identify_in<S: MasslineSet>(
         return Err(IdentifyError::KnownMass(m));
     }
     let reference = *first.reference();
-    normal::solve(masslines, &reference, question.known_mass, space)?;
+    // Equations that carry the weights of the noise give the same body from every point, so
+    // they are solved where rounding is least. Others are those of the paper, about A.
+    let mut point = reference;
+    if masslines.iter().all(|set| set.equations().is_whitened()) {
+        point += least_translation(first.noise());
+    }
+    normal::solve(masslines, &point, question.known_mass, space)?;
     let mut iterations = 1;
     if let Procedure::Iterative { tolerance, limit } = question.procedure {
         let mut before = f64::INFINITY;
@@ -243,6 +252,7 @@ fn assemble(
         iterations,
         consistency: solved.consistency,
         attenuation: solved.attenuation,
+        freedom: solved.freedom,
         plausibility: check(mass.map(|m| m.value), full.as_ref(), &moments, rounding),
     }
 }

@@ -157,6 +157,8 @@ impl From<MasslineError> for NoAnswer {
                 found: found as u8,
             },
             MasslineError::NoMode => Self::NoMode,
+            // The box refers every run to a drive.
+            MasslineError::TooFewBlocks { .. } => Self::NoExcitation,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
 use super::memory::{LINES, RUNS};
-use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
 use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
 use crate::wire::{Accelerations, Answer, Line, Quality};
 use core::ops::Range;
@@ -11,7 +11,7 @@ use core::ops::Range;
 pub(super) struct Kept {
     pub(super) accelerations: Accelerations,
     pub(super) quality: Quality,
-    noise: [f32; RESULTANTS],
+    noise: PackedNoise,
     blocks: u32,
 }
 
@@ -95,7 +95,7 @@ impl Stored<'_> {
             noise,
             blocks,
         });
-        Some(noise)
+        Some(ResultantNoise::unpacked(&noise).variances().map(|v| v as f32))
     }
 
     /// What is kept of a run beside its lines.

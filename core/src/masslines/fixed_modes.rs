@@ -7,6 +7,7 @@
 //! they add up to the rigid-body mass matrix.
 
 use super::apparent_mass::{Basis, MAX_RUNS, energy, find_fixed_poles};
+use super::averaging::noise_of_runs;
 use super::regression::{Regression, Solution};
 use super::{Lines, MasslineError, Moments, Powers};
 use crate::algebra::symmetric_eigen;
@@ -81,13 +82,7 @@ fn regress<L: Lines + ?Sized>(
     poles: &[Pole],
     trace: &Trace<'_>,
 ) -> Result<Regression, MasslineError> {
-    let mut noise = Vector6::zeros();
-    for run in 0..lines.runs() {
-        let per_line = lines.noise(run);
-        for j in 0..6 {
-            noise[j] += per_line[j] * band.len() as f64;
-        }
-    }
+    let noise = noise_of_runs(lines, band.len()).acceleration;
     let all = start..start + trace.len();
     let basis = Basis::new(lines, poles, &all);
     let terms = basis.terms();

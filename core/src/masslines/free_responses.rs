@@ -1,7 +1,7 @@
 //! Method c: averaged frequency responses of the free system.
 
 use super::averaging::Trend;
-use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines};
+use super::{Complex6, EquationWeights, FreeSystem, Lines, MasslineError, Masslines};
 use core::ops::Range;
 
 /// Adds masslines from the real part of H over the lines `band`: unit forces and the
@@ -17,6 +17,7 @@ pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     squared: bool,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
     let system = FreeSystem::new(lines, &band, &set.equations);
@@ -26,10 +27,13 @@ pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     } else {
         Trend::Constant
     };
-    set.average(lines, &band, trend, system.forces(), &mut |line, pairs| {
+    let count = system.forces();
+    set.average(lines, &band, trend, equations, count, &mut |line, pairs| {
         let mut h = Complex6::zeros();
         system.response_into(line, &mut h)?;
         system.pairs(&h, pairs);
         Ok(())
-    })
+    })?;
+    system.share_noise(set);
+    Ok(())
 }

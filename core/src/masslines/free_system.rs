@@ -10,12 +10,12 @@
 
 use super::averaging::{LinePair, RealMoments};
 use super::regression::between;
-use super::{Complex6, Excitation, Lines, MasslineError, Moments, Workspace};
+use super::{Complex6, Excitation, Lines, MasslineError, Masslines, Moments, Workspace};
 use crate::algebra::{factor_hermitian, multiply_left, multiply_right, solve_hermitian};
-use crate::geometry::Equations;
+use crate::geometry::{Equations, ResultantNoise, resultants_at, transfer};
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
 use core::ops::Range;
-use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, Vector3, Vector6};
 
 /// Terms of the modal fit: constant, one for the modes above, and two per mode.
 const TERMS: usize = 2 + 2 * MAX_MODES;
@@ -29,7 +29,9 @@ pub struct FreeSystem<'l, L: ?Sized> {
     scale: Vector6<f64>,
     /// The equations with that scale.
     scaled: Matrix6<f64>,
-    noise_filter: Matrix6<f64>,
+    /// Powers of the accelerations in the band, and the covariance of the noise in it.
+    power: Vector6<f64>,
+    noise: ResultantNoise,
 }
 
 impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
@@ -48,9 +50,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             return Err(MasslineError::NoResultant);
         }
         let mut total = RealMoments::new(lines, band);
-        let (accelerations, noise_filter) =
-            Excitation::rank_and_cleaner(&total.aa, &total.acceleration_noise);
-        let (forces, _) = Excitation::rank_and_cleaner(&total.ff, &total.force_noise);
+        let accelerations = Excitation::rank_of(&total.aa, &total.noise.acceleration);
+        let forces = Excitation::rank_of(&total.ff, &total.noise.force);
         let mut found = forces.min(accelerations);
         if lines.pair(0, band.start).is_some() {
             // One response per run and line, whatever its direction does over the band.
@@ -72,7 +73,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             equations: *equations,
             scale,
             scaled,
-            noise_filter,
+            power: total.aa.diagonal(),
+            noise: total.noise,
         })
     }
 
@@ -92,12 +94,24 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     pub(super) fn pairs(&self, h: &Complex6, pairs: &mut [LinePair]) {
         for (j, pair) in pairs.iter_mut().enumerate() {
             let in_phase: Vector6<f64> = h.column(j).map(|z| z.re);
-            *pair = (self.noise_filter * in_phase, self.unit_force(j));
+            *pair = (in_phase, self.unit_force(j));
         }
     }
 
-    pub(super) fn noise_filter(&self) -> &Matrix6<f64> {
-        &self.noise_filter
+    /// Gives the pairs of `set` the share of noise that the accelerations have, with that of
+    /// the forces as the accelerations it amounts to: G_FF⁻¹ is bent by it at every line, and
+    /// an average does not straighten that.
+    pub(super) fn share_noise<const PAIRS: usize>(&self, set: &mut Masslines<PAIRS>) {
+        let mut response = Matrix6::zeros();
+        for (j, pair) in set.pairs.iter().enumerate().take(6) {
+            response.set_column(j, &pair.acceleration);
+        }
+        multiply_right(&mut response, self.equations.rows());
+        let mut noise = self.noise.force;
+        multiply_left(&response, &mut noise);
+        multiply_right(&mut noise, &response.transpose());
+        noise += self.noise.acceleration;
+        set.share_noise(&self.power, &noise);
     }
 
     /// H at one line: column j is the acceleration of A per unit interface force j.
@@ -292,6 +306,37 @@ impl FreeModes {
         constant_variance: NO_MATRIX,
         unit: 0.0,
     };
+
+    /// Expresses the modes about a point from which A lies `shift` (m) away, per unit of the
+    /// interface forces `here` in place of `there`, those about A.
+    pub(super) fn move_by(&mut self, shift: &Vector3<f64>, here: &Equations, there: &Equations) {
+        // a_B = T⁻¹ a_A, and the forces about A of a unit force about B.
+        let mut back = transfer(&-shift);
+        let mut forces = here.rows().transpose();
+        for mut column in forces.column_iter_mut() {
+            let moved = resultants_at(shift, &column.clone_owned());
+            column.copy_from(&moved);
+        }
+        multiply_left(there.rows(), &mut forces);
+        let Self {
+            constant,
+            residues,
+            quadratures,
+            upper,
+            constant_variance,
+            ..
+        } = self;
+        let modes = residues.iter_mut().chain(quadratures);
+        for m in modes.chain([constant, upper]) {
+            multiply_left(&back, m);
+            multiply_right(m, &forces);
+        }
+        // Variances of sums of independent entries.
+        back.apply(|x| *x *= *x);
+        forces.apply(|x| *x *= *x);
+        multiply_left(&back, constant_variance);
+        multiply_right(constant_variance, &forces);
+    }
 
     fn terms(&self) -> usize {
         2 + 2 * self.poles.len()

@@ -1,9 +1,9 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
-use super::averaging::Trend;
-use super::{Excitation, Lines, MasslineError, Masslines, Powers};
+use super::averaging::{Trend, noise_of_runs};
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Powers};
 use core::ops::Range;
-use nalgebra::{Complex, Vector6};
+use nalgebra::Complex;
 
 /// Adds masslines from the real parts of the measured frequency responses, averaged over the
 /// lines `band`: one pair per run, which needs a drive or a stepped sine.
@@ -19,18 +19,14 @@ use nalgebra::{Complex, Vector6};
 pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let mut energy = Powers::zero();
-    let mut noise = Vector6::zeros();
     for run in 0..lines.runs() {
-        let per_line = lines.noise(run);
-        for j in 0..6 {
-            noise[j] += per_line[j] * band.len() as f64;
-        }
         for line in band.clone() {
             if lines.pair(run, line).is_none() {
                 return Err(MasslineError::NoReference);
@@ -38,13 +34,12 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             lines.add_powers(run, line, 1.0, &mut energy);
         }
     }
-    let excited = Excitation::rank_and_cleaner(&energy.aa, &noise);
-    let (rank, noise_filter) = &excited;
-    if *rank == 0 {
+    let noise = noise_of_runs(lines, band.len()).acceleration;
+    if Excitation::rank_of(&energy.aa, &noise) == 0 {
         return Err(MasslineError::NoExcitation);
     }
     // Powers in units of noise, so that a rotation may lead as well.
-    let units = noise.map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
+    let units = noise.diagonal().map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
     let runs = lines.runs();
     if runs > PAIRS {
         return Err(MasslineError::TooManyPairs);
@@ -58,7 +53,8 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             m.aa.diagonal().component_mul(&units).imax()
         })
         .collect();
-    set.average(lines, &band, Trend::Constant, runs, &mut |line, pairs| {
+    let trend = Trend::Constant;
+    set.average(lines, &band, trend, equations, runs, &mut |line, pairs| {
         for (run, pair) in pairs.iter_mut().enumerate() {
             let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
             let lead = a[leaders[run]];
@@ -68,13 +64,12 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             } else {
                 Complex::new(1.0, 0.0)
             };
-            *pair = (
-                noise_filter * a.map(|z| (z * turn).re),
-                f.map(|z| (z * turn).re),
-            );
+            *pair = (a.map(|z| (z * turn).re), f.map(|z| (z * turn).re));
         }
         Ok(())
     })?;
-    set.share_noise(&energy.aa.diagonal(), &noise);
+    // The pairs are means: noise averages out of them, and they are as good as one line.
+    let lines = f64::from(core::mem::replace(&mut set.lines, 1.0));
+    set.share_noise(&energy.aa.diagonal(), &(noise / lines.max(1.0)));
     Ok(())
 }

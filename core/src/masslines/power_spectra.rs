@@ -1,7 +1,7 @@
 //! Method b: averaged power spectra, `M G_AF = G_FF` (13), without and with Cholesky.
 
 use super::averaging::{RealMoments, Trend};
-use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use core::ops::Range;
 use nalgebra::{Matrix6, Vector6};
@@ -30,18 +30,18 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: Range<usize>,
     factorisation: Factorisation,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let spectra = RealMoments::new(lines, &band);
-    let excited = Excitation::rank_and_cleaner(&spectra.aa, &spectra.acceleration_noise);
-    let (rank, noise_filter) = &excited;
-    if *rank == 0 {
+    let rank = Excitation::rank_of(&spectra.aa, &spectra.noise.acceleration);
+    if rank == 0 {
         return Err(MasslineError::NoExcitation);
     }
-    let columns = columns(&spectra, factorisation, *rank);
+    let columns = columns(&spectra, factorisation, rank);
     let columns = columns.as_ref().map_err(|error| *error)?;
     let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
@@ -49,6 +49,7 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         Trend::Constant,
+        equations,
         used.len(),
         &mut |line, pairs| {
             let mut m = Moments::zero();
@@ -60,12 +61,12 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
                 let column = column.as_slice();
                 let a = Vector6::from_fn(|i, _| product(|k| m.fa[(k, i)].re, column));
                 let f = Vector6::from_fn(|i, _| product(|k| m.ff[(i, k)].re, column));
-                *pair = (noise_filter * a, f);
+                *pair = (a, f);
             }
             Ok(())
         },
     )?;
-    set.share_noise(&spectra.aa.diagonal(), &spectra.acceleration_noise);
+    set.share_noise(&spectra.aa.diagonal(), &spectra.noise.acceleration);
     Ok(())
 }
 
@@ -83,7 +84,7 @@ fn columns(
     if factorisation == Factorisation::None {
         return Ok(Matrix6::identity());
     }
-    let forces = Excitation::new(&spectra.ff, &spectra.force_noise);
+    let forces = Excitation::new(&spectra.ff, &spectra.noise.force);
     let rank = rank.min(forces.rank());
     if rank == 0 {
         return Err(MasslineError::NoResultant);

@@ -2,7 +2,7 @@
 //! the elastic modes of the free system.
 
 use super::averaging::Trend;
-use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use super::{Complex6, EquationWeights, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use core::ops::Range;
 use nalgebra::Complex;
 
@@ -19,6 +19,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     band: Range<usize>,
     fit: Range<usize>,
     limit: usize,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
@@ -31,6 +32,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         Trend::Constant,
+        equations,
         system.forces(),
         &mut |line, pairs| {
             let mut rigid = Complex6::zeros();
@@ -39,5 +41,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
             system.pairs(&rigid, pairs);
             Ok(())
         },
-    )
+    )?;
+    system.share_noise(set);
+    Ok(())
 }

@@ -5,7 +5,7 @@
 //! remains, and the coherence tells how much.
 
 use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
-use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::geometry::{PackedNoise, RESULTANTS, ResultantMap};
 
 /// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
 const fn sums_per_line(channels: usize) -> usize {
@@ -182,8 +182,9 @@ pub struct RunResponses<'a> {
     /// G_rr of each line, summed over the blocks.
     pub drive: &'a [f32],
     /// Power per line that does not come from the drive: the expected `G_rr |error of H|²`
-    /// of each resultant, averaged over the averaging band.
-    pub noise: [f32; RESULTANTS],
+    /// of the resultants, averaged over the averaging band, with the correlations that the
+    /// sensors' geometry gives it: a packed [`crate::geometry::ResultantNoise`].
+    pub noise: PackedNoise,
     /// Blocks averaged.
     pub blocks: u32,
 }
@@ -229,8 +230,8 @@ impl<'a> RunResponses<'a> {
         };
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
-        let noise =
-            core::array::from_fn(|c| (block_correlation * scatter[c]).max(rounding[c]) as f32);
+        let powers = core::array::from_fn(|c| (block_correlation * scatter[c]).max(rounding[c]));
+        let noise = map.noise(&powers).packed();
         Ok(Self {
             grid,
             responses,
