@@ -1,6 +1,6 @@
 //! Averages over the lines of a band, and what the scatter of the lines says about them.
 
-use super::{EquationWeights, Lines, Massline, MasslineError, Masslines, Moments};
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
 use crate::geometry::ResultantNoise;
 use core::ops::Range;
@@ -159,6 +159,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         band: &Range<usize>,
         trend: Trend,
         equations: EquationWeights,
+        excitation: &Excitation,
         count: usize,
         line_pairs: PairsOfLine<'_>,
     ) -> Result<(), MasslineError> {
@@ -172,6 +173,9 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let first = self.pairs.len();
         let mut fitted = Fitted::<PAIRS>::NOTHING;
         self.add_averages(lines, band, &weights, count, line_pairs, &mut fitted)?;
+        // The level of the excitation changes from line to line and is no error: what
+        // scatters is the force left over by the matrix that fits the averages best.
+        fitted.mass = self.best_matrix(excitation);
         if equations == EquationWeights::Noise {
             self.whiten(&noise_of_runs(lines, 1), &fitted.mass);
         }
@@ -201,7 +205,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
                 pair.variance[j] = pooled * lines.correlation() * gain;
             }
         }
-        self.lines = (weights.count / lines.correlation()) as f32;
+        self.lines = (1.0 / (gain * lines.correlation())) as f32;
         self.freedom = (freedom / lines.correlation()) as f32;
         Ok(())
     }
@@ -250,7 +254,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         fitted: &mut Fitted<PAIRS>,
     ) -> Result<(), MasslineError> {
         let mut buffer = [NO_PAIR; PAIRS];
-        let Fitted { mass, value, slope } = fitted;
+        let Fitted { value, slope, .. } = fitted;
         for line in band.clone() {
             let (w, s) = weights.at(lines.frequency(line));
             line_pairs(line, &mut buffer[..count])?;
@@ -265,9 +269,6 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         for (a, f) in value.iter().take(count) {
             self.push(*a, *f, Vector6::zeros())?;
         }
-        // The level of the excitation changes from line to line and is no error: what
-        // scatters is the force left over by the matrix that fits the averages best.
-        *mass = self.best_matrix();
         Ok(())
     }
 
@@ -293,18 +294,15 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
     }
 
     /// The matrix that maps accelerations to forces best, without any structure imposed:
-    /// `Σ f aᵀ (Σ a aᵀ)⁻¹` on the directions the pairs span.
+    /// `Σ f aᵀ (Σ a aᵀ)⁻¹` on the directions that are excited. What is not maps noise.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    pub(super) fn best_matrix(&self) -> Matrix6<f64> {
+    pub(super) fn best_matrix(&self, excitation: &Excitation) -> Matrix6<f64> {
+        let rank = excitation.rank();
         let (mut fa, mut aa) = (Matrix6::zeros(), Matrix6::zeros());
-        for Massline {
-            acceleration,
-            force,
-            ..
-        } in &self.pairs
-        {
-            fa.ger(1.0, force, acceleration, 1.0);
-            aa.ger(1.0, acceleration, acceleration, 1.0);
+        for pair in &self.pairs {
+            let along = excitation.coordinates() * pair.acceleration;
+            fa.ger(1.0, &pair.force, &along, 1.0);
+            aa.ger(1.0, &along, &along, 1.0);
         }
         let scale = aa
             .diagonal()
@@ -315,7 +313,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let mut vectors = Matrix6::zeros();
         let values = symmetric_eigen(&mut aa, &mut vectors);
         let mut inverse = Matrix6::zeros();
-        for (i, &value) in values.iter().enumerate() {
+        for (i, &value) in values.iter().enumerate().take(rank) {
             // Pairs are few and exact numbers; below 1e-12 there is only rounding.
             if value > 1e-12 {
                 for j in 0..6 {
@@ -328,6 +326,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         multiply_left(&d, &mut inverse);
         multiply_right(&mut inverse, &d);
         multiply_right(&mut fa, &inverse);
+        multiply_right(&mut fa, excitation.coordinates());
         fa
     }
 }

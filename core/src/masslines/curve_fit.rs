@@ -1,7 +1,7 @@
 //! Method d: curve fit of the free system's frequency responses.
 
 use super::averaging::noise_of_runs;
-use super::{EquationWeights, FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use super::{EquationWeights, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::algebra::multiply_left;
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
@@ -26,36 +26,38 @@ pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
     let fit_lines = fit.len() as f64;
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = FreeSystem::new(lines, &band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;
     for j in 0..system.forces() {
-        let a = modes.constant.column(j).into_owned();
-        set.push(a, system.unit_force(j), Vector6::zeros())?;
+        let (a, f) = system.pair(&modes.constant, j);
+        set.push(a, f, Vector6::zeros())?;
     }
-    let mass = set.best_matrix();
+    let mass = set.best_matrix(system.excitation());
     if equations == EquationWeights::Noise {
         set.whiten(&noise_of_runs(lines, 1), &mass);
     }
-    add_variances(set, modes, mass);
+    for (p, pair) in set.pairs.iter_mut().enumerate() {
+        let mut shares = system.shares(p);
+        shares.component_mul_assign(&shares.clone_owned());
+        pair.variance = modes.constant_variance * shares;
+    }
+    add_variances(set, mass);
     set.lines = (fit_lines / lines.correlation()) as f32;
     set.freedom = (2.0 * fit_lines / lines.correlation() - 1.0).max(1.0) as f32;
-    system.share_noise(set);
+    system.add_noise(set);
     Ok(())
 }
 
-/// An error of the acceleration counts as the force that would make it.
+/// Turns variances of the accelerations into those of the equations: an error of the
+/// acceleration counts as the force that would make it.
 #[inline(never)] // Not on the stack while modes are found.
-fn add_variances<const PAIRS: usize>(
-    set: &mut Masslines<PAIRS>,
-    modes: &FreeModes,
-    mass: Matrix6<f64>,
-) {
+fn add_variances<const PAIRS: usize>(set: &mut Masslines<PAIRS>, mass: Matrix6<f64>) {
     let mut gain = mass;
     multiply_left(set.equations.rows(), &mut gain);
     gain.apply(|x| *x *= *x);
-    for (j, pair) in set.pairs.iter_mut().enumerate() {
-        pair.variance = gain * modes.constant_variance.column(j);
+    for pair in &mut set.pairs {
+        pair.variance = gain * pair.variance;
     }
 }

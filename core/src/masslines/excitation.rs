@@ -9,6 +9,14 @@
 use crate::algebra::{multiply_left, multiply_right, symmetric_eigen};
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
+const IDENTITY: Matrix6<f64> = Matrix6::new(
+    1.0, 0.0, 0.0, 0.0, 0.0, 0.0, //
+    0.0, 1.0, 0.0, 0.0, 0.0, 0.0, //
+    0.0, 0.0, 1.0, 0.0, 0.0, 0.0, //
+    0.0, 0.0, 0.0, 1.0, 0.0, 0.0, //
+    0.0, 0.0, 0.0, 0.0, 1.0, 0.0, //
+    0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+);
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 /// What an excitation must exceed the noise by, in power, to count as one.
@@ -72,8 +80,8 @@ impl Excitation {
             // With all six excited any basis will do, and the plain axes cost no rounding.
             *weakest = values[5];
             *rank = 6;
-            basis.fill_with_identity();
-            coordinates.fill_with_identity();
+            basis.copy_from(&IDENTITY);
+            coordinates.copy_from(&IDENTITY);
             return excitation;
         }
         multiply_left(&colouring, &mut vectors);
@@ -92,11 +100,13 @@ impl Excitation {
         excitation
     }
 
-    /// Rank of [`Self::new`], for those who need no more of it.
-    #[inline(never)] // The rest is off the stack when the caller goes on.
-    pub(super) fn rank_of(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> usize {
-        Self::new(moments, noise).rank
-    }
+    /// All six directions.
+    pub(super) const ALL: Self = Self {
+        basis: IDENTITY,
+        coordinates: IDENTITY,
+        rank: 6,
+        weakest: f64::INFINITY,
+    };
 
     /// Number of excited directions.
     #[must_use]

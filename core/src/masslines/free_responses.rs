@@ -20,20 +20,20 @@ pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = FreeSystem::new(lines, &band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
     let trend = if squared {
         Trend::Squared
     } else {
         Trend::Constant
     };
-    let count = system.forces();
-    set.average(lines, &band, trend, equations, count, &mut |line, pairs| {
+    let (excitation, count) = (system.excitation(), system.forces());
+    set.average(lines, &band, trend, equations, excitation, count, &mut |line, pairs| {
         let mut h = Complex6::zeros();
         system.response_into(line, &mut h)?;
         system.pairs(&h, pairs);
         Ok(())
     })?;
-    system.share_noise(set);
+    system.add_noise(set);
     Ok(())
 }

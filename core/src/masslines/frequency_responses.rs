@@ -3,7 +3,7 @@
 use super::averaging::{Trend, noise_of_runs};
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Powers};
 use core::ops::Range;
-use nalgebra::Complex;
+use nalgebra::{Complex, Matrix6};
 
 /// Adds masslines from the real parts of the measured frequency responses, averaged over the
 /// lines `band`: one pair per run, which needs a drive or a stepped sine.
@@ -35,7 +35,8 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         }
     }
     let noise = noise_of_runs(lines, band.len()).acceleration;
-    if Excitation::rank_of(&energy.aa, &noise) == 0 {
+    let excitation = Excitation::new(&energy.aa, &noise);
+    if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
     // Powers in units of noise, so that a rotation may lead as well.
@@ -54,7 +55,7 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         })
         .collect();
     let trend = Trend::Constant;
-    set.average(lines, &band, trend, equations, runs, &mut |line, pairs| {
+    set.average(lines, &band, trend, equations, &excitation, runs, &mut |line, pairs| {
         for (run, pair) in pairs.iter_mut().enumerate() {
             let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
             let lead = a[leaders[run]];
@@ -68,8 +69,17 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         }
         Ok(())
     })?;
-    // The pairs are means: noise averages out of them, and they are as good as one line.
-    let lines = f64::from(core::mem::replace(&mut set.lines, 1.0));
-    set.share_noise(&energy.aa.diagonal(), &(noise / lines.max(1.0)));
+    let mut of_lines = Matrix6::zeros();
+    for run in 0..runs {
+        let noise = lines.noise(run).acceleration;
+        for line in band.clone() {
+            // The noise is that of the moments, in which the responses have a weight.
+            let weight = lines.pair_weight(run, line) * band.len() as f64;
+            if weight > 0.0 {
+                of_lines += noise / weight;
+            }
+        }
+    }
+    set.set_averaged_noise(&of_lines);
     Ok(())
 }

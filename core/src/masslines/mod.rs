@@ -216,23 +216,11 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             .map_err(|_| MasslineError::TooManyPairs)
     }
 
-    /// Sets the noise of the pairs from the covariance `noise` that the accelerations hold,
-    /// whose powers are `power`: pairs that are linear in spectra keep the share, component
-    /// by component.
-    pub(crate) fn share_noise(&mut self, power: &Vector6<f64>, noise: &Matrix6<f64>) {
-        let scale = Vector6::from_fn(|j, _| {
-            let squares = self
-                .pairs
-                .iter()
-                .map(|p| p.acceleration[j] * p.acceleration[j]);
-            let in_pairs: f64 = squares.sum();
-            if power[j] > 0.0 {
-                libm::sqrt(in_pairs / power[j])
-            } else {
-                0.0
-            }
-        });
-        self.noise = Matrix6::from_fn(|i, j| noise[(i, j)] * scale[i] * scale[j]);
+    /// Sets the noise of pairs that are means over independent lines, from what it would be
+    /// if they were single lines. It averages out of them.
+    pub(crate) fn set_averaged_noise(&mut self, of_lines: &Matrix6<f64>) {
+        let lines = f64::from(core::mem::replace(&mut self.lines, 1.0));
+        self.noise = of_lines / lines.max(1.0);
         self.pull = self.noise;
     }
 

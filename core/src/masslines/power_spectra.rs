@@ -37,11 +37,11 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         return Err(MasslineError::NoResultant);
     }
     let spectra = RealMoments::new(lines, &band);
-    let rank = Excitation::rank_of(&spectra.aa, &spectra.noise.acceleration);
-    if rank == 0 {
+    let excitation = Excitation::new(&spectra.aa, &spectra.noise.acceleration);
+    if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
-    let columns = columns(&spectra, factorisation, rank);
+    let columns = columns(&spectra, factorisation, excitation.rank());
     let columns = columns.as_ref().map_err(|error| *error)?;
     let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
@@ -50,6 +50,7 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         &band,
         Trend::Constant,
         equations,
+        &excitation,
         used.len(),
         &mut |line, pairs| {
             let mut m = Moments::zero();
@@ -66,7 +67,23 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
             Ok(())
         },
     )?;
-    set.share_noise(&spectra.aa.diagonal(), &spectra.noise.acceleration);
+    // Noise of the accelerations of a run times its forces.
+    let mut of_lines = Matrix6::zeros();
+    for run in 0..lines.runs() {
+        let mut m = Moments::zero();
+        for line in band.clone() {
+            lines.add_moments(run, line, 1.0 / band.len() as f64, &mut m);
+        }
+        let forces: f64 = used
+            .iter()
+            .map(|&c| {
+                let column: Vector6<f64> = columns.column(c).into();
+                column.dot(&(m.ff.map(|z| z.re) * column))
+            })
+            .sum();
+        of_lines += lines.noise(run).acceleration * forces;
+    }
+    set.set_averaged_noise(&of_lines);
     Ok(())
 }
 

@@ -24,7 +24,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = FreeSystem::new(lines, &band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;
@@ -33,6 +33,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
         &band,
         Trend::Constant,
         equations,
+        system.excitation(),
         system.forces(),
         &mut |line, pairs| {
             let mut rigid = Complex6::zeros();
@@ -42,6 +43,6 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
             Ok(())
         },
     )?;
-    system.share_noise(set);
+    system.add_noise(set);
     Ok(())
 }
