@@ -32,7 +32,12 @@ fn sensors() -> (Vec<[Vector3<f64>; 2]>, Vec<[Vector3<f64>; 2]>) {
         accelerometers.extend(axes.map(|axis| [place.into(), axis]));
     }
     accelerometers.push([Vector3::new(0.15, -0.15, 0.0), Vector3::z()]);
-    for place in [[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]] {
+    for place in [
+        [0.1, 0.1, 0.0],
+        [-0.1, 0.1, 0.0],
+        [-0.1, -0.1, 0.0],
+        [0.1, -0.1, 0.0],
+    ] {
         cells.extend(axes.map(|axis| [place.into(), axis]));
     }
     (accelerometers, cells)
@@ -41,7 +46,14 @@ fn sensors() -> (Vec<[Vector3<f64>; 2]>, Vec<[Vector3<f64>; 2]>) {
 /// `[ d | r x d ]`: what a sensor reads of a motion of the origin, and what a force does.
 fn row([place, direction]: &[Vector3<f64>; 2]) -> Vector6<f64> {
     let turn = place.cross(direction);
-    Vector6::new(direction.x, direction.y, direction.z, turn.x, turn.y, turn.z)
+    Vector6::new(
+        direction.x,
+        direction.y,
+        direction.z,
+        turn.x,
+        turn.y,
+        turn.z,
+    )
 }
 
 /// A test about the origin: responses of the runs, and the noise in each.
@@ -79,7 +91,11 @@ impl Test {
             }
             normal.try_inverse().unwrap()
         };
-        let mut test = Self { frequencies, runs: Vec::new(), noise: Vec::new() };
+        let mut test = Self {
+            frequencies,
+            runs: Vec::new(),
+            noise: Vec::new(),
+        };
         for motion in motions {
             let clean: Vec<_> = test
                 .frequencies
@@ -96,17 +112,22 @@ impl Test {
                     // The cells share the resultants as equal springs do.
                     let x = share.map(|x| Complex::new(x, 0.0)) * f;
                     let read = |sensor: &[Vector3<f64>; 2], of: &Vector6<Complex<f64>>| {
-                        row(sensor).iter().zip(of).map(|(r, z)| z * *r).sum::<Complex<f64>>()
+                        row(sensor)
+                            .iter()
+                            .zip(of)
+                            .map(|(r, z)| z * *r)
+                            .sum::<Complex<f64>>()
                     };
                     let a: Vec<_> = accelerometers.iter().map(|s| read(s, &a)).collect();
                     let f: Vec<_> = cells.iter().map(|s| read(s, &x)).collect();
                     (a, f)
                 })
                 .collect();
-            let power = |half: &dyn Fn(&(Vec<Complex<f64>>, Vec<Complex<f64>>)) -> Vec<Complex<f64>>| {
-                let all: Vec<f64> = clean.iter().flat_map(half).map(|z| z.norm_sqr()).collect();
-                all.iter().sum::<f64>() / all.len() as f64
-            };
+            let power =
+                |half: &dyn Fn(&(Vec<Complex<f64>>, Vec<Complex<f64>>)) -> Vec<Complex<f64>>| {
+                    let all: Vec<f64> = clean.iter().flat_map(half).map(|z| z.norm_sqr()).collect();
+                    all.iter().sum::<f64>() / all.len() as f64
+                };
             let of_accelerometers = level * level * power(&|(a, _)| a.clone());
             let of_cells = level * level * power(&|(_, f)| f.clone());
             let mut noise = ResultantNoise::NONE;
@@ -121,7 +142,13 @@ impl Test {
                     core::array::from_fn(|j| if j < 6 { 0.0 } else { c[j - 6] })
                 }))
                 .collect();
-            let variance = |k: usize| if k < accelerometers.len() { of_accelerometers } else { of_cells };
+            let variance = |k: usize| {
+                if k < accelerometers.len() {
+                    of_accelerometers
+                } else {
+                    of_cells
+                }
+            };
             for (k, column) in columns.iter().enumerate() {
                 noise.add_sensor(column, variance(k));
             }
@@ -166,22 +193,44 @@ impl Test {
         moved
     }
 
-    fn condense(&self, method: Method, reference: &Vector3<f64>) -> Result<Condensed, MasslineError> {
+    fn condense(
+        &self,
+        method: Method,
+        reference: &Vector3<f64>,
+    ) -> Result<Condensed, MasslineError> {
         let runs: Vec<SineRun<'_>> = self
             .runs
             .iter()
             .zip(&self.noise)
-            .map(|(responses, noise)| SineRun { responses, noise: *noise })
+            .map(|(responses, noise)| SineRun {
+                responses,
+                noise: *noise,
+            })
             .collect();
         let lines = SineLines::new(&self.frequencies, &runs).unwrap();
         let bands = Bands::new(0..LINES, LINES);
         let mut work = vec![Complex::new(0.0, 0.0); 2 * LINES];
-        condense(method, &lines, &bands, *reference, &Equations::all(), &mut work)
+        condense(
+            method,
+            &lines,
+            &bands,
+            *reference,
+            &Equations::all(),
+            &mut work,
+        )
     }
 
-    fn identify(&self, method: Method, reference: &Vector3<f64>, procedure: Procedure) -> Option<Identification> {
+    fn identify(
+        &self,
+        method: Method,
+        reference: &Vector3<f64>,
+        procedure: Procedure,
+    ) -> Option<Identification> {
         let condensed = self.condense(method, reference).ok()?;
-        let question = Question { known_mass: None, procedure };
+        let question = Question {
+            known_mass: None,
+            procedure,
+        };
         identify(&[condensed.masslines], &question).ok()
     }
 }
@@ -189,7 +238,15 @@ impl Test {
 /// Six independent motions, turned so that none lies along an axis.
 fn six_motions() -> Vec<Vector6<f64>> {
     (0..6)
-        .map(|run| Vector6::from_fn(|j, _| if j == run { if j < 3 { 1.0 } else { 3.0 } } else { 0.1 * ((run + 2 * j) % 5) as f64 }))
+        .map(|run| {
+            Vector6::from_fn(|j, _| {
+                if j == run {
+                    if j < 3 { 1.0 } else { 3.0 }
+                } else {
+                    0.1 * ((run + 2 * j) % 5) as f64
+                }
+            })
+        })
         .collect()
 }
 
@@ -224,8 +281,14 @@ fn the_reference_point_changes_no_number_no_bar_and_nothing_observable() {
         let motions = match seed {
             0..3 => &motions[..],
             3 => &motions[..3],
-            4 => &[Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0), Vector6::new(0.0, 1.0, 0.0, 0.0, 0.0, 0.0)],
-            _ => &[Vector6::new(0.0, 0.4, 0.0, 0.0, 0.0, 2.0), Vector6::new(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)],
+            4 => &[
+                Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                Vector6::new(0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+            ],
+            _ => &[
+                Vector6::new(0.0, 0.4, 0.0, 0.0, 0.0, 2.0),
+                Vector6::new(0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+            ],
         };
         let test = Test::new(motions, 0.01, seed);
         let origin = Vector3::zeros();
@@ -235,7 +298,10 @@ fn the_reference_point_changes_no_number_no_bar_and_nothing_observable() {
             let moved = test.at(&there);
             for method in METHODS {
                 for procedure in [Procedure::Direct, Procedure::ITERATIVE] {
-                    let what = format!("{} {procedure:?} test {seed} at {distance} m", method.name());
+                    let what = format!(
+                        "{} {procedure:?} test {seed} at {distance} m",
+                        method.name()
+                    );
                     let here = test.identify(method, &origin, procedure);
                     let far = moved.identify(method, &there, procedure);
                     let (Some(here), Some(far)) = (&here, &far) else {
@@ -248,8 +314,14 @@ fn the_reference_point_changes_no_number_no_bar_and_nothing_observable() {
                             continue;
                         };
                         // The iteration ends within a tenth of a micrometre of S.
-                        assert!((a.value - b.value).abs() < 1e-6 * a.std, "{what}: {k}: {a:?} {b:?}");
-                        assert!((a.std / b.std - 1.0).abs() < 1e-6, "{what}: {k}: {a:?} {b:?}");
+                        assert!(
+                            (a.value - b.value).abs() < 1e-6 * a.std,
+                            "{what}: {k}: {a:?} {b:?}"
+                        );
+                        assert!(
+                            (a.std / b.std - 1.0).abs() < 1e-6,
+                            "{what}: {k}: {a:?} {b:?}"
+                        );
                     }
                 }
             }
@@ -272,7 +344,11 @@ fn error_bars_are_as_long_as_the_scatter_wherever_the_point_is() {
                 moved.identify(method, &far, Procedure::ITERATIVE),
             ];
             for (k, answer) in answers.iter().enumerate() {
-                for (j, (found, truth)) in ten(answer.as_ref().unwrap()).iter().zip(truth()).enumerate() {
+                for (j, (found, truth)) in ten(answer.as_ref().unwrap())
+                    .iter()
+                    .zip(truth())
+                    .enumerate()
+                {
                     let found = found.unwrap();
                     let z = (found.value - truth) / found.std;
                     squares[k][j] += z * z / DRAWS as f64;
@@ -286,7 +362,9 @@ fn error_bars_are_as_long_as_the_scatter_wherever_the_point_is() {
 
 #[test]
 fn rotations_that_are_noise_tell_no_inertia() {
-    let translations: Vec<_> = (0..6).map(|run| Vector6::from_fn(|j, _| f64::from(u8::from(j == run % 3)))).collect();
+    let translations: Vec<_> = (0..6)
+        .map(|run| Vector6::from_fn(|j, _| f64::from(u8::from(j == run % 3))))
+        .collect();
     for (level, seed) in [(1e-4, 1), (3e-3, 2), (3e-2, 3)] {
         let mut test = Test::new(&translations, level, seed);
         // Nobody has said how noisy the sensors are: their neighbours do.
@@ -319,7 +397,8 @@ fn poses_at_rest_tell_no_inertia() {
         let mut poses = StaticPoses::new();
         for k in 0..24 {
             let (tilt, turn) = (0.3 + 0.26 * f64::from(k), 1.1 * f64::from(k));
-            let g = Vector3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos()) * 9.81;
+            let g =
+                Vector3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos()) * 9.81;
             let a = Vector6::new(g.x, g.y, g.z, 0.0, 0.0, 0.0);
             let read: Vector6<f64> = accelerometers
                 .iter()
@@ -329,12 +408,17 @@ fn poses_at_rest_tell_no_inertia() {
             poses.add(&(fit * read), &f);
         }
         let noise = fit * (level * level + 1e-10);
-        let found = poses.masslines(Vector3::zeros(), &Equations::all(), &noise, None).unwrap();
+        let found = poses
+            .masslines(Vector3::zeros(), &Equations::all(), &noise, None)
+            .unwrap();
         let id = identify(&[found.masslines], &Question::default()).unwrap();
         assert_eq!(id.inertia_cg, [None; 6], "{level}");
         for (found, truth) in ten(&id)[..4].iter().zip(truth()) {
             let found = found.unwrap();
-            assert!((found.value - truth).abs() < 4.0 * found.std, "{level}: {found:?} {truth}");
+            assert!(
+                (found.value - truth).abs() < 4.0 * found.std,
+                "{level}: {found:?} {truth}"
+            );
         }
     }
 }

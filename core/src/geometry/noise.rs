@@ -63,7 +63,11 @@ impl ResultantNoise {
     #[must_use]
     pub fn variances(&self) -> [f64; RESULTANTS] {
         core::array::from_fn(|j| {
-            let half = if j < 6 { &self.acceleration } else { &self.force };
+            let half = if j < 6 {
+                &self.acceleration
+            } else {
+                &self.force
+            };
             half[(j % 6, j % 6)]
         })
     }

@@ -364,7 +364,8 @@ fn noise_of(columns: &[Column], powers: &[f64; 6]) -> Matrix6<f64> {
     if !(total > 0.0 && total.is_finite()) {
         return covariance;
     }
-    let mut variances: heapless::Vec<f32, MAX_CHANNELS> = columns.iter().map(|_| 6.0 / total).collect();
+    let mut variances: heapless::Vec<f32, MAX_CHANNELS> =
+        columns.iter().map(|_| 6.0 / total).collect();
     for _ in 0..ITERATIONS {
         let mut explained = [0.0_f32; 6];
         for (column, variance) in columns.iter().zip(&variances) {

@@ -82,7 +82,13 @@ const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
 fn weights(variance: &Vector6<f64>) -> Vector6<f64> {
     const SMALLEST: f64 = 1e-6;
     let largest = variance.max();
-    variance.map(|v| if largest > 0.0 { 1.0 / v.max(SMALLEST * largest) } else { 0.0 })
+    variance.map(|v| {
+        if largest > 0.0 {
+            1.0 / v.max(SMALLEST * largest)
+        } else {
+            0.0
+        }
+    })
 }
 
 /// Adds `Bᵀ diag(weights) B`.
@@ -183,7 +189,11 @@ impl Normal {
             for pair in set.pairs() {
                 let b = measured(e, &(t * pair.acceleration), mass);
                 let f = e * resultants_at(&shift, &pair.force);
-                let w = if self.weighted { weights(&pair.variance) } else { ONES };
+                let w = if self.weighted {
+                    weights(&pair.variance)
+                } else {
+                    ONES
+                };
                 add_square(&mut self.matrix, &b, &w);
                 if !self.weighted {
                     add_square(meat, &b, &pair.variance);
@@ -269,12 +279,7 @@ pub(super) fn solve<S: MasslineSet>(
         inverse,
         solved: into,
     } = space;
-    n.stack(
-        sets,
-        point,
-        known_mass.unwrap_or(1.0),
-        &mut into.covariance,
-    );
+    n.stack(sets, point, known_mass.unwrap_or(1.0), &mut into.covariance);
     let finite = n.matrix.iter().chain(n.right.iter()).all(|x| x.is_finite());
     if !finite {
         return Err(IdentifyError::NotFinite);
@@ -307,7 +312,11 @@ pub(super) fn solve<S: MasslineSet>(
     if freedom > 0.0 {
         if n.variance > 0.0 {
             // Birge's ratio: what a rigid body leaves over, against what noise would.
-            let expected = if n.weighted { freedom } else { n.variance * freedom / n.rows };
+            let expected = if n.weighted {
+                freedom
+            } else {
+                n.variance * freedom / n.rows
+            };
             let ratio = left / expected;
             *covariance *= ratio.max(1.0);
             consistency = Some(ratio);

@@ -95,7 +95,11 @@ impl Stored<'_> {
             noise,
             blocks,
         });
-        Some(ResultantNoise::unpacked(&noise).variances().map(|v| v as f32))
+        Some(
+            ResultantNoise::unpacked(&noise)
+                .variances()
+                .map(|v| v as f32),
+        )
     }
 
     /// What is kept of a run beside its lines.

@@ -197,11 +197,16 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         // Few lines make a poor variance of each equation. Where noise is told apart by the
         // model, all of a pair's equations are alike but for it.
         let measured = self.equations.count();
-        let borrowed = if self.equations.is_whitened() { BORROWED } else { 0.0 };
+        let borrowed = if self.equations.is_whitened() {
+            BORROWED
+        } else {
+            0.0
+        };
         for (pair, squares) in self.pairs[first..].iter_mut().zip(&squares) {
             let mean = squares.sum() / (measured as f64).max(1.0);
             for j in 0..measured {
-                let pooled = (squares[j] + borrowed * mean / freedom.max(1.0)) / (freedom + borrowed).max(1.0);
+                let pooled = (squares[j] + borrowed * mean / freedom.max(1.0))
+                    / (freedom + borrowed).max(1.0);
                 pair.variance[j] = pooled * lines.correlation() * gain;
             }
         }

@@ -100,14 +100,6 @@ impl Excitation {
         excitation
     }
 
-    /// All six directions.
-    pub(super) const ALL: Self = Self {
-        basis: IDENTITY,
-        coordinates: IDENTITY,
-        rank: 6,
-        weakest: f64::INFINITY,
-    };
-
     /// Number of excited directions.
     #[must_use]
     pub fn rank(&self) -> usize {
@@ -139,9 +131,13 @@ impl Excitation {
 fn roots(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>, colouring: &mut Matrix6<f64>) {
     // In units of its own noise every component is comparable. One that is exactly zero,
     // because no sensor sees it, stays zero.
-    let scale: Vector6<f64> = noise
-        .diagonal()
-        .map(|n| if n > 0.0 && n.is_finite() { libm::sqrt(n) } else { 0.0 });
+    let scale: Vector6<f64> = noise.diagonal().map(|n| {
+        if n > 0.0 && n.is_finite() {
+            libm::sqrt(n)
+        } else {
+            0.0
+        }
+    });
     let mut correlation = Matrix6::from_fn(|i, j| {
         let s = scale[i] * scale[j];
         if s > 0.0 { noise[(i, j)] / s } else { 0.0 }
@@ -209,14 +205,21 @@ mod tests {
             let e = Excitation::new(&accelerations_moved(&moments, &shift), &there);
             assert_eq!(e.rank(), 6, "{d} m");
             // Numbers of up to 60² in both, which cancel.
-            assert!((e.weakest() / 1e3 - 1.0).abs() < 1e-6, "{d} m: {}", e.weakest());
+            assert!(
+                (e.weakest() / 1e3 - 1.0).abs() < 1e-6,
+                "{d} m: {}",
+                e.weakest()
+            );
             let e = Excitation::new(&accelerations_moved(&weak, &shift), &there);
             assert_eq!(e.rank(), 3, "{d} m");
             // The excited directions are the translations, at either point.
             let t = transfer(&shift);
             let projector = e.basis() * e.coordinates();
             let translation = t * Vector6::new(0.3, -1.0, 0.7, 0.0, 0.0, 0.0);
-            assert!((projector * translation - translation).norm() < 1e-9, "{d} m");
+            assert!(
+                (projector * translation - translation).norm() < 1e-9,
+                "{d} m"
+            );
         }
     }
 }

@@ -28,12 +28,20 @@ pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
         Trend::Constant
     };
     let (excitation, count) = (system.excitation(), system.forces());
-    set.average(lines, &band, trend, equations, excitation, count, &mut |line, pairs| {
-        let mut h = Complex6::zeros();
-        system.response_into(line, &mut h)?;
-        system.pairs(&h, pairs);
-        Ok(())
-    })?;
+    set.average(
+        lines,
+        &band,
+        trend,
+        equations,
+        excitation,
+        count,
+        &mut |line, pairs| {
+            let mut h = Complex6::zeros();
+            system.response_into(line, &mut h)?;
+            system.pairs(&h, pairs);
+            Ok(())
+        },
+    )?;
     system.add_noise(set);
     Ok(())
 }

@@ -14,8 +14,7 @@ use super::{
     Complex6, EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments, Workspace,
 };
 use crate::algebra::{
-    factor_hermitian, inverse_lower, lower, multiply_left, multiply_right, product,
-    solve_hermitian,
+    factor_hermitian, inverse_lower, lower, multiply_left, multiply_right, product, solve_hermitian,
 };
 use crate::geometry::{Equations, ResultantNoise, resultants_at, transfer};
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};

@@ -40,7 +40,9 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         return Err(MasslineError::NoExcitation);
     }
     // Powers in units of noise, so that a rotation may lead as well.
-    let units = noise.diagonal().map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
+    let units = noise
+        .diagonal()
+        .map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
     let runs = lines.runs();
     if runs > PAIRS {
         return Err(MasslineError::TooManyPairs);
@@ -55,20 +57,28 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         })
         .collect();
     let trend = Trend::Constant;
-    set.average(lines, &band, trend, equations, &excitation, runs, &mut |line, pairs| {
-        for (run, pair) in pairs.iter_mut().enumerate() {
-            let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
-            let lead = a[leaders[run]];
-            let size = libm::sqrt(lead.norm_sqr());
-            let turn = if size > 0.0 {
-                lead.conj() / size
-            } else {
-                Complex::new(1.0, 0.0)
-            };
-            *pair = (a.map(|z| (z * turn).re), f.map(|z| (z * turn).re));
-        }
-        Ok(())
-    })?;
+    set.average(
+        lines,
+        &band,
+        trend,
+        equations,
+        &excitation,
+        runs,
+        &mut |line, pairs| {
+            for (run, pair) in pairs.iter_mut().enumerate() {
+                let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
+                let lead = a[leaders[run]];
+                let size = libm::sqrt(lead.norm_sqr());
+                let turn = if size > 0.0 {
+                    lead.conj() / size
+                } else {
+                    Complex::new(1.0, 0.0)
+                };
+                *pair = (a.map(|z| (z * turn).re), f.map(|z| (z * turn).re));
+            }
+            Ok(())
+        },
+    )?;
     let mut of_lines = Matrix6::zeros();
     for run in 0..runs {
         let noise = lines.noise(run).acceleration;

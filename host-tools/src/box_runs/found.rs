@@ -106,6 +106,8 @@ pub(super) fn identification(answer: &Answer) -> Identification {
         iterations: answer.iterations,
         consistency: answer.consistency.map(|x| x.0),
         attenuation: answer.attenuation.0,
+        // The box does not tell.
+        freedom: f64::INFINITY,
         plausibility: Plausibility {
             mass: margin(p.mass),
             positive_definite: margin(p.positive_definite),

@@ -104,6 +104,9 @@ impl AnswerError {
             MasslineError::NoMode => {
                 "extend `mode_band` to where the structure rings, or use --method c-squared, which needs no modes"
             }
+            MasslineError::TooFewBlocks { .. } => {
+                "record longer, shorten `block_length`, or record the generator's signal and name it as `reference`, which needs fewer blocks"
+            }
             MasslineError::Singular => "check the recordings for channels without signal",
         };
         Self::Masslines {

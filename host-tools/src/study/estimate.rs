@@ -5,7 +5,7 @@ use super::twin::range_end;
 use super::{Options, Twin, WeightRule};
 use crate::measure::{Accelerations, RunGeometry, Survey};
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
-use massline_core::masslines::{Bands, Lines, Masslines, Method, condense};
+use massline_core::masslines::{Bands, EquationWeights, Lines, Masslines, Method, condense};
 use massline_core::modes::Pole;
 use nalgebra::Complex;
 
@@ -191,6 +191,8 @@ impl<'t> Task<'t> {
     fn row<L: Lines>(&self, row: &Row, lines: &L, geometry: &RunGeometry) -> Answer {
         let mut bands = Bands::new(within(lines, self.band(row.range)), lines.count());
         bands.modes = self.options.modes;
+        // The paper's rows are the paper's least squares.
+        bands.equations = EquationWeights::Unit;
         let fit_band = match row.method {
             Method::ApparentMass => Some(self.options.pole_band),
             _ => self.options.fit_band,
