@@ -195,9 +195,9 @@ fn ctrl_c_ends_a_recording_and_keeps_it() {
     while !begun() && std::time::Instant::now() < deadline {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    let id = child.id().to_string();
-    let kill = std::process::Command::new("kill")
-        .args(["-INT", &id])
+    // The shell's own: a small machine has no program of this name.
+    let kill = std::process::Command::new("sh")
+        .args(["-c", &format!("kill -INT {}", child.id())])
         .status();
     assert!(kill.unwrap().success());
     let output = child.wait_with_output().unwrap();

@@ -146,6 +146,18 @@ impl<'s> Session<'s> {
         }
     }
 
+    /// A session whose averages are there already: with these accelerations nothing is read.
+    #[must_use]
+    pub(crate) fn of_measurements(
+        setup: &'s Setup,
+        measurements: Vec<(Accelerations, Rc<Measurement>)>,
+    ) -> Self {
+        Self {
+            measurements,
+            ..Self::new(setup)
+        }
+    }
+
     /// Reads what is needed and identifies the body.
     ///
     /// # Errors

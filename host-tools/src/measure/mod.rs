@@ -7,6 +7,7 @@ mod group;
 mod poses;
 mod random;
 mod rejected;
+mod samples;
 mod silent;
 mod sine;
 mod survey;
@@ -19,6 +20,7 @@ pub use poses::MeasuredPoses;
 pub(crate) use random::settings_at;
 pub use random::{MeasuredRun, Spectra, block_settings};
 pub use rejected::Rejected;
+pub(crate) use samples::{Samples, measure_samples};
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 

@@ -56,7 +56,7 @@ pub struct MeasuredRun {
     /// State of each channel.
     pub health: Vec<ChannelHealth>,
     pub(super) fingerprint: u64,
-    settings: BlockSettings,
+    pub(super) settings: BlockSettings,
 }
 
 impl MeasuredRun {
@@ -260,9 +260,9 @@ pub(super) fn stream(
     Ok(gate.rejected)
 }
 
-type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);
+pub(super) type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);
 
-fn finish_drive(
+pub(super) fn finish_drive(
     setup: &Setup,
     geometry: &RunGeometry,
     settings: &BlockSettings,
@@ -299,7 +299,7 @@ fn finish_drive(
     Ok((spectra, density, average.blocks()))
 }
 
-fn densities(
+pub(super) fn densities(
     grid: &LineGrid,
     density: f64,
     blocks: u32,

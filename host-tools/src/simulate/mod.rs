@@ -34,20 +34,21 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use massline_core::wire::Health;
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
 pub use error::{ModelError, SimulationError};
 pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Table};
 pub(crate) use random::Stream;
 pub use specimen::{Mode, Specimen};
+pub(crate) use specimen::{motion_row, shift};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 pub use write::WriteError;
 
 use crate::recording::Preamble;
 use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
-use specimen::{Gains, motion_row, stack};
-use synthesis::{Drive, DriveResponse};
+use specimen::{Gains, stack};
+use synthesis::{Drive, DriveResponse, modal_response, table_resonance};
 
 /// Name of the channel that carries the generator's signal.
 pub const DRIVE: &str = "drive";
@@ -221,6 +222,78 @@ pub fn simulate(
         truth,
         recordings,
     })
+}
+
+/// Exact frequency responses of all sensors per unit of drive signal, accelerometers first, at
+/// each of `frequencies` (Hz) in the random run number `run`; none of a static run. `seed` is
+/// that of [`Options`].
+pub(crate) fn responses(
+    model: &Model,
+    run: usize,
+    seed: u64,
+    frequencies: &[f64],
+) -> Vec<Vec<Complex<f64>>> {
+    let Some(plan) = model.runs.get(run) else {
+        return Vec::new();
+    };
+    let Shaking::Random { motion, .. } = &plan.excitation else {
+        return Vec::new();
+    };
+    let paths = load_paths(&model.load_cells, model.table.internal_forces, seed);
+    let carry = mounting(&plan.rotation, &plan.translation);
+    let at_interface = table_motion(&model.table, motion, seed);
+    let at_specimen = TableMotion {
+        steady: carry * at_interface.steady,
+        resonant: carry * at_interface.resonant,
+    };
+    let channels: Vec<DriveResponse> = all_gains(model, &carry, &paths)
+        .iter()
+        .map(|(on_table, gains)| {
+            let motion = if *on_table {
+                &at_interface
+            } else {
+                &at_specimen
+            };
+            DriveResponse::new(gains, &model.specimen, motion)
+        })
+        .collect();
+    let at = |&frequency: &f64| {
+        let modes: Vec<Complex<f64>> = model
+            .specimen
+            .modes
+            .iter()
+            .map(|mode| modal_response(mode, frequency))
+            .collect();
+        let table = model.table.resonance.as_ref();
+        let resonance = table
+            .map(|table| table_resonance(table, frequency))
+            .unwrap_or_default();
+        channels.iter().map(|c| c.at(resonance, &modes)).collect()
+    };
+    frequencies.iter().map(at).collect()
+}
+
+/// How a run moves the specimen: the transform from the motion of the interface's origin to that
+/// of the specimen's (its transpose carries resultants back), and the directions in which the
+/// interface's origin is accelerated, m/s² and rad/s²: one for a random run, for static poses
+/// the specific force of each. Cross-talk that varies with frequency is left out.
+pub(crate) fn motions(
+    model: &Model,
+    run: usize,
+    seed: u64,
+) -> Option<(Matrix6<f64>, Vec<Vector6<f64>>)> {
+    let plan = model.runs.get(run)?;
+    let directions = match &plan.excitation {
+        Shaking::Random { motion, .. } => vec![table_motion(&model.table, motion, seed).steady],
+        Shaking::Poses(tilts) => tilts
+            .iter()
+            .map(|tilt| {
+                let up = rotation_matrix(tilt).transpose() * Vector3::z();
+                stack(&(up * GRAVITY), &Vector3::zeros())
+            })
+            .collect(),
+    };
+    Some((mounting(&plan.rotation, &plan.translation), directions))
 }
 
 /// The model's measurement with the options in place.

@@ -24,7 +24,7 @@ impl Stream {
     }
 
     /// Uniform in (0, 1], 53 bits: zero is left out because its logarithm is wanted.
-    fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         const STEP: f64 = 1.0 / (1_u64 << 53) as f64;
         ((self.0.next_u64() >> 11) + 1) as f64 * STEP
     }

@@ -64,7 +64,7 @@ impl Specimen {
 
 /// The row dᵀ [I | -skew(r)] of eq (2): how a point at `position` (m) moves along the
 /// unit vector `direction` when the frame's origin moves.
-pub(super) fn motion_row(position: &Vector3<f64>, direction: &Vector3<f64>) -> Vector6<f64> {
+pub(crate) fn motion_row(position: &Vector3<f64>, direction: &Vector3<f64>) -> Vector6<f64> {
     // dᵀ (-skew(r)) ω = d·(ω × r) = ω·(r × d)
     stack(direction, &position.cross(direction))
 }
@@ -81,7 +81,7 @@ pub(super) fn skew(r: &Vector3<f64>) -> Matrix3<f64> {
 
 /// The transform [I | -skew(r); 0 | I] that carries the motion of a frame's origin to
 /// the point r (m) of the same rigid body; its transpose carries resultants back.
-pub(super) fn shift(r: &Vector3<f64>) -> Matrix6<f64> {
+pub(crate) fn shift(r: &Vector3<f64>) -> Matrix6<f64> {
     let mut transform = Matrix6::identity();
     transform.fixed_view_mut::<3, 3>(0, 3).copy_from(&-skew(r));
     transform

@@ -29,19 +29,36 @@
 //! | `monte_carlo` | root mean square errors over draws |
 //! | `pattern` | claims held against the figures |
 //! | `document`, `terminal`, `page` | JSON, terminal, HTML |
+//!
+//! Beside the example, and with nothing of it: [`coverage`] counts how many intervals hold the
+//! truth, [`plans`] tries whether what a test cannot tell has no number.
+//!
+//! | file | does |
+//! | --- | --- |
+//! | `coverage` | how many 95 % intervals hold the truth |
+//! | `plans` | whether what a test cannot tell has no number |
+//! | `trial` | one simulated test, identified at several levels of noise |
+//! | `structures` | random structures and sensors |
+//! | `chance`, `parallel` | random choices, independent jobs on several threads |
 
+mod chance;
+pub mod coverage;
 mod document;
 mod estimate;
 mod monte_carlo;
 mod options;
 mod page;
 pub mod paper;
+mod parallel;
 mod pattern;
 mod percent;
+pub mod plans;
 mod recordings;
 mod responses;
 mod rows;
+mod structures;
 mod terminal;
+mod trial;
 mod twin;
 
 pub use document::Document;
@@ -54,6 +71,7 @@ pub use recordings::Recordings;
 pub use responses::Responses;
 pub use rows::{Range, Row};
 pub use terminal::print;
+pub use trial::TrialError;
 pub use twin::Twin;
 
 use massline_core::masslines::Method;

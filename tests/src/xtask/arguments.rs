@@ -11,9 +11,10 @@ usage: cargo xtask test [--only STEP]... [--list]
 
 /// What the long help says besides [`USAGE`] and the steps.
 const HELP: &str = "\
-Runs every test of the project and installs what is missing for it: the compiler's
-target for the chip and QEMU, by rustup and by Debian's apt-get. Quiet unless
-something fails; then the output of that step is shown and what to do about it.
+Runs every test of the project and brings what is missing for it: the compiler's
+target for the chip, by rustup or from Debian's packages, and QEMU from these. They
+are unpacked into cargo's target folder, without root; nothing is installed. Quiet
+unless something fails; then the output of that step is shown and what to do about it.
 
 options:
   --only STEP   run this step and what it needs; may be given several times

@@ -1,55 +1,208 @@
-//! Debian's packages, for what cargo cannot bring.
+//! Debian's packages, unpacked into cargo's target folder for what cargo cannot bring.
+//!
+//! Nothing of the machine is changed and no root is needed: see [`apt`](super::apt). A folder is
+//! made beside its place and renamed when it is whole and its programs run, under a lock, so that
+//! an interruption, a full disk or a second command at the same time leave none that is taken for
+//! more than it is.
 
-use std::io::{self, IsTerminal};
-use std::path::Path;
+use std::env;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use super::apt;
 use super::process::{self, StepError};
 
-/// Whether the machine has Debian's package tool.
-pub fn available() -> bool {
-    Path::new("/usr/bin/apt-get").exists()
+/// Packages to unpack together.
+#[derive(Clone, Copy, Debug)]
+pub struct Bundle {
+    /// The name of their folder.
+    pub name: &'static str,
+    /// The packages; what they need comes along.
+    pub packages: &'static [&'static str],
+    /// The source package they are built from.
+    pub source: &'static str,
+    /// The programs to run from them, all in `/usr/bin`. Each has to know `--version`.
+    pub programs: &'static [&'static str],
 }
 
-/// Installs packages without asking, and without removing any.
-///
-/// # Errors
-///
-/// [`StepError::Exit`] with all that was said.
-pub fn install(packages: &[&str]) -> Result<(), StepError> {
-    let mut install = apt_get("install");
-    // A package that conflicts with what somebody chose to have is no reason to take that away.
-    install.args(["--yes", "--no-install-recommends", "--no-remove"]);
-    install.args(packages);
-    if process::run(&mut install).is_ok() {
-        return Ok(());
+impl Bundle {
+    /// The folder of scripts that run the programs, if they have been unpacked and run.
+    pub fn unpacked(&self) -> Option<PathBuf> {
+        let folder = place()?.join(self.name);
+        self.check(&folder).ok()
     }
-    // A fresh machine has no package lists, an old one has lists of packages that are gone.
-    process::run(&mut apt_get("update"))?;
-    process::run(&mut install).map(drop)
-}
 
-fn apt_get(action: &str) -> Command {
-    // Named on the command line, since sudo keeps no environment.
-    const PROGRAM: [&str; 3] = ["env", "DEBIAN_FRONTEND=noninteractive", "apt-get"];
-    let mut command = if is_root() {
-        Command::new(PROGRAM[0])
-    } else {
-        let mut sudo = Command::new("sudo");
-        // It asks on the terminal itself; where there is none, it must fail, not wait.
-        if !io::stdin().is_terminal() {
-            sudo.arg("--non-interactive");
+    /// The folder of scripts that run the programs, which are fetched and unpacked if need be.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`] with what could not be done.
+    pub fn provide(&self) -> Result<PathBuf, StepError> {
+        let place = place().ok_or(StepError::Missing {
+            what: "cargo's target folder",
+            tried: "this program does not lie in it".to_owned(),
+            remedy: "run it by `cargo xtask test`",
+        })?;
+        let _lock = lock(&place)?;
+        let folder = place.join(self.name);
+        if let Ok(programs) = self.check(&folder) {
+            return Ok(programs);
         }
-        sudo.arg(PROGRAM[0]);
-        sudo
-    };
-    command
-        .args(&PROGRAM[1..])
-        .args(["--quiet", "-o", "DPkg::Lock::Timeout=300"])
-        .arg(action);
-    command
+        let made = place.join(format!("{}.part", self.name));
+        remove(&made)?;
+        let outcome = self.make(&made).and_then(|()| {
+            // One whose programs do not run any more: the machine may have lost a library.
+            remove(&folder)?;
+            fs::rename(&made, &folder).map_err(|error| file_error(&folder, &error))
+        });
+        if outcome.is_err() {
+            // A disk that is full should not stay so. What is left is removed next time.
+            let _ = remove(&made);
+        }
+        outcome?;
+        self.check(&folder)
+    }
+
+    fn make(&self, folder: &Path) -> Result<(), StepError> {
+        let root = folder.join("root");
+        let fetched = folder.join("fetched");
+        for package in apt::fetch(self.packages, self.source, &fetched)? {
+            apt::unpack(&package, &root)?;
+        }
+        remove(&fetched)?;
+        // Nobody keeps these programs up to date; none of them may act for another user.
+        process::run(Command::new("chmod").args(["-R", "a-s"]).arg(&root))?;
+        let libraries = libraries(&root).map_err(|error| file_error(&root, &error))?;
+        let launchers = folder.join("bin");
+        fs::create_dir_all(&launchers).map_err(|error| file_error(&launchers, &error))?;
+        for program in self.programs {
+            launcher(&launchers.join(program), program, &libraries)?;
+        }
+        self.check(folder).map(drop)
+    }
+
+    /// The folder of scripts, once each program has told its version.
+    fn check(&self, folder: &Path) -> Result<PathBuf, StepError> {
+        let launchers = folder.join("bin");
+        for program in self.programs {
+            process::run(Command::new(launchers.join(program)).arg("--version"))?;
+        }
+        Ok(launchers)
+    }
 }
 
-fn is_root() -> bool {
-    process::answer(Command::new("id").arg("-u")).is_ok_and(|id| id.trim() == "0")
+/// The folders below this one that hold shared libraries, relative to it.
+fn libraries(folder: &Path) -> io::Result<Vec<String>> {
+    let mut found = Vec::new();
+    // Where Debian has them: in these and in one folder below, named by the architecture.
+    for top in ["usr/lib", "lib", "usr/lib64", "lib64"] {
+        if !folder.join(top).is_dir() {
+            continue;
+        }
+        let mut candidates = vec![top.to_owned()];
+        for entry in fs::read_dir(folder.join(top))? {
+            if let Ok(name) = entry?.file_name().into_string() {
+                candidates.push(format!("{top}/{name}"));
+            }
+        }
+        candidates.sort();
+        for candidate in candidates {
+            let path = folder.join(&candidate);
+            // A link leads to a folder that stands here itself, or to nothing of ours.
+            if path.is_symlink() || !path.is_dir() {
+                continue;
+            }
+            let holds = fs::read_dir(path)?
+                .filter_map(Result::ok)
+                .any(|entry| is_library(&entry.file_name().to_string_lossy()));
+            if holds {
+                found.push(candidate);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Whether a file of this name is a shared library: `libz.so`, `libz.so.1`.
+fn is_library(name: &str) -> bool {
+    name.ends_with(".so") || name.contains(".so.")
+}
+
+/// Writes a script that runs a program with the libraries unpacked beside it.
+fn launcher(path: &Path, program: &str, libraries: &[String]) -> Result<(), StepError> {
+    let list: Vec<String> = libraries
+        .iter()
+        .map(|folder| format!("$here/{folder}"))
+        .collect();
+    let script = format!(
+        "#!/bin/sh\n\
+         # Runs a program with the libraries that were unpacked with it.\n\
+         here=$(cd \"${{0%/*}}/../root\" && pwd) || exit\n\
+         LD_LIBRARY_PATH={}${{LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}}\n\
+         export LD_LIBRARY_PATH\n\
+         exec \"$here/usr/bin/{program}\" \"$@\"\n",
+        list.join(":")
+    );
+    fs::write(path, script).map_err(|error| file_error(path, &error))?;
+    process::run(Command::new("chmod").arg("755").arg(path)).map(drop)
+}
+
+/// The folder for what is unpacked, in the target folder that this program was built into.
+fn place() -> Option<PathBuf> {
+    let program = env::current_exe().ok()?;
+    // Cargo marks its target folder so; how deep a program lies in it depends on its options.
+    let target = program
+        .ancestors()
+        .find(|folder| folder.join("CACHEDIR.TAG").is_file())?;
+    Some(target.join("debian"))
+}
+
+/// Waits until no other command unpacks into this folder; the lock goes with what is given back,
+/// and with the process.
+fn lock(place: &Path) -> Result<File, StepError> {
+    let path = place.join("lock");
+    fs::create_dir_all(place)
+        .and_then(|()| File::create(&path))
+        .and_then(|file| file.lock().map(|()| file))
+        .map_err(|error| file_error(&path, &error))
+}
+
+/// Removes a file or folder, if it is there.
+fn remove(path: &Path) -> Result<(), StepError> {
+    let removed = match path.symlink_metadata() {
+        Ok(found) if found.is_dir() => fs::remove_dir_all(path),
+        Ok(_) => fs::remove_file(path),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(error),
+    };
+    removed.map_err(|error| file_error(path, &error))
+}
+
+fn file_error(path: &Path, error: &io::Error) -> StepError {
+    StepError::File {
+        path: path.display().to_string(),
+        problem: error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tells_libraries_from_other_files() {
+        for name in ["libz.so", "libz.so.1.2.13", "librustc_driver-ea0e99b3.so"] {
+            assert!(is_library(name), "{name}");
+        }
+        for name in ["libz.a", "sofa", "x.socket", "qemu"] {
+            assert!(!is_library(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn this_very_program_lies_in_a_target_folder() {
+        assert!(place().unwrap().ends_with("debian"));
+    }
 }

@@ -12,8 +12,9 @@ use std::process::Command;
 use crate::emulator;
 
 use super::image;
-use super::packages;
+use super::licences::{self, Allowed};
 use super::process::{self, StepError};
+use super::qemu;
 use super::report::Ending;
 use super::toolchain::{self, CLIPPY, RUSTFMT, Tool, Toolchain};
 
@@ -56,14 +57,14 @@ impl Step {
 pub const STEPS: &[Step] = &[
     Step {
         name: "toolchain",
-        about: "a compiler for the chip, installed if need be",
+        about: "a compiler for the chip, fetched if need be",
         needs: &[],
         remedy: "install what the message above names, by hand",
         run: toolchain,
     },
     Step {
         name: "qemu",
-        about: "an emulator of the chip, installed if need be",
+        about: "an emulator of the chip, fetched if need be",
         needs: &[],
         remedy: "install qemu-system-arm by hand, or name one in MASSLINE_QEMU",
         run: qemu,
@@ -74,6 +75,21 @@ pub const STEPS: &[Step] = &[
         needs: &[],
         remedy: "run `cargo fmt --all`",
         run: format,
+    },
+    Step {
+        name: "licences",
+        about: "every dependency is under a licence that the project allows",
+        needs: &[],
+        remedy: "do without the crate, or allow its licence in .cargo/deny.toml with a reason in \
+                 CONTRIBUTING.md",
+        run: licences,
+    },
+    Step {
+        name: "advisories",
+        about: "no security advisory is about a dependency, where cargo-deny can say",
+        needs: &[],
+        remedy: "move to the version that the advisory names, by `cargo update`",
+        run: advisories,
     },
     Step {
         name: "lints",
@@ -138,6 +154,7 @@ pub struct Context {
     cargo: OsString,
     colour: bool,
     chip: Option<Toolchain>,
+    qemu: Option<OsString>,
     elf: Option<PathBuf>,
 }
 
@@ -150,6 +167,7 @@ impl Context {
             cargo: env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")),
             colour,
             chip: None,
+            qemu: None,
             elf: None,
         }
     }
@@ -176,10 +194,11 @@ impl Context {
         tool: Tool,
         arguments: &str,
     ) -> Result<Ending, StepError> {
-        if let Err(reason) = toolchain::provide_tool(toolchain, tool) {
-            return Ok(Ending::Skipped(reason));
-        }
-        process::run(&mut self.set_up(toolchain.tool(tool), arguments))?;
+        let command = match toolchain::provide_tool(toolchain, tool) {
+            Ok(command) => command,
+            Err(reason) => return Ok(Ending::Skipped(reason)),
+        };
+        process::run(&mut self.set_up(command, arguments))?;
         Ok(Ending::Passed(String::new()))
     }
 
@@ -206,21 +225,10 @@ fn toolchain(context: &mut Context) -> Result<Ending, StepError> {
     Ok(Ending::Passed(provided.note))
 }
 
-fn qemu(_: &mut Context) -> Result<Ending, StepError> {
-    let program = emulator::program();
-    let version = || process::answer(Command::new(&program).arg("--version"));
-    let answer = match version() {
-        Ok(answer) => answer,
-        // Another one that was named in vain is not replaced by this one.
-        Err(_) if program == emulator::DEFAULT_PROGRAM && packages::available() => {
-            packages::install(&[emulator::DEFAULT_PROGRAM])?;
-            version()?
-        }
-        Err(error) => return Err(error),
-    };
-    Ok(Ending::Passed(
-        answer.lines().next().unwrap_or_default().to_owned(),
-    ))
+fn qemu(context: &mut Context) -> Result<Ending, StepError> {
+    let qemu = qemu::provide()?;
+    context.qemu = Some(qemu.program);
+    Ok(Ending::Passed(qemu.note))
 }
 
 fn format(context: &mut Context) -> Result<Ending, StepError> {
@@ -228,6 +236,40 @@ fn format(context: &mut Context) -> Result<Ending, StepError> {
     let colour = if context.colour { "always" } else { "never" };
     let arguments = format!("--all --check -- --color {colour}");
     context.run_tool(&context.host(), RUSTFMT, &arguments)
+}
+
+fn licences(context: &mut Context) -> Result<Ending, StepError> {
+    let path = context.root.join(licences::CONFIGURATION);
+    let unusable = |problem: String| StepError::File {
+        path: path.display().to_string(),
+        problem,
+    };
+    let text = fs::read_to_string(&path).map_err(|error| unusable(error.to_string()))?;
+    let allowed = Allowed::read(&text)
+        .ok_or_else(|| unusable("names no licence under [licenses] allow".to_owned()))?;
+    let mut tree = context.cargo(&context.host(), "");
+    let listing = process::answer(tree.args(licences::LISTING))?;
+    match licences::check(&listing, &allowed) {
+        Ok(count) => Ok(Ending::Passed(format!("{count} packages"))),
+        Err(findings) => Err(unusable(format!("does not allow this\n{findings}"))),
+    }
+}
+
+fn advisories(context: &mut Context) -> Result<Ending, StepError> {
+    let unchecked = |why: &str| Ok(Ending::Skipped(format!("NOT checked: {why}")));
+    let deny = |arguments: &str| {
+        let arguments = format!("deny --config {} {arguments}", licences::CONFIGURATION);
+        process::run(&mut context.cargo(&context.host(), &arguments))
+    };
+    if deny("--version").is_err() {
+        return unchecked("no cargo-deny; `cargo install --locked cargo-deny` takes minutes");
+    }
+    if deny("fetch db").is_err() {
+        return unchecked("cargo-deny cannot fetch the advisories; `cargo deny fetch db` says why");
+    }
+    // What was fetched just now; a network that goes away is no finding.
+    deny("--offline check advisories")?;
+    Ok(Ending::Passed(String::new()))
 }
 
 fn lints(context: &mut Context) -> Result<Ending, StepError> {
@@ -299,6 +341,9 @@ fn emulator(context: &mut Context) -> Result<Ending, StepError> {
     let arguments = "test --release --test firmware_* -- --include-ignored";
     let mut test = context.cargo(&context.host(), arguments);
     test.env(emulator::FIRMWARE_ELF, elf);
+    if let Some(qemu) = &context.qemu {
+        test.env(emulator::QEMU, qemu);
+    }
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 

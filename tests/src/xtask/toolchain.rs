@@ -8,8 +8,9 @@
 //! for that is an unstable one, which a stable compiler accepts under `RUSTC_BOOTSTRAP=1`; a
 //! newer compiler than the minimum is fine, so this costs nothing but the beauty.
 //!
-//! Debian has no linker for bare metal in those packages. rustup's own toolchain does, even when
-//! it must not download anything; without a rustup, Debian's `lld` is taken.
+//! Debian's is used where it is installed, else unpacked into the target folder: see
+//! [`packages`](super::packages). It has no linker for bare metal. rustup's own toolchain does,
+//! even when it must not download anything; without a rustup, Debian's `lld` is taken.
 //!
 //! `rust-toolchain.toml` would be the usual place to ask for the chip's target. It is not, as
 //! then a refused download would stop the host's tools, too.
@@ -20,7 +21,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::packages;
+use super::packages::Bundle;
 use super::process::{self, StepError};
 
 /// What the firmware is compiled for.
@@ -30,10 +31,39 @@ pub const TARGET: &str = "thumbv7em-none-eabihf";
 /// other way can be tried where rustup works.
 pub const NO_RUSTUP: &str = "MASSLINE_XTASK_NO_RUSTUP";
 
-const DEBIAN_CARGO: &str = "/usr/bin/cargo";
-const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
-const DEBIAN_RUSTDOC: &str = "/usr/bin/rustdoc";
-const DEBIAN_PACKAGES: [&str; 3] = ["rustc-web", "cargo-web", "rust-web-src"];
+/// The folder of Debian's programs where they are installed.
+const INSTALLED: &str = "/usr/bin";
+
+/// Debian's toolchain, with the tools around it.
+const DEBIAN: Bundle = Bundle {
+    name: "rust",
+    packages: &[
+        "rustc-web",
+        "cargo-web",
+        "rust-web-src",
+        "rustfmt-web",
+        "rust-web-clippy",
+    ],
+    source: "rustc-web",
+    programs: &[
+        "rustc",
+        "cargo",
+        "rustdoc",
+        "rustfmt",
+        "cargo-fmt",
+        "cargo-clippy",
+    ],
+};
+
+const LLD: &str = "ld.lld";
+
+/// Debian's linker.
+const LINKER: Bundle = Bundle {
+    name: "lld",
+    packages: &["lld"],
+    source: "llvm-defaults",
+    programs: &[LLD],
+};
 
 /// A compiler that can make programs for the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,6 +75,8 @@ pub enum Toolchain {
     },
     /// Debian's, which has to build `core` first.
     Debian {
+        /// The folder of its programs.
+        programs: PathBuf,
         /// A linker for the chip.
         linker: PathBuf,
     },
@@ -55,20 +87,12 @@ impl Toolchain {
     pub fn cargo(&self) -> Command {
         match self {
             Self::Active { cargo } => Command::new(cargo),
-            Self::Debian { linker } => debian_command(DEBIAN_CARGO, linker),
+            Self::Debian { programs, linker } => {
+                let mut command = debian_command(programs, "cargo");
+                command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker);
+                command
+            }
         }
-    }
-
-    /// This toolchain's cargo, already told to run a tool.
-    pub fn tool(&self, tool: Tool) -> Command {
-        let mut command = match self {
-            Self::Active { cargo } => Command::new(cargo),
-            // Cargo would look among rustup's programs first and find the tool of the compiler
-            // that cannot do this.
-            Self::Debian { linker } => debian_command(&tool.debian_program(), linker),
-        };
-        command.arg(tool.subcommand);
-        command
     }
 
     /// The arguments that make a cargo command one for the chip, between spaces.
@@ -81,15 +105,15 @@ impl Toolchain {
     }
 }
 
-/// A program of Debian's toolchain, told to keep to that toolchain.
-fn debian_command(program: &str, linker: &Path) -> Command {
-    let mut command = Command::new(program);
+/// A program of Debian's toolchain in this folder, told to keep to that toolchain.
+fn debian_command(programs: &Path, program: &str) -> Command {
+    let mut command = Command::new(programs.join(program));
     command
-        .env("CARGO", DEBIAN_CARGO)
-        .env("RUSTC", DEBIAN_RUSTC)
-        .env("RUSTDOC", DEBIAN_RUSTDOC)
+        .env("CARGO", programs.join("cargo"))
+        .env("RUSTC", programs.join("rustc"))
+        .env("RUSTDOC", programs.join("rustdoc"))
+        .env("RUSTFMT", programs.join("rustfmt"))
         .env("RUSTC_BOOTSTRAP", "1")
-        .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker)
         // What the other toolchain's cargo has put there for its own programs.
         .env_remove("RUSTUP_TOOLCHAIN")
         .env_remove("LD_LIBRARY_PATH");
@@ -105,7 +129,7 @@ pub struct Provided {
     pub note: String,
 }
 
-/// Finds a compiler for the chip, or installs one.
+/// Finds a compiler for the chip, or brings one.
 ///
 /// # Errors
 ///
@@ -122,6 +146,10 @@ pub fn provide(cargo: &OsStr) -> Result<Provided, StepError> {
         if has_target() {
             return Ok(active("is there"));
         }
+        // What rustup refused before is not asked for again, lest a second run need a network.
+        if let Some(programs) = DEBIAN.unpacked() {
+            return debian(programs);
+        }
         match rustup(&["target", "add", TARGET]) {
             Ok(()) if has_target() => return Ok(active("installed by rustup")),
             Ok(()) => tried += "rustup did not install it for the active toolchain\n",
@@ -130,52 +158,60 @@ pub fn provide(cargo: &OsStr) -> Result<Provided, StepError> {
     } else {
         tried += &format!("rustup is out, {NO_RUSTUP} is set\n");
     }
-    debian(&tried)
+    let installed = PathBuf::from(INSTALLED);
+    if has_sources(&installed) {
+        return debian(installed);
+    }
+    let missing = |how: &str| StepError::Missing {
+        what: "a compiler for the chip",
+        tried: format!("{tried}{how}"),
+        remedy: "let one of these succeed: `rustup target add thumbv7em-none-eabihf`; as root \
+                 `apt-get install rustc-web cargo-web rust-web-src`; or, on a Debian with a \
+                 network, this command again, which unpacks them without root",
+    };
+    let programs = DEBIAN
+        .provide()
+        .map_err(|error| missing(&error.to_string()))?;
+    if !has_sources(&programs) {
+        return Err(missing(
+            "Debian's packages did not bring the source of `core`",
+        ));
+    }
+    debian(programs)
 }
 
-/// Finds or installs Debian's compiler and a linker for it.
-fn debian(tried: &str) -> Result<Provided, StepError> {
-    if !debian_is_complete() {
-        let missing = |how: &str| StepError::Missing {
-            what: "a compiler for the chip",
-            tried: format!("{tried}{how}"),
-            remedy: "let one of these succeed: `rustup target add thumbv7em-none-eabihf`, or as \
-                     root `apt-get install rustc-web cargo-web rust-web-src`",
-        };
-        if !packages::available() {
-            return Err(missing("there is no apt-get to install Debian's with"));
-        }
-        packages::install(&DEBIAN_PACKAGES).map_err(|error| missing(&error.to_string()))?;
-        if !debian_is_complete() {
-            return Err(missing("Debian's packages did not bring it"));
-        }
-    }
-    let linker = linker()?;
+/// Debian's compiler in this folder, and a linker for it.
+fn debian(programs: PathBuf) -> Result<Provided, StepError> {
+    let linker = linker(&programs)?;
     Ok(Provided {
         note: format!(
-            "Debian's rustc {} builds core for {TARGET}, {} links",
-            version(DEBIAN_RUSTC),
+            "Debian's rustc {}{} builds core for {TARGET}, {} links",
+            version(programs.join("rustc")),
+            if programs == Path::new(INSTALLED) {
+                ""
+            } else {
+                ", unpacked,"
+            },
             linker.file_name().unwrap_or_default().display()
         ),
-        toolchain: Toolchain::Debian { linker },
+        toolchain: Toolchain::Debian { programs, linker },
     })
 }
 
 /// A linker for bare metal: a toolchain's own, or Debian's.
-fn linker() -> Result<PathBuf, StepError> {
-    const PACKAGED: &str = "/usr/bin/ld.lld";
-    let own = ["rustc", DEBIAN_RUSTC]
+fn linker(programs: &Path) -> Result<PathBuf, StepError> {
+    let own = [PathBuf::from("rustc"), programs.join("rustc")]
         .into_iter()
         .filter_map(sysroot)
         .find_map(|sysroot| own_linker(&sysroot));
     if let Some(linker) = own {
         return Ok(linker);
     }
-    let packaged = PathBuf::from(PACKAGED);
-    if !packaged.exists() {
-        packages::install(&["lld"])?;
+    let installed = Path::new(INSTALLED).join(LLD);
+    if installed.exists() {
+        return Ok(installed);
     }
-    Ok(packaged)
+    Ok(LINKER.provide()?.join(LLD))
 }
 
 /// The linker that a toolchain keeps among its host's libraries.
@@ -187,16 +223,17 @@ fn own_linker(sysroot: &Path) -> Option<PathBuf> {
         .find(|linker| linker.exists())
 }
 
-fn debian_is_complete() -> bool {
-    Path::new(DEBIAN_CARGO).exists()
-        && sysroot(DEBIAN_RUSTC).is_some_and(|sysroot| {
+/// Whether there is a cargo in this folder, and a compiler with the source of `core`.
+fn has_sources(programs: &Path) -> bool {
+    programs.join("cargo").exists()
+        && sysroot(programs.join("rustc")).is_some_and(|sysroot| {
             sysroot
                 .join("lib/rustlib/src/rust/library/core/Cargo.toml")
                 .exists()
         })
 }
 
-fn sysroot(rustc: &str) -> Option<PathBuf> {
+fn sysroot(rustc: PathBuf) -> Option<PathBuf> {
     let path = process::answer(Command::new(rustc).args(["--print", "sysroot"])).ok()?;
     Some(PathBuf::from(path.trim()))
 }
@@ -211,7 +248,7 @@ fn has_target() -> bool {
         .is_some_and(|mut entries| entries.next().is_some())
 }
 
-fn version(rustc: &str) -> String {
+fn version(rustc: impl AsRef<OsStr>) -> String {
     let said = process::answer(Command::new(rustc).arg("--version")).unwrap_or_default();
     said.split_whitespace()
         .nth(1)
@@ -233,12 +270,17 @@ fn rustup(arguments: &[&str]) -> Result<(), StepError> {
 pub struct Tool {
     subcommand: &'static str,
     component: &'static str,
-    package: &'static str,
 }
 
 impl Tool {
-    fn debian_program(self) -> String {
-        format!("{DEBIAN_CARGO}-{}", self.subcommand)
+    /// Cargo's command for it, from Debian's programs in this folder.
+    ///
+    /// Cargo itself would look among rustup's programs first and find the tool of a compiler that
+    /// has no `core` for the chip.
+    fn debian(self, programs: &Path) -> Command {
+        let mut command = debian_command(programs, &format!("cargo-{}", self.subcommand));
+        command.arg(self.subcommand);
+        command
     }
 }
 
@@ -246,38 +288,53 @@ impl Tool {
 pub const RUSTFMT: Tool = Tool {
     subcommand: "fmt",
     component: "rustfmt",
-    package: "rustfmt-web",
 };
 
 /// The linter.
 pub const CLIPPY: Tool = Tool {
     subcommand: "clippy",
     component: "clippy",
-    package: "rust-web-clippy",
 };
 
-/// Finds a tool of a toolchain, or installs it; says why not where that fails.
-pub fn provide_tool(toolchain: &Toolchain, tool: Tool) -> Result<(), String> {
-    let works = || process::answer(toolchain.tool(tool).arg("--version")).is_ok();
-    if works() {
-        return Ok(());
-    }
-    let debian = match toolchain {
-        Toolchain::Debian { .. } => true,
-        Toolchain::Active { cargo } => cargo == DEBIAN_CARGO,
+/// Finds or brings a tool of a toolchain, and gives cargo's command for it; says why not where
+/// that fails.
+pub fn provide_tool(toolchain: &Toolchain, tool: Tool) -> Result<Command, String> {
+    let works = |command: Command| {
+        let mut question = Command::new(command.get_program());
+        question.args(command.get_args()).arg("--version");
+        process::answer(&mut question).is_ok().then_some(command)
     };
-    let installed = if debian {
-        packages::install(&[tool.package])
-    } else if rustup_may_be_used() {
-        rustup(&["component", "add", tool.component])
-    } else {
-        return Err(format!("no {}, and rustup is out", tool.component));
+    let active = |cargo: &OsStr| {
+        let mut command = Command::new(cargo);
+        command.arg(tool.subcommand);
+        works(command)
     };
-    match installed {
-        Ok(()) if works() => Ok(()),
-        _ => Err(format!(
-            "no {} here, and it could not be installed",
-            tool.component
-        )),
+    let found = match toolchain {
+        Toolchain::Active { cargo } => active(cargo),
+        Toolchain::Debian { programs, .. } => works(tool.debian(programs)),
+    };
+    if let Some(command) = found {
+        return Ok(command);
     }
+    match toolchain {
+        // Another toolchain's tool would find fault with what this one's lets pass.
+        Toolchain::Active { cargo } if !is_debians(cargo) => {
+            if !rustup_may_be_used() {
+                return Err(format!("no {}, and rustup is out", tool.component));
+            }
+            rustup(&["component", "add", tool.component])
+                .ok()
+                .and_then(|()| active(cargo))
+        }
+        _ => DEBIAN
+            .provide()
+            .ok()
+            .and_then(|programs| works(tool.debian(&programs))),
+    }
+    .ok_or_else(|| format!("no {} here, and it could not be had", tool.component))
+}
+
+/// Whether this is the cargo that Debian has installed.
+fn is_debians(cargo: &OsStr) -> bool {
+    Path::new(cargo).parent() == Some(Path::new(INSTALLED))
 }

@@ -1,7 +1,7 @@
-//! `massline study`: the paper's numerical example, row by row.
+//! `massline study tuning-fork`: the paper's numerical example, row by row.
 
-use super::{Bar, Failure, print_json, write_file};
 use crate::cli::Verbosity;
+use crate::commands::{Bar, Failure, print_json, write_file};
 use crate::study::{self, Document, NoiseKind, Options, StudyError, WeightRule};
 use std::path::PathBuf;
 
@@ -11,9 +11,6 @@ use std::path::PathBuf;
     after_help = "Examples:\n  massline study tuning-fork\n  massline study tuning-fork --draws 0\n  massline study tuning-fork --noise 0.003,0.01 --draws 200 --report study.html\n  massline study tuning-fork --json | jq '.pattern[] | select(.holds | not)'\n\nThe paper (Schedlinski and Link) leaves its set-up open in places: what it leaves open is an option, and stands in the JSON."
 )]
 pub struct Arguments {
-    /// What is studied: the numerical twin of the paper's plane tuning fork
-    #[arg(value_parser = ["tuning-fork"])]
-    example: String,
     /// Draws per level of noise; 0 for the noise-free rows only
     #[arg(long, value_name = "N", default_value_t = Options::default().draws)]
     draws: usize,

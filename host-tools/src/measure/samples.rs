@@ -1,0 +1,140 @@
+//! Random runs from samples in memory: what [`super::measure`] does with recordings, for
+//! studies that draw thousands of them.
+
+use super::Rejected;
+use super::random::{densities, finish_drive, settings_at};
+use super::{Accelerations, MeasureError, MeasuredRun, Measurement, RunGeometry, Spectra};
+use crate::recording::Preamble;
+use crate::setup::{Run, Setup};
+use massline_core::geometry::RESULTANTS;
+use massline_core::spectra::{
+    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, SpectraError, Sum,
+};
+use std::path::PathBuf;
+
+/// Samples of one run in recorded units, one list a channel and all of one length.
+pub(crate) struct Samples<'a> {
+    /// Accelerometers, then load cells, in the order of the setup.
+    pub(crate) sensors: &'a [Vec<f32>],
+    /// The generator's signal; read where the run names a `reference`.
+    pub(crate) drive: &'a [f32],
+}
+
+/// Averages the random runs of a setup from samples, in the order of the runs.
+///
+/// # Errors
+/// [`MeasureError`] where sensors, bands or lengths do not suit.
+pub(crate) fn measure_samples(
+    setup: &Setup,
+    accelerations: &Accelerations,
+    runs: &[Samples<'_>],
+) -> Result<Measurement, MeasureError> {
+    let mut measurement = Measurement {
+        runs: Vec::with_capacity(runs.len()),
+        sines: Vec::new(),
+        poses: Vec::new(),
+        grid: None,
+        band: 0..0,
+        hop: 0.5,
+        warnings: Vec::new(),
+    };
+    for (number, (run, samples)) in setup.runs.iter().zip(runs).enumerate() {
+        let geometry = RunGeometry::new(setup, number, accelerations)?;
+        let processing = setup.processing.as_ref();
+        let (Some(processing), Some(rate)) = (processing, processing.and_then(|p| p.sample_rate))
+        else {
+            return Err(MeasureError::NoProcessing {
+                run: run.name.clone(),
+            });
+        };
+        let file = PathBuf::from(&run.recording);
+        let spectral = |source| MeasureError::Spectra {
+            file: file.clone(),
+            source,
+        };
+        let settings = settings_at(processing, rate).map_err(spectral)?;
+        let [low, high] = processing.averaging_band;
+        measurement.grid = Some(settings.grid());
+        measurement.band = settings.grid().within(low, high);
+        measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
+        let measured = averaged(setup, run, geometry, settings, samples).map_err(spectral)?;
+        if measured.blocks < 2 {
+            return Err(MeasureError::TooShort {
+                file,
+                samples: measured.samples,
+                blocks: measured.blocks,
+                block_length: settings.block_length(),
+            });
+        }
+        measurement.runs.push(measured);
+    }
+    Ok(measurement)
+}
+
+fn averaged(
+    setup: &Setup,
+    run: &Run,
+    geometry: RunGeometry,
+    settings: BlockSettings,
+    samples: &Samples<'_>,
+) -> Result<MeasuredRun, SpectraError> {
+    let (spectra, density, blocks) = if run.reference.is_some() {
+        let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)];
+        let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums)?;
+        feed(&geometry, &settings, samples, true, &mut average)?;
+        finish_drive(setup, &geometry, &settings, &average)?
+    } else {
+        let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
+        let mut average = CrossAverage::new(&settings, &mut sums)?;
+        feed(&geometry, &settings, samples, false, &mut average)?;
+        let blocks = average.blocks();
+        let power = |c: usize, k: usize| average.cross(c, c, k).0;
+        let density = densities(&settings.grid(), settings.density(), blocks, &power);
+        (Spectra::Cross { sums }, density, blocks)
+    };
+    Ok(MeasuredRun {
+        name: run.name.clone(),
+        geometry,
+        spectra,
+        density,
+        blocks,
+        samples: samples.sensors.first().map_or(0, Vec::len) as u64,
+        rejected: Rejected::default(),
+        preamble: Preamble::default(),
+        health: Vec::new(),
+        fingerprint: 0,
+        settings,
+    })
+}
+
+fn feed(
+    geometry: &RunGeometry,
+    settings: &BlockSettings,
+    samples: &Samples<'_>,
+    driven: bool,
+    average: &mut dyn Average,
+) -> Result<(), SpectraError> {
+    let lead = usize::from(driven);
+    let channels = lead + RESULTANTS;
+    let zero = Complex32::new(0.0, 0.0);
+    let mut history = vec![0.0; settings.history_len(channels)];
+    let mut work = vec![zero; settings.block_length()];
+    let mut lines = vec![zero; settings.lines_len(channels)];
+    let mut blocks = Blocks::new(*settings, channels, &mut history, &mut work, &mut lines)?;
+    let mut sample = vec![0.0_f32; samples.sensors.len()];
+    let mut input = vec![0.0_f32; channels];
+    for n in 0..samples.sensors.first().map_or(0, Vec::len) {
+        for (slot, channel) in sample.iter_mut().zip(samples.sensors) {
+            *slot = channel.get(n).copied().unwrap_or(0.0);
+        }
+        let (head, tail) = input.split_at_mut(lead);
+        if let Some(slot) = head.first_mut() {
+            *slot = samples.drive.get(n).copied().unwrap_or(0.0);
+        }
+        tail.copy_from_slice(&geometry.resultants(&sample));
+        if let Some(block) = blocks.push(&input) {
+            average.add(&block);
+        }
+    }
+    Ok(())
+}

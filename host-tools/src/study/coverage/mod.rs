@@ -1,0 +1,228 @@
+//! Whether 95 % intervals hold the truth in 95 % of all tests: `massline study coverage`.
+//!
+//! # Design
+//!
+//! * **A draw is a test.** New excitation and new noise each time, a new structure where the
+//!   case says so; recordings are longer than what is used of their period, so that blocks leak
+//!   as they do in a test. Noise is white and independent from channel to channel.
+//! * **The same path as `massline identify`**, see [`super::trial`].
+//! * **Draws, not threads, have seeds**: the counts do not depend on how many threads there are.
+//!
+//! | file | does |
+//! | --- | --- |
+//! | `cases` | the tests |
+//! | `tally` | counts hits and misses |
+//! | `table` | terminal, Markdown and JSON |
+
+mod cases;
+mod table;
+mod tally;
+
+pub use cases::CaseError;
+pub use table::{Document, insert, markdown, print};
+pub use tally::{Count, Interval, NAMES, NUMBERS, Tally, numbers, truths};
+
+use super::chance::Chance;
+use super::trial::{Trial, TrialError};
+use crate::study::parallel;
+use cases::{CASES, Case};
+use massline_core::masslines::Method;
+use std::time::Duration;
+use tally::{Scored, score};
+
+/// What is counted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Draws a cell.
+    pub draws: usize,
+    /// Names of the cases; all if empty.
+    pub cases: Vec<String>,
+    /// Levels of noise, shares of each channel's RMS over all runs.
+    pub noise: Vec<f64>,
+    /// Seed of the first draw.
+    pub seed: u64,
+    /// Threads; as many as there are processors if `None`.
+    pub threads: Option<usize>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            draws: 300,
+            cases: Vec::new(),
+            noise: vec![0.001, 0.01, 0.03],
+            seed: 1,
+            threads: None,
+        }
+    }
+}
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum CoverageError {
+    /// A case that does not exist.
+    #[error("--case {found}: expected one of {}", case_names().join(", "))]
+    Case {
+        /// What was asked for.
+        found: String,
+    },
+    /// A level that is no share.
+    #[error("--noise {found}: expected shares of a channel's RMS, more than 0 and up to 1")]
+    Noise {
+        /// What was given.
+        found: f64,
+    },
+    /// No draws.
+    #[error("--draws 0: expected at least one draw")]
+    NoDraws,
+    /// A case cannot be drawn.
+    #[error("case {case}: {source}")]
+    Draw {
+        /// Its name.
+        case: &'static str,
+        /// What is wrong.
+        source: CaseError,
+    },
+    /// A draw cannot be simulated or measured.
+    #[error("case {case}, seed {seed}: {source}")]
+    Trial {
+        /// Its name.
+        case: &'static str,
+        /// The draw's seed.
+        seed: u64,
+        /// What is wrong.
+        source: Box<TrialError>,
+    },
+}
+
+/// Names of all cases.
+#[must_use]
+pub fn case_names() -> Vec<&'static str> {
+    CASES.iter().map(|case| case.name).collect()
+}
+
+/// One cell of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// Name of the case.
+    pub case: &'static str,
+    /// Noise, a share of each channel's RMS.
+    pub noise: f64,
+    /// The method; `None` is the recommended one.
+    pub method: Option<Method>,
+    /// What was counted.
+    pub tally: Tally,
+}
+
+/// All cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coverage {
+    /// What was asked.
+    pub options: Options,
+    /// Names of the cases that were counted, and what they are.
+    pub cases: Vec<(&'static str, &'static str)>,
+    /// In the order of cases, levels and methods.
+    pub cells: Vec<Cell>,
+    /// Time that the threads worked, all together.
+    pub work: Duration,
+}
+
+impl Coverage {
+    /// All cells together.
+    #[must_use]
+    pub fn total(&self) -> Tally {
+        self.over(|_| true)
+    }
+
+    /// The cells of one case, level or method together.
+    pub fn over(&self, wanted: impl Fn(&Cell) -> bool) -> Tally {
+        let mut total = Tally::default();
+        for cell in self.cells.iter().filter(|cell| wanted(cell)) {
+            total.merge(&cell.tally);
+        }
+        total
+    }
+}
+
+/// Draws and counts. `progress` hears which share is done, and of which case.
+///
+/// # Errors
+/// [`CoverageError`] for options that mean nothing.
+pub fn run(
+    options: &Options,
+    progress: &mut dyn FnMut(f64, &str),
+) -> Result<Coverage, CoverageError> {
+    if options.draws == 0 {
+        return Err(CoverageError::NoDraws);
+    }
+    for &found in &options.noise {
+        if !(found > 0.0 && found <= 1.0) {
+            return Err(CoverageError::Noise { found });
+        }
+    }
+    for found in &options.cases {
+        if !CASES.iter().any(|case| case.name == found) {
+            return Err(CoverageError::Case {
+                found: found.clone(),
+            });
+        }
+    }
+    let wanted = |c: &&Case| options.cases.is_empty() || options.cases.iter().any(|n| n == c.name);
+    let cases: Vec<&Case> = CASES.iter().filter(wanted).collect();
+    let draws = options.draws;
+    let count = cases.len() * draws;
+    let (scored, work) = parallel::each(
+        count,
+        options.threads,
+        &|job| draw(cases[job / draws], options, job % draws),
+        &mut |done, job| progress(done as f64 / count as f64, cases[job / draws].name),
+    )?;
+    let mut cells = Vec::new();
+    for (case, draws) in cases.iter().zip(scored.chunks(draws)) {
+        let mut tallies = vec![Tally::default(); options.noise.len() * case.methods.len()];
+        for draw in draws {
+            for (tally, scored) in tallies.iter_mut().zip(draw) {
+                tally.add(scored);
+            }
+        }
+        let mut tallies = tallies.into_iter();
+        for &noise in &options.noise {
+            for (&method, tally) in case.methods.iter().zip(&mut tallies) {
+                cells.push(Cell {
+                    case: case.name,
+                    noise,
+                    method,
+                    tally,
+                });
+            }
+        }
+    }
+    Ok(Coverage {
+        options: options.clone(),
+        cases: cases.iter().map(|c| (c.name, c.what)).collect(),
+        cells,
+        work,
+    })
+}
+
+/// All levels and methods of one draw.
+fn draw(case: &Case, options: &Options, number: usize) -> Result<Vec<Scored>, CoverageError> {
+    let seed = options.seed.wrapping_add(number as u64);
+    let mut chance = Chance::new(seed, &["coverage", case.name]);
+    let (model, conditions) = (case.draw)(&mut chance).map_err(|source| CoverageError::Draw {
+        case: case.name,
+        source,
+    })?;
+    let failed = |source| CoverageError::Trial {
+        case: case.name,
+        seed,
+        source: Box::new(source),
+    };
+    let trial = Trial::new(model, seed, &conditions).map_err(failed)?;
+    let mut scored = Vec::with_capacity(options.noise.len() * case.methods.len());
+    for &level in &options.noise {
+        let outcomes = trial.answers(level, case.methods).map_err(failed)?;
+        scored.extend(outcomes.iter().map(|outcome| score(outcome, &trial.truth)));
+    }
+    Ok(scored)
+}

@@ -1,0 +1,555 @@
+//! A simulated test that is identified at several levels of noise by several methods, without
+//! recordings on disk where these would be long.
+//!
+//! # Design
+//!
+//! * **The door of `massline identify`.** Answers come from [`Session`], with averages that were
+//!   made from samples in memory by the core's own blocks: the resultants' map, averages,
+//!   masslines, observability and error bars are those of the command. Stepped sine and static
+//!   poses, whose recordings are a few rows, are written to a scratch folder and read from it.
+//! * **A draw's signals serve every level of noise and every method**, and so does the shape of
+//!   its noise: levels and methods are compared on the same draws.
+//! * **Weights of accelerometers** (chapter 7) come from the exact responses in the mode band:
+//!   those that a survey pass gives without noise.
+
+use super::chance::Chance;
+use crate::identification::{Choice, Session};
+use crate::measure::{Accelerations, MeasureError, RunGeometry, Samples, Survey, SurveyedRun};
+use crate::setup::{Excitation, Quantity, Setup};
+use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
+use massline_core::identify::Identification;
+use massline_core::masslines::Method;
+use nalgebra::{Complex, Vector6};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Why there is no trial.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// The model cannot be simulated.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// The sensors or bands do not suit.
+    #[error(transparent)]
+    Measure(#[from] MeasureError),
+    /// A scratch file cannot be written.
+    #[error("{}: cannot be written: {source}", path.display())]
+    Scratch {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+/// How a trial is recorded and disturbed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Conditions {
+    /// Largest ratio of a sensor's share of noise to that of another; 1 for all alike.
+    pub(super) unlike: f64,
+    /// Frequencies of a stepped sine test, Hz; empty for a random one.
+    pub(super) sines: Vec<f64>,
+    /// Whether the mass is stated as weighed.
+    pub(super) weighed: bool,
+    /// Which run's motion each simulated run belongs to; those of one number are shaken at
+    /// once, by drives of their own. Empty where every run is its own.
+    pub(super) together: Vec<usize>,
+}
+
+/// Samples of one run, or complex amplitudes in pairs of samples.
+struct Run {
+    drive: Vec<f32>,
+    sensors: Vec<Vec<f32>>,
+    noise: Vec<Vec<f32>>,
+}
+
+/// One draw: a test without noise, and the noise to add.
+pub(super) struct Trial {
+    /// The test.
+    pub(super) setup: Setup,
+    /// What should come out.
+    pub(super) truth: Truth,
+    model: Model,
+    seed: u64,
+    frequencies: Vec<f64>,
+    runs: Vec<Run>,
+    /// Noise of each sensor at a level of one, in its unit.
+    levels: Vec<f64>,
+}
+
+/// The answer of a method, or why there is none.
+pub(super) type Outcome = Result<Identification, String>;
+
+impl Trial {
+    /// Simulates a model without noise, and draws the noise of one draw.
+    ///
+    /// # Errors
+    /// [`TrialError::Simulation`] if the model's bands or lengths do not suit each other.
+    pub(super) fn new(
+        model: Model,
+        seed: u64,
+        conditions: &Conditions,
+    ) -> Result<Self, TrialError> {
+        let options = simulate::Options {
+            noise: Some(0.0),
+            seed,
+            weighed: conditions.weighed,
+            // Of a stepped sine only the setup is taken from the simulation.
+            duration: (!conditions.sines.is_empty())
+                .then(|| model.measurement.block_length as f64 / model.measurement.sample_rate),
+            ..simulate::Options::default()
+        };
+        let simulation = simulate(&model, &options, &mut |_| ())?;
+        let mut setup = simulation.setup;
+        let mut runs = Vec::with_capacity(setup.runs.len());
+        if conditions.sines.is_empty() {
+            for (run, recording) in setup.runs.iter().zip(simulation.recordings) {
+                let mut sensors = recording.samples;
+                let drive = if run.reference.is_some() && !sensors.is_empty() {
+                    sensors.remove(0)
+                } else {
+                    Vec::new()
+                };
+                runs.push(Run {
+                    drive,
+                    sensors,
+                    noise: Vec::new(),
+                });
+            }
+            join(&mut setup, &mut runs, &conditions.together);
+        } else {
+            for (number, run) in setup.runs.iter_mut().enumerate() {
+                run.excitation = Excitation::Sine;
+                run.reference = None;
+                let lines = simulate::responses(&model, number, seed, &conditions.sines);
+                let channels = lines.first().map_or(0, Vec::len);
+                let of = |c: usize| {
+                    lines
+                        .iter()
+                        .flat_map(move |l| [l[c].re as f32, l[c].im as f32])
+                };
+                runs.push(Run {
+                    drive: Vec::new(),
+                    sensors: (0..channels).map(|c| of(c).collect()).collect(),
+                    noise: Vec::new(),
+                });
+            }
+        }
+        let mut trial = Self {
+            setup,
+            truth: simulation.truth,
+            model,
+            seed,
+            frequencies: conditions.sines.clone(),
+            runs,
+            levels: Vec::new(),
+        };
+        trial.draw_noise(conditions.unlike.max(1.0));
+        Ok(trial)
+    }
+
+    /// White noise of each sensor: the RMS of its readings over all runs, times a factor of its
+    /// own between 1/√`unlike` and √`unlike`. The RMS of a stepped sine is taken over the lines
+    /// of the averaging band.
+    fn draw_noise(&mut self, unlike: f64) {
+        let root = libm::sqrt(unlike);
+        let mut levels = self.strengths();
+        for (c, level) in levels.iter_mut().enumerate() {
+            let number = c.to_string();
+            *level *= Chance::new(self.seed, &["level", &number]).by_ratio(1.0 / root, root);
+        }
+        for (r, run) in self.runs.iter_mut().enumerate() {
+            let number = r.to_string();
+            run.noise = (run.sensors.iter().zip(&levels).enumerate())
+                .map(|(c, (samples, level))| {
+                    let names = ["noise", &number, &c.to_string()];
+                    let mut stream = Stream::new(self.seed, &names);
+                    // Two parts share the power of an amplitude, as they share its RMS.
+                    let scale = *level;
+                    let mut noise = Vec::with_capacity(samples.len() + 1);
+                    while noise.len() < samples.len() {
+                        let pair = stream.normal() * scale;
+                        noise.extend([pair.re as f32, pair.im as f32]);
+                    }
+                    noise.truncate(samples.len());
+                    noise
+                })
+                .collect();
+        }
+        self.levels = levels;
+    }
+
+    /// RMS of each sensor's readings over all runs. A sensor that rests has the mean of its
+    /// kind: nothing is without noise because nothing moves it.
+    fn strengths(&self) -> Vec<f64> {
+        let channels = self.runs.first().map_or(0, |r| r.sensors.len());
+        let band = self.setup.processing.as_ref().map(|p| p.averaging_band);
+        let counts = |n: usize| match (self.frequencies.get(n / 2), band) {
+            (Some(f), Some([low, high])) => (low..=high).contains(f),
+            _ => true,
+        };
+        let own = |c: usize| {
+            let (mut power, mut count) = (0.0, 0_usize);
+            for run in &self.runs {
+                for (_, x) in run.sensors[c]
+                    .iter()
+                    .enumerate()
+                    .filter(|(n, _)| counts(*n))
+                {
+                    power += f64::from(*x).powi(2);
+                    count += 1;
+                }
+            }
+            libm::sqrt(power / count.max(1) as f64)
+        };
+        let mut strengths: Vec<f64> = (0..channels).map(own).collect();
+        let sensors = self.setup.accelerometers.len();
+        let moment = |c: usize| {
+            let cell = self.setup.load_cells.get(c.wrapping_sub(sensors));
+            cell.is_some_and(|cell| cell.quantity == Quantity::Moment)
+        };
+        let kinds: [&dyn Fn(usize) -> bool; 3] =
+            [&|c| c < sensors, &|c| c >= sensors && !moment(c), &moment];
+        let mut before = 0.0;
+        for kind in kinds {
+            let members: Vec<usize> = (0..channels).filter(|&c| kind(c)).collect();
+            let sum: f64 = members.iter().map(|&c| strengths[c]).sum();
+            let mut mean = sum / members.len().max(1) as f64;
+            if mean == 0.0 {
+                // Moments where none acts: forces at a lever of a tenth of a metre.
+                mean = 0.1 * before;
+            }
+            before = mean;
+            for &c in &members {
+                if strengths[c] < 1e-3 * mean {
+                    strengths[c] = mean;
+                }
+            }
+        }
+        strengths
+    }
+
+    /// Standard deviation of each sensor's noise at a level, in its unit.
+    pub(super) fn noise(&self, level: f64) -> Vec<f64> {
+        self.levels.iter().map(|l| l * level).collect()
+    }
+
+    /// The model that was simulated.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The answers of some methods at one level of noise, a share of each channel's RMS; `None`
+    /// is the recommended method.
+    pub(super) fn answers(
+        &self,
+        level: f64,
+        methods: &[Option<Method>],
+    ) -> Result<Vec<Outcome>, TrialError> {
+        let random = |r: &crate::setup::Run| r.excitation == Excitation::Random;
+        if self.setup.runs.iter().all(random) {
+            self.in_memory(level, methods)
+        } else {
+            self.by_files(level, methods)
+        }
+    }
+
+    fn noisy(&self, level: f64) -> Vec<Vec<Vec<f32>>> {
+        let add = |(x, n): (&f32, &f32)| x + level as f32 * n;
+        let channel = |(x, n): (&Vec<f32>, &Vec<f32>)| x.iter().zip(n).map(add).collect();
+        self.runs
+            .iter()
+            .map(|run| run.sensors.iter().zip(&run.noise).map(channel).collect())
+            .collect()
+    }
+
+    fn in_memory(
+        &self,
+        level: f64,
+        methods: &[Option<Method>],
+    ) -> Result<Vec<Outcome>, TrialError> {
+        let noisy = self.noisy(level);
+        let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
+            .map(|(sensors, run)| Samples {
+                sensors,
+                drive: &run.drive,
+            })
+            .collect();
+        let recommended = crate::identification::recommended(&self.setup).0;
+        let all = self.weights()?;
+        let mut measurements = Vec::new();
+        let mut outcomes = Vec::with_capacity(methods.len());
+        for method in methods {
+            let method = method.unwrap_or(recommended);
+            let accelerations = if method.interface_only() {
+                Accelerations::Interface
+            } else {
+                Accelerations::All(all.clone())
+            };
+            if !measurements.iter().any(|(a, _)| *a == accelerations) {
+                let measured =
+                    crate::measure::measure_samples(&self.setup, &accelerations, &samples)?;
+                measurements.push((accelerations.clone(), Rc::new(measured)));
+            }
+            let mut session = Session::of_measurements(&self.setup, measurements.clone());
+            let choice = Choice {
+                method: Some(method),
+                ..Choice::default()
+            };
+            let answer = session.answer_with(method, &choice, &accelerations, &mut |_| ());
+            outcomes.push(answer.map(|a| a.identification).map_err(|e| e.to_string()));
+        }
+        Ok(outcomes)
+    }
+
+    /// Weights of chapter 7 from the exact responses in the mode band; none where
+    /// `massline identify` has none.
+    fn weights(&self) -> Result<Option<Vec<Vec<f64>>>, TrialError> {
+        let band = self.setup.processing.as_ref().and_then(|p| p.mode_band);
+        let driven = self.setup.runs.iter().any(|r| r.reference.is_some());
+        let Some(band) = band.filter(|_| driven) else {
+            return Ok(None);
+        };
+        let spacing =
+            self.model.measurement.sample_rate / self.model.measurement.block_length as f64;
+        let from = libm::ceil(band[0] / spacing) as usize;
+        let to = libm::floor(band[1] / spacing) as usize;
+        let frequencies: Vec<f64> = (from..=to).map(|k| k as f64 * spacing).collect();
+        let sensors = self.setup.accelerometers.len();
+        let mut survey = Survey {
+            frequencies: frequencies.clone(),
+            runs: Vec::new(),
+        };
+        for number in 0..self.setup.runs.len() {
+            let geometry = RunGeometry::new(&self.setup, number, &Accelerations::Interface)?;
+            let lines = simulate::responses(&self.model, number, self.seed, &frequencies);
+            let half = |at: usize| -> Vec<Vector6<Complex<f64>>> {
+                let lines = lines.iter();
+                lines
+                    .map(|line| {
+                        Vector6::from_fn(|i, _| {
+                            let terms = line.iter().zip(&geometry.columns);
+                            terms.map(|(x, column)| x * column[at + i]).sum()
+                        })
+                    })
+                    .collect()
+            };
+            survey.runs.push(SurveyedRun {
+                number,
+                sensors: lines.iter().map(|line| line[..sensors].to_vec()).collect(),
+                base: half(0),
+                forces: half(6),
+                power: vec![1.0; lines.len()],
+                equations: geometry.equations,
+            });
+        }
+        let least = self.setup.estimation.minimum_weight;
+        Ok(Some(survey.weights_joined(&self.setup, band, least)))
+    }
+
+    fn by_files(&self, level: f64, methods: &[Option<Method>]) -> Result<Vec<Outcome>, TrialError> {
+        let scratch = Scratch::new()?;
+        let mut setup = self.setup.clone();
+        setup.folder.clone_from(&scratch.0);
+        let sensors = setup.accelerometers.iter().map(|a| a.channel.as_str());
+        let names: Vec<&str> = sensors
+            .chain(setup.load_cells.iter().map(|c| c.channel.as_str()))
+            .collect();
+        for (run, samples) in self.setup.runs.iter().zip(self.noisy(level)) {
+            let text = if run.excitation == Excitation::Sine {
+                sine_rows(&names, &self.frequencies, &samples)
+            } else {
+                pose_rows(&names, &samples)
+            };
+            scratch.write(&run.recording, &text)?;
+        }
+        let mut session = Session::new(&setup);
+        let mut outcomes = Vec::with_capacity(methods.len());
+        for &method in methods {
+            let choice = Choice {
+                method,
+                ..Choice::default()
+            };
+            let answer = session.answer(&choice, &mut |_| ());
+            outcomes.push(answer.map(|a| a.identification).map_err(|e| e.to_string()));
+        }
+        Ok(outcomes)
+    }
+}
+
+/// Adds up the runs of one number: uncorrelated drives at once, none of them recorded.
+fn join(setup: &mut Setup, runs: &mut Vec<Run>, together: &[usize]) {
+    if together.is_empty() {
+        return;
+    }
+    let mut kept = Vec::new();
+    let mut joined: Vec<(usize, Run)> = Vec::new();
+    for ((number, run), entry) in together
+        .iter()
+        .zip(runs.drain(..))
+        .zip(setup.runs.drain(..))
+    {
+        match joined.iter_mut().find(|(n, _)| n == number) {
+            Some((_, sum)) => {
+                for (into, from) in sum.sensors.iter_mut().zip(&run.sensors) {
+                    for (x, y) in into.iter_mut().zip(from) {
+                        *x += y;
+                    }
+                }
+            }
+            None => {
+                joined.push((*number, run));
+                kept.push(entry);
+            }
+        }
+    }
+    setup.runs = kept;
+    *runs = joined.into_iter().map(|(_, run)| run).collect();
+}
+
+fn sine_rows(names: &[&str], frequencies: &[f64], channels: &[Vec<f32>]) -> String {
+    let mut text = "frequency".to_owned();
+    for name in names {
+        // Writing to a string cannot fail.
+        let _ = write!(text, ",{name}.re,{name}.im");
+    }
+    for (line, frequency) in frequencies.iter().enumerate() {
+        let _ = write!(text, "\n{frequency:?}");
+        for channel in channels {
+            let _ = write!(text, ",{:?},{:?}", channel[2 * line], channel[2 * line + 1]);
+        }
+    }
+    text + "\n"
+}
+
+fn pose_rows(names: &[&str], channels: &[Vec<f32>]) -> String {
+    let mut text = names.join(",");
+    for row in 0..channels.first().map_or(0, Vec::len) {
+        text.push('\n');
+        for (c, channel) in channels.iter().enumerate() {
+            let comma = if c == 0 { "" } else { "," };
+            let _ = write!(text, "{comma}{:?}", channel[row]);
+        }
+    }
+    text + "\n"
+}
+
+/// A folder that goes when it is no longer needed.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Result<Self, TrialError> {
+        static NUMBER: AtomicU64 = AtomicU64::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("massline-study-{}-{number}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&path).map_err(|source| TrialError::Scratch {
+            path: path.clone(),
+            source,
+        })?;
+        Ok(Self(path))
+    }
+
+    fn write(&self, name: &Path, text: &str) -> Result<(), TrialError> {
+        let path = self.0.join(name);
+        std::fs::write(&path, text).map_err(|source| TrialError::Scratch { path, source })
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // A folder that stays is nothing that a study should fail for.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::{Options, Twin};
+
+    fn short_fork() -> Model {
+        let mut model = Model::fork().unwrap_or_else(|e| panic!("{e}"));
+        model.measurement.duration = 6.0;
+        model
+    }
+
+    /// The trial's way through memory and `massline identify`'s through files, to the last bit.
+    #[test]
+    fn memory_and_files_give_the_same_bits() {
+        let model = short_fork();
+        let trial = Trial::new(model.clone(), 5, &Conditions::default()).unwrap();
+        let ours = trial.answers(0.0, &[None]).unwrap().remove(0).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let options = simulate::Options {
+            noise: Some(0.0),
+            seed: 5,
+            ..simulate::Options::default()
+        };
+        let simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+        let path = simulation.write(folder.path()).unwrap();
+        let setup = Setup::read(&path).unwrap();
+        let answer = crate::identification::answer(&setup, &Choice::default(), &mut |_| ());
+        assert_eq!(answer.unwrap().identification, ours);
+    }
+
+    /// Noise has the level that was asked for, and is that of each sensor, not of each run.
+    #[test]
+    fn noise_is_the_share_of_the_rms() {
+        let trial = Trial::new(short_fork(), 5, &Conditions::default()).unwrap();
+        let strengths = trial.strengths();
+        assert_eq!(trial.noise(1.0), strengths);
+        let noisy = trial.noisy(0.03);
+        for (c, strength) in strengths.iter().enumerate() {
+            let (mut power, mut count) = (0.0, 0);
+            for (run, noisy) in trial.runs.iter().zip(&noisy) {
+                for (x, y) in run.sensors[c].iter().zip(&noisy[c]) {
+                    power += f64::from(y - x).powi(2);
+                    count += 1;
+                }
+            }
+            let level = (power / f64::from(count)).sqrt() / strength;
+            // Some 9000 samples tell a standard deviation to 0.75 %; four of those.
+            assert!((level / 0.03 - 1.0).abs() < 0.03, "{c}: {level}");
+        }
+    }
+
+    /// The simulator's responses beside the twin's, which are written out by themselves.
+    #[test]
+    fn responses_are_those_of_the_twin() {
+        let twin = Twin::new(&Options::default(), 1.0).unwrap();
+        for run in 0..3 {
+            for frequency in [2.0, 20.0, 32.0, 60.0] {
+                let ours = simulate::responses(&twin.model, run, 1, &[frequency]).remove(0);
+                let theirs = twin.channels(run, frequency);
+                assert_eq!(ours.len(), theirs.len());
+                let size = theirs.iter().map(|x| x.l1_norm()).fold(0.0, f64::max);
+                for (a, b) in ours.iter().zip(&theirs) {
+                    // Sums of fifty terms, some large beside their sum.
+                    assert!((a - b).l1_norm() < 1e-12 * size, "{a} {b}");
+                }
+            }
+        }
+    }
+
+    /// A sensor that nothing moves is as noisy as its kind.
+    #[test]
+    fn a_resting_sensor_has_noise() {
+        let mut model = short_fork();
+        model.runs.truncate(1);
+        let trial = Trial::new(model, 5, &Conditions::default()).unwrap();
+        assert!(trial.noise(0.01).iter().all(|noise| *noise > 0.0));
+    }
+
+    #[test]
+    fn scratch_folders_go() {
+        let path = {
+            let scratch = Scratch::new().unwrap();
+            scratch.write(Path::new("a.csv"), "a").unwrap();
+            scratch.0.clone()
+        };
+        assert!(!path.exists());
+    }
+}
