@@ -23,6 +23,7 @@ pub use normal::Workspace;
 pub use sets::MasslineSet;
 pub use student::{beyond_chance, half_width_95};
 
+use crate::geometry::least_translation;
 use crate::rigid_body::{
     Bounded, Inertia, Moments, Parameter, Plausibility, PrincipalInertia, check,
 };
@@ -209,7 +210,13 @@ pub fn identify_in<S: MasslineSet>(
         return Err(IdentifyError::KnownMass(m));
     }
     let reference = *first.reference();
-    normal::solve(masslines, &reference, question.known_mass, space)?;
+    // Equations that carry the weights of the noise give the same body from every point, so
+    // they are solved where rounding is least. Others are those of the paper, about A.
+    let mut point = reference;
+    if masslines.iter().all(|set| set.equations().is_whitened()) {
+        point += least_translation(first.noise());
+    }
+    normal::solve(masslines, &point, question.known_mass, space)?;
     let mut iterations = 1;
     if let Procedure::Iterative { tolerance, limit } = question.procedure {
         let mut before = f64::INFINITY;

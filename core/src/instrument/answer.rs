@@ -175,6 +175,8 @@ impl From<MasslineError> for NoAnswer {
                 needed: found as u32,
                 given: limit as u32,
             },
+            // The box refers every run to a drive.
+            MasslineError::TooFewBlocks { .. } => Self::NoExcitation,
         }
     }
 }

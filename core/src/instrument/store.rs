@@ -1,7 +1,7 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
 use super::memory::{LINES, RUNS};
-use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
 use crate::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
 use crate::wire::{Accelerations, Answer, Line, Quality};
 
@@ -10,7 +10,7 @@ use crate::wire::{Accelerations, Answer, Line, Quality};
 pub(super) struct Kept {
     pub(super) accelerations: Accelerations,
     pub(super) quality: Quality,
-    noise: [f32; RESULTANTS],
+    noise: PackedNoise,
     blocks: u32,
 }
 
@@ -94,7 +94,11 @@ impl Stored<'_> {
             noise,
             blocks,
         });
-        Some(noise)
+        Some(
+            ResultantNoise::unpacked(&noise)
+                .variances()
+                .map(|v| v as f32),
+        )
     }
 
     /// What is kept of a run beside its lines.

@@ -16,12 +16,13 @@ use super::lines::{indices, two_a_line};
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
 use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::algebra::multiply_right;
+use crate::algebra::{multiply_left, multiply_right};
 use crate::cells::cells;
+use crate::geometry::transfer;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use crate::spectra::LineRange;
 use core::ops::Range;
-use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 
 /// The fit behind masslines by apparent mass, with the elastic terms that were eliminated.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,6 +58,17 @@ impl ApparentMass {
         weakest_excitation: 0.0,
         misfit: Vector6::from_array_storage(ArrayStorage([[0.0; 6]])),
     };
+
+    /// Expresses the fit about a point from which A lies `shift` (m) away: `M_B = Tᵀ M_A T`.
+    pub(super) fn move_by(&mut self, shift: &Vector3<f64>) {
+        let t = transfer(shift);
+        let transposed = t.transpose();
+        let matrices = self.elastic.iter_mut().flatten();
+        for m in matrices.chain(&mut self.upper).chain([&mut self.rigid]) {
+            multiply_left(&transposed, m);
+            multiply_right(m, &t);
+        }
+    }
 
     /// The fitted apparent mass at `frequency` Hz, 6 x 6, in excited directions.
     #[must_use]
@@ -119,7 +131,7 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
         residuals,
         weights: alike,
         runs: lines.runs(),
-        noise: Vector6::zeros(),
+        noise: NO_MATRIX,
         power: Vector6::zeros(),
     };
     fit.regression
@@ -133,7 +145,12 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(lines, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
-    fit.noise_of_pairs(&mut set.noise);
+    let share = fit.regression.share_of_pairs(fit.solution);
+    set.noise = fit.noise * share;
+    fit.noise_of_pairs(&mut set.pull);
+    set.pull *= share;
+    set.lines = (band.len() as f64 / lines.correlation()) as f32;
+    set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
 }
@@ -282,7 +299,8 @@ pub(super) struct Fit<'s> {
     /// What each run's squares count.
     pub(super) weights: [f64; MAX_RUNS],
     pub(super) runs: usize,
-    noise: Vector6<f64>,
+    /// Covariance of the noise of the accelerations, summed like their powers.
+    noise: Matrix6<f64>,
     power: Vector6<f64>,
 }
 
@@ -296,12 +314,9 @@ impl Fit<'_> {
         basis: &Basis,
         energy: &Powers,
     ) -> Result<(), MasslineError> {
-        self.noise = Vector6::zeros();
+        self.noise = NO_MATRIX;
         for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
-            let per_line = lines.noise(run);
-            for (sum, noise) in self.noise.iter_mut().zip(per_line) {
-                *sum += weight * noise * band.len() as f64;
-            }
+            self.noise += lines.noise(run).acceleration * (weight * band.len() as f64);
         }
         self.power = energy.ff;
         self.regression
@@ -332,9 +347,12 @@ impl Fit<'_> {
     #[inline(never)]
     fn noise_of_pairs(&self, into: &mut Matrix6<f64>) {
         let excitation = self.regression.excitation();
-        excitation.basis().mul_to(excitation.coordinates(), into);
-        let noise = Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
-        multiply_right(into, &noise);
+        let mut projector = *excitation.coordinates();
+        multiply_left(excitation.basis(), &mut projector);
+        *into = self.noise;
+        multiply_left(&projector, into);
+        projector.transpose_mut();
+        multiply_right(into, &projector);
     }
 
     #[inline(never)]

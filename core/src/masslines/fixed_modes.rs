@@ -7,6 +7,7 @@
 //! they add up to the rigid-body mass matrix.
 
 use super::apparent_mass::{Basis, energy, few_enough, find_fixed_poles, fixed_trace};
+use super::averaging::noise_of_runs;
 use super::close_modes::{CLOSE, Neighbourhood};
 use super::lines::indices;
 use super::regression::{Regression, Solution};
@@ -150,13 +151,7 @@ fn regress<L: Lines + ?Sized>(
     apart: &[FixedMode],
     trace: &Trace<'_>,
 ) -> Result<Regression, MasslineError> {
-    let mut noise = Vector6::zeros();
-    for run in 0..lines.runs() {
-        let per_line = lines.noise(run);
-        for j in 0..6 {
-            noise[j] += per_line[j] * band.len() as f64;
-        }
-    }
+    let noise = noise_of_runs(lines, band.len()).acceleration;
     let all = start..start + trace.len();
     let basis = Basis::new(lines, poles, &all);
     let terms = basis.terms();

@@ -6,8 +6,8 @@
 //! which is equation (13) before anyone averages over the band.
 
 use super::MasslineError;
-use crate::algebra::{incoherent_powers, larger};
-use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::algebra::incoherent;
+use crate::geometry::{RESULTANTS, ResultantMap, ResultantNoise};
 use crate::spectra::{Average, BandError, CrossAverage, LineGrid, LineRange, RunResponses, Window};
 use nalgebra::{Complex, Matrix6, Vector6};
 
@@ -154,9 +154,16 @@ pub trait Lines {
             add_powers_of_moments(self, run, line, weight, into);
         }
     }
-    /// Noise power per line that `Σ a a*` (first six) and `Σ f f*` (last six) of a run
-    /// contain, mean over the averaging band.
-    fn noise(&self, run: usize) -> [f64; RESULTANTS];
+    /// Covariance of the noise per line that `Σ a a*` and `Σ f f*` of a run contain, mean over
+    /// the averaging band, about the reference point.
+    fn noise(&self, run: usize) -> ResultantNoise;
+    /// Whether the noise of the runs can be told at all.
+    ///
+    /// # Errors
+    /// [`MasslineError::TooFewBlocks`].
+    fn check(&self) -> Result<(), MasslineError> {
+        Ok(())
+    }
     /// Independent complex equations that one line of a run holds.
     fn equations_per_line(&self, run: usize) -> f64;
     /// Variance of a mean over lines relative to independent lines and blocks.
@@ -276,10 +283,17 @@ impl Lines for DriveLines<'_> {
         }
     }
 
-    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
-        self.runs
-            .get(run)
-            .map_or([0.0; RESULTANTS], |r| r.noise.map(f64::from))
+    fn noise(&self, run: usize) -> ResultantNoise {
+        let run = self.runs.get(run);
+        run.map_or(ResultantNoise::NONE, |r| ResultantNoise::unpacked(&r.noise))
+    }
+
+    /// A single block is explained by its drive to the last digit.
+    fn check(&self) -> Result<(), MasslineError> {
+        match self.runs.iter().map(|r| r.blocks).min() {
+            Some(found @ ..2) => Err(MasslineError::TooFewBlocks { needed: 2, found }),
+            _ => Ok(()),
+        }
     }
 
     fn equations_per_line(&self, _run: usize) -> f64 {
@@ -307,7 +321,7 @@ impl Lines for DriveLines<'_> {
 pub struct CrossLines<'a, 's> {
     runs: &'a [CrossAverage<'s>],
     grid: LineGrid,
-    noise: heapless::Vec<[f64; RESULTANTS], MAX_RUNS>,
+    noise: heapless::Vec<ResultantNoise, MAX_RUNS>,
     line_correlation: f64,
     block_correlation: f64,
 }
@@ -361,31 +375,38 @@ impl<'a, 's> CrossLines<'a, 's> {
         Ok(lines)
     }
 
-    /// What of the accelerations the forces do not explain, and the other way round:
+    /// Independent blocks that were averaged in a run.
+    fn independent_blocks(&self, run: usize) -> f64 {
+        let blocks = self.runs.get(run).map_or(0, CrossAverage::blocks);
+        f64::from(blocks) / self.block_correlation
+    }
+
+    /// Accelerations that the forces do not explain, and the other way round:
     /// an upper bound of the sensors' noise, as the noise of both sides is in it.
-    fn incoherent(&self, run: usize, band: LineRange, map: &ResultantMap) -> [f64; RESULTANTS] {
+    fn incoherent(&self, run: usize, band: LineRange, map: &ResultantMap) -> ResultantNoise {
         let mut power = [0.0; RESULTANTS];
-        let mut noise = [0.0; RESULTANTS];
-        let blocks = f64::from(self.runs[run].blocks());
-        // Six explaining channels take six degrees of freedom.
-        let freedom = blocks / (blocks - 6.0).max(1.0);
+        let mut noise = ResultantNoise::NONE;
+        let blocks = self.independent_blocks(run);
+        // Six explaining channels take six degrees of freedom. `check` has refused fewer.
+        let freedom = blocks / (blocks - EXPLAINING).max(1.0);
         let lines = band.len().max(1) as f64;
         for line in band {
             let mut m = Moments::zero();
             self.add_moments(run, line, 1.0, &mut m);
-            let of_accelerations = incoherent_powers(&m.ff, &m.fa.adjoint(), &m.aa);
-            let of_forces = incoherent_powers(&m.aa, &m.fa, &m.ff);
+            noise.acceleration += incoherent(&m.ff, &m.fa.adjoint(), &m.aa) * (freedom / lines);
+            noise.force += incoherent(&m.aa, &m.fa, &m.ff) * (freedom / lines);
             for j in 0..6 {
                 power[j] += m.aa[(j, j)].re / lines;
                 power[6 + j] += m.ff[(j, j)].re / lines;
-                noise[j] += of_accelerations[j] * freedom / lines;
-                noise[6 + j] += of_forces[j] * freedom / lines;
             }
         }
-        let rounding = map.rounding_power(&power);
-        core::array::from_fn(|j| larger(noise[j], rounding[j]))
+        noise.add(&map.noise(&map.rounding_power(&power)), 1.0);
+        noise
     }
 }
+
+/// Channels that explain the others where there is no drive.
+const EXPLAINING: f64 = 6.0;
 
 impl Lines for CrossLines<'_, '_> {
     fn count(&self) -> usize {
@@ -417,8 +438,23 @@ impl Lines for CrossLines<'_, '_> {
         }
     }
 
-    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
-        self.noise.get(run).copied().unwrap_or([0.0; RESULTANTS])
+    fn noise(&self, run: usize) -> ResultantNoise {
+        self.noise.get(run).copied().unwrap_or(ResultantNoise::NONE)
+    }
+
+    /// Six channels explain all of six others in as many blocks. One independent block more
+    /// tells the noise at some tens of lines together.
+    fn check(&self) -> Result<(), MasslineError> {
+        let needed = EXPLAINING + 1.0;
+        for run in 0..self.runs.len() {
+            if self.independent_blocks(run) < needed {
+                return Err(MasslineError::TooFewBlocks {
+                    needed: libm::ceil(needed * self.block_correlation) as u32,
+                    found: self.runs.get(run).map_or(0, CrossAverage::blocks),
+                });
+            }
+        }
+        Ok(())
     }
 
     fn equations_per_line(&self, run: usize) -> f64 {

@@ -32,6 +32,7 @@ mod free_responses;
 mod free_system;
 mod frequency_responses;
 mod lines;
+mod moved;
 mod power_spectra;
 mod regression;
 mod residuals;
@@ -42,7 +43,7 @@ mod workspace;
 
 pub use apparent_mass::{ApparentMass, apparent_mass};
 pub use averaging::MIN_LINES;
-pub use condense::{Bands, Condensed, Method, condense, condense_into};
+pub use condense::{Bands, Condensed, EquationWeights, Method, condense, condense_into};
 pub use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
 pub use fixed_modes::{FixedMode, MAX_FIXED_MODES, fixed_modes};
@@ -53,13 +54,12 @@ pub use lines::{
     Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, lines_between,
 };
 pub use power_spectra::{Factorisation, power_spectra};
-pub use sine::{SineLines, SineRun};
+pub use sine::{MIN_NEIGHBOURS, SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
 pub use synthesis::synthesis;
 pub use workspace::Workspace;
 
-use crate::cells::{cells, seen};
-use crate::geometry::{Equations, resultants_at, transfer};
+use crate::geometry::{Equations, accelerations_moved, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Most pairs in one set: one a direction, or with method a one a run.
@@ -115,6 +115,13 @@ pub enum MasslineError {
         /// Runs there are.
         found: usize,
     },
+    /// A run has too few blocks to tell its noise from its signal.
+    TooFewBlocks {
+        /// Blocks needed.
+        needed: u32,
+        /// Blocks found.
+        found: u32,
+    },
 }
 
 impl core::fmt::Display for MasslineError {
@@ -154,6 +161,10 @@ impl core::fmt::Display for MasslineError {
                 f,
                 "{found} runs, of which at most {limit} can be weighed against each other"
             ),
+            Self::TooFewBlocks { needed, found } => write!(
+                f,
+                "a run has {found} blocks; at least {needed} are needed to tell its noise from its signal"
+            ),
         }
     }
 }
@@ -183,9 +194,17 @@ pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     pub equations: Equations,
     /// The pairs.
     pub pairs: heapless::Vec<Massline, PAIRS>,
-    /// What the accelerations would contain if there were nothing but noise: columns
-    /// are pseudo accelerations whose second moments add up to the noise in `pairs`.
+    /// Second moments that noise alone would give the accelerations of the pairs, were each
+    /// direction as noisy as one line: an excitation that does not exceed them by
+    /// [`EXCITED`] is none.
     pub noise: Matrix6<f64>,
+    /// Second moments that noise really adds to those of the pairs. They pull what the
+    /// accelerations multiply towards zero.
+    pub pull: Matrix6<f64>,
+    /// Independent lines (or poses) that went into each pair.
+    pub lines: f32,
+    /// Degrees of freedom of the variances of the pairs; infinite where they are known.
+    pub freedom: f32,
 }
 
 impl Masslines {
@@ -214,6 +233,9 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             equations,
             pairs: heapless::Vec::new(),
             noise: Matrix6::zeros(),
+            pull: Matrix6::zeros(),
+            lines: 1.0,
+            freedom: f32::INFINITY,
         }
     }
 
@@ -239,38 +261,33 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             })
     }
 
-    /// Sets the noise of the pairs: the share that `noise` has in `power`, component by
-    /// component. Pairs that are linear in spectra keep their share.
-    pub(crate) fn share_noise(&mut self, power: &Vector6<f64>, noise: &Vector6<f64>) {
-        for j in 0..6 {
-            let squares = self
-                .pairs
-                .iter()
-                .map(|p| seen(&p.acceleration)[j] * seen(&p.acceleration)[j]);
-            let in_pairs: f64 = squares.sum();
-            let (power, noise) = (seen(power), seen(noise));
-            cells(&mut self.noise)[(j, j)] = if power[j] > 0.0 {
-                libm::sqrt(noise[j] / power[j] * in_pairs)
-            } else {
-                0.0
-            };
-        }
+    /// Sets the noise of pairs that are means over independent lines, from what it would be
+    /// if they were single lines. It averages out of them.
+    pub(crate) fn set_averaged_noise(&mut self, of_lines: &Matrix6<f64>) {
+        let lines = f64::from(core::mem::replace(&mut self.lines, 1.0));
+        self.noise = of_lines / lines.max(1.0);
+        self.pull = self.noise;
     }
 
     /// The same masslines about another reference point (m): exact, nothing is
     /// averaged again (figure 4).
     #[must_use]
     pub fn at(&self, reference: &Vector3<f64>) -> Self {
-        let shift = reference - self.reference;
-        let t = transfer(&shift);
         let mut moved = self.clone();
-        moved.reference = *reference;
-        moved.equations = self.equations.at(&shift);
-        moved.noise = t * self.noise;
-        for pair in &mut moved.pairs {
-            pair.acceleration = t * pair.acceleration;
-            pair.force = resultants_at(&shift, &pair.force);
-        }
+        moved.move_by(&(reference - self.reference));
         moved
+    }
+
+    /// Moves the reference point by `shift`, m.
+    pub(crate) fn move_by(&mut self, shift: &Vector3<f64>) {
+        let t = transfer(shift);
+        self.reference += shift;
+        self.equations = self.equations.at(shift);
+        self.noise = accelerations_moved(&self.noise, shift);
+        self.pull = accelerations_moved(&self.pull, shift);
+        for pair in &mut self.pairs {
+            pair.acceleration = t * pair.acceleration;
+            pair.force = resultants_at(shift, &pair.force);
+        }
     }
 }

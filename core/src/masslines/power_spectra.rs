@@ -2,7 +2,7 @@
 
 use super::averaging::{RealMoments, Trend};
 use super::lines::indices;
-use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use crate::cells::seen;
 use crate::spectra::LineRange;
@@ -32,6 +32,7 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
     factorisation: Factorisation,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
     let band = indices(lines, band)?;
@@ -39,12 +40,11 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         return Err(MasslineError::NoResultant);
     }
     let spectra = RealMoments::new(lines, &band);
-    let excited = Excitation::rank_and_cleaner(&spectra.aa, &spectra.acceleration_noise);
-    let (rank, noise_filter) = &excited;
-    if *rank == 0 {
+    let excitation = Excitation::new(&spectra.aa, &spectra.noise.acceleration);
+    if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
-    let columns = columns(&spectra, factorisation, *rank);
+    let columns = columns(&spectra, factorisation, excitation.rank());
     let columns = columns.as_ref().map_err(|error| *error)?;
     let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
@@ -52,6 +52,8 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         Trend::Constant,
+        equations,
+        &excitation,
         used.len(),
         &mut |line, pairs| {
             let mut m = Moments::zero();
@@ -64,12 +66,28 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
                 let (fa, ff) = (seen(&m.fa), seen(&m.ff));
                 let a = Vector6::from_fn(|i, _| product(|k| fa[(k, i)].re, column));
                 let f = Vector6::from_fn(|i, _| product(|k| ff[(i, k)].re, column));
-                *pair = (noise_filter * a, f);
+                *pair = (a, f);
             }
             Ok(())
         },
     )?;
-    set.share_noise(&spectra.aa.diagonal(), &spectra.acceleration_noise);
+    // Noise of the accelerations of a run times its forces.
+    let mut of_lines = Matrix6::zeros();
+    for run in 0..lines.runs() {
+        let mut m = Moments::zero();
+        for line in band.clone() {
+            lines.add_moments(run, line, 1.0 / band.len() as f64, &mut m);
+        }
+        let forces: f64 = used
+            .iter()
+            .map(|&c| {
+                let column: Vector6<f64> = columns.column(c).into();
+                column.dot(&(m.ff.map(|z| z.re) * column))
+            })
+            .sum();
+        of_lines += lines.noise(run).acceleration * forces;
+    }
+    set.set_averaged_noise(&of_lines);
     Ok(())
 }
 
@@ -87,7 +105,7 @@ fn columns(
     if factorisation == Factorisation::None {
         return Ok(Matrix6::identity());
     }
-    let forces = Excitation::new(&spectra.ff, &spectra.force_noise);
+    let forces = Excitation::new(&spectra.ff, &spectra.noise.force);
     let rank = rank.min(forces.rank());
     if rank == 0 {
         return Err(MasslineError::NoResultant);

@@ -3,7 +3,7 @@
 
 use super::averaging::Trend;
 use super::lines::indices;
-use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use super::{Complex6, EquationWeights, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::spectra::LineRange;
 use nalgebra::Complex;
 
@@ -20,11 +20,12 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     band: LineRange,
     fit: LineRange,
     limit: usize,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, band, &set.equations);
+    let system = FreeSystem::new(lines, band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;
@@ -33,6 +34,8 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         Trend::Constant,
+        equations,
+        system.excitation(),
         system.forces(),
         &mut |line, pairs| {
             let mut rigid = Complex6::zeros();
@@ -41,5 +44,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
             system.pairs(&rigid, pairs);
             Ok(())
         },
-    )
+    )?;
+    system.add_noise(set);
+    Ok(())
 }

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::algebra::{larger, not_negative};
 use crate::cells::seen;
-use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::geometry::{PackedNoise, RESULTANTS, ResultantMap};
 
 /// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
 const fn sums_per_line(channels: usize) -> usize {
@@ -196,8 +196,9 @@ pub struct RunResponses<'a> {
     /// G_rr of each line, summed over the blocks.
     pub drive: &'a [f32],
     /// Power per line that does not come from the drive: the expected `G_rr |error of H|²`
-    /// of each resultant, averaged over the averaging band.
-    pub noise: [f32; RESULTANTS],
+    /// of the resultants, averaged over the averaging band, with the correlations that the
+    /// sensors' geometry gives it: a packed [`crate::geometry::ResultantNoise`].
+    pub noise: PackedNoise,
     /// Blocks averaged.
     pub blocks: u32,
 }
@@ -248,12 +249,13 @@ impl<'a> RunResponses<'a> {
         };
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
-        let noise = core::array::from_fn(|c| {
+        let powers = core::array::from_fn(|c| {
             larger(
                 block_correlation * seen(&scatter[..])[c],
                 seen(&rounding[..])[c],
-            ) as f32
+            )
         });
+        let noise = map.noise(&powers).packed();
         Ok(Self {
             grid,
             responses,

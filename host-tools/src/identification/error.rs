@@ -119,6 +119,9 @@ impl AnswerError {
             MasslineError::OtherLines { .. } | MasslineError::Work { .. } => {
                 "this is a mistake in the program: report it with the setup file"
             }
+            MasslineError::TooFewBlocks { .. } => {
+                "record longer, shorten `block_length`, or record the generator's signal and name it as `reference`, which needs fewer blocks"
+            }
             MasslineError::Singular => "check the recordings for channels without signal",
         };
         Self::Masslines {

@@ -6,7 +6,7 @@ use super::rejected::{Gate, Rejected};
 use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
-use massline_core::geometry::{RESULTANT_NAMES, RESULTANTS};
+use massline_core::geometry::{PackedNoise, RESULTANT_NAMES, RESULTANTS};
 use massline_core::spectra::{
     Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
     RunResponses, SpectraError, Sum,
@@ -24,8 +24,8 @@ pub enum Spectra {
         responses: Vec<[Complex32; RESULTANTS]>,
         /// G_rr of each line, summed over the blocks.
         drive: Vec<f32>,
-        /// Noise power per line, mean over the averaging band.
-        noise: [f32; RESULTANTS],
+        /// Covariance of the noise per line, mean over the averaging band.
+        noise: PackedNoise,
         /// Coherence of each resultant with the drive, line by line.
         coherence: Vec<[f32; RESULTANTS]>,
     },

@@ -3,8 +3,8 @@
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
 use crate::setup::{Run, Setup};
-use massline_core::geometry::RESULTANTS;
-use massline_core::masslines::SineRun;
+use massline_core::geometry::{RESULTANTS, ResultantNoise};
+use massline_core::masslines::{MIN_NEIGHBOURS, SineRun};
 use massline_core::spectra::LineRange;
 use nalgebra::Complex;
 use std::hash::{DefaultHasher, Hasher};
@@ -23,8 +23,9 @@ pub struct MeasuredSine {
     pub sensors: Vec<Vec<Complex<f64>>>,
     /// Lines of the averaging band.
     pub band: LineRange,
-    /// Resolution of each resultant, as a power per line.
-    pub noise: [f64; RESULTANTS],
+    /// Covariance of the noise of the resultants per line: the misfit of neighbouring lines of
+    /// the averaging band, and at least the resolution of the recorded numbers.
+    pub noise: ResultantNoise,
     pub(super) fingerprint: u64,
 }
 
@@ -50,11 +51,11 @@ pub(super) fn read(
     before: Option<&[f64]>,
     warnings: &mut Vec<String>,
 ) -> Result<MeasuredSine, MeasureError> {
-    if setup.processing.is_none() {
+    let Some(processing) = &setup.processing else {
         return Err(MeasureError::NoProcessing {
             run: run.name.clone(),
         });
-    }
+    };
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
     let mut columns = vec!["frequency".to_owned()];
@@ -73,10 +74,11 @@ pub(super) fn read(
         responses: Vec::new(),
         sensors: Vec::new(),
         band: LineRange::NONE,
-        noise: [0.0; RESULTANTS],
+        noise: ResultantNoise::NONE,
         fingerprint: 0,
     };
     let mut hash = DefaultHasher::new();
+    let mut resolution = ResultantNoise::NONE;
     let mut row = vec![0.0; columns.len()];
     while recording.next_row_f64(|i, x| row[i] = x)? {
         let frequency = row[0];
@@ -99,8 +101,8 @@ pub(super) fn read(
             let column = &measured.geometry.columns[c];
             for (j, r) in response.iter_mut().enumerate() {
                 *r += x * column[j];
-                measured.noise[j] += x.norm_sqr() * column[j] * column[j];
             }
+            resolution.add_sensor(column, x.norm_sqr());
             if c < sensors_of {
                 sensors.push(x * setup.accelerometers[c].scale);
             }
@@ -110,14 +112,26 @@ pub(super) fn read(
     }
     recording.notice_end(warnings);
     let lines = measured.frequencies.len().max(1) as f64;
-    for noise in &mut measured.noise {
-        *noise *= RESOLUTION * RESOLUTION / lines;
+    let band = LineRange::among(&measured.frequencies, processing.averaging_band);
+    measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
+    let band = measured.band.start()..measured.band.end();
+    if let Some(noise) = SineRun::noise_of_neighbours(
+        &measured.frequencies[band.clone()],
+        &measured.responses[band],
+    ) {
+        measured.noise = noise;
+    } else {
+        warnings.push(format!(
+            "run \"{}\": fewer than {MIN_NEIGHBOURS} frequencies in the averaging band do not tell \
+             how noisy they are; a relative resolution of {RESOLUTION:.0e} is assumed, and error \
+             bars rest on that",
+            run.name
+        ));
     }
+    measured
+        .noise
+        .add(&resolution, RESOLUTION * RESOLUTION / lines);
     measured.fingerprint = hash.finish();
-    if let Some(p) = &setup.processing {
-        let band = LineRange::among(&measured.frequencies, p.averaging_band);
-        measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
-    }
     if let Some(before) = before
         && let Some(frequency) = first_difference(before, &measured.frequencies)
     {

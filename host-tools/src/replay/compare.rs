@@ -2,7 +2,7 @@
 
 use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
-use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
+use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES, ResultantNoise};
 use massline_core::identify::{Estimate, Identification};
 use massline_core::instrument::{self, Findings};
 use massline_core::spectra::LineGrid;
@@ -109,7 +109,8 @@ impl Comparison {
                 };
                 comparison.line(k, grid.frequency(k), &host, device);
             }
-            comparison.noise(noise, summary.noise);
+            let variances = ResultantNoise::unpacked(noise).variances();
+            comparison.noise(&variances.map(|v| v as f32), summary.noise);
         }
         comparison
     }

@@ -58,19 +58,18 @@ pub(super) struct Excited {
 impl Excited {
     pub fn new(lines: &dyn Lines, band: LineRange) -> Self {
         let mut energy = Moments::zero();
-        let mut noise = Vector6::zeros();
+        let mut noise = Matrix6::zeros();
         for run in 0..lines.runs() {
-            let per_line = lines.noise(run);
-            for j in 0..6 {
-                noise[j] += per_line[j] * band.len() as f64;
-            }
+            noise += lines.noise(run).acceleration * band.len() as f64;
             for line in band {
                 lines.add_moments(run, line, 1.0, &mut energy);
             }
         }
         let real = energy.aa.map(|z| z.re);
-        let components =
-            core::array::from_fn(|j| noise[j] > 0.0 && real[(j, j)] > ABOVE_NOISE * noise[j]);
+        let components = core::array::from_fn(|j| {
+            let noise = noise[(j, j)];
+            noise > 0.0 && real[(j, j)] > ABOVE_NOISE * noise
+        });
         let excitation = Excitation::new(&real, &noise);
         Self {
             components,

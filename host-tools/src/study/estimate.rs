@@ -5,7 +5,9 @@ use super::twin::range_end;
 use super::{Options, Twin, WeightRule};
 use crate::measure::{Accelerations, RunGeometry, Survey};
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
-use massline_core::masslines::{Bands, Lines, Masslines, Method, condense, lines_between};
+use massline_core::masslines::{
+    Bands, EquationWeights, Lines, Masslines, Method, condense, lines_between,
+};
 use massline_core::modes::Pole;
 use massline_core::spectra::BandError;
 use nalgebra::Complex;
@@ -237,6 +239,8 @@ impl<'t> Task<'t> {
     fn bands<L: Lines>(&self, row: &Row, lines: &L) -> Result<Bands, BandError> {
         let mut bands = Bands::new(lines_between(lines, self.band(row.range))?);
         bands.modes = self.options.modes;
+        // The paper's rows are the paper's least squares.
+        bands.equations = EquationWeights::Unit;
         let fit_band = match row.method {
             Method::ApparentMass => Some(self.options.pole_band),
             _ => self.options.fit_band,
