@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use massline::identification::{self, Choice, Session};
 use massline::measure::Spectra;
 use massline::setup::{Mount, Setup};
+use massline_core::geometry::ResultantNoise;
 use massline_core::instrument::{Findings, answer};
 use massline_core::masslines::Method;
 use massline_core::wire::{self, Accelerations, Exact, Line, Pass, Procedure, Question, Weighting};
@@ -150,7 +151,8 @@ fn measure(
         let summary = stand_in.run(setup, run, Pass::Measure, |_, _| ());
         let measured = &found.measurement.runs[run];
         assert_eq!(summary.blocks, measured.blocks);
-        let noise = measured.responses().unwrap().noise.map(Exact);
+        let noise = ResultantNoise::unpacked(&measured.responses().unwrap().noise);
+        let noise = noise.variances().map(|v| Exact(v as f32));
         assert_eq!(summary.noise, Some(noise));
         assert_eq!(bits(&stand_in.lines(run)), bits(host), "run {run}");
     }
