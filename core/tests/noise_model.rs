@@ -7,6 +7,7 @@ use massline_core::masslines::{
     Bands, Condensed, MasslineError, Method, SineLines, SineRun, StaticPoses, condense,
 };
 use massline_core::rigid_body::{Inertia, RigidBody};
+use massline_core::spectra::LineRange;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
 mod draws;
@@ -208,7 +209,7 @@ impl Test {
             })
             .collect();
         let lines = SineLines::new(&self.frequencies, &runs).unwrap();
-        let bands = Bands::new(0..LINES, LINES);
+        let bands = Bands::new(LineRange::all(LINES));
         let mut work = vec![Complex::new(0.0, 0.0); 2 * LINES];
         condense(
             method,

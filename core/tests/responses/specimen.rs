@@ -125,7 +125,7 @@ impl Measured {
     pub fn first<R>(&self, count: usize, look: impl FnOnce(&SineLines<'_>) -> R) -> R {
         let run = |responses| SineRun {
             responses,
-            noise: self.noise,
+            noise: massline_core::geometry::ResultantNoise::diagonal(&self.noise),
         };
         let runs: Vec<_> = self.runs[..count].iter().map(|r| run(r)).collect();
         look(&SineLines::new(&self.frequencies, &runs).unwrap())
