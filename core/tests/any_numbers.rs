@@ -10,7 +10,7 @@ use massline_core::geometry::{
 };
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
 use massline_core::masslines::{Masslines, StaticPoses};
-use massline_core::spectra::{BlockSettings, LineGrid, Window};
+use massline_core::spectra::{BlockSettings, LineGrid, LineRange, Window};
 use massline_core::weighting::weights_from_peaks;
 use massline_core::wire::{Circuit, Health};
 use nalgebra::{Vector3, Vector6};
@@ -131,14 +131,15 @@ proptest! {
             prop_assert!(grid.first + grid.count <= length / 2);
             prop_assert!(grid.frequency(line).is_finite() || line > length);
             prop_assert!(settings.hop() > 0 && settings.hop() <= length);
-            let band = grid.within(low, high);
-            prop_assert_eq!(band, 0..grid.count);
+            prop_assert_eq!(grid.within([low, high]), Ok(LineRange::all(grid.count)));
         }
         let grid = LineGrid { first, count, spacing: rate };
-        let band = grid.within(low, high);
-        prop_assert!(band.start <= band.end && band.end <= count);
-        if low.is_nan() || high.is_nan() || rate.is_nan() {
-            prop_assert!(band.is_empty());
+        match grid.within([low, high]) {
+            Ok(band) => {
+                prop_assert!(band.start() <= band.end() && band.end() <= count);
+                prop_assert!(!(low.is_nan() || high.is_nan()));
+            }
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
         }
     }
 
