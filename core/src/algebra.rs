@@ -257,16 +257,16 @@ pub(crate) fn product(x: impl Fn(usize) -> f64, y: &[f64]) -> f64 {
     products.reduce(|sum, next| sum + next).unwrap_or(0.0)
 }
 
-/// What the six channels `x` leave unexplained of the power of each of the six
-/// channels `y`: `G_yy - G_yx G_xx⁻¹ G_xy` on the diagonal.
+/// Second moments of the six channels `y` that the six channels `x` leave unexplained: the
+/// real part of `G_yy - G_yx G_xx⁻¹ G_xy`.
 ///
 /// `explaining` is G_xx, `cross` is G_yx, `own` is G_yy. A channel x that depends on
 /// those before it, to within rounding, is skipped.
-pub(crate) fn incoherent_powers(
+pub(crate) fn incoherent(
     explaining: &Matrix6<Complex<f64>>,
     cross: &Matrix6<Complex<f64>>,
     own: &Matrix6<Complex<f64>>,
-) -> [f64; 6] {
+) -> Matrix6<f64> {
     // A pivot this much below its diagonal is rounding, not signal: f32 spectra carry
     // relative errors of 1e-7, squared 1e-14, over thousands of terms.
     const DEPENDENT: f64 = 1e-10;
@@ -288,21 +288,55 @@ pub(crate) fn incoherent_powers(
             l[(i, k)] = sum / pivot;
         }
     }
-    core::array::from_fn(|j| {
-        let mut left = own[(j, j)].re;
-        let mut z = [Complex::new(0.0, 0.0); 6];
+    // Column j: L⁻¹ G_xy of channel y_j.
+    let mut z = Matrix6::<Complex<f64>>::zeros();
+    for j in 0..6 {
         for k in 0..6 {
             if d[k] > 0.0 {
                 let mut sum = cross[(j, k)].conj();
                 for m in 0..k {
-                    sum -= l[(k, m)] * z[m];
+                    sum -= l[(k, m)] * z[(m, j)];
                 }
-                z[k] = sum;
-                left -= sum.norm_sqr() / d[k];
+                z[(k, j)] = sum;
             }
         }
-        not_negative(left)
-    })
+    }
+    let mut left = own.map(|z| z.re);
+    for i in 0..6 {
+        for j in 0..6 {
+            for k in 0..6 {
+                if d[k] > 0.0 {
+                    left[(i, j)] -= (z[(k, i)].conj() * z[(k, j)]).re / d[k];
+                }
+            }
+        }
+        left[(i, i)] = not_negative(left[(i, i)]);
+    }
+    left
+}
+
+/// A factor F of a symmetric matrix without negative directions, `F Fᵀ = C`: Cholesky's, with
+/// a column of zeros where nothing but rounding is left.
+pub(crate) fn half(c: &Matrix6<f64>) -> Matrix6<f64> {
+    const NOTHING: f64 = 1e-13;
+    let mut l = Matrix6::zeros();
+    for j in 0..6 {
+        let full = c[(j, j)];
+        let pivot = full - (0..j).map(|k| l[(j, k)] * l[(j, k)]).sum::<f64>();
+        if !(pivot > NOTHING * full) || !pivot.is_finite() {
+            continue;
+        }
+        let root = libm::sqrt(pivot);
+        l[(j, j)] = root;
+        for i in j + 1..6 {
+            let mut sum = c[(i, j)];
+            for k in 0..j {
+                sum -= l[(i, k)] * l[(j, k)];
+            }
+            l[(i, j)] = sum / root;
+        }
+    }
+    l
 }
 
 /// Replaces the leading `n` x `n` part of a Hermitian positive definite matrix, of which
@@ -435,9 +469,25 @@ mod tests {
         let gxx = x * x.adjoint();
         let map = Matrix6::from_fn(|i, j| Complex::new(i as f64 - j as f64, 1.0));
         let (gyx, gyy) = (map * gxx, map * gxx * map.adjoint());
-        let left = incoherent_powers(&gxx, &gyx, &gyy);
-        for (j, left) in left.iter().enumerate() {
-            assert!(left / gyy[(j, j)].re < 1e-12);
+        let left = incoherent(&gxx, &gyx, &gyy);
+        for j in 0..6 {
+            assert!(left[(j, j)] / gyy[(j, j)].re < 1e-12);
         }
+    }
+
+    #[test]
+    fn independent_noise_is_what_the_others_do_not_explain() {
+        let x = Matrix6::from_fn(|i, j| Complex::new((i + 2 * j) as f64 + 1.0, i as f64 - 3.0))
+            + Matrix6::identity() * Complex::new(20.0, 0.0);
+        let gxx = x * x.adjoint();
+        let map = Matrix6::from_fn(|i, j| Complex::new(i as f64 - j as f64, 1.0));
+        let noise = Matrix6::from_fn(|i, j| if i == j { 3.0 } else { 1.0 });
+        let (gyx, mut gyy) = (map * gxx, map * gxx * map.adjoint());
+        gyy += noise.map(|x| Complex::new(x, 0.0));
+        let left = incoherent(&gxx, &gyx, &gyy);
+        // Powers of 1e6, of which a few units are left.
+        assert!((left - noise).norm() < 1e-6, "{left}");
+        let factor = half(&noise);
+        assert!((factor * factor.transpose() - noise).norm() < 1e-14);
     }
 }

@@ -7,7 +7,7 @@ use massline_core::geometry::{
 };
 use massline_core::identify::{Identification, Procedure, Question, identify};
 use massline_core::masslines::Masslines;
-use massline_core::rigid_body::{Inertia, Parameter, RigidBody};
+use massline_core::rigid_body::{Inertia, Parameter, RigidBody, Verdict};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 
@@ -94,7 +94,8 @@ proptest! {
         let set = exact(&body, &reference, &a);
         let found = identify(&[set], &Question::default()).unwrap();
         prop_assert!(worst_error(&found, &body) < 1e-9, "{}", worst_error(&found, &body));
-        prop_assert!(found.plausibility.ok(), "{:?}", found.plausibility);
+        // Plates and rods are among them, which no error bar tells from impossible bodies.
+        prop_assert_ne!(found.plausibility.verdict(), Verdict::Violated, "{:?}", found.plausibility);
         prop_assert_eq!(found.observable, [true; 10]);
     }
 

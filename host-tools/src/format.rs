@@ -2,11 +2,15 @@
 
 /// `value` and `std` rounded to two significant digits of `std`, without units.
 ///
-/// Without an error bar (zero or not finite) six significant digits are given.
+/// Without an error bar (zero or no number) six significant digits are given; an infinite one
+/// is shown as such.
 #[must_use]
 pub fn with_std(value: f64, std: f64) -> (String, String) {
     if !value.is_finite() {
         return ("-".to_owned(), "-".to_owned());
+    }
+    if std == f64::INFINITY {
+        return (significant(value, 2), "∞".to_owned());
     }
     if !(std.is_finite() && std > 0.0) {
         return (significant(value, 6), "0".to_owned());
@@ -89,5 +93,6 @@ mod tests {
         assert_eq!(pair(1.234, 0.0996), "1.23 0.10");
         assert_eq!(pair(-0.000_01, 0.1), "0.00 0.10");
         assert_eq!(pair(0.63076, 0.0), "0.630760 0");
+        assert_eq!(pair(0.63076, f64::INFINITY), "0.63 ∞");
     }
 }

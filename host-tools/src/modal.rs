@@ -28,6 +28,8 @@ pub struct FixedShape {
     pub shape: Option<Vec<f64>>,
     /// Modal mass for that scaling, kg.
     pub modal_mass: Option<f64>,
+    /// Whether no accelerometer sees the mode, so that it has neither shape nor modal mass.
+    pub unseen: bool,
 }
 
 /// A mode of the free structure.
@@ -60,6 +62,7 @@ impl Session<'_> {
         let fixed: Vec<FixedShape> = with_shapes(&survey, fixed);
         warn_of_resolution(self.setup(), &survey, &fixed, &mut warnings);
         warn_of_mixtures(&fixed, &mut warnings);
+        warn_of_unseen(&fixed, &mut warnings);
         Ok(Modal {
             free: free.map_or_else(Vec::new, |modes| free_shapes(&survey, &modes)),
             fixed,
@@ -69,33 +72,121 @@ impl Session<'_> {
 }
 
 /// Deflections of the fixed modes from the transmissibilities `T = X + Σ φ_r L_r D_r`.
+///
+/// Modes that lie close together are told apart by their rows: in a motion of the base in
+/// which all of them but one rest, the others have no part.
 fn with_shapes(survey: &Survey, modes: Vec<FixedMode>) -> Vec<FixedShape> {
-    let poles: Vec<Pole> = modes.iter().map(|m| m.pole).collect();
-    let directions = driven_directions(survey);
-    let residues = directions.as_ref().and_then(|(basis, count)| {
-        let t = survey.transmissibilities(basis, *count)?;
-        residues(&t, &survey.frequencies, &poles)
+    let driven = driven_directions(survey).and_then(|(basis, count)| {
+        let t = survey.transmissibilities(&basis, count)?;
+        Some((basis, count, t))
     });
+    let shapes: Vec<Option<Deflection>> = (0..modes.len())
+        .map(|r| {
+            let (basis, count, t) = driven.as_ref()?;
+            deflection(survey, &modes, r, basis, *count, t)
+        })
+        .collect();
     modes
         .into_iter()
-        .enumerate()
-        .map(|(r, mode)| {
-            let shape = directions.as_ref().and_then(|(basis, count)| {
-                let residue = &residues.as_ref()?[r];
-                // Participation in the same directions, and the shape that goes with it.
-                let l = (basis * mode.participation).rows(0, *count).into_owned();
-                let square = l.norm_squared();
-                (square > 0.0).then(|| residue * l / square)
-            });
+        .zip(shapes)
+        .map(|(mode, found)| {
             // Scaled to unit modal mass so far: 1/√kg.
-            let largest = shape.as_ref().map(|s: &DVector<f64>| s.amax());
+            let seen = found.as_ref().filter(|d| d.is_seen(&mode));
             FixedShape {
-                modal_mass: largest.filter(|l| *l > 0.0).map(|l| 1.0 / (l * l)),
-                shape: shape.as_ref().and_then(normalised),
+                modal_mass: seen.map(|d| 1.0 / (d.largest * d.largest)),
+                shape: seen.and_then(|d| normalised(&d.shape)),
+                unseen: found.is_some() && seen.is_none(),
                 mode,
             }
         })
         .collect()
+}
+
+/// How far a mode of unit modal mass deflects the accelerometers, 1/√kg.
+struct Deflection {
+    shape: DVector<f64>,
+    /// The largest, and what it may be wrong by.
+    largest: f64,
+    std: f64,
+    /// Its motion of the base: what the largest transmissibility is per unit of deflection.
+    row: f64,
+}
+
+/// How many times its standard deviation a largest deflection must be: a modal mass goes with
+/// its square, so it is known to a fifth then.
+const SURE: f64 = 10.0;
+/// Least part that a mode has in the transmissibility at its resonance: what is smaller may as
+/// well be cross-talk of a sensor.
+const LEAST_PART: f64 = 0.01;
+
+impl Deflection {
+    /// Whether an accelerometer sees the mode: otherwise its modal mass for a deflection of one
+    /// there is any large number.
+    fn is_seen(&self, mode: &FixedMode) -> bool {
+        let at_resonance = self.largest * self.row / (2.0 * mode.pole.damping);
+        self.largest > SURE * self.std && at_resonance > LEAST_PART
+    }
+}
+
+fn deflection(
+    survey: &Survey,
+    modes: &[FixedMode],
+    r: usize,
+    basis: &Matrix6<f64>,
+    count: usize,
+    t: &[DMatrix<Complex<f64>>],
+) -> Option<Deflection> {
+    let mode = &modes[r];
+    let near = |other: &FixedMode| {
+        let bandwidth = mode.pole.damping * mode.pole.frequency;
+        (other.pole.frequency - mode.pole.frequency).abs() < 6.0 * bandwidth
+    };
+    let row = |m: &FixedMode| -> DVector<f64> {
+        let all = basis * m.participation;
+        DVector::from_iterator(count, all.iter().take(count).copied())
+    };
+    // This mode first, then those close to it.
+    let mut rows = vec![row(mode)];
+    let mut poles = vec![mode.pole];
+    for (s, other) in modes.iter().enumerate().filter(|(s, _)| *s != r) {
+        let crowd = near(other);
+        // A mode that the driven directions do not tell from this one stays a pole of its own.
+        if crowd && rows.len() < count && independent(&rows, &row(other)) {
+            rows.push(row(other));
+        } else {
+            poles.push(modes[s].pole);
+        }
+    }
+    let l = DMatrix::from_fn(rows.len(), count, |i, j| rows[i][j]);
+    let gram = (&l * l.transpose()).try_inverse()?;
+    // L v = (1, 0 …): in this motion of the base the others rest.
+    let motion: DVector<f64> = l.transpose() * gram.column(0);
+    let complex = motion.map(|x| Complex::new(x, 0.0));
+    let one: Vec<DMatrix<Complex<f64>>> = t
+        .iter()
+        .map(|t| DMatrix::from_column_slice(t.nrows(), 1, (t * &complex).as_slice()))
+        .collect();
+    let (residues, std) = residues(&one, &survey.frequencies, &poles)?;
+    let shape = residues.first()?.column(0).into_owned();
+    let at = shape.iamax();
+    Some(Deflection {
+        largest: shape[at].abs(),
+        std: std.first()?[(at, 0)],
+        row: rows[0].norm(),
+        shape,
+    })
+}
+
+/// Whether a row lies far enough from the span of others.
+fn independent(rows: &[DVector<f64>], row: &DVector<f64>) -> bool {
+    let mut left = row.clone();
+    for _ in 0..2 {
+        for other in rows {
+            let along = other.dot(&left) / other.norm_squared();
+            left -= other * along;
+        }
+    }
+    left.norm() > 0.2 * row.norm()
 }
 
 /// Orthonormal directions of base acceleration that the runs drive, one a run: the fewest
@@ -138,7 +229,8 @@ fn free_shapes(survey: &Survey, modes: &FreeModes) -> Vec<FreeShape> {
     let poles: Vec<Pole> = modes.poles.to_vec();
     let residues = survey
         .free_responses()
-        .and_then(|h| residues(&h, &survey.frequencies, &poles));
+        .and_then(|h| residues(&h, &survey.frequencies, &poles))
+        .map(|(residues, _)| residues);
     poles
         .iter()
         .enumerate()
@@ -163,18 +255,18 @@ fn normalised(shape: &DVector<f64>) -> Option<Vec<f64>> {
 }
 
 /// Real residues of all entries for common poles: a constant, a term in ω², and per pole a
-/// residue and its quadrature, by least squares over all lines.
+/// residue and its quadrature, by least squares over all lines. With the standard deviations
+/// that the scatter about the fit tells.
+#[allow(clippy::type_complexity)]
 fn residues(
     responses: &[DMatrix<Complex<f64>>],
     frequencies: &[f64],
     poles: &[Pole],
-) -> Option<Vec<DMatrix<f64>>> {
+) -> Option<(Vec<DMatrix<f64>>, Vec<DMatrix<f64>>)> {
     let (rows, columns) = responses.first()?.shape();
     let unit = frequencies.last()?;
     let terms = 2 + 2 * poles.len();
-    let mut normal = DMatrix::<f64>::zeros(terms, terms);
-    let mut right = vec![DMatrix::<f64>::zeros(rows, columns); terms];
-    for (h, &f) in responses.iter().zip(frequencies) {
+    let basis = |f: f64| {
         let mut phi = vec![
             Complex::new(1.0, 0.0),
             Complex::new((f / unit) * (f / unit), 0.0),
@@ -184,6 +276,12 @@ fn residues(
             phi.push(d);
             phi.push(d * Complex::new(0.0, f / pole.frequency));
         }
+        phi
+    };
+    let mut normal = DMatrix::<f64>::zeros(terms, terms);
+    let mut right = vec![DMatrix::<f64>::zeros(rows, columns); terms];
+    for (h, &f) in responses.iter().zip(frequencies) {
+        let phi = basis(f);
         for i in 0..terms {
             for j in 0..terms {
                 normal[(i, j)] += (phi[i].conj() * phi[j]).re;
@@ -192,12 +290,46 @@ fn residues(
         }
     }
     let inverse = normal.try_inverse()?;
-    let solved = |i: usize| {
-        (0..terms).fold(DMatrix::zeros(rows, columns), |sum, j| {
-            sum + &right[j] * inverse[(i, j)]
+    let solved: Vec<DMatrix<f64>> = (0..terms)
+        .map(|i| {
+            (0..terms).fold(DMatrix::zeros(rows, columns), |sum, j| {
+                sum + &right[j] * inverse[(i, j)]
+            })
         })
-    };
-    Some((0..poles.len()).map(|r| solved(2 + 2 * r)).collect())
+        .collect();
+    let mut left = DMatrix::<f64>::zeros(rows, columns);
+    for (h, &f) in responses.iter().zip(frequencies) {
+        let phi = basis(f);
+        for i in 0..rows {
+            for j in 0..columns {
+                let fitted = (0..terms).map(|k| phi[k] * solved[k][(i, j)]);
+                left[(i, j)] += (h[(i, j)] - fitted.sum::<Complex<f64>>()).norm_sqr();
+            }
+        }
+    }
+    let freedom = (2 * responses.len()).saturating_sub(terms).max(1) as f64;
+    let of_pole = |r: usize| 2 + 2 * r;
+    let stds = (0..poles.len()).map(|r| {
+        let gain = inverse[(of_pole(r), of_pole(r))].max(0.0) / freedom;
+        left.map(|power| (power * gain).sqrt())
+    });
+    let stds = stds.collect();
+    let residues = (0..poles.len()).map(|r| solved[of_pole(r)].clone());
+    Some((residues.collect(), stds))
+}
+
+fn warn_of_unseen(fixed: &[FixedShape], warnings: &mut Vec<String>) {
+    let unseen: Vec<String> = fixed
+        .iter()
+        .filter(|m| m.unseen)
+        .map(|m| format!("{:.2} Hz", m.mode.pole.frequency))
+        .collect();
+    if !unseen.is_empty() {
+        warnings.push(format!(
+            "modal analysis: no accelerometer moves with the mode at {}, so that it has no shape and no modal mass; its effective masses come from the load cells and stand. Put an accelerometer where the structure moves most",
+            unseen.join(", ")
+        ));
+    }
 }
 
 fn warn_of_resolution(

@@ -1,4 +1,4 @@
-//! The result document, `massline/result/1`.
+//! The result document, `massline/result/2`.
 
 use crate::box_runs::StoredRun;
 use crate::identification::Answer;
@@ -6,12 +6,13 @@ use crate::measure::MeasuredRun;
 use crate::recording::{Traceability, TrueRate, fault_words};
 use crate::replay::DeviceEntry;
 use crate::setup::Setup;
-use massline_core::identify::{Estimate, Identification, InertiaEstimate, Procedure};
+use massline_core::identify::{Covariance, Estimate, Identification, InertiaEstimate, Procedure};
+use massline_core::rigid_body::{Margin, Verdict};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Version of the document's form.
-pub const SCHEMA: &str = "massline/result/1";
+pub const SCHEMA: &str = "massline/result/2";
 
 /// A number with its error bar; `value` is null where the test does not tell it.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -20,15 +21,22 @@ pub struct Number {
     pub value: Option<f64>,
     /// One standard deviation, SI.
     pub std: Option<f64>,
+    /// Half of the 95 % interval, SI.
+    pub interval: Option<f64>,
     /// Whether this test determines it.
     pub observable: bool,
 }
 
-impl From<Option<Estimate>> for Number {
-    fn from(estimate: Option<Estimate>) -> Self {
+impl Number {
+    /// Of an estimate whose standard deviation has so many degrees of freedom.
+    fn new(estimate: Option<Estimate>, freedom: f64) -> Self {
         Self {
             value: estimate.map(|e| e.value),
             std: estimate.map(|e| e.std),
+            // Without a degree of freedom there is no interval, and JSON knows no infinity.
+            interval: estimate
+                .map(|e| e.interval(freedom))
+                .filter(|half| half.is_finite()),
             observable: estimate.is_some(),
         }
     }
@@ -51,9 +59,9 @@ pub struct InertiaTerms {
     pub yz: Number,
 }
 
-impl From<InertiaEstimate> for InertiaTerms {
-    fn from(terms: InertiaEstimate) -> Self {
-        let [xx, yy, zz, xy, xz, yz] = terms.map(Number::from);
+impl InertiaTerms {
+    fn new(terms: InertiaEstimate, freedom: f64) -> Self {
+        let [xx, yy, zz, xy, xz, yz] = terms.map(|term| Number::new(term, freedom));
         Self {
             xx,
             yy,
@@ -68,14 +76,70 @@ impl From<InertiaEstimate> for InertiaTerms {
 /// Whether a body like this could exist.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plausible {
-    /// No condition that could be checked is violated.
-    pub ok: bool,
-    /// The violated condition.
+    /// True where every condition holds by more than its error bar, false where one is
+    /// violated by more than that, null where this test cannot judge.
+    pub ok: Option<bool>,
+    /// The condition that is violated, or the one that cannot be judged.
     pub reason: Option<&'static str>,
-    /// Smallest principal moment over the largest; negative is not positive definite.
+    /// Smallest principal moment over the largest absolute one; negative is not positive
+    /// definite. Where only some moments are known, the smallest of these.
     pub positive_definite_margin: Option<f64>,
-    /// What the two smaller principal moments exceed the largest by, over the largest.
+    /// Half of its 95 % interval.
+    pub positive_definite_interval: Option<f64>,
+    /// What the two smaller principal moments exceed the largest by, over the largest
+    /// absolute one.
     pub triangle_margin: Option<f64>,
+    /// Half of its 95 % interval.
+    pub triangle_interval: Option<f64>,
+}
+
+impl Plausible {
+    fn new(i: &Identification) -> Self {
+        let p = &i.plausibility;
+        let margin = |m: Option<Margin>| m.map(|m| m.relative);
+        let half = |m: Option<Margin>| m.map(|m| m.uncertainty).filter(|half| half.is_finite());
+        Self {
+            ok: match p.verdict() {
+                Verdict::Holds => Some(true),
+                Verdict::Violated => Some(false),
+                Verdict::Undecided => None,
+            },
+            reason: p.reason(),
+            positive_definite_margin: margin(p.positive_definite),
+            positive_definite_interval: half(p.positive_definite),
+            triangle_margin: margin(p.triangle),
+            triangle_interval: half(p.triangle),
+        }
+    }
+}
+
+/// Covariance of the ten numbers, so that others can propagate it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CovarianceDocument {
+    /// What the rows and columns are.
+    pub rows: [&'static str; 10],
+    /// Their units.
+    pub units: [&'static str; 10],
+    /// The matrix; null in the row and the column of what is not observable.
+    pub matrix: Covariance,
+}
+
+impl CovarianceDocument {
+    fn new(i: &Identification, matrix: Covariance) -> Self {
+        let (first, unit) = match i.indicator {
+            Some(_) => ("indicator", "1"),
+            None => ("mass", "kg"),
+        };
+        Self {
+            rows: [first, "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz"],
+            units: core::array::from_fn(|k| match k {
+                0 => unit,
+                1..4 => "m",
+                _ => "kg m²",
+            }),
+            matrix,
+        }
+    }
 }
 
 /// Deflection of a mode at an accelerometer, largest one.
@@ -257,6 +321,9 @@ pub struct ResultDocument {
     pub method: &'static str,
     /// Why this method, where the user left the choice.
     pub recommended_because: Option<&'static str>,
+    /// Why the numbers must not be believed, and what to do; null where nothing speaks against
+    /// them.
+    pub refused: Option<String>,
     /// Whether the reference point was iterated to the CG.
     pub iterative: bool,
     /// Whether accelerometer weights were used.
@@ -279,12 +346,20 @@ pub struct ResultDocument {
     pub principal_moments: Option<[f64; 3]>,
     /// Their axes, one unit vector each.
     pub principal_axes: Option<[[f64; 3]; 3]>,
+    /// Degrees of freedom of the estimate of noise behind the error bars; null where the noise
+    /// counts as known.
+    pub freedom: Option<f64>,
+    /// Covariance of mass (or Δ), centre of gravity and inertia about it; null from a box,
+    /// which does not tell it.
+    pub covariance: Option<CovarianceDocument>,
     /// Of the column-equilibrated normal equations.
     pub condition_number: f64,
     /// Iterations done.
     pub iterations: u32,
     /// Residual of the masslines over what their noise explains; about one is good.
     pub consistency: Option<f64>,
+    /// Share of the forces that a rigid body leaves, as amplitude.
+    pub misfit: f64,
     /// Whether a body like this could exist.
     pub plausible: Plausible,
     /// Modes of the structure on the fixed interface, with effective masses.
@@ -370,6 +445,11 @@ impl ResultDocument {
             offsets: offsets.collect(),
             runs: runs.map(RunQuality::new).collect(),
             warnings: answer.warnings.clone(),
+            refused: answer.refused.clone(),
+            covariance: Some(CovarianceDocument::new(
+                &answer.identification,
+                answer.covariance,
+            )),
             ..Self::of_numbers(&origin, &answer.identification)
         }
     }
@@ -377,34 +457,33 @@ impl ResultDocument {
     /// The document of the ten numbers alone.
     #[must_use]
     pub fn of_numbers(origin: &Origin<'_>, i: &Identification) -> Self {
-        let p = &i.plausibility;
+        let number = |e: Option<Estimate>| Number::new(e, i.freedom);
         Self {
             schema: SCHEMA,
             title: origin.title.to_owned(),
             method: origin.method,
             recommended_because: origin.why,
+            refused: None,
             iterative: origin.iterative,
             weighted: origin.weighted,
             reference_point: i.reference.into(),
-            mass: i.mass.into(),
-            indicator: i.indicator.map(|e| Some(e).into()),
-            centre_of_gravity: i.centre_of_gravity.map(Number::from),
+            mass: number(i.mass),
+            indicator: i.indicator.map(|e| number(Some(e))),
+            centre_of_gravity: i.centre_of_gravity.map(number),
             products_of_inertia: "integral of x y dm, plus sign",
-            inertia_reference: i.inertia_reference.into(),
-            inertia_cg: i.inertia_cg.into(),
+            inertia_reference: InertiaTerms::new(i.inertia_reference, i.freedom),
+            inertia_cg: InertiaTerms::new(i.inertia_cg, i.freedom),
             principal_moments: i.principal.map(|p| p.moments.into()),
             principal_axes: i
                 .principal
                 .map(|p| core::array::from_fn(|c| p.axes.column(c).into_owned().into())),
+            freedom: Some(i.freedom).filter(|freedom| freedom.is_finite()),
+            covariance: None,
             condition_number: i.condition_number,
             iterations: i.iterations,
             consistency: i.consistency,
-            plausible: Plausible {
-                ok: p.ok(),
-                reason: p.first_violation(),
-                positive_definite_margin: p.positive_definite.map(|m| m.relative),
-                triangle_margin: p.triangle.map(|m| m.relative),
-            },
+            misfit: i.misfit,
+            plausible: Plausible::new(i),
             fixed_modes: Vec::new(),
             free_modes: Vec::new(),
             offsets: Vec::new(),

@@ -60,7 +60,7 @@ fn the_box_finds_the_fork_that_is_wired_to_it() {
     simulate(folder.path());
     let finished = measure(folder.path(), &["--duration", "60", "--json"]);
     let found = document(&finished);
-    assert_eq!(found["schema"], "massline/result/1");
+    assert_eq!(found["schema"], "massline/result/2");
     assert_eq!(found["method"], "apparent-mass");
     assert_eq!(found["box"]["chip"], "this computer");
     hold_against_truth(folder.path(), &found);

@@ -69,7 +69,7 @@ fn demo_has_one_document_with_the_truth() {
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     assert_eq!(finished.stderr, "");
     let document: serde_json::Value = serde_json::from_str(&finished.stdout).unwrap();
-    assert_eq!(document["schema"], "massline/result/1");
+    assert_eq!(document["schema"], "massline/result/2");
     assert_eq!(document["truth"]["schema"], "massline/truth/1");
     assert!(
         folder.path().join("demo/report.html").exists(),

@@ -98,9 +98,9 @@ fn results_go_to_stdout_and_the_rest_to_stderr() {
 fn json_is_alone_on_stdout() {
     let bench = Bench::fork();
     for (arguments, schema) in [
-        (&["--json"][..], "massline/result/1"),
-        (&["--json", "-v"], "massline/result/1"),
-        (&["--json", "--report", "report.html"], "massline/result/1"),
+        (&["--json"][..], "massline/result/2"),
+        (&["--json", "-v"], "massline/result/2"),
+        (&["--json", "--report", "report.html"], "massline/result/2"),
         (&["--json", "--method", "all"], "massline/comparison/1"),
     ] {
         let finished = bench.identify(arguments);

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use massline::identification::{self, Choice, Session};
 use massline::measure::Spectra;
 use massline::setup::{Mount, Setup};
+use massline_core::geometry::ResultantNoise;
 use massline_core::instrument::{Findings, answer};
 use massline_core::masslines::Method;
 use massline_core::wire::{self, Accelerations, Exact, Line, Pass, Procedure, Question, Weighting};
@@ -38,7 +39,6 @@ fn short_fork(folder: &tempfile::TempDir) -> Setup {
 }
 
 fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
-    let processing = setup.processing.as_ref().unwrap();
     Question {
         method: method.into(),
         known_mass: setup.known_mass,
@@ -51,7 +51,7 @@ fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
             Procedure::Direct
         },
         modes: setup.estimation.modes as u8,
-        fit_band: Some([processing.averaging_band[0], processing.kept_up_to(None)]),
+        fit_band: setup.estimation.fit_band,
         runs: 0,
     }
 }
@@ -151,7 +151,8 @@ fn measure(
         let summary = stand_in.run(setup, run, Pass::Measure, |_, _| ());
         let measured = &found.measurement.runs[run];
         assert_eq!(summary.blocks, measured.blocks);
-        let noise = measured.responses().unwrap().noise.map(Exact);
+        let noise = ResultantNoise::unpacked(&measured.responses().unwrap().noise);
+        let noise = noise.variances().map(|v| Exact(v as f32));
         assert_eq!(summary.noise, Some(noise));
         assert_eq!(bits(&stand_in.lines(run)), bits(host), "run {run}");
     }
@@ -229,7 +230,11 @@ fn a_survey_finds_the_workstations_weights() {
     let survey = session.survey(&mut |_| ()).unwrap();
     let processing = setup.processing.as_ref().unwrap();
     let band = processing.mode_band.unwrap();
-    let host = survey.weights_per_run(&setup, band, setup.estimation.minimum_weight);
+    let host = survey.weights_per_run(
+        &setup,
+        survey.lines(band).unwrap(),
+        setup.estimation.minimum_weight,
+    );
     let mut shelf = Shelf::default();
     let mut stand_in = StandIn::new(&mut shelf, Vec::new());
     stand_in.weighting = Weighting::EachRun;

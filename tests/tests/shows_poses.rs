@@ -51,7 +51,8 @@ fn what_does_not_turn_has_no_inertia() {
     }
     assert_eq!(document["mass"]["observable"], true);
     assert!(document["principal_moments"].is_null());
-    assert_eq!(document["plausible"]["ok"], true);
+    // A mass and a place are not enough to say if a body like this could exist.
+    assert!(document["plausible"]["ok"].is_null());
 }
 
 #[test]

@@ -12,7 +12,7 @@ use nalgebra::{ArrayStorage, Matrix6, Vector3, Vector6};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Equations {
     rows: Matrix6<f64>,
-    count: usize,
+    count: u8,
     whitened: bool,
 }
 
@@ -59,7 +59,7 @@ impl Equations {
         let (rows, count) = orthonormal_rows(rows, count);
         Self {
             rows,
-            count,
+            count: count as u8,
             whitened: false,
         }
     }
@@ -83,7 +83,7 @@ impl Equations {
     /// Number of equations per acceleration vector, 0 to 6.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.count
+        usize::from(self.count)
     }
 
     /// Whether the rows carry the weights of the noise. Then the least-squares answer
@@ -117,7 +117,7 @@ impl Equations {
         if self.whitened {
             Self { rows, ..*self }
         } else {
-            Self::spanned(&rows, self.count)
+            Self::spanned(&rows, self.count())
         }
     }
 }

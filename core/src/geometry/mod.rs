@@ -8,12 +8,16 @@
 //! `f = (fx, fy, fz, tx, ty, tz)` for the resultants exerted **on** the structure.
 
 mod equations;
+mod noise;
 mod placement;
 mod reference;
 mod resultants;
 mod run;
 
 pub use equations::Equations;
+pub use noise::{
+    PackedNoise, ResultantNoise, accelerations_moved, forces_moved, least_translation,
+};
 pub use placement::Placement;
 pub use reference::{resultants_at, transfer};
 pub use resultants::{AccelerationFit, ForceResultants, RESULTANTS, ResultantMap};

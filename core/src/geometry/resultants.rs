@@ -1,6 +1,6 @@
 //! From channels to one acceleration and one set of resultants: equations (4) and (5).
 
-use super::{Accelerometer, Equations, GeometryError, LoadCell, MAX_CHANNELS};
+use super::{Accelerometer, Equations, GeometryError, LoadCell, MAX_CHANNELS, ResultantNoise};
 use crate::algebra::symmetric_eigen;
 use core::borrow::Borrow;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
@@ -339,6 +339,84 @@ impl ResultantMap {
             AMPLITUDE * AMPLITUDE * gain * channel_power
         })
     }
+
+    /// The noise of independent sensors that adds up to these powers of the resultants, with
+    /// the correlations that the sensors' places and directions give it.
+    ///
+    /// More sensors than resultants leave open which of them is how noisy. Beginning with all
+    /// alike, each is scaled by what the powers it takes part in ask for (the iteration of
+    /// Richardson and Lucy), so that no sensor is noisier than the powers need it to be.
+    #[must_use]
+    pub fn noise(&self, powers: &[f64; RESULTANTS]) -> ResultantNoise {
+        let (accelerometers, cells) = self.halves();
+        let half = |at: usize| core::array::from_fn(|j| powers[at + j]);
+        ResultantNoise {
+            acceleration: noise_of(accelerometers, &half(0)),
+            force: noise_of(cells, &half(6)),
+        }
+    }
+}
+
+/// Covariance of the resultants of independent sensors that have these powers.
+fn noise_of(columns: &[Column], powers: &[f64; 6]) -> Matrix6<f64> {
+    // The powers are known to a tenth; a sensor's share settles within a few of these.
+    const ITERATIONS: usize = 16;
+    // Ratios, so that translations and rotations are alike.
+    let share = |column: &Column, j: usize| {
+        let gain = f64::from(column.gains[j]);
+        if powers[j] > 0.0 {
+            (gain * gain / powers[j]) as f32
+        } else {
+            0.0
+        }
+    };
+    let mut total = 0.0_f32;
+    for column in columns {
+        for j in 0..6 {
+            total += share(column, j);
+        }
+    }
+    let mut covariance = Matrix6::zeros();
+    if !(total > 0.0 && total.is_finite()) {
+        return covariance;
+    }
+    let mut variances: heapless::Vec<f32, MAX_CHANNELS> =
+        columns.iter().map(|_| 6.0 / total).collect();
+    for _ in 0..ITERATIONS {
+        let mut explained = [0.0_f32; 6];
+        for (column, variance) in columns.iter().zip(&variances) {
+            for (j, sum) in explained.iter_mut().enumerate() {
+                *sum += share(column, j) * variance;
+            }
+        }
+        for (column, variance) in columns.iter().zip(&mut variances) {
+            let (mut wanted, mut given) = (0.0_f32, 0.0_f32);
+            for (j, explained) in explained.iter().enumerate() {
+                let share = share(column, j);
+                if *explained > 0.0 {
+                    wanted += share / explained;
+                    given += share;
+                }
+            }
+            if given > 0.0 {
+                *variance *= wanted / given;
+            }
+        }
+    }
+    for (column, variance) in columns.iter().zip(&variances) {
+        let gains = Vector6::from_fn(|j, _| f64::from(column.gains[j]));
+        covariance.ger(f64::from(*variance), &gains, &gains, 1.0);
+    }
+    // The powers themselves were measured and are kept.
+    let scale = Vector6::from_fn(|j, _| {
+        let power = covariance[(j, j)];
+        if power > 0.0 && powers[j] > 0.0 {
+            libm::sqrt(powers[j] / power)
+        } else {
+            0.0
+        }
+    });
+    Matrix6::from_fn(|i, j| covariance[(i, j)] * scale[i] * scale[j])
 }
 
 /// What these channels of a sample add up to.

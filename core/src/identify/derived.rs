@@ -1,6 +1,7 @@
 //! What follows from σ: centre of gravity, inertia about any point, their error bars.
 
 use super::normal::Solved;
+use super::student::half_width_95;
 use crate::algebra::{multiply_left, multiply_right, not_negative};
 use crate::cells::{cells, seen};
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -10,7 +11,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 pub struct Estimate {
     /// The value.
     pub value: f64,
-    /// One standard deviation.
+    /// One standard deviation; zero for an exact value.
     pub std: f64,
 }
 
@@ -18,6 +19,16 @@ impl Estimate {
     /// Whether both are finite.
     pub(super) fn is_finite(&self) -> bool {
         self.value.is_finite() && self.std.is_finite()
+    }
+
+    /// Half of the 95 % interval, in the same unit, where the standard deviation was
+    /// estimated with so many degrees of freedom ([`super::Identification::freedom`]).
+    #[must_use]
+    pub fn interval(&self, freedom: f64) -> f64 {
+        if self.std == 0.0 {
+            return 0.0;
+        }
+        self.std * half_width_95(freedom)
     }
 }
 
@@ -28,6 +39,9 @@ fn deviation(variance: f64) -> f64 {
 
 /// Six inertia terms xx, yy, zz, xy, xz, yz; `None` where not observable.
 pub type InertiaEstimate = [Option<Estimate>; 6];
+
+/// Covariance of ten numbers, in the squares and products of their SI units.
+pub type Covariance = [[Option<f64>; 10]; 10];
 
 /// The two axes that a term of inertia multiplies: a moment about one axis is the sum of
 /// the squares along the other two.
@@ -56,6 +70,7 @@ pub(super) struct Body {
     /// CG relative to `point`.
     r: Vector3<f64>,
     theta: [f64; 6],
+    /// Of mass, or Δ where the mass is known, three of CG, six of inertia.
     covariance: SMatrix<f64, 10, 10>,
     /// Mass, three of CG, six of inertia.
     observable: [bool; 10],
@@ -69,7 +84,6 @@ impl Body {
         let mass = match known_mass {
             // (7): the CG stands in σ itself, and the mass is exact.
             Some(m) => {
-                jacobian[(0, 0)] = 0.0;
                 observable[0] = true;
                 m
             }
@@ -114,12 +128,9 @@ impl Body {
         }
     }
 
-    fn estimate(&self, value: f64, gradient: &SVector<f64, 10>) -> Estimate {
+    fn deviation(&self, gradient: &SVector<f64, 10>) -> f64 {
         let variance = (gradient.transpose() * self.covariance * gradient)[0];
-        Estimate {
-            value,
-            std: deviation(variance),
-        }
+        deviation(variance)
     }
 
     pub(super) fn mass(&self) -> Option<Estimate> {
@@ -153,17 +164,59 @@ impl Body {
     /// Inertia about `target`, m, by the parallel-axis rule.
     pub(super) fn inertia_about(&self, target: &Vector3<f64>) -> InertiaEstimate {
         let c = target - self.point;
-        core::array::from_fn(|j| self.term(j, &c, false))
+        core::array::from_fn(|j| self.term(j, &c, false).map(|term| self.estimate(term)))
     }
 
     /// Inertia about S.
     pub(super) fn inertia_about_cg(&self) -> InertiaEstimate {
-        core::array::from_fn(|j| self.term(j, &self.r, true))
+        core::array::from_fn(|j| self.term(j, &self.r, true).map(|term| self.estimate(term)))
+    }
+
+    fn estimate(&self, (value, gradient): (f64, SVector<f64, 10>)) -> Estimate {
+        let std = self.deviation(&gradient);
+        Estimate { value, std }
+    }
+
+    /// Standard deviation of a weighted sum of the six terms about S; unknown terms are
+    /// left out.
+    pub(super) fn deviation_about_cg(&self, weights: &[f64; 6]) -> f64 {
+        let mut sum = SVector::<f64, 10>::zeros();
+        for (j, &weight) in weights.iter().enumerate() {
+            if let Some((_, gradient)) = self.term(j, &self.r, true) {
+                sum.axpy(weight, &gradient, 1.0);
+            }
+        }
+        self.deviation(&sum)
+    }
+
+    /// Covariance of mass or Δ, CG and inertia about S; `None` in the row and the column of
+    /// what is not observable.
+    pub(super) fn covariance(&self) -> Covariance {
+        let mut gradients = SMatrix::<f64, 10, 10>::identity();
+        let mut known = self.observable;
+        if self.mass_known {
+            known[0] = self.indicator.is_some();
+        }
+        for j in 0..6 {
+            let term = self.term(j, &self.r, true);
+            known[4 + j] = term.is_some();
+            if let Some((_, gradient)) = term {
+                gradients.row_mut(4 + j).copy_from(&gradient.transpose());
+            }
+        }
+        let mut matrix = self.covariance;
+        multiply_left(&gradients, &mut matrix);
+        gradients.transpose_mut();
+        multiply_right(&mut matrix, &gradients);
+        core::array::from_fn(|i| {
+            core::array::from_fn(|j| (known[i] && known[j]).then(|| matrix[(i, j)]))
+        })
     }
 
     /// Θ about the point of solution plus m times the difference of `(r-c)(r-c)` and
-    /// `r r`. About S the offset c is r itself and moves with it.
-    fn term(&self, j: usize, c: &Vector3<f64>, about_cg: bool) -> Option<Estimate> {
+    /// `r r`. About S the offset c is r itself and moves with it. Returns the value and its
+    /// gradient.
+    fn term(&self, j: usize, c: &Vector3<f64>, about_cg: bool) -> Option<(f64, SVector<f64, 10>)> {
         let mut g = SVector::<f64, 10>::zeros();
         let observable = seen(&self.observable[..]);
         let mut known = observable[4 + j];
@@ -196,6 +249,10 @@ impl Body {
             }
             Term::Product(p, q) => add(*p, *q),
         }
-        known.then(|| self.estimate(value, &g))
+        // A known mass is exact, and Δ stands in its place.
+        if self.mass_known {
+            g[0] = 0.0;
+        }
+        known.then_some((value, g))
     }
 }

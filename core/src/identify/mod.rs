@@ -6,6 +6,7 @@
 //! | `normal` | stacking (9), normal equations (10), observability |
 //! | `sets` | what masslines come in |
 //! | `derived` | CG, inertia about A and S with their error bars |
+//! | `student` | 95 % intervals for the degrees of freedom behind the error bars |
 //!
 //! Observability is decided by rank, nowhere else: uniaxial tests (11), plane problems
 //! and too few runs all come out of one rule.
@@ -14,13 +15,18 @@ mod derived;
 mod measurement;
 mod normal;
 mod sets;
+mod student;
 
-pub use derived::{Estimate, InertiaEstimate};
+pub use derived::{Covariance, Estimate, InertiaEstimate};
 pub use measurement::{Measurement, measurement_matrix};
 pub use normal::Workspace;
 pub use sets::MasslineSet;
+pub use student::{beyond_chance, half_width_95};
 
-use crate::rigid_body::{Inertia, Parameter, Plausibility, PrincipalInertia, check};
+use crate::geometry::least_translation;
+use crate::rigid_body::{
+    Bounded, Inertia, Moments, Parameter, Plausibility, PrincipalInertia, check,
+};
 use nalgebra::Vector3;
 use normal::Solved;
 
@@ -127,8 +133,15 @@ pub struct Identification {
     /// Residual over expected residual of the masslines, 1 where a rigid body explains
     /// them to within their noise. Above one the error bars were widened with its root.
     pub consistency: Option<f64>,
+    /// Share of the masslines' forces that a rigid body leaves, root mean square over root
+    /// mean square: 0 for a rigid body without noise, 1 for forces that have nothing to do
+    /// with the accelerations.
+    pub misfit: f64,
     /// Largest share of an error bar's variance that the pull of acceleration noise has.
     pub attenuation: f64,
+    /// Effective degrees of freedom of the estimate of noise behind the error bars; infinite
+    /// where the noise is known. [`Estimate::interval`] makes 95 % intervals of it.
+    pub freedom: f64,
     /// Whether a body like this could exist.
     pub plausibility: Plausibility,
 }
@@ -155,6 +168,16 @@ impl Identification {
             && self.condition_number.is_finite()
             && self.consistency.is_none_or(f64::is_finite)
             && self.attenuation.is_finite()
+    }
+}
+
+impl Workspace {
+    /// Covariance of the ten numbers of the last identification in this workspace: mass (or Δ
+    /// where the mass was known), three coordinates of the CG, and the six terms of inertia
+    /// about S.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        derived::Body::new(&self.solved, self.solved.known_mass).covariance()
     }
 }
 
@@ -187,7 +210,13 @@ pub fn identify_in<S: MasslineSet>(
         return Err(IdentifyError::KnownMass(m));
     }
     let reference = *first.reference();
-    normal::solve(masslines, &reference, question.known_mass, space)?;
+    // Equations that carry the weights of the noise give the same body from every point, so
+    // they are solved where rounding is least. Others are those of the paper, about A.
+    let mut point = reference;
+    if masslines.iter().all(|set| set.equations().is_whitened()) {
+        point += least_translation(first.noise());
+    }
+    normal::solve(masslines, &point, question.known_mass, space)?;
     let mut iterations = 1;
     if let Procedure::Iterative { tolerance, limit } = question.procedure {
         let mut before = f64::INFINITY;
@@ -233,39 +262,48 @@ fn assemble(
     let all: Option<heapless::Vec<f64, 6>> =
         inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
     let full = all.and_then(|v| Some(Inertia::from_terms(v.into_array().ok()?)));
-    let moments = {
-        let [xx, yy, zz, ..] = inertia_cg;
-        [xx, yy, zz].map(|term| term.map(|t| t.value))
-    };
+    let principal = full.map(|i| i.principal());
     let mass = body.mass();
-    // What the error bars could move a principal moment by is no violation.
-    let uncertain = inertia_cg
-        .iter()
-        .flatten()
-        .map(|t| 2.0 * t.std)
-        .fold(0.0, f64::max);
-    let largest = moments
-        .iter()
-        .flatten()
-        .fold(0.0, |a: f64, &b| a.max(b.abs()));
-    let rounding = if largest > 0.0 {
-        uncertain / largest + 1e-12
-    } else {
-        0.0
+    let freedom = solved.freedom;
+    let bounded = |e: Estimate| Bounded {
+        value: e.value,
+        half_width: e.interval(freedom),
     };
+    // A weighed mass is positive; the mass that the data say is Δ times as much.
+    let indicator = body.indicator();
+    let measured = match (mass, indicator) {
+        (Some(mass), Some(delta)) => Some(Estimate {
+            value: mass.value * delta.value,
+            std: mass.value * delta.std,
+        }),
+        _ => mass,
+    };
+    let moments = match &principal {
+        Some(principal) => Moments::Principal(principal),
+        None => {
+            let [xx, yy, zz, ..] = inertia_cg;
+            Moments::Some([xx, yy, zz].map(|term| term.map(bounded)))
+        }
+    };
+    let plausibility = check(measured.map(bounded), &moments, |weights| {
+        let std = body.deviation_about_cg(weights);
+        Estimate { value: 0.0, std }.interval(freedom)
+    });
     Identification {
         reference,
         mass,
-        indicator: body.indicator(),
+        indicator,
         centre_of_gravity: body.centre_of_gravity(),
         inertia_reference: body.inertia_about(&reference),
         inertia_cg,
-        principal: full.map(|i| i.principal()),
+        principal,
         observable: solved.observable,
         condition_number: solved.condition_number,
         iterations,
         consistency: solved.consistency,
+        misfit: solved.misfit,
         attenuation: solved.attenuation,
-        plausibility: check(mass.map(|m| m.value), full.as_ref(), &moments, rounding),
+        freedom,
+        plausibility,
     }
 }

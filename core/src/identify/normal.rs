@@ -1,9 +1,11 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
 use super::{IdentifyError, MasslineSet, Measurement, measurement_matrix};
-use crate::algebra::{lower, multiply_left, multiply_right, not_negative, symmetric_eigen};
-use crate::cells::{cells, seen};
+use crate::algebra::{
+    half, inverse_lower, lower, multiply_left, multiply_right, not_negative, symmetric_eigen,
+};
 use crate::geometry::{resultants_at, transfer};
+use crate::masslines::EXCITED;
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
@@ -13,8 +15,13 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 /// allows a thousand.
 const RANK: f64 = 1e-12;
 
-/// Share of a parameter in the undetermined directions above which it is one of them.
-const SHARE: f64 = 1e-8;
+/// What chance may turn an undetermined direction towards a parameter by, in units of the
+/// variance that noise gives it at one line: nine directions of unit variance exceed this
+/// once in ten thousand times, lines that depend on each other included.
+const CHANCE: f64 = 50.0;
+
+/// The same share where nothing is noisy but the arithmetic.
+const ROUNDING: f64 = 1e-8;
 
 type Matrix10 = SMatrix<f64, 10, 10>;
 type Vector10 = SVector<f64, 10>;
@@ -34,7 +41,11 @@ pub(super) struct Solved {
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,
     pub(super) attenuation: f64,
-    known_mass: Option<f64>,
+    /// Share of the forces that a rigid body leaves, as amplitude.
+    pub(super) misfit: f64,
+    /// Degrees of freedom of the estimate of noise behind `covariance`.
+    pub(super) freedom: f64,
+    pub(super) known_mass: Option<f64>,
 }
 
 impl Solved {
@@ -47,6 +58,8 @@ impl Solved {
         condition_number: 0.0,
         consistency: None,
         attenuation: 0.0,
+        misfit: 0.0,
+        freedom: f64::INFINITY,
         known_mass: None,
     };
 
@@ -70,6 +83,19 @@ impl Solved {
 }
 
 const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
+
+/// Weights of the equations of a pair: inverse variances, none far above the others.
+fn weights(variance: &Vector6<f64>) -> Vector6<f64> {
+    const SMALLEST: f64 = 1e-6;
+    let largest = variance.max();
+    variance.map(|v| {
+        if largest > 0.0 {
+            1.0 / v.max(SMALLEST * largest)
+        } else {
+            0.0
+        }
+    })
+}
 
 /// Adds `Bᵀ diag(weights) B`.
 fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
@@ -120,30 +146,47 @@ impl Workspace {
 struct Normal {
     matrix: Matrix10,
     right: Vector10,
-    /// `Σ Bᵀ var B`, for the covariance.
-    meat: Matrix10,
-    /// The part of `matrix` that noise in the accelerations makes.
+    /// What `matrix` would be if there were nothing but noise at every line.
     noise: Matrix10,
     forces: f64,
     rows: f64,
-    /// Sum of all variances.
+    /// Sum of all variances of equations that were not weighted by them.
     variance: f64,
+    /// Whether every equation was weighted by its variance.
+    weighted: bool,
+    /// Fewest independent lines behind a pair; none where there is no noise.
+    lines: Option<f64>,
+    freedom: f64,
 }
 
 impl Normal {
     const EMPTY: Self = Self {
         matrix: NO_MATRIX,
         right: NO_VECTOR,
-        meat: NO_MATRIX,
         noise: NO_MATRIX,
         forces: 0.0,
         rows: 0.0,
         variance: 0.0,
+        weighted: false,
+        lines: None,
+        freedom: 0.0,
     };
 
+    /// Leaves `Σ Bᵀ var B` in `meat`: what the covariance comes from where equations are not
+    /// weighted by their variance.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn stack<S: MasslineSet>(&mut self, sets: &[S], point: &Vector3<f64>, mass: f64) {
+    fn stack<S: MasslineSet>(
+        &mut self,
+        sets: &[S],
+        point: &Vector3<f64>,
+        mass: f64,
+        meat: &mut Matrix10,
+    ) {
         *self = Self::EMPTY;
+        meat.fill(0.0);
+        let known = |set: &S| set.pairs().iter().all(|p| p.variance.max() > 0.0);
+        self.weighted = sets.iter().all(|s| s.equations().is_whitened() && known(s));
+        self.freedom = sets.iter().map(S::freedom).fold(f64::INFINITY, f64::min);
         for set in sets {
             let shift = point - set.reference();
             let t = transfer(&shift);
@@ -152,18 +195,67 @@ impl Normal {
             for pair in set.pairs() {
                 let b = measured(e, &(t * pair.acceleration), mass);
                 let f = e * resultants_at(&shift, &pair.force);
-                add_square(&mut self.matrix, &b, &ONES);
-                add_square(&mut self.meat, &b, &pair.variance);
-                self.right += b.tr_mul(&f);
-                self.forces += f.norm_squared();
+                let w = if self.weighted {
+                    weights(&pair.variance)
+                } else {
+                    ONES
+                };
+                add_square(&mut self.matrix, &b, &w);
+                if !self.weighted {
+                    add_square(meat, &b, &pair.variance);
+                }
+                let weighted = f.component_mul(&w);
+                self.right += b.tr_mul(&weighted);
+                self.forces += f.dot(&weighted);
                 self.rows += equations.count() as f64;
                 self.variance += pair.variance.sum();
             }
-            for j in 0..6 {
-                let b = measured(e, &(t * set.noise().column(j)), mass);
-                add_square(&mut self.noise, &b, &ONES);
+            if set.noise().trace() > 0.0 {
+                self.lines = Some(self.lines.unwrap_or(f64::INFINITY).min(set.lines()));
+            }
+            let w = self.mean_weights(set);
+            let columns = t * half(set.noise());
+            for column in columns.column_iter() {
+                let b = measured(e, &column.into_owned(), mass);
+                add_square(&mut self.noise, &b, &w);
             }
         }
+    }
+
+    /// Weights of the equations of a set, mean over its pairs.
+    fn mean_weights<S: MasslineSet>(&self, set: &S) -> Vector6<f64> {
+        if !self.weighted {
+            return ONES;
+        }
+        let mut mean = Vector6::zeros();
+        for pair in set.pairs() {
+            mean += weights(&pair.variance);
+        }
+        mean / (set.pairs().len() as f64).max(1.0)
+    }
+
+    /// `N σ`, where N is what noise adds to the normal equations.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    fn pull<S: MasslineSet>(
+        &self,
+        sets: &[S],
+        point: &Vector3<f64>,
+        mass: f64,
+        sigma: &Vector10,
+    ) -> Vector10 {
+        let mut pull = NO_VECTOR;
+        for set in sets {
+            let shift = point - set.reference();
+            let equations = set.equations().at(&shift);
+            let w = self.mean_weights(set);
+            let columns = transfer(&shift) * half(set.pull());
+            for column in columns.column_iter() {
+                let b = measured(equations.rows(), &column.into_owned(), mass);
+                let force: Vector6<f64> = b * sigma;
+                pull += b.tr_mul(&force.component_mul(&w));
+            }
+        }
+        pull
     }
 }
 
@@ -193,7 +285,7 @@ pub(super) fn solve<S: MasslineSet>(
         inverse,
         solved: into,
     } = space;
-    n.stack(sets, point, known_mass.unwrap_or(1.0));
+    n.stack(sets, point, known_mass.unwrap_or(1.0), &mut into.covariance);
     let finite = n.matrix.iter().chain(n.right.iter()).all(|x| x.is_finite());
     if !finite {
         return Err(IdentifyError::NotFinite);
@@ -207,29 +299,31 @@ pub(super) fn solve<S: MasslineSet>(
         }
     });
     scale(&mut n.matrix, &d);
-    scale(&mut n.meat, &d);
+    scale(&mut into.covariance, &d);
     scale(&mut n.noise, &d);
     n.right.component_mul_assign(&d);
 
-    let observable = observability(&n.matrix);
-    if !observable.contains(&true) {
-        return Err(IdentifyError::NothingObservable);
-    }
-    let kept = independent(&n.matrix, &observable);
-    invert(&n.matrix, &kept, inverse).ok_or(IdentifyError::NothingObservable)?;
-
+    let (observable, unknowns) = determine(n, inverse).ok_or(IdentifyError::NothingObservable)?;
     let sigma = times(inverse, &n.right);
-    let covariance = &mut n.meat;
-    multiply_left(inverse, covariance);
-    multiply_right(covariance, inverse);
-    let unknowns = kept.iter().filter(|&&k| k).count() as f64;
-    let freedom = n.rows - unknowns;
+    let freedom = n.rows - unknowns as f64;
     let left = not_negative(n.forces - sigma.dot(&n.right));
     let mut consistency = None;
+    let covariance = &mut into.covariance;
+    if n.weighted {
+        covariance.copy_from(inverse);
+    } else {
+        multiply_left(inverse, covariance);
+        multiply_right(covariance, inverse);
+    }
     if freedom > 0.0 {
         if n.variance > 0.0 {
             // Birge's ratio: what a rigid body leaves over, against what noise would.
-            let ratio = left / (n.variance * freedom / n.rows);
+            let expected = if n.weighted {
+                freedom
+            } else {
+                n.variance * freedom / n.rows
+            };
+            let ratio = left / expected;
             // What is no number widens them, too, and is refused with them.
             *covariance *= if ratio <= 1.0 { 1.0 } else { ratio };
             consistency = Some(ratio);
@@ -240,7 +334,10 @@ pub(super) fn solve<S: MasslineSet>(
         }
     }
     // The pull of the noise is a bias: its square joins the variance.
-    let pull = times(inverse, &times(&n.noise, &sigma));
+    let physical = sigma.component_mul(&d);
+    let mut pull = n.pull(sets, point, known_mass.unwrap_or(1.0), &physical);
+    pull.component_mul_assign(&d);
+    let pull = times(inverse, &pull);
     covariance.ger(1.0, &pull, &pull, 1.0);
     let mut attenuation = 0.0_f64;
     for j in (0..10).filter(|&j| observable[j]) {
@@ -250,67 +347,70 @@ pub(super) fn solve<S: MasslineSet>(
     }
     scale(covariance, &d);
     into.point = *point;
-    into.sigma = sigma.component_mul(&d);
-    into.covariance.copy_from(covariance);
+    into.sigma = physical;
     into.observable = observable;
     into.condition_number = condition(&n.matrix, &observable);
     into.consistency = consistency;
     into.attenuation = attenuation;
+    into.misfit = if n.forces > 0.0 {
+        libm::sqrt(left / n.forces)
+    } else {
+        0.0
+    };
+    into.freedom = n.freedom;
     into.known_mass = known_mass;
     Ok(())
 }
 
-/// The one rule: a parameter is observable if no undetermined direction involves it.
-#[inline(never)]
-fn observability(matrix: &Matrix10) -> [bool; 10] {
-    let (mut rest, mut vectors) = (*matrix, Matrix10::zeros());
-    let values = symmetric_eigen(&mut rest, &mut vectors);
+/// The one rule: which parameters the equations determine, and how many combinations of them.
+/// Leaves the inverse of the equilibrated normal equations on those combinations in `inverse`.
+/// `None` if there is none.
+///
+/// A combination v is determined if the data weigh it, `vᵀ Q v`, by [`EXCITED`] times what
+/// noise alone would; the pencil of these two matrices has the same eigenvalues at every
+/// reference point and in all units. Where data say nothing, the combination is only known to
+/// within what noise turns it by: a parameter is observable if the undetermined combinations
+/// involve it by no more than chance would. What they involve is left out of the solution.
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
+fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<([bool; 10], usize)> {
+    let floor = &mut n.noise;
+    *floor *= EXCITED;
+    for j in 0..10 {
+        floor[(j, j)] += RANK;
+    }
+    lower(floor, 10)?;
+    inverse_lower(floor, 10);
+    inverse.copy_from(&n.matrix);
+    multiply_left(floor, inverse);
+    floor.transpose_mut();
+    multiply_right(inverse, floor);
+    let mut vectors = NO_MATRIX;
+    let values = symmetric_eigen(inverse, &mut vectors);
+    // Of length one in the floor, and of length λ in the data.
+    multiply_left(floor, &mut vectors);
+    inverse.fill(0.0);
     let mut undetermined = [0.0; 10];
+    let mut unknowns = 0;
     for (i, &value) in values.iter().enumerate() {
-        if value <= RANK {
-            for (j, share) in undetermined.iter_mut().enumerate() {
-                let entry = seen(&vectors)[(j, i)];
-                *share += entry * entry;
+        let v: Vector10 = vectors.column(i).into();
+        if value > 1.0 {
+            unknowns += 1;
+            inverse.ger(1.0 / value, &v, &v, 1.0);
+        } else {
+            for (share, v) in undetermined.iter_mut().zip(&v) {
+                *share += v * v;
             }
         }
     }
-    undetermined.map(|share| share < SHARE)
-}
-
-/// A largest set of columns that determine each other: all observable ones, and of the
-/// others as many as are independent. They contribute to the forces and must not be
-/// struck, though none of them has a value of its own.
-#[inline(never)]
-fn independent(matrix: &Matrix10, observable: &[bool; 10]) -> [bool; 10] {
-    let numbers = |wanted: bool| {
-        let all = observable.iter().enumerate();
-        all.filter_map(move |(j, is)| (*is == wanted).then_some(j))
+    let chance = match n.lines {
+        Some(lines) => CHANCE / (EXCITED * lines.max(1.0)),
+        None => ROUNDING,
     };
-    let mut order: heapless::Vec<usize, 10> = numbers(true).collect();
-    order.extend(numbers(false));
-    let mut l = Matrix10::zeros();
-    let mut kept = [false; 10];
-    let (matrix, l, is_kept) = (seen(matrix), &mut cells(&mut l), &mut cells(&mut kept[..]));
-    for (a, &j) in order.iter().enumerate() {
-        let (before, from) = order.split_at_checked(a).unwrap_or((&[], &[]));
-        let mut pivot = matrix[(j, j)];
-        for &k in before {
-            pivot -= l[(j, k)] * l[(j, k)];
-        }
-        if pivot <= RANK {
-            continue;
-        }
-        is_kept[j] = true;
-        let root = libm::sqrt(pivot);
-        for &i in from {
-            let mut sum = matrix[(i, j)];
-            for &k in before {
-                sum -= l[(i, k)] * l[(j, k)];
-            }
-            l[(i, j)] = sum / root;
-        }
+    let mut observable = [false; 10];
+    for (j, observable) in observable.iter_mut().enumerate() {
+        *observable = undetermined[j] <= chance * inverse[(j, j)];
     }
-    kept
+    observable.contains(&true).then_some((observable, unknowns))
 }
 
 /// The rows and columns that are kept, with ones on the rest of the diagonal.
@@ -325,22 +425,6 @@ fn reduced(matrix: &Matrix10, kept: &[bool; 10]) -> Matrix10 {
             0.0
         }
     })
-}
-
-/// Leaves the inverse on the kept rows and columns in `inverse`, by Cholesky; zero elsewhere.
-#[inline(never)]
-fn invert(matrix: &Matrix10, kept: &[bool; 10], inverse: &mut Matrix10) -> Option<()> {
-    let mut l = reduced(matrix, kept);
-    lower(&mut l, 10)?;
-    inverse.fill_with_identity();
-    l.solve_lower_triangular_unchecked_mut(inverse);
-    l.ad_solve_lower_triangular_unchecked_mut(inverse);
-    for i in 0..10 {
-        if !kept[i] {
-            inverse[(i, i)] = 0.0;
-        }
-    }
-    Some(())
 }
 
 #[inline(never)]

@@ -15,9 +15,17 @@ pub trait MasslineSet {
     /// The pairs.
     fn pairs(&self) -> &[Massline];
 
-    /// What the accelerations would contain if there were nothing but noise, as
-    /// [`Masslines::noise`].
+    /// Second moments of noise that an excitation is held against, as [`Masslines::noise`].
     fn noise(&self) -> &Matrix6<f64>;
+
+    /// Second moments of the noise in the pairs, as [`Masslines::pull`].
+    fn pull(&self) -> &Matrix6<f64>;
+
+    /// Independent lines that went into each pair, as [`Masslines::lines`].
+    fn lines(&self) -> f64;
+
+    /// Degrees of freedom of the variances, as [`Masslines::freedom`].
+    fn freedom(&self) -> f64;
 }
 
 impl<const PAIRS: usize> MasslineSet for Masslines<PAIRS> {
@@ -35,5 +43,17 @@ impl<const PAIRS: usize> MasslineSet for Masslines<PAIRS> {
 
     fn noise(&self) -> &Matrix6<f64> {
         &self.noise
+    }
+
+    fn pull(&self) -> &Matrix6<f64> {
+        &self.pull
+    }
+
+    fn lines(&self) -> f64 {
+        f64::from(self.lines)
+    }
+
+    fn freedom(&self) -> f64 {
+        f64::from(self.freedom)
     }
 }

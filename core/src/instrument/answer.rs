@@ -66,7 +66,12 @@ pub fn answer(
             std: Exact(e.std),
         })
     };
-    let margin = |m: Option<Margin>| m.map(|m| Exact(m.relative));
+    let margin = |m: Option<Margin>| {
+        m.map(|m| wire::Margin {
+            relative: Exact(m.relative),
+            uncertainty: Exact(m.uncertainty),
+        })
+    };
     Answer {
         question,
         accelerations,
@@ -82,11 +87,12 @@ pub fn answer(
             axes: [0, 1, 2].map(|k| point(&p.axes.column(k).into())),
         }),
         observable: super::setup::mask(i.observable) as u16,
-        solution: None,
         condition_number: Exact(i.condition_number),
         iterations: i.iterations,
         consistency: i.consistency.map(Exact),
+        misfit: Exact(i.misfit),
         attenuation: Exact(i.attenuation),
+        freedom: Exact(i.freedom),
         plausibility: Plausibility {
             mass: margin(i.plausibility.mass),
             positive_definite: margin(i.plausibility.positive_definite),
@@ -149,7 +155,7 @@ impl From<MasslineError> for NoAnswer {
             MasslineError::TooFewLines(n) => Self::TooFewLines(n as u32),
             MasslineError::NoExcitation => Self::NoExcitation,
             MasslineError::NoResultant => Self::NoResultant,
-            MasslineError::TooManyPairs => Self::TooManyPairs,
+            MasslineError::TooManyPairs { .. } => Self::TooManyPairs,
             MasslineError::Singular => Self::Singular,
             MasslineError::NoReference => Self::NoReference,
             MasslineError::TooFewRuns { needed, found } => Self::TooFewRuns {
@@ -157,6 +163,20 @@ impl From<MasslineError> for NoAnswer {
                 found: found as u8,
             },
             MasslineError::NoMode => Self::NoMode,
+            MasslineError::OtherLines { band, lines } => Self::Room {
+                needed: band as u32,
+                given: lines as u32,
+            },
+            MasslineError::Work { needed, given } => Self::Room {
+                needed: needed as u32,
+                given: given as u32,
+            },
+            MasslineError::TooManyRuns { limit, found } => Self::Room {
+                needed: found as u32,
+                given: limit as u32,
+            },
+            // The box refers every run to a drive.
+            MasslineError::TooFewBlocks { .. } => Self::NoExcitation,
         }
     }
 }

@@ -7,7 +7,7 @@ use super::setup::Lines;
 use super::store::{Store, Stored};
 use crate::geometry::Equations;
 use crate::identify::{self, Identification, identify_in};
-use crate::masslines::{self, Bands, DriveLines, Masslines, condense_into, lines_between};
+use crate::masslines::{self, Bands, DriveLines, Masslines, condense_into};
 use crate::modes::MAX_MODES;
 use crate::spectra::RunResponses;
 use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
@@ -71,10 +71,11 @@ impl Job<'_> {
         }
         *left &= !(1 << first);
         let lines = DriveLines::new(&group, window).ok_or(NoAnswer::NoMasslines)?;
-        let mut bands = Bands::new(self.lines.band.clone(), grid.count);
+        let mut bands = Bands::new(self.lines.band);
         bands.modes = usize::from(self.question.modes).min(MAX_MODES);
         if let Some(band) = self.question.fit_band {
-            bands.fit = lines_between(&lines, band);
+            // It was checked when the question was asked.
+            bands.fit = grid.within(band).unwrap_or(bands.fit);
         }
         let set = add_set(&mut solver.sets, solver.load_cells.reference(), equations)?;
         condense_into(

@@ -3,6 +3,7 @@
 use super::desk::missing;
 use super::limits::within;
 use super::memory::RUNS;
+use super::setup::lines_of;
 use super::{Asked, Board, Instrument, Pending};
 use crate::masslines;
 use crate::modes::MAX_MODES;
@@ -41,6 +42,9 @@ impl Instrument<'_> {
         if let Some([low, high]) = question.fit_band {
             within(Field::FitBand, 0, low, 0.0, f64::MAX)?;
             within(Field::FitBand, 0, high, low, f64::MAX)?;
+            if let Some(lines) = &self.lines {
+                lines_of(&lines.settings.grid(), Field::FitBand, [low, high])?;
+            }
         }
         self.leave_job(question)?;
         self.pending = Some(Pending {

@@ -296,9 +296,9 @@ impl<'m> Run<'m> {
         let sums = &mut self.buffers.bench.run_mut()?.sums;
         let average = DriveAverage::resume(count, RESULTANTS, sums, self.counts.averaged);
         let average = average.ok()?;
-        let band = &self.lines.band;
+        let band = self.lines.band;
         Some(core::array::from_fn(|c| {
-            Exact(average.mean_coherence(c, band.clone()))
+            Exact(average.mean_coherence(c, band))
         }))
     }
 
@@ -366,7 +366,7 @@ impl<'m> Run<'m> {
                             run,
                             &average,
                             grid,
-                            self.lines.band.clone(),
+                            self.lines.band,
                             correlation,
                             &room.geometry.map,
                             *accelerations,

@@ -46,11 +46,11 @@ impl Instrument<'_> {
         };
         let task = match start.pass {
             Pass::Survey => {
-                let modes = lines.modes.clone().ok_or(missing(Item::ModeBand, 0))?;
+                let modes = lines.modes.ok_or(missing(Item::ModeBand, 0))?;
                 let room = SUMS;
                 Task::Survey(Survey::new(
                     self.setup.arrangement().accelerometers(),
-                    modes,
+                    modes.indices(),
                     room,
                 )?)
             }

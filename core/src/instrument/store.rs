@@ -1,17 +1,16 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
 use super::memory::{LINES, RUNS};
-use crate::geometry::{RESULTANTS, ResultantMap};
-use crate::spectra::{Complex32, DriveAverage, LineGrid, RunResponses};
+use crate::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
+use crate::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
 use crate::wire::{Accelerations, Answer, Line, Quality};
-use core::ops::Range;
 
 /// What is kept of a run beside its lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kept {
     pub(super) accelerations: Accelerations,
     pub(super) quality: Quality,
-    noise: [f32; RESULTANTS],
+    noise: PackedNoise,
     blocks: u32,
 }
 
@@ -70,7 +69,7 @@ impl Stored<'_> {
         run: usize,
         average: &DriveAverage<'_>,
         grid: LineGrid,
-        band: Range<usize>,
+        band: LineRange,
         block_correlation: f64,
         map: &ResultantMap,
         accelerations: Accelerations,
@@ -95,7 +94,11 @@ impl Stored<'_> {
             noise,
             blocks,
         });
-        Some(noise)
+        Some(
+            ResultantNoise::unpacked(&noise)
+                .variances()
+                .map(|v| v as f32),
+        )
     }
 
     /// What is kept of a run beside its lines.

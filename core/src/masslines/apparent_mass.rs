@@ -12,17 +12,17 @@
 //! into the regression as unknowns of their own and are eliminated from it again.
 
 use super::averaging::MIN_LINES;
+use super::lines::{indices, two_a_line};
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
-use super::{Lines, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::algebra::multiply_right;
+use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
+use crate::algebra::{multiply_left, multiply_right};
 use crate::cells::cells;
+use crate::geometry::transfer;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
+use crate::spectra::LineRange;
 use core::ops::Range;
-use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
-
-/// Most runs whose noise levels are weighed against each other.
-pub(super) const MAX_RUNS: usize = 24;
+use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 
 /// The fit behind masslines by apparent mass, with the elastic terms that were eliminated.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +59,17 @@ impl ApparentMass {
         misfit: Vector6::from_array_storage(ArrayStorage([[0.0; 6]])),
     };
 
+    /// Expresses the fit about a point from which A lies `shift` (m) away: `M_B = Tᵀ M_A T`.
+    pub(super) fn move_by(&mut self, shift: &Vector3<f64>) {
+        let t = transfer(shift);
+        let transposed = t.transpose();
+        let matrices = self.elastic.iter_mut().flatten();
+        for m in matrices.chain(&mut self.upper).chain([&mut self.rigid]) {
+            multiply_left(&transposed, m);
+            multiply_right(m, &t);
+        }
+    }
+
     /// The fitted apparent mass at `frequency` Hz, 6 x 6, in excited directions.
     #[must_use]
     pub fn at(&self, frequency: f64) -> Matrix6<Complex<f64>> {
@@ -81,16 +92,20 @@ impl ApparentMass {
 /// two elements per line.
 ///
 /// # Errors
-/// [`MasslineError`] if the band is too short or nothing is excited or measured.
+/// [`MasslineError`] if the band is too short or nothing is excited or measured, and among
+/// them [`MasslineError::OtherLines`], [`MasslineError::Work`] and
+/// [`MasslineError::TooManyRuns`].
 #[inline(never)] // One method's working memory at a time.
 pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
-    fit: Range<usize>,
+    band: LineRange,
+    fit: LineRange,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
+    let (band, fit) = (indices(lines, band)?, indices(lines, fit)?);
+    few_enough(lines)?;
     if band.len() < MIN_LINES {
         return Err(MasslineError::TooFewLines(band.len()));
     }
@@ -99,7 +114,7 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     }
     let alike = [1.0; MAX_RUNS];
     let mut energy = energy(lines, &band, &alike);
-    let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work);
+    let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work)?;
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
         regression,
@@ -115,8 +130,8 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
         solution: best,
         residuals,
         weights: alike,
-        runs: lines.runs().min(MAX_RUNS),
-        noise: Vector6::zeros(),
+        runs: lines.runs(),
+        noise: NO_MATRIX,
         power: Vector6::zeros(),
     };
     fit.regression
@@ -130,8 +145,22 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(lines, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
-    fit.noise_of_pairs(&mut set.noise);
+    let share = fit.regression.share_of_pairs(fit.solution);
+    set.noise = fit.noise * share;
+    fit.noise_of_pairs(&mut set.pull);
+    set.pull *= share;
+    set.lines = (band.len() as f64 / lines.correlation()) as f32;
+    set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
+    Ok(())
+}
+
+/// Refuses more runs than there are weights for.
+pub(super) fn few_enough<L: Lines + ?Sized>(lines: &L) -> Result<(), MasslineError> {
+    let (limit, found) = (MAX_RUNS, lines.runs());
+    if found > limit {
+        return Err(MasslineError::TooManyRuns { limit, found });
+    }
     Ok(())
 }
 
@@ -153,6 +182,9 @@ pub(super) fn energy<L: Lines + ?Sized>(
 
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
 /// and that scalar with its weights. `energy` is that of the averaging band.
+///
+/// # Errors
+/// [`MasslineError::Work`] if there are not two elements a line.
 #[inline(never)] // Gone from the stack before the regression needs it.
 pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     lines: &L,
@@ -160,20 +192,32 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     fit: Range<usize>,
     search: &mut PoleSearch,
     work: &'w mut [Complex<f64>],
-) -> (heapless::Vec<Pole, MAX_MODES>, Trace<'w>) {
+) -> Result<(heapless::Vec<Pole, MAX_MODES>, Trace<'w>), MasslineError> {
+    let frequency = |k: usize| lines.frequency(fit.start + k);
+    let trace = fixed_trace(lines, energy, fit.clone(), work)?;
+    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
+    Ok((poles, trace))
+}
+
+/// The scalar in which the poles of the fixed structure are looked for, with its weights.
+///
+/// # Errors
+/// [`MasslineError::Work`] if there are not two elements a line.
+pub(super) fn fixed_trace<'w, L: Lines + ?Sized>(
+    lines: &L,
+    energy: &Powers,
+    fit: Range<usize>,
+    work: &'w mut [Complex<f64>],
+) -> Result<Trace<'w>, MasslineError> {
+    let work = two_a_line(&fit, work)?;
     // W makes translations and rotations comparable: force over acceleration, roughly
     // the body's own mass and inertia.
     let w = Vector6::from_fn(|j, _| {
         let (a, f) = (energy.aa[(j, j)], energy.ff[j]);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    let end = fit.end.min(lines.count()).min(fit.start + work.len() / 2);
-    let count = end.saturating_sub(fit.start);
-    power_like(lines, fit.start..end, &w, work);
-    let trace = Trace::new(work.get_mut(..2 * count).unwrap_or(&mut []));
-    let frequency = |k: usize| lines.frequency(fit.start + k);
-    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
-    (poles, trace)
+    power_like(lines, fit, &w, work);
+    Ok(Trace::new(work))
 }
 
 /// The scalar `Σ_runs a*f / a*W a` of each of the lines `fit`.
@@ -255,7 +299,8 @@ pub(super) struct Fit<'s> {
     /// What each run's squares count.
     pub(super) weights: [f64; MAX_RUNS],
     pub(super) runs: usize,
-    noise: Vector6<f64>,
+    /// Covariance of the noise of the accelerations, summed like their powers.
+    noise: Matrix6<f64>,
     power: Vector6<f64>,
 }
 
@@ -269,12 +314,9 @@ impl Fit<'_> {
         basis: &Basis,
         energy: &Powers,
     ) -> Result<(), MasslineError> {
-        self.noise = Vector6::zeros();
+        self.noise = NO_MATRIX;
         for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
-            let per_line = lines.noise(run);
-            for (sum, noise) in self.noise.iter_mut().zip(per_line) {
-                *sum += weight * noise * band.len() as f64;
-            }
+            self.noise += lines.noise(run).acceleration * (weight * band.len() as f64);
         }
         self.power = energy.ff;
         self.regression
@@ -305,9 +347,12 @@ impl Fit<'_> {
     #[inline(never)]
     fn noise_of_pairs(&self, into: &mut Matrix6<f64>) {
         let excitation = self.regression.excitation();
-        excitation.basis().mul_to(excitation.coordinates(), into);
-        let noise = Matrix6::from_diagonal(&self.noise.map(libm::sqrt));
-        multiply_right(into, &noise);
+        let mut projector = *excitation.coordinates();
+        multiply_left(excitation.basis(), &mut projector);
+        *into = self.noise;
+        multiply_left(&projector, into);
+        projector.transpose_mut();
+        multiply_right(into, &projector);
     }
 
     #[inline(never)]

@@ -1,12 +1,16 @@
 //! Averages over the lines of a band, and what the scatter of the lines says about them.
 
-use super::{Lines, Massline, MasslineError, Masslines, Moments};
-use crate::algebra::{multiply_left, multiply_right, symmetric_eigen};
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
+use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
+use crate::geometry::ResultantNoise;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
 /// Fewest lines of an averaging band.
 pub const MIN_LINES: usize = 3;
+
+/// Degrees of freedom that the variance of an equation borrows from the others of its pair.
+const BORROWED: f64 = 2.0;
 
 /// What is taken to be the same for all lines of the band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,8 +81,8 @@ impl LineWeights {
 pub(super) struct RealMoments {
     pub(super) aa: Matrix6<f64>,
     pub(super) ff: Matrix6<f64>,
-    pub(super) acceleration_noise: Vector6<f64>,
-    pub(super) force_noise: Vector6<f64>,
+    /// Covariance of the noise in both sums.
+    pub(super) noise: ResultantNoise,
     pub(super) lines: f64,
 }
 
@@ -86,12 +90,7 @@ impl RealMoments {
     #[inline(never)] // Complex moments are off the stack when the caller goes on.
     pub(super) fn new<L: Lines + ?Sized>(lines: &L, band: &Range<usize>) -> Self {
         let mut total = Moments::zero();
-        let mut noise = [0.0; 12];
         for run in 0..lines.runs() {
-            let per_line = lines.noise(run);
-            for (sum, n) in noise.iter_mut().zip(per_line) {
-                *sum += n * band.len() as f64;
-            }
             for line in band.clone() {
                 lines.add_moments(run, line, 1.0, &mut total);
             }
@@ -99,11 +98,20 @@ impl RealMoments {
         Self {
             aa: total.aa.map(|z| z.re),
             ff: total.ff.map(|z| z.re),
-            acceleration_noise: Vector6::from_fn(|j, _| noise[j]),
-            force_noise: Vector6::from_fn(|j, _| noise[6 + j]),
+            noise: noise_of_runs(lines, band.len()),
             lines: band.len() as f64,
         }
     }
+}
+
+/// Covariance of the noise that so many lines of all runs hold together.
+#[inline(never)] // One run's noise on the stack.
+pub(super) fn noise_of_runs<L: Lines + ?Sized>(lines: &L, count: usize) -> ResultantNoise {
+    let mut noise = ResultantNoise::NONE;
+    for run in 0..lines.runs() {
+        noise.add(&lines.noise(run), count as f64);
+    }
+    noise
 }
 
 /// An acceleration and the force that goes with it at one line.
@@ -140,7 +148,8 @@ fn left(rows: &Matrix6<f64>, mass: &Matrix6<f64>, (a, f): &LinePair) -> Vector6<
 
 impl<const PAIRS: usize> Masslines<PAIRS> {
     /// Adds the `count` pairs that `line_pairs` knows of every line, averaged over the
-    /// lines `band` with the given trend, with the variance that their scatter tells.
+    /// lines `band` with the given trend, with the variance that their scatter tells. The
+    /// noise of the runs decides how the equations are combined, unless they count alike.
     ///
     /// # Errors
     /// [`MasslineError::TooFewLines`] below [`MIN_LINES`], [`MasslineError::Singular`].
@@ -149,6 +158,8 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         lines: &L,
         band: &Range<usize>,
         trend: Trend,
+        equations: EquationWeights,
+        excitation: &Excitation,
         count: usize,
         line_pairs: PairsOfLine<'_>,
     ) -> Result<(), MasslineError> {
@@ -156,12 +167,26 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             return Err(MasslineError::TooFewLines(band.len()));
         }
         if count > PAIRS {
-            return Err(MasslineError::TooManyPairs);
+            return Err(MasslineError::TooManyPairs {
+                limit: PAIRS,
+                found: count,
+            });
         }
         let weights = LineWeights::new(lines, band, trend);
         let first = self.pairs.len();
         let mut fitted = Fitted::<PAIRS>::NOTHING;
         self.add_averages(lines, band, &weights, count, line_pairs, &mut fitted)?;
+        // The level of the excitation changes from line to line and is no error: what
+        // scatters is the force left over by the matrix that fits the averages best.
+        fitted.mass = self.best_matrix(excitation);
+        if equations == EquationWeights::Noise {
+            self.whiten(&noise_of_runs(lines, 1), &fitted.mass);
+        }
+        let rows = self.equations.rows();
+        let Fitted { mass, value, slope } = &mut fitted;
+        for pair in value[..count].iter_mut().chain(&mut slope[..count]) {
+            pair.1 = left(rows, mass, pair);
+        }
         let mut squares = [NO_VECTOR; PAIRS];
         let gain = self.scatter(
             lines,
@@ -172,9 +197,25 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             squares.get_mut(..count).unwrap_or(&mut []),
         )?;
         let freedom = weights.count - weights.fitted();
+        // Few lines make a poor variance of each equation. Where noise is told apart by the
+        // model, all of a pair's equations are alike but for it.
+        let measured = self.equations.count();
+        let borrowed = if self.equations.is_whitened() {
+            BORROWED
+        } else {
+            0.0
+        };
         for (pair, squares) in self.pairs.iter_mut().skip(first).zip(&squares) {
-            pair.variance = squares * (lines.correlation() * gain / freedom.max(1.0));
+            let mean = squares.sum() / (measured as f64).max(1.0);
+            let each = pair.variance.iter_mut().zip(squares).take(measured);
+            for (variance, squares) in each {
+                let pooled =
+                    (squares + borrowed * mean / freedom.max(1.0)) / (freedom + borrowed).max(1.0);
+                *variance = pooled * lines.correlation() * gain;
+            }
         }
+        self.lines = (1.0 / (gain * lines.correlation())) as f32;
+        self.freedom = (freedom / lines.correlation()) as f32;
         Ok(())
     }
 
@@ -224,7 +265,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         fitted: &mut Fitted<PAIRS>,
     ) -> Result<(), MasslineError> {
         let mut buffer = [NO_PAIR; PAIRS];
-        let Fitted { mass, value, slope } = fitted;
+        let Fitted { value, slope, .. } = fitted;
         for line in band.clone() {
             let (w, s) = weights.at(lines.frequency(line));
             let buffer = buffer.get_mut(..count).unwrap_or(&mut []);
@@ -240,30 +281,40 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         for (a, f) in value.iter().take(count) {
             self.push(*a, *f, Vector6::zeros())?;
         }
-        // The level of the excitation changes from line to line and is no error: what
-        // scatters is the force left over by the matrix that fits the averages best.
-        *mass = self.best_matrix();
-        let rows = self.equations.rows();
-        let averages = value.iter_mut().take(count);
-        for pair in averages.chain(slope.iter_mut().take(count)) {
-            pair.1 = left(rows, mass, pair);
-        }
         Ok(())
     }
 
+    /// Combines the equations so that what `noise` leaves of `f - M a` is independent and of
+    /// variance one in each. Without noise they stay as they are.
+    #[inline(never)] // Its matrices are off the stack when scatter is looked at.
+    pub(super) fn whiten(&mut self, noise: &ResultantNoise, mass: &Matrix6<f64>) {
+        // No equation is trusted a million times more than another of its set.
+        const LEAST: f64 = 1e-12;
+        let rows = self.equations.count();
+        let mut weights = mass * noise.acceleration * mass.transpose() + noise.force;
+        let e = self.equations.rows();
+        multiply_left(e, &mut weights);
+        multiply_right(&mut weights, &e.transpose());
+        let largest = weights.diagonal().max();
+        for j in 0..rows {
+            weights[(j, j)] += LEAST * largest;
+        }
+        if largest > 0.0 && lower(&mut weights, rows).is_some() {
+            inverse_lower(&mut weights, rows);
+            self.equations = self.equations.whitened(&weights);
+        }
+    }
+
     /// The matrix that maps accelerations to forces best, without any structure imposed:
-    /// `Σ f aᵀ (Σ a aᵀ)⁻¹` on the directions the pairs span.
+    /// `Σ f aᵀ (Σ a aᵀ)⁻¹` on the directions that are excited. What is not maps noise.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    pub(super) fn best_matrix(&self) -> Matrix6<f64> {
+    pub(super) fn best_matrix(&self, excitation: &Excitation) -> Matrix6<f64> {
+        let rank = excitation.rank();
         let (mut fa, mut aa) = (Matrix6::zeros(), Matrix6::zeros());
-        for Massline {
-            acceleration,
-            force,
-            ..
-        } in &self.pairs
-        {
-            fa.ger(1.0, force, acceleration, 1.0);
-            aa.ger(1.0, acceleration, acceleration, 1.0);
+        for pair in &self.pairs {
+            let along = excitation.coordinates() * pair.acceleration;
+            fa.ger(1.0, &pair.force, &along, 1.0);
+            aa.ger(1.0, &along, &along, 1.0);
         }
         let scale = aa
             .diagonal()
@@ -274,7 +325,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let mut vectors = Matrix6::zeros();
         let values = symmetric_eigen(&mut aa, &mut vectors);
         let mut inverse = Matrix6::zeros();
-        for (i, &value) in values.iter().enumerate() {
+        for (i, &value) in values.iter().enumerate().take(rank) {
             // Pairs are few and exact numbers; below 1e-12 there is only rounding.
             if value > 1e-12 {
                 for j in 0..6 {
@@ -287,6 +338,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         multiply_left(&d, &mut inverse);
         multiply_right(&mut inverse, &d);
         multiply_right(&mut fa, &inverse);
+        multiply_right(&mut fa, excitation.coordinates());
         fa
     }
 }

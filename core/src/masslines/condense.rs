@@ -1,13 +1,15 @@
 //! One door to all methods: averaged lines in, masslines out.
 
+use super::averaging::noise_of_runs;
+use super::moved::Moved;
 use super::workspace::Found;
 use super::{
     ApparentMass, Factorisation, FreeModes, Lines, MasslineError, Masslines, Workspace,
     apparent_mass, curve_fit, free_responses, frequency_responses, power_spectra, synthesis,
 };
-use crate::geometry::Equations;
+use crate::geometry::{Equations, least_translation};
 use crate::modes::MAX_MODES;
-use core::ops::Range;
+use crate::spectra::LineRange;
 use nalgebra::{Complex, Vector3};
 
 /// The ways to masslines.
@@ -85,25 +87,39 @@ impl Method {
     }
 }
 
-/// Which of the kept lines serve for what.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// How the six equations of motion of a pair are weighed against each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EquationWeights {
+    /// By the noise of the run. The answer does not depend on the reference point.
+    #[default]
+    Noise,
+    /// All alike, newtons and newton metres, about the given reference point: as the paper
+    /// has it. The apparent mass does not know this.
+    Unit,
+}
+
+/// Which of the kept lines serve for what, and how equations count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bands {
     /// The averaging band: the rigid body is read from these.
-    pub averaging: Range<usize>,
+    pub averaging: LineRange,
     /// Lines in which elastic modes are looked for and fitted.
-    pub fit: Range<usize>,
+    pub fit: LineRange,
     /// Most elastic modes that methods d and e take account of.
     pub modes: usize,
+    /// How equations are weighed by methods a to e.
+    pub equations: EquationWeights,
 }
 
 impl Bands {
-    /// The averaging band, with modes looked for in all `count` lines.
+    /// The averaging band, with modes looked for in all the lines it was chosen from.
     #[must_use]
-    pub fn new(averaging: Range<usize>, count: usize) -> Self {
+    pub fn new(averaging: LineRange) -> Self {
         Self {
             averaging,
-            fit: 0..count,
+            fit: LineRange::all(averaging.count()),
             modes: MAX_MODES,
+            equations: EquationWeights::Noise,
         }
     }
 }
@@ -155,22 +171,56 @@ pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let band = bands.averaging.clone();
-    let fit = bands.fit.clone();
+    lines.check()?;
     // Read only where the method has succeeded.
     space.found = match method {
         Method::ApparentMass => Found::ApparentMass,
         Method::CurveFit | Method::Synthesis => Found::FreeModes,
         _ => Found::Nothing,
     };
+    // Estimators work at a point of the body, whichever reference point was given: their
+    // choices and their rounding then do not depend on it.
+    let noise = noise_of_runs(lines, 1).acceleration;
+    let shift = match bands.equations {
+        EquationWeights::Noise => least_translation(&noise),
+        EquationWeights::Unit => Vector3::zeros(),
+    };
+    let given = set.equations;
+    set.reference += shift;
+    set.equations = given.at(&shift);
+    let there = set.equations;
+    condense_there(method, &Moved::new(lines, &shift), bands, set, space, work)?;
+    match space.found {
+        Found::ApparentMass => space.apparent_mass.move_by(&shift),
+        Found::FreeModes => space.free_modes.move_by(&shift, &given, &there),
+        Found::Nothing => {}
+    }
+    set.move_by(&-shift);
+    Ok(())
+}
+
+/// Condenses lines that are about the set's reference point.
+fn condense_there<L: Lines + ?Sized, const PAIRS: usize>(
+    method: Method,
+    lines: &L,
+    bands: &Bands,
+    set: &mut Masslines<PAIRS>,
+    space: &mut Workspace,
+    work: &mut [Complex<f64>],
+) -> Result<(), MasslineError> {
+    let band = bands.averaging.clone();
+    let fit = bands.fit.clone();
+    let (modes, weights) = (bands.modes, bands.equations);
     match method {
         Method::ApparentMass => apparent_mass(lines, band, fit, set, space, work),
-        Method::FrequencyResponses => frequency_responses(lines, band, set),
-        Method::PowerSpectra => power_spectra(lines, band, Factorisation::None, set),
-        Method::PowerSpectraCholesky => power_spectra(lines, band, Factorisation::Cholesky, set),
-        Method::FreeResponses => free_responses(lines, band, false, set),
-        Method::FreeResponsesSquared => free_responses(lines, band, true, set),
-        Method::CurveFit => curve_fit(lines, band, fit, bands.modes, set, space, work),
-        Method::Synthesis => synthesis(lines, band, fit, bands.modes, set, space, work),
+        Method::FrequencyResponses => frequency_responses(lines, band, weights, set),
+        Method::PowerSpectra => power_spectra(lines, band, Factorisation::None, weights, set),
+        Method::PowerSpectraCholesky => {
+            power_spectra(lines, band, Factorisation::Cholesky, weights, set)
+        }
+        Method::FreeResponses => free_responses(lines, band, false, weights, set),
+        Method::FreeResponsesSquared => free_responses(lines, band, true, weights, set),
+        Method::CurveFit => curve_fit(lines, band, fit, modes, weights, set, space, work),
+        Method::Synthesis => synthesis(lines, band, fit, modes, weights, set, space, work),
     }
 }

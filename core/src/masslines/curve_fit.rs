@@ -1,9 +1,10 @@
 //! Method d: curve fit of the free system's frequency responses.
 
-use super::{FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use super::averaging::noise_of_runs;
+use super::{EquationWeights, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::algebra::multiply_left;
-use core::ops::Range;
-use nalgebra::{Complex, Vector6};
+use crate::spectra::LineRange;
+use nalgebra::{Complex, Matrix6, Vector6};
 
 /// Adds masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
 /// `limit` elastic modes with common poles, and one term for those above. The lines
@@ -16,32 +17,47 @@ use nalgebra::{Complex, Vector6};
 #[inline(never)] // One method's working memory at a time.
 pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
-    fit: Range<usize>,
+    band: LineRange,
+    fit: LineRange,
     limit: usize,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let fit_lines = fit.len() as f64;
+    let system = FreeSystem::new(lines, band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;
     for j in 0..system.forces() {
-        let a = system.noise_filter() * modes.constant.column(j);
-        set.push(a, system.unit_force(j), Vector6::zeros())?;
+        let (a, f) = system.pair(&modes.constant, j);
+        set.push(a, f, Vector6::zeros())?;
     }
-    add_variances(set, modes);
+    let mass = set.best_matrix(system.excitation());
+    if equations == EquationWeights::Noise {
+        set.whiten(&noise_of_runs(lines, 1), &mass);
+    }
+    for (p, pair) in set.pairs.iter_mut().enumerate() {
+        let mut shares = system.shares(p);
+        shares.component_mul_assign(&shares.clone_owned());
+        pair.variance = modes.constant_variance * shares;
+    }
+    add_variances(set, mass);
+    set.lines = (fit_lines / lines.correlation()) as f32;
+    set.freedom = (2.0 * fit_lines / lines.correlation() - 1.0).max(1.0) as f32;
+    system.add_noise(set);
     Ok(())
 }
 
-/// An error of the acceleration counts as the force that would make it.
+/// Turns variances of the accelerations into those of the equations: an error of the
+/// acceleration counts as the force that would make it.
 #[inline(never)] // Not on the stack while modes are found.
-fn add_variances<const PAIRS: usize>(set: &mut Masslines<PAIRS>, modes: &FreeModes) {
-    let mut gain = set.best_matrix();
+fn add_variances<const PAIRS: usize>(set: &mut Masslines<PAIRS>, mass: Matrix6<f64>) {
+    let mut gain = mass;
     multiply_left(set.equations.rows(), &mut gain);
     gain.apply(|x| *x *= *x);
-    for (j, pair) in set.pairs.iter_mut().enumerate() {
-        pair.variance = gain * modes.constant_variance.column(j);
+    for pair in &mut set.pairs {
+        pair.variance = gain * pair.variance;
     }
 }

@@ -2,12 +2,21 @@
 //!
 //! A direction that carries nothing but noise looks like a small excitation and would
 //! turn into ten confident wrong numbers. So every direction is held against the noise
-//! of the very channels it comes from, before anything is inverted.
+//! of the very channels it comes from, before anything is inverted. Noise is a covariance
+//! matrix: directions and their power over noise are those of the pencil (moments, noise),
+//! which do not depend on the reference point.
 
-use crate::algebra::{multiply_left, symmetric_eigen};
-use crate::cells::{cells, seen};
-use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
+use crate::algebra::{multiply_left, multiply_right, symmetric_eigen};
+use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
+const IDENTITY: Matrix6<f64> = Matrix6::new(
+    1.0, 0.0, 0.0, 0.0, 0.0, 0.0, //
+    0.0, 1.0, 0.0, 0.0, 0.0, 0.0, //
+    0.0, 0.0, 1.0, 0.0, 0.0, 0.0, //
+    0.0, 0.0, 0.0, 1.0, 0.0, 0.0, //
+    0.0, 0.0, 0.0, 0.0, 1.0, 0.0, //
+    0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+);
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 /// What an excitation must exceed the noise by, in power, to count as one.
@@ -15,6 +24,11 @@ const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 
 /// Noise in the accelerations pulls what they multiply towards zero by noise over power,
 /// so 100 bounds that pull to 1 %. What is left of it enters the error bars.
 pub const EXCITED: f64 = 100.0;
+
+/// Eigenvalue of the equilibrated noise below which its direction has none: nothing is
+/// measured along it. The noise of a run is kept in single precision, so that rounding is 1e-7;
+/// sensors within a hundredth of their distance from A leave 1e-5.
+const UNSEEN: f64 = 1e-6;
 
 /// The excited directions: a subspace of the six accelerations (or resultants).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,8 +40,6 @@ pub struct Excitation {
     rank: usize,
     /// Power over noise of the weakest excited direction.
     weakest: f64,
-    /// Takes translations and rotations that are nothing but noise out of a vector.
-    cleaner: Matrix6<f64>,
 }
 
 impl Excitation {
@@ -37,7 +49,6 @@ impl Excitation {
         coordinates: NO_MATRIX,
         rank: 0,
         weakest: f64::INFINITY,
-        cleaner: NO_MATRIX,
     };
 
     /// All zero: a place for one.
@@ -46,71 +57,47 @@ impl Excitation {
         ..Self::NONE
     };
 
-    /// Decides from the summed real second moments `Σ a aᵀ` and the noise power in each
-    /// of their diagonal terms.
+    /// Decides from the summed real second moments `Σ a aᵀ` and the covariance of the noise
+    /// in them. A direction without noise has no sensor that looks along it.
     #[must_use]
-    pub fn new(moments: &Matrix6<f64>, noise: &Vector6<f64>) -> Self {
-        // In units of its own noise every channel is comparable. A channel that is
-        // exactly zero, because no sensor sees it, has no noise either and stays zero.
-        let scale = noise.map(|n| if n > 0.0 { libm::sqrt(n) } else { 0.0 });
-        let mut ratio = Matrix6::from_fn(|i, j| {
-            let s = scale[i] * scale[j];
-            if s > 0.0 { moments[(i, j)] / s } else { 0.0 }
-        });
-        // Filled where it lies: three matrices are not moved over the stack.
+    pub fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
+        // Filled where it lies: matrices are not moved over the stack.
         let mut excitation = Self::NONE;
         let Self {
             basis,
             coordinates,
             rank,
             weakest,
-            cleaner,
         } = &mut excitation;
-        for at in [0, 3] {
-            let block: Matrix3<f64> = ratio.fixed_view::<3, 3>(at, at).into();
-            let units: Vector3<f64> = scale.fixed_rows::<3>(at).into();
-            cleaner
-                .fixed_view_mut::<3, 3>(at, at)
-                .copy_from(&above_noise(block, &units));
-        }
+        let (mut whitening, mut colouring) = (NO_MATRIX, NO_MATRIX);
+        roots(noise, &mut whitening, &mut colouring);
+        let mut ratio = *moments;
+        multiply_left(&whitening, &mut ratio);
+        multiply_right(&mut ratio, &whitening.transpose());
         let mut vectors = Matrix6::zeros();
         let values = symmetric_eigen(&mut ratio, &mut vectors);
-        let all = values.iter().all(|&v| v > EXCITED);
-        let (axes, shares) = (&mut cells(basis), &mut cells(coordinates));
-        let (vectors, scale) = (seen(&vectors), seen(&scale));
-        for (i, &value) in values.iter().enumerate() {
-            if value <= EXCITED {
-                continue;
-            }
-            *weakest = weakest.min(value);
+        if values.iter().all(|&v| v > EXCITED) {
             // With all six excited any basis will do, and the plain axes cost no rounding.
-            if all {
-                axes[(i, i)] = 1.0;
-                shares[(i, i)] = 1.0;
-            } else {
-                for j in 0..6 {
-                    axes[(j, *rank)] = vectors[(j, i)] * scale[j];
-                    shares[(*rank, j)] = if scale[j] > 0.0 {
-                        vectors[(j, i)] / scale[j]
-                    } else {
-                        0.0
-                    };
-                }
-            }
-            *rank += 1;
+            *weakest = values[5];
+            *rank = 6;
+            basis.copy_from(&IDENTITY);
+            coordinates.copy_from(&IDENTITY);
+            return excitation;
         }
-        multiply_left(cleaner, basis);
+        multiply_left(&colouring, &mut vectors);
+        for (i, &value) in values.iter().enumerate() {
+            if value > EXCITED {
+                *weakest = value;
+                basis.set_column(i, &vectors.column(i));
+                *rank = i + 1;
+            }
+        }
+        // Rows yᵀ C^(-1/2) = (C^(1/2) y)ᵀ C⁻¹: those of the whitening times its transpose.
+        let mut inverse = whitening.transpose();
+        multiply_right(&mut inverse, &whitening);
+        *coordinates = basis.transpose();
+        multiply_right(coordinates, &inverse);
         excitation
-    }
-
-    /// Rank and cleaner of [`Self::new`], for those who need no more of it.
-    #[inline(never)] // The rest is off the stack when the caller goes on.
-    pub(super) fn rank_and_cleaner(
-        moments: &Matrix6<f64>,
-        noise: &Vector6<f64>,
-    ) -> (usize, Matrix6<f64>) {
-        let excitation = Self::new(moments, noise);
-        (excitation.rank, excitation.cleaner)
     }
 
     /// Number of excited directions.
@@ -123,16 +110,6 @@ impl Excitation {
     #[must_use]
     pub fn weakest(&self) -> f64 {
         self.weakest
-    }
-
-    /// Projector that removes translations, and rotations, that do not rise above noise.
-    ///
-    /// An excited direction mixes strong components with the chance noise of weak ones.
-    /// A rotation that is noise must become exactly zero, or its inertia would count as
-    /// observed; the rank rule of the identification then sees what is really there.
-    #[must_use]
-    pub fn cleaner(&self) -> &Matrix6<f64> {
-        &self.cleaner
     }
 
     /// Matrix whose first [`Self::rank`] columns turn coordinates into a vector of six.
@@ -148,41 +125,54 @@ impl Excitation {
     }
 }
 
-/// Projector on the directions of three components that rise above noise, where `ratio`
-/// is their second moments in units of their noise `units`.
+/// Square roots of a covariance C and of its inverse, `whitening C whiteningᵀ = 1` and
+/// `colouring colouringᵀ = C`, on the directions that have noise.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn above_noise(mut ratio: Matrix3<f64>, units: &Vector3<f64>) -> Matrix3<f64> {
-    let mut vectors = Matrix3::zeros();
-    let values = symmetric_eigen(&mut ratio, &mut vectors);
-    if values.iter().all(|&v| v > EXCITED) {
-        return Matrix3::identity();
-    }
-    let mut projector = Matrix3::zeros();
-    for (i, &value) in values.iter().enumerate() {
-        if value > EXCITED {
-            let v: Vector3<f64> = vectors.column(i).into();
-            projector += v * v.transpose();
-        }
-    }
-    Matrix3::from_fn(|i, j| {
-        if units[j] > 0.0 {
-            projector[(i, j)] * units[i] / units[j]
+fn roots(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>, colouring: &mut Matrix6<f64>) {
+    // In units of its own noise every component is comparable. One that is exactly zero,
+    // because no sensor sees it, stays zero.
+    let scale: Vector6<f64> = noise.diagonal().map(|n| {
+        if n > 0.0 && n.is_finite() {
+            libm::sqrt(n)
         } else {
             0.0
         }
-    })
+    });
+    let mut correlation = Matrix6::from_fn(|i, j| {
+        let s = scale[i] * scale[j];
+        if s > 0.0 { noise[(i, j)] / s } else { 0.0 }
+    });
+    let mut vectors = Matrix6::zeros();
+    let values = symmetric_eigen(&mut correlation, &mut vectors);
+    for (i, &value) in values.iter().enumerate() {
+        if value > UNSEEN {
+            let root = libm::sqrt(value);
+            for j in 0..6 {
+                if scale[j] > 0.0 {
+                    whitening[(i, j)] = vectors[(j, i)] / (root * scale[j]);
+                    colouring[(j, i)] = vectors[(j, i)] * root * scale[j];
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{accelerations_moved, transfer};
+    use nalgebra::Vector3;
 
-    #[test]
-    fn noise_is_not_an_excitation() {
+    fn translations() -> Matrix6<f64> {
         let mut m = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-6));
         m[(0, 1)] = 0.3;
         m[(1, 0)] = 0.3;
-        let e = Excitation::new(&m, &Vector6::repeat(1e-6));
+        m
+    }
+
+    #[test]
+    fn noise_is_not_an_excitation() {
+        let e = Excitation::new(&translations(), &(Matrix6::identity() * 1e-6));
         assert_eq!(e.rank(), 3);
         assert_eq!(e.basis().fixed_rows::<3>(3).norm(), 0.0);
         let back = e.coordinates() * e.basis();
@@ -190,7 +180,7 @@ mod tests {
         for i in 0..3 {
             for j in 0..3 {
                 let expected = f64::from(u8::from(i == j));
-                assert!((back[(i, j)] - expected).abs() < 1e-14);
+                assert!((back[(i, j)] - expected).abs() < 1e-13);
             }
         }
     }
@@ -199,8 +189,37 @@ mod tests {
     fn an_unseen_component_is_never_excited() {
         let m = Matrix6::from_diagonal(&Vector6::new(1.0, 0.0, 1.0, 0.0, 1.0, 0.0));
         let noise = Vector6::new(1e-9, 0.0, 1e-9, 0.0, 1e-9, 0.0);
-        let e = Excitation::new(&m, &noise);
+        let e = Excitation::new(&m, &Matrix6::from_diagonal(&noise));
         assert_eq!(e.rank(), 3);
         assert_eq!(e.basis().row(1).norm(), 0.0);
+    }
+
+    #[test]
+    fn what_is_excited_does_not_depend_on_the_reference_point() {
+        let moments = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 10.0, 10.0, 10.0));
+        let noise = Matrix6::from_diagonal(&Vector6::new(1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2));
+        let weak = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 0.1, 0.1, 0.1));
+        for d in [0.0, 0.3, 1.0, 3.0, 5.0, 10.0, 60.0] {
+            let shift = Vector3::new(0.2 * d, 0.0, d);
+            let there = accelerations_moved(&noise, &shift);
+            let e = Excitation::new(&accelerations_moved(&moments, &shift), &there);
+            assert_eq!(e.rank(), 6, "{d} m");
+            // Numbers of up to 60² in both, which cancel.
+            assert!(
+                (e.weakest() / 1e3 - 1.0).abs() < 1e-6,
+                "{d} m: {}",
+                e.weakest()
+            );
+            let e = Excitation::new(&accelerations_moved(&weak, &shift), &there);
+            assert_eq!(e.rank(), 3, "{d} m");
+            // The excited directions are the translations, at either point.
+            let t = transfer(&shift);
+            let projector = e.basis() * e.coordinates();
+            let translation = t * Vector6::new(0.3, -1.0, 0.7, 0.0, 0.0, 0.0);
+            assert!(
+                (projector * translation - translation).norm() < 1e-9,
+                "{d} m"
+            );
+        }
     }
 }

@@ -6,14 +6,21 @@
 //! modal mass, and the diagonal of `L_rᵀ L_r` holds the effective masses. Over all modes
 //! they add up to the rigid-body mass matrix.
 
-use super::apparent_mass::{Basis, MAX_RUNS, energy, find_fixed_poles};
+use super::apparent_mass::{Basis, energy, few_enough, find_fixed_poles, fixed_trace};
+use super::averaging::noise_of_runs;
+use super::close_modes::{CLOSE, Neighbourhood};
+use super::lines::indices;
 use super::regression::{Regression, Solution};
-use super::{Lines, MasslineError, Moments, Powers};
+use super::{Lines, MAX_RUNS, MasslineError, Moments, Powers};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::Equations;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Trace};
+use crate::spectra::LineRange;
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
+
+/// Most modes of the fixed structure: behind each pole up to three.
+pub const MAX_FIXED_MODES: usize = CLOSE * MAX_MODES;
 
 /// A mode of the structure on a fixed interface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,53 +32,115 @@ pub struct FixedMode {
     pub effective_mass: Matrix6<f64>,
     /// L_r for unit modal mass: √kg and √kg m.
     pub participation: Vector6<f64>,
-    /// Share of the fitted matrix that one row explains; one for a clean mode.
+    /// Share of the fitted matrix that one row explains, or that the rows of modes explain
+    /// which lie together; one for clean modes.
     pub rank_one: f64,
+}
+
+impl FixedMode {
+    pub(super) fn new(pole: Pole, participation: Vector6<f64>, rank_one: f64) -> Self {
+        Self {
+            pole,
+            effective_mass: participation * participation.transpose(),
+            participation,
+            rank_one,
+        }
+    }
 }
 
 /// The modes of the fixed structure in the lines, ascending. The lines `band` judge the
 /// excitation, the lines `fit` are fitted. `work` holds two elements per line.
 ///
+/// Modes that lie closer than a scalar sum over all motions can tell come apart where their
+/// rows are independent and the runs drive all directions at once, line by line: the pairs of
+/// an axisymmetric structure, even at one frequency.
+///
 /// # Errors
-/// [`MasslineError`] if nothing is excited or measured; no mode is an empty list.
+/// [`MasslineError`] if nothing is excited or measured, and among them
+/// [`MasslineError::OtherLines`], [`MasslineError::Work`] and [`MasslineError::TooManyRuns`];
+/// no mode is an empty list.
 pub fn fixed_modes<L: Lines + ?Sized>(
     lines: &L,
-    band: Range<usize>,
-    fit: Range<usize>,
+    band: LineRange,
+    fit: LineRange,
     equations: &Equations,
     work: &mut [Complex<f64>],
-) -> Result<heapless::Vec<FixedMode, MAX_MODES>, MasslineError> {
-    let start = fit.start;
+) -> Result<heapless::Vec<FixedMode, MAX_FIXED_MODES>, MasslineError> {
+    let (band, fit) = (indices(lines, band)?, indices(lines, fit)?);
+    few_enough(lines)?;
     let energy = energy(lines, &band, &[1.0; MAX_RUNS]);
     let mut search = PoleSearch::EMPTY;
-    let (poles, trace) = find_fixed_poles(lines, &energy, fit, &mut search, work);
-    let mut modes = heapless::Vec::new();
+    let (poles, _) = find_fixed_poles(lines, &energy, fit.clone(), &mut search, work)?;
+    // The modes behind each pole; first as if it were one each.
+    let mut behind: heapless::Vec<heapless::Vec<FixedMode, CLOSE>, MAX_MODES> =
+        poles.iter().map(|_| heapless::Vec::new()).collect();
     if poles.is_empty() {
-        return Ok(modes);
+        return Ok(heapless::Vec::new());
     }
-    let mut regression = regress(lines, &band, &energy, start, equations, &poles, &trace)?;
-    let count = 2 + poles.len();
-    let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..count).collect();
-    let mut solution = Solution::EMPTY;
-    regression
-        .solve(&chosen, &mut solution)
-        .ok_or(MasslineError::Singular)?;
-    for (r, pole) in poles.iter().enumerate() {
-        let mut raw = Matrix6::zeros();
-        regression.coefficient(&solution, 1 + r, &mut raw);
-        // A mode has one shape and so one row: what is left over is noise, and in the
-        // small terms more of it than signal.
-        let (participation, rank_one) = rank_one(&((raw + raw.transpose()) * 0.5));
-        let _ = modes.push(FixedMode {
-            pole: *pole,
-            effective_mass: participation * participation.transpose(),
-            participation,
-            rank_one,
-        });
+    // Twice: the second time with better neighbours.
+    for _ in 0..2 {
+        let close = |of: &heapless::Vec<FixedMode, CLOSE>| of.len() > 1;
+        let apart = together(behind.iter().filter(|of| close(of)));
+        let left: heapless::Vec<Pole, MAX_MODES> = poles
+            .iter()
+            .zip(&behind)
+            .filter(|(_, of)| !close(of))
+            .map(|(pole, _)| *pole)
+            .collect();
+        let trace = fixed_trace(lines, &energy, fit.clone(), work)?;
+        let start = fit.start;
+        let mut regression = regress(
+            lines, &band, &energy, start, equations, &left, &apart, &trace,
+        )?;
+        let chosen: heapless::Vec<usize, { 2 + MAX_MODES }> = (0..2 + left.len()).collect();
+        let mut solution = Solution::EMPTY;
+        regression
+            .solve(&chosen, &mut solution)
+            .ok_or(MasslineError::Singular)?;
+        let mut rigid = Matrix6::zeros();
+        regression.coefficient(&solution, 0, &mut rigid);
+        let mut term = 0;
+        for (pole, of) in poles.iter().zip(&mut behind) {
+            if close(of) {
+                continue;
+            }
+            term += 1;
+            let mut raw = Matrix6::zeros();
+            regression.coefficient(&solution, term, &mut raw);
+            // A mode has one shape and so one row: what is left over is noise, and in the
+            // small terms more of it than signal.
+            let (participation, rank_one) =
+                rank_one(&((raw + raw.transpose()) * 0.5), &rigid.diagonal());
+            of.clear();
+            let _ = of.push(FixedMode::new(*pole, participation, rank_one));
+        }
+        let neighbourhood = Neighbourhood {
+            lines,
+            fit: fit.clone(),
+            excitation: regression.excitation(),
+            equations,
+        };
+        for (k, pole) in poles.iter().enumerate() {
+            let neighbours = behind.iter().enumerate().filter(|(other, _)| *other != k);
+            let others = together(neighbours.map(|(_, of)| of));
+            let split = neighbourhood.split(pole, &others, &mut search, work)?;
+            if let (Some(split), Some(of)) = (split, behind.get_mut(k)) {
+                *of = split;
+            }
+        }
     }
+    let mut modes = together(behind.iter());
+    modes.sort_unstable_by(|a, b| a.pole.frequency.total_cmp(&b.pole.frequency));
     Ok(modes)
 }
 
+fn together<'m>(
+    lists: impl Iterator<Item = &'m heapless::Vec<FixedMode, CLOSE>>,
+) -> heapless::Vec<FixedMode, MAX_FIXED_MODES> {
+    lists.flatten().copied().collect()
+}
+
+#[allow(clippy::too_many_arguments)] // What a regression is made of.
 fn regress<L: Lines + ?Sized>(
     lines: &L,
     band: &Range<usize>,
@@ -79,15 +148,10 @@ fn regress<L: Lines + ?Sized>(
     start: usize,
     equations: &Equations,
     poles: &[Pole],
+    apart: &[FixedMode],
     trace: &Trace<'_>,
 ) -> Result<Regression, MasslineError> {
-    let mut noise = Vector6::zeros();
-    for run in 0..lines.runs() {
-        let per_line = lines.noise(run);
-        for j in 0..6 {
-            noise[j] += per_line[j] * band.len() as f64;
-        }
-    }
+    let noise = noise_of_runs(lines, band.len()).acceleration;
     let all = start..start + trace.len();
     let basis = Basis::new(lines, poles, &all);
     let terms = basis.terms();
@@ -103,18 +167,39 @@ fn regress<L: Lines + ?Sized>(
             lines.add_moments(run, line, trace.weight(line - start), &mut m);
             count += 2.0 * lines.equations_per_line(run);
         }
-        regression.add(&mut m, &basis.at(lines.frequency(line))[..terms], count);
+        let frequency = lines.frequency(line);
+        take_out(apart, frequency, &mut m);
+        regression.add(&mut m, &basis.at(frequency)[..terms], count);
     }
     Ok(regression)
 }
 
+/// Takes the forces of known modes out of the moments of a line.
+fn take_out(modes: &[FixedMode], frequency: f64, m: &mut Moments) {
+    for mode in modes {
+        let d = mode.pole.amplification(frequency);
+        let mass = mode.effective_mass.map(|x| d * x);
+        let (force, acceleration) = (mass * m.fa.adjoint(), mass * m.aa);
+        // Of (f - M a)(f - M a)*, the parts that have M in them.
+        let both = acceleration * mass.adjoint();
+        m.ff += both - force - force.adjoint();
+        m.fa -= acceleration;
+    }
+}
+
+/// A row with the sense that makes it unique, since a mode has none: its largest entry,
+/// kilogram and kilogram metre squared aside, is positive.
+pub(super) fn row_of(row: Vector6<f64>) -> Vector6<f64> {
+    if row[row.iamax()] < 0.0 { -row } else { row }
+}
+
 /// The row L with `LᵀL` closest to a symmetric matrix, and the share it explains.
 ///
-/// Kilogram and kilogram metre squared mix, so the matrix is equilibrated first.
-fn rank_one(matrix: &Matrix6<f64>) -> (Vector6<f64>, f64) {
-    let scale = matrix
-        .diagonal()
-        .map(|d| if d > 0.0 { libm::sqrt(d) } else { 0.0 });
+/// Kilogram and kilogram metre squared mix, so the matrix is taken in units of the rigid
+/// body's own: in its own units, directions in which it is nothing but noise would count as
+/// much as the others.
+fn rank_one(matrix: &Matrix6<f64>, rigid: &Vector6<f64>) -> (Vector6<f64>, f64) {
+    let scale = rigid.map(|d| libm::sqrt(d.abs()));
     let mut scaled = Matrix6::from_fn(|i, j| {
         let s = scale[i] * scale[j];
         if s > 0.0 { matrix[(i, j)] / s } else { 0.0 }

@@ -1,8 +1,9 @@
 //! Method c: averaged frequency responses of the free system.
 
 use super::averaging::Trend;
-use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines};
-use core::ops::Range;
+use super::lines::indices;
+use super::{Complex6, EquationWeights, FreeSystem, Lines, MasslineError, Masslines};
+use crate::spectra::LineRange;
 
 /// Adds masslines from the real part of H over the lines `band`: unit forces and the
 /// accelerations that go with them.
@@ -15,21 +16,34 @@ use core::ops::Range;
 #[inline(never)] // One method's working memory at a time.
 pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
+    band: LineRange,
     squared: bool,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = FreeSystem::new(lines, band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
+    let band = indices(lines, band)?;
     let trend = if squared {
         Trend::Squared
     } else {
         Trend::Constant
     };
-    set.average(lines, &band, trend, system.forces(), &mut |line, pairs| {
-        let mut h = Complex6::zeros();
-        system.response_into(line, &mut h)?;
-        system.pairs(&h, pairs);
-        Ok(())
-    })
+    let (excitation, count) = (system.excitation(), system.forces());
+    set.average(
+        lines,
+        &band,
+        trend,
+        equations,
+        excitation,
+        count,
+        &mut |line, pairs| {
+            let mut h = Complex6::zeros();
+            system.response_into(line, &mut h)?;
+            system.pairs(&h, pairs);
+            Ok(())
+        },
+    )?;
+    system.add_noise(set);
+    Ok(())
 }

@@ -8,15 +8,21 @@
 //! `H(ω) = M⁻¹ - Σ_r φ_r φ_rᵀ ω² / (ω_r² - ω² + 2jζ_r ω_r ω)` with the poles of the free
 //! structure. The constant is the rigid body, which methods c, d and e are after.
 
-use super::averaging::{LinePair, RealMoments};
+use super::averaging::{LinePair, RealMoments, noise_of_runs};
+use super::lines::{indices, two_a_line};
 use super::regression::between;
-use super::{Complex6, Excitation, Lines, MasslineError, Moments, Workspace};
-use crate::algebra::{factor_hermitian, multiply_left, multiply_right, solve_hermitian};
+use super::{
+    Complex6, EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments, Workspace,
+};
+use crate::algebra::{
+    factor_hermitian, inverse_lower, lower, multiply_left, multiply_right, product, solve_hermitian,
+};
 use crate::cells::{cells, seen};
-use crate::geometry::Equations;
+use crate::geometry::{Equations, ResultantNoise, resultants_at, transfer};
 use crate::modes::{MAX_MODES, Pole, Residues, Trace, find_poles};
+use crate::spectra::LineRange;
 use core::ops::Range;
-use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, Vector3, Vector6};
 
 /// Terms of the modal fit: constant, one for the modes above, and two per mode.
 const TERMS: usize = 2 + 2 * MAX_MODES;
@@ -30,29 +36,36 @@ pub struct FreeSystem<'l, L: ?Sized> {
     scale: Vector6<f64>,
     /// The equations with that scale.
     scaled: Matrix6<f64>,
-    noise_filter: Matrix6<f64>,
+    /// Columns are the interface forces of the pairs, in the equations' coordinates.
+    basis: Matrix6<f64>,
+    excitation: Excitation,
+    /// Covariance of the noise that one line of all pairs together would have.
+    noise: ResultantNoise,
 }
 
 impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
-    /// The free system behind `lines`, whose band serves to judge the excitation.
+    /// The free system behind `lines`, whose band serves to judge the excitation. `weights`
+    /// tells for which forces it gives pairs: unit forces, or those in which the noise of one
+    /// pair is not that of another.
     ///
     /// # Errors
     /// [`MasslineError::TooFewRuns`] unless all measured resultants were excited
-    /// independently.
+    /// independently, [`MasslineError::OtherLines`].
     pub fn new(
         lines: &'l L,
-        band: &Range<usize>,
+        band: LineRange,
         equations: &Equations,
+        weights: EquationWeights,
     ) -> Result<Self, MasslineError> {
+        let band = indices(lines, band)?;
         let needed = equations.count();
         if needed == 0 {
             return Err(MasslineError::NoResultant);
         }
-        let mut total = RealMoments::new(lines, band);
-        let (accelerations, noise_filter) =
-            Excitation::rank_and_cleaner(&total.aa, &total.acceleration_noise);
-        let (forces, _) = Excitation::rank_and_cleaner(&total.ff, &total.force_noise);
-        let mut found = forces.min(accelerations);
+        let mut total = RealMoments::new(lines, &band);
+        let excitation = Excitation::new(&total.aa, &total.noise.acceleration);
+        let forces = Excitation::new(&total.ff, &total.noise.force);
+        let mut found = forces.rank().min(excitation.rank());
         if lines.pair(0, band.start).is_some() {
             // One response per run and line, whatever its direction does over the band.
             found = found.min(lines.runs());
@@ -68,12 +81,17 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             .map(|p| if p > 0.0 { 1.0 / libm::sqrt(p) } else { 0.0 });
         let mut scaled = Matrix6::from_diagonal(&scale);
         multiply_right(&mut scaled, equations.rows());
+        let (mut basis, mut noise) = (IDENTITY, ResultantNoise::NONE);
+        forces_of_pairs(lines, &band, equations, weights, &mut basis, &mut noise)
+            .ok_or(MasslineError::Singular)?;
         Ok(Self {
             lines,
             equations: *equations,
             scale,
             scaled,
-            noise_filter,
+            basis,
+            excitation,
+            noise,
         })
     }
 
@@ -83,22 +101,55 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         self.equations.count()
     }
 
-    /// The resultants at A of unit interface force `j`.
-    #[must_use]
-    pub fn unit_force(&self, j: usize) -> Vector6<f64> {
-        self.equations.rows().row(j).transpose()
-    }
-
-    /// Unit interface forces, and the accelerations in phase with them by the response `h`.
+    /// The interface forces of the pairs, and the accelerations in phase with them by the
+    /// response `h`.
     pub(super) fn pairs(&self, h: &Complex6, pairs: &mut [LinePair]) {
-        for (j, pair) in pairs.iter_mut().enumerate() {
-            let in_phase: Vector6<f64> = h.column(j).map(|z| z.re);
-            *pair = (self.noise_filter * in_phase, self.unit_force(j));
+        for (p, pair) in pairs.iter_mut().enumerate() {
+            let force = self.basis.column(p);
+            let in_phase = |i: usize| product(|j| h[(i, j)].re, force.as_slice());
+            *pair = (Vector6::from_fn(|i, _| in_phase(i)), self.force(p));
         }
     }
 
-    pub(super) fn noise_filter(&self) -> &Matrix6<f64> {
-        &self.noise_filter
+    /// The resultants at A of the interface force of pair `p`.
+    fn force(&self, p: usize) -> Vector6<f64> {
+        let force = self.basis.column(p);
+        let rows = self.equations.rows();
+        Vector6::from_fn(|i, _| product(|j| rows[(j, i)], force.as_slice()))
+    }
+
+    /// The pair `p` of a real response.
+    pub(super) fn pair(&self, response: &Matrix6<f64>, p: usize) -> LinePair {
+        let force: Vector6<f64> = self.basis.column(p).into();
+        (response * force, self.force(p))
+    }
+
+    /// What each entry of a response has to do with the acceleration of pair `p`.
+    pub(super) fn shares(&self, p: usize) -> Vector6<f64> {
+        self.basis.column(p).into()
+    }
+
+    /// The accelerations that the runs excite.
+    pub(super) fn excitation(&self) -> &Excitation {
+        &self.excitation
+    }
+
+    /// Gives the pairs of `set` their noise, with that of the forces as the accelerations it
+    /// amounts to: G_FF⁻¹ is bent by it at every line, and an average does not straighten that.
+    pub(super) fn add_noise<const PAIRS: usize>(&self, set: &mut Masslines<PAIRS>) {
+        let mut response = Matrix6::zeros();
+        for (j, pair) in set.pairs.iter().enumerate().take(6) {
+            response.set_column(j, &pair.acceleration);
+        }
+        let mut inverse = self.basis;
+        inverse_lower(&mut inverse, self.forces());
+        multiply_right(&mut response, &inverse);
+        multiply_right(&mut response, self.equations.rows());
+        set.noise = self.noise.force;
+        multiply_left(&response, &mut set.noise);
+        multiply_right(&mut set.noise, &response.transpose());
+        set.noise += self.noise.acceleration;
+        set.pull = set.noise;
     }
 
     /// H at one line: column j is the acceleration of A per unit interface force j.
@@ -136,20 +187,21 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     /// `space`. `work` holds two elements per line.
     ///
     /// # Errors
-    /// [`MasslineError::NoMode`] if there is none in the lines.
+    /// [`MasslineError::NoMode`] if there is none in the lines, [`MasslineError::Work`].
     pub fn modes(
         &self,
-        fit: Range<usize>,
+        fit: LineRange,
         limit: usize,
         space: &mut Workspace,
         work: &mut [Complex<f64>],
     ) -> Result<(), MasslineError> {
+        let fit = indices(self.lines, fit)?;
         let Workspace {
             free_modes: modes,
             search,
             ..
         } = space;
-        let fit = fit.start..fit.end.min(fit.start + work.len() / 2);
+        let work = two_a_line(&fit, work)?;
         let n = self.forces();
         // Every diagonal entry counts by its own size, so that rotations and translations
         // are comparable.
@@ -161,7 +213,6 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             }
         }
         let lines = fit.len() as f64;
-        let work = work.get_mut(..2 * fit.len()).unwrap_or(&mut []);
         for (line, t) in fit.clone().zip(work.iter_mut()) {
             let h = self.diagonal(line)?;
             *t = Complex::new(0.0, 0.0);
@@ -256,6 +307,57 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     }
 }
 
+/// The interface forces of the pairs as columns of `basis`, and the noise that one line of all
+/// pairs together would have. `None` if the forces of the band depend on each other.
+///
+/// Unit forces are the paper's. Their responses share the noise of the same runs. With runs
+/// weighed by their noise, the responses to the columns of Cholesky's factor L of Re G_FF have
+/// noise that is independent and that of a run each.
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
+fn forces_of_pairs<L: Lines + ?Sized>(
+    lines: &L,
+    band: &Range<usize>,
+    equations: &Equations,
+    weights: EquationWeights,
+    basis: &mut Matrix6<f64>,
+    noise: &mut ResultantNoise,
+) -> Option<()> {
+    let all = noise_of_runs(lines, 1).variances();
+    let mut total = Moments::zero();
+    for run in 0..lines.runs() {
+        let of_run = lines.noise(run);
+        let variances = of_run.variances();
+        let shares = variances.iter().zip(&all).filter(|(_, all)| **all > 0.0);
+        let level: f64 = shares.map(|(run, all)| run / all).sum();
+        let weight = match weights {
+            EquationWeights::Noise if level > 0.0 => 1.0 / level,
+            _ => 1.0,
+        };
+        for line in band.clone() {
+            lines.add_moments(run, line, weight, &mut total);
+        }
+        noise.add(&of_run, weight * band.len() as f64 / lines.runs() as f64);
+    }
+    let n = equations.count();
+    let mut factor = total.ff.map(|z| z.re);
+    multiply_left(equations.rows(), &mut factor);
+    multiply_right(&mut factor, &equations.rows().transpose());
+    lower(&mut factor, n)?;
+    let pairs = match weights {
+        EquationWeights::Noise => {
+            *basis = factor;
+            n as f64
+        }
+        EquationWeights::Unit => {
+            inverse_lower(&mut factor, n);
+            factor.fixed_view::<6, 6>(0, 0).norm_squared()
+        }
+    };
+    noise.acceleration *= pairs;
+    noise.force *= pairs;
+    Some(())
+}
+
 /// Modes of the free structure, as they show in the accelerations of A per unit force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeModes {
@@ -296,6 +398,37 @@ impl FreeModes {
         constant_variance: NO_MATRIX,
         unit: 0.0,
     };
+
+    /// Expresses the modes about a point from which A lies `shift` (m) away, per unit of the
+    /// interface forces `here` in place of `there`, those about A.
+    pub(super) fn move_by(&mut self, shift: &Vector3<f64>, here: &Equations, there: &Equations) {
+        // a_B = T⁻¹ a_A, and the forces about A of a unit force about B.
+        let mut back = transfer(&-shift);
+        let mut forces = here.rows().transpose();
+        for mut column in forces.column_iter_mut() {
+            let moved = resultants_at(shift, &column.clone_owned());
+            column.copy_from(&moved);
+        }
+        multiply_left(there.rows(), &mut forces);
+        let Self {
+            constant,
+            residues,
+            quadratures,
+            upper,
+            constant_variance,
+            ..
+        } = self;
+        let modes = residues.iter_mut().chain(quadratures);
+        for m in modes.chain([constant, upper]) {
+            multiply_left(&back, m);
+            multiply_right(m, &forces);
+        }
+        // Variances of sums of independent entries.
+        back.apply(|x| *x *= *x);
+        forces.apply(|x| *x *= *x);
+        multiply_left(&back, constant_variance);
+        multiply_right(constant_variance, &forces);
+    }
 
     fn terms(&self) -> usize {
         2 + 2 * self.poles.len()

@@ -1,10 +1,11 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
-use super::averaging::Trend;
-use super::{Excitation, Lines, MasslineError, Masslines, Powers};
+use super::averaging::{Trend, noise_of_runs};
+use super::lines::indices;
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Powers};
 use crate::cells::seen;
-use core::ops::Range;
-use nalgebra::{Complex, Vector6};
+use crate::spectra::LineRange;
+use nalgebra::{Complex, Matrix6};
 
 /// Adds masslines from the real parts of the measured frequency responses, averaged over the
 /// lines `band`: one pair per run, which needs a drive or a stepped sine.
@@ -19,19 +20,16 @@ use nalgebra::{Complex, Vector6};
 #[inline(never)] // One method's working memory at a time.
 pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
+    band: LineRange,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
+    let band = indices(lines, band)?;
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let mut energy = Powers::zero();
-    let mut noise = Vector6::zeros();
     for run in 0..lines.runs() {
-        let per_line = lines.noise(run);
-        for j in 0..6 {
-            noise[j] += per_line[j] * band.len() as f64;
-        }
         for line in band.clone() {
             if lines.pair(run, line).is_none() {
                 return Err(MasslineError::NoReference);
@@ -39,16 +37,21 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             lines.add_powers(run, line, 1.0, &mut energy);
         }
     }
-    let excited = Excitation::rank_and_cleaner(&energy.aa, &noise);
-    let (rank, noise_filter) = &excited;
-    if *rank == 0 {
+    let noise = noise_of_runs(lines, band.len()).acceleration;
+    let excitation = Excitation::new(&energy.aa, &noise);
+    if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
     // Powers in units of noise, so that a rotation may lead as well.
-    let units = noise.map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
+    let units = noise
+        .diagonal()
+        .map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
     let runs = lines.runs();
     if runs > PAIRS {
-        return Err(MasslineError::TooManyPairs);
+        return Err(MasslineError::TooManyPairs {
+            limit: PAIRS,
+            found: runs,
+        });
     }
     let leaders: heapless::Vec<usize, PAIRS> = (0..runs)
         .map(|run| {
@@ -59,23 +62,40 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             m.aa.diagonal().component_mul(&units).imax()
         })
         .collect();
-    set.average(lines, &band, Trend::Constant, runs, &mut |line, pairs| {
-        for (run, (pair, leader)) in pairs.iter_mut().zip(&leaders).enumerate() {
-            let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
-            let lead = seen(&a)[*leader];
-            let size = libm::sqrt(lead.norm_sqr());
-            let turn = if size > 0.0 {
-                lead.conj() / size
-            } else {
-                Complex::new(1.0, 0.0)
-            };
-            *pair = (
-                noise_filter * a.map(|z| (z * turn).re),
-                f.map(|z| (z * turn).re),
-            );
+    let trend = Trend::Constant;
+    set.average(
+        lines,
+        &band,
+        trend,
+        equations,
+        &excitation,
+        runs,
+        &mut |line, pairs| {
+            for (run, (pair, leader)) in pairs.iter_mut().zip(&leaders).enumerate() {
+                let (a, f) = lines.pair(run, line).ok_or(MasslineError::NoReference)?;
+                let lead = seen(&a)[*leader];
+                let size = libm::sqrt(lead.norm_sqr());
+                let turn = if size > 0.0 {
+                    lead.conj() / size
+                } else {
+                    Complex::new(1.0, 0.0)
+                };
+                *pair = (a.map(|z| (z * turn).re), f.map(|z| (z * turn).re));
+            }
+            Ok(())
+        },
+    )?;
+    let mut of_lines = Matrix6::zeros();
+    for run in 0..runs {
+        let noise = lines.noise(run).acceleration;
+        for line in band.clone() {
+            // The noise is that of the moments, in which the responses have a weight.
+            let weight = lines.pair_weight(run, line) * band.len() as f64;
+            if weight > 0.0 {
+                of_lines += noise / weight;
+            }
         }
-        Ok(())
-    })?;
-    set.share_noise(&energy.aa.diagonal(), &noise);
+    }
+    set.set_averaged_noise(&of_lines);
     Ok(())
 }

@@ -5,10 +5,10 @@
 //! matrix. Both come down to the same three matrices, `Σ a a*`, `Σ f a*` and `Σ f f*`,
 //! which is equation (13) before anyone averages over the band.
 
-use crate::algebra::{incoherent_powers, larger};
-use crate::geometry::{RESULTANTS, ResultantMap};
-use crate::spectra::{Average, CrossAverage, LineGrid, RunResponses, Window};
-use core::ops::Range;
+use super::MasslineError;
+use crate::algebra::incoherent;
+use crate::geometry::{RESULTANTS, ResultantMap, ResultantNoise};
+use crate::spectra::{Average, BandError, CrossAverage, LineGrid, LineRange, RunResponses, Window};
 use nalgebra::{Complex, Matrix6, Vector6};
 
 /// A complex 6 x 6 matrix.
@@ -154,9 +154,16 @@ pub trait Lines {
             add_powers_of_moments(self, run, line, weight, into);
         }
     }
-    /// Noise power per line that `Σ a a*` (first six) and `Σ f f*` (last six) of a run
-    /// contain, mean over the averaging band.
-    fn noise(&self, run: usize) -> [f64; RESULTANTS];
+    /// Covariance of the noise per line that `Σ a a*` and `Σ f f*` of a run contain, mean over
+    /// the averaging band, about the reference point.
+    fn noise(&self, run: usize) -> ResultantNoise;
+    /// Whether the noise of the runs can be told at all.
+    ///
+    /// # Errors
+    /// [`MasslineError::TooFewBlocks`].
+    fn check(&self) -> Result<(), MasslineError> {
+        Ok(())
+    }
     /// Independent complex equations that one line of a run holds.
     fn equations_per_line(&self, run: usize) -> f64;
     /// Variance of a mean over lines relative to independent lines and blocks.
@@ -183,13 +190,42 @@ fn add_powers_of_moments<L: Lines + ?Sized>(
     into.ff += m.ff.diagonal().map(|z| z.re);
 }
 
-/// The lines from `low` to `high` Hz, both ends included.
-#[must_use]
-pub fn lines_between<L: Lines + ?Sized>(lines: &L, [low, high]: [f64; 2]) -> Range<usize> {
-    let inside = |line: &usize| (low..=high).contains(&lines.frequency(*line));
-    let start = (0..lines.count()).find(inside).unwrap_or(0);
-    let end = (0..lines.count()).rfind(inside).map_or(start, |l| l + 1);
-    start..end
+/// The lines of a band (Hz), both ends included: see [`LineRange::between`].
+///
+/// # Errors
+/// [`BandError`] if it is no band, or reaches beyond the lines.
+pub fn lines_between<L: Lines + ?Sized>(lines: &L, band: [f64; 2]) -> Result<LineRange, BandError> {
+    LineRange::between(lines.count(), |line| lines.frequency(line), band)
+}
+
+/// A band's indices, if it was chosen from as many lines as there are.
+///
+/// # Errors
+/// [`MasslineError::OtherLines`].
+pub(super) fn indices<L: Lines + ?Sized>(
+    lines: &L,
+    band: LineRange,
+) -> Result<core::ops::Range<usize>, MasslineError> {
+    if band.count() != lines.count() {
+        return Err(MasslineError::OtherLines {
+            band: band.count(),
+            lines: lines.count(),
+        });
+    }
+    Ok(band.indices())
+}
+
+/// The first two elements a line of lent working memory.
+///
+/// # Errors
+/// [`MasslineError::Work`] if there are fewer.
+pub(super) fn two_a_line<'w>(
+    lines: &core::ops::Range<usize>,
+    work: &'w mut [Complex<f64>],
+) -> Result<&'w mut [Complex<f64>], MasslineError> {
+    let (needed, given) = (2 * lines.len(), work.len());
+    work.get_mut(..needed)
+        .ok_or(MasslineError::Work { needed, given })
 }
 
 /// Runs referred to their drive signals.
@@ -247,10 +283,17 @@ impl Lines for DriveLines<'_> {
         }
     }
 
-    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
-        self.runs
-            .get(run)
-            .map_or([0.0; RESULTANTS], |r| r.noise.map(f64::from))
+    fn noise(&self, run: usize) -> ResultantNoise {
+        let run = self.runs.get(run);
+        run.map_or(ResultantNoise::NONE, |r| ResultantNoise::unpacked(&r.noise))
+    }
+
+    /// A single block is explained by its drive to the last digit.
+    fn check(&self) -> Result<(), MasslineError> {
+        match self.runs.iter().map(|r| r.blocks).min() {
+            Some(found @ ..2) => Err(MasslineError::TooFewBlocks { needed: 2, found }),
+            _ => Ok(()),
+        }
     }
 
     fn equations_per_line(&self, _run: usize) -> f64 {
@@ -278,30 +321,39 @@ impl Lines for DriveLines<'_> {
 pub struct CrossLines<'a, 's> {
     runs: &'a [CrossAverage<'s>],
     grid: LineGrid,
-    noise: heapless::Vec<[f64; RESULTANTS], MAX_CROSS_RUNS>,
+    noise: heapless::Vec<ResultantNoise, MAX_RUNS>,
     line_correlation: f64,
     block_correlation: f64,
 }
 
-/// Most runs without a drive.
-pub const MAX_CROSS_RUNS: usize = 24;
+/// Most runs that are read together, since what each leaves of the fit is kept beside it.
+pub const MAX_RUNS: usize = 24;
 
 impl<'a, 's> CrossLines<'a, 's> {
     /// Lines of finished cross-spectral averages. `band` are the kept lines over which
     /// the noise is taken, `hop` is the blocks' hop over their length, `maps` made the
-    /// resultants of each run. `None` if there is no run, more than [`MAX_CROSS_RUNS`],
-    /// or not one map a run.
-    #[must_use]
+    /// resultants of each run.
+    ///
+    /// # Errors
+    /// [`MasslineError::TooManyRuns`], [`MasslineError::TooFewRuns`] without a run or with
+    /// fewer maps than runs, [`MasslineError::OtherLines`] for a band of other lines.
     pub fn new(
         runs: &'a [CrossAverage<'s>],
         grid: LineGrid,
-        band: core::ops::Range<usize>,
+        band: LineRange,
         window: Window,
         hop: f64,
         maps: &[ResultantMap],
-    ) -> Option<Self> {
-        if runs.is_empty() || maps.len() != runs.len() {
-            return None;
+    ) -> Result<Self, MasslineError> {
+        let (needed, found) = (runs.len().max(1), maps.len().min(runs.len()));
+        if found < needed {
+            return Err(MasslineError::TooFewRuns { needed, found });
+        }
+        if band.count() != grid.count {
+            return Err(MasslineError::OtherLines {
+                band: band.count(),
+                lines: grid.count,
+            });
         }
         let mut lines = Self {
             runs,
@@ -310,43 +362,51 @@ impl<'a, 's> CrossLines<'a, 's> {
             line_correlation: window.line_correlation(),
             block_correlation: window.block_correlation(hop),
         };
-        for (run, map) in maps.iter().enumerate() {
-            let noise = lines.incoherent(run, band.clone(), map);
-            lines.noise.push(noise).ok()?;
+        for (run, map) in maps.iter().enumerate().take(needed) {
+            let noise = lines.incoherent(run, band, map);
+            lines
+                .noise
+                .push(noise)
+                .map_err(|_| MasslineError::TooManyRuns {
+                    limit: MAX_RUNS,
+                    found: runs.len(),
+                })?;
         }
-        Some(lines)
+        Ok(lines)
     }
 
-    /// What of the accelerations the forces do not explain, and the other way round:
+    /// Independent blocks that were averaged in a run.
+    fn independent_blocks(&self, run: usize) -> f64 {
+        let blocks = self.runs.get(run).map_or(0, CrossAverage::blocks);
+        f64::from(blocks) / self.block_correlation
+    }
+
+    /// Accelerations that the forces do not explain, and the other way round:
     /// an upper bound of the sensors' noise, as the noise of both sides is in it.
-    fn incoherent(
-        &self,
-        run: usize,
-        band: core::ops::Range<usize>,
-        map: &ResultantMap,
-    ) -> [f64; RESULTANTS] {
+    fn incoherent(&self, run: usize, band: LineRange, map: &ResultantMap) -> ResultantNoise {
         let mut power = [0.0; RESULTANTS];
-        let mut noise = [0.0; RESULTANTS];
-        let blocks = f64::from(self.runs[run].blocks());
-        // Six explaining channels take six degrees of freedom.
-        let freedom = blocks / (blocks - 6.0).max(1.0);
+        let mut noise = ResultantNoise::NONE;
+        let blocks = self.independent_blocks(run);
+        // Six explaining channels take six degrees of freedom. `check` has refused fewer.
+        let freedom = blocks / (blocks - EXPLAINING).max(1.0);
         let lines = band.len().max(1) as f64;
         for line in band {
             let mut m = Moments::zero();
             self.add_moments(run, line, 1.0, &mut m);
-            let of_accelerations = incoherent_powers(&m.ff, &m.fa.adjoint(), &m.aa);
-            let of_forces = incoherent_powers(&m.aa, &m.fa, &m.ff);
+            noise.acceleration += incoherent(&m.ff, &m.fa.adjoint(), &m.aa) * (freedom / lines);
+            noise.force += incoherent(&m.aa, &m.fa, &m.ff) * (freedom / lines);
             for j in 0..6 {
                 power[j] += m.aa[(j, j)].re / lines;
                 power[6 + j] += m.ff[(j, j)].re / lines;
-                noise[j] += of_accelerations[j] * freedom / lines;
-                noise[6 + j] += of_forces[j] * freedom / lines;
             }
         }
-        let rounding = map.rounding_power(&power);
-        core::array::from_fn(|j| larger(noise[j], rounding[j]))
+        noise.add(&map.noise(&map.rounding_power(&power)), 1.0);
+        noise
     }
 }
+
+/// Channels that explain the others where there is no drive.
+const EXPLAINING: f64 = 6.0;
 
 impl Lines for CrossLines<'_, '_> {
     fn count(&self) -> usize {
@@ -378,8 +438,23 @@ impl Lines for CrossLines<'_, '_> {
         }
     }
 
-    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
-        self.noise.get(run).copied().unwrap_or([0.0; RESULTANTS])
+    fn noise(&self, run: usize) -> ResultantNoise {
+        self.noise.get(run).copied().unwrap_or(ResultantNoise::NONE)
+    }
+
+    /// Six channels explain all of six others in as many blocks. One independent block more
+    /// tells the noise at some tens of lines together.
+    fn check(&self) -> Result<(), MasslineError> {
+        let needed = EXPLAINING + 1.0;
+        for run in 0..self.runs.len() {
+            if self.independent_blocks(run) < needed {
+                return Err(MasslineError::TooFewBlocks {
+                    needed: libm::ceil(needed * self.block_correlation) as u32,
+                    found: self.runs.get(run).map_or(0, CrossAverage::blocks),
+                });
+            }
+        }
+        Ok(())
     }
 
     fn equations_per_line(&self, run: usize) -> f64 {

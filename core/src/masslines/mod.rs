@@ -14,6 +14,7 @@
 //! | `synthesis` | e, averaged responses of the rigid body, elastic modes subtracted |
 //! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
 //! | `fixed_modes` | effective masses of the fixed structure, from the same fit over all lines |
+//! | `close_modes` | those of them that lie too close for one scalar to tell |
 //! | `static_poses` | poses of a DC-coupled measurement |
 //!
 //! `condense` is the door to all of them, `regression` and `free_system` what several have
@@ -22,6 +23,7 @@
 
 mod apparent_mass;
 mod averaging;
+mod close_modes;
 mod condense;
 mod curve_fit;
 mod excitation;
@@ -30,6 +32,7 @@ mod free_responses;
 mod free_system;
 mod frequency_responses;
 mod lines;
+mod moved;
 mod power_spectra;
 mod regression;
 mod residuals;
@@ -40,24 +43,23 @@ mod workspace;
 
 pub use apparent_mass::{ApparentMass, apparent_mass};
 pub use averaging::MIN_LINES;
-pub use condense::{Bands, Condensed, Method, condense, condense_into};
+pub use condense::{Bands, Condensed, EquationWeights, Method, condense, condense_into};
 pub use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
-pub use fixed_modes::{FixedMode, fixed_modes};
+pub use fixed_modes::{FixedMode, MAX_FIXED_MODES, fixed_modes};
 pub use free_responses::free_responses;
 pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;
 pub use lines::{
-    Complex6, CrossLines, DriveLines, Lines, MAX_CROSS_RUNS, Moments, Powers, lines_between,
+    Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, lines_between,
 };
 pub use power_spectra::{Factorisation, power_spectra};
-pub use sine::{SineLines, SineRun};
+pub use sine::{MIN_NEIGHBOURS, SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
 pub use synthesis::synthesis;
 pub use workspace::Workspace;
 
-use crate::cells::{cells, seen};
-use crate::geometry::{Equations, resultants_at, transfer};
+use crate::geometry::{Equations, accelerations_moved, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Most pairs in one set: one a direction, or with method a one a run.
@@ -73,7 +75,12 @@ pub enum MasslineError {
     /// No resultant is measured.
     NoResultant,
     /// More pairs than the set has room for: [`MAX_PAIRS`], or what it was made with.
-    TooManyPairs,
+    TooManyPairs {
+        /// Most pairs.
+        limit: usize,
+        /// Pairs there would be, as far as they were counted.
+        found: usize,
+    },
     /// Numbers that are not finite, or a matrix that cannot be factorised.
     Singular,
     /// The method needs frequency responses: a drive channel or a stepped sine.
@@ -87,6 +94,34 @@ pub enum MasslineError {
     },
     /// The method fits elastic modes, and none was found in the lines.
     NoMode,
+    /// A band was chosen from other lines than these.
+    OtherLines {
+        /// Number of lines it was chosen from.
+        band: usize,
+        /// Number of lines there are.
+        lines: usize,
+    },
+    /// Lent working memory is too small.
+    Work {
+        /// Elements needed.
+        needed: usize,
+        /// Elements given.
+        given: usize,
+    },
+    /// More runs than can be weighed against each other.
+    TooManyRuns {
+        /// Most runs.
+        limit: usize,
+        /// Runs there are.
+        found: usize,
+    },
+    /// A run has too few blocks to tell its noise from its signal.
+    TooFewBlocks {
+        /// Blocks needed.
+        needed: u32,
+        /// Blocks found.
+        found: u32,
+    },
 }
 
 impl core::fmt::Display for MasslineError {
@@ -102,7 +137,10 @@ impl core::fmt::Display for MasslineError {
                 "no direction of base acceleration rises above the accelerometers' noise",
             ),
             Self::NoResultant => f.write_str("the load cells complete no equation of motion"),
-            Self::TooManyPairs => f.write_str("more masslines than there is room for"),
+            Self::TooManyPairs { limit, found } => write!(
+                f,
+                "{found} or more masslines, but there is room for {limit}"
+            ),
             Self::Singular => f.write_str("the averaged spectra are not finite"),
             Self::NoReference => f.write_str(
                 "this method needs responses referred to a drive channel or a stepped sine",
@@ -112,6 +150,21 @@ impl core::fmt::Display for MasslineError {
                 "this method needs {needed} independent runs, as many as resultants are measured; found {found}"
             ),
             Self::NoMode => f.write_str("no elastic mode was found in the lines"),
+            Self::OtherLines { band, lines } => {
+                write!(f, "a band chosen from {band} lines, but there are {lines}")
+            }
+            Self::Work { needed, given } => write!(
+                f,
+                "working memory of {given} elements, but {needed} are needed, two a line"
+            ),
+            Self::TooManyRuns { limit, found } => write!(
+                f,
+                "{found} runs, of which at most {limit} can be weighed against each other"
+            ),
+            Self::TooFewBlocks { needed, found } => write!(
+                f,
+                "a run has {found} blocks; at least {needed} are needed to tell its noise from its signal"
+            ),
         }
     }
 }
@@ -141,9 +194,17 @@ pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     pub equations: Equations,
     /// The pairs.
     pub pairs: heapless::Vec<Massline, PAIRS>,
-    /// What the accelerations would contain if there were nothing but noise: columns
-    /// are pseudo accelerations whose second moments add up to the noise in `pairs`.
+    /// Second moments that noise alone would give the accelerations of the pairs, were each
+    /// direction as noisy as one line: an excitation that does not exceed them by
+    /// [`EXCITED`] is none.
     pub noise: Matrix6<f64>,
+    /// Second moments that noise really adds to those of the pairs. They pull what the
+    /// accelerations multiply towards zero.
+    pub pull: Matrix6<f64>,
+    /// Independent lines (or poses) that went into each pair.
+    pub lines: f32,
+    /// Degrees of freedom of the variances of the pairs; infinite where they are known.
+    pub freedom: f32,
 }
 
 impl Masslines {
@@ -172,6 +233,9 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             equations,
             pairs: heapless::Vec::new(),
             noise: Matrix6::zeros(),
+            pull: Matrix6::zeros(),
+            lines: 1.0,
+            freedom: f32::INFINITY,
         }
     }
 
@@ -191,41 +255,39 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
                 force,
                 variance,
             })
-            .map_err(|_| MasslineError::TooManyPairs)
+            .map_err(|_| MasslineError::TooManyPairs {
+                limit: PAIRS,
+                found: PAIRS + 1,
+            })
     }
 
-    /// Sets the noise of the pairs: the share that `noise` has in `power`, component by
-    /// component. Pairs that are linear in spectra keep their share.
-    pub(crate) fn share_noise(&mut self, power: &Vector6<f64>, noise: &Vector6<f64>) {
-        for j in 0..6 {
-            let squares = self
-                .pairs
-                .iter()
-                .map(|p| seen(&p.acceleration)[j] * seen(&p.acceleration)[j]);
-            let in_pairs: f64 = squares.sum();
-            let (power, noise) = (seen(power), seen(noise));
-            cells(&mut self.noise)[(j, j)] = if power[j] > 0.0 {
-                libm::sqrt(noise[j] / power[j] * in_pairs)
-            } else {
-                0.0
-            };
-        }
+    /// Sets the noise of pairs that are means over independent lines, from what it would be
+    /// if they were single lines. It averages out of them.
+    pub(crate) fn set_averaged_noise(&mut self, of_lines: &Matrix6<f64>) {
+        let lines = f64::from(core::mem::replace(&mut self.lines, 1.0));
+        self.noise = of_lines / lines.max(1.0);
+        self.pull = self.noise;
     }
 
     /// The same masslines about another reference point (m): exact, nothing is
     /// averaged again (figure 4).
     #[must_use]
     pub fn at(&self, reference: &Vector3<f64>) -> Self {
-        let shift = reference - self.reference;
-        let t = transfer(&shift);
         let mut moved = self.clone();
-        moved.reference = *reference;
-        moved.equations = self.equations.at(&shift);
-        moved.noise = t * self.noise;
-        for pair in &mut moved.pairs {
-            pair.acceleration = t * pair.acceleration;
-            pair.force = resultants_at(&shift, &pair.force);
-        }
+        moved.move_by(&(reference - self.reference));
         moved
+    }
+
+    /// Moves the reference point by `shift`, m.
+    pub(crate) fn move_by(&mut self, shift: &Vector3<f64>) {
+        let t = transfer(shift);
+        self.reference += shift;
+        self.equations = self.equations.at(shift);
+        self.noise = accelerations_moved(&self.noise, shift);
+        self.pull = accelerations_moved(&self.pull, shift);
+        for pair in &mut self.pairs {
+            pair.acceleration = t * pair.acceleration;
+            pair.force = resultants_at(shift, &pair.force);
+        }
     }
 }

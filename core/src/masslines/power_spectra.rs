@@ -1,10 +1,11 @@
 //! Method b: averaged power spectra, `M G_AF = G_FF` (13), without and with Cholesky.
 
 use super::averaging::{RealMoments, Trend};
-use super::{Excitation, Lines, MasslineError, Masslines, Moments};
+use super::lines::indices;
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use crate::cells::seen;
-use core::ops::Range;
+use crate::spectra::LineRange;
 use nalgebra::{Matrix6, Vector6};
 
 /// What is done with the band averages of the power spectra.
@@ -29,20 +30,21 @@ pub enum Factorisation {
 #[inline(never)] // One method's working memory at a time.
 pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
+    band: LineRange,
     factorisation: Factorisation,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
+    let band = indices(lines, band)?;
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
     let spectra = RealMoments::new(lines, &band);
-    let excited = Excitation::rank_and_cleaner(&spectra.aa, &spectra.acceleration_noise);
-    let (rank, noise_filter) = &excited;
-    if *rank == 0 {
+    let excitation = Excitation::new(&spectra.aa, &spectra.noise.acceleration);
+    if excitation.rank() == 0 {
         return Err(MasslineError::NoExcitation);
     }
-    let columns = columns(&spectra, factorisation, *rank);
+    let columns = columns(&spectra, factorisation, excitation.rank());
     let columns = columns.as_ref().map_err(|error| *error)?;
     let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
@@ -50,6 +52,8 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         Trend::Constant,
+        equations,
+        &excitation,
         used.len(),
         &mut |line, pairs| {
             let mut m = Moments::zero();
@@ -62,12 +66,28 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
                 let (fa, ff) = (seen(&m.fa), seen(&m.ff));
                 let a = Vector6::from_fn(|i, _| product(|k| fa[(k, i)].re, column));
                 let f = Vector6::from_fn(|i, _| product(|k| ff[(i, k)].re, column));
-                *pair = (noise_filter * a, f);
+                *pair = (a, f);
             }
             Ok(())
         },
     )?;
-    set.share_noise(&spectra.aa.diagonal(), &spectra.acceleration_noise);
+    // Noise of the accelerations of a run times its forces.
+    let mut of_lines = Matrix6::zeros();
+    for run in 0..lines.runs() {
+        let mut m = Moments::zero();
+        for line in band.clone() {
+            lines.add_moments(run, line, 1.0 / band.len() as f64, &mut m);
+        }
+        let forces: f64 = used
+            .iter()
+            .map(|&c| {
+                let column: Vector6<f64> = columns.column(c).into();
+                column.dot(&(m.ff.map(|z| z.re) * column))
+            })
+            .sum();
+        of_lines += lines.noise(run).acceleration * forces;
+    }
+    set.set_averaged_noise(&of_lines);
     Ok(())
 }
 
@@ -85,7 +105,7 @@ fn columns(
     if factorisation == Factorisation::None {
         return Ok(Matrix6::identity());
     }
-    let forces = Excitation::new(&spectra.ff, &spectra.force_noise);
+    let forces = Excitation::new(&spectra.ff, &spectra.noise.force);
     let rank = rank.min(forces.rank());
     if rank == 0 {
         return Err(MasslineError::NoResultant);

@@ -95,7 +95,7 @@ impl Regression {
     /// Starts again with the excitation that these moments of the accelerations show over
     /// their noise. `None` if there is none.
     #[inline(never)] // What is new is off the stack when it is in its place.
-    pub(super) fn restart(&mut self, aa: &Matrix6<f64>, noise: &Vector6<f64>) -> Option<()> {
+    pub(super) fn restart(&mut self, aa: &Matrix6<f64>, noise: &Matrix6<f64>) -> Option<()> {
         self.excitation = Excitation::new(aa, noise);
         self.normal.clear();
         self.right.fill(0.0);
@@ -353,6 +353,35 @@ impl Regression {
         lower(&mut weights, rows)?;
         inverse_lower(&mut weights, rows);
         Some(self.equations.whitened(&weights))
+    }
+
+    /// Share of the accelerations' power that is left to the pairs, mean over the excited
+    /// directions: the other terms of `solution` take the rest.
+    pub(super) fn share_of_pairs(&self, solution: &Solution) -> f64 {
+        let rank = self.excitation.rank();
+        let mut power = Matrix6::zeros();
+        let (normal, entries) = (seen(&self.normal), &mut cells(&mut power));
+        for i in 0..rank {
+            for j in 0..=i {
+                entries[(i, j)] = normal[(i, j)];
+                entries[(j, i)] = normal[(i, j)];
+            }
+        }
+        if lower(&mut power, rank).is_none() {
+            return 1.0;
+        }
+        inverse_lower(&mut power, rank);
+        let mut left = solution.schur;
+        multiply_left(&power, &mut left);
+        power.transpose_mut();
+        multiply_right(&mut left, &power);
+        left.trace() / rank as f64
+    }
+
+    /// Independent real equations that are left over in each row.
+    pub(super) fn freedom(&self, solution: &Solution) -> f64 {
+        let unknowns = self.excitation.rank() * solution.terms.len();
+        ((self.count - unknowns as f64) / self.correlation).max(1.0)
     }
 
     /// What second moments of acceleration, real part, contribute to each pair: its share

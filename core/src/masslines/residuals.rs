@@ -1,9 +1,9 @@
 //! What a fit of the apparent mass leaves in each run, and what follows from it: how much
 //! runs count whose noise differs, and the variances of the pairs.
 
-use super::apparent_mass::{Basis, Fit, MAX_RUNS};
+use super::apparent_mass::{Basis, Fit};
 use super::regression::MAX_TERMS;
-use super::{Lines, Massline, Moments, Powers};
+use super::{Lines, MAX_RUNS, Massline, Moments, Powers};
 use crate::algebra::{multiply_left, not_negative};
 use crate::geometry::Equations;
 use core::ops::Range;

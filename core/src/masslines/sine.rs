@@ -2,7 +2,8 @@
 
 use super::Moments;
 use super::lines::{Amplitudes, Lines};
-use crate::geometry::RESULTANTS;
+use crate::geometry::{RESULTANTS, ResultantNoise};
+use crate::spectra::listed;
 use nalgebra::{Complex, Vector6};
 
 /// Frequency responses of the twelve resultants, one run.
@@ -10,8 +11,64 @@ use nalgebra::{Complex, Vector6};
 pub struct SineRun<'a> {
     /// `(a, f)` at A for each line, in any common unit of excitation.
     pub responses: &'a [[Complex<f64>; RESULTANTS]],
-    /// Noise power of each resultant per line, and at least its resolution.
-    pub noise: [f64; RESULTANTS],
+    /// Covariance of the noise of the resultants per line, and at least their resolution.
+    pub noise: ResultantNoise,
+}
+
+/// Fewest lines whose misfit tells noise.
+pub const MIN_NEIGHBOURS: usize = 5;
+
+impl SineRun<'_> {
+    /// The noise of responses that nobody repeated: by how much each line misses the cubic
+    /// through its two neighbours on either side. Below the first mode a response is so
+    /// smooth that next to nothing of the structure is in it, and what is makes the noise
+    /// larger, not smaller.
+    ///
+    /// `responses` and `frequencies` (Hz, ascending) are those of the averaging band. `None`
+    /// below [`MIN_NEIGHBOURS`] lines.
+    #[must_use]
+    pub fn noise_of_neighbours(
+        frequencies: &[f64],
+        responses: &[[Complex<f64>; RESULTANTS]],
+    ) -> Option<ResultantNoise> {
+        let mut noise = ResultantNoise::NONE;
+        let mut count = 0.0;
+        let windows = frequencies.windows(MIN_NEIGHBOURS);
+        for (f, x) in windows.zip(responses.windows(MIN_NEIGHBOURS)) {
+            let ([f0, f1, f2, f3, f4], [x0, x1, x2, x3, x4]) = (f, x) else {
+                continue;
+            };
+            // Lagrange's weights of the four neighbours in the middle.
+            let nodes = [*f0, *f1, *f3, *f4];
+            let weight = |k: usize| {
+                let others = nodes.iter().enumerate().filter(|(other, _)| *other != k);
+                others.fold(1.0, |product, (_, other)| {
+                    product * (f2 - other) / (nodes[k] - other)
+                })
+            };
+            let weights: [f64; 4] = core::array::from_fn(weight);
+            let gain = 1.0 + weights.iter().map(|w| w * w).sum::<f64>();
+            let left: [Complex<f64>; RESULTANTS] = core::array::from_fn(|j| {
+                let [a, b, c, d] = weights;
+                x2[j] - (x0[j] * a + x1[j] * b + x3[j] * c + x4[j] * d)
+            });
+            for (half, at) in [(&mut noise.acceleration, 0), (&mut noise.force, 6)] {
+                for i in 0..6 {
+                    for j in 0..6 {
+                        let product = left[at + i] * left[at + j].conj();
+                        half[(i, j)] += product.re / gain;
+                    }
+                }
+            }
+            count += 1.0;
+        }
+        if count == 0.0 {
+            return None;
+        }
+        noise.acceleration /= count;
+        noise.force /= count;
+        Some(noise)
+    }
 }
 
 /// Runs of frequency responses that share their frequencies, which need not be evenly
@@ -41,14 +98,7 @@ impl Lines for SineLines<'_> {
 
     fn frequency(&self, line: usize) -> f64 {
         // One step beyond the last line is asked for to learn the spacing there.
-        match (self.frequencies.get(line), self.frequencies) {
-            (Some(f), _) => *f,
-            (None, [.., before, last]) => {
-                last + (last - before) * (line + 1 - self.frequencies.len()) as f64
-            }
-            (None, [only]) => *only,
-            (None, []) => 0.0,
-        }
+        listed(self.frequencies, line)
     }
 
     fn runs(&self) -> usize {
@@ -61,8 +111,8 @@ impl Lines for SineLines<'_> {
         }
     }
 
-    fn noise(&self, run: usize) -> [f64; RESULTANTS] {
-        self.runs.get(run).map_or([0.0; RESULTANTS], |r| r.noise)
+    fn noise(&self, run: usize) -> ResultantNoise {
+        self.runs.get(run).map_or(ResultantNoise::NONE, |r| r.noise)
     }
 
     fn equations_per_line(&self, _run: usize) -> f64 {

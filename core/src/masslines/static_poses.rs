@@ -71,9 +71,8 @@ impl StaticPoses {
         self.count as usize
     }
 
-    /// Condenses the poses to masslines about `reference`. `noise` is the standard
-    /// deviation of each component of the specific force where it is known, and at
-    /// least its resolution.
+    /// Condenses the poses to masslines about `reference`. `noise` is the covariance of the
+    /// noise of the specific force in one pose, and at least its resolution.
     ///
     /// The resultants are weighted with what a free linear fit leaves of each. Give
     /// `mass_matrix`, about the same point, from a first identification to weight them
@@ -86,14 +85,14 @@ impl StaticPoses {
         &self,
         reference: Vector3<f64>,
         equations: &Equations,
-        noise: &Vector6<f64>,
+        noise: &Matrix6<f64>,
         mass_matrix: Option<&Matrix6<f64>>,
     ) -> Result<StaticFit, MasslineError> {
         if equations.count() == 0 {
             return Err(MasslineError::NoResultant);
         }
         let symmetric = |m: &Matrix6<f64>| (m + m.transpose()) * 0.5;
-        let power = noise.map(|n| n * n * self.count);
+        let power = noise * self.count;
         let mut regression = Regression::EMPTY;
         regression.begin(equations, 1, 1.0);
         regression
@@ -119,6 +118,10 @@ impl StaticPoses {
         }
         let mut masslines = Masslines::new(reference, *equations);
         regression.masslines(&solution, &mut masslines)?;
+        masslines.noise = power;
+        masslines.pull = power;
+        masslines.lines = self.count as f32;
+        masslines.freedom = regression.freedom(&solution) as f32;
         Ok(StaticFit {
             masslines,
             mean_acceleration: self.mean_a,

@@ -2,8 +2,9 @@
 //! the elastic modes of the free system.
 
 use super::averaging::Trend;
-use super::{Complex6, FreeSystem, Lines, MasslineError, Masslines, Workspace};
-use core::ops::Range;
+use super::lines::indices;
+use super::{Complex6, EquationWeights, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use crate::spectra::LineRange;
 use nalgebra::Complex;
 
 /// Adds masslines from the real part over the lines `band` of what remains of H when the
@@ -16,21 +17,25 @@ use nalgebra::Complex;
 #[inline(never)] // One method's working memory at a time.
 pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: Range<usize>,
-    fit: Range<usize>,
+    band: LineRange,
+    fit: LineRange,
     limit: usize,
+    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, &band, &set.equations);
+    let system = FreeSystem::new(lines, band, &set.equations, equations);
     let system = system.as_ref().map_err(|error| *error)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;
+    let band = indices(lines, band)?;
     set.average(
         lines,
         &band,
         Trend::Constant,
+        equations,
+        system.excitation(),
         system.forces(),
         &mut |line, pairs| {
             let mut rigid = Complex6::zeros();
@@ -39,5 +44,7 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
             system.pairs(&rigid, pairs);
             Ok(())
         },
-    )
+    )?;
+    system.add_noise(set);
+    Ok(())
 }

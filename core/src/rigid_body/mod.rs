@@ -5,7 +5,7 @@ mod inertia;
 mod plausibility;
 
 pub use inertia::{Inertia, PrincipalInertia};
-pub use plausibility::{Margin, Plausibility, check};
+pub use plausibility::{Bounded, Margin, Moments, Plausibility, Verdict, check};
 
 use crate::geometry::skew;
 use nalgebra::{Matrix6, Vector3};

@@ -3,7 +3,7 @@
 use super::decimate::{MAX_STAGES, USABLE, settling, state_len};
 use super::fft::supported;
 use super::history::History;
-use super::{Complex32, LineGrid, SpectraError, Window};
+use super::{BandError, Complex32, LineGrid, SpectraError, Window};
 
 /// How a stream is cut and transformed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,19 +19,20 @@ pub struct BlockSettings {
 
 impl BlockSettings {
     /// Blocks of `block_length` samples at `sample_rate` Hz that overlap by the share
-    /// `overlap`, of which the lines between `low` and `high` Hz are kept. The mean of
+    /// `overlap`, of which the lines of `band` (Hz) are kept. The mean of
     /// each block, under the window, is removed: sensors have offsets, and the lowest lines
     /// would see them.
     ///
     /// # Errors
-    /// [`SpectraError::BlockLength`], [`SpectraError::Overlap`], [`SpectraError::SampleRate`], or
-    /// [`SpectraError::Band`] if the band holds no line or leaves the spectrum.
+    /// [`SpectraError::BlockLength`], [`SpectraError::Overlap`], [`SpectraError::SampleRate`],
+    /// [`SpectraError::BandEnds`], or [`SpectraError::Band`] if the band holds no line or
+    /// leaves the spectrum.
     pub fn new(
         block_length: usize,
         overlap: f64,
         window: Window,
         sample_rate: f64,
-        [low, high]: [f64; 2],
+        band: [f64; 2],
     ) -> Result<Self, SpectraError> {
         if !supported(block_length) {
             return Err(SpectraError::BlockLength(block_length));
@@ -43,17 +44,24 @@ impl BlockSettings {
         if !(sample_rate.is_finite() && spacing.is_normal() && spacing > 0.0) {
             return Err(SpectraError::SampleRate(sample_rate));
         }
-        let usable = block_length / 2 - 1 - window.reach();
+        let usable = (block_length / 2 - 1).saturating_sub(window.reach());
+        // Line 0 is the mean, which was removed.
         let whole = LineGrid {
-            first: 0,
-            count: block_length,
+            first: 1,
+            count: usable,
             spacing,
         };
-        let lines = whole.within(low, high);
-        // Line 0 is the mean, which was removed.
-        let first = lines.start.max(1);
-        let last = lines.end.saturating_sub(1);
-        if lines.is_empty() || first > last || last > usable {
+        let lines = whole.within(band).map_err(|why| match why {
+            BandError::Ends(ends) => SpectraError::BandEnds(ends),
+            _ => SpectraError::Band {
+                // As in any cast of a float, what is too large becomes the largest.
+                first: (libm::ceil(band[0] / spacing) as usize).max(1),
+                last: libm::floor(band[1] / spacing) as usize,
+                usable,
+            },
+        })?;
+        let (first, last) = (1 + lines.start(), lines.end());
+        if lines.is_empty() {
             return Err(SpectraError::Band {
                 first,
                 last,

@@ -4,10 +4,12 @@
 //! sensor does not correlate with the drive, so it averages out of H; only its scatter
 //! remains, and the coherence tells how much.
 
-use super::{Average, BlockSettings, BlockSpectra, Complex32, LineGrid, SpectraError, Sum};
+use super::{
+    Average, BlockSettings, BlockSpectra, Complex32, LineGrid, LineRange, SpectraError, Sum,
+};
 use crate::algebra::{larger, not_negative};
 use crate::cells::seen;
-use crate::geometry::{RESULTANTS, ResultantMap};
+use crate::geometry::{PackedNoise, RESULTANTS, ResultantMap};
 
 /// Sums per line: G_rr, and for each channel G_xr (two) and G_xx.
 const fn sums_per_line(channels: usize) -> usize {
@@ -109,7 +111,7 @@ impl<'s> DriveAverage<'s> {
     /// precision: to be told after every block, where [`Self::coherence`] would cost more
     /// than the block itself.
     #[must_use]
-    pub fn mean_coherence(&self, c: usize, band: core::ops::Range<usize>) -> f32 {
+    pub fn mean_coherence(&self, c: usize, band: LineRange) -> f32 {
         let lines = band.len().max(1) as f32;
         let mut sum = 0.0;
         for k in band {
@@ -194,8 +196,9 @@ pub struct RunResponses<'a> {
     /// G_rr of each line, summed over the blocks.
     pub drive: &'a [f32],
     /// Power per line that does not come from the drive: the expected `G_rr |error of H|²`
-    /// of each resultant, averaged over the averaging band.
-    pub noise: [f32; RESULTANTS],
+    /// of the resultants, averaged over the averaging band, with the correlations that the
+    /// sensors' geometry gives it: a packed [`crate::geometry::ResultantNoise`].
+    pub noise: PackedNoise,
     /// Blocks averaged.
     pub blocks: u32,
 }
@@ -207,16 +210,21 @@ impl<'a> RunResponses<'a> {
     /// resultants.
     ///
     /// # Errors
-    /// [`SpectraError::Storage`] if the storage is too small.
+    /// [`SpectraError::Storage`] if the storage is too small, [`SpectraError::OtherLines`] if
+    /// the band was chosen from other lines.
     pub fn finish(
         average: &DriveAverage<'_>,
         grid: LineGrid,
-        band: core::ops::Range<usize>,
+        band: LineRange,
         block_correlation: f64,
         map: &ResultantMap,
         responses: &'a mut [[Complex32; RESULTANTS]],
         drive: &'a mut [f32],
     ) -> Result<Self, SpectraError> {
+        if band.count() != grid.count {
+            let (band, lines) = (band.count(), grid.count);
+            return Err(SpectraError::OtherLines { band, lines });
+        }
         let needed = grid.count;
         let given = responses.len().min(drive.len());
         let (Some(responses), Some(drive)) = (responses.get_mut(..needed), drive.get_mut(..needed))
@@ -237,13 +245,17 @@ impl<'a> RunResponses<'a> {
         }
         let lines = band.len().max(1) as f64;
         let mean = |of: &dyn Fn(usize, usize) -> f64| -> [f64; RESULTANTS] {
-            core::array::from_fn(|c| band.clone().map(|k| of(c, k)).sum::<f64>() / lines)
+            core::array::from_fn(|c| band.indices().map(|k| of(c, k)).sum::<f64>() / lines)
         };
         let scatter = mean(&|c, k| noise_power(average, c, k));
         let rounding = map.rounding_power(&mean(&|c, k| average.power(c, k)));
-        let noise = core::array::from_fn(|c| {
-            larger(block_correlation * seen(&scatter[..])[c], seen(&rounding[..])[c]) as f32
+        let powers = core::array::from_fn(|c| {
+            larger(
+                block_correlation * seen(&scatter[..])[c],
+                seen(&rounding[..])[c],
+            )
         });
+        let noise = map.noise(&powers).packed();
         Ok(Self {
             grid,
             responses,

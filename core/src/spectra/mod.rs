@@ -9,6 +9,7 @@
 //! Spectra are `f32`; running sums carry their rounding error along ([`Sum`]), so that
 //! a four-hour recording is averaged as exactly as a short one.
 
+mod band;
 mod blocks;
 mod cross;
 mod decimate;
@@ -18,6 +19,8 @@ mod history;
 mod sum;
 mod window;
 
+pub(crate) use band::listed;
+pub use band::{BandError, LineRange};
 pub use blocks::{BlockSettings, BlockSpectra, Blocks};
 pub use cross::CrossAverage;
 pub use drive::{DriveAverage, RunResponses};
@@ -45,6 +48,15 @@ pub enum SpectraError {
         last: usize,
         /// Last line that the block length offers to this window.
         usable: usize,
+    },
+    /// The ends of the band (Hz) are not finite, negative, or not in order.
+    BandEnds([f64; 2]),
+    /// A band was chosen from other lines than these.
+    OtherLines {
+        /// Number of lines it was chosen from.
+        band: usize,
+        /// Number of lines there are.
+        lines: usize,
     },
     /// Lent storage is too small.
     Storage {
@@ -77,6 +89,11 @@ impl core::fmt::Display for SpectraError {
                 f,
                 "lines {first} to {last} asked for, but the spectrum offers 1 to {usable}"
             ),
+            Self::BandEnds(ends) => BandError::Ends(*ends).fmt(f),
+            Self::OtherLines { band, lines } => write!(
+                f,
+                "a band chosen from {band} lines, but there are {lines}; choose it from these"
+            ),
             Self::Storage { needed, given } => {
                 write!(f, "storage for {given} elements, {needed} are needed")
             }
@@ -101,27 +118,15 @@ impl LineGrid {
     /// Frequency of kept line `k`, Hz.
     #[must_use]
     pub fn frequency(&self, k: usize) -> f64 {
-        self.first.saturating_add(k) as f64 * self.spacing
+        (self.first as f64 + k as f64) * self.spacing
     }
 
-    /// Kept lines from `low` to `high` Hz, both ends included, as indices into the
-    /// kept ones. A thousandth of a line forgives the rounding of a band's ends. A band whose
-    /// ends are no numbers holds no line.
-    #[must_use]
-    pub fn within(&self, low: f64, high: f64) -> core::ops::Range<usize> {
-        const FORGIVEN: f64 = 1e-3;
-        let from = libm::ceil(low / self.spacing - FORGIVEN);
-        let to = libm::floor(high / self.spacing + FORGIVEN);
-        if from.is_nan() || to.is_nan() {
-            return 0..0;
-        }
-        // Casts stop at the largest number there is, as do the sums.
-        let [from, to] = [from, to].map(|line| line.max(0.0) as usize);
-        let start = from.max(self.first) - self.first;
-        // `clamp` would panic if its ends were swapped.
-        let end = to.saturating_add(1).max(self.first) - self.first;
-        let end = end.min(self.count);
-        start.min(end)..end
+    /// Kept lines of a band (Hz), both ends included: see [`LineRange::between`].
+    ///
+    /// # Errors
+    /// [`BandError`] if it is no band, or reaches beyond the kept lines.
+    pub fn within(&self, band: [f64; 2]) -> Result<LineRange, BandError> {
+        LineRange::between(self.count, |k| self.frequency(k), band)
     }
 }
 
@@ -133,23 +138,4 @@ pub trait Average {
     fn blocks(&self) -> u32;
     /// Forgets all blocks.
     fn clear(&mut self);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_band_includes_both_of_its_ends() {
-        let grid = LineGrid {
-            first: 1,
-            count: 60,
-            spacing: 0.5,
-        };
-        let band = grid.within(0.5, 14.5);
-        assert_eq!(band, 0..29);
-        assert_eq!(grid.frequency(28), 14.5);
-        assert_eq!(grid.within(40.0, 50.0).len(), 0);
-        assert_eq!(grid.within(0.0, 1000.0), 0..60);
-    }
 }

@@ -17,6 +17,14 @@ impl Sum {
         carry: 0.0,
     };
 
+    /// A sum that was found elsewhere.
+    #[must_use]
+    pub fn of(value: f64) -> Self {
+        let sum = value as f32;
+        let carry = (f64::from(sum) - value) as f32;
+        Self { sum, carry }
+    }
+
     /// Adds a term.
     #[inline]
     pub fn add(&mut self, term: f32) {

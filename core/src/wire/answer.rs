@@ -106,16 +106,19 @@ pub struct Answer {
     pub principal: Option<Principal>,
     /// Bit k: unknown k of equation (6) or (7) is determined by the data.
     pub observable: u16,
-    /// The unknowns as they were solved for, where the box reports them.
-    pub solution: Option<Solution>,
     /// Condition number of the column-equilibrated normal equations.
     pub condition_number: Exact<f64>,
     /// Iterations done; one for the direct procedure.
     pub iterations: u32,
     /// Residual over expected residual of the masslines, if it can be told.
     pub consistency: Option<Exact<f64>>,
+    /// Share of the masslines' forces that a rigid body leaves.
+    pub misfit: Exact<f64>,
     /// Largest share of an error bar's variance that noise of the accelerations has.
     pub attenuation: Exact<f64>,
+    /// Degrees of freedom of the estimate of noise behind the error bars; infinite where the
+    /// noise is known.
+    pub freedom: Exact<f64>,
     /// Whether such a body could exist.
     pub plausibility: Plausibility,
     /// Independent directions of base acceleration that the runs excite, where the
@@ -161,27 +164,25 @@ pub struct Principal {
     pub axes: [[Exact<f64>; 3]; 3],
 }
 
-/// The ten unknowns of equation (6), or of (7) if the mass was known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Solution {
-    /// The point about which they were solved at last, m.
-    pub point: [Exact<f64>; 3],
-    /// The unknowns σ.
-    pub sigma: [Exact<f64>; 10],
-    /// The diagonal of their covariance.
-    pub variance: [Exact<f64>; 10],
-}
-
-/// How far the conditions that every body obeys are from being violated, relative to the
-/// quantity they are taken from; negative is violated, `None` could not be checked.
+/// How far the conditions that every body obeys are from being violated; `None` could not be
+/// checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Plausibility {
     /// Positive mass.
-    pub mass: Option<Exact<f64>>,
+    pub mass: Option<Margin>,
     /// Positive definite inertia about the centre of gravity.
-    pub positive_definite: Option<Exact<f64>>,
+    pub positive_definite: Option<Margin>,
     /// Triangle inequality of the principal moments.
-    pub triangle: Option<Exact<f64>>,
+    pub triangle: Option<Margin>,
+}
+
+/// A condition's margin, relative to the quantity it is taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Margin {
+    /// The margin; negative is violated.
+    pub relative: Exact<f64>,
+    /// Half of its 95 % interval.
+    pub uncertainty: Exact<f64>,
 }
 
 /// A mode's natural frequency and damping.
@@ -229,6 +230,13 @@ pub enum NoAnswer {
     NotConverged(f64),
     /// Masslines that are not finite.
     NotFinite,
+    /// More lines or runs than the method has room for.
+    Room {
+        /// Places needed.
+        needed: u32,
+        /// Places there are.
+        given: u32,
+    },
 }
 
 impl core::fmt::Display for NoAnswer {
@@ -257,6 +265,12 @@ impl core::fmt::Display for NoAnswer {
                 write!(f, "the iteration has not ended, the last step was {d} m")
             }
             Self::NotFinite => f.write_str("the masslines are not finite"),
+            Self::Room { needed, given } => {
+                write!(
+                    f,
+                    "room for {given} lines or runs, but {needed} are asked for"
+                )
+            }
         }
     }
 }

@@ -96,8 +96,8 @@ mod setup;
 mod table;
 
 pub use answer::{
-    Answer, Estimate, Identified, Method, NoAnswer, POLES_MAX, Plausibility, Pole, Principal,
-    Procedure, Quality, Question, Solution,
+    Answer, Estimate, Identified, Margin, Method, NoAnswer, POLES_MAX, Plausibility, Pole,
+    Principal, Procedure, Quality, Question,
 };
 pub use board::{
     Capacity, Check, ClockSource, Fault, FaultCounters, FaultKind, Info, PANIC_MAX, Ping, Pong,
@@ -125,4 +125,4 @@ pub use setup::{
 pub use table::{Direction, Event, FromBox, Reply, Request, ToBox, ToHost};
 
 /// Version of this contract. See *Versions* above for when it grows.
-pub const PROTOCOL_VERSION: u8 = 1;
+pub const PROTOCOL_VERSION: u8 = 2;

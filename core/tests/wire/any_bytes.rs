@@ -207,7 +207,7 @@ fn the_box_can_say_what_is_wrong_with_a_sound_frame() {
     assert_eq!((counters.unknown_version, counters.frames), (1, 1));
     assert_eq!(
         refused.to_string(),
-        "request 0x7f was refused: it is of version 2 of the link, the box speaks version 1"
+        "request 0x7f was refused: it is of version 3 of the link, the box speaks version 2"
     );
 
     let (_, refused, counters) = refusal(&frame(&header(0x7F, 0, 9), &[]));

@@ -144,6 +144,12 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
             std: d.exact(),
         })
     };
+    let margin = |d: &mut Draw<'_>| {
+        d.option(|d| Margin {
+            relative: d.exact(),
+            uncertainty: d.exact(),
+        })
+    };
     Answer {
         question: question(d),
         accelerations: accelerations(d),
@@ -165,19 +171,16 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
             axes: d.array(|d| d.array(Draw::exact)),
         }),
         observable: d.u16(),
-        solution: d.option(|d| Solution {
-            point: d.array(Draw::exact),
-            sigma: d.array(Draw::exact),
-            variance: d.array(Draw::exact),
-        }),
         condition_number: d.exact(),
         iterations: d.u32(),
         consistency: d.option(Draw::exact),
+        misfit: d.exact(),
         attenuation: d.exact(),
+        freedom: d.exact(),
         plausibility: Plausibility {
-            mass: d.option(Draw::exact),
-            positive_definite: d.option(Draw::exact),
-            triangle: d.option(Draw::exact),
+            mass: margin(d),
+            positive_definite: margin(d),
+            triangle: margin(d),
         },
         excited: d.option(Draw::u8),
         weakest_excitation: d.option(Draw::exact),

@@ -101,6 +101,10 @@ pub fn no_answer(d: &mut Draw<'_>) -> NoAnswer {
         NoAnswer::Diverged(d.f64()),
         NoAnswer::NotConverged(d.f64()),
         NoAnswer::NotFinite,
+        NoAnswer::Room {
+            needed: d.u32(),
+            given: d.u32(),
+        },
     ];
     d.pick(&all)
 }

@@ -217,8 +217,12 @@ fn prompt<T, E: NorFlashError>(
     };
     result.map_err(|error| match error {
         Error::Storage { .. } => StoreError::Flash,
-        Error::Corrupted { .. } | Error::LogicBug { .. } => StoreError::Corrupted,
-        Error::FullStorage | Error::BufferTooSmall(_) | Error::ItemTooBig => StoreError::Room,
+        // There is one key: pages that have no room for its item are full of what was not
+        // written here.
+        Error::Corrupted { .. } | Error::LogicBug { .. } | Error::FullStorage => {
+            StoreError::Corrupted
+        }
+        Error::BufferTooSmall(_) | Error::ItemTooBig => StoreError::Room,
         Error::SerializationError(SerializationError::BufferTooSmall) => StoreError::Room,
         _ => StoreError::Corrupted,
     })

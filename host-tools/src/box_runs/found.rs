@@ -1,5 +1,6 @@
 //! The box's answer in this program's own types.
 
+use crate::identification::refusal;
 use crate::recording::{Traceability, TrueRate};
 use crate::result::{Origin, ResultDocument, RunQuality};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
@@ -57,6 +58,13 @@ impl StoredRun {
 }
 
 impl Found {
+    /// Why the numbers must not be believed, and what to do.
+    #[must_use]
+    pub fn refused(&self) -> Option<String> {
+        // A box averages random runs only, which tell their noise.
+        refusal(&self.identification, true)
+    }
+
     /// The result document: what of it a box tells.
     #[must_use]
     pub fn document(&self, title: &str, why: Option<&'static str>) -> ResultDocument {
@@ -68,6 +76,7 @@ impl Found {
             weighted: self.weighted,
         };
         ResultDocument {
+            refused: self.refused(),
             runs: self.runs.iter().map(RunQuality::of_stored).collect(),
             ..ResultDocument::of_numbers(&origin, &self.identification)
         }
@@ -87,7 +96,12 @@ fn estimate(from: Option<wire::Estimate>) -> Option<Estimate> {
 
 /// The ten numbers of a box's answer.
 pub(super) fn identification(answer: &Answer) -> Identification {
-    let margin = |m: Option<Exact<f64>>| m.map(|m| Margin { relative: m.0 });
+    let margin = |m: Option<wire::Margin>| {
+        m.map(|m| Margin {
+            relative: m.relative.0,
+            uncertainty: m.uncertainty.0,
+        })
+    };
     let inertia = |terms: [Option<wire::Estimate>; 6]| -> InertiaEstimate { terms.map(estimate) };
     let p = &answer.plausibility;
     Identification {
@@ -105,7 +119,9 @@ pub(super) fn identification(answer: &Answer) -> Identification {
         condition_number: answer.condition_number.0,
         iterations: answer.iterations,
         consistency: answer.consistency.map(|x| x.0),
+        misfit: answer.misfit.0,
         attenuation: answer.attenuation.0,
+        freedom: answer.freedom.0,
         plausibility: Plausibility {
             mass: margin(p.mass),
             positive_definite: margin(p.positive_definite),

@@ -201,9 +201,9 @@ fn channels_are_found_by_name_then_by_serial_number() {
     renamed
         .runs
         .iter_mut()
-        .for_each(|r| serial(r.reference.as_mut().unwrap()));
+        .for_each(|r| serial(&mut r.references[0]));
     assert_eq!(Wiring::new(&renamed, &wired).unwrap().channels(2).len(), 19);
-    renamed.runs[1].reference = Some("SIM-a2".to_owned());
+    renamed.runs[1].references = vec!["SIM-a2".to_owned()];
     let error = Wiring::new(&renamed, &wired).unwrap_err().to_string();
     assert!(
         error.contains("input 3 would be channel `SIM-a2`"),

@@ -34,11 +34,12 @@ impl Wiring {
             .map(|name| find(wired, name).cloned())
             .collect();
         let sensors: Vec<InputEntry> = found?;
-        let drive = |reference: &Option<String>| {
-            let name = reference.as_deref();
+        // More than one drive a run was refused by the plan.
+        let drive = |references: &[String]| {
+            let name = references.first().map(String::as_str);
             name.map(|name| find(wired, name).cloned()).transpose()
         };
-        let drives: Result<_, _> = setup.runs.iter().map(|r| drive(&r.reference)).collect();
+        let drives: Result<_, _> = setup.runs.iter().map(|r| drive(&r.references)).collect();
         let drives: Vec<Option<InputEntry>> = drives?;
         for (number, run) in setup.runs.iter().enumerate() {
             let all = sensors

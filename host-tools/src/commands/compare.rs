@@ -1,8 +1,8 @@
 //! `massline identify --method all`: the methods side by side.
 
 use super::identify::reading;
-use super::table::{Row, TWO_SIDED_95, rows};
-use super::{Failure, print_json, warn};
+use super::table::{Row, rows};
+use super::{Failure, print_json, refuse, warn};
 use crate::cli::Verbosity;
 use crate::format::{significant, with_std};
 use crate::identification::{Answer, Choice, Session, recommended};
@@ -13,15 +13,26 @@ use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
 use std::io::Write;
 
-/// Runs all methods on one setup and prints what each gives.
+/// How the methods are shown.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Options {
+    /// As a document.
+    pub(super) json: bool,
+    /// With the numbers that are refused.
+    pub(super) anyway: bool,
+}
+
+/// Runs all methods on one setup and prints what each gives. Numbers that are refused stand
+/// in the document; on a terminal the reason stands in their place.
 ///
 /// # Errors
-/// [`Failure`] if the recordings cannot be read, or no method gives an answer.
+/// [`Failure`] if the recordings cannot be read, no method gives an answer, or the recommended
+/// one's is refused.
 pub(super) fn run(
     setup: &Setup,
     choice: &Choice,
     truth: Option<&Truth>,
-    json: bool,
+    options: Options,
     verbosity: Verbosity,
 ) -> Result<(), Failure> {
     let (best, because) = recommended(setup);
@@ -48,15 +59,21 @@ pub(super) fn run(
         }
         Ok(())
     })?;
-    let Some(first) = answers.first() else {
+    if answers.is_empty() {
         let reason = failed.swap_remove(0).reason;
         return Err(Failure {
             code,
             message: reason,
         });
-    };
-    if json {
-        return print_json(&ComparisonDocument {
+    }
+    // The recommended method has the last word, or what is left where it gives no answer.
+    let judge = answers.iter().find(|a| a.method == best);
+    let refused = judge.map_or_else(
+        || answers.iter().find_map(|a| a.refused.clone()),
+        |judge| judge.refused.clone(),
+    );
+    if options.json {
+        print_json(&ComparisonDocument {
             schema: "massline/comparison/1",
             title: setup.title.clone(),
             recommended: best.name(),
@@ -66,10 +83,26 @@ pub(super) fn run(
                 .map(|a| ResultDocument::new(setup, a))
                 .collect(),
             failed,
+        })?;
+        return refuse(refused.as_deref());
+    }
+    if !options.anyway {
+        answers.retain(|answer| {
+            if let Some(reason) = &answer.refused {
+                failed.push(FailedMethod {
+                    method: answer.method.name(),
+                    reason: format!("refused: {reason}"),
+                });
+            }
+            answer.refused.is_none()
         });
     }
-    warn(&first.warnings, verbosity);
-    print(&setup.title, best, because, &answers, &failed, truth).map_err(|e| Failure::stdout(&e))
+    if let Some(first) = answers.first() {
+        warn(&first.warnings, verbosity);
+    }
+    print(&setup.title, best, because, &answers, &failed, truth)
+        .map_err(|e| Failure::stdout(&e))?;
+    refuse(refused.as_deref())
 }
 
 /// Width of a column that holds one number of one method.
@@ -131,7 +164,8 @@ fn print_line(out: &mut impl Write, tables: &[Vec<Row>], i: usize) -> std::io::R
         let text = table[i].estimate.map_or_else(
             || "-".to_owned(),
             |e| {
-                let (value, half) = with_std(e.value * row.scale, e.std * row.scale * TWO_SIDED_95);
+                let half = table[i].half_width * row.scale;
+                let (value, half) = with_std(e.value * row.scale, half);
                 format!("{value} ±{half}")
             },
         );

@@ -1,6 +1,6 @@
 //! `massline demo`: the main job on an embedded example, no arguments, no hardware.
 
-use super::{Failure, details, identify, print_json, simulate, true_body, warn};
+use super::{Failure, details, identify, print_json, refuse, simulate, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice};
 use crate::output::{self, Existing};
@@ -99,7 +99,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     } = left;
     let result = ResultDocument::new(&setup, &answer);
     if arguments.json {
-        return print_json(&Document { result, truth });
+        print_json(&Document { result, truth })?;
+        return refuse(answer.refused.as_deref());
     }
     warn(&answer.warnings, verbosity);
     details::show(&setup, &answer, verbosity);
@@ -112,5 +113,5 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             path.display()
         );
     }
-    Ok(())
+    refuse(answer.refused.as_deref())
 }

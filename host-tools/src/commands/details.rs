@@ -86,8 +86,9 @@ fn lines(setup: &Setup, answer: &Answer) -> Vec<String> {
     ));
     if let Some(ratio) = i.consistency {
         lines.push(format!(
-            "residual: {} times what the noise explains",
-            plain(ratio.sqrt(), 3)
+            "residual: {} times what the noise explains, {} % of the forces",
+            plain(ratio.sqrt(), 3),
+            plain(100.0 * i.misfit, 2)
         ));
     }
     lines

@@ -1,6 +1,6 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::{Bar, Failure, compare, details, print_answer, print_json, true_body, warn};
+use super::{Bar, Failure, compare, details, print_answer, print_json, refuse, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice, OnProgress, Session};
 use crate::output::{self, Existing};
@@ -43,6 +43,9 @@ pub struct Arguments {
     /// Compare with the truth.json of a simulation
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
+    /// Print numbers that are refused because the data contradict them; exit code 1 stays
+    #[arg(long)]
+    anyway: bool,
 }
 
 /// One method, or all of them side by side.
@@ -88,7 +91,11 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
                 "--report shows one method; leave out `--method all`, or name the method to report",
             ));
         }
-        return compare::run(&setup, &choice, truth.as_ref(), arguments.json, verbosity);
+        let options = compare::Options {
+            json: arguments.json,
+            anyway: arguments.anyway,
+        };
+        return compare::run(&setup, &choice, truth.as_ref(), options, verbosity);
     }
     if let Some(path) = &arguments.report {
         let recordings = setup.runs.iter().map(|run| setup.recording_path(run));
@@ -105,17 +112,20 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         output::write(path, page.as_bytes())?;
     }
     if arguments.json {
-        return print_json(&ResultDocument::new(&setup, &answer));
+        print_json(&ResultDocument::new(&setup, &answer))?;
+        return refuse(answer.refused.as_deref());
     }
     warn(&answer.warnings, verbosity);
     details::show(&setup, &answer, verbosity);
-    show(&setup.title, &answer, truth.as_ref())?;
+    if answer.refused.is_none() || arguments.anyway {
+        show(&setup.title, &answer, truth.as_ref())?;
+    }
     if let Some(path) = &arguments.report
         && !verbosity.quiet
     {
         eprintln!("report: {}", path.display());
     }
-    Ok(())
+    refuse(answer.refused.as_deref())
 }
 
 /// The answer to a setup, with a bar on the terminal meanwhile.

@@ -97,6 +97,21 @@ pub fn report(failure: &Failure) -> ExitCode {
     ExitCode::from(failure.code)
 }
 
+/// Ends a command whose numbers are refused, for this reason.
+///
+/// # Errors
+/// [`Failure`] with code 1 if there is a reason.
+pub fn refuse(reason: Option<&str>) -> Result<(), Failure> {
+    reason.map_or(Ok(()), |reason| {
+        Err(Failure {
+            code: 1,
+            message: format!(
+                "the data do not allow an answer: {reason}. The numbers are in the document of --json, marked as refused; --anyway prints them"
+            ),
+        })
+    })
+}
+
 /// Prints warnings on stderr unless asked to be quiet.
 pub fn warn(warnings: &[String], verbosity: Verbosity) {
     if verbosity.quiet {

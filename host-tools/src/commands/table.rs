@@ -1,14 +1,13 @@
 //! The table of ten on a terminal.
 
+use super::true_body;
 use crate::format::{significant, with_std};
 use crate::identification::Answer;
+use crate::report::scales::{Natural, largest_moment};
 use crate::simulate::Truth;
 use anstyle::{AnsiColor, Style};
 use massline_core::identify::{Estimate, Identification, Procedure};
 use std::io::Write;
-
-/// Half width of a 95 % interval in standard deviations.
-pub(super) const TWO_SIDED_95: f64 = 1.959_963_985;
 
 pub(super) struct Row {
     pub(super) name: String,
@@ -18,19 +17,27 @@ pub(super) struct Row {
     /// Displayed units per SI unit.
     pub(super) scale: f64,
     pub(super) estimate: Option<Estimate>,
+    /// Half of its 95 % interval, SI.
+    pub(super) half_width: f64,
+    /// What its error is a share of, SI.
+    pub(super) whole: Option<f64>,
     pub(super) truth: Option<f64>,
 }
 
 /// The rows of an identification: mass or indicator, CG, inertia about A and about S.
 pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
     let mut rows = Vec::new();
-    let mut add = |name: String, group, unit, scale, estimate, truth| {
+    let body = truth.map(true_body);
+    let natural = Natural::new(i, body.as_ref());
+    let mut add = |name: String, group, unit, scale, estimate: Option<Estimate>, whole, truth| {
         rows.push(Row {
             name,
             group,
             unit,
             scale,
             estimate,
+            half_width: estimate.map_or(0.0, |e| e.interval(i.freedom)),
+            whole,
             truth,
         });
     };
@@ -41,9 +48,21 @@ pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
             "",
             1.0,
             Some(indicator),
+            Some(1.0),
             truth.map(|_| 1.0),
         ),
-        None => add("mass".into(), "", "kg", 1.0, i.mass, truth.map(|t| t.mass)),
+        None => {
+            let whole = natural.mass;
+            add(
+                "mass".into(),
+                "",
+                "kg",
+                1.0,
+                i.mass,
+                whole,
+                truth.map(|t| t.mass),
+            );
+        }
     }
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         add(
@@ -52,6 +71,7 @@ pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
             "mm",
             1e3,
             i.centre_of_gravity[axis],
+            natural.length,
             truth.and_then(|t| t.centre_of_gravity[axis]),
         );
     }
@@ -60,9 +80,13 @@ pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
         (
             " about A",
             i.inertia_reference,
-            truth.map(|t| t.inertia_reference),
+            body.as_ref().map(|b| b.inertia_reference),
         ),
-        (" about S", i.inertia_cg, truth.map(|t| t.inertia_cg)),
+        (
+            " about S",
+            i.inertia_cg,
+            body.as_ref().map(|b| b.inertia_cg),
+        ),
     ];
     for (point, terms, truth) in abouts {
         let largest = terms
@@ -74,9 +98,10 @@ pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
         } else {
             ("kg m²", 1.0)
         };
+        let whole = largest_moment(&terms, truth.as_ref());
         for (j, name) in names.into_iter().enumerate() {
-            let truth = truth.and_then(|t| [t.xx, t.yy, t.zz, t.xy, t.xz, t.yz][j]);
-            add(name.to_owned(), point, unit, scale, terms[j], truth);
+            let truth = truth.and_then(|truth| truth[j]);
+            add(name.to_owned(), point, unit, scale, terms[j], whole, truth);
         }
     }
     rows
@@ -151,6 +176,12 @@ pub fn print_numbers(
             significant(mass.value, 6)
         )?;
     }
+    if truth.is_some() {
+        writeln!(
+            out,
+            "{dim}errors in % of the mass, the radius of gyration about S, the largest moment about the same point{dim:#}"
+        )?;
+    }
     writeln!(out)?;
     write!(
         out,
@@ -194,7 +225,7 @@ pub fn print_numbers(
 }
 
 fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> std::io::Result<()> {
-    let (value, half) = with_std(e.value * row.scale, e.std * row.scale * TWO_SIDED_95);
+    let (value, half) = with_std(e.value * row.scale, row.half_width * row.scale);
     let interval = format!("± {half} {}", row.unit);
     let name = format!("{}{}", row.name, row.group);
     write!(out, "{name:<14}{value:>12}  {interval:<13}")?;
@@ -202,20 +233,17 @@ fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> s
         match row.truth {
             Some(truth) => {
                 let error = e.value - truth;
-                let inside = error.abs() <= e.std * TWO_SIDED_95 || e.std == 0.0;
+                let inside = error.abs() <= row.half_width || e.std == 0.0;
                 let style = if inside {
                     AnsiColor::Green
                 } else {
                     AnsiColor::Yellow
                 }
                 .on_default();
-                let (shown, _) =
-                    with_std(truth * row.scale, e.std * row.scale * TWO_SIDED_95 / 10.0);
-                let percent = if truth == 0.0 {
-                    String::new()
-                } else {
-                    format!("{:+.3} %", 100.0 * error / truth.abs())
-                };
+                let (shown, _) = with_std(truth * row.scale, row.half_width * row.scale / 10.0);
+                let percent = row.whole.map_or_else(String::new, |whole| {
+                    format!("{:+.3} %", 100.0 * error / whole.abs())
+                });
                 write!(out, "{shown:>12}{style}{percent:>11}{style:#}")?;
                 if !inside {
                     write!(out, "  outside")?;

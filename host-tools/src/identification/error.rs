@@ -3,6 +3,7 @@
 use crate::measure::{MeasureError, Measurement};
 use massline_core::identify::IdentifyError;
 use massline_core::masslines::MasslineError;
+use massline_core::spectra::BandError;
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +20,14 @@ pub enum AnswerError {
         source: MasslineError,
         /// What to do.
         advice: &'static str,
+    },
+    /// A band that reaches beyond the lines.
+    #[error("`{key}`: {source}; move its ends to where there are lines")]
+    Band {
+        /// The band's key in the setup.
+        key: &'static str,
+        /// What is wrong.
+        source: BandError,
     },
     /// Sensors that see different things.
     #[error(
@@ -46,6 +55,7 @@ impl AnswerError {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Measure(e) if !e.is_data() => 2,
+            Self::Band { .. } => 2,
             _ => 1,
         }
     }
@@ -94,7 +104,9 @@ impl AnswerError {
                 "shake harder, record longer, or check that the interface accelerometers and the drive belong to this recording"
             }
             MasslineError::NoResultant => "add load cells until every load path is measured",
-            MasslineError::TooManyPairs => "identify from fewer runs",
+            MasslineError::TooManyPairs { .. } | MasslineError::TooManyRuns { .. } => {
+                "identify from fewer runs"
+            }
             MasslineError::NoReference => {
                 "record the generator's signal and name it as `reference`, or use --method apparent-mass"
             }
@@ -103,6 +115,12 @@ impl AnswerError {
             }
             MasslineError::NoMode => {
                 "extend `mode_band` to where the structure rings, or use --method c-squared, which needs no modes"
+            }
+            MasslineError::OtherLines { .. } | MasslineError::Work { .. } => {
+                "this is a mistake in the program: report it with the setup file"
+            }
+            MasslineError::TooFewBlocks { .. } => {
+                "record longer, shorten `block_length`, or record the generator's signal and name it as `reference`, which needs fewer blocks"
             }
             MasslineError::Singular => "check the recordings for channels without signal",
         };

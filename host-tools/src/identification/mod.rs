@@ -4,16 +4,18 @@
 mod condense;
 mod error;
 mod notice;
+mod refusal;
 mod statics;
 mod weights;
 
 pub use error::AnswerError;
 pub(crate) use notice::notice_numbers;
+pub(crate) use refusal::refusal;
 
 use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
 use crate::modal::Modal;
 use crate::setup::{Mount, Setup};
-use massline_core::identify::{self, Identification, Procedure, Question};
+use massline_core::identify::{self, Covariance, Identification, Procedure, Question, Workspace};
 use massline_core::masslines::{ApparentMass, FixedMode, FreeModes, Masslines, Method};
 use std::rc::Rc;
 
@@ -50,6 +52,10 @@ pub struct Answer {
     pub procedure: Procedure,
     /// The ten numbers.
     pub identification: Identification,
+    /// Covariance of mass (or Δ), CG and inertia about S.
+    pub covariance: Covariance,
+    /// Why the numbers must not be believed, and what to do, where the data contradict them.
+    pub refused: Option<String>,
     /// Averaged spectra.
     pub measurement: Rc<Measurement>,
     /// The fit of each group of runs, where the method is the apparent mass.
@@ -222,7 +228,10 @@ impl<'s> Session<'s> {
         let mut answer = self.answer(choice, progress)?;
         if answer.is_dynamic() {
             let modal = self.modal(progress)?;
-            answer.warnings.extend(modal.warnings.iter().cloned());
+            // What is said of modes would lead away from what is wrong.
+            if answer.refused.is_none() {
+                answer.warnings.extend(modal.warnings.iter().cloned());
+            }
             answer.modal = Some(modal);
         }
         Ok(answer)
@@ -324,22 +333,28 @@ impl<'s> Session<'s> {
             known_mass: self.setup.known_mass,
             procedure,
         };
+        let mut space = Workspace::EMPTY;
         let (identification, offsets) = if measurement.poses.is_empty() {
-            identify::identify(&sets, &question)
+            identify::identify_in(&sets, &question, &mut space)
                 .map(|identification| (identification, Vec::new()))
                 .map_err(AnswerError::from)
         } else {
-            statics::identify_with(&measurement.poses, sets, &question)
+            statics::identify_with(&measurement.poses, sets, &question, &mut space)
         }
         .map_err(|error| error.blame_sensors(&measurement))?;
+        let refused = refusal(&identification, notice::noise_is_measured(&measurement));
         notice::notice(&identification, &measurement, &mut warnings);
-        notice::notice_missing_modes(self.setup, &fits, &mut warnings);
+        if refused.is_none() {
+            notice::notice_missing_modes(self.setup, &fits, &mut warnings);
+        }
         Ok(Answer {
             method,
             why: None,
             weights: None,
             procedure,
             identification,
+            covariance: space.covariance(),
+            refused,
             measurement,
             fits,
             free_modes,

@@ -1,9 +1,11 @@
 //! What the numbers themselves say about the test.
 
+use super::refusal::{notice_weighed, refusal};
 use crate::measure::{MeasuredRun, Measurement, Spectra};
 use crate::setup::Setup;
-use massline_core::identify::Identification;
+use massline_core::identify::{Identification, half_width_95};
 use massline_core::masslines::ApparentMass;
+use massline_core::rigid_body::{Margin, Verdict};
 
 /// Adds what the user should know of an answer.
 pub(super) fn notice(
@@ -11,7 +13,7 @@ pub(super) fn notice(
     measurement: &Measurement,
     warnings: &mut Vec<String>,
 ) {
-    notice_numbers(identification, warnings);
+    notice_numbers(identification, noise_is_measured(measurement), warnings);
     let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
     if measurement.runs.iter().any(cross) {
         warnings.push(
@@ -20,8 +22,20 @@ pub(super) fn notice(
     }
 }
 
-/// Adds what the ten numbers themselves say.
-pub(crate) fn notice_numbers(identification: &Identification, warnings: &mut Vec<String>) {
+/// Whether the noise comes from the data: random runs tell theirs, stepped sine runs are
+/// given one.
+pub(super) fn noise_is_measured(measurement: &Measurement) -> bool {
+    measurement.sines.is_empty()
+}
+
+/// Adds what the ten numbers themselves say, if they are not refused: what refuses them is
+/// said instead.
+pub(crate) fn notice_numbers(
+    identification: &Identification,
+    noise_measured: bool,
+    warnings: &mut Vec<String>,
+) {
+    let refused = refusal(identification, noise_measured).is_some();
     let missing: Vec<&str> = identification.unobservable().map(|p| p.name()).collect();
     if !missing.is_empty() {
         warnings.push(format!(
@@ -29,11 +43,30 @@ pub(crate) fn notice_numbers(identification: &Identification, warnings: &mut Vec
             missing.join(", ")
         ));
     }
-    if let Some(reason) = identification.plausibility.first_violation() {
-        warnings.push(format!("no real body has these properties: {reason}"));
+    if refused {
+        return;
     }
+    let plausibility = &identification.plausibility;
+    if let Some(reason) = plausibility.reason() {
+        let conditions = [
+            plausibility.mass,
+            plausibility.positive_definite,
+            plausibility.triangle,
+        ];
+        let near = |m: &Margin| m.verdict() == Verdict::Undecided;
+        if plausibility.verdict() == Verdict::Violated {
+            warnings.push(format!("no real body has these properties: {reason}"));
+        } else if conditions.iter().flatten().any(near) {
+            warnings.push(format!(
+                "it cannot be judged if a real body has these properties: {reason}"
+            ));
+        }
+    }
+    warnings.extend(notice_weighed(identification));
+    // What one normal number exceeds in one test of twenty; sums of several do so less often.
+    let chance = half_width_95(identification.freedom);
     if let Some(ratio) = identification.consistency
-        && ratio > 4.0
+        && ratio > chance * chance
     {
         warnings.push(format!(
             "a rigid body leaves {:.1} times more than the noise explains; error bars were widened. Check sensor positions, directions and scales",

@@ -2,7 +2,7 @@
 
 use super::AnswerError;
 use crate::measure::MeasuredPoses;
-use massline_core::identify::{self, Estimate, Identification, Question};
+use massline_core::identify::{self, Estimate, Identification, Question, Workspace};
 use massline_core::masslines::{Masslines, StaticFit};
 use massline_core::rigid_body::{Inertia, RigidBody};
 use nalgebra::Vector6;
@@ -16,13 +16,14 @@ pub(super) fn identify_with(
     poses: &[MeasuredPoses],
     mut sets: Vec<Masslines>,
     question: &Question,
+    space: &mut Workspace,
 ) -> Result<(Identification, Offsets), AnswerError> {
     let dynamic = sets.len();
     add(poses, None, &mut sets)?;
-    let first = identify::identify(&sets, question)?;
+    let first = identify::identify_in(&sets, question, space)?;
     sets.truncate(dynamic);
     let fits = add(poses, Some(&first), &mut sets)?;
-    let identification = identify::identify(&sets, question)?;
+    let identification = identify::identify_in(&sets, question, space)?;
     let offsets = poses
         .iter()
         .zip(&fits)

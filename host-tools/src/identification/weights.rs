@@ -17,13 +17,18 @@ impl Session<'_> {
         let mut weights = match mode_band {
             Some(band) => {
                 let survey = self.survey(progress)?;
+                let key = "mode_band";
                 let minimum = self.setup.estimation.minimum_weight;
                 if survey.runs.is_empty() {
                     None
-                } else if method == Method::FrequencyResponses {
-                    Some(survey.weights_per_run(self.setup, band, minimum))
                 } else {
-                    Some(survey.weights_joined(self.setup, band, minimum))
+                    let lines = survey.lines(band);
+                    let lines = lines.map_err(|source| AnswerError::Band { key, source })?;
+                    Some(if method == Method::FrequencyResponses {
+                        survey.weights_per_run(self.setup, lines, minimum)
+                    } else {
+                        survey.weights_joined(self.setup, lines, minimum)
+                    })
                 }
             }
             None => {

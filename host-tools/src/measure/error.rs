@@ -3,8 +3,8 @@
 use super::Rejected;
 use crate::recording::RecordingError;
 use massline_core::geometry::GeometryError;
-use massline_core::spectra::SpectraError;
-use std::path::PathBuf;
+use massline_core::spectra::{BandError, SpectraError};
+use std::path::{Path, PathBuf};
 
 /// What keeps recordings from becoming spectra: where, what, and what to do about it.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +73,16 @@ pub enum MeasureError {
         blocks: u32,
         /// Samples of a block.
         block_length: usize,
+    },
+    /// Not even two blocks more than drives.
+    #[error("{}: {blocks} block(s) without a faulty sample for {drives} drives; at least two more than drives are needed, and some 50 for small error bars; record longer, shorten `block_length`, or shake with fewer drives at a time", file.display())]
+    TooFewBlocks {
+        /// The recording.
+        file: PathBuf,
+        /// Blocks averaged.
+        blocks: u32,
+        /// Drives named.
+        drives: usize,
     },
     /// Hardly a block without a faulty sample.
     #[error("{}: {blocks} block(s) without a faulty sample; at least 2 are needed, and some 50 for small error bars. {} were left out: {}; mend what is at fault and record again", file.display(), rejected.blocks, rejected.reasons())]
@@ -157,6 +167,14 @@ pub enum MeasureError {
 }
 
 impl MeasureError {
+    /// A band, by its key in the setup, that a recording's lines do not hold.
+    pub(crate) fn band(file: &Path, key: &str, why: BandError) -> Self {
+        Self::Band {
+            file: file.to_owned(),
+            reason: format!("`{key}`: {why}; move the band's ends to where there are lines"),
+        }
+    }
+
     /// Whether the input could be read but does not allow an answer (exit code 1), rather
     /// than being unusable input (exit code 2).
     #[must_use]
@@ -164,6 +182,7 @@ impl MeasureError {
         matches!(
             self,
             Self::TooShort { .. }
+                | Self::TooFewBlocks { .. }
                 | Self::TooFaulty { .. }
                 | Self::TooFewPoses { .. }
                 | Self::Dead { .. }

@@ -54,13 +54,13 @@ pub struct RunGeometry {
 }
 
 /// The channels of a run in the order in which its samples are read: accelerometers,
-/// load cells, drive.
+/// load cells, drives.
 pub(crate) fn channel_names<'a>(setup: &'a Setup, run: &'a Run) -> Vec<&'a str> {
     let sensors = setup.accelerometers.iter().map(|a| a.channel.as_str());
     let cells = setup.load_cells.iter().map(|c| c.channel.as_str());
     sensors
         .chain(cells)
-        .chain(run.reference.as_deref())
+        .chain(run.references.iter().map(String::as_str))
         .collect()
 }
 

@@ -1,17 +1,15 @@
 //! Runs that share their equations and their way of averaging, read together as lines.
 
 use super::{MeasuredRun, MeasuredSine, Measurement, RunGeometry, Spectra, WINDOW};
-use crate::setup::Setup;
-use massline_core::masslines::{CrossLines, DriveLines, Lines, SineLines};
-use massline_core::spectra::{CrossAverage, RunResponses, Sum};
-use std::ops::Range;
+use massline_core::masslines::{CrossLines, DriveLines, Lines, MasslineError, SineLines};
+use massline_core::spectra::{CrossAverage, LineRange, RunResponses, Sum};
 
 /// Runs that condense together: alike in their equations and in what they are referred to.
 pub struct Group<'a> {
     members: Members<'a>,
     hop: f64,
     /// Averaging band, as indices into the lines.
-    pub band: Range<usize>,
+    pub band: LineRange,
 }
 
 enum Members<'a> {
@@ -22,19 +20,18 @@ enum Members<'a> {
 impl Measurement {
     /// The groups of runs, random ones first.
     #[must_use]
-    pub fn groups(&self, setup: &Setup) -> Vec<Group<'_>> {
+    pub fn groups(&self) -> Vec<Group<'_>> {
         let random = gather(&self.runs, |a, b| {
             alike(&a.geometry, &b.geometry) && a.responses().is_some() == b.responses().is_some()
         });
         let sines = gather(&self.sines, |a, b| alike(&a.geometry, &b.geometry));
-        let band = setup.processing.as_ref().map(|p| p.averaging_band);
         let random = random.into_iter().map(|runs| Group {
             members: Members::Random(runs),
             hop: self.hop,
-            band: self.band.clone(),
+            band: self.band,
         });
         let sines = sines.into_iter().map(|runs| Group {
-            band: band.map_or(0..0, |band| runs[0].within(band)),
+            band: runs[0].band,
             members: Members::Sine(runs),
             hop: self.hop,
         });
@@ -47,7 +44,7 @@ impl Measurement {
         Group {
             members: Members::Random(vec![run]),
             hop: self.hop,
-            band: self.band.clone(),
+            band: self.band,
         }
     }
 }
@@ -95,24 +92,38 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Lets `look` see the lines of all runs, or of one; `None` if they cannot be read
-    /// together.
-    pub fn read<R>(&self, one: Option<usize>, look: impl FnOnce(&dyn Lines) -> R) -> Option<R> {
+    /// Lets `look` see the lines of all runs, or of one.
+    ///
+    /// # Errors
+    /// [`MasslineError`] if they cannot be read together.
+    pub fn read<R>(
+        &self,
+        one: Option<usize>,
+        look: impl FnOnce(&dyn Lines) -> R,
+    ) -> Result<R, MasslineError> {
+        // All of them were averaged by the same settings, and there is at least one.
+        let unlike = MasslineError::TooFewRuns {
+            needed: 1,
+            found: 0,
+        };
         let chosen = one.map_or(0..self.names().len(), |k| k..k + 1);
         match &self.members {
             Members::Sine(runs) => {
                 let frequencies = &runs[0].frequencies;
-                let runs: Vec<_> = runs.get(chosen)?.iter().map(|r| r.run()).collect();
-                SineLines::new(frequencies, &runs).map(|lines| look(&lines))
+                let runs = runs.get(chosen).ok_or(unlike)?;
+                let runs: Vec<_> = runs.iter().map(|r| r.run()).collect();
+                let lines = SineLines::new(frequencies, &runs);
+                lines.map(|lines| look(&lines)).ok_or(unlike)
             }
             Members::Random(runs) => {
-                let runs = runs.get(chosen)?;
+                let runs = runs.get(chosen).ok_or(unlike)?;
                 let responses: Vec<RunResponses<'_>> =
                     runs.iter().filter_map(|r| r.responses()).collect();
                 if responses.len() == runs.len() {
-                    DriveLines::new(&responses, WINDOW).map(|lines| look(&lines))
+                    let lines = DriveLines::new(&responses, WINDOW);
+                    lines.map(|lines| look(&lines)).ok_or(unlike)
                 } else {
-                    self.read_undriven(runs, look)
+                    self.read_undriven(runs, look).unwrap_or(Err(unlike))
                 }
             }
         }
@@ -122,7 +133,7 @@ impl<'a> Group<'a> {
         &self,
         runs: &[&MeasuredRun],
         look: impl FnOnce(&dyn Lines) -> R,
-    ) -> Option<R> {
+    ) -> Option<Result<R, MasslineError>> {
         let settings = *runs.first()?.settings();
         let mut storage: Vec<(Vec<Sum>, u32)> = Vec::new();
         for run in runs {
@@ -136,8 +147,8 @@ impl<'a> Group<'a> {
             averages.push(CrossAverage::resume(&settings, sums, *blocks).ok()?);
         }
         let maps: Vec<_> = runs.iter().map(|r| r.geometry.map.clone()).collect();
-        let band = self.band.clone();
         let (grid, hop) = (settings.grid(), self.hop);
-        CrossLines::new(&averages, grid, band, WINDOW, hop, &maps).map(|lines| look(&lines))
+        let lines = CrossLines::new(&averages, grid, self.band, WINDOW, hop, &maps);
+        Some(lines.map(|lines| look(&lines)))
     }
 }

@@ -1,6 +1,7 @@
 //! From recordings to averaged spectra of the twelve resultants: the core's own blocks
 //! and averages, fed from files.
 
+mod drives;
 mod error;
 mod geometry;
 mod group;
@@ -25,9 +26,8 @@ pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 
 use crate::setup::{Excitation, Setup};
-use massline_core::spectra::{BlockSettings, LineGrid, Window};
+use massline_core::spectra::{BlockSettings, LineGrid, LineRange, Window};
 use std::collections::HashMap;
-use std::ops::Range;
 
 /// Told now and then how far the reading of recordings is.
 pub struct Progress<'a> {
@@ -43,7 +43,7 @@ pub struct Progress<'a> {
 
 /// Everything the estimators need, and what was noticed on the way.
 pub struct Measurement {
-    /// Random runs, in the order of the setup.
+    /// Random runs, in the order of the setup: one a drive where there are several.
     pub runs: Vec<MeasuredRun>,
     /// Stepped sine runs, in the order of the setup.
     pub sines: Vec<MeasuredSine>,
@@ -52,7 +52,7 @@ pub struct Measurement {
     /// Where the lines lie; `None` if all runs are static.
     pub grid: Option<LineGrid>,
     /// The averaging band, as indices into the kept lines.
-    pub band: Range<usize>,
+    pub band: LineRange,
     /// Blocks' hop over their length.
     pub hop: f64,
     /// What the user should know.
@@ -90,7 +90,7 @@ pub fn measure_first(
         sines: Vec::new(),
         poses: Vec::new(),
         grid: None,
-        band: 0..0,
+        band: LineRange::NONE,
         hop: 0.5,
         warnings: Vec::new(),
     };
@@ -118,16 +118,20 @@ pub fn measure_first(
             Excitation::Random => {
                 let measured = random::read(
                     setup,
-                    run,
+                    number,
                     geometry,
                     limit,
                     &mut settings,
                     &mut measurement.warnings,
                     &mut report,
                 )?;
-                health.push((run, measured.health.clone()));
-                let fingerprint = measured.fingerprint;
-                measurement.runs.push(measured);
+                let mut fingerprint = 0;
+                // One a drive.
+                if let Some(first) = measured.first() {
+                    health.push((run, first.health.clone()));
+                    fingerprint = first.fingerprint;
+                }
+                measurement.runs.extend(measured);
                 fingerprint
             }
             Excitation::Sine => {
@@ -149,10 +153,8 @@ pub fn measure_first(
     if let Some(settings) = settings {
         measurement.grid = Some(settings.grid());
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
-        if let Some(p) = &setup.processing {
-            let [low, high] = p.averaging_band;
-            measurement.band = settings.grid().within(low, high);
-        }
+        // All random runs have one band, which the first of them was asked for.
+        measurement.band = measurement.runs.first().map_or(LineRange::NONE, |r| r.band);
     }
     silent::check(setup, &health, &mut measurement.warnings)?;
     dedup(&mut measurement.warnings);

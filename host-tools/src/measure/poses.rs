@@ -4,8 +4,9 @@ use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
 use crate::recording::Health;
 use crate::setup::{Run, Setup};
+use massline_core::geometry::ResultantNoise;
 use massline_core::masslines::StaticPoses;
-use nalgebra::Vector6;
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// One static run.
 pub struct MeasuredPoses {
@@ -15,8 +16,8 @@ pub struct MeasuredPoses {
     pub geometry: RunGeometry,
     /// Running sums over the poses.
     pub poses: StaticPoses,
-    /// Resolution of each component of the specific force, m/s² or rad/s².
-    pub noise: Vector6<f64>,
+    /// Covariance of the noise of the specific force in one pose, about A.
+    pub noise: Matrix6<f64>,
     /// Every pose: specific force and resultants at A.
     pub rows: Vec<(Vector6<f64>, Vector6<f64>)>,
     pub(super) fingerprint: u64,
@@ -41,6 +42,7 @@ pub(super) fn read(
     recording.notice_columns(warnings);
     let mut poses = StaticPoses::new();
     let mut rows = Vec::new();
+    let mut readings = Vec::new();
     let mut health = Health::new(names.len());
     let mut sample = vec![0.0_f32; names.len()];
     let mut largest: f64 = 0.0;
@@ -56,6 +58,7 @@ pub(super) fn read(
         let f = Vector6::from_fn(|j, _| f64::from(r[6 + j]));
         largest = largest.max(a.fixed_rows::<3>(0).norm());
         poses.add(&a, &f);
+        readings.push(sample.clone());
         rows.push((a, f));
     }
     recording.notice_end(warnings);
@@ -70,14 +73,7 @@ pub(super) fn read(
     if good < FEWEST {
         return Err(MeasureError::TooFewPoses { file, poses: good });
     }
-    let determined = geometry.determined();
-    let noise = Vector6::from_fn(|j, _| {
-        if determined[j] > 0.0 {
-            RESOLUTION * largest
-        } else {
-            0.0
-        }
-    });
+    let noise = noise(setup, &geometry, &readings, RESOLUTION * largest);
     Ok(MeasuredPoses {
         name: run.name.clone(),
         geometry,
@@ -86,4 +82,50 @@ pub(super) fn read(
         rows,
         fingerprint: health.fingerprint(),
     })
+}
+
+/// Covariance of the noise of the specific force in one pose, about A.
+///
+/// What is at rest does not turn, so that all accelerometers read one and the same vector.
+/// What more than three of them leave of it is their noise, and what they are misaligned by.
+/// Three or fewer leave nothing: then `resolution`, m/s², is all that is known.
+fn noise(
+    setup: &Setup,
+    geometry: &RunGeometry,
+    readings: &[Vec<f32>],
+    resolution: f64,
+) -> Matrix6<f64> {
+    let used: Vec<(usize, f64, Vector3<f64>)> = setup
+        .accelerometers
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| geometry.columns[*k][..6].iter().any(|c| *c != 0.0))
+        .map(|(k, entry)| (k, entry.scale, Vector3::from(entry.direction).normalize()))
+        .collect();
+    let mut normal = Matrix3::zeros();
+    for (_, _, direction) in &used {
+        normal += direction * direction.transpose();
+    }
+    let mut variance = resolution * resolution;
+    let freedom = readings.len() * used.len().saturating_sub(3);
+    if let (Some(inverse), true) = (normal.try_inverse(), freedom > 0) {
+        let mut left = 0.0;
+        for reading in readings {
+            let read = |(k, scale, _): &(usize, f64, Vector3<f64>)| {
+                reading.get(*k).map_or(0.0, |x| f64::from(*x) * scale)
+            };
+            let sum: Vector3<f64> = used.iter().map(|s| s.2 * read(s)).sum();
+            let force = inverse * sum;
+            left += used
+                .iter()
+                .map(|s| (read(s) - s.2.dot(&force)).powi(2))
+                .sum::<f64>();
+        }
+        variance += left / freedom as f64;
+    }
+    let mut noise = ResultantNoise::NONE;
+    for (k, scale, _) in &used {
+        noise.add_sensor(&geometry.columns[*k], variance / (scale * scale));
+    }
+    noise.acceleration
 }

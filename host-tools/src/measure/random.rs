@@ -1,14 +1,15 @@
 //! Random runs: Welch averages of the twelve resultants.
 
+use super::drives::{DrivesAverage, Parts};
 use super::geometry::{RunGeometry, channel_names};
 use super::rejected::{Gate, Rejected};
 use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
-use massline_core::geometry::RESULTANTS;
+use massline_core::geometry::{PackedNoise, RESULTANT_NAMES, RESULTANTS};
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, RunResponses,
-    SpectraError, Sum,
+    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
+    RunResponses, SpectraError, Sum,
 };
 use std::path::Path;
 
@@ -23,8 +24,8 @@ pub enum Spectra {
         responses: Vec<[Complex32; RESULTANTS]>,
         /// G_rr of each line, summed over the blocks.
         drive: Vec<f32>,
-        /// Noise power per line, mean over the averaging band.
-        noise: [f32; RESULTANTS],
+        /// Covariance of the noise per line, mean over the averaging band.
+        noise: PackedNoise,
         /// Coherence of each resultant with the drive, line by line.
         coherence: Vec<[f32; RESULTANTS]>,
     },
@@ -37,8 +38,10 @@ pub enum Spectra {
 
 /// One random run, averaged.
 pub struct MeasuredRun {
-    /// Name of the run.
+    /// Name of the run, with the drive where it has several.
     pub name: String,
+    /// Number of the run in the setup.
+    pub number: usize,
     /// Its sensors.
     pub geometry: RunGeometry,
     /// Its spectra.
@@ -47,8 +50,13 @@ pub struct MeasuredRun {
     pub density: Vec<[f64; RESULTANTS]>,
     /// Blocks averaged.
     pub blocks: u32,
+    /// Blocks less one for each drive beyond the first: one more than the noise has degrees of
+    /// freedom.
+    pub(super) freedom: u32,
     /// Samples read.
     pub samples: u64,
+    /// Lines of the averaging band.
+    pub band: LineRange,
     /// What was left out of the average.
     pub rejected: Rejected,
     /// What the recording says of itself.
@@ -74,7 +82,7 @@ impl MeasuredRun {
                 responses,
                 drive,
                 noise: *noise,
-                blocks: self.blocks,
+                blocks: self.freedom,
             }),
             Spectra::Cross { .. } => None,
         }
@@ -87,36 +95,37 @@ impl MeasuredRun {
     }
 }
 
-/// Reads and averages one run.
+/// Reads and averages one run: one average a drive, or one by itself without any.
 pub(super) fn read(
     setup: &Setup,
-    run: &Run,
+    number: usize,
     geometry: RunGeometry,
     limit: Option<u64>,
     settings: &mut Option<BlockSettings>,
     warnings: &mut Vec<String>,
     progress: &mut dyn FnMut(f64),
-) -> Result<MeasuredRun, MeasureError> {
+) -> Result<Vec<MeasuredRun>, MeasureError> {
+    let run = &setup.runs[number];
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
     let mut recording = setup.open_recording(run, &names)?;
     recording.limit(limit);
     recording.notice_columns(warnings);
+    let unused = recording.ignored().join(", ");
     let settings = settle(setup, run, &file, &mut recording, settings)?;
     let grid = settings.grid();
+    let band = match &setup.processing {
+        Some(p) => grid
+            .within(p.averaging_band)
+            .map_err(|why| MeasureError::band(&file, "averaging_band", why))?,
+        None => LineRange::all(grid.count),
+    };
     let spectral = |source| MeasureError::Spectra {
         file: file.clone(),
         source,
     };
 
-    let drive_at = run.reference.is_some().then_some(names.len() - 1);
-    let mut sums = vec![
-        Sum::ZERO;
-        match drive_at {
-            Some(_) => DriveAverage::storage_len(&settings, RESULTANTS),
-            None => CrossAverage::storage_len(&settings),
-        }
-    ];
+    let drives = drive_columns(run, &names);
     let mut health = Health::new(names.len());
     let mut feed = |average: &mut dyn Average| {
         let resultants = |sample: &[f32], into: &mut [f32]| {
@@ -125,7 +134,7 @@ pub(super) fn read(
         stream(
             &mut recording,
             &settings,
-            drive_at,
+            &drives,
             RESULTANTS,
             &resultants,
             average,
@@ -134,24 +143,44 @@ pub(super) fn read(
         )
     };
 
-    let (averaged, rejected) = if drive_at.is_some() {
-        let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums).map_err(spectral)?;
-        let rejected = feed(&mut average)?;
-        let averaged = finish_drive(setup, &geometry, &settings, &average).map_err(spectral)?;
-        (averaged, rejected)
-    } else {
-        let mut average = CrossAverage::new(&settings, &mut sums).map_err(spectral)?;
-        let rejected = feed(&mut average)?;
-        let blocks = average.blocks();
-        let power = |c: usize, k: usize| average.cross(c, c, k).0;
-        let density = densities(&grid, settings.density(), blocks, &power);
-        let averaged = (Spectra::Cross { sums: Vec::new() }, density, blocks);
-        (averaged, rejected)
+    let mut averaged: Vec<(String, Finished)> = Vec::new();
+    let (rejected, count) = match drives.len() {
+        0 => {
+            let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
+            let mut average = CrossAverage::new(&settings, &mut sums).map_err(spectral)?;
+            let rejected = feed(&mut average)?;
+            let blocks = average.blocks();
+            let power = |c: usize, k: usize| average.cross(c, c, k).0;
+            let density = densities(&grid, settings.density(), blocks, &power);
+            averaged.push((run.name.clone(), (Spectra::Cross { sums }, density, blocks)));
+            (rejected, blocks)
+        }
+        1 => {
+            let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)];
+            let mut average =
+                DriveAverage::new(&settings, RESULTANTS, &mut sums).map_err(spectral)?;
+            let rejected = feed(&mut average)?;
+            let finished = finish_drive(band, &geometry, &settings, &average).map_err(spectral)?;
+            averaged.push((run.name.clone(), finished));
+            (rejected, average.blocks())
+        }
+        several => {
+            let mut average = DrivesAverage::new(&settings, several, RESULTANTS);
+            let rejected = feed(&mut average)?;
+            let blocks = average.blocks();
+            if blocks < several as u32 + 2 {
+                return Err(MeasureError::TooFewBlocks {
+                    file,
+                    blocks,
+                    drives: several,
+                });
+            }
+            let parts = average.parts(band.indices());
+            note_dependent(run, &parts, warnings);
+            averaged = parts_of_drives(run, parts, band, &geometry, &settings).map_err(spectral)?;
+            (rejected, blocks)
+        }
     };
-    let (mut spectra, density, count) = averaged;
-    if let Spectra::Cross { sums: kept } = &mut spectra {
-        *kept = sums;
-    }
     recording.notice_end(warnings);
     let samples = recording.rows();
     if count < 2 && rejected.blocks > 0 {
@@ -184,37 +213,192 @@ pub(super) fn read(
             run.name
         ));
     }
-    Ok(MeasuredRun {
-        name: run.name.clone(),
-        geometry,
-        spectra,
-        density,
-        blocks: count,
-        samples,
-        rejected,
-        preamble: recording.preamble().clone(),
-        health: health.channels(),
-        fingerprint: health.fingerprint(),
-        settings,
-    })
+    let preamble = recording.preamble().clone();
+    let first = averaged.first().map(|(_, (spectra, ..))| spectra);
+    if let Some(Spectra::Drive { coherence, .. }) = first {
+        let told = Told {
+            setup,
+            run,
+            geometry: &geometry,
+            settings: &settings,
+            band,
+            coherence,
+            unused: &unused,
+        };
+        warnings.extend(told.too_little(limit)?);
+    }
+    let (channels, fingerprint) = (health.channels(), health.fingerprint());
+    let runs = averaged
+        .into_iter()
+        .map(|(name, (spectra, density, _))| MeasuredRun {
+            name,
+            number,
+            geometry: geometry.clone(),
+            spectra,
+            density,
+            blocks: count,
+            freedom: 1 + count - drives.len().max(1) as u32,
+            samples,
+            band,
+            rejected,
+            preamble: preamble.clone(),
+            health: channels.clone(),
+            fingerprint,
+            settings,
+        });
+    Ok(runs.collect())
+}
+
+/// Columns of a run's drives among the channels that are read, where they come last.
+pub(super) fn drive_columns(run: &Run, names: &[&str]) -> Vec<usize> {
+    (names.len() - run.references.len()..names.len()).collect()
+}
+
+/// Says which drives of a run are left out.
+fn note_dependent(run: &Run, parts: &Parts, warnings: &mut Vec<String>) {
+    let names: Vec<&str> = parts
+        .dependent
+        .iter()
+        .map(|&drive| run.references[drive].as_str())
+        .collect();
+    if !names.is_empty() {
+        warnings.push(format!(
+            "run \"{}\": the drives named before them explain {} in full, so they tell nothing new and are left out of `reference`",
+            run.name,
+            names.join(", ")
+        ));
+    }
+}
+
+/// The part of each drive, as a run by itself.
+fn parts_of_drives(
+    run: &Run,
+    mut found: Parts,
+    band: LineRange,
+    geometry: &RunGeometry,
+    settings: &BlockSettings,
+) -> Result<Vec<(String, Finished)>, SpectraError> {
+    let mut averaged = Vec::new();
+    let mut parts = std::mem::take(&mut found.parts);
+    for part in &mut parts {
+        let name = format!("{} ({})", run.name, run.references[part.drive]);
+        let average = found.average(part)?;
+        let (mut spectra, mut density, blocks) = finish_drive(band, geometry, settings, &average)?;
+        // What counts is what all drives explain together, and what was there in all.
+        let scale = settings.density() / f64::from(found.blocks.max(1));
+        if let Spectra::Drive { coherence, .. } = &mut spectra {
+            for (of_line, all) in coherence.iter_mut().zip(&found.coherence) {
+                *of_line = core::array::from_fn(|c| all[c] as f32);
+            }
+        }
+        for (of_line, all) in density.iter_mut().zip(&found.power) {
+            *of_line = core::array::from_fn(|c| all[c] * scale);
+        }
+        averaged.push((name, (spectra, density, blocks)));
+    }
+    Ok(averaged)
+}
+
+/// What is known of a run whose drives may explain little of it.
+struct Told<'a> {
+    setup: &'a Setup,
+    run: &'a Run,
+    geometry: &'a RunGeometry,
+    settings: &'a BlockSettings,
+    band: LineRange,
+    coherence: &'a [[f32; RESULTANTS]],
+    /// Columns of the recording that nothing reads.
+    unused: &'a str,
+}
+
+/// Share of a resultant's power below which its drives explain little of it.
+const LITTLE: f64 = 0.5;
+/// Share from which the accelerations explain it nevertheless.
+const MOVED: f64 = 0.9;
+
+impl Told<'_> {
+    /// A warning where the drives explain little of forces that the accelerations do explain:
+    /// something else has moved the table. The recording is read once more only where the first
+    /// of the two is so.
+    fn too_little(&self, limit: Option<u64>) -> Result<Option<String>, MeasureError> {
+        let mean = |c: usize| {
+            let lines = self.coherence.get(self.band.indices()).unwrap_or_default();
+            lines.iter().map(|l| f64::from(l[c])).sum::<f64>() / lines.len().max(1) as f64
+        };
+        let little = |c: &usize| mean(*c) < LITTLE && self.geometry.equations.measured(c - 6) > 0.5;
+        let suspects: Vec<usize> = (6..RESULTANTS).filter(little).collect();
+        if suspects.is_empty() {
+            return Ok(None);
+        }
+        let names = channel_names(self.setup, self.run);
+        let mut recording = self.setup.open_recording(self.run, &names)?;
+        recording.limit(limit);
+        recording.settle_rate(self.setup.processing.as_ref().and_then(|p| p.sample_rate))?;
+        // The six accelerations in place of the drives.
+        let mut average = DrivesAverage::new(self.settings, 6, 6);
+        let resultants = |sample: &[f32], into: &mut [f32]| {
+            into.copy_from_slice(&self.geometry.resultants(sample));
+        };
+        stream(
+            &mut recording,
+            self.settings,
+            &[],
+            RESULTANTS,
+            &resultants,
+            &mut average,
+            &mut |_| {},
+            &mut |_| {},
+        )?;
+        if average.blocks() < 12 {
+            // Six accelerations explain anything in so few blocks.
+            return Ok(None);
+        }
+        let parts = average.parts(self.band.indices());
+        let moved = |c: &&usize| {
+            let lines = parts.coherence.get(self.band.indices()).unwrap_or_default();
+            lines.iter().map(|l| l[**c - 6]).sum::<f64>() > MOVED * lines.len() as f64
+        };
+        let driven_otherwise: Vec<&str> = suspects
+            .iter()
+            .filter(moved)
+            .map(|&c| RESULTANT_NAMES[c - 6])
+            .collect();
+        if driven_otherwise.is_empty() {
+            return Ok(None);
+        }
+        let named = self.run.references.join(", ");
+        let advice = if self.unused.is_empty() {
+            "record the other drives' signals, or leave `reference` out".to_owned()
+        } else {
+            format!(
+                "name every drive, as in `reference = [\"a\", \"b\"]`; columns that nothing reads yet: {}",
+                self.unused
+            )
+        };
+        Ok(Some(format!(
+            "run \"{}\": `reference` ({named}) explains less than half of {}, which the accelerations explain: something else moves the table, too, and what it moves is thrown away as noise; {advice}",
+            self.run.name,
+            driven_otherwise.join(", ")
+        )))
+    }
 }
 
 /// Streams a recording through blocks into an average. `transform` turns a sample of all
-/// channels into the `channels` numbers that are averaged; the drive, where there is one,
-/// comes before them as channel 0. A block with a faulty sample goes nowhere, and `watch` sees
+/// channels into the `channels` numbers that are averaged; the drives, whose columns are given,
+/// come before them. A block with a faulty sample goes nowhere, and `watch` sees
 /// good samples only.
 #[allow(clippy::too_many_arguments)]
 pub(super) fn stream(
     recording: &mut Recording,
     settings: &BlockSettings,
-    drive_at: Option<usize>,
+    drives: &[usize],
     channels: usize,
     transform: &dyn Fn(&[f32], &mut [f32]),
     average: &mut dyn Average,
     watch: &mut dyn FnMut(&[f32]),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rejected, MeasureError> {
-    let lead = usize::from(drive_at.is_some());
+    let lead = drives.len();
     let zero = Complex32::new(0.0, 0.0);
     let mut history = vec![0.0; settings.history_len(lead + channels)];
     let mut work = vec![zero; settings.block_length()];
@@ -239,8 +423,8 @@ pub(super) fn stream(
             watch(&sample);
         }
         let (head, tail) = input.split_at_mut(lead);
-        if let (Some(slot), Some(at)) = (head.first_mut(), drive_at) {
-            *slot = sample.get(at).copied().unwrap_or(0.0);
+        for (slot, at) in head.iter_mut().zip(drives) {
+            *slot = sample.get(*at).copied().unwrap_or(0.0);
         }
         transform(&sample, tail);
         if let Some(block) = blocks.push(&input)
@@ -258,7 +442,7 @@ pub(super) fn stream(
 pub(super) type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);
 
 pub(super) fn finish_drive(
-    setup: &Setup,
+    band: LineRange,
     geometry: &RunGeometry,
     settings: &BlockSettings,
     average: &DriveAverage<'_>,
@@ -267,9 +451,6 @@ pub(super) fn finish_drive(
     let mut responses = vec![[Complex32::new(0.0, 0.0); RESULTANTS]; grid.count];
     let mut drive = vec![0.0; grid.count];
     let hop = settings.hop() as f64 / settings.block_length() as f64;
-    let band = setup.processing.as_ref().map_or(0..0, |p| {
-        grid.within(p.averaging_band[0], p.averaging_band[1])
-    });
     let noise = RunResponses::finish(
         average,
         grid,

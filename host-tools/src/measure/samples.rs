@@ -8,7 +8,8 @@ use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, SpectraError, Sum,
+    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineRange, SpectraError,
+    Sum,
 };
 use std::path::PathBuf;
 
@@ -34,7 +35,7 @@ pub(crate) fn measure_samples(
         sines: Vec::new(),
         poses: Vec::new(),
         grid: None,
-        band: 0..0,
+        band: LineRange::NONE,
         hop: 0.5,
         warnings: Vec::new(),
     };
@@ -53,11 +54,14 @@ pub(crate) fn measure_samples(
             source,
         };
         let settings = settings_at(processing, rate).map_err(spectral)?;
-        let [low, high] = processing.averaging_band;
         measurement.grid = Some(settings.grid());
-        measurement.band = settings.grid().within(low, high);
+        measurement.band = settings
+            .grid()
+            .within(processing.averaging_band)
+            .map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
-        let measured = averaged(setup, run, geometry, settings, samples).map_err(spectral)?;
+        let measured = averaged((number, run), geometry, settings, measurement.band, samples)
+            .map_err(spectral)?;
         if measured.blocks < 2 {
             return Err(MeasureError::TooShort {
                 file,
@@ -72,17 +76,17 @@ pub(crate) fn measure_samples(
 }
 
 fn averaged(
-    setup: &Setup,
-    run: &Run,
+    (number, run): (usize, &Run),
     geometry: RunGeometry,
     settings: BlockSettings,
+    band: LineRange,
     samples: &Samples<'_>,
 ) -> Result<MeasuredRun, SpectraError> {
-    let (spectra, density, blocks) = if run.reference.is_some() {
+    let (spectra, density, blocks) = if !run.references.is_empty() {
         let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)];
         let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums)?;
         feed(&geometry, &settings, samples, true, &mut average)?;
-        finish_drive(setup, &geometry, &settings, &average)?
+        finish_drive(band, &geometry, &settings, &average)?
     } else {
         let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
         let mut average = CrossAverage::new(&settings, &mut sums)?;
@@ -94,10 +98,13 @@ fn averaged(
     };
     Ok(MeasuredRun {
         name: run.name.clone(),
+        number,
         geometry,
         spectra,
         density,
         blocks,
+        freedom: blocks,
+        band,
         samples: samples.sensors.first().map_or(0, Vec::len) as u64,
         rejected: Rejected::default(),
         preamble: Preamble::default(),

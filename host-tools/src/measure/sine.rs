@@ -3,11 +3,11 @@
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
 use crate::setup::{Run, Setup};
-use massline_core::geometry::RESULTANTS;
-use massline_core::masslines::SineRun;
+use massline_core::geometry::{RESULTANTS, ResultantNoise};
+use massline_core::masslines::{MIN_NEIGHBOURS, SineRun};
+use massline_core::spectra::LineRange;
 use nalgebra::Complex;
 use std::hash::{DefaultHasher, Hasher};
-use std::ops::Range;
 
 /// One stepped sine run.
 pub struct MeasuredSine {
@@ -21,8 +21,11 @@ pub struct MeasuredSine {
     pub responses: Vec<[Complex<f64>; RESULTANTS]>,
     /// Responses of the accelerometers, m/s², frequency by frequency.
     pub sensors: Vec<Vec<Complex<f64>>>,
-    /// Resolution of each resultant, as a power per line.
-    pub noise: [f64; RESULTANTS],
+    /// Lines of the averaging band.
+    pub band: LineRange,
+    /// Covariance of the noise of the resultants per line: the misfit of neighbouring lines of
+    /// the averaging band, and at least the resolution of the recorded numbers.
+    pub noise: ResultantNoise,
     pub(super) fingerprint: u64,
 }
 
@@ -38,15 +41,6 @@ impl MeasuredSine {
             noise: self.noise,
         }
     }
-
-    /// Lines from `low` to `high` Hz, both ends included.
-    #[must_use]
-    pub fn within(&self, [low, high]: [f64; 2]) -> Range<usize> {
-        let slack = 1e-9 * high;
-        let start = self.frequencies.partition_point(|&f| f < low - slack);
-        let end = self.frequencies.partition_point(|&f| f <= high + slack);
-        start..end.max(start)
-    }
 }
 
 /// Reads one run; `before` are the frequencies of the sine runs before it.
@@ -57,11 +51,11 @@ pub(super) fn read(
     before: Option<&[f64]>,
     warnings: &mut Vec<String>,
 ) -> Result<MeasuredSine, MeasureError> {
-    if setup.processing.is_none() {
+    let Some(processing) = &setup.processing else {
         return Err(MeasureError::NoProcessing {
             run: run.name.clone(),
         });
-    }
+    };
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
     let mut columns = vec!["frequency".to_owned()];
@@ -79,10 +73,12 @@ pub(super) fn read(
         frequencies: Vec::new(),
         responses: Vec::new(),
         sensors: Vec::new(),
-        noise: [0.0; RESULTANTS],
+        band: LineRange::NONE,
+        noise: ResultantNoise::NONE,
         fingerprint: 0,
     };
     let mut hash = DefaultHasher::new();
+    let mut resolution = ResultantNoise::NONE;
     let mut row = vec![0.0; columns.len()];
     while recording.next_row_f64(|i, x| row[i] = x)? {
         let frequency = row[0];
@@ -105,8 +101,8 @@ pub(super) fn read(
             let column = &measured.geometry.columns[c];
             for (j, r) in response.iter_mut().enumerate() {
                 *r += x * column[j];
-                measured.noise[j] += x.norm_sqr() * column[j] * column[j];
             }
+            resolution.add_sensor(column, x.norm_sqr());
             if c < sensors_of {
                 sensors.push(x * setup.accelerometers[c].scale);
             }
@@ -116,9 +112,25 @@ pub(super) fn read(
     }
     recording.notice_end(warnings);
     let lines = measured.frequencies.len().max(1) as f64;
-    for noise in &mut measured.noise {
-        *noise *= RESOLUTION * RESOLUTION / lines;
+    let band = LineRange::among(&measured.frequencies, processing.averaging_band);
+    measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
+    let band = measured.band.start()..measured.band.end();
+    if let Some(noise) = SineRun::noise_of_neighbours(
+        &measured.frequencies[band.clone()],
+        &measured.responses[band],
+    ) {
+        measured.noise = noise;
+    } else {
+        warnings.push(format!(
+            "run \"{}\": fewer than {MIN_NEIGHBOURS} frequencies in the averaging band do not tell \
+             how noisy they are; a relative resolution of {RESOLUTION:.0e} is assumed, and error \
+             bars rest on that",
+            run.name
+        ));
     }
+    measured
+        .noise
+        .add(&resolution, RESOLUTION * RESOLUTION / lines);
     measured.fingerprint = hash.finish();
     if let Some(before) = before
         && let Some(frequency) = first_difference(before, &measured.frequencies)

@@ -4,12 +4,13 @@
 //! resultants. The measuring pass does not, and runs alike on the box; so this is a pass
 //! of its own over the same recordings.
 
+use super::drives::DrivesAverage;
 use super::geometry::{Accelerations, RunGeometry, channel_names};
-use super::random::{settle, stream};
+use super::random::{drive_columns, settle, stream};
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};
-use massline_core::spectra::{Average, BlockSettings, DriveAverage, Sum};
+use massline_core::spectra::{Average, BandError, BlockSettings, DriveAverage, LineRange, Sum};
 use massline_core::weighting::{join_peaks, weights_from_peaks};
 use nalgebra::{Complex, DMatrix, Matrix6, Vector6};
 
@@ -78,11 +79,13 @@ pub fn survey_first(
         let geometry = RunGeometry::new(setup, number, &Accelerations::Interface)
             .or_else(|_| RunGeometry::new(setup, number, &Accelerations::All(None)))?;
         let surveyed = match run.excitation {
-            Excitation::Random if run.reference.is_some() => {
+            Excitation::Random if !run.references.is_empty() => {
                 let (grid, surveyed) =
                     random(setup, number, &geometry, limit, &mut settings, &mut report)?;
                 survey.frequencies = grid;
-                surveyed
+                survey.runs.extend(surveyed);
+                report(1.0);
+                continue;
             }
             Excitation::Sine => {
                 let measured = sine::read(setup, run, geometry, None, &mut Vec::new())?;
@@ -122,7 +125,7 @@ fn random(
     limit: Option<u64>,
     settings: &mut Option<BlockSettings>,
     progress: &mut dyn FnMut(f64),
-) -> Result<(Vec<f64>, SurveyedRun), MeasureError> {
+) -> Result<(Vec<f64>, Vec<SurveyedRun>), MeasureError> {
     let run = &setup.runs[number];
     let file = setup.recording_path(run);
     let names = channel_names(setup, run);
@@ -135,33 +138,74 @@ fn random(
         file: file.clone(),
         source,
     };
-    let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, channels)];
-    let mut average = DriveAverage::new(&settings, channels, &mut sums).map_err(spectral)?;
     let transform = |sample: &[f32], into: &mut [f32]| {
         for ((slot, x), entry) in into.iter_mut().zip(sample).zip(&setup.accelerometers) {
             *slot = x * entry.scale as f32;
         }
         into[sensors..].copy_from_slice(&geometry.resultants(sample));
     };
-    let drive_at = Some(names.len() - 1);
-    let rejected = stream(
-        &mut recording,
-        &settings,
-        drive_at,
-        channels,
-        &transform,
-        &mut average,
-        &mut |_| {},
-        progress,
-    )?;
-    if average.blocks() == 0 && rejected.blocks > 0 {
+    let drives = drive_columns(run, &names);
+    let mut feed = |average: &mut dyn Average| {
+        stream(
+            &mut recording,
+            &settings,
+            &drives,
+            channels,
+            &transform,
+            average,
+            &mut |_| {},
+            progress,
+        )
+    };
+    let grid = settings.grid();
+    let surveyed = |average: &DriveAverage<'_>| {
+        let response = |c: usize, k: usize| {
+            let power = average.drive_power(k);
+            let (re, im) = average.cross(c, k);
+            if power > 0.0 {
+                Complex::new(re / power, im / power)
+            } else {
+                Complex::new(0.0, 0.0)
+            }
+        };
+        let lines = 0..grid.count;
+        let half = |at: usize, k: usize| Vector6::from_fn(|i, _| response(sensors + at + i, k));
+        SurveyedRun {
+            number,
+            sensors: lines
+                .clone()
+                .map(|k| (0..sensors).map(|c| response(c, k)).collect())
+                .collect(),
+            base: lines.clone().map(|k| half(0, k)).collect(),
+            forces: lines.clone().map(|k| half(6, k)).collect(),
+            power: lines.map(|k| average.drive_power(k)).collect(),
+            equations: geometry.equations,
+        }
+    };
+    let mut all = Vec::new();
+    let (rejected, blocks) = if let [_] = drives.as_slice() {
+        let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, channels)];
+        let mut average = DriveAverage::new(&settings, channels, &mut sums).map_err(spectral)?;
+        let rejected = feed(&mut average)?;
+        all.push(surveyed(&average));
+        (rejected, average.blocks())
+    } else {
+        let mut average = DrivesAverage::new(&settings, drives.len(), channels);
+        let rejected = feed(&mut average)?;
+        let mut found = average.parts(0..grid.count);
+        for mut part in std::mem::take(&mut found.parts) {
+            all.push(surveyed(&found.average(&mut part).map_err(spectral)?));
+        }
+        (rejected, average.blocks())
+    };
+    if blocks == 0 && rejected.blocks > 0 {
         return Err(MeasureError::TooFaulty {
             file,
             blocks: 0,
             rejected,
         });
     }
-    if average.blocks() == 0 {
+    if blocks == 0 {
         return Err(MeasureError::TooShort {
             file,
             samples: recording.rows(),
@@ -169,30 +213,8 @@ fn random(
             block_length: settings.block_length(),
         });
     }
-    let grid = settings.grid();
-    let response = |c: usize, k: usize| {
-        let power = average.drive_power(k);
-        let (re, im) = average.cross(c, k);
-        if power > 0.0 {
-            Complex::new(re / power, im / power)
-        } else {
-            Complex::new(0.0, 0.0)
-        }
-    };
-    let lines = 0..grid.count;
-    let half = |at: usize, k: usize| Vector6::from_fn(|i, _| response(sensors + at + i, k));
-    let surveyed = SurveyedRun {
-        number,
-        sensors: lines
-            .clone()
-            .map(|k| (0..sensors).map(|c| response(c, k)).collect())
-            .collect(),
-        base: lines.clone().map(|k| half(0, k)).collect(),
-        forces: lines.clone().map(|k| half(6, k)).collect(),
-        power: lines.clone().map(|k| average.drive_power(k)).collect(),
-        equations: geometry.equations,
-    };
-    Ok((lines.map(|k| grid.frequency(k)).collect(), surveyed))
+    let frequencies = (0..grid.count).map(|k| grid.frequency(k)).collect();
+    Ok((frequencies, all))
 }
 
 /// Responses of sensors to `n` independent inputs, line by line: rows are sensors.
@@ -260,20 +282,22 @@ impl Survey {
         Some(all)
     }
 
-    fn lines_within(&self, [low, high]: [f64; 2]) -> std::ops::Range<usize> {
-        let start = self.frequencies.partition_point(|&f| f < low);
-        let end = self.frequencies.partition_point(|&f| f <= high);
-        start..end.max(start)
+    /// The surveyed lines of a band, Hz.
+    ///
+    /// # Errors
+    /// [`BandError`] if it is no band, or reaches beyond the lines.
+    pub fn lines(&self, band: [f64; 2]) -> Result<LineRange, BandError> {
+        LineRange::among(&self.frequencies, band)
     }
 
-    /// Largest amplitude in the mode band of each accelerometer, in the order of the setup,
-    /// m/s² per unit of drive.
+    /// Largest amplitude over the lines of the mode band of each accelerometer, in the order of
+    /// the setup, m/s² per unit of drive.
     #[must_use]
-    pub fn peaks(&self, run: &SurveyedRun, band: [f64; 2]) -> Vec<f64> {
+    pub fn peaks(&self, run: &SurveyedRun, band: LineRange) -> Vec<f64> {
         let sensors = run.sensors.first().map_or(0, Vec::len);
         let mut peaks = vec![0.0_f64; sensors];
-        for line in self.lines_within(band) {
-            for (peak, x) in peaks.iter_mut().zip(&run.sensors[line]) {
+        for line in run.sensors.get(band.indices()).unwrap_or_default() {
+            for (peak, x) in peaks.iter_mut().zip(line) {
                 *peak = peak.max(x.norm_sqr());
             }
         }
@@ -286,12 +310,24 @@ impl Survey {
     /// Weights of chapter 7 from each run's own responses in the mode band: for method a.
     /// One list a run of the setup; runs that were not surveyed weigh equally.
     #[must_use]
-    pub fn weights_per_run(&self, setup: &Setup, band: [f64; 2], minimum: f64) -> Vec<Vec<f64>> {
-        let mut weights = vec![vec![1.0; setup.accelerometers.len()]; setup.runs.len()];
-        for run in &self.runs {
-            let mut peaks = self.peaks(run, band);
+    pub fn weights_per_run(&self, setup: &Setup, band: LineRange, minimum: f64) -> Vec<Vec<f64>> {
+        let count = setup.accelerometers.len();
+        let mut weights = vec![vec![1.0; count]; setup.runs.len()];
+        for (number, weights) in weights.iter_mut().enumerate() {
+            // A recording with several drives is several runs here.
+            let of_run = self.runs.iter().filter(|r| r.number == number);
+            let of_run: Vec<Vec<f64>> = of_run.map(|run| self.peaks(run, band)).collect();
+            let mut peaks = match of_run.as_slice() {
+                [] => continue,
+                [one] => one.clone(),
+                several => {
+                    let mut joined = vec![0.0; count];
+                    several.iter().for_each(|p| join_peaks(&mut joined, p));
+                    joined
+                }
+            };
             weights_from_peaks(&mut peaks, minimum);
-            weights[run.number] = peaks;
+            *weights = peaks;
         }
         weights
     }
@@ -300,15 +336,15 @@ impl Survey {
     /// from the runs' own; the same for all runs. Methods b to e combine runs line by line,
     /// and a structure filtered differently in each is not one structure any more.
     #[must_use]
-    pub fn weights_joined(&self, setup: &Setup, band: [f64; 2], minimum: f64) -> Vec<Vec<f64>> {
+    pub fn weights_joined(&self, setup: &Setup, band: LineRange, minimum: f64) -> Vec<Vec<f64>> {
         let count = setup.accelerometers.len();
         let mut joined = vec![0.0; count];
-        let lines = self.lines_within(band);
         if let Some(free) = self.free_responses() {
             let inputs = free.first().map_or(0, DMatrix::ncols);
             for j in 0..inputs {
                 let peak = |s: usize| {
-                    let at = free[lines.clone()].iter().map(|h| h[(s, j)].norm_sqr());
+                    let lines = free.get(band.indices()).unwrap_or_default();
+                    let at = lines.iter().map(|h| h[(s, j)].norm_sqr());
                     at.fold(0.0, f64::max).sqrt()
                 };
                 join_peaks(&mut joined, &(0..count).map(peak).collect::<Vec<_>>());

@@ -2,7 +2,7 @@
 
 use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
-use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
+use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES, ResultantNoise};
 use massline_core::identify::{Estimate, Identification};
 use massline_core::instrument::{self, Findings};
 use massline_core::spectra::LineGrid;
@@ -109,7 +109,8 @@ impl Comparison {
                 };
                 comparison.line(k, grid.frequency(k), &host, device);
             }
-            comparison.noise(noise, summary.noise);
+            let variances = ResultantNoise::unpacked(noise).variances();
+            comparison.noise(&variances.map(|v| v as f32), summary.noise);
         }
         comparison
     }
@@ -298,10 +299,16 @@ impl Comparison {
         self.same("iterations", &host.iterations, &device.iterations);
         let consistency = device.consistency.map(|c| c.0);
         self.optional(|| "consistency".to_owned(), host.consistency, consistency);
+        self.double(|| "misfit".to_owned(), host.misfit, device.misfit.0);
         self.double(
             || "attenuation".to_owned(),
             host.attenuation,
             device.attenuation.0,
+        );
+        self.double(
+            || "degrees of freedom".to_owned(),
+            host.freedom,
+            device.freedom.0,
         );
         let (h, d) = (&host.plausibility, &device.plausibility);
         for (what, h, d) in [
@@ -313,7 +320,14 @@ impl Comparison {
             ),
             ("margin of the triangle inequality", h.triangle, d.triangle),
         ] {
-            self.optional(|| what.to_owned(), h.map(|m| m.relative), d.map(|m| m.0));
+            let share = d.map(|m| m.relative.0);
+            self.optional(|| what.to_owned(), h.map(|m| m.relative), share);
+            let bar = d.map(|m| m.uncertainty.0);
+            self.optional(
+                || format!("error bar of the {what}"),
+                h.map(|m| m.uncertainty),
+                bar,
+            );
         }
     }
 }

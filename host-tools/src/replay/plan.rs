@@ -134,11 +134,20 @@ pub(crate) fn check(
                 "the box measures random runs; take the others out of the setup",
             ));
         }
-        if run.reference.is_none() {
-            return Err(wrong(
-                "names no `reference`",
-                "the box refers its lines to the drive signal; record it and name its channel",
-            ));
+        match run.references.len() {
+            0 => {
+                return Err(wrong(
+                    "names no `reference`",
+                    "the box refers its lines to the drive signal; record it and name its channel",
+                ));
+            }
+            1 => {}
+            _ => {
+                return Err(wrong(
+                    "names several drives",
+                    "the box refers its lines to one drive a run; use `massline identify` on the recording, or shake with one drive at a time",
+                ));
+            }
         }
     }
     let grid = settings.grid();
@@ -286,7 +295,8 @@ pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::
             wire::Procedure::Direct
         },
         modes: estimation.modes as u8,
-        fit_band: setup.fit_band(),
+        // Without one, the box fits all the lines it keeps, as the workstation does.
+        fit_band: estimation.fit_band,
         runs: 0,
     }
 }

@@ -8,7 +8,6 @@ use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, To
 use super::response::{Entries, Entry, entries};
 use super::scales::axis_factor;
 use crate::identification::Answer;
-use crate::setup::Setup;
 use massline_core::masslines::ApparentMass;
 use std::fmt::Write;
 
@@ -24,13 +23,12 @@ struct View<'a> {
 }
 
 /// The section, or `None` without spectra.
-pub(super) fn section(setup: &Setup, answer: &Answer) -> Option<Section> {
-    let groups = fitted(setup, answer);
+pub(super) fn section(answer: &Answer) -> Option<Section> {
+    let groups = fitted(answer);
     let mut html = String::new();
     for group in &groups {
-        let Some((band, top)) = group.read(None, |lines| {
-            let last = group.band.end.saturating_sub(1);
-            let band = [lines.frequency(group.band.start), lines.frequency(last)];
+        let Ok((band, top)) = group.read(None, |lines| {
+            let band = [group.band.start(), group.band.last()].map(|line| lines.frequency(line));
             (band, lines.frequency(lines.count().saturating_sub(1)))
         }) else {
             continue;

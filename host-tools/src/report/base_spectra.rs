@@ -31,12 +31,9 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
         .collect();
     let translation = domain(runs, seen.iter().copied().filter(|j| *j < 3));
     let rotation = domain(runs, seen.iter().copied().filter(|j| *j >= 3));
-    let band = &answer.measurement.band;
+    let band = answer.measurement.band;
     let span = Span {
-        x: [
-            grid.frequency(band.start),
-            grid.frequency(band.end.saturating_sub(1)),
-        ],
+        x: [grid.frequency(band.start()), grid.frequency(band.last())],
         label: String::new(),
     };
     let charts = seen.iter().map(|&j| {

@@ -10,10 +10,9 @@ use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::Moments;
-use massline_core::spectra::LineGrid;
+use massline_core::spectra::{LineGrid, LineRange};
 use nalgebra::Vector6;
 use std::fmt::Write;
-use std::ops::Range;
 
 /// Share of a run's strongest component, in power, that counts as excited: a tenth in
 /// amplitude.
@@ -40,7 +39,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
     if answer.measurement.runs.is_empty() {
         return None;
     }
-    let band = answer.measurement.band.clone();
+    let band = answer.measurement.band;
     let runs: Vec<(&MeasuredRun, Vec<Curves>)> = answer
         .measurement
         .runs
@@ -57,8 +56,8 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
     }
     let domain = extent.domain(0.0);
     let figures = runs.iter().map(|(run, curves)| {
-        let svg = chart(run, curves, &grid, &band, domain);
-        captioned(svg, &caption(curves, &grid, &band))
+        let svg = chart(run, curves, &grid, band, domain);
+        captioned(svg, &caption(curves, &grid, band))
     });
     let driven = runs.iter().any(|(r, _)| r.responses().is_some());
     let undriven = runs.iter().any(|(r, _)| r.responses().is_none());
@@ -107,7 +106,7 @@ fn chart(
     run: &MeasuredRun,
     curves: &[Curves],
     grid: &LineGrid,
-    band: &Range<usize>,
+    band: LineRange,
     domain: [f64; 2],
 ) -> String {
     let top = grid.frequency(grid.count.saturating_sub(1));
@@ -117,10 +116,7 @@ fn chart(
         Axis::new("γ²", Mapping::Nines, domain),
     );
     chart.spans.push(Span {
-        x: [
-            grid.frequency(band.start),
-            grid.frequency(band.end.saturating_sub(1)),
-        ],
+        x: [grid.frequency(band.start()), grid.frequency(band.last())],
         label: String::new(),
     });
     for kind in curves {
@@ -163,10 +159,10 @@ fn push_range(chart: &mut LineChart, kind: &Curves, grid: &LineGrid) {
 }
 
 /// The lowest in the band, and who is not in the picture.
-fn caption(curves: &[Curves], grid: &LineGrid, band: &Range<usize>) -> String {
+fn caption(curves: &[Curves], grid: &LineGrid, band: LineRange) -> String {
     let mut lowest: Option<(f64, &str, f64)> = None;
     for (name, values) in curves.iter().flat_map(|c| &c.components) {
-        for k in band.clone() {
+        for k in band {
             if let Some(&v) = values.get(k)
                 && lowest.is_none_or(|(l, _, _)| v < l)
             {
@@ -203,12 +199,12 @@ fn near_one(value: f64) -> String {
 
 fn curves(run: &MeasuredRun, answer: &Answer) -> Vec<Curves> {
     let lever = lever(&answer.identification);
-    let band = answer.measurement.band.clone();
+    let band = answer.measurement.band;
     let determined = determined_accelerations(&run.geometry);
     let forces = measured_forces(&run.geometry);
     let power = |offset: usize| {
         Vector6::from_fn(|j, _| {
-            let lines = band.clone().filter_map(|k| run.density.get(k));
+            let lines = band.into_iter().filter_map(|k| run.density.get(k));
             lines.map(|d| d[offset + j]).sum::<f64>()
         })
     };
@@ -285,7 +281,7 @@ fn sorted(
 /// Share of each force that the accelerations explain, line by line.
 fn multiple_coherence(run: &MeasuredRun, answer: &Answer) -> Vec<[f64; 6]> {
     let read = answer.measurement.group_of(run).read(None, |lines| {
-        let excited = Excited::new(lines, &answer.measurement.band);
+        let excited = Excited::new(lines, answer.measurement.band);
         (0..lines.count())
             .map(|line| {
                 let mut m = Moments::zero();

@@ -3,10 +3,9 @@
 
 use crate::identification::Answer;
 use crate::measure::{Group, RunGeometry};
-use crate::setup::Setup;
 use massline_core::masslines::{ApparentMass, Excitation, Lines, Moments};
+use massline_core::spectra::LineRange;
 use nalgebra::{Matrix6, Vector6};
-use std::ops::Range;
 
 /// Runs that were condensed together, and the fit to them.
 pub(super) struct Fitted<'a> {
@@ -32,8 +31,8 @@ impl<'a> std::ops::Deref for Fitted<'a> {
 }
 
 /// The groups of an answer, each with its fit.
-pub(super) fn fitted<'a>(setup: &Setup, answer: &'a Answer) -> Vec<Fitted<'a>> {
-    let groups = answer.measurement.groups(setup).into_iter().enumerate();
+pub(super) fn fitted(answer: &Answer) -> Vec<Fitted<'_>> {
+    let groups = answer.measurement.groups().into_iter().enumerate();
     groups
         .map(|(k, group)| Fitted {
             group,
@@ -57,21 +56,20 @@ pub(super) struct Excited {
 }
 
 impl Excited {
-    pub fn new(lines: &dyn Lines, band: &Range<usize>) -> Self {
+    pub fn new(lines: &dyn Lines, band: LineRange) -> Self {
         let mut energy = Moments::zero();
-        let mut noise = Vector6::zeros();
+        let mut noise = Matrix6::zeros();
         for run in 0..lines.runs() {
-            let per_line = lines.noise(run);
-            for j in 0..6 {
-                noise[j] += per_line[j] * band.len() as f64;
-            }
-            for line in band.clone() {
+            noise += lines.noise(run).acceleration * band.len() as f64;
+            for line in band {
                 lines.add_moments(run, line, 1.0, &mut energy);
             }
         }
         let real = energy.aa.map(|z| z.re);
-        let components =
-            core::array::from_fn(|j| noise[j] > 0.0 && real[(j, j)] > ABOVE_NOISE * noise[j]);
+        let components = core::array::from_fn(|j| {
+            let noise = noise[(j, j)];
+            noise > 0.0 && real[(j, j)] > ABOVE_NOISE * noise
+        });
         let excitation = Excitation::new(&real, &noise);
         Self {
             components,

@@ -29,7 +29,7 @@ mod poses;
 mod response;
 mod rigid;
 mod runs;
-mod scales;
+pub(crate) mod scales;
 mod sketch;
 mod table;
 #[cfg(test)]
@@ -50,7 +50,7 @@ use page::Section;
 pub fn render(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
     let ten = Section::new("ten", "The ten numbers", table::table(answer, truth));
     let mut sections = vec![ten];
-    sections.extend(apparent_mass::section(setup, answer));
+    sections.extend(apparent_mass::section(answer));
     sections.extend(modes::section(answer));
     sections.extend(poses::section(answer));
     sections.extend(coherence::section(answer));

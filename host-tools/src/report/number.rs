@@ -66,6 +66,9 @@ pub fn uncertain(value: f64, std: f64) -> String {
     if std == 0.0 {
         return exact(value);
     }
+    if std == f64::INFINITY {
+        return format!("{}{THIN}±{THIN}∞", significant(value, 2));
+    }
     if !(std.is_finite() && std > 0.0) {
         return significant(value, 6);
     }
@@ -248,6 +251,7 @@ mod tests {
         }
         assert_eq!(plain(&uncertain(1.5, f64::NAN)), "1.50000");
         assert_eq!(plain(&uncertain(1.5, -1.0)), "1.50000");
+        assert_eq!(plain(&uncertain(1.5, f64::INFINITY)), "1.5 ± ∞");
     }
 
     #[test]

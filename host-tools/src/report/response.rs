@@ -53,15 +53,16 @@ const FAINT: f64 = 1e-4;
 /// Entries of one group.
 pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
     let solved = group.read(None, |lines| matrix_entries(group, lines, answer));
-    if let Some(list) = solved.flatten() {
+    if let Ok(Some(list)) = solved {
         return Entries {
             solved: true,
             list,
             left_out: 0,
         };
     }
-    let projector = group.read(None, |lines| Excited::new(lines, &group.band).projector);
-    let rigid = rigid::matrix(&answer.identification) * projector.unwrap_or_else(Matrix6::identity);
+    let projector = group.read(None, |lines| Excited::new(lines, group.band).projector);
+    let rigid =
+        rigid::matrix(&answer.identification) * projector.unwrap_or_else(|_| Matrix6::identity());
     let names = group.names();
     let mut list = Vec::new();
     for (k, name) in names.iter().enumerate().take(MOST_RUNS) {
@@ -77,7 +78,7 @@ pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
 
 /// The upper triangle of M, if the runs determine it line by line.
 fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
-    let excited = Excited::new(lines, &group.band);
+    let excited = Excited::new(lines, group.band);
     let count = excited.count();
     if count == 0 || excited.rank != count || (group.is_paired() && lines.runs() < count) {
         return None;
@@ -206,7 +207,7 @@ fn ratios(
     answer: &Answer,
 ) -> Vec<Entry> {
     let lever = lever(&answer.identification);
-    let excited = Excited::new(lines, &group.band);
+    let excited = Excited::new(lines, group.band);
     let accelerations = comparable(&excited.accelerations, lever, false);
     let determined = determined_accelerations(group.geometry());
     let strongest = (0..6)

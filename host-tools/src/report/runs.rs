@@ -7,7 +7,7 @@ use super::page::Section;
 use super::traceability;
 use crate::identification::Answer;
 use crate::measure::WINDOW;
-use crate::setup::Setup;
+use crate::setup::{Run, Setup};
 use massline_core::spectra::Window;
 use std::fmt::Write;
 
@@ -26,8 +26,8 @@ pub(super) fn reading(answer: &Answer) -> Section {
     let random = !answer.measurement.runs.is_empty();
     let sine = !answer.measurement.sines.is_empty();
     let mut html = String::from(
-        "<p>An error bar is one standard deviation of the value; the true value lies within \
-         1.96 of them in 95 of 100 tests, as long as nothing but noise is wrong.",
+        "<p>What follows ± is half of a 95\u{202f}% interval: the true value lies within in 95 of \
+         100 tests, as long as nothing but noise is wrong.",
     );
     if random {
         html.push_str(
@@ -64,8 +64,8 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
          <th scope=\"col\" class=\"num\">Blocks</th><th scope=\"col\">Mounting</th>\
          </tr></thead><tbody>",
     );
-    for run in &setup.runs {
-        let random = answer.measurement.runs.iter().find(|r| r.name == run.name);
+    for (number, run) in setup.runs.iter().enumerate() {
+        let random = answer.measurement.runs.iter().find(|r| r.number == number);
         let poses = answer.measurement.poses.iter().find(|r| r.name == run.name);
         let sine = answer.measurement.sines.iter().find(|r| r.name == run.name);
         let (kind, samples, duration, blocks) = match (random, sine, poses) {
@@ -112,11 +112,18 @@ fn runs(setup: &Setup, answer: &Answer) -> String {
              <td class=\"num\">{blocks}</td><td>{mounting}</td></tr>",
             escape(&run.name),
             escape(&run.recording.display().to_string()),
-            escape(run.reference.as_deref().unwrap_or("none")),
+            escape(&drives(run)),
         );
     }
     html.push_str("</tbody></table></div>");
     html
+}
+
+fn drives(run: &Run) -> String {
+    match run.references.as_slice() {
+        [] => "none".to_owned(),
+        some => some.join(", "),
+    }
 }
 
 fn processing(setup: &Setup, answer: &Answer) -> String {
@@ -126,7 +133,7 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
     if let (Some(grid), Some(run)) = (m.grid, m.runs.first()) {
         let block = run.settings().block_length();
         let rate = grid.spacing * block as f64;
-        let [low, high] = [m.band.start, m.band.end.saturating_sub(1)].map(|k| grid.frequency(k));
+        let [low, high] = [m.band.start(), m.band.last()].map(|k| grid.frequency(k));
         rows.push(("Sample rate", with_unit(&exact(round(rate)), "Hz")));
         rows.push((
             "Blocks",
@@ -165,7 +172,7 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
                 "{} to {}, {} frequencies",
                 exact(low),
                 with_unit(&exact(high), "Hz"),
-                sine.within(p.averaging_band).len()
+                sine.band.len()
             ),
         ));
     }

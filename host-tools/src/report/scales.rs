@@ -1,7 +1,7 @@
 //! Units that suit the numbers, and what an error is a percentage of.
 
 use super::TrueBody;
-use massline_core::identify::{Estimate, Identification};
+use massline_core::identify::{Estimate, Identification, InertiaEstimate};
 
 /// A unit and how much of the SI unit it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,10 +38,10 @@ impl Unit {
     }
 }
 
-/// What errors are shares of.
+/// What errors and error bars are shares of, on the terminal as in the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Natural {
-    /// kg.
+pub(crate) struct Natural {
+    /// The whole mass, kg.
     pub mass: Option<f64>,
     /// Radius of gyration about the CG, m: the largest of those known; without any, the
     /// distance of the CG from the reference point.
@@ -77,6 +77,21 @@ impl Natural {
             inertia,
         }
     }
+}
+
+/// What errors of inertia about a point are shares of: the largest true moment about it, or
+/// the largest of those found, kg m².
+pub(crate) fn largest_moment(
+    terms: &InertiaEstimate,
+    truth: Option<&[Option<f64>; 6]>,
+) -> Option<f64> {
+    let positive = |t: &f64| t.is_finite() && *t > 0.0;
+    let true_moments = truth.iter().flat_map(|t| &t[..3]).flatten().copied();
+    let found = terms[..3].iter().flatten().map(|e| e.value.abs());
+    true_moments
+        .filter(positive)
+        .reduce(f64::max)
+        .or(found.filter(positive).reduce(f64::max))
 }
 
 /// A length that makes rotations comparable with translations: the radius of gyration

@@ -4,13 +4,10 @@ use super::TrueBody;
 use super::markup::escape;
 use super::number::{self, decimals_of, fixed, significant, uncertain, with_unit};
 use super::plot::{Anchor, Svg};
-use super::scales::{Natural, Unit};
+use super::scales::{Natural, Unit, largest_moment};
 use crate::identification::Answer;
 use massline_core::identify::{Estimate, InertiaEstimate};
 use std::fmt::Write;
-
-/// Half of a 95\u{202f}% interval of a normal distribution, in standard deviations.
-pub(super) const HALF_WIDTH_95: f64 = 1.96;
 
 /// The six terms of inertia, in their fixed order.
 pub(super) const TERMS: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
@@ -20,6 +17,8 @@ struct Row {
     /// What the symbol means, in words.
     words: &'static str,
     estimate: Option<Estimate>,
+    /// Half of its 95\u{202f}% interval, SI.
+    half_width: f64,
     truth: Option<f64>,
     /// What its error is a share of, SI.
     whole: Option<f64>,
@@ -39,7 +38,7 @@ pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
     let mut html = String::from("<div class=\"wide\"><table class=\"ten\">");
     html.push_str(
         "<thead><tr><th scope=\"col\">Property</th>\
-         <th scope=\"col\" class=\"num\">Value ± standard deviation</th><th></th>\
+         <th scope=\"col\" class=\"num\">Value ± 95\u{202f}% interval</th><th></th>\
          <th scope=\"col\" class=\"num\">Relative</th>",
     );
     if truth.is_some() {
@@ -53,7 +52,7 @@ pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
             html,
             "<th scope=\"col\">95\u{202f}% interval{}</th>",
             if widest > 0.0 {
-                let half = significant(HALF_WIDTH_95 * widest * 100.0, 2);
+                let half = significant(widest * 100.0, 2);
                 format!(", ±{} at full width", with_unit(&half, "%"))
             } else {
                 String::new()
@@ -86,6 +85,7 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
         symbol: "m".to_owned(),
         words: "overall mass",
         estimate: i.mass,
+        half_width: 0.0,
         truth: truth.and_then(|t| t.mass),
         whole: natural.mass,
         unit: Unit::of_mass(i.mass.map_or(1.0, |m| m.value)),
@@ -97,6 +97,7 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
             symbol: "Δ".to_owned(),
             words: "indicator, ideally 1",
             estimate: i.indicator,
+            half_width: 0.0,
             truth: truth.map(|_| 1.0),
             whole: Some(1.0),
             unit: Unit::ONE,
@@ -110,6 +111,7 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
             symbol: name.to_owned(),
             words: "centre of gravity S",
             estimate: i.centre_of_gravity[axis],
+            half_width: 0.0,
             truth: truth.and_then(|t| t.centre_of_gravity[axis]),
             whole: natural.length,
             unit: Unit::MILLIMETRE,
@@ -122,12 +124,7 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
         };
         let true_terms = truths.iter().flat_map(|t| t.iter()).flatten();
         let unit = Unit::of_inertia(true_terms.fold(largest(terms), |a, t| a.max(t.abs())));
-        let true_moments = truths.iter().flat_map(|t| &t[..3]).flatten();
-        let moment = true_moments
-            .copied()
-            .filter(|t| *t > 0.0)
-            .reduce(f64::max)
-            .unwrap_or(largest(&terms[..3]));
+        let moment = largest_moment(terms, truths);
         (0..6)
             .map(|t| Row {
                 symbol: format!("Θ<sub>{}</sub>", TERMS[t]),
@@ -137,8 +134,9 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
                     "product of inertia"
                 },
                 estimate: terms[t],
+                half_width: 0.0,
                 truth: truths.and_then(|truths| truths[t]),
-                whole: (moment > 0.0).then_some(moment),
+                whole: moment,
                 unit,
                 remark: "",
             })
@@ -164,15 +162,15 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
     for (_, rows) in &mut groups {
         for row in rows {
             row.truth = row.truth.filter(|t| t.is_finite());
+            row.half_width = row.estimate.map_or(0.0, |e| e.interval(i.freedom));
         }
     }
     groups
 }
 
-/// The standard deviation as a share of what it is naturally compared with.
+/// Half of the 95\u{202f}% interval as a share of what it is naturally compared with.
 fn share(row: &Row) -> Option<f64> {
-    let (estimate, whole) = row.estimate.zip(row.whole)?;
-    let share = estimate.std / whole.abs();
+    let share = row.half_width / row.whole?.abs();
     (share.is_finite() && share > 0.0).then_some(share)
 }
 
@@ -190,11 +188,11 @@ fn write_row(html: &mut String, row: &Row, with_truth: bool, widest: f64) {
         html.push_str("</tr>");
         return;
     };
-    let (value, std) = (e.value / row.unit.si, e.std / row.unit.si);
+    let (value, half) = (e.value / row.unit.si, row.half_width / row.unit.si);
     let _ = write!(
         html,
         "<td class=\"num value\">{}</td><td class=\"unit\">{}{}{}</td><td class=\"num\">{}</td>",
-        uncertain(value, std),
+        uncertain(value, half),
         row.unit.symbol,
         if row.remark.is_empty() || row.unit.symbol.is_empty() {
             ""
@@ -210,7 +208,7 @@ fn write_row(html: &mut String, row: &Row, with_truth: bool, widest: f64) {
     let _ = write!(
         html,
         "<td class=\"bar\">{}</td>",
-        bar(row, &e, with_truth, widest)
+        bar(row, e.value, with_truth, widest)
     );
     if with_truth {
         html.push_str(&truth_cell(row));
@@ -224,7 +222,9 @@ fn truth_cell(row: &Row) -> String {
         let t = t / row.unit.si;
         match row.estimate {
             // One digit more than the answer shows, where that is not more than is known.
-            Some(e) if e.std > 0.0 => fixed(t, (decimals_of(e.std / row.unit.si) + 1).min(9)),
+            Some(_) if row.half_width > 0.0 => {
+                fixed(t, (decimals_of(row.half_width / row.unit.si) + 1).min(9))
+            }
             Some(_) => significant(t, 5),
             // There is no other number in the row that would carry the unit.
             None => with_unit(&significant(t, 5), row.unit.symbol),
@@ -233,7 +233,7 @@ fn truth_cell(row: &Row) -> String {
     format!("<td class=\"num\">{text}</td>")
 }
 
-/// Error in percent and in standard deviations.
+/// Error in percent and as a share of half the interval.
 fn error_cells(row: &Row, e: &Estimate) -> String {
     let Some(truth) = row.truth else {
         return "<td></td><td></td>".to_owned();
@@ -245,18 +245,14 @@ fn error_cells(row: &Row, e: &Estimate) -> String {
     let percent = row.whole.map_or(String::new(), |whole| {
         with_unit(&signed(significant(100.0 * error / whole, 2)), "%")
     });
-    let (class, stds) = if e.std > 0.0 {
-        let stds = error / e.std;
-        let class = if stds.abs() > HALF_WIDTH_95 {
-            " outside"
-        } else {
-            ""
-        };
-        (class, with_unit(&signed(fixed(stds, 1)), "σ"))
+    let (class, widths) = if row.half_width > 0.0 {
+        let widths = error / row.half_width;
+        let class = if widths.abs() > 1.0 { " outside" } else { "" };
+        (class, with_unit(&signed(fixed(widths, 1)), "×"))
     } else {
         ("", String::new())
     };
-    format!("<td class=\"num\">{percent}</td><td class=\"num{class}\">{stds}</td>")
+    format!("<td class=\"num\">{percent}</td><td class=\"num{class}\">{widths}</td>")
 }
 
 fn signed(text: String) -> String {
@@ -270,14 +266,14 @@ fn signed(text: String) -> String {
 
 /// The 95\u{202f}% interval. With a truth the bar is as long for every property and the truth
 /// lies where it lies; without one, bars compare the properties with each other.
-fn bar(row: &Row, e: &Estimate, with_truth: bool, widest: f64) -> String {
+fn bar(row: &Row, value: f64, with_truth: bool, widest: f64) -> String {
     const WIDTH: f64 = 132.0;
     const MIDDLE: f64 = WIDTH / 2.0;
-    /// Standard deviations from the middle to the end.
-    const REACH: f64 = 4.0;
+    /// Half widths from the middle to the end.
+    const REACH: f64 = 2.0;
     let mut svg = Svg::new(WIDTH, 14.0, "");
     let half = if with_truth {
-        (e.std > 0.0).then_some(HALF_WIDTH_95 / REACH)
+        (row.half_width > 0.0).then_some(1.0 / REACH)
     } else {
         share(row).map(|s| s / widest)
     };
@@ -290,7 +286,7 @@ fn bar(row: &Row, e: &Estimate, with_truth: bool, widest: f64) -> String {
     svg.rectangle("interval", [MIDDLE - half, 3.5], [2.0 * half, 7.0]);
     svg.line("centre", [MIDDLE, 1.5], [MIDDLE, 12.5]);
     if let Some(truth) = row.truth.filter(|_| with_truth) {
-        let off = (truth - e.value) / (REACH * e.std);
+        let off = (truth - value) / (REACH * row.half_width);
         if off.abs() <= 1.0 {
             let x = MIDDLE + off * room;
             svg.path("truth-mark", &diamond(x, 7.0));
@@ -322,8 +318,8 @@ fn footnote(answer: &Answer, truth: Option<&TrueBody>) -> String {
         .inertia
         .is_some();
     let mut text = String::from(
-        "<p class=\"small\">Relative is the standard deviation in percent: of the mass; for \
-         coordinates, of the ",
+        "<p class=\"small\">What follows ± is half of the 95\u{202f}% interval, here as everywhere. \
+         Relative is the same in percent: of the mass; for coordinates, of the ",
     );
     text.push_str(if with_inertia {
         "radius of gyration about S; for inertia, of the largest moment about the same point."
@@ -332,7 +328,7 @@ fn footnote(answer: &Answer, truth: Option<&TrueBody>) -> String {
     });
     if truth.is_some() {
         text.push_str(
-            " Errors are given in the same percent and in standard deviations σ; bars end \
+            " Errors are given in the same percent and in times (×) what follows ±; bars end \
              at the 95\u{202f}% interval, ◆ is the truth.",
         );
     }

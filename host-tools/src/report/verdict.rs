@@ -8,6 +8,7 @@ use super::table::TERMS;
 use crate::identification::Answer;
 use crate::setup::Setup;
 use massline_core::identify::{Estimate, Identification, Procedure};
+use massline_core::rigid_body::Verdict;
 use std::fmt::Write;
 
 /// Title, method, verdict and warnings.
@@ -91,7 +92,7 @@ fn weakest(i: &Identification, natural: &Natural) -> Option<Weakest> {
     }
     all.into_iter()
         .filter_map(|(name, estimate, whole)| {
-            let share = estimate?.std / whole?.abs();
+            let share = estimate?.interval(i.freedom) / whole?.abs();
             share.is_finite().then_some(Weakest { share, name })
         })
         .max_by(|a, b| a.share.total_cmp(&b.share))
@@ -99,6 +100,12 @@ fn weakest(i: &Identification, natural: &Natural) -> Option<Weakest> {
 
 fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> String {
     let i = &answer.identification;
+    let refused = answer.refused.as_ref().map_or(String::new(), |reason| {
+        let reason = with_code(&format!("{reason}."));
+        format!(
+            "<strong class=\"bad\">Refused; the data do not allow an answer:</strong> {reason} "
+        )
+    });
     let count = i.observable.iter().filter(|o| **o).count();
     let mut text = if count == 10 {
         "<strong>All ten</strong> rigid-body properties are observable".to_owned()
@@ -116,20 +123,26 @@ fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> Str
         );
     }
     text.push_str(". ");
-    match i.plausibility.first_violation() {
-        Some(reason) => {
+    let reason = i.plausibility.reason().map_or(String::new(), escape);
+    match i.plausibility.verdict() {
+        Verdict::Violated => {
             let _ = write!(
                 text,
-                "<strong class=\"bad\">No real body is like this:</strong> {}.",
-                escape(reason)
+                "<strong class=\"bad\">No real body is like this:</strong> {reason}."
             );
         }
-        None => text.push_str("The numbers are physically plausible."),
+        Verdict::Undecided => {
+            let _ = write!(
+                text,
+                "This test cannot judge if they are physically plausible: {reason}."
+            );
+        }
+        Verdict::Holds => text.push_str("The numbers are physically plausible."),
     }
     if let Some(truth) = truth {
         text.push_str(&covered(i, truth));
     }
-    text
+    refused + &text
 }
 
 /// How many of the known true values lie in their 95\u{202f}% intervals.
@@ -141,7 +154,7 @@ fn covered(i: &Identification, truth: &TrueBody) -> String {
         .into_iter()
         .filter_map(|(e, t)| e.zip(t))
         .filter(|(e, t)| e.std > 0.0 && t.is_finite())
-        .map(|(e, t)| (e.value - t).abs() <= super::table::HALF_WIDTH_95 * e.std)
+        .map(|(e, t)| (e.value - t).abs() <= e.interval(i.freedom))
         .collect();
     if inside.is_empty() {
         return String::new();
@@ -172,19 +185,24 @@ fn capitalised(word: &str) -> String {
 fn tiles(i: &Identification, natural: &Natural) -> String {
     let mass = i.mass.map_or_else(not_observable, |m| {
         let unit = Unit::of_mass(m.value);
-        let (value, std) = (m.value / unit.si, m.std / unit.si);
+        let half = m.interval(i.freedom);
         let below = match i.indicator {
-            Some(delta) => format!("weighed; Δ = {}", uncertain(delta.value, delta.std)),
+            Some(delta) => format!(
+                "weighed; Δ = {}",
+                uncertain(delta.value, delta.interval(i.freedom))
+            ),
             None if m.std == 0.0 => "weighed".to_owned(),
-            None => percent(m.std, natural.mass, "of it"),
+            None => percent(half, natural.mass, "of it"),
         };
-        (with_unit(&uncertain(value, std), unit.symbol), below)
+        let text = uncertain(m.value / unit.si, half / unit.si);
+        (with_unit(&text, unit.symbol), below)
     });
     let seen: Vec<&Estimate> = i.centre_of_gravity.iter().flatten().collect();
     let centre = if seen.is_empty() {
         not_observable()
     } else {
-        let worst = seen.iter().map(|e| e.std).fold(0.0, f64::max);
+        let halves = seen.iter().map(|e| e.interval(i.freedom));
+        let worst = halves.fold(0.0, f64::max);
         let decimals = super::number::decimals_of(worst * 1e3);
         let values = i.centre_of_gravity.map(|e| {
             e.map_or_else(
@@ -204,7 +222,8 @@ fn tiles(i: &Identification, natural: &Natural) -> String {
     let inertia = if terms.is_empty() {
         not_observable()
     } else {
-        let worst = terms.iter().map(|e| e.std).fold(0.0, f64::max);
+        let halves = terms.iter().map(|e| e.interval(i.freedom));
+        let worst = halves.fold(0.0, f64::max);
         let largest = natural.inertia.unwrap_or(f64::NAN);
         let unit = Unit::of_inertia(largest);
         let count = match terms.len() {
@@ -241,17 +260,18 @@ fn tiles(i: &Identification, natural: &Natural) -> String {
 
 fn plausible(i: &Identification) -> (String, String) {
     let p = &i.plausibility;
-    match p.first_violation() {
-        Some(_) => ("no".to_owned(), "see above".to_owned()),
-        None => {
-            let checked = match (p.positive_definite, p.triangle) {
-                (Some(_), Some(triangle)) => format!(
-                    "positive definite; triangle margin {}",
-                    with_unit(&significant(100.0 * triangle.relative, 2), "%")
-                ),
-                (Some(_), None) => "as far as this test can tell".to_owned(),
-                _ => "the mass is positive".to_owned(),
-            };
+    match p.verdict() {
+        Verdict::Violated => ("no".to_owned(), "see above".to_owned()),
+        Verdict::Undecided => ("cannot be judged".to_owned(), "see above".to_owned()),
+        Verdict::Holds => {
+            let checked = p.triangle.map_or_else(
+                || "as far as this test can tell".to_owned(),
+                |triangle| {
+                    let (margin, half) = (100.0 * triangle.relative, 100.0 * triangle.uncertainty);
+                    let margin = with_unit(&uncertain(margin, half), "%");
+                    format!("positive definite; triangle margin {margin}")
+                },
+            );
             ("yes".to_owned(), checked)
         }
     }
@@ -264,13 +284,13 @@ fn not_observable() -> (String, String) {
     )
 }
 
-fn percent(std: f64, whole: Option<f64>, of: &str) -> String {
+fn percent(half: f64, whole: Option<f64>, of: &str) -> String {
     match whole {
         Some(whole) if whole != 0.0 => {
-            let text = significant(100.0 * std / whole.abs(), 2);
+            let text = significant(100.0 * half / whole.abs(), 2);
             format!("±{} {of}", with_unit(&text, "%"))
         }
-        _ => format!("±{}", exact(std)),
+        _ => format!("±{}", exact(half)),
     }
 }
 

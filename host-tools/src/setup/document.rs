@@ -256,6 +256,23 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// One text or a list of them, none of them blank.
+    pub(crate) fn texts(&self, key: &str) -> Result<Vec<String>, DocumentError> {
+        const EXPECTED: &str = "text in quotes, or a list of such texts";
+        let Some(DeValue::Array(list)) = self.value(key) else {
+            return Ok(self.text(key)?.into_iter().collect());
+        };
+        if list.is_empty() {
+            return Err(self.unexpected(key, "an empty list", EXPECTED));
+        }
+        let text = |entry: &DeValue<'_>| match entry {
+            DeValue::String(text) if !text.trim().is_empty() => Ok(text.to_string()),
+            DeValue::String(_) => Err(self.unexpected(key, "empty", "names")),
+            other => Err(self.unexpected(key, describe(other), EXPECTED)),
+        };
+        list.iter().map(|entry| text(entry.get_ref())).collect()
+    }
+
     pub(crate) fn flag(&self, key: &str) -> Result<Option<bool>, DocumentError> {
         match self.value(key) {
             None => Ok(None),

@@ -254,6 +254,14 @@ pub enum SetupError {
         /// The run's excitation.
         excitation: &'static str,
     },
+    /// A drive that is named twice.
+    #[error("{place}: `reference` names \"{channel}\" twice; name each drive once")]
+    ReferenceTwice {
+        /// File, line and section.
+        place: Box<Place>,
+        /// The channel.
+        channel: String,
+    },
     /// A sensor in the place of the drive.
     #[error(
         "{place}: `reference` names \"{channel}\", which is a sensor; its noise would bias the \

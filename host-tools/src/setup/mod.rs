@@ -18,6 +18,7 @@ mod tests;
 
 use crate::measure;
 use crate::recording::{Checksum, Recording, RecordingError};
+use massline_core::spectra::LineGrid;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -151,8 +152,9 @@ pub struct Run {
     pub checksum: Option<Checksum>,
     /// What the recording holds.
     pub excitation: Excitation,
-    /// Channel of the generator's drive signal, random runs only.
-    pub reference: Option<String>,
+    /// Channels of the generator's drive signals, random runs only: one a shaker that is driven
+    /// by itself. None: spectra are referred to nothing.
+    pub references: Vec<String>,
     /// Weights given by hand, by accelerometer channel, each in (0, 1]; this run only.
     pub weights: BTreeMap<String, f64>,
     /// Rotation vector in degrees: x_interface = R x_specimen + translation.
@@ -192,17 +194,6 @@ impl Setup {
         parse::setup(&Source::read(path)?)
     }
 
-    /// Where methods d and e fit, and modes are looked for, Hz: the band asked for, else up
-    /// to the mode band's end, else as far as recordings are kept by default. Modes far above
-    /// would only cost.
-    #[must_use]
-    pub fn fit_band(&self) -> Option<[f64; 2]> {
-        self.estimation.fit_band.or_else(|| {
-            let p = self.processing.as_ref()?;
-            Some([p.averaging_band[0], p.kept_up_to(None)])
-        })
-    }
-
     /// The same from text; `path` names the file in messages and is not opened.
     ///
     /// # Errors
@@ -237,18 +228,17 @@ impl Setup {
 }
 
 impl Processing {
-    /// Numbers k of the lines k·sample_rate/block_length (Hz) inside a band (Hz).
+    /// The lines of the spectrum at a sample rate, Hz.
     ///
-    /// Line 0 is never among them: offsets of DC-coupled and drift of AC-coupled
-    /// sensors live there. The range is empty where the band falls between two lines.
+    /// Line 0 is not among them: offsets of DC-coupled and drift of AC-coupled sensors live
+    /// there. Nor are those next to half the sample rate, which belong to the window's foot.
     #[must_use]
-    pub fn lines(&self, band: [f64; 2], sample_rate: f64) -> RangeInclusive<usize> {
-        // A bound that is meant to be a line may miss it by a rounding error.
-        const SLACK: f64 = 1e-9;
-        let per_hertz = self.block_length as f64 / sample_rate;
-        let first = libm::ceil(band[0] * per_hertz - SLACK).max(1.0) as usize;
-        let last = libm::floor(band[1] * per_hertz + SLACK).max(0.0) as usize;
-        first..=last.min(self.block_length / 2)
+    pub fn spectrum(&self, sample_rate: f64) -> LineGrid {
+        LineGrid {
+            first: 1,
+            count: (self.block_length / 2).saturating_sub(1 + measure::WINDOW.reach()),
+            spacing: sample_rate / self.block_length as f64,
+        }
     }
 
     /// Highest frequency of the lines that are kept, Hz: where the mode band ends, or,
@@ -278,18 +268,17 @@ impl Processing {
         ];
         for (key, band) in bands {
             let Some(band) = band else { continue };
-            let spacing = sample_rate / self.block_length as f64;
-            // Lines next to half the sample rate belong to the window's foot.
-            let usable = (self.block_length / 2).saturating_sub(1 + measure::WINDOW.reach()) as f64;
-            if libm::floor(band[1] / spacing + 1e-3) > usable {
-                return Err(BandError::AboveSpectrum {
+            let spectrum = self.spectrum(sample_rate);
+            let spacing = spectrum.spacing;
+            let lines = spectrum
+                .within(band)
+                .map_err(|_| BandError::AboveSpectrum {
                     key,
                     band,
                     sample_rate,
-                    limit: usable * spacing,
-                });
-            }
-            let lines = self.lines(band, sample_rate).count();
+                    limit: spectrum.count as f64 * spacing,
+                })?
+                .len();
             if lines < FEWEST_LINES {
                 return Err(BandError::TooFewLines {
                     key,

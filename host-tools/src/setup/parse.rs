@@ -410,23 +410,28 @@ fn run(
     let excitation = section
         .choice("excitation", &EXCITATIONS)?
         .unwrap_or(Excitation::Random);
-    let reference = section.text("reference")?;
-    if reference.is_some() && excitation != Excitation::Random {
+    let references = section.texts("reference")?;
+    if !references.is_empty() && excitation != Excitation::Random {
         return Err(SetupError::ReferenceUnused {
             place: section.place_of("reference"),
             excitation: excitation.word(),
         });
     }
-    let sensors = accelerometers.iter().map(|a| &a.channel);
-    if let Some(channel) = &reference
-        && sensors
-            .chain(load_cells.iter().map(|c| &c.channel))
-            .any(|c| c == channel)
-    {
-        return Err(SetupError::ReferenceIsSensor {
-            place: section.place_of("reference"),
-            channel: channel.clone(),
-        });
+    for (k, channel) in references.iter().enumerate() {
+        let sensors = accelerometers.iter().map(|a| &a.channel);
+        let mut sensors = sensors.chain(load_cells.iter().map(|c| &c.channel));
+        if sensors.any(|c| c == channel) {
+            return Err(SetupError::ReferenceIsSensor {
+                place: section.place_of("reference"),
+                channel: channel.clone(),
+            });
+        }
+        if references[..k].contains(channel) {
+            return Err(SetupError::ReferenceTwice {
+                place: section.place_of("reference"),
+                channel: channel.clone(),
+            });
+        }
     }
     Ok(Run {
         name: section
@@ -438,7 +443,7 @@ fn run(
             .ok_or_else(|| section.missing("recording", "the recording's file name"))?,
         checksum: checksum(section)?,
         excitation,
-        reference,
+        references,
         weights: weights(section, accelerometers, load_cells)?,
         rotation: section.vector("rotation")?.unwrap_or_default(),
         translation: section.vector("translation")?.unwrap_or_default(),

@@ -118,8 +118,15 @@ fn print_run(out: &mut String, run: &Run) {
         );
     }
     let _ = writeln!(out, "excitation = \"{}\"", run.excitation.word());
-    if let Some(reference) = &run.reference {
-        let _ = writeln!(out, "reference = {}", quoted(reference));
+    match run.references.as_slice() {
+        [] => {}
+        [one] => {
+            let _ = writeln!(out, "reference = {}", quoted(one));
+        }
+        several => {
+            let names: Vec<String> = several.iter().map(|name| quoted(name)).collect();
+            let _ = writeln!(out, "reference = [{}]", names.join(", "));
+        }
     }
     if !run.weights.is_empty() {
         let weights: Vec<String> = run

@@ -480,11 +480,12 @@ fn setup(
                     Shaking::Random { .. } => Excitation::Random,
                     Shaking::Poses(_) => Excitation::Static,
                 },
-                reference: recording
+                references: recording
                     .channels
                     .iter()
-                    .find(|channel| *channel == DRIVE)
-                    .cloned(),
+                    .filter(|channel| *channel == DRIVE)
+                    .cloned()
+                    .collect(),
                 weights: Default::default(),
                 rotation: plan.rotation,
                 translation: plan.translation,

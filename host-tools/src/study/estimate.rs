@@ -5,8 +5,11 @@ use super::twin::range_end;
 use super::{Options, Twin, WeightRule};
 use crate::measure::{Accelerations, RunGeometry, Survey};
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
-use massline_core::masslines::{Bands, Lines, Masslines, Method, condense};
+use massline_core::masslines::{
+    Bands, EquationWeights, Lines, Masslines, Method, condense, lines_between,
+};
 use massline_core::modes::Pole;
+use massline_core::spectra::BandError;
 use nalgebra::Complex;
 
 /// What the study looks at, SI units: m, kg m², 1.
@@ -91,6 +94,17 @@ pub struct Answer {
     pub poles: Vec<Pole>,
 }
 
+impl Answer {
+    /// None, and why.
+    fn none(why: &str) -> Self {
+        Self {
+            direct: Err(why.to_owned()),
+            iterative: Err(why.to_owned()),
+            poles: Vec::new(),
+        }
+    }
+}
+
 /// Which accelerometers count how much; rows of one selection share their lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Selection {
@@ -131,25 +145,25 @@ pub(super) struct Task<'t> {
 }
 
 impl<'t> Task<'t> {
-    pub(super) fn new(twin: &'t Twin, options: &'t Options, survey: &Survey) -> Self {
-        let (setup, band, least) = (&twin.setup, options.mode_band, options.minimum_weight);
-        Self {
+    pub(super) fn new(
+        twin: &'t Twin,
+        options: &'t Options,
+        survey: &Survey,
+    ) -> Result<Self, BandError> {
+        let (setup, least) = (&twin.setup, options.minimum_weight);
+        let band = survey.lines(options.mode_band)?;
+        Ok(Self {
             rows: Row::all(),
             per_run: survey.weights_per_run(setup, band, least),
             joined: survey.weights_joined(setup, band, least),
             twin,
             options,
-        }
+        })
     }
 
     pub(super) fn none_yet(&self) -> Vec<Answer> {
-        let nothing = || Err("not asked".to_owned());
-        let empty = || Answer {
-            direct: nothing(),
-            iterative: nothing(),
-            poles: Vec::new(),
-        };
-        self.rows.iter().map(|_| empty()).collect()
+        let empty = |_| Answer::none("not asked");
+        self.rows.iter().map(empty).collect()
     }
 
     pub(super) fn ranges(&self) -> [Range; 3] {
@@ -189,15 +203,10 @@ impl<'t> Task<'t> {
     }
 
     fn row<L: Lines>(&self, row: &Row, lines: &L, geometry: &RunGeometry) -> Answer {
-        let mut bands = Bands::new(within(lines, self.band(row.range)), lines.count());
-        bands.modes = self.options.modes;
-        let fit_band = match row.method {
-            Method::ApparentMass => Some(self.options.pole_band),
-            _ => self.options.fit_band,
+        let bands = match self.bands(row, lines) {
+            Ok(bands) => bands,
+            Err(e) => return Answer::none(&e.to_string()),
         };
-        if let Some(band) = fit_band {
-            bands.fit = within(lines, band);
-        }
         let mut work = vec![Complex::new(0.0, 0.0); 2 * lines.count()];
         let condensed = condense(
             row.method,
@@ -223,12 +232,23 @@ impl<'t> Task<'t> {
                     _ => Vec::new(),
                 },
             },
-            Err(e) => Answer {
-                direct: Err(e.to_string()),
-                iterative: Err(e.to_string()),
-                poles: Vec::new(),
-            },
+            Err(e) => Answer::none(&e.to_string()),
         }
+    }
+
+    fn bands<L: Lines>(&self, row: &Row, lines: &L) -> Result<Bands, BandError> {
+        let mut bands = Bands::new(lines_between(lines, self.band(row.range))?);
+        bands.modes = self.options.modes;
+        // The paper's rows are the paper's least squares.
+        bands.equations = EquationWeights::Unit;
+        let fit_band = match row.method {
+            Method::ApparentMass => Some(self.options.pole_band),
+            _ => self.options.fit_band,
+        };
+        if let Some(band) = fit_band {
+            bands.fit = lines_between(lines, band)?;
+        }
+        Ok(bands)
     }
 
     fn solve(&self, masslines: &Masslines, procedure: Procedure) -> Outcome {
@@ -253,17 +273,4 @@ pub(super) fn range_of(options: &Options, twin: &Twin, range: Range) -> [f64; 2]
     let first = twin.fixed.first().copied().unwrap_or(0.0);
     let number = usize::from(range == Range::II);
     [options.spacing, range_end(options, first, number)]
-}
-
-/// Lines of a band, Hz, both ends included.
-fn within<L: Lines>(lines: &L, [low, high]: [f64; 2]) -> core::ops::Range<usize> {
-    // A bound that is meant to be a line may miss it by a rounding error.
-    let slack = 1e-9 * high;
-    let count = lines.count();
-    let start = (0..count).find(|&k| lines.frequency(k) >= low - slack);
-    let end = (0..count).rfind(|&k| lines.frequency(k) <= high + slack);
-    match (start, end) {
-        (Some(start), Some(end)) if start <= end => start..end + 1,
-        _ => 0..0,
-    }
 }

@@ -145,6 +145,9 @@ pub enum StudyError {
     /// The lines do not suit the blocks.
     #[error(transparent)]
     Spectra(#[from] massline_core::spectra::SpectraError),
+    /// A band that reaches beyond the lines.
+    #[error("{0}; choose it with --highest in mind, the last line")]
+    Band(#[from] massline_core::spectra::BandError),
 }
 
 /// Runs the study. `progress` hears which share of the draws is done.
@@ -156,7 +159,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Study, St
     let twin = Twin::new(options, options.rotation)?;
     let responses = Responses::exact(&twin, options);
     let survey = responses.survey(&twin)?;
-    let (band, least) = (options.mode_band, options.minimum_weight);
+    let (band, least) = (survey.lines(options.mode_band)?, options.minimum_weight);
     let joined = survey.weights_joined(&twin.setup, band, least);
     let weights = Weights {
         per_run: survey.weights_per_run(&twin.setup, band, least),

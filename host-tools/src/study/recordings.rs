@@ -5,7 +5,7 @@ use super::rows::Range;
 use super::{Options, StudyError, Twin};
 use crate::measure::{Accelerations, RunGeometry, Survey, SurveyedRun, WINDOW};
 use crate::simulate::{self, Recording, Simulation, simulate};
-use massline_core::geometry::RESULTANTS;
+use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
 use massline_core::masslines::DriveLines;
 use massline_core::spectra::{
     Average, BlockSettings, Blocks, Complex32, DriveAverage, RunResponses, Sum,
@@ -53,7 +53,7 @@ impl Recordings {
     /// # Errors
     /// [`StudyError`] if the lines do not suit the recordings.
     pub fn answers(&self, twin: &Twin, options: &Options) -> Result<Vec<Answer>, StudyError> {
-        let task = Task::new(twin, options, &self.survey(twin)?);
+        let task = Task::new(twin, options, &self.survey(twin)?)?;
         let mut answers = task.none_yet();
         for selection in Selection::ALL {
             let accelerations = task.accelerations(selection);
@@ -97,11 +97,10 @@ impl Recordings {
                 blocks: average.blocks(),
             };
             for range in task.ranges() {
-                let [low, high] = task.band(range);
                 let finished = RunResponses::finish(
                     average,
                     grid,
-                    grid.within(low, high),
+                    grid.within(task.band(range))?,
                     WINDOW.block_correlation(hop),
                     &geometry.map,
                     &mut averaged.responses,
@@ -198,7 +197,7 @@ impl Recordings {
 struct Averaged {
     responses: Vec<[Complex32; RESULTANTS]>,
     drive: Vec<f32>,
-    noise: Vec<(Range, [f32; RESULTANTS])>,
+    noise: Vec<(Range, PackedNoise)>,
     blocks: u32,
 }
 
@@ -209,7 +208,7 @@ impl Averaged {
             grid: recordings.settings.grid(),
             responses: &self.responses,
             drive: &self.drive,
-            noise: noise.map_or([0.0; RESULTANTS], |(_, noise)| *noise),
+            noise: noise.map_or_else(|| ResultantNoise::NONE.packed(), |(_, noise)| *noise),
             blocks: self.blocks,
         }
     }

@@ -4,7 +4,7 @@ use super::estimate::{Answer, Selection, Task};
 use super::{Options, StudyError, Twin};
 use crate::measure::{Accelerations, RunGeometry, Survey, SurveyedRun};
 use crate::simulate::Stream;
-use massline_core::geometry::RESULTANTS;
+use massline_core::geometry::{RESULTANTS, ResultantNoise};
 use massline_core::masslines::{SineLines, SineRun};
 use nalgebra::{Complex, Vector6};
 
@@ -100,7 +100,7 @@ impl Responses {
     /// # Errors
     /// [`StudyError::Measure`].
     pub fn answers(&self, twin: &Twin, options: &Options) -> Result<Vec<Answer>, StudyError> {
-        let task = Task::new(twin, options, &self.survey(twin)?);
+        let task = Task::new(twin, options, &self.survey(twin)?)?;
         let mut answers = task.none_yet();
         for selection in Selection::ALL {
             let accelerations = task.accelerations(selection);
@@ -110,10 +110,10 @@ impl Responses {
                 let geometry = RunGeometry::new(&twin.setup, number, &accelerations)?;
                 let lines: Vec<[Complex<f64>; RESULTANTS]> =
                     run.iter().map(|line| resultants(&geometry, line)).collect();
-                let noise: [f64; RESULTANTS] = core::array::from_fn(|j| {
-                    let terms = geometry.columns.iter().zip(&self.variance);
-                    terms.map(|(column, v)| column[j] * column[j] * v).sum()
-                });
+                let mut noise = ResultantNoise::NONE;
+                for (column, variance) in geometry.columns.iter().zip(&self.variance) {
+                    noise.add_sensor(column, *variance);
+                }
                 reduced.push((lines, noise));
                 geometries.push(geometry);
             }

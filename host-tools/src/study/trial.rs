@@ -19,6 +19,7 @@ use crate::setup::{Excitation, Quantity, Setup};
 use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
 use massline_core::identify::Identification;
 use massline_core::masslines::Method;
+use massline_core::spectra::LineRange;
 use nalgebra::{Complex, Vector6};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -107,7 +108,7 @@ impl Trial {
         if conditions.sines.is_empty() {
             for (run, recording) in setup.runs.iter().zip(simulation.recordings) {
                 let mut sensors = recording.samples;
-                let drive = if run.reference.is_some() && !sensors.is_empty() {
+                let drive = if !run.references.is_empty() && !sensors.is_empty() {
                     sensors.remove(0)
                 } else {
                     Vec::new()
@@ -122,7 +123,7 @@ impl Trial {
         } else {
             for (number, run) in setup.runs.iter_mut().enumerate() {
                 run.excitation = Excitation::Sine;
-                run.reference = None;
+                run.references.clear();
                 let lines = simulate::responses(&model, number, seed, &conditions.sines);
                 let channels = lines.first().map_or(0, Vec::len);
                 let of = |c: usize| {
@@ -308,7 +309,7 @@ impl Trial {
     /// `massline identify` has none.
     fn weights(&self) -> Result<Option<Vec<Vec<f64>>>, TrialError> {
         let band = self.setup.processing.as_ref().and_then(|p| p.mode_band);
-        let driven = self.setup.runs.iter().any(|r| r.reference.is_some());
+        let driven = self.setup.runs.iter().any(|r| !r.references.is_empty());
         let Some(band) = band.filter(|_| driven) else {
             return Ok(None);
         };
@@ -346,7 +347,9 @@ impl Trial {
             });
         }
         let least = self.setup.estimation.minimum_weight;
-        Ok(Some(survey.weights_joined(&self.setup, band, least)))
+        // They are the lines of the mode band already.
+        let all = LineRange::all(frequencies.len());
+        Ok(Some(survey.weights_joined(&self.setup, all, least)))
     }
 
     fn by_files(&self, level: f64, methods: &[Option<Method>]) -> Result<Vec<Outcome>, TrialError> {

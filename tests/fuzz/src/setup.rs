@@ -32,7 +32,6 @@ fn use_it(setup: &Setup) {
     for run in &setup.runs {
         assert!(setup.recording_path(run).ends_with(&run.recording));
     }
-    assert!(setup.fit_band().is_none_or(|[low, high]| low < high));
     let Some(processing) = &setup.processing else {
         return;
     };
@@ -43,8 +42,11 @@ fn use_it(setup: &Setup) {
             sayable(&error.to_string());
             continue;
         }
-        let lines = processing.lines(processing.averaging_band, rate);
-        assert!(*lines.start() >= 1 && *lines.end() <= processing.block_length / 2);
+        let grid = processing.spectrum(rate);
+        match grid.within(processing.averaging_band) {
+            Ok(lines) => assert!(lines.end() <= processing.block_length / 2),
+            Err(error) => sayable(&error.to_string()),
+        }
     }
     upload(setup);
 }
@@ -57,7 +59,7 @@ fn upload(setup: &Setup) {
     let mut client = Client::new(box_, &mut memory);
     let accelerometers = setup.accelerometers.iter().map(|a| &a.channel);
     let channels = accelerometers.chain(setup.load_cells.iter().map(|l| &l.channel));
-    let drives = setup.runs.iter().filter_map(|run| run.reference.as_ref());
+    let drives = setup.runs.iter().flat_map(|run| &run.references);
     let wired = wired(channels.chain(drives).map(String::as_str));
     let test = BoxTest::new(&mut client, setup, &wired, Method::ApparentMass, true);
     let loaded = test.and_then(|test| test.load(&mut client));

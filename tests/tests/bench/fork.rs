@@ -77,7 +77,7 @@ pub fn sine(folder: &Path, responses: &[Responses; 3]) -> Setup {
         responses.write(&folder.join(&name));
         run.recording = folder.join(name);
         run.excitation = Excitation::Sine;
-        run.reference = None;
+        run.references.clear();
     }
     setup
 }

@@ -16,13 +16,31 @@ use massline_tests::readme;
 
 use crate::talk::Talk;
 
-/// No request costs more instructions than these: 155 ms at 168 MHz, by 1.3 cycles each.
-const BUDGET: u64 = 20_000_000;
-/// What costs are told in: far enough apart that bytes and interrupts, which fall differently in
-/// every run, change nothing.
-const STEPS: [u64; 4] = [1_000_000, 3_000_000, 6_000_000, BUDGET];
+/// The costliest requests, and the most instructions that each may cost: a million are 8 ms at
+/// 168 MHz, by 1.3 cycles each. One is lowered freely, and raised only with the reason in the
+/// commit. Where the emulator's host decides when bytes come there is room for that: `SetRun` was
+/// found to take 0.07 million, `EndSetup` 14.8, `Start` 4.4, `ReadLines` 0.1, `Stop` 5.4, samples
+/// 4.2 and 4.9, and the gap 0.03.
+const BUDGET: [(&str, u64); 8] = [
+    (SET_RUN, 2_000_000),
+    (END_SETUP, 20_000_000),
+    (START, 10_000_000),
+    (READ_LINES, 2_000_000),
+    (STOP, 10_000_000),
+    (BLOCKS_256, 6_000_000),
+    (BLOCKS_64, 6_000_000),
+    (GAP, 2_000_000),
+];
+const SET_RUN: &str = "SetRun of 48 channels";
+const END_SETUP: &str = "EndSetup of 47 sensors and 6 runs";
+const START: &str = "Start of a synthetic run";
+const READ_LINES: &str = "ReadLines, as many as fit";
+const STOP: &str = "Stop of a run of 100 lines";
+const BLOCKS_256: &str = "Samples, the blocks of 256 that 109 of them complete";
+const BLOCKS_64: &str = "Samples, the blocks of 64 that 109 of them complete";
+const GAP: &str = "Samples, none, behind a gap of 2^60";
 /// Times that each is measured.
-const TIMES: usize = 3;
+const TIMES: usize = 5;
 /// As many sensors as there are channels, but for the drive.
 const SENSORS: u8 = 47;
 /// The most runs.
@@ -187,7 +205,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
         let begin = start(Source::Synthetic, Some(2400));
         let end = &Request::EndSetup;
         send_pieces(talk, &LARGEST);
-        note("SetRun of 48 channels", cost(talk, &[end], &last));
+        note(SET_RUN, cost(talk, &[end], &last));
         send_pieces(talk, &LARGEST);
         note(
             "EndSetup of 47 sensors and 6 runs",
@@ -195,14 +213,14 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
         );
         send_pieces(talk, &LARGEST);
         let begun = cost(talk, &[end, &last, end], &begin);
-        note("Start of a synthetic run", begun);
+        note(START, begun);
         talk.event(|event| matches!(event, Event::RunEnded(_)).then_some(()));
         let read = Request::ReadLines(ReadLines {
             run: 0,
             first: 0,
             count: u16::MAX,
         });
-        note("ReadLines, as many as fit", cost(talk, &[], &read));
+        note(READ_LINES, cost(talk, &[], &read));
         talk.done(&start(Source::Synthetic, None));
         let mut blocks = 0;
         talk.event(|event| {
@@ -213,18 +231,9 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
             "Stop of a run of 100 lines",
             cost(talk, &[], &Request::Stop),
         );
-        let begun = cost(talk, &[], &Request::Selftest);
-        note("Selftest, to its beginning", begun);
-        talk.wait(|_, message| matches!(message, FromBox::Reply(Reply::Selftest(_))).then_some(()));
         for (what, setup) in [
-            (
-                "Samples, the blocks of 256 that 109 of them complete",
-                dense(256, [2.0, 200.0]),
-            ),
-            (
-                "Samples, the blocks of 64 that 109 of them complete",
-                dense(64, [8.0, 224.0]),
-            ),
+            (BLOCKS_256, dense(256, [2.0, 200.0])),
+            (BLOCKS_64, dense(64, [8.0, 224.0])),
         ] {
             send_pieces(talk, &setup);
             talk.ask(&Request::EndSetup, |reply| {
@@ -260,7 +269,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
                 channels: 3,
                 values: Values::Counts24(Packed::new(&[])),
             });
-            note("Samples, none, behind a gap of 2^60", cost(talk, &[], &far));
+            note(GAP, cost(talk, &[], &far));
             talk.done(&Request::Abort);
         }
     }
@@ -273,13 +282,15 @@ fn no_request_costs_more_than_its_budget() {
     let mut talk = Talk::boot_with(&["-icount", "shift=0"]);
     let found = measure(&mut talk);
     let mut text = String::from("| request | instructions, at most |\n| --- | ---: |\n");
-    for (what, cost) in &found {
+    for (what, most) in BUDGET {
+        let cost = found.iter().find(|(name, _)| *name == what);
+        let cost = cost.map_or(0, |(_, cost)| *cost);
         println!("{what} {cost}");
-        let step = STEPS.into_iter().find(|step| cost <= step);
-        let _ = writeln!(text, "| {what} | {} |", step.unwrap_or(u64::MAX));
-    }
-    for (what, cost) in &found {
-        assert!(*cost <= BUDGET, "{what}: {cost}");
+        assert!(
+            (1..=most).contains(&cost),
+            "{what}: {cost}, {most} are allowed"
+        );
+        let _ = writeln!(text, "| {what} | {most} |");
     }
     readme::compare("requests", &text).unwrap_or_else(|error| panic!("{error}"));
 }

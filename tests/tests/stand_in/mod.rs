@@ -219,7 +219,7 @@ pub fn rows(setup: &Setup, number: usize) -> Vec<Vec<f32>> {
     let cells = setup.load_cells.iter().map(|c| c.channel.as_str());
     let names: Vec<&str> = sensors
         .chain(cells)
-        .chain(run.reference.as_deref())
+        .chain(run.references.first().map(String::as_str))
         .collect();
     let mut recording = Recording::open(&setup.recording_path(run), &names).unwrap();
     let mut rows = Vec::new();

@@ -3,9 +3,8 @@
 use crate::instrument::limits::{fits, range, within};
 use crate::instrument::memory::{BLOCK_LENGTH, LINES, TRANSFORM};
 use crate::masslines::MIN_LINES;
-use crate::spectra::{self, BlockSettings, SpectraError};
+use crate::spectra::{self, BandError, BlockSettings, LineGrid, LineRange, SpectraError};
 use crate::wire::{Exact, Field, Grid, Item, Problem, Processing, Window};
-use core::ops::Range;
 
 /// Highest sample rate that is believed, Hz.
 const SAMPLE_RATE_MAX: f64 = 1e6;
@@ -16,9 +15,9 @@ pub(in crate::instrument) struct Lines {
     /// Blocks, window and kept lines.
     pub(in crate::instrument) settings: BlockSettings,
     /// The averaging band, as kept lines.
-    pub(in crate::instrument) band: Range<usize>,
+    pub(in crate::instrument) band: LineRange,
     /// The mode band, as kept lines.
-    pub(in crate::instrument) modes: Option<Range<usize>>,
+    pub(in crate::instrument) modes: Option<LineRange>,
 }
 
 impl Lines {
@@ -62,15 +61,25 @@ impl Lines {
                 let most = BLOCK_LENGTH as f64;
                 range(Field::BlockLength, 0, found as f64, 16.0, most)
             }
-            SpectraError::SampleRate(found) => {
-                range(Field::SampleRate, 0, found, f64::MIN_POSITIVE, f64::MAX)
-            }
             SpectraError::Overlap(found) => range(Field::Overlap, 0, found, 0.0, 0.95),
             SpectraError::Band { last, usable, .. } => {
                 let spacing = p.sample_rate / length as f64;
                 let [found, high] = [last, usable].map(|line| line as f64 * spacing);
                 range(Field::KeptBand, 0, found, spacing, high)
             }
+            SpectraError::BandEnds([_, high]) => range(Field::KeptBand, 0, high, 0.0, nyquist),
+            SpectraError::SampleRate(found) => range(
+                Field::SampleRate,
+                0,
+                found,
+                f64::MIN_POSITIVE,
+                SAMPLE_RATE_MAX,
+            ),
+            SpectraError::OtherLines { band, lines } => Problem::Count {
+                item: Item::Line,
+                found: band as u32,
+                expected: lines as u32,
+            },
             SpectraError::Storage { needed, given } => Problem::Capacity {
                 item: Item::Line,
                 found: needed as u32,
@@ -81,7 +90,7 @@ impl Lines {
         fits(Item::Line, grid.count, LINES)?;
         // Lines far up in the spectrum leave less to decimate, so that a block takes more room.
         fits(Item::Sample, settings.transform_length(), TRANSFORM)?;
-        let band = grid.within(p.averaging_band[0], p.averaging_band[1]);
+        let band = lines_of(&grid, Field::AveragingBand, p.averaging_band)?;
         if band.len() < MIN_LINES {
             return Err(Problem::Count {
                 item: Item::Line,
@@ -89,8 +98,11 @@ impl Lines {
                 expected: MIN_LINES as u32,
             });
         }
-        let modes = p.mode_band.map(|[low, high]| grid.within(low, high));
-        if modes.as_ref().is_some_and(Range::is_empty) {
+        let modes = match p.mode_band {
+            Some(band) => Some(lines_of(&grid, Field::ModeBand, band)?),
+            None => None,
+        };
+        if modes.as_ref().is_some_and(LineRange::is_empty) {
             return Err(Problem::Missing {
                 item: Item::ModeBand,
                 index: 0,
@@ -111,7 +123,26 @@ impl Lines {
             count: grid.count as u32,
             spacing: Exact(grid.spacing),
             hop: self.settings.hop() as u32,
-            band: [self.band.start as u32, self.band.end as u32],
+            band: [self.band.start() as u32, self.band.end() as u32],
         }
     }
+}
+
+/// The kept lines of a band, Hz.
+pub(in crate::instrument) fn lines_of(
+    grid: &LineGrid,
+    field: Field,
+    band: [f64; 2],
+) -> Result<LineRange, Problem> {
+    grid.within(band).map_err(|why| {
+        let [low, high] = match why {
+            BandError::Beyond {
+                lines: Some(lines), ..
+            } => lines,
+            // The ends were checked before.
+            _ => [0.0, f64::MAX],
+        };
+        let found = if band[1] > high { band[1] } else { band[0] };
+        range(field, 0, found, low, high)
+    })
 }

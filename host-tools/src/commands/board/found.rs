@@ -3,7 +3,7 @@
 use super::columns::{self, Wanted};
 use crate::box_runs::{BoxRunError, BoxTest, Found};
 use crate::cli::Verbosity;
-use crate::commands::{Failure, Heading, print_json, print_numbers, warn};
+use crate::commands::{Failure, Heading, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
 use crate::identification::{notice_numbers, recommended};
 use crate::inputs::InputEntry;
@@ -36,6 +36,9 @@ pub(super) struct Asked {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
+    /// Print numbers that are refused, too
+    #[arg(long)]
+    anyway: bool,
 }
 
 fn parse_method(name: &str) -> Result<Method, String> {
@@ -80,14 +83,19 @@ impl Asked {
         let found = test.identify(client, self.iterative)?;
         let why = self.method.is_none().then(|| recommended(setup).1);
         let warnings = warnings(&found);
+        let refused = found.refused();
         if self.json {
             let mut document = found.document(&setup.title, why);
             document.warnings = warnings;
             document.device = Some(DeviceEntry::from(test.device()));
-            return print_json(&document);
+            print_json(&document)?;
+            return refuse(refused.as_deref());
         }
         warn(&warnings, verbosity);
-        print(&setup.title, &found, test, why).map_err(|e| Failure::stdout(&e))
+        if refused.is_none() || self.anyway {
+            print(&setup.title, &found, test, why).map_err(|e| Failure::stdout(&e))?;
+        }
+        refuse(refused.as_deref())
     }
 }
 
@@ -115,7 +123,7 @@ fn warnings(found: &Found) -> Vec<String> {
             total.rejected
         ));
     }
-    notice_numbers(&found.identification, &mut warnings);
+    notice_numbers(&found.identification, true, &mut warnings);
     warnings
 }
 

@@ -17,7 +17,6 @@ use super::TrueBody;
 use super::number::{exact, with_unit};
 use super::page::Section;
 use super::plot::Svg;
-use super::table::HALF_WIDTH_95;
 use crate::identification::Answer;
 use crate::setup::Setup;
 use layout::Layout;
@@ -47,7 +46,7 @@ fn magnification(scene: &Scene, pixels_per_metre: f64) -> f64 {
         .centre
         .iter()
         .flatten()
-        .map(|e| HALF_WIDTH_95 * e.std * pixels_per_metre)
+        .map(|e| e.interval(scene.freedom) * pixels_per_metre)
         .filter(|x| x.is_finite())
         .fold(0.0, f64::max);
     if widest >= SHORTEST_ARM || widest <= 0.0 {

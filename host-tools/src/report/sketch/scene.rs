@@ -73,6 +73,8 @@ pub(super) struct Scene {
     pub spots: Vec<Spot>,
     pub reference: Vector3<f64>,
     pub centre: [Option<Estimate>; 3],
+    /// Degrees of freedom behind its standard deviations.
+    pub freedom: f64,
     pub true_centre: [Option<f64>; 3],
     /// Or why there is none.
     pub ellipsoid: Result<Ellipsoid, &'static str>,
@@ -92,6 +94,7 @@ impl Scene {
             spots: Vec::new(),
             reference: i.reference,
             centre: i.centre_of_gravity,
+            freedom: i.freedom,
             true_centre: truth.map_or([None; 3], |t| t.centre_of_gravity),
             ellipsoid: ellipsoid(answer),
             left_out: 0,

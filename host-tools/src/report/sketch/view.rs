@@ -5,7 +5,6 @@ use super::layout::{Layout, View};
 use super::scene::{Ellipsoid, Kind, Scene, Spot};
 use crate::report::plot::{Anchor, Mapping, SMALL_TEXT, Scale, Svg, path, ticks};
 use crate::report::scales::Unit;
-use crate::report::table::HALF_WIDTH_95;
 use nalgebra::{Matrix2, Vector2};
 
 /// Length of a direction's arrow.
@@ -68,7 +67,7 @@ fn draw_view(
         room.take(place, place, 9.0);
         centre(svg, place);
         let arm =
-            estimates.map(|e| HALF_WIDTH_95 * e.std * layout.pixels_per_metre * magnification);
+            estimates.map(|e| e.interval(scene.freedom) * layout.pixels_per_metre * magnification);
         if arm.iter().all(|a| *a > 0.0) {
             let [x, y] = place;
             svg.line("cross", [x - arm[0], y], [x + arm[0], y]);

@@ -185,9 +185,9 @@ fn drive_can_be_left_out() {
             .iter()
             .any(|name| name == DRIVE)
     );
-    assert_eq!(without.setup.runs[0].reference, None);
+    assert_eq!(without.setup.runs[0].references, [""; 0]);
     let with = run(&small(), &Options::default());
-    assert_eq!(with.setup.runs[0].reference.as_deref(), Some(DRIVE));
+    assert_eq!(with.setup.runs[0].references, [DRIVE]);
     assert_eq!(
         column(&with.recordings[0], "left.z"),
         column(&without.recordings[0], "left.z")

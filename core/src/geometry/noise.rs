@@ -1,0 +1,244 @@
+//! Noise of the twelve resultants of a run, with its correlations.
+//!
+//! Sensors are independent, the resultants that are computed from them are not: an
+//! accelerometer off A reads into a translation and a rotation alike. So the noise of a run
+//! is two 6 x 6 covariance matrices. They move with the reference point by the rule of the
+//! resultants themselves, `C_B = T C_A Tᵀ` for accelerations and `C_B = T⁻ᵀ C_A T⁻¹` for
+//! forces, and everything that asks how large the noise is reads them.
+
+use super::{RESULTANTS, resultants_at, transfer};
+use crate::algebra::symmetric_eigen;
+use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
+
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
+
+/// Elements of one packed covariance: its lower triangle, row after row.
+const TRIANGLE: usize = 21;
+
+/// Covariance of the noise of accelerations and of resultants at A, per spectral line: for
+/// amplitudes x of a line `E x x*`, the sum of the variances of real and imaginary part.
+///
+/// Units are those of the resultants squared. A sensor belongs to one half only, so there is
+/// no covariance between the halves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResultantNoise {
+    /// Of the six accelerations: (m/s²)², m/s² rad/s², (rad/s²)².
+    pub acceleration: Matrix6<f64>,
+    /// Of the six resultants: N², N² m, N² m².
+    pub force: Matrix6<f64>,
+}
+
+impl ResultantNoise {
+    /// No noise.
+    pub const NONE: Self = Self {
+        acceleration: NO_MATRIX,
+        force: NO_MATRIX,
+    };
+
+    /// Uncorrelated resultants of these variances, accelerations before forces.
+    #[must_use]
+    pub fn diagonal(variances: &[f64; RESULTANTS]) -> Self {
+        Self {
+            acceleration: Matrix6::from_diagonal(&Vector6::from_fn(|j, _| variances[j])),
+            force: Matrix6::from_diagonal(&Vector6::from_fn(|j, _| variances[6 + j])),
+        }
+    }
+
+    /// Adds an independent sensor: its contribution to the twelve resultants, of which one
+    /// half is zero, and the variance of its noise.
+    pub fn add_sensor(&mut self, column: &[f64; RESULTANTS], variance: f64) {
+        let a = Vector6::from_fn(|j, _| column[j]);
+        let f = Vector6::from_fn(|j, _| column[6 + j]);
+        self.acceleration.ger(variance, &a, &a, 1.0);
+        self.force.ger(variance, &f, &f, 1.0);
+    }
+
+    /// Adds `weight` times another one about the same point.
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        self.acceleration += other.acceleration * weight;
+        self.force += other.force * weight;
+    }
+
+    /// Variances of the twelve resultants, accelerations before forces.
+    #[must_use]
+    pub fn variances(&self) -> [f64; RESULTANTS] {
+        core::array::from_fn(|j| {
+            let half = if j < 6 {
+                &self.acceleration
+            } else {
+                &self.force
+            };
+            half[(j % 6, j % 6)]
+        })
+    }
+
+    /// The same noise about a point `shift = r_B - r_A` (m) away.
+    #[must_use]
+    pub fn at(&self, shift: &Vector3<f64>) -> Self {
+        Self {
+            acceleration: accelerations_moved(&self.acceleration, shift),
+            force: forces_moved(&self.force, shift),
+        }
+    }
+
+    /// Both matrices as lower triangles of `f32`, row after row, accelerations first.
+    #[must_use]
+    pub fn packed(&self) -> [f32; 2 * TRIANGLE] {
+        let mut packed = [0.0; 2 * TRIANGLE];
+        let halves = packed.chunks_exact_mut(TRIANGLE);
+        for (half, matrix) in halves.zip([&self.acceleration, &self.force]) {
+            let entries = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)));
+            for (slot, at) in half.iter_mut().zip(entries) {
+                *slot = matrix[at] as f32;
+            }
+        }
+        packed
+    }
+
+    /// The reverse of [`Self::packed`].
+    #[must_use]
+    pub fn unpacked(packed: &[f32; 2 * TRIANGLE]) -> Self {
+        let mut noise = Self::NONE;
+        let Self {
+            acceleration,
+            force,
+        } = &mut noise;
+        let halves = packed.chunks_exact(TRIANGLE);
+        for (half, matrix) in halves.zip([acceleration, force]) {
+            let entries = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)));
+            for (value, (i, j)) in half.iter().zip(entries) {
+                matrix[(i, j)] = f64::from(*value);
+                matrix[(j, i)] = f64::from(*value);
+            }
+        }
+        noise
+    }
+}
+
+/// From A to the point at which the three translations of these second moments are least, m.
+///
+/// For the noise of accelerations it is the centre of the accelerometers, each weighted by what
+/// its noise does to a rotation: a point of the body that does not depend on A, which is why
+/// estimators work there. Zero where there is no rotation.
+#[must_use]
+pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
+    // With t' = t - s x w the power E|t'|² is least where (tr C_ww - C_ww) s = E w x t.
+    let c = moments;
+    let ww: Matrix3<f64> = c.fixed_view::<3, 3>(3, 3).into();
+    let mut normal = Matrix3::identity() * ww.trace() - ww;
+    let right = Vector3::new(
+        c[(2, 4)] - c[(1, 5)],
+        c[(0, 5)] - c[(2, 3)],
+        c[(1, 3)] - c[(0, 4)],
+    );
+    let mut vectors = Matrix3::zeros();
+    let values = symmetric_eigen(&mut normal, &mut vectors);
+    let mut point = Vector3::zeros();
+    for (i, &value) in values.iter().enumerate() {
+        // A point on the only axis of rotation is as good as any other on it.
+        if value > 1e-9 * values[0] {
+            let v: Vector3<f64> = vectors.column(i).into();
+            point += v * (v.dot(&right) / value);
+        }
+    }
+    point
+}
+
+/// A packed [`ResultantNoise`].
+pub type PackedNoise = [f32; 2 * TRIANGLE];
+
+/// A covariance of accelerations about a point `shift` (m) away.
+#[must_use]
+pub fn accelerations_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
+    let t = transfer(shift);
+    symmetric(&(t * covariance * t.transpose()))
+}
+
+/// A covariance of resultants about a point `shift` (m) away.
+#[must_use]
+pub fn forces_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
+    let mut half = *covariance;
+    for mut column in half.column_iter_mut() {
+        let moved = resultants_at(shift, &column.clone_owned());
+        column.copy_from(&moved);
+    }
+    half.transpose_mut();
+    for mut column in half.column_iter_mut() {
+        let moved = resultants_at(shift, &column.clone_owned());
+        column.copy_from(&moved);
+    }
+    symmetric(&half)
+}
+
+fn symmetric(m: &Matrix6<f64>) -> Matrix6<f64> {
+    Matrix6::from_fn(|i, j| (m[(i, j)] + m[(j, i)]) * 0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn six_sensors(about: Vector3<f64>) -> ResultantNoise {
+        // Independent readings of x, y, z at three places, each with its own noise.
+        let mut noise = ResultantNoise::NONE;
+        let places = [[0.3, 0.1, 0.0], [-0.2, 0.4, 0.1], [0.1, -0.3, 0.5]];
+        for (k, place) in places.into_iter().enumerate() {
+            let at = Vector3::from(place);
+            for axis in 0..3 {
+                let mut column = [0.0; RESULTANTS];
+                let mut force = Vector6::zeros();
+                force[axis] = 1.0;
+                let moved = resultants_at(&(about - at), &force);
+                column[6..].copy_from_slice(moved.as_slice());
+                let mut acceleration = Vector6::zeros();
+                acceleration[axis] = 1.0;
+                acceleration[3 + (axis + k) % 3] = 2.0;
+                let moved = transfer(&(about - at)) * acceleration;
+                column[..6].copy_from_slice(moved.as_slice());
+                noise.add_sensor(&column, 0.1 + k as f64);
+            }
+        }
+        noise
+    }
+
+    #[test]
+    fn noise_moves_as_what_it_is_the_noise_of() {
+        let shift = Vector3::new(0.4, -1.0, 2.0);
+        let moved = six_sensors(Vector3::zeros()).at(&shift);
+        let there = six_sensors(shift);
+        // Some forty products of numbers below 100.
+        assert!((moved.acceleration - there.acceleration).norm() < 1e-11);
+        assert!((moved.force - there.force).norm() < 1e-11);
+    }
+
+    #[test]
+    fn the_centre_is_the_same_point_wherever_a_is() {
+        let noise = six_sensors(Vector3::zeros());
+        let centre = least_translation(&noise.acceleration);
+        for shift in [Vector3::new(0.5, 2.0, -1.0), Vector3::new(-40.0, 3.0, 60.0)] {
+            let there = shift + least_translation(&noise.at(&shift).acceleration);
+            // Powers of 1e4 there, of which what is left is of order one.
+            assert!((there - centre).norm() < 1e-10, "{there} {centre}");
+        }
+        let translation = |at: &Vector3<f64>| {
+            let c = noise.at(at).acceleration;
+            c[(0, 0)] + c[(1, 1)] + c[(2, 2)]
+        };
+        for axis in 0..3 {
+            for step in [-0.01, 0.01] {
+                let mut beside = centre;
+                beside[axis] += step;
+                assert!(translation(&beside) > translation(&centre));
+            }
+        }
+    }
+
+    #[test]
+    fn packing_keeps_single_precision() {
+        let noise = six_sensors(Vector3::zeros());
+        let back = ResultantNoise::unpacked(&noise.packed());
+        let error = (back.acceleration - noise.acceleration).abs().max();
+        assert!(error <= noise.acceleration.abs().max() * f64::from(f32::EPSILON));
+        assert!((back.force - noise.force).abs().max() < 1e-5);
+    }
+}

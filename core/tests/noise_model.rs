@@ -1,0 +1,425 @@
+//! What the noise of a test may decide, and what it must not: the reference point changes no
+//! answer, an error bar is as long as the scatter, and what only noise moves has no number.
+
+use massline_core::geometry::{Equations, RESULTANTS, ResultantNoise, resultants_at, transfer};
+use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
+use massline_core::masslines::{
+    Bands, Condensed, MasslineError, Method, SineLines, SineRun, StaticPoses, condense,
+};
+use massline_core::rigid_body::{Inertia, RigidBody};
+use massline_core::spectra::LineRange;
+use nalgebra::{Complex, Matrix6, Vector3, Vector6};
+
+mod draws;
+use draws::Draws;
+
+const LINES: usize = 40;
+
+fn body() -> RigidBody {
+    RigidBody {
+        mass: 12.0,
+        centre_of_gravity: Vector3::new(0.1, -0.02, 0.3),
+        inertia: Inertia::from_terms([0.5, 0.6, 0.4, 0.02, -0.03, 0.01]),
+    }
+}
+
+/// Two triaxes and three single accelerometers, and four triaxial cells, around the origin:
+/// places and directions.
+fn sensors() -> (Vec<[Vector3<f64>; 2]>, Vec<[Vector3<f64>; 2]>) {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let mut accelerometers = Vec::new();
+    let mut cells = Vec::new();
+    for place in [[0.15, 0.15, 0.0], [-0.15, -0.1, 0.0]] {
+        accelerometers.extend(axes.map(|axis| [place.into(), axis]));
+    }
+    accelerometers.push([Vector3::new(0.15, -0.15, 0.0), Vector3::z()]);
+    for place in [
+        [0.1, 0.1, 0.0],
+        [-0.1, 0.1, 0.0],
+        [-0.1, -0.1, 0.0],
+        [0.1, -0.1, 0.0],
+    ] {
+        cells.extend(axes.map(|axis| [place.into(), axis]));
+    }
+    (accelerometers, cells)
+}
+
+/// `[ d | r x d ]`: what a sensor reads of a motion of the origin, and what a force does.
+fn row([place, direction]: &[Vector3<f64>; 2]) -> Vector6<f64> {
+    let turn = place.cross(direction);
+    Vector6::new(
+        direction.x,
+        direction.y,
+        direction.z,
+        turn.x,
+        turn.y,
+        turn.z,
+    )
+}
+
+/// A test about the origin: responses of the runs, and the noise in each.
+#[derive(Clone)]
+struct Test {
+    frequencies: Vec<f64>,
+    runs: Vec<Vec<[Complex<f64>; RESULTANTS]>>,
+    noise: Vec<ResultantNoise>,
+}
+
+impl Test {
+    /// The base moves as each of `motions` says, sensors read it with a noise of `level` times
+    /// the root mean square of all sensors of their kind in that run. The structure has two
+    /// modes at 60 and 75 Hz.
+    fn new(motions: &[Vector6<f64>], level: f64, seed: u64) -> Self {
+        let mut draws = Draws::new(seed);
+        let frequencies: Vec<f64> = (1..=LINES).map(|k| k as f64 * 0.5).collect();
+        let rigid = body().mass_matrix(&Vector3::zeros());
+        let shapes = [
+            (60.0, Vector6::new(2.0, 0.3, 0.1, -0.1, 0.9, 0.05)),
+            (75.0, Vector6::new(-0.2, 1.8, 0.2, -0.8, 0.0, 0.1)),
+        ];
+        let (accelerometers, cells) = sensors();
+        let fit = {
+            let mut normal = Matrix6::zeros();
+            for sensor in &accelerometers {
+                normal += row(sensor) * row(sensor).transpose();
+            }
+            normal.try_inverse().unwrap()
+        };
+        let share: Matrix6<f64> = {
+            let mut normal = Matrix6::zeros();
+            for cell in &cells {
+                normal += row(cell) * row(cell).transpose();
+            }
+            normal.try_inverse().unwrap()
+        };
+        let mut test = Self {
+            frequencies,
+            runs: Vec::new(),
+            noise: Vec::new(),
+        };
+        for motion in motions {
+            let clean: Vec<_> = test
+                .frequencies
+                .iter()
+                .map(|f| {
+                    let mut m = rigid.map(|x| Complex::new(x, 0.0));
+                    for (pole, l) in &shapes {
+                        let r = f / pole;
+                        let d = Complex::new(r * r, 0.0) / Complex::new(1.0 - r * r, 0.03 * r);
+                        m += (l * l.transpose()).map(|x| d * x);
+                    }
+                    let a = motion.map(|x| Complex::new(x, 0.0));
+                    let f = m * a;
+                    // The cells share the resultants as equal springs do.
+                    let x = share.map(|x| Complex::new(x, 0.0)) * f;
+                    let read = |sensor: &[Vector3<f64>; 2], of: &Vector6<Complex<f64>>| {
+                        row(sensor)
+                            .iter()
+                            .zip(of)
+                            .map(|(r, z)| z * *r)
+                            .sum::<Complex<f64>>()
+                    };
+                    let a: Vec<_> = accelerometers.iter().map(|s| read(s, &a)).collect();
+                    let f: Vec<_> = cells.iter().map(|s| read(s, &x)).collect();
+                    (a, f)
+                })
+                .collect();
+            let power =
+                |half: &dyn Fn(&(Vec<Complex<f64>>, Vec<Complex<f64>>)) -> Vec<Complex<f64>>| {
+                    let all: Vec<f64> = clean.iter().flat_map(half).map(|z| z.norm_sqr()).collect();
+                    all.iter().sum::<f64>() / all.len() as f64
+                };
+            let of_accelerometers = level * level * power(&|(a, _)| a.clone());
+            let of_cells = level * level * power(&|(_, f)| f.clone());
+            let mut noise = ResultantNoise::NONE;
+            let columns: Vec<[f64; RESULTANTS]> = accelerometers
+                .iter()
+                .map(|s| {
+                    let c = fit * row(s);
+                    core::array::from_fn(|j| if j < 6 { c[j] } else { 0.0 })
+                })
+                .chain(cells.iter().map(|s| {
+                    let c = row(s);
+                    core::array::from_fn(|j| if j < 6 { 0.0 } else { c[j - 6] })
+                }))
+                .collect();
+            let variance = |k: usize| {
+                if k < accelerometers.len() {
+                    of_accelerometers
+                } else {
+                    of_cells
+                }
+            };
+            for (k, column) in columns.iter().enumerate() {
+                noise.add_sensor(column, variance(k));
+            }
+            let run = clean
+                .iter()
+                .map(|(a, f)| {
+                    let mut resultants = [Complex::new(0.0, 0.0); RESULTANTS];
+                    for (k, x) in a.iter().chain(f).enumerate() {
+                        let scale = (0.5 * variance(k)).sqrt();
+                        let x = x + Complex::new(draws.normal(), draws.normal()) * scale;
+                        for (sum, c) in resultants.iter_mut().zip(&columns[k]) {
+                            *sum += x * *c;
+                        }
+                    }
+                    resultants
+                })
+                .collect();
+            test.runs.push(run);
+            test.noise.push(noise);
+        }
+        test
+    }
+
+    /// The same test about another reference point.
+    fn at(&self, reference: &Vector3<f64>) -> Self {
+        let mut moved = self.clone();
+        let t = transfer(reference);
+        for (run, noise) in moved.runs.iter_mut().zip(&mut moved.noise) {
+            *noise = noise.at(reference);
+            for line in run {
+                let (real, imaginary) = (line.map(|z| z.re), line.map(|z| z.im));
+                let [real, imaginary] = [real, imaginary].map(|part| {
+                    let a = t * Vector6::from_fn(|j, _| part[j]);
+                    let f = resultants_at(reference, &Vector6::from_fn(|j, _| part[6 + j]));
+                    [a, f]
+                });
+                for (j, z) in line.iter_mut().enumerate() {
+                    *z = Complex::new(real[j / 6][j % 6], imaginary[j / 6][j % 6]);
+                }
+            }
+        }
+        moved
+    }
+
+    fn condense(
+        &self,
+        method: Method,
+        reference: &Vector3<f64>,
+    ) -> Result<Condensed, MasslineError> {
+        let runs: Vec<SineRun<'_>> = self
+            .runs
+            .iter()
+            .zip(&self.noise)
+            .map(|(responses, noise)| SineRun {
+                responses,
+                noise: *noise,
+            })
+            .collect();
+        let lines = SineLines::new(&self.frequencies, &runs).unwrap();
+        let bands = Bands::new(LineRange::all(LINES));
+        let mut work = vec![Complex::new(0.0, 0.0); 2 * LINES];
+        condense(
+            method,
+            &lines,
+            &bands,
+            *reference,
+            &Equations::all(),
+            &mut work,
+        )
+    }
+
+    fn identify(
+        &self,
+        method: Method,
+        reference: &Vector3<f64>,
+        procedure: Procedure,
+    ) -> Option<Identification> {
+        let condensed = self.condense(method, reference).ok()?;
+        let question = Question {
+            known_mass: None,
+            procedure,
+        };
+        identify(&[condensed.masslines], &question).ok()
+    }
+}
+
+/// Six independent motions, turned so that none lies along an axis.
+fn six_motions() -> Vec<Vector6<f64>> {
+    (0..6)
+        .map(|run| {
+            Vector6::from_fn(|j, _| {
+                if j == run {
+                    if j < 3 { 1.0 } else { 3.0 }
+                } else {
+                    0.1 * ((run + 2 * j) % 5) as f64
+                }
+            })
+        })
+        .collect()
+}
+
+/// Mass, CG and inertia about S, the ten numbers that do not depend on A.
+fn ten(id: &Identification) -> [Option<Estimate>; 10] {
+    let [x, y, z] = id.centre_of_gravity;
+    let [xx, yy, zz, xy, xz, yz] = id.inertia_cg;
+    [id.mass, x, y, z, xx, yy, zz, xy, xz, yz]
+}
+
+fn truth() -> [f64; 10] {
+    let b = body();
+    let (s, i) = (b.centre_of_gravity, b.inertia);
+    [b.mass, s.x, s.y, s.z, i.xx, i.yy, i.zz, i.xy, i.xz, i.yz]
+}
+
+const METHODS: [Method; 6] = [
+    Method::ApparentMass,
+    Method::FrequencyResponses,
+    Method::PowerSpectra,
+    Method::PowerSpectraCholesky,
+    Method::FreeResponses,
+    Method::FreeResponsesSquared,
+];
+
+#[test]
+fn the_reference_point_changes_no_number_no_bar_and_nothing_observable() {
+    // Radii of gyration are 0.2 m: up to a hundred of them.
+    let mut draws = Draws::new(5);
+    for seed in 0..6 {
+        let motions = six_motions();
+        let motions = match seed {
+            0..3 => &motions[..],
+            3 => &motions[..3],
+            4 => &[
+                Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                Vector6::new(0.0, 1.0, 0.0, 0.0, 0.0, 0.0),
+            ],
+            _ => &[
+                Vector6::new(0.0, 0.4, 0.0, 0.0, 0.0, 2.0),
+                Vector6::new(0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+            ],
+        };
+        let test = Test::new(motions, 0.01, seed);
+        let origin = Vector3::zeros();
+        for distance in [0.3, 2.0, 5.0, 20.0] {
+            let direction = Vector3::new(draws.normal(), draws.normal(), draws.normal());
+            let there = direction.normalize() * distance;
+            let moved = test.at(&there);
+            for method in METHODS {
+                for procedure in [Procedure::Direct, Procedure::ITERATIVE] {
+                    let what = format!(
+                        "{} {procedure:?} test {seed} at {distance} m",
+                        method.name()
+                    );
+                    let here = test.identify(method, &origin, procedure);
+                    let far = moved.identify(method, &there, procedure);
+                    let (Some(here), Some(far)) = (&here, &far) else {
+                        assert_eq!(here.is_some(), far.is_some(), "{what}");
+                        continue;
+                    };
+                    for (k, (a, b)) in ten(here).into_iter().zip(ten(far)).enumerate() {
+                        let (Some(a), Some(b)) = (a, b) else {
+                            assert_eq!(a.is_some(), b.is_some(), "{what}: number {k}");
+                            continue;
+                        };
+                        // The iteration ends within a tenth of a micrometre of S.
+                        assert!(
+                            (a.value - b.value).abs() < 1e-6 * a.std,
+                            "{what}: {k}: {a:?} {b:?}"
+                        );
+                        assert!(
+                            (a.std / b.std - 1.0).abs() < 1e-6,
+                            "{what}: {k}: {a:?} {b:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn error_bars_are_as_long_as_the_scatter_wherever_the_point_is() {
+    const DRAWS: u64 = 200;
+    for method in METHODS {
+        let mut inside = [[0_u32; 10]; 2];
+        let mut squares = [[0.0; 10]; 2];
+        for seed in 0..DRAWS {
+            let test = Test::new(&six_motions(), 0.003, 1000 + seed);
+            let far = Vector3::new(0.0, 0.3, 2.0);
+            let moved = test.at(&far);
+            let answers = [
+                test.identify(method, &Vector3::zeros(), Procedure::Direct),
+                moved.identify(method, &far, Procedure::ITERATIVE),
+            ];
+            for (k, answer) in answers.iter().enumerate() {
+                for (j, (found, truth)) in ten(answer.as_ref().unwrap())
+                    .iter()
+                    .zip(truth())
+                    .enumerate()
+                {
+                    let found = found.unwrap();
+                    let z = (found.value - truth) / found.std;
+                    squares[k][j] += z * z / DRAWS as f64;
+                    inside[k][j] += u32::from(z.abs() < 1.96);
+                }
+            }
+        }
+        println!("{}: {inside:?} {squares:.2?}", method.name());
+    }
+}
+
+#[test]
+fn rotations_that_are_noise_tell_no_inertia() {
+    let translations: Vec<_> = (0..6)
+        .map(|run| Vector6::from_fn(|j, _| f64::from(u8::from(j == run % 3))))
+        .collect();
+    for (level, seed) in [(1e-4, 1), (3e-3, 2), (3e-2, 3)] {
+        let mut test = Test::new(&translations, level, seed);
+        // Nobody has said how noisy the sensors are: their neighbours do.
+        for (noise, run) in test.noise.iter_mut().zip(&test.runs) {
+            *noise = SineRun::noise_of_neighbours(&test.frequencies, run).unwrap();
+        }
+        for method in METHODS {
+            let Some(id) = test.identify(method, &Vector3::zeros(), Procedure::Direct) else {
+                continue;
+            };
+            assert_eq!(id.inertia_cg, [None; 6], "{} at {level}", method.name());
+            for found in ten(&id)[..4].iter() {
+                assert!(found.is_some(), "{} at {level}", method.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn poses_at_rest_tell_no_inertia() {
+    let mut draws = Draws::new(4242);
+    let m = body().mass_matrix(&Vector3::zeros());
+    let (accelerometers, _) = sensors();
+    let mut normal = Matrix6::zeros();
+    for sensor in &accelerometers {
+        normal += row(sensor) * row(sensor).transpose();
+    }
+    let fit = normal.try_inverse().unwrap();
+    for level in [0.0, 2e-3] {
+        let mut poses = StaticPoses::new();
+        for k in 0..24 {
+            let (tilt, turn) = (0.3 + 0.26 * f64::from(k), 1.1 * f64::from(k));
+            let g =
+                Vector3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos()) * 9.81;
+            let a = Vector6::new(g.x, g.y, g.z, 0.0, 0.0, 0.0);
+            let read: Vector6<f64> = accelerometers
+                .iter()
+                .map(|s| row(s) * (row(s).dot(&a) + level * draws.normal()))
+                .sum();
+            let f = (m * a).map(|x| x + 0.05 * draws.normal());
+            poses.add(&(fit * read), &f);
+        }
+        let noise = fit * (level * level + 1e-10);
+        let found = poses
+            .masslines(Vector3::zeros(), &Equations::all(), &noise, None)
+            .unwrap();
+        let id = identify(&[found.masslines], &Question::default()).unwrap();
+        assert_eq!(id.inertia_cg, [None; 6], "{level}");
+        for (found, truth) in ten(&id)[..4].iter().zip(truth()) {
+            let found = found.unwrap();
+            assert!(
+                (found.value - truth).abs() < 4.0 * found.std,
+                "{level}: {found:?} {truth}"
+            );
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! When data do not allow an answer, though numbers come out: they contradict a rigid body,
+//! or the body contradicts nature or the scales.
+
+use crate::format::{plain, with_std};
+use massline_core::identify::{Estimate, Identification, beyond_chance};
+use massline_core::rigid_body::{Margin, Verdict};
+
+/// Share of the forces, as amplitude, that a rigid body may leave however small the noise is.
+///
+/// Elastic structures below their first mode leave up to 1.3 % in the worst of the methods
+/// (the fork up to 80 % of its first natural frequency, method a). Sensors of the satellite
+/// whose scales are 3 % wrong, their directions 0.03 rad and their positions 5 mm (standard
+/// deviations) leave up to 9 %, and an answer that is wrong by as much, with error bars that say
+/// so. One interface accelerometer with the wrong sign leaves 11 % (method a) to 51 % (c), one
+/// load cell 61 to 67 %. Method b, whose pseudo forces are powers, leaves less than all
+/// others, 3 and 16 %: what it misses is said by the recommended method.
+const MISFIT: f64 = 0.1;
+
+/// Half widths of the 95 % interval by which a moment of inertia or the triangle inequality
+/// must be violated: plates and rods lie on the limit, and chance takes one in forty of them
+/// beyond one half width, one in twenty thousand beyond two.
+const IMPOSSIBLE: f64 = 2.0;
+
+/// Half widths of its 95 % interval by which Δ may differ from one without a word.
+const NOTED: f64 = 2.0;
+
+/// Half widths by which Δ must differ from one for a refusal.
+const WEIGHED: f64 = 5.0;
+
+/// Difference of Δ from one, and share of the largest moment of inertia, up to which scales
+/// that are a few per cent wrong explain what noise does not.
+const SCALE: f64 = 0.05;
+
+/// Why the numbers must not be believed, and what to do; `None` where nothing speaks against
+/// them. `noise_measured` says that the noise comes from the data, so that what a rigid body
+/// leaves can be compared with it.
+pub(crate) fn refusal(i: &Identification, noise_measured: bool) -> Option<String> {
+    negative_mass(i)
+        .or_else(|| contradiction(i).filter(|_| noise_measured))
+        .or_else(|| impossible(i))
+        .or_else(|| weighed(i))
+}
+
+/// The mass that the data say; a weighed one times Δ.
+fn mass(i: &Identification) -> Option<Estimate> {
+    let (mass, times) = (i.mass?, i.indicator.map_or(1.0, |d| d.value));
+    Some(Estimate {
+        value: mass.value * times,
+        std: i.indicator.map_or(mass.std, |d| mass.value * d.std),
+    })
+}
+
+/// A number with half of its 95 % interval.
+fn with_interval(e: &Estimate, freedom: f64) -> String {
+    let (value, half) = with_std(e.value, e.interval(freedom));
+    format!("{value} ± {half}")
+}
+
+fn negative_mass(i: &Identification) -> Option<String> {
+    let violated = i.plausibility.mass?.verdict() == Verdict::Violated;
+    let mass = mass(i).filter(|_| violated)?;
+    Some(format!(
+        "the mass in the data is negative, {} kg: forces and accelerations have opposite signs; check `direction` of the load cells, which is positive where the force acts on the structure, and of the accelerometers",
+        with_interval(&mass, i.freedom)
+    ))
+}
+
+fn contradiction(i: &Identification) -> Option<String> {
+    let ratio = i.consistency?;
+    // Of all weighted sums of squares with the same mean, one square alone has the heaviest
+    // tail, so that the limit of one normal number holds for any number of residuals.
+    let chance = beyond_chance(i.freedom);
+    let beyond = ratio > chance * chance && i.misfit > MISFIT;
+    beyond.then(|| {
+        format!(
+            "a rigid body leaves {} % of the forces, {} times what noise explains: check `direction`, `position` and `scale` of each load cell and of each accelerometer (one with the wrong sign does this), and that every load path is measured",
+            plain(100.0 * i.misfit, 2),
+            plain(ratio.sqrt(), 2)
+        )
+    })
+}
+
+fn impossible(i: &Identification) -> Option<String> {
+    let p = &i.plausibility;
+    let far = |m: Option<Margin>| {
+        m.is_some_and(|m| m.relative < -SCALE && m.relative < -IMPOSSIBLE * m.uncertainty)
+    };
+    let reason = p.reason()?;
+    (p.verdict() == Verdict::Violated && (far(p.positive_definite) || far(p.triangle))).then(|| {
+        format!(
+            "no real body has these properties: {reason}, by more than {IMPOSSIBLE} times its error bar; check `direction`, `position` and `scale` of the sensors that turn with the structure"
+        )
+    })
+}
+
+/// What the mass on the scales and the one in the data say of each other.
+fn against_weighed(i: &Identification) -> Option<(f64, String)> {
+    let (mass_weighed, delta) = (i.mass?.value, i.indicator?);
+    let half = delta.interval(i.freedom);
+    let widths = (delta.value - 1.0).abs() / half;
+    let text = format!(
+        "the mass weighed is {} kg and the data say {} kg (Δ = {})",
+        plain(mass_weighed, 6),
+        with_interval(&mass(i)?, i.freedom),
+        with_interval(&delta, i.freedom)
+    );
+    Some((widths, text))
+}
+
+fn weighed(i: &Identification) -> Option<String> {
+    let (widths, text) = against_weighed(i)?;
+    let far = widths > WEIGHED && (i.indicator?.value - 1.0).abs() > SCALE;
+    far.then(|| {
+        format!(
+            "{text}: correct `known_mass`, or the load cells' `scale`, or leave `known_mass` out; the centre of gravity and the inertia about it rest on it"
+        )
+    })
+}
+
+/// What should be known of a weighed mass that is not refused.
+pub(super) fn notice_weighed(i: &Identification) -> Option<String> {
+    let (widths, text) = against_weighed(i)?;
+    (widths > NOTED).then(|| {
+        format!(
+            "{text}, {} times the error bar apart; check `known_mass`, the load cells' `scale`, and that the averaging band lies below the first mode",
+            plain(widths, 2)
+        )
+    })
+}

@@ -1,0 +1,274 @@
+//! Runs with several drives at once: each drive's own part of what was measured.
+//!
+//! # Design
+//!
+//! Drives are conditioned one after the other: the second one is what the first one does not
+//! explain of it, and so on. Drives that are conditioned so have nothing in common, and what
+//! is measured is the sum of the parts that come from each: one recording is as many runs as
+//! it has drives, of which each is averaged as if its drive had been the only one. Together
+//! these responses are `G_xr G_rr⁻¹`, line by line, and what all drives leave is the noise of
+//! each. A drive that those before it explain tells nothing new and is left out.
+
+use massline_core::spectra::{
+    Average, BlockSettings, BlockSpectra, DriveAverage, SpectraError, Sum,
+};
+use nalgebra::Complex;
+
+/// Share of a drive's power that those before it must leave of it: a copy of another one with
+/// 1 % of noise leaves that much.
+const OF_ITS_OWN: f64 = 1e-4;
+
+/// Running sums of the products of the drives, which come first in the blocks, with each other
+/// and with all channels.
+pub(super) struct DrivesAverage {
+    drives: usize,
+    channels: usize,
+    lines: usize,
+    /// Line by line: the drives' matrix, then each channel's products with the drives and its
+    /// power.
+    sums: Vec<Complex<f64>>,
+    blocks: u32,
+}
+
+/// One drive's part of a recording.
+pub(super) struct Part {
+    /// Number of the drive among those that were named.
+    pub(super) drive: usize,
+    sums: Vec<Sum>,
+}
+
+/// The parts of all drives that have one.
+pub(super) struct Parts {
+    pub(super) parts: Vec<Part>,
+    /// Drives that those before them explain.
+    pub(super) dependent: Vec<usize>,
+    /// Blocks of each part, so that the noise has the degrees of freedom which all drives leave.
+    pub(super) blocks: u32,
+    channels: usize,
+    lines: usize,
+    /// Line by line, what all drives together explain of each channel, 0 to 1.
+    pub(super) coherence: Vec<Vec<f64>>,
+    /// Line by line, the power of each channel.
+    pub(super) power: Vec<Vec<f64>>,
+}
+
+impl DrivesAverage {
+    pub(super) fn new(settings: &BlockSettings, drives: usize, channels: usize) -> Self {
+        let lines = settings.grid().count;
+        let each = drives * drives + channels * (drives + 1);
+        Self {
+            drives,
+            channels,
+            lines,
+            sums: vec![Complex::default(); lines * each],
+            blocks: 0,
+        }
+    }
+
+    fn each(&self) -> usize {
+        self.drives * self.drives + self.channels * (self.drives + 1)
+    }
+
+    /// Product of drives `i` and `j`.
+    fn between(&self, line: usize, i: usize, j: usize) -> Complex<f64> {
+        self.sums[line * self.each() + i * self.drives + j]
+    }
+
+    /// Product of a channel and a drive, and at the number of drives its power.
+    fn with(&self, line: usize, channel: usize, drive: usize) -> Complex<f64> {
+        let at = self.drives * self.drives + channel * (self.drives + 1);
+        self.sums[line * self.each() + at + drive]
+    }
+
+    /// The part of each drive. Which ones depend on others is judged over the lines `band`.
+    pub(super) fn parts(&self, band: std::ops::Range<usize>) -> Parts {
+        let mut used: Vec<usize> = Vec::new();
+        let mut dependent = Vec::new();
+        for drive in 0..self.drives {
+            used.push(drive);
+            let last = used.len() - 1;
+            let (mut own, mut all) = (0.0, 0.0);
+            for line in band.clone() {
+                own += self.factor(line, &used).1[last];
+                all += self.between(line, drive, drive).re;
+            }
+            if !(own > OF_ITS_OWN * all) {
+                used.pop();
+                dependent.push(drive);
+            }
+        }
+        let count = used.len();
+        let mut sums: Vec<Vec<Sum>> = (0..count).map(|_| Vec::new()).collect();
+        let (mut coherence, mut power) = (Vec::new(), Vec::new());
+        for line in 0..self.lines {
+            let (l, own) = self.factor(line, &used);
+            for (sums, own) in sums.iter_mut().zip(&own) {
+                sums.push(Sum::of(*own));
+            }
+            let (mut shares, mut powers) = (Vec::new(), Vec::new());
+            for channel in 0..self.channels {
+                // G_xr = G_xr' Lᴴ, from the first drive on.
+                let mut cross: Vec<Complex<f64>> = Vec::with_capacity(count);
+                for i in 0..count {
+                    let mut value = self.with(line, channel, used[i]);
+                    for (j, before) in cross.iter().enumerate() {
+                        value -= before * l[i * count + j].conj();
+                    }
+                    cross.push(value);
+                }
+                let whole = self.with(line, channel, self.drives).re;
+                let explained: Vec<f64> = cross
+                    .iter()
+                    .zip(&own)
+                    .map(|(g, d)| if *d > 0.0 { g.norm_sqr() / d } else { 0.0 })
+                    .collect();
+                let all: f64 = explained.iter().sum();
+                let left = (whole - all).max(0.0);
+                for (i, sums) in sums.iter_mut().enumerate() {
+                    sums.extend([cross[i].re, cross[i].im, explained[i] + left].map(Sum::of));
+                }
+                shares.push(if whole > 0.0 {
+                    (all / whole).min(1.0)
+                } else {
+                    0.0
+                });
+                powers.push(whole);
+            }
+            coherence.push(shares);
+            power.push(powers);
+        }
+        let parts = used.iter().zip(sums);
+        Parts {
+            parts: parts.map(|(&drive, sums)| Part { drive, sums }).collect(),
+            dependent,
+            blocks: (self.blocks + 1).saturating_sub(count as u32),
+            channels: self.channels,
+            lines: self.lines,
+            coherence,
+            power,
+        }
+    }
+
+    /// `G_rr = L D Lᴴ` of the drives `used`: L row by row, and D.
+    fn factor(&self, line: usize, used: &[usize]) -> (Vec<Complex<f64>>, Vec<f64>) {
+        let n = used.len();
+        let mut l = vec![Complex::default(); n * n];
+        let mut d = vec![0.0; n];
+        for i in 0..n {
+            for j in 0..=i {
+                let mut value = self.between(line, used[i], used[j]);
+                for k in 0..j {
+                    value -= l[i * n + k] * d[k] * l[j * n + k].conj();
+                }
+                if i == j {
+                    d[i] = value.re.max(0.0);
+                    l[i * n + i] = Complex::new(1.0, 0.0);
+                } else if d[j] > 0.0 {
+                    l[i * n + j] = value / d[j];
+                }
+            }
+        }
+        (l, d)
+    }
+}
+
+impl Average for DrivesAverage {
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        let each = self.each();
+        let (n, channels) = (self.drives, self.channels);
+        let wide = |c: usize, line: usize| {
+            let z = block.channel(c).get(line).copied().unwrap_or_default();
+            Complex::new(f64::from(z.re), f64::from(z.im))
+        };
+        let mut drives = vec![Complex::default(); n];
+        for (line, sums) in self.sums.chunks_exact_mut(each).enumerate() {
+            for (i, r) in drives.iter_mut().enumerate() {
+                *r = wide(i, line);
+            }
+            let (matrix, rest) = sums.split_at_mut(n * n);
+            for i in 0..n {
+                for j in 0..n {
+                    matrix[i * n + j] += drives[i] * drives[j].conj();
+                }
+            }
+            for (channel, sums) in rest.chunks_exact_mut(n + 1).enumerate().take(channels) {
+                let x = wide(n + channel, line);
+                for (sum, r) in sums.iter_mut().zip(&drives) {
+                    *sum += x * r.conj();
+                }
+                sums[n] += x.norm_sqr();
+            }
+        }
+        self.blocks = self.blocks.saturating_add(1);
+    }
+
+    fn blocks(&self) -> u32 {
+        self.blocks
+    }
+
+    fn clear(&mut self) {
+        self.sums.fill(Complex::default());
+        self.blocks = 0;
+    }
+}
+
+impl Parts {
+    /// One drive's part, as an average over that drive alone.
+    pub(super) fn average<'s>(&self, part: &'s mut Part) -> Result<DriveAverage<'s>, SpectraError> {
+        DriveAverage::resume(self.lines, self.channels, &mut part.sums, self.blocks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::spectra::{Blocks, Complex32, Window};
+
+    /// Three drives, of which the second holds half of the first and the third is the sum of
+    /// both, and a channel that follows the first two with gains 2 and -3.
+    #[test]
+    fn each_drive_has_its_own_part_and_a_dependent_one_none() {
+        let settings = BlockSettings::new(256, 0.5, Window::Hann, 256.0, [1.0, 60.0]).unwrap();
+        let (drives, channels) = (3, 1);
+        let all = drives + channels;
+        let mut history = vec![0.0; settings.history_len(all)];
+        let mut work = vec![Complex32::new(0.0, 0.0); 256];
+        let mut lines = vec![Complex32::new(0.0, 0.0); settings.lines_len(all)];
+        let mut blocks = Blocks::new(settings, all, &mut history, &mut work, &mut lines).unwrap();
+        let mut average = DrivesAverage::new(&settings, drives, channels);
+        let mut state = 88_172_645_463_325_252_u64;
+        let mut uniform = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
+        };
+        while average.blocks() < 100 {
+            let (p, q, noise) = (uniform(), uniform(), 0.1 * uniform());
+            let (first, second) = (p, 0.5 * p + q);
+            let x = 2.0 * first - 3.0 * second + noise;
+            if let Some(block) = blocks.push(&[first, second, first + second, x]) {
+                average.add(&block);
+            }
+        }
+        let mut found = average.parts(0..60);
+        assert_eq!(found.dependent, [2]);
+        let drives: Vec<usize> = found.parts.iter().map(|p| p.drive).collect();
+        assert_eq!(drives, [0, 1]);
+        // The channel's noise is a tenth; it leaves 0.01 of 1.25 + 9 in all, and of the
+        // responses' squares what 100 overlapping blocks leave: 2 % of a gain at a line.
+        let mean: f64 = found.coherence.iter().map(|c| c[0]).sum::<f64>() / 60.0;
+        assert!((0.998..0.9995).contains(&mean), "{mean}");
+        let mut parts = std::mem::take(&mut found.parts);
+        // The first drive as it is: with its half in the second one, 2 - 3/2.
+        for (part, gain) in parts.iter_mut().zip([0.5, -3.0]) {
+            let average = found.average(part).unwrap();
+            for line in 0..60 {
+                let (re, im) = average.cross(0, line);
+                let power = average.drive_power(line);
+                assert!((re / power - gain).abs() < 0.08, "{line}: {}", re / power);
+                assert!((im / power).abs() < 0.08, "{line}: {}", im / power);
+            }
+        }
+    }
+}

@@ -1,0 +1,400 @@
+//! What is said of the numbers: data that do not allow an answer are refused, and error bars
+//! mean one thing everywhere.
+
+mod bench;
+
+use bench::{Bench, Finished, massline};
+use massline::simulate::{Model, Options, simulate};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+/// A satellite of 800 kg, shaken in six axes for twelve seconds each, 1 % noise.
+static SATELLITE: LazyLock<TempDir> = LazyLock::new(|| shaken("satellite.toml", 12.0));
+
+fn shaken(model: &str, duration: f64) -> TempDir {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
+    let options = Options {
+        noise: Some(0.01),
+        duration: Some(duration),
+        ..Options::default()
+    };
+    let model = Model::read(&models.join(model)).unwrap();
+    let simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    simulation.write(folder.path()).unwrap();
+    folder
+}
+
+/// The setup of a simulated test, changed, beside its recordings.
+struct Setup {
+    path: PathBuf,
+}
+
+impl Setup {
+    fn of(folder: &TempDir, name: &str, change: impl Fn(&str) -> String) -> Self {
+        let text = std::fs::read_to_string(folder.path().join("setup.toml")).unwrap();
+        let changed = change(&text);
+        assert!(changed != text, "the change does nothing");
+        let path = folder.path().join(format!("{name}.toml"));
+        std::fs::write(&path, changed).unwrap();
+        Self { path }
+    }
+
+    fn satellite(name: &str, change: impl Fn(&str) -> String) -> Self {
+        Self::of(&SATELLITE, name, change)
+    }
+
+    fn run(&self, arguments: &[&str]) -> Finished {
+        let own = ["identify", self.path.to_str().unwrap()];
+        massline(Path::new("."), own.iter().chain(arguments))
+    }
+
+    fn document(&self, arguments: &[&str], code: i32) -> Value {
+        let arguments: Vec<&str> = arguments.iter().copied().chain(["--json"]).collect();
+        let finished = self.run(&arguments);
+        assert_eq!(finished.code, Some(code), "{}", finished.stderr);
+        serde_json::from_str(&finished.stdout).unwrap()
+    }
+}
+
+/// The setup with the directions of all sensors reversed of which this is true.
+fn reversed(text: &str, which: impl Fn(&str) -> bool) -> String {
+    each_sensor(text, |section| {
+        if !which(section) {
+            return section.to_owned();
+        }
+        let (before, rest) = section.split_once("direction = [").unwrap();
+        let (direction, after) = rest.split_once(']').unwrap();
+        let components = direction.split(',').map(|x| x.trim().parse::<f64>());
+        let opposite: Vec<String> = components.map(|x| (-x.unwrap()).to_string()).collect();
+        format!("{before}direction = [{}]{after}", opposite.join(", "))
+    })
+}
+
+/// The setup with each sensor's section changed.
+fn each_sensor(text: &str, change: impl Fn(&str) -> String) -> String {
+    let sections: Vec<String> = text
+        .split("\n[[")
+        .map(|section| {
+            if section.contains("direction = [") {
+                change(section)
+            } else {
+                section.to_owned()
+            }
+        })
+        .collect();
+    sections.join("\n[[")
+}
+
+fn is(channel: &'static str) -> impl Fn(&str) -> bool {
+    move |section| section.contains(&format!("channel = \"{channel}\""))
+}
+
+/// Holds that an answer is refused everywhere, for a reason that has these words.
+fn is_refused(setup: &Setup, words: &[&str]) {
+    let report = setup.path.with_extension("html");
+    let finished = setup.run(&["--report", report.to_str().unwrap()]);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    assert_eq!(finished.stdout, "", "no numbers on the terminal");
+    for word in words.iter().chain(&["--anyway"]) {
+        assert!(
+            finished.stderr.contains(word),
+            "{word}: {}",
+            finished.stderr
+        );
+    }
+    // What has another cause leads away from this one.
+    for word in ["mode_band", "no real body"] {
+        assert!(!finished.stderr.contains(word), "{}", finished.stderr);
+    }
+    let html = std::fs::read_to_string(report).unwrap();
+    assert!(html.contains("Refused"), "the report says so");
+    let document = setup.document(&[], 1);
+    let reason = document["refused"].as_str().unwrap();
+    for word in words {
+        assert!(reason.contains(word), "{reason}");
+    }
+    assert!(document["mass"]["value"].is_f64(), "{document}");
+    let anyway = setup.run(&["--anyway"]);
+    assert_eq!(anyway.code, Some(1));
+    assert!(anyway.stdout.contains("CG x"), "{}", anyway.stdout);
+}
+
+#[test]
+fn one_load_cell_reversed_is_refused() {
+    let setup = Setup::satellite("cell", |t| reversed(t, is("cell1.z")));
+    is_refused(&setup, &["a rigid body leaves", "check `direction`"]);
+    assert_ne!(setup.document(&[], 1)["plausible"]["ok"], true);
+}
+
+#[test]
+fn one_interface_accelerometer_inverted_is_refused() {
+    let setup = Setup::satellite("accelerometer", |t| reversed(t, is("base1.x")));
+    is_refused(&setup, &["a rigid body leaves", "check `direction`"]);
+}
+
+#[test]
+fn all_forces_reversed_is_refused_for_the_negative_mass() {
+    let setup = Setup::satellite("forces", |t| reversed(t, is_load_cell));
+    is_refused(
+        &setup,
+        &["negative, -", "opposite signs", "check `direction`"],
+    );
+    let weighed = Setup::satellite("forces-weighed", |t| {
+        known_mass(&reversed(t, is_load_cell), 800.0)
+    });
+    is_refused(
+        &weighed,
+        &["negative, -", "opposite signs", "check `direction`"],
+    );
+}
+
+fn is_load_cell(section: &str) -> bool {
+    section.starts_with("load_cell")
+}
+
+fn known_mass(text: &str, mass: f64) -> String {
+    let at = text.find("\n[").unwrap();
+    format!("{}\nknown_mass = {mass}\n{}", &text[..at], &text[at..])
+}
+
+/// 10 % more than it is, as 140 kg are where the data say 127.
+#[test]
+fn a_weighed_mass_that_contradicts_the_data_is_refused_with_both_numbers() {
+    let setup = Setup::satellite("weighed", |t| known_mass(t, 882.0));
+    is_refused(
+        &setup,
+        &["882 kg", "the data say", "Δ = 0.90", "correct `known_mass`"],
+    );
+}
+
+#[test]
+fn a_weighed_mass_that_is_off_by_a_scale_is_noted_with_both_numbers() {
+    let setup = Setup::satellite("scale", |t| known_mass(t, 808.0));
+    let finished = setup.run(&[]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let note = finished.stderr.lines().find(|l| l.contains("808 kg"));
+    assert!(note.unwrap().contains("the data say"), "{note:?}");
+    let right = Setup::satellite("right", |t| known_mass(t, 800.0));
+    assert!(!right.run(&[]).stderr.contains("the data say"));
+}
+
+#[test]
+fn all_methods_side_by_side_refuse_each_for_itself() {
+    let setup = Setup::satellite("all", |t| reversed(t, is("cell1.z")));
+    let finished = setup.run(&["--method", "all"]);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    let document = setup.document(&["--method", "all"], 1);
+    let results = document["results"].as_array().unwrap();
+    assert!(results.len() > 5, "{document}");
+    for result in results {
+        let method = result["method"].as_str().unwrap();
+        assert!(result["refused"].is_string(), "{method}");
+        let line = format!("{method}: refused: ");
+        assert!(finished.stdout.contains(&line), "{}", finished.stdout);
+    }
+    assert!(!finished.stdout.contains('±'), "{}", finished.stdout);
+    let anyway = setup.run(&["--method", "all", "--anyway"]);
+    assert_eq!(anyway.code, Some(1));
+    assert!(anyway.stdout.contains('±'), "{}", anyway.stdout);
+}
+
+/// Scales that alternate between 3 % too much and too little are a poor calibration, not
+/// another body: error bars are widened, and all numbers are within 5 %.
+#[test]
+fn the_limit_of_the_misfit_lies_between_calibration_and_sign() {
+    let number = std::cell::Cell::new(0);
+    let setup = Setup::satellite("scales", |t| {
+        each_sensor(t, |section| {
+            number.set(number.get() + 1);
+            let scale = if number.get() % 2 == 0 { 1.03 } else { 0.97 };
+            format!("{}\nscale = {scale}\n", section.trim_end())
+        })
+    });
+    let document = setup.document(&["--method", "all"], 0);
+    for result in document["results"].as_array().unwrap() {
+        assert!(result["refused"].is_null(), "{}", result["refused"]);
+    }
+    let best = &document["results"][0];
+    assert!(best["consistency"].as_f64().unwrap() > 100.0, "{best}");
+    assert!(best["misfit"].as_f64().unwrap() > 0.01, "{best}");
+    let warnings = best["warnings"].to_string();
+    assert!(warnings.contains("error bars were widened"), "{warnings}");
+}
+
+#[test]
+fn good_data_are_refused_by_no_method() {
+    let setup = Setup::satellite("good", |t| format!("{t}\n# As it is.\n"));
+    let document = setup.document(&["--method", "all"], 0);
+    for result in document["results"].as_array().unwrap() {
+        assert!(result["refused"].is_null(), "{}", result["refused"]);
+        assert_ne!(result["plausible"]["ok"], false);
+    }
+    assert_eq!(document["results"][0]["plausible"]["ok"], true);
+}
+
+#[test]
+fn where_only_the_mass_is_known_it_cannot_be_judged_if_a_body_is_possible() {
+    let folder = shaken("three-translations.toml", 12.0);
+    let setup = Setup::of(&folder, "same", |t| format!("{t}\n# As it is.\n"));
+    let report = setup.path.with_extension("html");
+    let document = setup.document(&["--report", report.to_str().unwrap()], 0);
+    assert!(document["plausible"]["ok"].is_null(), "{document}");
+    let reason = document["plausible"]["reason"].as_str().unwrap();
+    assert!(reason.contains("no moment of inertia"), "{reason}");
+    let html = std::fs::read_to_string(report).unwrap();
+    assert!(html.contains("cannot be judged"));
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value}"))
+}
+
+/// The moments about A follow from what the covariance is of, so that their error bars follow
+/// from the covariance.
+#[test]
+fn the_covariance_propagates_to_the_error_bars_about_the_reference_point() {
+    for mass in [None, Some(800.0)] {
+        let name = if mass.is_some() { "known" } else { "unknown" };
+        let setup = Setup::satellite(name, |t| {
+            let t = format!("{t}\n# As it is.\n");
+            mass.map_or(t.clone(), |mass| known_mass(&t, mass))
+        });
+        let d = setup.document(&[], 0);
+        let covariance = &d["covariance"];
+        let rows: Vec<&str> = covariance["rows"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|r| r.as_str().unwrap())
+            .collect();
+        let first = if mass.is_some() { "indicator" } else { "mass" };
+        assert_eq!(
+            rows,
+            [first, "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz"]
+        );
+        let c = |i: usize, j: usize| number(&covariance["matrix"][i][j]);
+        let near = |variance: f64, std: &Value| {
+            let std = number(std);
+            // Sums of ten squared products, each rounded to 1e-16.
+            assert!(
+                (variance.sqrt() / std - 1.0).abs() < 1e-9,
+                "{variance} {std}"
+            );
+        };
+        near(c(0, 0), &d[first]["std"]);
+        for axis in 0..3 {
+            near(c(1 + axis, 1 + axis), &d["centre_of_gravity"][axis]["std"]);
+        }
+        for (k, term) in rows[4..].iter().enumerate() {
+            near(c(4 + k, 4 + k), &d["inertia_cg"][term]["std"]);
+        }
+        // Θxx about A is Θxx about S and m (y² + z²), with A at the origin.
+        assert_eq!(d["reference_point"], serde_json::json!([0.0, 0.0, 0.0]));
+        let m = number(&d["mass"]["value"]);
+        let [y, z] = [1, 2].map(|k| number(&d["centre_of_gravity"][k]["value"]));
+        let mut g = [0.0; 10];
+        g[0] = if mass.is_some() { 0.0 } else { y * y + z * z };
+        (g[2], g[3], g[4]) = (2.0 * m * y, 2.0 * m * z, 1.0);
+        let mut variance = 0.0;
+        for i in 0..10 {
+            for j in 0..10 {
+                variance += g[i] * c(i, j) * g[j];
+            }
+        }
+        near(variance, &d["inertia_reference"]["xx"]["std"]);
+    }
+}
+
+#[test]
+fn beside_every_standard_deviation_stands_the_interval() {
+    let bench = Bench::fork();
+    let finished = bench.identify(&["--json"]);
+    let d: Value = serde_json::from_str(&finished.stdout).unwrap();
+    // Null: the noise counts as known, and the normal distribution holds.
+    let freedom = d["freedom"].as_f64().unwrap_or(f64::INFINITY);
+    let factor = massline_core::identify::half_width_95(freedom);
+    let mut seen = 0;
+    let mut hold = |n: &Value| match n["std"].as_f64() {
+        Some(std) => {
+            assert_eq!(number(&n["interval"]), std * factor);
+            seen += 1;
+        }
+        None => assert!(n["interval"].is_null()),
+    };
+    hold(&d["indicator"]);
+    (0..3).for_each(|axis| hold(&d["centre_of_gravity"][axis]));
+    for about in ["inertia_reference", "inertia_cg"] {
+        for term in ["xx", "yy", "zz", "xy", "xz", "yz"] {
+            hold(&d[about][term]);
+        }
+    }
+    assert_eq!(seen, 5);
+    assert_eq!(d["mass"]["interval"], 0.0, "weighed");
+    // Δ, x, z and Θyy are what this plane test tells.
+    for i in 0..10 {
+        for j in 0..10 {
+            let known = [i, j].iter().all(|k| [0, 1, 3, 5].contains(k));
+            assert_eq!(d["covariance"]["matrix"][i][j].is_f64(), known, "{i} {j}");
+        }
+    }
+}
+
+/// The error of a coordinate is a share of the radius of gyration, not of the coordinate.
+#[test]
+fn errors_in_per_cent_have_the_base_of_the_report() {
+    let bench = Bench::fork();
+    let shown = bench.identify(&["--truth", "truth.json", "--quiet"]).stdout;
+    let found: Value = serde_json::from_str(&bench.identify(&["--json"]).stdout).unwrap();
+    let truth = std::fs::read_to_string(bench.file("truth.json")).unwrap();
+    let truth: Value = serde_json::from_str(&truth).unwrap();
+    let moment = number(&truth["inertia_cg"]["yy"]);
+    let gyration = (moment / number(&truth["mass"])).sqrt();
+    let error = |f: &Value, t: &Value| number(&f["value"]) - number(t);
+    let x = error(
+        &found["centre_of_gravity"][0],
+        &truth["centre_of_gravity"][0],
+    );
+    let yy = error(&found["inertia_cg"]["yy"], &truth["inertia_cg"]["yy"]);
+    for (row, share) in [("CG x", x / gyration), ("Θyy about S", yy / moment)] {
+        let line = shown.lines().find(|l| l.starts_with(row)).unwrap();
+        let expected = format!("{:+.3} %", 100.0 * share);
+        assert!(line.contains(&expected), "{expected}: {line}");
+    }
+    assert!(shown.contains("radius of gyration"), "{shown}");
+}
+
+#[test]
+fn what_the_box_finds_is_refused_as_well() {
+    let folder = tempfile::tempdir().unwrap();
+    let simulated = ["simulate", "fork", "--out", ".", "--duration", "6", "-q"];
+    assert_eq!(massline(folder.path(), simulated).code, Some(0));
+    let path = folder.path().join("setup.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, reversed(&text, is_load_cell)).unwrap();
+    let measure = |more: &[&str]| {
+        let own = [
+            "board",
+            "measure",
+            "setup.toml",
+            "--host",
+            "--duration",
+            "20",
+            "-q",
+        ];
+        massline(folder.path(), own.iter().chain(more))
+    };
+    let finished = measure(&[]);
+    assert_eq!(finished.code, Some(1), "{finished:?}");
+    assert_eq!(finished.stdout, "");
+    assert!(finished.stderr.contains("opposite signs"), "{finished:?}");
+    let finished = measure(&["--json"]);
+    assert_eq!(finished.code, Some(1), "{finished:?}");
+    let document: Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert!(document["refused"].as_str().unwrap().contains("negative"));
+    let finished = measure(&["--anyway"]);
+    assert_eq!(finished.code, Some(1), "{finished:?}");
+    assert!(finished.stdout.contains("CG x"), "{finished:?}");
+}
