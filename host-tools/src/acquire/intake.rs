@@ -149,8 +149,12 @@ fn read(samples: &Samples<'_>, at: usize, channel: &mut Channel, known: Health) 
             .get(at)
             .map_or(missing, |x| channel.count(x.get(), known)),
         Values::Counts(list) => list.get(at).map_or(missing, |x| channel.count(x, known)),
-        // SI already.
-        Values::Readings(list) => list.get(at).map_or(missing, |x| (x, known)),
+        // SI already. A recording has room for numbers only.
+        Values::Readings(list) => match list.get(at) {
+            Some(x) if x.is_finite() => (x, known),
+            Some(_) => (0.0, known.union(Health::NOT_FINITE)),
+            None => missing,
+        },
     }
 }
 
@@ -175,6 +179,22 @@ mod tests {
             values: Values::Counts(Packed::new(&[1, 2, 3, 4, 5])),
         };
         intake.take(&Event::Recorded(samples), &mut |_| ())
+    }
+
+    #[test]
+    fn a_reading_that_is_no_number_is_a_fault() {
+        let samples = Samples {
+            first: 0,
+            channels: 1,
+            values: Values::Readings(Packed::new(&[1.5, f32::NAN, f32::INFINITY, 2.5])),
+        };
+        let mut rows = Vec::new();
+        let taken = intake().take(&Event::Recorded(samples), &mut |row| {
+            rows.push((row.si[0], row.all()));
+        });
+        assert_eq!(taken.unwrap(), Some(3));
+        let bad = (0.0, Health::NOT_FINITE);
+        assert_eq!(rows, [(1.5, Health::GOOD), bad, bad, (2.5, Health::GOOD)]);
     }
 
     #[test]

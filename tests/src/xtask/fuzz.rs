@@ -51,7 +51,7 @@ const HANG: u32 = 10;
 const MEMORY: u32 = 512;
 
 /// Most bytes, and most files, of a target's inputs in the repository.
-const CORPUS: (u64, usize) = (100_000, 250);
+const CORPUS: (u64, usize) = (60_000, 100);
 
 /// What is asked for.
 #[derive(Debug, PartialEq, Eq)]
@@ -263,8 +263,9 @@ impl Programs {
         done.into_iter().map(|(_, outcome)| outcome).collect()
     }
 
-    /// Puts those inputs of a target into the repository, of those there and those found, that
-    /// reach what all of them do: the smallest, as many as there is room for. Says how many.
+    /// Puts inputs of a target into the repository, of those that together reach what all do:
+    /// as many as there is room for, small and large ones as chance has it. Those with a name,
+    /// which are past findings, stay. Says how many.
     ///
     /// # Errors
     ///
@@ -273,14 +274,9 @@ impl Programs {
         let work = self.folder("corpus", target)?;
         let least = self.folder("least", target)?;
         let committed = self.committed(target);
-        let clear = |folder: &Path| -> Result<(), StepError> {
-            let gone = match fs::remove_dir_all(folder) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
-                _ => fs::create_dir_all(folder),
-            };
-            gone.map_err(|error| unusable(folder, &error))
-        };
-        clear(&least)?;
+        for old in list(&least)? {
+            fs::remove_file(&old).map_err(|error| unusable(&old, &error))?;
+        }
         let mut merge = self.command(target);
         process::run(
             merge
@@ -289,25 +285,36 @@ impl Programs {
                 .arg(&committed)
                 .arg(&work),
         )?;
-        let mut inputs = Vec::new();
-        for input in list(&least)? {
-            let bytes = fs::read(&input).map_err(|error| unusable(&input, &error))?;
-            inputs.push((bytes.len() as u64, input, bytes));
-        }
-        inputs.sort();
-        clear(&committed)?;
         let (mut sum, mut files) = (0, 0);
-        for (length, input, bytes) in &inputs {
-            if sum + length > CORPUS.0 || files == CORPUS.1 {
-                break;
+        for old in list(&committed)? {
+            if is_named(&old) {
+                let about = fs::metadata(&old).map_err(|error| unusable(&old, &error))?;
+                (sum, files) = (sum + about.len(), files + 1);
+            } else {
+                fs::remove_file(&old).map_err(|error| unusable(&old, &error))?;
             }
-            (sum, files) = (sum + length, files + 1);
-            let place = committed.join(input.file_name().unwrap_or_default());
-            fs::write(&place, bytes).map_err(|error| unusable(&place, &error))?;
+        }
+        // Their names are hashes, so that their order is chance.
+        let mut inputs = list(&least)?;
+        inputs.sort();
+        for input in &inputs {
+            let bytes = fs::read(input).map_err(|error| unusable(input, &error))?;
+            let length = bytes.len() as u64;
+            if sum + length <= CORPUS.0 && files < CORPUS.1 {
+                (sum, files) = (sum + length, files + 1);
+                let place = committed.join(input.file_name().unwrap_or_default());
+                fs::write(&place, bytes).map_err(|error| unusable(&place, &error))?;
+            }
         }
         let of = inputs.len();
         Ok(format!("{target}: {files} of {of} inputs, {sum} bytes"))
     }
+}
+
+/// Whether somebody has given an input its name: libFuzzer's are hashes.
+fn is_named(input: &Path) -> bool {
+    let name = input.file_name().unwrap_or_default().to_string_lossy();
+    name.len() != 40 || !name.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
 fn unusable(path: &Path, error: &std::io::Error) -> StepError {
@@ -504,6 +511,13 @@ stat::average_exec_per_sec:     506
             "{told}"
         );
         assert_eq!([7, 1000, 999_999].map(grouped), ["7", "1,000", "999,999"]);
+    }
+
+    #[test]
+    fn findings_have_names() {
+        assert!(is_named(Path::new("a/full-of-another-programs-bytes")));
+        let hash = "da39a3ee5e6b4b0d3255bfef95601890afd80709";
+        assert!(!is_named(&Path::new("a").join(hash)));
     }
 
     #[test]
