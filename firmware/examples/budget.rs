@@ -29,7 +29,9 @@ mod on_chip {
     use heapless::spsc::Queue;
     use massline_core::calibration::{Channel, Limits, Scale, Watch};
     use massline_core::geometry::ResultantMap;
-    use massline_core::spectra::{BlockSettings, Complex32, DriveAverage, History, Sum, Window};
+    use massline_core::spectra::{
+        BlockSettings, Complex32, DriveAverage, History, LineRange, Sum, Window,
+    };
     use massline_core::wire::Health;
     use massline_firmware::acquisition::{Acquisition, Sample};
     use massline_firmware::drivers::Converter;
@@ -335,8 +337,11 @@ mod on_chip {
                     average.add_response(2 * pair, &drive, &b);
                 }
             }
+            let Ok(band) = LineRange::new(0..29, LINES) else {
+                return;
+            };
             for c in 0..RESULTANTS {
-                black_box(average.mean_coherence(c, 0..29));
+                black_box(average.mean_coherence(c, band));
             }
         });
         (decimation, if complete > 0 { block } else { 0 })
