@@ -319,11 +319,15 @@ pub(crate) fn incoherent(
 /// a column of zeros where nothing but rounding is left.
 pub(crate) fn half(c: &Matrix6<f64>) -> Matrix6<f64> {
     const NOTHING: f64 = 1e-13;
-    let mut l = Matrix6::zeros();
+    let mut factor = Matrix6::zeros();
+    let (c, l) = (seen(c), &mut cells(&mut factor));
     for j in 0..6 {
         let full = c[(j, j)];
-        let pivot = full - (0..j).map(|k| l[(j, k)] * l[(j, k)]).sum::<f64>();
-        if !(pivot > NOTHING * full) || !pivot.is_finite() {
+        let mut pivot = full;
+        for k in 0..j {
+            pivot -= l[(j, k)] * l[(j, k)];
+        }
+        if pivot.is_nan() || pivot <= NOTHING * full || pivot.is_infinite() {
             continue;
         }
         let root = libm::sqrt(pivot);
@@ -336,7 +340,7 @@ pub(crate) fn half(c: &Matrix6<f64>) -> Matrix6<f64> {
             l[(i, j)] = sum / root;
         }
     }
-    l
+    factor
 }
 
 /// Replaces the leading `n` x `n` part of a Hermitian positive definite matrix, of which

@@ -8,6 +8,7 @@
 
 use super::{RESULTANTS, resultants_at, transfer};
 use crate::algebra::symmetric_eigen;
+use crate::cells::seen;
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
 
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
@@ -137,7 +138,7 @@ pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
     for (i, &value) in values.iter().enumerate() {
         // A point on the only axis of rotation is as good as any other on it.
         if value > 1e-9 * values[0] {
-            let v: Vector3<f64> = vectors.column(i).into();
+            let v = Vector3::from_fn(|j, _| seen(&vectors)[(j, i)]);
             point += v * (v.dot(&right) / value);
         }
     }

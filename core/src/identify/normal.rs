@@ -4,6 +4,7 @@ use super::{IdentifyError, MasslineSet, Measurement, measurement_matrix};
 use crate::algebra::{
     half, inverse_lower, lower, multiply_left, multiply_right, not_negative, symmetric_eigen,
 };
+use crate::cells::seen;
 use crate::geometry::{resultants_at, transfer};
 use crate::masslines::EXCITED;
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
@@ -392,7 +393,7 @@ fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<([bool; 10], usiz
     let mut undetermined = [0.0; 10];
     let mut unknowns = 0;
     for (i, &value) in values.iter().enumerate() {
-        let v: Vector10 = vectors.column(i).into();
+        let v = Vector10::from_fn(|j, _| seen(&vectors)[(j, i)]);
         if value > 1.0 {
             unknowns += 1;
             inverse.ger(1.0 / value, &v, &v, 1.0);

@@ -296,8 +296,9 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         multiply_left(e, &mut weights);
         multiply_right(&mut weights, &e.transpose());
         let largest = weights.diagonal().max();
+        let diagonal = &mut cells(&mut weights);
         for j in 0..rows {
-            weights[(j, j)] += LEAST * largest;
+            diagonal[(j, j)] += LEAST * largest;
         }
         if largest > 0.0 && lower(&mut weights, rows).is_some() {
             inverse_lower(&mut weights, rows);
@@ -325,12 +326,13 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let mut vectors = Matrix6::zeros();
         let values = symmetric_eigen(&mut aa, &mut vectors);
         let mut inverse = Matrix6::zeros();
+        let (vectors, entries) = (seen(&vectors), &mut cells(&mut inverse));
         for (i, &value) in values.iter().enumerate().take(rank) {
             // Pairs are few and exact numbers; below 1e-12 there is only rounding.
             if value > 1e-12 {
                 for j in 0..6 {
                     for k in 0..6 {
-                        inverse[(j, k)] += vectors[(j, i)] * vectors[(k, i)] / value;
+                        entries[(j, k)] += vectors[(j, i)] * vectors[(k, i)] / value;
                     }
                 }
             }

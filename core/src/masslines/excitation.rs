@@ -85,10 +85,14 @@ impl Excitation {
             return excitation;
         }
         multiply_left(&colouring, &mut vectors);
-        for (i, &value) in values.iter().enumerate() {
+        for (i, (&value, (mut axis, vector))) in values
+            .iter()
+            .zip(basis.column_iter_mut().zip(vectors.column_iter()))
+            .enumerate()
+        {
             if value > EXCITED {
+                axis.copy_from(&vector);
                 *weakest = value;
-                basis.set_column(i, &vectors.column(i));
                 *rank = i + 1;
             }
         }

@@ -105,7 +105,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     /// response `h`.
     pub(super) fn pairs(&self, h: &Complex6, pairs: &mut [LinePair]) {
         for (p, pair) in pairs.iter_mut().enumerate() {
-            let force = self.basis.column(p);
+            let (h, force) = (seen(h), self.shares(p));
             let in_phase = |i: usize| product(|j| h[(i, j)].re, force.as_slice());
             *pair = (Vector6::from_fn(|i, _| in_phase(i)), self.force(p));
         }
@@ -113,20 +113,19 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
 
     /// The resultants at A of the interface force of pair `p`.
     fn force(&self, p: usize) -> Vector6<f64> {
-        let force = self.basis.column(p);
-        let rows = self.equations.rows();
+        let (rows, force) = (seen(self.equations.rows()), self.shares(p));
         Vector6::from_fn(|i, _| product(|j| rows[(j, i)], force.as_slice()))
     }
 
     /// The pair `p` of a real response.
     pub(super) fn pair(&self, response: &Matrix6<f64>, p: usize) -> LinePair {
-        let force: Vector6<f64> = self.basis.column(p).into();
-        (response * force, self.force(p))
+        (response * self.shares(p), self.force(p))
     }
 
     /// What each entry of a response has to do with the acceleration of pair `p`.
     pub(super) fn shares(&self, p: usize) -> Vector6<f64> {
-        self.basis.column(p).into()
+        let basis = seen(&self.basis);
+        Vector6::from_fn(|j, _| basis[(j, p)])
     }
 
     /// The accelerations that the runs excite.
@@ -138,8 +137,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     /// amounts to: G_FF⁻¹ is bent by it at every line, and an average does not straighten that.
     pub(super) fn add_noise<const PAIRS: usize>(&self, set: &mut Masslines<PAIRS>) {
         let mut response = Matrix6::zeros();
-        for (j, pair) in set.pairs.iter().enumerate().take(6) {
-            response.set_column(j, &pair.acceleration);
+        for (mut column, pair) in response.column_iter_mut().zip(&set.pairs) {
+            column.copy_from(&pair.acceleration);
         }
         let mut inverse = self.basis;
         inverse_lower(&mut inverse, self.forces());

@@ -46,7 +46,7 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     }
     let columns = columns(&spectra, factorisation, excitation.rank());
     let columns = columns.as_ref().map_err(|error| *error)?;
-    let used = (0..6).filter(|&c| columns.column(c).norm_squared() > 0.0);
+    let used = (0..6).filter(|&c| column(columns, c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
     set.average(
         lines,
@@ -61,7 +61,7 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
                 lines.add_moments(run, line, 1.0, &mut m);
             }
             for (pair, &c) in pairs.iter_mut().zip(&used) {
-                let column: Vector6<f64> = columns.column(c).into();
+                let column = column(columns, c);
                 let column = column.as_slice();
                 let (fa, ff) = (seen(&m.fa), seen(&m.ff));
                 let a = Vector6::from_fn(|i, _| product(|k| fa[(k, i)].re, column));
@@ -81,7 +81,7 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         let forces: f64 = used
             .iter()
             .map(|&c| {
-                let column: Vector6<f64> = columns.column(c).into();
+                let column = column(columns, c);
                 column.dot(&(m.ff.map(|z| z.re) * column))
             })
             .sum();
@@ -120,4 +120,10 @@ fn columns(
     inner.transpose_mut();
     multiply_left(&v.transpose(), &mut inner);
     Ok(inner)
+}
+
+/// Column `c`.
+fn column(matrix: &Matrix6<f64>, c: usize) -> Vector6<f64> {
+    let matrix = seen(matrix);
+    Vector6::from_fn(|j, _| matrix[(j, c)])
 }

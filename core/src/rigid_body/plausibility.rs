@@ -144,8 +144,12 @@ pub fn check(
             let m = p.moments;
             let scale = m.amax();
             let rounding = ROUNDING * scale;
-            let g = [0, 1, 2].map(|k| gradient(p, k));
-            let triangle = core::array::from_fn(|j| g[0][j] + g[1][j] - g[2][j]);
+            let [first, second, third] = [0, 1, 2].map(|k| gradient(p, k));
+            let mut triangle = first;
+            let others = second.iter().zip(&third);
+            for (sum, (second, third)) in triangle.iter_mut().zip(others) {
+                *sum += second - third;
+            }
             let margin =
                 |left, weights| Margin::new(left, half_width(weights).max(rounding), scale);
             Plausibility {
