@@ -2,6 +2,7 @@
 
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
+use crate::cells::{cells, seen};
 use crate::geometry::ResultantNoise;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Matrix6, Vector6};

@@ -144,17 +144,17 @@ pub fn check(
             let m = p.moments;
             let scale = m.amax();
             let rounding = ROUNDING * scale;
-            let [first, second, third] = [0, 1, 2].map(|k| gradient(p, k));
-            let mut triangle = first;
-            let others = second.iter().zip(&third);
-            for (sum, (second, third)) in triangle.iter_mut().zip(others) {
-                *sum += second - third;
+            let [smallest, middle, largest] = [0, 1, 2].map(|k| gradient(p, k));
+            let mut triangle = smallest;
+            let others = middle.iter().zip(&largest);
+            for (sum, (middle, largest)) in triangle.iter_mut().zip(others) {
+                *sum += middle - largest;
             }
             let margin =
                 |left, weights| Margin::new(left, half_width(weights).max(rounding), scale);
             Plausibility {
                 mass,
-                positive_definite: Some(margin(m[0], &g[0])),
+                positive_definite: Some(margin(m[0], &smallest)),
                 triangle: Some(margin(m[0] + m[1] - m[2], &triangle)),
             }
         }
