@@ -129,7 +129,7 @@ fn pages(script: &[u8]) {
         }
         flash = look(flash, &kept);
     }
-    drop(save(flash, &settings));
+    save(flash, &settings);
 }
 
 fn open(flash: Pages) -> Store<Pages> {
