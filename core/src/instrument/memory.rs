@@ -55,10 +55,6 @@ pub struct WorkingStorage {
 /// What is on the bench: a run, or an identification. Never both, as neither may begin
 /// before the other has ended.
 #[derive(Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "what it is for: two things in one place"
-)]
 // A tag without padding behind it: what follows is then cleared where it lies, rather than
 // on the stack and copied.
 #[repr(u64)]

@@ -154,6 +154,10 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
     ///
     /// # Errors
     /// [`MasslineError::TooFewLines`] below [`MIN_LINES`], [`MasslineError::Singular`].
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "all that tells what is averaged, and how"
+    )]
     pub(super) fn average<L: Lines + ?Sized>(
         &mut self,
         lines: &L,

@@ -171,7 +171,7 @@ impl<L: Lines + ?Sized> Neighbourhood<'_, L> {
         let values: [f64; 6] = core::array::from_fn(|i| values[i]);
         let enough = |v: &&f64| **v > SECOND * values[0];
         let found = values.iter().take_while(enough).count().min(CLOSE);
-        if !(values[0] > 0.0) || found < 2 {
+        if values[0].is_nan() || values[0] <= 0.0 || found < 2 {
             return None;
         }
         let all: f64 = values.iter().map(|v| v.abs()).sum();
@@ -267,7 +267,7 @@ impl<L: Lines + ?Sized> Neighbourhood<'_, L> {
         let column = Vector6::from_fn(|i, _| (inverse * right[i])[1]);
         let row = self.measured() * column;
         let power = row.dot(&base);
-        if !(power > 0.0) {
+        if power.is_nan() || power <= 0.0 {
             return None;
         }
         Some(FixedMode::new(

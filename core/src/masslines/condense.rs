@@ -208,8 +208,8 @@ fn condense_there<L: Lines + ?Sized, const PAIRS: usize>(
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let band = bands.averaging.clone();
-    let fit = bands.fit.clone();
+    let band = bands.averaging;
+    let fit = bands.fit;
     let (modes, weights) = (bands.modes, bands.equations);
     match method {
         Method::ApparentMass => apparent_mass(lines, band, fit, set, space, work),

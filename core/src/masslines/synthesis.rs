@@ -15,6 +15,10 @@ use nalgebra::Complex;
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
 #[inline(never)] // One method's working memory at a time.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "all that a method works on, and in"
+)]
 pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,

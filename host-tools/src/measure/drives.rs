@@ -92,7 +92,7 @@ impl DrivesAverage {
                 own += self.factor(line, &used).1[last];
                 all += self.between(line, drive, drive).re;
             }
-            if !(own > OF_ITS_OWN * all) {
+            if own.is_nan() || own <= OF_ITS_OWN * all {
                 used.pop();
                 dependent.push(drive);
             }
@@ -261,14 +261,20 @@ mod tests {
         assert!((0.998..0.9995).contains(&mean), "{mean}");
         let mut parts = std::mem::take(&mut found.parts);
         // The first drive as it is: with its half in the second one, 2 - 3/2.
-        for (part, gain) in parts.iter_mut().zip([0.5, -3.0]) {
+        // What the second drive adds is chance to the first: a response of 3 beside a drive of 1
+        // in some 95 independent blocks scatters by 3 / sqrt(2 * 95) = 0.22 a line, and by 0.035
+        // in the mean of 60 lines of which two thirds are independent. Beside the second drive
+        // only the channel's own tenth is left, a thirtieth of that. Bounds are 4.5 deviations.
+        for (part, (gain, bound)) in parts.iter_mut().zip([(0.5, 0.16), (-3.0, 0.006)]) {
             let average = found.average(part).unwrap();
+            let (mut real, mut imaginary) = (0.0, 0.0);
             for line in 0..60 {
                 let (re, im) = average.cross(0, line);
-                let power = average.drive_power(line);
-                assert!((re / power - gain).abs() < 0.08, "{line}: {}", re / power);
-                assert!((im / power).abs() < 0.08, "{line}: {}", im / power);
+                real += re / average.drive_power(line) / 60.0;
+                imaginary += im / average.drive_power(line) / 60.0;
             }
+            assert!((real - gain).abs() < bound, "{real}, expected {gain}");
+            assert!(imaginary.abs() < bound, "{imaginary}");
         }
     }
 }

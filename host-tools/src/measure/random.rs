@@ -17,6 +17,10 @@ use std::path::Path;
 const REPORT_ROWS: u64 = 4096;
 
 /// Averaged spectra of one run.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one a run, and nearly always the large one"
+)]
 pub enum Spectra {
     /// Referred to the drive.
     Drive {

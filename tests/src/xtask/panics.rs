@@ -26,7 +26,7 @@ pub const BUDGET: [(&str, usize); 10] = [
     ("defmt-rtt", 2),
     ("heapless", 8),
     ("libm", 6),
-    ("nalgebra", 13),
+    ("nalgebra", 14),
     ("postcard", 7),
     ("sequential-storage", 38),
     ("stm32f4xx-hal", 36),
