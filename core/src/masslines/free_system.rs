@@ -149,6 +149,11 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         multiply_right(&mut set.noise, &response.transpose());
         set.noise += self.noise.acceleration;
         set.pull = set.noise;
+        // The paper's least squares knows no noise but what is left of it in an average.
+        if !set.equations.is_whitened() {
+            let of_lines = set.noise;
+            set.set_averaged_noise(&of_lines);
+        }
     }
 
     /// H at one line: column j is the acceleration of A per unit interface force j.

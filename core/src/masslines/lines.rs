@@ -6,7 +6,7 @@
 //! which is equation (13) before anyone averages over the band.
 
 use super::MasslineError;
-use crate::algebra::incoherent;
+use crate::algebra::{incoherent, larger};
 use crate::geometry::{RESULTANTS, ResultantMap, ResultantNoise};
 use crate::spectra::{Average, BandError, CrossAverage, LineGrid, LineRange, RunResponses, Window};
 use nalgebra::{Complex, Matrix6, Vector6};
@@ -385,7 +385,7 @@ impl<'a, 's> CrossLines<'a, 's> {
     /// an upper bound of the sensors' noise, as the noise of both sides is in it.
     fn incoherent(&self, run: usize, band: LineRange, map: &ResultantMap) -> ResultantNoise {
         let mut power = [0.0; RESULTANTS];
-        let mut noise = ResultantNoise::NONE;
+        let mut noise = [0.0; RESULTANTS];
         let blocks = self.independent_blocks(run);
         // Six explaining channels take six degrees of freedom. `check` has refused fewer.
         let freedom = blocks / (blocks - EXPLAINING).max(1.0);
@@ -393,15 +393,17 @@ impl<'a, 's> CrossLines<'a, 's> {
         for line in band {
             let mut m = Moments::zero();
             self.add_moments(run, line, 1.0, &mut m);
-            noise.acceleration += incoherent(&m.ff, &m.fa.adjoint(), &m.aa) * (freedom / lines);
-            noise.force += incoherent(&m.aa, &m.fa, &m.ff) * (freedom / lines);
+            let of_accelerations = incoherent(&m.ff, &m.fa.adjoint(), &m.aa);
+            let of_forces = incoherent(&m.aa, &m.fa, &m.ff);
             for j in 0..6 {
                 power[j] += m.aa[(j, j)].re / lines;
                 power[6 + j] += m.ff[(j, j)].re / lines;
+                noise[j] += of_accelerations[(j, j)] * freedom / lines;
+                noise[6 + j] += of_forces[(j, j)] * freedom / lines;
             }
         }
-        noise.add(&map.noise(&map.rounding_power(&power)), 1.0);
-        noise
+        let rounding = map.rounding_power(&power);
+        map.noise(&core::array::from_fn(|j| larger(noise[j], rounding[j])))
     }
 }
 

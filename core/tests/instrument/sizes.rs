@@ -11,7 +11,7 @@ fn the_memory_fits_the_chip() {
     assert!(size_of::<WorkingStorage>() <= 51_736);
     assert!(size_of::<RunStorage>() <= 65_240);
     assert!(size_of::<RunStorage>() <= 64 << 10, "core-coupled memory");
-    assert!(size_of::<Notebook>() <= 12_440);
+    assert!(size_of::<Notebook>() <= 13_160);
     assert!(size_of::<Instrument<'_>>() <= 1_584);
     // A job is moved, from one task to another.
     assert!(size_of::<Job<'_>>() <= 272);

@@ -29,6 +29,12 @@ pub enum AnswerError {
         /// What is wrong.
         source: BandError,
     },
+    /// Drives were named that explain little of what moves.
+    #[error("nothing of the ten can be told: {why}")]
+    FewDrives {
+        /// Which drives, of which run, and what to do.
+        why: String,
+    },
     /// Sensors that see different things.
     #[error(
         "the accelerometers see {accelerations} of the reference point and the load cells measure {resultants}: nothing of the ten can be told from these together; add load cells until every load path is measured, and accelerometers on the interface"
@@ -69,6 +75,15 @@ impl AnswerError {
                 ..
             }
         );
+        let few_drives = |w: &&String| w.contains("explains less");
+        if let Some(why) = measurement
+            .warnings
+            .iter()
+            .find(few_drives)
+            .filter(|_| nothing)
+        {
+            return Self::FewDrives { why: why.clone() };
+        }
         let runs = measurement.runs.iter().map(|r| &r.geometry);
         let sines = measurement.sines.iter().map(|r| &r.geometry);
         let poses = measurement.poses.iter().map(|r| &r.geometry);
