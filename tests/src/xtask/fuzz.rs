@@ -7,7 +7,7 @@
 //! targets' code is what ships, with overflow checks and debug assertions on top.
 //!
 //! Inputs that reach something new stay below cargo's target folder and are taken up by the next
-//! call; [`minimise`] puts the few of them into the repository that reach the same. There, the
+//! call; `--minimise` puts the few of them into the repository that reach the same. There, the
 //! test `corpus` of `massline-fuzz` repeats them without libFuzzer on every test run.
 
 use std::fs;

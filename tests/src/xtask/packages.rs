@@ -1,6 +1,6 @@
 //! Debian's packages, unpacked into cargo's target folder for what cargo cannot bring.
 //!
-//! Nothing of the machine is changed and no root is needed: see [`apt`](super::apt). A folder is
+//! Nothing of the machine is changed and no root is needed: see [`super::apt`]. A folder is
 //! made beside its place and renamed when it is whole and its programs run, under a lock, so that
 //! an interruption, a full disk or a second command at the same time leave none that is taken for
 //! more than it is.

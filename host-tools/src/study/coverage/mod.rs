@@ -5,7 +5,7 @@
 //! * **A draw is a test.** New excitation and new noise each time, a new structure where the
 //!   case says so; recordings are longer than what is used of their period, so that blocks leak
 //!   as they do in a test. Noise is white and independent from channel to channel.
-//! * **The same path as `massline identify`**, see [`super::trial`].
+//! * **The same path as `massline identify`**, see `study::trial`.
 //! * **Draws, not threads, have seeds**: the counts do not depend on how many threads there are.
 //!
 //! | file | does |

@@ -6,7 +6,7 @@
 //!   runs, directions (six axes, translations only, one axis, a plane, one rotation, re-mounted,
 //!   several drives at once), kind (random with or without a drive channel, stepped sine, static
 //!   poses), weighed or not, noise from 1e-4 to 3e-2 of each channel's RMS.
-//! * **What it can tell comes from exact kinematics** ([`tell`]): the directions that are excited
+//! * **What it can tell comes from exact kinematics** (module `tell`): the directions that are excited
 //!   are zero or they are not, and the rank of (8) follows without samples.
 //! * **No plan stands on the border.** One where an excited direction is less than 1000 times
 //!   its noise in power, where a singular value lies between 1e-9 and 1e-4 of the largest, or
@@ -14,7 +14,7 @@
 //!   anew. How many were, and why, is reported. The ideal error bar knows that noise tilts every
 //!   acceleration: it takes the forces of a body of the test's own size for what such a tilt
 //!   does, also by way of parameters that the plan does not tell.
-//! * **The same path as `massline identify`**, see [`super::trial`], by the recommended method.
+//! * **The same path as `massline identify`**, see `study::trial`, by the recommended method.
 //!
 //! | file | does |
 //! | --- | --- |
