@@ -180,23 +180,27 @@ pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
     };
     // Estimators work at a point of the body, whichever reference point was given: their
     // choices and their rounding then do not depend on it.
-    let noise = noise_of_runs(lines, 1).acceleration;
     let shift = match bands.equations {
-        EquationWeights::Noise => least_translation(&noise),
+        EquationWeights::Noise => centre_of_noise(lines),
         EquationWeights::Unit => Vector3::zeros(),
     };
     let given = set.equations;
     set.reference += shift;
     set.equations = given.at(&shift);
-    let there = set.equations;
     condense_there(method, &Moved::new(lines, &shift), bands, set, space, work)?;
     match space.found {
         Found::ApparentMass => space.apparent_mass.move_by(&shift),
-        Found::FreeModes => space.free_modes.move_by(&shift, &given, &there),
+        Found::FreeModes => space.free_modes.move_by(&shift, &given, &given.at(&shift)),
         Found::Nothing => {}
     }
     set.move_by(&-shift);
     Ok(())
+}
+
+/// From A to the point at which the noise of the translations is least, m.
+#[inline(never)] // The noise is off the stack when a method works.
+fn centre_of_noise<L: Lines + ?Sized>(lines: &L) -> Vector3<f64> {
+    least_translation(&noise_of_runs(lines, 1).acceleration)
 }
 
 /// Condenses lines that are about the set's reference point.

@@ -4,16 +4,13 @@ use super::lines::{Amplitudes, Lines};
 use super::regression::between;
 use super::{MasslineError, Moments};
 use crate::geometry::{ResultantNoise, transfer};
-use nalgebra::{Complex, Matrix6, Vector3};
+use nalgebra::{Complex, Vector3};
 
 /// Lines as they would be about a point `shift` (m) away from their own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moved<'l, L: ?Sized> {
     lines: &'l L,
     shift: Vector3<f64>,
-    /// Of accelerations, T, and of resultants, T⁻ᵀ.
-    accelerations: Matrix6<f64>,
-    forces: Matrix6<f64>,
 }
 
 impl<'l, L: Lines + ?Sized> Moved<'l, L> {
@@ -21,17 +18,19 @@ impl<'l, L: Lines + ?Sized> Moved<'l, L> {
         Self {
             lines,
             shift: *shift,
-            accelerations: transfer(shift),
-            forces: transfer(&-shift).transpose(),
         }
     }
 
+    #[inline(never)] // Its matrices are on the stack only where they are needed.
     fn moved(&self, run: usize, line: usize, weight: f64) -> Moments {
         let mut m = Moments::zero();
         self.lines.add_moments(run, line, weight, &mut m);
-        between(&self.accelerations, &mut m.aa, &self.accelerations);
-        between(&self.forces, &mut m.fa, &self.accelerations);
-        between(&self.forces, &mut m.ff, &self.forces);
+        // Of accelerations, T, and of resultants, T⁻ᵀ.
+        let accelerations = transfer(&self.shift);
+        let forces = transfer(&-self.shift).transpose();
+        between(&accelerations, &mut m.aa, &accelerations);
+        between(&forces, &mut m.fa, &accelerations);
+        between(&forces, &mut m.ff, &forces);
         m
     }
 }
