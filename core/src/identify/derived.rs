@@ -1,6 +1,6 @@
 //! What follows from σ: centre of gravity, inertia about any point, their error bars.
 
-use super::normal::Solved;
+use super::normal::Workspace;
 use super::student::half_width_95;
 use crate::algebra::{multiply_left, multiply_right, not_negative};
 use crate::cells::{cells, seen};
@@ -62,7 +62,8 @@ enum Term {
 
 /// Mass, CG relative to the point of solution, and inertia about that point, with the
 /// covariance of these ten.
-pub(super) struct Body {
+pub(super) struct Body<'w> {
+    space: &'w Workspace,
     point: Vector3<f64>,
     mass_known: bool,
     indicator: Option<Estimate>,
@@ -76,8 +77,11 @@ pub(super) struct Body {
     observable: [bool; 10],
 }
 
-impl Body {
-    pub(super) fn new(solved: &Solved, known_mass: Option<f64>) -> Self {
+impl<'w> Body<'w> {
+    /// Of the last solution in `space`.
+    pub(super) fn new(space: &'w Workspace) -> Self {
+        let solved = &space.solved;
+        let known_mass = solved.known_mass;
         let s = &solved.sigma;
         let mut jacobian = SMatrix::<f64, 10, 10>::identity();
         let mut observable = solved.observable;
@@ -117,6 +121,7 @@ impl Body {
         jacobian.transpose_mut();
         multiply_right(&mut covariance, &jacobian);
         Self {
+            space,
             point: solved.point,
             mass_known: known_mass.is_some(),
             indicator,
@@ -161,20 +166,47 @@ impl Body {
         })
     }
 
-    /// Inertia about `target`, m, by the parallel-axis rule.
+    /// Inertia about `target`, m, by the parallel-axis rule: a sum of the elements of σ, which
+    /// may be determined though some of them are not.
     pub(super) fn inertia_about(&self, target: &Vector3<f64>) -> InertiaEstimate {
         let c = target - self.point;
-        core::array::from_fn(|j| self.term(j, &c, false).map(|term| self.estimate(term)))
+        let c = seen(&c);
+        let solved = &self.space.solved;
+        core::array::from_fn(|j| {
+            let mut sum = SVector::<f64, 10>::zeros();
+            let slopes = &mut cells(&mut sum);
+            slopes[4 + j] = 1.0;
+            // The elements of (7) are lengths, those of (6) first moments.
+            let (mut exact, weight) = (0.0, solved.known_mass.unwrap_or(1.0));
+            let mut add = |p: usize, q: usize| {
+                slopes[1 + q] -= weight * c[p];
+                slopes[1 + p] -= weight * c[q];
+                match solved.known_mass {
+                    Some(mass) => exact += mass * c[p] * c[q],
+                    None => slopes[0] += c[p] * c[q],
+                }
+            };
+            match TERMS.get(j)? {
+                Term::Moment(p, q) => {
+                    add(*p, *p);
+                    add(*q, *q);
+                }
+                Term::Product(p, q) => add(*p, *q),
+            }
+            self.space.determines(&sum).then(|| Estimate {
+                value: exact + sum.dot(&solved.sigma),
+                std: deviation((sum.transpose() * solved.covariance * sum)[0]),
+            })
+        })
     }
 
     /// Inertia about S.
     pub(super) fn inertia_about_cg(&self) -> InertiaEstimate {
-        core::array::from_fn(|j| self.term(j, &self.r, true).map(|term| self.estimate(term)))
-    }
-
-    fn estimate(&self, (value, gradient): (f64, SVector<f64, 10>)) -> Estimate {
-        let std = self.deviation(&gradient);
-        Estimate { value, std }
+        core::array::from_fn(|j| {
+            let (value, gradient) = self.term(j)?;
+            let std = self.deviation(&gradient);
+            Some(Estimate { value, std })
+        })
     }
 
     /// Standard deviation of a weighted sum of the six terms about S; unknown terms are
@@ -182,7 +214,7 @@ impl Body {
     pub(super) fn deviation_about_cg(&self, weights: &[f64; 6]) -> f64 {
         let mut sum = SVector::<f64, 10>::zeros();
         for (j, &weight) in weights.iter().enumerate() {
-            if let Some((_, gradient)) = self.term(j, &self.r, true) {
+            if let Some((_, gradient)) = self.term(j) {
                 sum.axpy(weight, &gradient, 1.0);
             }
         }
@@ -198,7 +230,7 @@ impl Body {
             known[0] = self.indicator.is_some();
         }
         for j in 0..6 {
-            let term = self.term(j, &self.r, true);
+            let term = self.term(j);
             known[4 + j] = term.is_some();
             if let Some((_, gradient)) = term {
                 gradients.row_mut(4 + j).copy_from(&gradient.transpose());
@@ -213,41 +245,28 @@ impl Body {
         })
     }
 
-    /// Θ about the point of solution plus m times the difference of `(r-c)(r-c)` and
-    /// `r r`. About S the offset c is r itself and moves with it. Returns the value and its
-    /// gradient.
-    fn term(&self, j: usize, c: &Vector3<f64>, about_cg: bool) -> Option<(f64, SVector<f64, 10>)> {
+    /// Θ about S, with its gradient: that about the point of solution less m `r r`.
+    fn term(&self, j: usize) -> Option<(f64, SVector<f64, 10>)> {
         let mut g = SVector::<f64, 10>::zeros();
         let observable = seen(&self.observable[..]);
-        let mut known = observable[4 + j];
+        let mut known = observable[0] && observable[4 + j];
         let mut value = seen(&self.theta[..])[j];
-        let (r, m, c) = (seen(&self.r), self.mass, seen(c));
+        let (r, m) = (seen(&self.r), self.mass);
         let slopes = &mut cells(&mut g);
         slopes[4 + j] = 1.0;
-        let mut add = |p: usize, q: usize| {
-            if about_cg {
-                known &= observable[0] && observable[1 + p] && observable[1 + q];
-                value -= m * r[p] * r[q];
-                slopes[0] -= r[p] * r[q];
-                slopes[1 + p] -= m * r[q];
-                slopes[1 + q] -= m * r[p];
-            } else if c[p] != 0.0 || c[q] != 0.0 {
-                known &= observable[0];
-                known &= observable[1 + q] || c[p] == 0.0;
-                known &= observable[1 + p] || c[q] == 0.0;
-                let change = c[p] * c[q] - c[p] * r[q] - c[q] * r[p];
-                value += m * change;
-                slopes[0] += change;
-                slopes[1 + q] -= m * c[p];
-                slopes[1 + p] -= m * c[q];
-            }
+        let mut subtract = |p: usize, q: usize| {
+            known &= observable[1 + p] && observable[1 + q];
+            value -= m * r[p] * r[q];
+            slopes[0] -= r[p] * r[q];
+            slopes[1 + p] -= m * r[q];
+            slopes[1 + q] -= m * r[p];
         };
         match TERMS.get(j)? {
             Term::Moment(p, q) => {
-                add(*p, *p);
-                add(*q, *q);
+                subtract(*p, *p);
+                subtract(*q, *q);
             }
-            Term::Product(p, q) => add(*p, *q),
+            Term::Product(p, q) => subtract(*p, *q),
         }
         // A known mass is exact, and Δ stands in its place.
         if self.mass_known {

@@ -23,12 +23,12 @@ pub use normal::Workspace;
 pub use sets::MasslineSet;
 pub use student::{beyond_chance, half_width_95};
 
+use crate::cells::seen;
 use crate::geometry::least_translation;
 use crate::rigid_body::{
     Bounded, Inertia, Moments, Parameter, Plausibility, PrincipalInertia, check,
 };
 use nalgebra::Vector3;
-use normal::Solved;
 
 /// Direct, or iterative as in figure 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -177,7 +177,7 @@ impl Workspace {
     /// about S.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
-        derived::Body::new(&self.solved, self.solved.known_mass).covariance()
+        derived::Body::new(self).covariance()
     }
 }
 
@@ -241,7 +241,10 @@ pub fn identify_in<S: MasslineSet>(
             iterations += 1;
         }
     }
-    let found = assemble(&space.solved, reference, question.known_mass, iterations);
+    let found = assemble(space, reference, iterations);
+    if !found.observable.contains(&true) {
+        return Err(IdentifyError::NothingObservable);
+    }
     // Numbers near the ends of their range overflow on the way.
     if found.is_finite() {
         Ok(found)
@@ -251,13 +254,11 @@ pub fn identify_in<S: MasslineSet>(
 }
 
 #[inline(never)] // Not on the stack while equations are solved.
-fn assemble(
-    solved: &Solved,
-    reference: Vector3<f64>,
-    known_mass: Option<f64>,
-    iterations: u32,
-) -> Identification {
-    let body = derived::Body::new(solved, known_mass);
+fn assemble(space: &Workspace, reference: Vector3<f64>, iterations: u32) -> Identification {
+    let solved = &space.solved;
+    let body = derived::Body::new(space);
+    let inertia_reference = body.inertia_about(&reference);
+    let centre_of_gravity = body.centre_of_gravity();
     let inertia_cg = body.inertia_about_cg();
     let all: Option<heapless::Vec<f64, 6>> =
         inertia_cg.iter().map(|t| t.map(|t| t.value)).collect();
@@ -293,11 +294,20 @@ fn assemble(
         reference,
         mass,
         indicator,
-        centre_of_gravity: body.centre_of_gravity(),
-        inertia_reference: body.inertia_about(&reference),
+        centre_of_gravity,
+        inertia_reference,
         inertia_cg,
         principal,
-        observable: solved.observable,
+        observable: core::array::from_fn(|j| match j {
+            0 => solved.observable[0],
+            1..4 => seen(&centre_of_gravity[..])[j - 1].is_some(),
+            _ => {
+                let about = [&inertia_reference, &inertia_cg];
+                about
+                    .into_iter()
+                    .any(|terms| seen(&terms[..])[j - 4].is_some())
+            }
+        }),
         condition_number: solved.condition_number,
         iterations,
         consistency: solved.consistency,

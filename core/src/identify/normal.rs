@@ -16,13 +16,20 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 /// allows a thousand.
 const RANK: f64 = 1e-12;
 
-/// What chance may turn an undetermined direction towards a parameter by, in units of the
-/// variance that noise gives it at one line: nine directions of unit variance exceed this
-/// once in ten thousand times, lines that depend on each other included.
-const CHANCE: f64 = 50.0;
+/// What chance may turn the undetermined combinations towards a parameter by, in units of what
+/// the noise of a pair amounts to: each is turned by half of that in the mean, and nine of them
+/// together by more than ten once in a hundred times (χ² of nine).
+const CHANCE: f64 = 4.0;
 
 /// The same share where nothing is noisy but the arithmetic.
 const ROUNDING: f64 = 1e-8;
+
+/// Share of the noise of a parameter that rounding may leave along a combination that has none:
+/// a run keeps its noise in single precision.
+const SINGLE: f64 = 1e-6;
+
+/// What stands for the share of a parameter that no equation holds in what is undetermined.
+const NEVER_SEEN: f64 = 1e100;
 
 type Matrix10 = SMatrix<f64, 10, 10>;
 type Vector10 = SVector<f64, 10>;
@@ -38,7 +45,10 @@ pub(super) struct Solved {
     /// σ of equation (6), or of (7) if the mass is known.
     pub(super) sigma: Vector10,
     pub(super) covariance: Matrix10,
+    /// Which elements of σ the data determine, about this point.
     pub(super) observable: [bool; 10],
+    /// What chance may turn an undetermined combination by, see [`determine`].
+    chance: f64,
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,
     pub(super) attenuation: f64,
@@ -56,6 +66,7 @@ impl Solved {
         sigma: NO_VECTOR,
         covariance: NO_MATRIX,
         observable: [false; 10],
+        chance: 0.0,
         condition_number: 0.0,
         consistency: None,
         attenuation: 0.0,
@@ -81,6 +92,12 @@ impl Solved {
             }
         })
     }
+}
+
+/// What an excitation of a set is held against: the noise in its pairs, and by how much the
+/// noise turns the directions in which they were excited. That averages out.
+fn floor<S: MasslineSet>(set: &S) -> Matrix6<f64> {
+    set.pull() + set.noise() / set.lines().max(1.0)
 }
 
 const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
@@ -140,6 +157,19 @@ impl Workspace {
         inverse: NO_MATRIX,
         solved: Solved::NONE,
     };
+
+    /// Whether the data determine the sum of the elements of σ with these coefficients, in SI
+    /// units. A sum may be determined whose elements are not: a rotation about A tells the
+    /// inertia about A, and about no other point as long as the mass is unknown.
+    pub(super) fn determines(&self, sum: &Vector10) -> bool {
+        let undetermined = square(&self.normal.noise, sum);
+        undetermined <= self.solved.chance * square(&self.inverse, sum)
+    }
+}
+
+/// `vᵀ M v` of a symmetric matrix.
+fn square(m: &Matrix10, v: &Vector10) -> f64 {
+    v.dot(&times(m, v))
 }
 
 /// Normal equations of all sets about one point.
@@ -147,7 +177,8 @@ impl Workspace {
 struct Normal {
     matrix: Matrix10,
     right: Vector10,
-    /// What `matrix` would be if there were nothing but noise at every line.
+    /// What `matrix` would be if there were nothing but noise, see [`floor`]; after
+    /// [`determine`] the sum `Σ v vᵀ` over the undetermined combinations v.
     noise: Matrix10,
     forces: f64,
     rows: f64,
@@ -155,8 +186,8 @@ struct Normal {
     variance: f64,
     /// Whether every equation was weighted by its variance.
     weighted: bool,
-    /// Fewest independent lines behind a pair; none where there is no noise.
-    lines: Option<f64>,
+    /// Whether there is noise in the accelerations.
+    noisy: bool,
     freedom: f64,
 }
 
@@ -169,7 +200,7 @@ impl Normal {
         rows: 0.0,
         variance: 0.0,
         weighted: false,
-        lines: None,
+        noisy: false,
         freedom: 0.0,
     };
 
@@ -211,11 +242,9 @@ impl Normal {
                 self.rows += equations.count() as f64;
                 self.variance += pair.variance.sum();
             }
-            if set.noise().trace() > 0.0 {
-                self.lines = Some(self.lines.unwrap_or(f64::INFINITY).min(set.lines()));
-            }
+            self.noisy |= set.noise().trace() > 0.0;
             let w = self.mean_weights(set);
-            let columns = t * half(set.noise());
+            let columns = t * half(&floor(set));
             for column in columns.column_iter() {
                 let b = measured(e, &column.into_owned(), mass);
                 add_square(&mut self.noise, &b, &w);
@@ -304,8 +333,8 @@ pub(super) fn solve<S: MasslineSet>(
     scale(&mut n.noise, &d);
     n.right.component_mul_assign(&d);
 
-    let (observable, unknowns) = determine(n, inverse).ok_or(IdentifyError::NothingObservable)?;
-    let sigma = times(inverse, &n.right);
+    let unknowns = determine(n, inverse).ok_or(IdentifyError::NothingObservable)?;
+    let mut sigma = times(inverse, &n.right);
     let freedom = n.rows - unknowns as f64;
     let left = not_negative(n.forces - sigma.dot(&n.right));
     let mut consistency = None;
@@ -338,19 +367,37 @@ pub(super) fn solve<S: MasslineSet>(
     let physical = sigma.component_mul(&d);
     let mut pull = n.pull(sets, point, known_mass.unwrap_or(1.0), &physical);
     pull.component_mul_assign(&d);
-    let pull = times(inverse, &pull);
+    let mut pull = times(inverse, &pull);
     covariance.ger(1.0, &pull, &pull, 1.0);
+    into.chance = match n.noisy {
+        true => CHANCE / EXCITED,
+        false => ROUNDING,
+    };
+    let mut observable = observed(n, inverse, into.chance);
+    if known_mass.is_some() && !observable[0] && d[0] > 0.0 {
+        weigh(n, [inverse, covariance], &mut sigma, &mut pull, 1.0 / d[0]);
+        observable = observed(n, inverse, into.chance);
+        // It is known, but not from the data.
+        observable[0] = false;
+    }
     let mut attenuation = 0.0_f64;
     for j in (0..10).filter(|&j| observable[j]) {
         if covariance[(j, j)] > 0.0 {
             attenuation = attenuation.max(pull[j] * pull[j] / covariance[(j, j)]);
         }
     }
+    into.condition_number = condition(&n.matrix, &observable);
+    scale(inverse, &d);
+    scale(&mut n.noise, &d);
+    for j in 0..10 {
+        if d[j] == 0.0 {
+            n.noise[(j, j)] = NEVER_SEEN;
+        }
+    }
     scale(covariance, &d);
     into.point = *point;
-    into.sigma = physical;
+    into.sigma = sigma.component_mul(&d);
     into.observable = observable;
-    into.condition_number = condition(&n.matrix, &observable);
     into.consistency = consistency;
     into.attenuation = attenuation;
     into.misfit = if n.forces > 0.0 {
@@ -363,21 +410,22 @@ pub(super) fn solve<S: MasslineSet>(
     Ok(())
 }
 
-/// The one rule: which parameters the equations determine, and how many combinations of them.
-/// Leaves the inverse of the equilibrated normal equations on those combinations in `inverse`.
-/// `None` if there is none.
+/// The one rule: which combinations of parameters the equations determine; returns how many.
+/// Leaves the inverse of the equilibrated normal equations on those in `inverse`, and `Σ v vᵀ`
+/// over the others in `n.noise`. `None` if none is determined.
 ///
 /// A combination v is determined if the data weigh it, `vᵀ Q v`, by [`EXCITED`] times what
 /// noise alone would; the pencil of these two matrices has the same eigenvalues at every
 /// reference point and in all units. Where data say nothing, the combination is only known to
-/// within what noise turns it by: a parameter is observable if the undetermined combinations
-/// involve it by no more than chance would. What they involve is left out of the solution.
+/// within what noise turns it by: a sum of parameters is observable if the undetermined
+/// combinations involve it by no more than chance would. What they involve is left out of the
+/// solution.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<([bool; 10], usize)> {
+fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<usize> {
     let floor = &mut n.noise;
     *floor *= EXCITED;
     for j in 0..10 {
-        floor[(j, j)] += RANK;
+        floor[(j, j)] += RANK + SINGLE * floor[(j, j)];
     }
     lower(floor, 10)?;
     inverse_lower(floor, 10);
@@ -390,7 +438,8 @@ fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<([bool; 10], usiz
     // Of length one in the floor, and of length λ in the data.
     multiply_left(floor, &mut vectors);
     inverse.fill(0.0);
-    let mut undetermined = [0.0; 10];
+    let undetermined = floor;
+    undetermined.fill(0.0);
     let mut unknowns = 0;
     for (i, &value) in values.iter().enumerate() {
         let v = Vector10::from_fn(|j, _| seen(&vectors)[(j, i)]);
@@ -398,20 +447,49 @@ fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<([bool; 10], usiz
             unknowns += 1;
             inverse.ger(1.0 / value, &v, &v, 1.0);
         } else {
-            for (share, v) in undetermined.iter_mut().zip(&v) {
-                *share += v * v;
-            }
+            undetermined.ger(1.0, &v, &v, 1.0);
         }
     }
-    let chance = match n.lines {
-        Some(lines) => CHANCE / (EXCITED * lines.max(1.0)),
-        None => ROUNDING,
-    };
+    (unknowns > 0).then_some(unknowns)
+}
+
+/// The single parameters that are observable, see [`determine`].
+fn observed(n: &Normal, inverse: &Matrix10, chance: f64) -> [bool; 10] {
+    let undetermined = n.noise.diagonal();
+    let determined = inverse.diagonal();
     let mut observable = [false; 10];
-    for (j, observable) in observable.iter_mut().enumerate() {
-        *observable = undetermined[j] <= chance * inverse[(j, j)];
+    let pairs = undetermined.iter().zip(&determined);
+    for (observable, (undetermined, determined)) in observable.iter_mut().zip(pairs) {
+        *observable = *undetermined <= chance * determined;
     }
-    observable.contains(&true).then_some((observable, unknowns))
+    observable
+}
+
+/// Sets Δ, which the data do not determine, to `one`, its value for the weighed mass: moves
+/// the solution along the undetermined combination w that alone holds Δ, which changes nothing
+/// in the forces.
+#[inline(never)] // Not on the stack while equations are solved.
+fn weigh(
+    n: &mut Normal,
+    matrices: [&mut Matrix10; 2],
+    sigma: &mut Vector10,
+    pull: &mut Vector10,
+    one: f64,
+) {
+    let share = n.noise[(0, 0)];
+    if share > 0.0 {
+        // Of w w_Δ, with w_Δ² = share.
+        let w = n.noise.column(0) / share;
+        n.noise.ger(-share, &w, &w, 1.0);
+        sigma.axpy(one - sigma[0], &w, 1.0);
+        pull.axpy(-pull[0], &w, 1.0);
+        for matrix in matrices {
+            let row = matrix.row(0).transpose();
+            matrix.ger(-1.0, &w, &row, 1.0);
+            let column = matrix.column(0).into_owned();
+            matrix.ger(-1.0, &column, &w, 1.0);
+        }
+    }
 }
 
 /// The rows and columns that are kept, with ones on the rest of the diagonal.

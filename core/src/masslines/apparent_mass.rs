@@ -16,7 +16,7 @@ use super::lines::{indices, two_a_line};
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
 use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::algebra::{multiply_left, multiply_right};
+use crate::algebra::{multiply_left, multiply_right, not_negative};
 use crate::cells::cells;
 use crate::geometry::transfer;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
@@ -150,9 +150,53 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     fit.noise_of_pairs(&mut set.pull);
     set.pull *= share;
     set.lines = (band.len() as f64 / lines.correlation()) as f32;
+    add_turn(set, first);
     set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
+}
+
+/// Widens the variances of the pairs from `first` on by what the noise turns their directions
+/// by: half of a line's noise along the directions that are not excited (real moments hold half
+/// of it), which no scatter of the lines shows. The force that goes with it is that of a body of
+/// the pairs' mass as far out as the accelerometers are, since what the pairs do not excite
+/// they do not tell.
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
+fn add_turn<const PAIRS: usize>(set: &mut Masslines<PAIRS>, first: usize) {
+    // Three accelerometers in three directions each, on a circle about their centre.
+    const RING: f64 = 5.0 / 3.0;
+    let turn = (set.noise - set.pull) * (0.5 / f64::from(set.lines).max(1.0));
+    let [mut translation, mut rotation] = [0.0; 2];
+    for j in 0..3 {
+        translation += set.noise[(j, j)];
+        rotation += set.noise[(3 + j, 3 + j)];
+    }
+    let radius = if rotation > 0.0 {
+        RING * translation / rotation
+    } else {
+        0.0
+    };
+    let pairs = set.pairs.get_mut(first..).unwrap_or(&mut []);
+    let e = set.equations.rows();
+    // The equations for a unit of mass, and by least squares the mass.
+    let mut unit = *e;
+    for mut column in unit.column_iter_mut().skip(3) {
+        column *= radius;
+    }
+    let (mut product, mut square) = (0.0, 0.0);
+    for pair in &*pairs {
+        let of_unit = unit * pair.acceleration;
+        product += of_unit.dot(&(e * pair.force));
+        square += of_unit.norm_squared();
+    }
+    let mass = if square > 0.0 { product / square } else { 0.0 };
+    let added = (unit * turn * unit.transpose() * (mass * mass)).diagonal();
+    for pair in pairs {
+        let each = pair.variance.iter_mut().zip(&added);
+        for (variance, added) in each.filter(|(variance, _)| **variance > 0.0) {
+            *variance += not_negative(*added);
+        }
+    }
 }
 
 /// Refuses more runs than there are weights for.

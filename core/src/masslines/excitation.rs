@@ -69,12 +69,12 @@ impl Excitation {
             rank,
             weakest,
         } = &mut excitation;
-        let (mut whitening, mut colouring) = (NO_MATRIX, NO_MATRIX);
-        roots(noise, &mut whitening, &mut colouring);
+        let mut whitening = NO_MATRIX;
+        whiten(noise, &mut whitening);
         let mut ratio = *moments;
         multiply_left(&whitening, &mut ratio);
-        multiply_right(&mut ratio, &whitening.transpose());
-        let mut vectors = Matrix6::zeros();
+        let mut vectors = whitening.transpose();
+        multiply_right(&mut ratio, &vectors);
         let values = symmetric_eigen(&mut ratio, &mut vectors);
         if values.iter().all(|&v| v > EXCITED) {
             // With all six excited any basis will do, and the plain axes cost no rounding.
@@ -84,23 +84,28 @@ impl Excitation {
             coordinates.copy_from(&IDENTITY);
             return excitation;
         }
-        multiply_left(&colouring, &mut vectors);
-        for (i, (&value, (mut axis, vector))) in values
+        *rank = values.iter().filter(|&&value| value > EXCITED).count();
+        *weakest = values
             .iter()
-            .zip(basis.column_iter_mut().zip(vectors.column_iter()))
-            .enumerate()
-        {
-            if value > EXCITED {
-                axis.copy_from(&vector);
-                *weakest = value;
-                *rank = i + 1;
+            .copied()
+            .take(*rank)
+            .fold(f64::INFINITY, f64::min);
+        // The direction that has the coordinate vᵀ W is what the moments hold along it, M Wᵀ v,
+        // and not what the noise would: where a direction is excited that no noise is known
+        // of, the noise has no such component.
+        for (i, mut column) in vectors.column_iter_mut().enumerate() {
+            if i >= *rank {
+                column.fill(0.0);
             }
         }
-        // Rows yᵀ C^(-1/2) = (C^(1/2) y)ᵀ C⁻¹: those of the whitening times its transpose.
-        let mut inverse = whitening.transpose();
-        multiply_right(&mut inverse, &whitening);
-        *coordinates = basis.transpose();
-        multiply_right(coordinates, &inverse);
+        vectors.transpose_mut();
+        coordinates.copy_from(&vectors);
+        multiply_right(coordinates, &whitening);
+        basis.copy_from(&coordinates.transpose());
+        multiply_left(moments, basis);
+        for (mut axis, &value) in basis.column_iter_mut().zip(&values).take(*rank) {
+            axis /= value;
+        }
         excitation
     }
 
@@ -129,10 +134,9 @@ impl Excitation {
     }
 }
 
-/// Square roots of a covariance C and of its inverse, `whitening C whiteningᵀ = 1` and
-/// `colouring colouringᵀ = C`, on the directions that have noise.
+/// A root W of the inverse of a covariance C, `W C Wᵀ = 1` on the directions that have noise.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn roots(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>, colouring: &mut Matrix6<f64>) {
+fn whiten(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>) {
     // In units of its own noise every component is comparable. One that is exactly zero,
     // because no sensor sees it, stays zero.
     let scale: Vector6<f64> = noise.diagonal().map(|n| {
@@ -154,7 +158,6 @@ fn roots(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>, colouring: &mut Mat
             for j in 0..6 {
                 if scale[j] > 0.0 {
                     whitening[(i, j)] = vectors[(j, i)] / (root * scale[j]);
-                    colouring[(j, i)] = vectors[(j, i)] * root * scale[j];
                 }
             }
         }

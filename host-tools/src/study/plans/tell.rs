@@ -96,6 +96,14 @@ pub(super) fn tell(runs: &[Excited], body: &Matrix6<f64>, size: f64, weighed: bo
     if !excited_clearly(runs) {
         return Verdict::Doubtful("an acceleration near its noise");
     }
+    if weighed {
+        let mut row = SVector::<f64, 10>::zeros();
+        row[0] = stacked.iter().map(|row| row.norm()).fold(0.0, f64::max);
+        // Exact: a thousand times what all the rest says.
+        information[(0, 0)] += 1e6 * information.diagonal().max();
+        stacked.push(row);
+        count += 1;
+    }
     if count == 0 {
         return Verdict::Clear(follow([false; 10], weighed));
     }
