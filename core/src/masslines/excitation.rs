@@ -9,7 +9,7 @@
 use crate::algebra::{multiply_left, multiply_right, symmetric_eigen};
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
-const IDENTITY: Matrix6<f64> = Matrix6::new(
+pub(super) const IDENTITY: Matrix6<f64> = Matrix6::new(
     1.0, 0.0, 0.0, 0.0, 0.0, 0.0, //
     0.0, 1.0, 0.0, 0.0, 0.0, 0.0, //
     0.0, 0.0, 1.0, 0.0, 0.0, 0.0, //
@@ -61,47 +61,57 @@ impl Excitation {
     /// in them. A direction without noise has no sensor that looks along it.
     #[must_use]
     pub fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
-        // Filled where it lies: matrices are not moved over the stack.
         let mut excitation = Self::NONE;
+        excitation.decide(moments, noise);
+        excitation
+    }
+
+    /// As [`Self::new`], in this place: a small stack has no room for a second one.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    pub(super) fn decide(&mut self, moments: &Matrix6<f64>, noise: &Matrix6<f64>) {
         let Self {
             basis,
             coordinates,
             rank,
             weakest,
-        } = &mut excitation;
-        let (mut whitening, mut colouring) = (NO_MATRIX, NO_MATRIX);
-        roots(noise, &mut whitening, &mut colouring);
+        } = self;
+        (*rank, *weakest) = (0, f64::INFINITY);
+        // Until the directions are known, the square roots of the noise lie in their place.
+        let (colouring, whitening) = (basis, coordinates);
+        roots(noise, whitening, colouring);
         let mut ratio = *moments;
-        multiply_left(&whitening, &mut ratio);
-        multiply_right(&mut ratio, &whitening.transpose());
-        let mut vectors = Matrix6::zeros();
+        multiply_left(whitening, &mut ratio);
+        ratio.transpose_mut();
+        multiply_left(whitening, &mut ratio);
+        let mut vectors = NO_MATRIX;
         let values = symmetric_eigen(&mut ratio, &mut vectors);
+        let (basis, coordinates) = (colouring, whitening);
         if values.iter().all(|&v| v > EXCITED) {
             // With all six excited any basis will do, and the plain axes cost no rounding.
             *weakest = values[5];
             *rank = 6;
             basis.copy_from(&IDENTITY);
             coordinates.copy_from(&IDENTITY);
-            return excitation;
+            return;
         }
-        multiply_left(&colouring, &mut vectors);
-        for (i, (&value, (mut axis, vector))) in values
-            .iter()
-            .zip(basis.column_iter_mut().zip(vectors.column_iter()))
-            .enumerate()
-        {
+        for (vector, &value) in vectors.data.0.iter_mut().zip(&values) {
             if value > EXCITED {
-                axis.copy_from(&vector);
                 *weakest = value;
-                *rank = i + 1;
+                *rank += 1;
+            } else {
+                vector.fill(0.0);
             }
         }
-        // Rows yᵀ C^(-1/2) = (C^(1/2) y)ᵀ C⁻¹: those of the whitening times its transpose.
-        let mut inverse = whitening.transpose();
-        multiply_right(&mut inverse, &whitening);
-        *coordinates = basis.transpose();
-        multiply_right(coordinates, &inverse);
-        excitation
+        // Directions are C^(1/2) y, and coordinates along them yᵀ C^(-1/2).
+        multiply_right(basis, &vectors);
+        vectors.transpose_mut();
+        multiply_left(&vectors, coordinates);
+    }
+
+    /// Number of directions that [`Self::new`] would find.
+    #[inline(never)] // The directions are off the stack when the caller goes on.
+    pub(super) fn rank_of(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> usize {
+        Self::new(moments, noise).rank
     }
 
     /// Number of excited directions.
@@ -130,7 +140,7 @@ impl Excitation {
 }
 
 /// Square roots of a covariance C and of its inverse, `whitening C whiteningᵀ = 1` and
-/// `colouring colouringᵀ = C`, on the directions that have noise.
+/// `colouring colouringᵀ = C`, on the directions that have noise; zero on the others.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
 fn roots(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>, colouring: &mut Matrix6<f64>) {
     // In units of its own noise every component is comparable. One that is exactly zero,
@@ -146,8 +156,10 @@ fn roots(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>, colouring: &mut Mat
         let s = scale[i] * scale[j];
         if s > 0.0 { noise[(i, j)] / s } else { 0.0 }
     });
-    let mut vectors = Matrix6::zeros();
+    let mut vectors = NO_MATRIX;
     let values = symmetric_eigen(&mut correlation, &mut vectors);
+    whitening.fill(0.0);
+    colouring.fill(0.0);
     for (i, &value) in values.iter().enumerate() {
         if value > UNSEEN {
             let root = libm::sqrt(value);
