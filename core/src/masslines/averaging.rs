@@ -203,7 +203,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         // scatters is the force left over by the matrix that fits the averages best.
         fitted.mass = self.best_matrix(excitation);
         if equations == EquationWeights::Noise {
-            self.whiten(&noise_of_runs(lines, 1), &fitted.mass);
+            self.whiten_by(lines, &fitted.mass);
         }
         let rows = self.equations.rows();
         let Fitted { mass, value, slope } = &mut fitted;
@@ -307,10 +307,15 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         Ok(())
     }
 
+    /// Combines the equations by the noise of all runs, see [`Self::whiten`].
+    #[inline(never)] // The noise is off the stack when scatter is looked at.
+    pub(super) fn whiten_by<L: Lines + ?Sized>(&mut self, lines: &L, mass: &Matrix6<f64>) {
+        self.whiten(&noise_of_runs(lines, 1), mass);
+    }
+
     /// Combines the equations so that what `noise` leaves of `f - M a` is independent and of
     /// variance one in each. Without noise they stay as they are.
-    #[inline(never)] // Its matrices are off the stack when scatter is looked at.
-    pub(super) fn whiten(&mut self, noise: &ResultantNoise, mass: &Matrix6<f64>) {
+    fn whiten(&mut self, noise: &ResultantNoise, mass: &Matrix6<f64>) {
         // No equation is trusted a million times more than another of its set.
         const LEAST: f64 = 1e-12;
         let rows = self.equations.count();

@@ -1,6 +1,5 @@
 //! Method d: curve fit of the free system's frequency responses.
 
-use super::averaging::noise_of_runs;
 use super::{EquationWeights, FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::algebra::multiply_left;
 use crate::spectra::LineRange;
@@ -55,7 +54,7 @@ fn add_pairs<L: Lines + ?Sized, const PAIRS: usize>(
     }
     let mut gain = set.best_matrix(system.excitation());
     if equations == EquationWeights::Noise {
-        set.whiten(&noise_of_runs(lines, 1), &gain);
+        set.whiten_by(lines, &gain);
     }
     for (p, pair) in set.pairs.iter_mut().enumerate() {
         let mut shares = system.shares(p);

@@ -376,7 +376,10 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         modes.constant_variance.fill(0.0);
         for (k, line) in fit.clone().enumerate() {
             self.response_into(line, &mut h)?;
-            h -= modes.at(self.lines.frequency(line));
+            modes.take_elastic(self.lines.frequency(line), &mut h);
+            for (z, constant) in h.iter_mut().zip(&modes.constant) {
+                z.re -= constant;
+            }
             let weight = trace.weight(k);
             let squares = &mut modes.constant_variance;
             squares.zip_apply(&h, |sum, z| *sum += z.norm_sqr() * weight);
