@@ -104,7 +104,7 @@ mod app {
 
     #[shared]
     struct Shared {
-        office: Office,
+        office: &'static mut Office,
     }
 
     #[local]
@@ -123,6 +123,7 @@ mod app {
         queues: Queues = Queues::new(),
         settings: Settings<INPUTS> = Settings::DELIVERED,
         samples: sampling::Queues = sampling::Queues::new(),
+        rooms: Option<Office> = None,
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let flags = board::reset_flags(&cx.device.RCC);
@@ -180,16 +181,16 @@ mod app {
         // Telemetry is called in one of ten rounds, and must not be late before what hinders it.
         let second = cycles(1);
         let roll = RollCall::new([second, second, second, second, cycles(2), cycles(15)]);
+        let office = Office::open(
+            cx.local.rooms,
+            storage,
+            identity,
+            services,
+            shots,
+            (inbox, post, board.link_rate),
+        );
         (
-            Shared {
-                office: Office::new(
-                    storage,
-                    identity,
-                    services,
-                    shots,
-                    (inbox, post, board.link_rate),
-                ),
-            },
+            Shared { office },
             Local {
                 port,
                 sampler,
@@ -273,7 +274,7 @@ mod app {
 
     #[task(binds = CAN2_TX, priority = 3, shared = [office])]
     fn desk(mut cx: desk::Context) {
-        while cx.shared.office.lock(Office::attend) {
+        while cx.shared.office.lock(|office| office.attend()) {
             board::pend_block();
             board::pend_identify();
         }
@@ -287,7 +288,7 @@ mod app {
     fn block(mut cx: block::Context) {
         services::hang_if_provoked();
         // A synthetic run without an end has always more to do.
-        let is_more = (0..TOGETHER).all(|_| cx.shared.office.lock(Office::poll));
+        let is_more = (0..TOGETHER).all(|_| cx.shared.office.lock(|office| office.poll()));
         if is_more {
             MORE.store(true, Ordering::Relaxed);
             board::pend_identify();
@@ -303,7 +304,7 @@ mod app {
 
     #[task(binds = CAN2_SCE, priority = 1, shared = [office])]
     fn identify(mut cx: identify::Context) {
-        let mut out = cx.shared.office.lock(Office::take_job);
+        let mut out = cx.shared.office.lock(|office| office.take_job());
         if let Some(job) = &mut out {
             job.run();
         }

@@ -30,22 +30,24 @@ pub struct Office {
 }
 
 impl Office {
-    /// Opens it.
-    pub fn new(
+    /// Opens it in `rooms`.
+    #[inline(never)] // On the stack until it has its place, and not beside what else starts.
+    pub fn open(
+        rooms: &'static mut Option<Self>,
         memory: Memory<'static>,
         identity: Identity<'static>,
         services: Services,
         shots: Consumer<'static, Shot>,
         (inbox, post, rate): (Inbox, Post, Rate),
-    ) -> Self {
-        Self {
+    ) -> &'static mut Self {
+        rooms.insert(Self {
             instrument: Instrument::new(memory, identity),
             services,
             shots,
             inbox,
             post,
             rate,
-        }
+        })
     }
 
     /// Deals with one message from the host; whether there may be more.

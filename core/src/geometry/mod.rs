@@ -15,6 +15,7 @@ mod resultants;
 mod run;
 
 pub use equations::Equations;
+pub(crate) use noise::move_accelerations;
 pub use noise::{
     PackedNoise, ResultantNoise, accelerations_moved, forces_moved, least_translation,
 };

@@ -6,7 +6,7 @@
 //! resultants themselves, `C_B = T C_A Tᵀ` for accelerations and `C_B = T⁻ᵀ C_A T⁻¹` for
 //! forces, and everything that asks how large the noise is reads them.
 
-use super::{RESULTANTS, resultants_at, transfer};
+use super::RESULTANTS;
 use crate::algebra::symmetric_eigen;
 use crate::cells::seen;
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, Vector3, Vector6};
@@ -56,8 +56,11 @@ impl ResultantNoise {
 
     /// Adds `weight` times another one about the same point.
     pub fn add(&mut self, other: &Self, weight: f64) {
-        self.acceleration += other.acceleration * weight;
-        self.force += other.force * weight;
+        let sums = self.acceleration.iter_mut().chain(&mut self.force);
+        let others = other.acceleration.iter().chain(&other.force);
+        for (sum, other) in sums.zip(others) {
+            *sum += other * weight;
+        }
     }
 
     /// Variances of the twelve resultants, accelerations before forces.
@@ -76,10 +79,15 @@ impl ResultantNoise {
     /// The same noise about a point `shift = r_B - r_A` (m) away.
     #[must_use]
     pub fn at(&self, shift: &Vector3<f64>) -> Self {
-        Self {
-            acceleration: accelerations_moved(&self.acceleration, shift),
-            force: forces_moved(&self.force, shift),
-        }
+        let mut moved = *self;
+        moved.move_by(shift);
+        moved
+    }
+
+    /// Moves the reference point by `shift`, m.
+    pub(crate) fn move_by(&mut self, shift: &Vector3<f64>) {
+        move_accelerations(&mut self.acceleration, shift);
+        move_forces(&mut self.force, shift);
     }
 
     /// Both matrices as lower triangles of `f32`, row after row, accelerations first.
@@ -151,33 +159,62 @@ pub type PackedNoise = [f32; 2 * TRIANGLE];
 /// A covariance of accelerations about a point `shift` (m) away.
 #[must_use]
 pub fn accelerations_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
-    let t = transfer(shift);
-    symmetric(&(t * covariance * t.transpose()))
+    let mut moved = *covariance;
+    move_accelerations(&mut moved, shift);
+    moved
 }
 
 /// A covariance of resultants about a point `shift` (m) away.
 #[must_use]
 pub fn forces_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
-    let mut half = *covariance;
-    for mut column in half.column_iter_mut() {
-        let moved = resultants_at(shift, &column.clone_owned());
-        column.copy_from(&moved);
-    }
-    half.transpose_mut();
-    for mut column in half.column_iter_mut() {
-        let moved = resultants_at(shift, &column.clone_owned());
-        column.copy_from(&moved);
-    }
-    symmetric(&half)
+    let mut moved = *covariance;
+    move_forces(&mut moved, shift);
+    moved
 }
 
-fn symmetric(m: &Matrix6<f64>) -> Matrix6<f64> {
-    Matrix6::from_fn(|i, j| (m[(i, j)] + m[(j, i)]) * 0.5)
+/// Moves a covariance of accelerations where it lies: `u_B = u_A - s x w` on both sides.
+pub(crate) fn move_accelerations(covariance: &mut Matrix6<f64>, shift: &Vector3<f64>) {
+    on_both_sides(covariance, |[x, y, z, about_x, about_y, about_z]| {
+        take_cross([x, y, z], shift, [*about_x, *about_y, *about_z]);
+    });
+}
+
+/// Moves a covariance of resultants where it lies: the moment loses `s x force` on both sides.
+pub(crate) fn move_forces(covariance: &mut Matrix6<f64>, shift: &Vector3<f64>) {
+    on_both_sides(covariance, |[x, y, z, about_x, about_y, about_z]| {
+        take_cross([about_x, about_y, about_z], shift, [*x, *y, *z]);
+    });
+}
+
+/// Changes columns, and then rows in the same way.
+fn on_both_sides(matrix: &mut Matrix6<f64>, change: impl Fn(&mut [f64; 6])) {
+    for _ in 0..2 {
+        for column in &mut matrix.data.0 {
+            change(column);
+        }
+        matrix.transpose_mut();
+    }
+    // To the last bit, whatever rounding made of it.
+    for i in 0..6 {
+        for j in 0..i {
+            let mean = (matrix[(i, j)] + matrix[(j, i)]) * 0.5;
+            (matrix[(i, j)], matrix[(j, i)]) = (mean, mean);
+        }
+    }
+}
+
+/// Takes `shift x lever` off.
+fn take_cross([x, y, z]: [&mut f64; 3], shift: &Vector3<f64>, lever: [f64; 3]) {
+    let [a, b, c] = lever;
+    *x -= shift.y * c - shift.z * b;
+    *y -= shift.z * a - shift.x * c;
+    *z -= shift.x * b - shift.y * a;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{resultants_at, transfer};
 
     fn six_sensors(about: Vector3<f64>) -> ResultantNoise {
         // Independent readings of x, y, z at three places, each with its own noise.

@@ -12,7 +12,8 @@
 //! into the regression as unknowns of their own and are eliminated from it again.
 
 use super::averaging::MIN_LINES;
-use super::lines::{indices, two_a_line};
+use super::lines::{add_scaled, indices, two_a_line};
+use super::moved::Moved;
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
 use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
@@ -95,7 +96,6 @@ impl ApparentMass {
 /// [`MasslineError`] if the band is too short or nothing is excited or measured, and among
 /// them [`MasslineError::OtherLines`], [`MasslineError::Work`] and
 /// [`MasslineError::TooManyRuns`].
-#[inline(never)] // One method's working memory at a time.
 pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
@@ -104,6 +104,21 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
+    apparent_mass_at(lines, &Vector3::zeros(), band, fit, set, space, work)
+}
+
+/// As [`apparent_mass`], of lines about a point from which that of `set` lies `shift` (m) away.
+#[inline(never)] // One method's working memory at a time.
+pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
+    given: &L,
+    shift: &Vector3<f64>,
+    band: LineRange,
+    fit: LineRange,
+    set: &mut Masslines<PAIRS>,
+    space: &mut Workspace,
+    work: &mut [Complex<f64>],
+) -> Result<(), MasslineError> {
+    let lines = &Moved::new(given, shift);
     let (band, fit) = (indices(lines, band)?, indices(lines, fit)?);
     few_enough(lines)?;
     if band.len() < MIN_LINES {
@@ -113,7 +128,8 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
         return Err(MasslineError::NoResultant);
     }
     let alike = [1.0; MAX_RUNS];
-    let mut energy = energy(lines, &band, &alike);
+    space.residuals.powers.keep(lines, &band);
+    let mut energy = space.residuals.powers.weighted(lines, &band, &alike);
     let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work)?;
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
@@ -138,12 +154,12 @@ pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
         .begin(&set.equations, basis.terms(), lines.correlation());
     fit.solve(lines, &band, &basis, &energy)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
-    fit.weigh_runs(lines, &band, &basis);
-    energy = self::energy(lines, &band, &fit.weights);
+    fit.weigh_runs(given, shift, &band, &basis);
+    energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
     fit.solve(lines, &band, &basis, &energy)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
-    fit.find_residuals(lines, &band, &basis);
+    fit.find_residuals(given, shift, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
     let share = fit.regression.share_of_pairs(fit.solution);
     set.noise = fit.noise * share;
@@ -206,22 +222,6 @@ pub(super) fn few_enough<L: Lines + ?Sized>(lines: &L) -> Result<(), MasslineErr
         return Err(MasslineError::TooManyRuns { limit, found });
     }
     Ok(())
-}
-
-/// Powers of all runs over the lines of the band, each run with its weight.
-#[inline(never)] // Amplitudes are off the stack when they are summed.
-pub(super) fn energy<L: Lines + ?Sized>(
-    lines: &L,
-    band: &Range<usize>,
-    weights: &[f64; MAX_RUNS],
-) -> Powers {
-    let mut energy = Powers::zero();
-    for (run, weight) in weights.iter().enumerate().take(lines.runs()) {
-        for line in band.clone() {
-            lines.add_powers(run, line, *weight, &mut energy);
-        }
-    }
-    energy
 }
 
 /// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
@@ -338,7 +338,7 @@ pub(super) struct Fit<'s> {
     pub(super) regression: &'s mut Regression,
     pub(super) solution: &'s mut Solution,
     /// What is compared with it.
-    candidate: &'s mut Solution,
+    pub(super) candidate: &'s mut Solution,
     pub(super) residuals: &'s mut Residuals,
     /// What each run's squares count.
     pub(super) weights: [f64; MAX_RUNS],
@@ -360,7 +360,8 @@ impl Fit<'_> {
     ) -> Result<(), MasslineError> {
         self.noise = NO_MATRIX;
         for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
-            self.noise += lines.noise(run).acceleration * (weight * band.len() as f64);
+            let weight = weight * band.len() as f64;
+            add_scaled(&mut self.noise, &lines.noise(run).acceleration, weight);
         }
         self.power = energy.ff;
         self.regression

@@ -1,11 +1,13 @@
 //! Averages over the lines of a band, and what the scatter of the lines says about them.
 
-use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
+use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Squares};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
 use crate::cells::{cells, seen};
 use crate::geometry::ResultantNoise;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
+
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 /// Fewest lines of an averaging band.
 pub const MIN_LINES: usize = 3;
@@ -80,39 +82,55 @@ impl LineWeights {
 
 /// Real parts of the moments summed over runs and lines, with the noise in them.
 pub(super) struct RealMoments {
-    pub(super) aa: Matrix6<f64>,
-    pub(super) ff: Matrix6<f64>,
+    pub(super) squares: Squares,
     /// Covariance of the noise in both sums.
     pub(super) noise: ResultantNoise,
     pub(super) lines: f64,
 }
 
 impl RealMoments {
-    #[inline(never)] // Complex moments are off the stack when the caller goes on.
+    /// Nothing yet.
+    pub(super) const EMPTY: Self = Self {
+        squares: Squares {
+            aa: NO_MATRIX,
+            ff: NO_MATRIX,
+        },
+        noise: ResultantNoise::NONE,
+        lines: 0.0,
+    };
+
+    #[inline(never)] // What is summed is off the stack when the caller goes on.
     pub(super) fn new<L: Lines + ?Sized>(lines: &L, band: &Range<usize>) -> Self {
-        let mut total = Moments::zero();
+        let mut total = Self::EMPTY;
         for run in 0..lines.runs() {
             for line in band.clone() {
-                lines.add_moments(run, line, 1.0, &mut total);
+                lines.add_squares(run, line, 1.0, &mut total.squares);
             }
         }
-        Self {
-            aa: total.aa.map(|z| z.re),
-            ff: total.ff.map(|z| z.re),
-            noise: noise_of_runs(lines, band.len()),
-            lines: band.len() as f64,
-        }
+        add_noise_of_runs(lines, band.len(), &mut total.noise);
+        total.lines = band.len() as f64;
+        total
+    }
+
+    /// The accelerations that rise above their noise.
+    pub(super) fn accelerations(&self, into: &mut Excitation) {
+        into.decide(&self.squares.aa, &self.noise.acceleration);
     }
 }
 
 /// Covariance of the noise that so many lines of all runs hold together.
-#[inline(never)] // One run's noise on the stack.
 pub(super) fn noise_of_runs<L: Lines + ?Sized>(lines: &L, count: usize) -> ResultantNoise {
     let mut noise = ResultantNoise::NONE;
-    for run in 0..lines.runs() {
-        noise.add(&lines.noise(run), count as f64);
-    }
+    add_noise_of_runs(lines, count, &mut noise);
     noise
+}
+
+/// Adds it where it is wanted.
+#[inline(never)] // One run's noise on the stack.
+fn add_noise_of_runs<L: Lines + ?Sized>(lines: &L, count: usize, into: &mut ResultantNoise) {
+    for run in 0..lines.runs() {
+        into.add(&lines.noise(run), count as f64);
+    }
 }
 
 /// An acceleration and the force that goes with it at one line.
@@ -135,7 +153,7 @@ struct Fitted<const PAIRS: usize> {
 
 impl<const PAIRS: usize> Fitted<PAIRS> {
     const NOTHING: Self = Self {
-        mass: Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6])),
+        mass: NO_MATRIX,
         value: [NO_PAIR; PAIRS],
         slope: [NO_PAIR; PAIRS],
     };
@@ -185,7 +203,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         // scatters is the force left over by the matrix that fits the averages best.
         fitted.mass = self.best_matrix(excitation);
         if equations == EquationWeights::Noise {
-            self.whiten(&noise_of_runs(lines, 1), &fitted.mass);
+            self.whiten_by(lines, &fitted.mass);
         }
         let rows = self.equations.rows();
         let Fitted { mass, value, slope } = &mut fitted;
@@ -289,10 +307,15 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         Ok(())
     }
 
+    /// Combines the equations by the noise of all runs, see [`Self::whiten`].
+    #[inline(never)] // The noise is off the stack when scatter is looked at.
+    pub(super) fn whiten_by<L: Lines + ?Sized>(&mut self, lines: &L, mass: &Matrix6<f64>) {
+        self.whiten(&noise_of_runs(lines, 1), mass);
+    }
+
     /// Combines the equations so that what `noise` leaves of `f - M a` is independent and of
     /// variance one in each. Without noise they stay as they are.
-    #[inline(never)] // Its matrices are off the stack when scatter is looked at.
-    pub(super) fn whiten(&mut self, noise: &ResultantNoise, mass: &Matrix6<f64>) {
+    fn whiten(&mut self, noise: &ResultantNoise, mass: &Matrix6<f64>) {
         // No equation is trusted a million times more than another of its set.
         const LEAST: f64 = 1e-12;
         let rows = self.equations.count();

@@ -1,11 +1,12 @@
 //! One door to all methods: averaged lines in, masslines out.
 
+use super::apparent_mass::apparent_mass_at;
 use super::averaging::noise_of_runs;
 use super::moved::Moved;
 use super::workspace::Found;
 use super::{
-    ApparentMass, Factorisation, FreeModes, Lines, MasslineError, Masslines, Workspace,
-    apparent_mass, curve_fit, free_responses, frequency_responses, power_spectra, synthesis,
+    ApparentMass, Factorisation, FreeModes, Lines, MasslineError, Masslines, Workspace, curve_fit,
+    free_responses, frequency_responses, power_spectra, synthesis,
 };
 use crate::geometry::{Equations, least_translation};
 use crate::modes::MAX_MODES;
@@ -187,7 +188,7 @@ pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
     let given = set.equations;
     set.reference += shift;
     set.equations = given.at(&shift);
-    condense_there(method, &Moved::new(lines, &shift), bands, set, space, work)?;
+    condense_there(method, lines, &shift, bands, set, space, work)?;
     match space.found {
         Found::ApparentMass => space.apparent_mass.move_by(&shift),
         Found::FreeModes => space.free_modes.move_by(&shift, &given, &given.at(&shift)),
@@ -203,10 +204,11 @@ fn centre_of_noise<L: Lines + ?Sized>(lines: &L) -> Vector3<f64> {
     least_translation(&noise_of_runs(lines, 1).acceleration)
 }
 
-/// Condenses lines that are about the set's reference point.
+/// Condenses lines about a point from which the set's reference point lies `shift` (m) away.
 fn condense_there<L: Lines + ?Sized, const PAIRS: usize>(
     method: Method,
-    lines: &L,
+    given: &L,
+    shift: &Vector3<f64>,
     bands: &Bands,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
@@ -215,8 +217,9 @@ fn condense_there<L: Lines + ?Sized, const PAIRS: usize>(
     let band = bands.averaging;
     let fit = bands.fit;
     let (modes, weights) = (bands.modes, bands.equations);
+    let lines = &Moved::new(given, shift);
     match method {
-        Method::ApparentMass => apparent_mass(lines, band, fit, set, space, work),
+        Method::ApparentMass => apparent_mass_at(given, shift, band, fit, set, space, work),
         Method::FrequencyResponses => frequency_responses(lines, band, weights, set),
         Method::PowerSpectra => power_spectra(lines, band, Factorisation::None, weights, set),
         Method::PowerSpectraCholesky => {

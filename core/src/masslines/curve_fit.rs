@@ -1,10 +1,9 @@
 //! Method d: curve fit of the free system's frequency responses.
 
-use super::averaging::noise_of_runs;
-use super::{EquationWeights, FreeSystem, Lines, MasslineError, Masslines, Workspace};
+use super::{EquationWeights, FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::algebra::multiply_left;
 use crate::spectra::LineRange;
-use nalgebra::{Complex, Matrix6, Vector6};
+use nalgebra::{Complex, Vector6};
 
 /// Adds masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
 /// `limit` elastic modes with common poles, and one term for those above. The lines
@@ -30,38 +29,43 @@ pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
     let fit_lines = fit.len() as f64;
-    let system = FreeSystem::new(lines, band, &set.equations, equations);
-    let system = system.as_ref().map_err(|error| *error)?;
+    let mut system = FreeSystem::of(lines, &set.equations);
+    system.look_at(band, equations)?;
     system.modes(fit, limit, space, work)?;
-    let modes = &space.free_modes;
-    for j in 0..system.forces() {
-        let (a, f) = system.pair(&modes.constant, j);
-        set.push(a, f, Vector6::zeros())?;
-    }
-    let mass = set.best_matrix(system.excitation());
-    if equations == EquationWeights::Noise {
-        set.whiten(&noise_of_runs(lines, 1), &mass);
-    }
-    for (p, pair) in set.pairs.iter_mut().enumerate() {
-        let mut shares = system.shares(p);
-        shares.component_mul_assign(&shares.clone_owned());
-        pair.variance = modes.constant_variance * shares;
-    }
-    add_variances(set, mass);
+    add_pairs(lines, &system, &space.free_modes, equations, set)?;
     set.lines = (fit_lines / lines.correlation()) as f32;
     set.freedom = (2.0 * fit_lines / lines.correlation() - 1.0).max(1.0) as f32;
     system.add_noise(set);
     Ok(())
 }
 
-/// Turns variances of the accelerations into those of the equations: an error of the
-/// acceleration counts as the force that would make it.
+/// Adds the pairs of the fit's constant, with their variances.
 #[inline(never)] // Not on the stack while modes are found.
-fn add_variances<const PAIRS: usize>(set: &mut Masslines<PAIRS>, mass: Matrix6<f64>) {
-    let mut gain = mass;
+fn add_pairs<L: Lines + ?Sized, const PAIRS: usize>(
+    lines: &L,
+    system: &FreeSystem<'_, L>,
+    modes: &FreeModes,
+    equations: EquationWeights,
+    set: &mut Masslines<PAIRS>,
+) -> Result<(), MasslineError> {
+    for j in 0..system.forces() {
+        let (a, f) = system.pair(&modes.constant, j);
+        set.push(a, f, Vector6::zeros())?;
+    }
+    let mut gain = set.best_matrix(system.excitation());
+    if equations == EquationWeights::Noise {
+        set.whiten_by(lines, &gain);
+    }
+    for (p, pair) in set.pairs.iter_mut().enumerate() {
+        let mut shares = system.shares(p);
+        shares.component_mul_assign(&shares.clone_owned());
+        pair.variance = modes.constant_variance * shares;
+    }
+    // An error of the acceleration counts as the force that would make it.
     multiply_left(set.equations.rows(), &mut gain);
     gain.apply(|x| *x *= *x);
     for pair in &mut set.pairs {
         pair.variance = gain * pair.variance;
     }
+    Ok(())
 }

@@ -6,10 +6,10 @@
 //! matrix: directions and their power over noise are those of the pencil (moments, noise),
 //! which do not depend on the reference point.
 
-use crate::algebra::{multiply_left, multiply_right, symmetric_eigen};
+use crate::algebra::{multiply_left, symmetric_eigen};
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
-const IDENTITY: Matrix6<f64> = Matrix6::new(
+pub(super) const IDENTITY: Matrix6<f64> = Matrix6::new(
     1.0, 0.0, 0.0, 0.0, 0.0, 0.0, //
     0.0, 1.0, 0.0, 0.0, 0.0, 0.0, //
     0.0, 0.0, 1.0, 0.0, 0.0, 0.0, //
@@ -61,52 +61,63 @@ impl Excitation {
     /// in them. A direction without noise has no sensor that looks along it.
     #[must_use]
     pub fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
-        // Filled where it lies: matrices are not moved over the stack.
         let mut excitation = Self::NONE;
+        excitation.decide(moments, noise);
+        excitation
+    }
+
+    /// As [`Self::new`], in this place: a small stack has no room for a second one.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    pub(super) fn decide(&mut self, moments: &Matrix6<f64>, noise: &Matrix6<f64>) {
         let Self {
             basis,
             coordinates,
             rank,
             weakest,
-        } = &mut excitation;
-        let mut whitening = NO_MATRIX;
-        whiten(noise, &mut whitening);
+        } = self;
+        (*rank, *weakest) = (0, f64::INFINITY);
+        // Until the coordinates are known, the root of the noise lies in their place.
+        let whitening = coordinates;
+        whiten(noise, whitening);
         let mut ratio = *moments;
-        multiply_left(&whitening, &mut ratio);
-        let mut vectors = whitening.transpose();
-        multiply_right(&mut ratio, &vectors);
+        multiply_left(whitening, &mut ratio);
+        ratio.transpose_mut();
+        multiply_left(whitening, &mut ratio);
+        let mut vectors = NO_MATRIX;
         let values = symmetric_eigen(&mut ratio, &mut vectors);
+        let coordinates = whitening;
         if values.iter().all(|&v| v > EXCITED) {
             // With all six excited any basis will do, and the plain axes cost no rounding.
             *weakest = values[5];
             *rank = 6;
             basis.copy_from(&IDENTITY);
             coordinates.copy_from(&IDENTITY);
-            return excitation;
+            return;
         }
-        *rank = values.iter().filter(|&&value| value > EXCITED).count();
-        *weakest = values
-            .iter()
-            .copied()
-            .take(*rank)
-            .fold(f64::INFINITY, f64::min);
-        // The direction that has the coordinate vᵀ W is what the moments hold along it, M Wᵀ v,
-        // and not what the noise would: where a direction is excited that no noise is known
-        // of, the noise has no such component.
-        for (i, mut column) in vectors.column_iter_mut().enumerate() {
-            if i >= *rank {
-                column.fill(0.0);
+        for (vector, &value) in vectors.data.0.iter_mut().zip(&values) {
+            if value > EXCITED {
+                *weakest = value;
+                *rank += 1;
+            } else {
+                vector.fill(0.0);
             }
         }
+        // Coordinates along a direction are vᵀ W. The direction is what the moments hold along
+        // them, M Wᵀ v, and not what the noise would: where a direction is excited that no noise
+        // is known of, the noise has no such component.
         vectors.transpose_mut();
-        coordinates.copy_from(&vectors);
-        multiply_right(coordinates, &whitening);
+        multiply_left(&vectors, coordinates);
         basis.copy_from(&coordinates.transpose());
         multiply_left(moments, basis);
-        for (mut axis, &value) in basis.column_iter_mut().zip(&values).take(*rank) {
-            axis /= value;
+        for (mut direction, &value) in basis.column_iter_mut().zip(&values).take(*rank) {
+            direction /= value;
         }
-        excitation
+    }
+
+    /// Number of directions that [`Self::new`] would find.
+    #[inline(never)] // The directions are off the stack when the caller goes on.
+    pub(super) fn rank_of(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> usize {
+        Self::new(moments, noise).rank
     }
 
     /// Number of excited directions.
@@ -134,7 +145,8 @@ impl Excitation {
     }
 }
 
-/// A root W of the inverse of a covariance C, `W C Wᵀ = 1` on the directions that have noise.
+/// A root W of the inverse of a covariance C, `W C Wᵀ = 1` on the directions that have noise; zero
+/// on the others.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
 fn whiten(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>) {
     // In units of its own noise every component is comparable. One that is exactly zero,
@@ -150,8 +162,9 @@ fn whiten(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>) {
         let s = scale[i] * scale[j];
         if s > 0.0 { noise[(i, j)] / s } else { 0.0 }
     });
-    let mut vectors = Matrix6::zeros();
+    let mut vectors = NO_MATRIX;
     let values = symmetric_eigen(&mut correlation, &mut vectors);
+    whitening.fill(0.0);
     for (i, &value) in values.iter().enumerate() {
         if value > UNSEEN {
             let root = libm::sqrt(value);

@@ -6,11 +6,12 @@
 //! modal mass, and the diagonal of `L_rᵀ L_r` holds the effective masses. Over all modes
 //! they add up to the rigid-body mass matrix.
 
-use super::apparent_mass::{Basis, energy, few_enough, find_fixed_poles, fixed_trace};
+use super::apparent_mass::{Basis, few_enough, find_fixed_poles, fixed_trace};
 use super::averaging::noise_of_runs;
 use super::close_modes::{CLOSE, Neighbourhood};
 use super::lines::indices;
 use super::regression::{Regression, Solution};
+use super::run_powers::RunPowers;
 use super::{Lines, MAX_RUNS, MasslineError, Moments, Powers};
 use crate::algebra::symmetric_eigen;
 use crate::geometry::Equations;
@@ -68,7 +69,7 @@ pub fn fixed_modes<L: Lines + ?Sized>(
 ) -> Result<heapless::Vec<FixedMode, MAX_FIXED_MODES>, MasslineError> {
     let (band, fit) = (indices(lines, band)?, indices(lines, fit)?);
     few_enough(lines)?;
-    let energy = energy(lines, &band, &[1.0; MAX_RUNS]);
+    let energy = RunPowers::EMPTY.weighted(lines, &band, &[1.0; MAX_RUNS]);
     let mut search = PoleSearch::EMPTY;
     let (poles, _) = find_fixed_poles(lines, &energy, fit.clone(), &mut search, work)?;
     // The modes behind each pole; first as if it were one each.

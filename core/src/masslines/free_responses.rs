@@ -21,8 +21,8 @@ pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, band, &set.equations, equations);
-    let system = system.as_ref().map_err(|error| *error)?;
+    let mut system = FreeSystem::of(lines, &set.equations);
+    system.look_at(band, equations)?;
     let band = indices(lines, band)?;
     let trend = if squared {
         Trend::Squared

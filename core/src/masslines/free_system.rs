@@ -9,7 +9,8 @@
 //! structure. The constant is the rigid body, which methods c, d and e are after.
 
 use super::averaging::{LinePair, RealMoments, noise_of_runs};
-use super::lines::{indices, two_a_line};
+use super::excitation::IDENTITY;
+use super::lines::{Squares, add_scaled, indices, two_a_line};
 use super::regression::between;
 use super::{
     Complex6, EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments, Workspace,
@@ -57,42 +58,117 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         equations: &Equations,
         weights: EquationWeights,
     ) -> Result<Self, MasslineError> {
-        let band = indices(lines, band)?;
-        let needed = equations.count();
+        let mut system = Self::of(lines, equations);
+        system.look_at(band, weights)?;
+        Ok(system)
+    }
+
+    /// The free system before anything is known of it but its load cells.
+    pub(super) fn of(lines: &'l L, equations: &Equations) -> Self {
+        Self {
+            lines,
+            equations: *equations,
+            scale: NO_VECTOR,
+            scaled: NO_MATRIX,
+            basis: IDENTITY,
+            excitation: Excitation::NONE,
+            noise: ResultantNoise::NONE,
+        }
+    }
+
+    /// Judges the excitation by the lines of the band, see [`Self::new`].
+    #[inline(never)] // Its sums are off the stack when the caller goes on.
+    pub(super) fn look_at(
+        &mut self,
+        band: LineRange,
+        weights: EquationWeights,
+    ) -> Result<(), MasslineError> {
+        let band = indices(self.lines, band)?;
+        let needed = self.forces();
         if needed == 0 {
             return Err(MasslineError::NoResultant);
         }
-        let mut total = RealMoments::new(lines, &band);
-        let excitation = Excitation::new(&total.aa, &total.noise.acceleration);
-        let forces = Excitation::new(&total.ff, &total.noise.force);
-        let mut found = forces.rank().min(excitation.rank());
-        if lines.pair(0, band.start).is_some() {
+        let mut total = RealMoments::EMPTY;
+        self.sum(&band, weights, &mut total);
+        total.accelerations(&mut self.excitation);
+        let forces = Excitation::rank_of(&total.squares.ff, &total.noise.force);
+        let mut found = forces.min(self.excitation.rank());
+        if self.lines.pair(0, band.start).is_some() {
             // One response per run and line, whatever its direction does over the band.
-            found = found.min(lines.runs());
+            found = found.min(self.lines.runs());
         }
         if found < needed {
             return Err(MasslineError::TooFewRuns { needed, found });
         }
-        let measured = &mut total.ff;
-        multiply_left(equations.rows(), measured);
-        multiply_right(measured, &equations.rows().transpose());
-        let scale = measured
-            .diagonal()
-            .map(|p| if p > 0.0 { 1.0 / libm::sqrt(p) } else { 0.0 });
-        let mut scaled = Matrix6::from_diagonal(&scale);
-        multiply_right(&mut scaled, equations.rows());
-        let (mut basis, mut noise) = (IDENTITY, ResultantNoise::NONE);
-        forces_of_pairs(lines, &band, equations, weights, &mut basis, &mut noise)
-            .ok_or(MasslineError::Singular)?;
-        Ok(Self {
-            lines,
-            equations: *equations,
-            scale,
-            scaled,
-            basis,
-            excitation,
-            noise,
-        })
+        self.in_equations(&mut total.squares.ff);
+        let measured = total.squares.ff.diagonal();
+        self.scale = measured.map(|p| if p > 0.0 { 1.0 / libm::sqrt(p) } else { 0.0 });
+        let rows = self.equations.rows();
+        self.scaled = Matrix6::from_fn(|i, j| self.scale[i] * rows[(i, j)]);
+        self.choose_pairs(weights).ok_or(MasslineError::Singular)
+    }
+
+    /// Sums the squares of all runs, of the forces also weighted, which are left in the basis,
+    /// and the noise in both sums.
+    #[inline(never)] // One run's squares and noise are off the stack when the caller goes on.
+    fn sum(&mut self, band: &Range<usize>, weights: EquationWeights, total: &mut RealMoments) {
+        let lines = self.lines;
+        let all = noise_of_runs(lines, 1).variances();
+        self.basis.fill(0.0);
+        for run in 0..lines.runs() {
+            let mut squares = Squares::zero();
+            for line in band.clone() {
+                lines.add_squares(run, line, 1.0, &mut squares);
+            }
+            total.squares.add(&squares, 1.0);
+            let noise = lines.noise(run);
+            total.noise.add(&noise, band.len() as f64);
+            let variances = noise.variances();
+            let shares = variances.iter().zip(&all).filter(|(_, all)| **all > 0.0);
+            let level: f64 = shares.map(|(run, all)| run / all).sum();
+            let weight = match weights {
+                EquationWeights::Noise if level > 0.0 => 1.0 / level,
+                _ => 1.0,
+            };
+            add_scaled(&mut self.basis, &squares.ff, weight);
+            let share = weight * band.len() as f64 / lines.runs() as f64;
+            self.noise.add(&noise, share);
+        }
+        total.lines = band.len() as f64;
+    }
+
+    /// Turns second moments of resultants into those of the equations.
+    #[inline(never)] // Its copy is off the stack when the caller goes on.
+    fn in_equations(&self, moments: &mut Matrix6<f64>) {
+        multiply_left(self.equations.rows(), moments);
+        multiply_right(moments, &self.equations.rows().transpose());
+    }
+
+    /// Makes the interface forces of the pairs of the second moments of the forces, which lie in
+    /// the basis, and gives the noise that one line of all pairs together would have. `None` if
+    /// the forces of the band depend on each other.
+    ///
+    /// Unit forces are the paper's. Their responses share the noise of the same runs. With runs
+    /// weighed by their noise, the responses to the columns of Cholesky's factor L of Re G_FF
+    /// have noise that is independent and that of a run each.
+    fn choose_pairs(&mut self, weights: EquationWeights) -> Option<()> {
+        let n = self.forces();
+        let mut basis = self.basis;
+        self.in_equations(&mut basis);
+        lower(&mut basis, n)?;
+        let pairs = match weights {
+            EquationWeights::Noise => n as f64,
+            EquationWeights::Unit => {
+                inverse_lower(&mut basis, n);
+                let squares = basis.norm_squared();
+                basis.copy_from(&IDENTITY);
+                squares
+            }
+        };
+        self.basis = basis;
+        self.noise.acceleration *= pairs;
+        self.noise.force *= pairs;
+        Some(())
     }
 
     /// Number of interface forces, and of columns of H.
@@ -300,7 +376,10 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         modes.constant_variance.fill(0.0);
         for (k, line) in fit.clone().enumerate() {
             self.response_into(line, &mut h)?;
-            h -= modes.at(self.lines.frequency(line));
+            modes.take_elastic(self.lines.frequency(line), &mut h);
+            for (z, constant) in h.iter_mut().zip(&modes.constant) {
+                z.re -= constant;
+            }
             let weight = trace.weight(k);
             let squares = &mut modes.constant_variance;
             squares.zip_apply(&h, |sum, z| *sum += z.norm_sqr() * weight);
@@ -309,57 +388,6 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         modes.constant_variance *= inverse[(0, 0)] * self.lines.correlation() / freedom;
         Ok(())
     }
-}
-
-/// The interface forces of the pairs as columns of `basis`, and the noise that one line of all
-/// pairs together would have. `None` if the forces of the band depend on each other.
-///
-/// Unit forces are the paper's. Their responses share the noise of the same runs. With runs
-/// weighed by their noise, the responses to the columns of Cholesky's factor L of Re G_FF have
-/// noise that is independent and that of a run each.
-#[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn forces_of_pairs<L: Lines + ?Sized>(
-    lines: &L,
-    band: &Range<usize>,
-    equations: &Equations,
-    weights: EquationWeights,
-    basis: &mut Matrix6<f64>,
-    noise: &mut ResultantNoise,
-) -> Option<()> {
-    let all = noise_of_runs(lines, 1).variances();
-    let mut total = Moments::zero();
-    for run in 0..lines.runs() {
-        let of_run = lines.noise(run);
-        let variances = of_run.variances();
-        let shares = variances.iter().zip(&all).filter(|(_, all)| **all > 0.0);
-        let level: f64 = shares.map(|(run, all)| run / all).sum();
-        let weight = match weights {
-            EquationWeights::Noise if level > 0.0 => 1.0 / level,
-            _ => 1.0,
-        };
-        for line in band.clone() {
-            lines.add_moments(run, line, weight, &mut total);
-        }
-        noise.add(&of_run, weight * band.len() as f64 / lines.runs() as f64);
-    }
-    let n = equations.count();
-    let mut factor = total.ff.map(|z| z.re);
-    multiply_left(equations.rows(), &mut factor);
-    multiply_right(&mut factor, &equations.rows().transpose());
-    lower(&mut factor, n)?;
-    let pairs = match weights {
-        EquationWeights::Noise => {
-            *basis = factor;
-            n as f64
-        }
-        EquationWeights::Unit => {
-            inverse_lower(&mut factor, n);
-            factor.fixed_view::<6, 6>(0, 0).norm_squared()
-        }
-    };
-    noise.acceleration *= pairs;
-    noise.force *= pairs;
-    Some(())
 }
 
 /// Modes of the free structure, as they show in the accelerations of A per unit force.
@@ -381,15 +409,8 @@ pub struct FreeModes {
     unit: f64,
 }
 
-const IDENTITY: Matrix6<f64> = Matrix6::new(
-    1.0, 0.0, 0.0, 0.0, 0.0, 0.0, //
-    0.0, 1.0, 0.0, 0.0, 0.0, 0.0, //
-    0.0, 0.0, 1.0, 0.0, 0.0, 0.0, //
-    0.0, 0.0, 0.0, 1.0, 0.0, 0.0, //
-    0.0, 0.0, 0.0, 0.0, 1.0, 0.0, //
-    0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
-);
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
+const NO_VECTOR: Vector6<f64> = Vector6::from_array_storage(ArrayStorage([[0.0; 6]]));
 
 impl FreeModes {
     /// A place for them, all zero.

@@ -1,10 +1,11 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
 use super::averaging::{Trend, noise_of_runs};
-use super::lines::indices;
+use super::lines::{add_scaled, indices};
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Powers};
 use crate::cells::seen;
 use crate::spectra::LineRange;
+use core::ops::Range;
 use nalgebra::{Complex, Matrix6};
 
 /// Adds masslines from the real parts of the measured frequency responses, averaged over the
@@ -28,40 +29,10 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
-    let mut energy = Powers::zero();
-    for run in 0..lines.runs() {
-        for line in band.clone() {
-            if lines.pair(run, line).is_none() {
-                return Err(MasslineError::NoReference);
-            }
-            lines.add_powers(run, line, 1.0, &mut energy);
-        }
-    }
-    let noise = noise_of_runs(lines, band.len()).acceleration;
-    let excitation = Excitation::new(&energy.aa, &noise);
-    if excitation.rank() == 0 {
-        return Err(MasslineError::NoExcitation);
-    }
-    // Powers in units of noise, so that a rotation may lead as well.
-    let units = noise
-        .diagonal()
-        .map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
+    let mut excitation = Excitation::NONE;
+    let mut leaders = heapless::Vec::<usize, PAIRS>::new();
+    look_at(lines, &band, &mut excitation, &mut leaders)?;
     let runs = lines.runs();
-    if runs > PAIRS {
-        return Err(MasslineError::TooManyPairs {
-            limit: PAIRS,
-            found: runs,
-        });
-    }
-    let leaders: heapless::Vec<usize, PAIRS> = (0..runs)
-        .map(|run| {
-            let mut m = Powers::zero();
-            for line in band.clone() {
-                lines.add_powers(run, line, 1.0, &mut m);
-            }
-            m.aa.diagonal().component_mul(&units).imax()
-        })
-        .collect();
     let trend = Trend::Constant;
     set.average(
         lines,
@@ -85,17 +56,65 @@ pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
             Ok(())
         },
     )?;
-    let mut of_lines = Matrix6::zeros();
-    for run in 0..runs {
-        let noise = lines.noise(run).acceleration;
+    set.set_averaged_noise(&noise_of_lines(lines, &band));
+    Ok(())
+}
+
+/// Leaves the directions that the runs excite in `excitation`, and of each run the strongest of
+/// its accelerations in `leaders`.
+#[inline(never)] // Its sums are off the stack when lines are averaged.
+fn look_at<L: Lines + ?Sized, const PAIRS: usize>(
+    lines: &L,
+    band: &Range<usize>,
+    excitation: &mut Excitation,
+    leaders: &mut heapless::Vec<usize, PAIRS>,
+) -> Result<(), MasslineError> {
+    let noise = noise_of_runs(lines, band.len()).acceleration;
+    // Powers in units of noise, so that a rotation may lead as well.
+    let units = noise
+        .diagonal()
+        .map(|n| if n > 0.0 { 1.0 / n } else { 0.0 });
+    let mut energy = Powers::zero();
+    for run in 0..lines.runs() {
+        let mut powers = Powers::zero();
         for line in band.clone() {
-            // The noise is that of the moments, in which the responses have a weight.
+            if lines.pair(run, line).is_none() {
+                return Err(MasslineError::NoReference);
+            }
+            lines.add_powers(run, line, 1.0, &mut powers);
+        }
+        let leader = powers.aa.diagonal().component_mul(&units).imax();
+        // More runs than pairs are refused below.
+        let _ = leaders.push(leader);
+        add_scaled(&mut energy.aa, &powers.aa, 1.0);
+    }
+    excitation.decide(&energy.aa, &noise);
+    if excitation.rank() == 0 {
+        return Err(MasslineError::NoExcitation);
+    }
+    match lines.runs() {
+        runs if runs > PAIRS => Err(MasslineError::TooManyPairs {
+            limit: PAIRS,
+            found: runs,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Noise of the accelerations, summed over all runs and lines: that of the moments, in which the
+/// responses have a weight.
+#[inline(never)] // One run's noise on the stack.
+fn noise_of_lines<L: Lines + ?Sized>(lines: &L, band: &Range<usize>) -> Matrix6<f64> {
+    let mut sum = Matrix6::zeros();
+    for run in 0..lines.runs() {
+        let mut shares = 0.0;
+        for line in band.clone() {
             let weight = lines.pair_weight(run, line) * band.len() as f64;
             if weight > 0.0 {
-                of_lines += noise / weight;
+                shares += 1.0 / weight;
             }
         }
+        add_scaled(&mut sum, &lines.noise(run).acceleration, shares);
     }
-    set.set_averaged_noise(&of_lines);
-    Ok(())
+    sum
 }

@@ -127,6 +127,58 @@ impl Powers {
     }
 }
 
+/// Real parts of the second moments of accelerations and of forces: what averages of power
+/// spectra are judged by, for a third of the work that [`Moments`] take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Squares {
+    /// `Re Σ a a*`.
+    pub aa: Matrix6<f64>,
+    /// `Re Σ f f*`.
+    pub ff: Matrix6<f64>,
+}
+
+impl Squares {
+    /// Nothing yet.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            aa: Matrix6::zeros(),
+            ff: Matrix6::zeros(),
+        }
+    }
+
+    /// Adds one pair of amplitudes with a weight.
+    pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
+        add_square(&mut self.aa, a, weight);
+        add_square(&mut self.ff, f, weight);
+    }
+
+    /// Adds `weight` times others.
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        add_scaled(&mut self.aa, &other.aa, weight);
+        add_scaled(&mut self.ff, &other.ff, weight);
+    }
+}
+
+/// Adds `Re x x*`, times `weight`.
+#[inline(never)] // Once in the flash.
+fn add_square(sum: &mut Matrix6<f64>, x: &Vector6<Complex<f64>>, weight: f64) {
+    for j in 0..6 {
+        let xj = x[j].conj() * weight;
+        for i in 0..=j {
+            sum[(i, j)] += real_product(x[i], xj);
+            sum[(j, i)] = sum[(i, j)];
+        }
+    }
+}
+
+/// Adds `weight` times another matrix: the operator between values would copy it.
+pub(super) fn add_scaled(sum: &mut Matrix6<f64>, other: &Matrix6<f64>, weight: f64) {
+    for (sum, other) in sum.iter_mut().zip(other) {
+        *sum += other * weight;
+    }
+}
+
 /// Complex amplitudes of acceleration and force at one line.
 pub type Amplitudes = (Vector6<Complex<f64>>, Vector6<Complex<f64>>);
 
@@ -152,6 +204,14 @@ pub trait Lines {
             into.add_pair(&a, &f, weight * self.pair_weight(run, line));
         } else {
             add_powers_of_moments(self, run, line, weight, into);
+        }
+    }
+    /// Adds the squares of one run at one line, times `weight`.
+    fn add_squares(&self, run: usize, line: usize, weight: f64, into: &mut Squares) {
+        if let Some((a, f)) = self.pair(run, line) {
+            into.add_pair(&a, &f, weight * self.pair_weight(run, line));
+        } else {
+            add_squares_of_moments(self, run, line, weight, into);
         }
     }
     /// Covariance of the noise per line that `Σ a a*` and `Σ f f*` of a run contain, mean over
@@ -188,6 +248,20 @@ fn add_powers_of_moments<L: Lines + ?Sized>(
     lines.add_moments(run, line, weight, &mut m);
     into.aa += m.aa.map(|z| z.re);
     into.ff += m.ff.diagonal().map(|z| z.re);
+}
+
+#[inline(never)] // Moments are on the stack only where they are needed.
+fn add_squares_of_moments<L: Lines + ?Sized>(
+    lines: &L,
+    run: usize,
+    line: usize,
+    weight: f64,
+    into: &mut Squares,
+) {
+    let mut m = Moments::zero();
+    lines.add_moments(run, line, weight, &mut m);
+    into.aa.zip_apply(&m.aa, |sum, z| *sum += z.re);
+    into.ff.zip_apply(&m.ff, |sum, z| *sum += z.re);
 }
 
 /// The lines of a band (Hz), both ends included: see [`LineRange::between`].

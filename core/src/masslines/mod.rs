@@ -18,8 +18,8 @@
 //! | `static_poses` | poses of a DC-coupled measurement |
 //!
 //! `condense` is the door to all of them, `regression` and `free_system` what several have
-//! in common, `residuals` what the runs of `apparent_mass` are weighed by, and `workspace` the
-//! memory they are lent: none of them is on a small stack.
+//! in common, `run_powers` and `residuals` what the runs of `apparent_mass` are weighed by, and
+//! `workspace` the memory they are lent: none of them is on a small stack.
 
 mod apparent_mass;
 mod averaging;
@@ -36,6 +36,7 @@ mod moved;
 mod power_spectra;
 mod regression;
 mod residuals;
+mod run_powers;
 mod sine;
 mod static_poses;
 mod synthesis;
@@ -51,7 +52,7 @@ pub use free_responses::free_responses;
 pub use free_system::{FreeModes, FreeSystem};
 pub use frequency_responses::frequency_responses;
 pub use lines::{
-    Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, lines_between,
+    Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, Squares, lines_between,
 };
 pub use power_spectra::{Factorisation, power_spectra};
 pub use sine::{MIN_NEIGHBOURS, SineLines, SineRun};
@@ -59,7 +60,7 @@ pub use static_poses::{StaticFit, StaticPoses};
 pub use synthesis::synthesis;
 pub use workspace::Workspace;
 
-use crate::geometry::{Equations, accelerations_moved, resultants_at, transfer};
+use crate::geometry::{Equations, move_accelerations, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Most pairs in one set: one a direction, or with method a one a run.
@@ -283,8 +284,8 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         let t = transfer(shift);
         self.reference += shift;
         self.equations = self.equations.at(shift);
-        self.noise = accelerations_moved(&self.noise, shift);
-        self.pull = accelerations_moved(&self.pull, shift);
+        move_accelerations(&mut self.noise, shift);
+        move_accelerations(&mut self.pull, shift);
         for pair in &mut self.pairs {
             pair.acceleration = t * pair.acceleration;
             pair.force = resultants_at(shift, &pair.force);

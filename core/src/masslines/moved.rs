@@ -21,8 +21,9 @@ impl<'l, L: Lines + ?Sized> Moved<'l, L> {
         }
     }
 
+    /// Adds moments that are no single pair's.
     #[inline(never)] // Its matrices are on the stack only where they are needed.
-    fn moved(&self, run: usize, line: usize, weight: f64) -> Moments {
+    fn add_moved(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
         let mut m = Moments::zero();
         self.lines.add_moments(run, line, weight, &mut m);
         // Of accelerations, T, and of resultants, T⁻ᵀ.
@@ -31,15 +32,20 @@ impl<'l, L: Lines + ?Sized> Moved<'l, L> {
         between(&accelerations, &mut m.aa, &accelerations);
         between(&forces, &mut m.fa, &accelerations);
         between(&forces, &mut m.ff, &forces);
-        m
+        into.aa += m.aa;
+        into.fa += m.fa;
+        into.ff += m.ff;
     }
 }
 
-/// `shift x w` for complex amplitudes.
-fn cross(shift: &Vector3<f64>, w: [Complex<f64>; 3]) -> [Complex<f64>; 3] {
-    let [x, y, z] = w;
-    let [a, b, c] = [shift.x, shift.y, shift.z];
-    [z * b - y * c, x * c - z * a, y * a - x * b]
+/// Takes `shift x lever` off complex amplitudes.
+#[inline(never)] // Once in the flash.
+fn take_cross(from: &mut [Complex<f64>], shift: &Vector3<f64>, lever: &[Complex<f64>]) {
+    if let ([x, y, z], &[a, b, c]) = (from, lever) {
+        *x -= c * shift.y - b * shift.z;
+        *y -= a * shift.z - c * shift.x;
+        *z -= b * shift.x - a * shift.y;
+    }
 }
 
 impl<L: Lines + ?Sized> Lines for Moved<'_, L> {
@@ -59,10 +65,7 @@ impl<L: Lines + ?Sized> Lines for Moved<'_, L> {
         if let Some((a, f)) = self.pair(run, line) {
             into.add_pair(&a, &f, weight * self.pair_weight(run, line));
         } else {
-            let m = self.moved(run, line, weight);
-            into.aa += m.aa;
-            into.fa += m.fa;
-            into.ff += m.ff;
+            self.add_moved(run, line, weight, into);
         }
     }
 
@@ -70,12 +73,14 @@ impl<L: Lines + ?Sized> Lines for Moved<'_, L> {
         if let Some((a, f)) = self.pair(run, line) {
             into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
         } else {
-            self.add_moments(run, line, weight, into);
+            self.add_moved(run, line, weight, into);
         }
     }
 
     fn noise(&self, run: usize) -> ResultantNoise {
-        self.lines.noise(run).at(&self.shift)
+        let mut noise = self.lines.noise(run);
+        noise.move_by(&self.shift);
+        noise
     }
 
     fn check(&self) -> Result<(), MasslineError> {
@@ -91,15 +96,14 @@ impl<L: Lines + ?Sized> Lines for Moved<'_, L> {
     }
 
     fn pair(&self, run: usize, line: usize) -> Option<Amplitudes> {
-        let (mut a, mut f) = self.lines.pair(run, line)?;
+        let mut pair = self.lines.pair(run, line)?;
+        let (a, f) = (&mut pair.0, &mut pair.1);
         // u_B = u_A - s x w, and the moment loses s x force.
-        let lost = cross(&self.shift, [a[3], a[4], a[5]]);
-        let leverage = cross(&self.shift, [f[0], f[1], f[2]]);
-        for (j, (lost, leverage)) in lost.into_iter().zip(leverage).enumerate() {
-            a[j] -= lost;
-            f[3 + j] -= leverage;
-        }
-        Some((a, f))
+        let (translation, rotation) = a.as_mut_slice().split_at_mut(3);
+        take_cross(translation, &self.shift, rotation);
+        let (force, moment) = f.as_mut_slice().split_at_mut(3);
+        take_cross(moment, &self.shift, force);
+        Some(pair)
     }
 
     fn pair_weight(&self, run: usize, line: usize) -> f64 {

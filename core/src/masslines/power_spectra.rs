@@ -1,12 +1,16 @@
 //! Method b: averaged power spectra, `M G_AF = G_FF` (13), without and with Cholesky.
 
 use super::averaging::{RealMoments, Trend};
-use super::lines::indices;
+use super::excitation::IDENTITY;
+use super::lines::{Squares, add_scaled, indices};
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use crate::cells::seen;
 use crate::spectra::LineRange;
-use nalgebra::{Matrix6, Vector6};
+use core::ops::Range;
+use nalgebra::{ArrayStorage, Matrix6, Vector6};
+
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
 /// What is done with the band averages of the power spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,13 +43,10 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
-    let spectra = RealMoments::new(lines, &band);
-    let excitation = Excitation::new(&spectra.aa, &spectra.noise.acceleration);
-    if excitation.rank() == 0 {
-        return Err(MasslineError::NoExcitation);
-    }
-    let columns = columns(&spectra, factorisation, excitation.rank());
-    let columns = columns.as_ref().map_err(|error| *error)?;
+    let mut excitation = Excitation::NONE;
+    let mut columns = IDENTITY;
+    look_at(lines, &band, factorisation, &mut excitation, &mut columns)?;
+    let columns = &columns;
     let used = (0..6).filter(|&c| column(columns, c).norm_squared() > 0.0);
     let used: heapless::Vec<usize, 6> = used.collect();
     set.average(
@@ -71,55 +72,79 @@ pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
             Ok(())
         },
     )?;
-    // Noise of the accelerations of a run times its forces.
-    let mut of_lines = Matrix6::zeros();
-    for run in 0..lines.runs() {
-        let mut m = Moments::zero();
-        for line in band.clone() {
-            lines.add_moments(run, line, 1.0 / band.len() as f64, &mut m);
-        }
-        let forces: f64 = used
-            .iter()
-            .map(|&c| {
-                let column = column(columns, c);
-                column.dot(&(m.ff.map(|z| z.re) * column))
-            })
-            .sum();
-        of_lines += lines.noise(run).acceleration * forces;
-    }
-    set.set_averaged_noise(&of_lines);
+    let used = used.iter().map(|&c| column(columns, c));
+    set.set_averaged_noise(&noise_of_pairs(lines, &band, used));
     Ok(())
 }
 
-/// What multiplies the spectra from the right: the identity, or R⁻¹.
+/// Leaves the directions that the runs excite in `excitation`, and what multiplies the spectra
+/// from the right in `columns`.
+#[inline(never)] // Its sums are off the stack when lines are averaged.
+fn look_at<L: Lines + ?Sized>(
+    lines: &L,
+    band: &Range<usize>,
+    factorisation: Factorisation,
+    excitation: &mut Excitation,
+    columns: &mut Matrix6<f64>,
+) -> Result<(), MasslineError> {
+    let spectra = RealMoments::new(lines, band);
+    spectra.accelerations(excitation);
+    if excitation.rank() == 0 {
+        return Err(MasslineError::NoExcitation);
+    }
+    match factorisation {
+        Factorisation::None => Ok(()),
+        Factorisation::Cholesky => factor(&spectra, excitation.rank(), columns),
+    }
+}
+
+/// Noise of the accelerations of each run times its forces, for these columns.
+#[inline(never)] // One run's squares and noise on the stack.
+fn noise_of_pairs<L: Lines + ?Sized>(
+    lines: &L,
+    band: &Range<usize>,
+    columns: impl Iterator<Item = Vector6<f64>> + Clone,
+) -> Matrix6<f64> {
+    let mut noise = NO_MATRIX;
+    for run in 0..lines.runs() {
+        let mut squares = Squares::zero();
+        for line in band.clone() {
+            lines.add_squares(run, line, 1.0 / band.len() as f64, &mut squares);
+        }
+        let powers = columns.clone().map(|c| c.dot(&(squares.ff * c)));
+        add_scaled(&mut noise, &lines.noise(run).acceleration, powers.sum());
+    }
+    noise
+}
+
+/// What multiplies the spectra from the right in place of the identity: R⁻¹, left in `inner`.
 ///
 /// With fewer runs than degrees of freedom G_FF is singular. Then the factor is
 /// taken in the subspace of the strongest forces, as many as there are independent
 /// accelerations; least squares does not depend on which basis that subspace has.
 #[inline(never)] // Its matrices are off the stack when lines are averaged.
-fn columns(
+fn factor(
     spectra: &RealMoments,
-    factorisation: Factorisation,
     rank: usize,
-) -> Result<Matrix6<f64>, MasslineError> {
-    if factorisation == Factorisation::None {
-        return Ok(Matrix6::identity());
-    }
-    let forces = Excitation::new(&spectra.ff, &spectra.noise.force);
+    inner: &mut Matrix6<f64>,
+) -> Result<(), MasslineError> {
+    let mut forces = Excitation::NONE;
+    forces.decide(&spectra.squares.ff, &spectra.noise.force);
     let rank = rank.min(forces.rank());
     if rank == 0 {
         return Err(MasslineError::NoResultant);
     }
     // In noise units: V G Vᵀ = RᵀR, so R⁻¹ = Vᵀ (its own Cholesky factor)⁻ᵀ.
     let v = forces.coordinates();
-    let mut inner = spectra.ff / spectra.lines;
-    multiply_left(v, &mut inner);
-    multiply_right(&mut inner, &v.transpose());
-    lower(&mut inner, rank).ok_or(MasslineError::Singular)?;
-    inverse_lower(&mut inner, rank);
+    inner.copy_from(&spectra.squares.ff);
+    *inner /= spectra.lines;
+    multiply_left(v, inner);
+    multiply_right(inner, &v.transpose());
+    lower(inner, rank).ok_or(MasslineError::Singular)?;
+    inverse_lower(inner, rank);
     inner.transpose_mut();
-    multiply_left(&v.transpose(), &mut inner);
-    Ok(inner)
+    multiply_left(&v.transpose(), inner);
+    Ok(())
 }
 
 /// Column `c`.

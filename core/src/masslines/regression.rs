@@ -18,7 +18,7 @@ use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6
 
 /// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
-const SIZE: usize = 6 * MAX_TERMS;
+pub(super) const SIZE: usize = 6 * MAX_TERMS;
 
 type Normal = Triangle<{ triangle_len(SIZE) }>;
 type Right = SMatrix<f64, SIZE, 6>;
@@ -94,9 +94,8 @@ impl Regression {
 
     /// Starts again with the excitation that these moments of the accelerations show over
     /// their noise. `None` if there is none.
-    #[inline(never)] // What is new is off the stack when it is in its place.
     pub(super) fn restart(&mut self, aa: &Matrix6<f64>, noise: &Matrix6<f64>) -> Option<()> {
-        self.excitation = Excitation::new(aa, noise);
+        self.excitation.decide(aa, noise);
         self.normal.clear();
         self.right.fill(0.0);
         self.power.fill(0.0);
@@ -129,18 +128,18 @@ impl Regression {
         for (t, phi_t) in phi.iter().enumerate().take(self.terms) {
             for (u, phi_u) in phi.iter().enumerate().take(t + 1) {
                 // Re conj(φ_t a_i) φ_u a_j
-                let factor = phi_t.conj() * phi_u;
+                let factor = Factor::of(phi_t.conj() * phi_u);
                 for i in 0..rank {
                     let columns = if t == u { i + 1 } else { rank };
                     for j in 0..columns {
-                        normal[(6 * t + i, 6 * u + j)] += real_product(&factor, &aa[(j, i)]);
+                        normal[(6 * t + i, 6 * u + j)] += factor.real_product(&aa[(j, i)]);
                     }
                 }
             }
-            let factor = phi_t.conj();
+            let factor = Factor::of(phi_t.conj());
             for i in 0..rank {
                 for j in 0..self.equations.count() {
-                    right[(6 * t + i, j)] += real_product(&factor, &fa[(j, i)]);
+                    right[(6 * t + i, j)] += factor.real_product(&fa[(j, i)]);
                 }
             }
         }
@@ -470,16 +469,44 @@ impl Solution {
         residual: NO_MATRIX,
         inflation: 0.0,
     };
+
+    /// Whether it has a coefficient of this term.
+    pub(super) fn has(&self, term: usize) -> bool {
+        self.terms.contains(&term)
+    }
+
+    /// Its memory, for matrices of six, once it is of no use: one a term.
+    pub(super) fn spent(&mut self) -> &mut [[f64; SIZE]; 6] {
+        self.terms.clear();
+        &mut self.coefficients.data.0
+    }
 }
 
-/// Real part of a product whose first factor often is real: what is zero costs nothing then.
-fn real_product(x: &Complex<f64>, y: &Complex<f64>) -> f64 {
-    if x.im == 0.0 && x.re == 1.0 {
-        y.re
-    } else if x.im == 0.0 {
-        x.re * y.re
-    } else {
-        x.re * y.re - x.im * y.im
+/// A factor that often is real: what is zero costs nothing then.
+enum Factor {
+    One,
+    Real(f64),
+    Complex(Complex<f64>),
+}
+
+impl Factor {
+    fn of(x: Complex<f64>) -> Self {
+        if x.im == 0.0 && x.re == 1.0 {
+            Self::One
+        } else if x.im == 0.0 {
+            Self::Real(x.re)
+        } else {
+            Self::Complex(x)
+        }
+    }
+
+    /// Real part of the product with it.
+    fn real_product(&self, y: &Complex<f64>) -> f64 {
+        match self {
+            Self::One => y.re,
+            Self::Real(x) => x * y.re,
+            Self::Complex(x) => x.re * y.re - x.im * y.im,
+        }
     }
 }
 

@@ -2,18 +2,22 @@
 //! runs count whose noise differs, and the variances of the pairs.
 
 use super::apparent_mass::{Basis, Fit};
-use super::regression::MAX_TERMS;
-use super::{Lines, MAX_RUNS, Massline, Moments, Powers};
-use crate::algebra::{multiply_left, not_negative};
-use crate::geometry::Equations;
+use super::run_powers::RunPowers;
+use super::{Complex6, Lines, MAX_RUNS, Massline, Moments};
+use crate::algebra::{multiply_left, multiply_right, not_negative};
+use crate::geometry::transfer;
 use core::ops::Range;
-use nalgebra::{ArrayStorage, Complex, Matrix6, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
+
+const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
+const NO_MODEL: Complex6 =
+    Complex6::from_array_storage(ArrayStorage([[Complex::new(0.0, 0.0); 6]; 6]));
 
 /// What a fit leaves in each run.
 #[derive(Clone, Debug)]
 pub(super) struct Residuals {
-    /// What each term is multiplied with, in whitened equations.
-    models: [Matrix6<f64>; MAX_TERMS],
+    /// Powers of each run over the averaging band.
+    pub(super) powers: RunPowers,
     /// Power of each measured equation per independent complex line of each run, in units
     /// of the pooled residual.
     left: [Vector6<f64>; MAX_RUNS],
@@ -22,45 +26,62 @@ pub(super) struct Residuals {
 impl Residuals {
     /// None yet.
     pub(super) const EMPTY: Self = Self {
-        models: [Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6])); MAX_TERMS],
+        powers: RunPowers::EMPTY,
         left: [Vector6::from_array_storage(ArrayStorage([[0.0; 6]])); MAX_RUNS],
     };
 }
 
 impl Fit<'_> {
-    /// Finds what the fit leaves in each run.
+    /// Finds what the fit leaves in each run. `lines` may be about another point than the fit,
+    /// which lies `shift` (m) away from theirs: it is the model that is moved, since that is
+    /// done once.
     #[inline(never)]
     pub(super) fn find_residuals<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
+        shift: &Vector3<f64>,
         band: &Range<usize>,
         basis: &Basis,
     ) {
-        let Residuals { models, left } = &mut *self.residuals;
+        let left = &mut self.residuals.left;
         left.fill(Vector6::zeros());
         let Some(whitened) = self.regression.whitened(self.solution) else {
             return;
         };
-        for (t, model) in models.iter_mut().enumerate().take(basis.terms()) {
-            self.regression.coefficient(self.solution, t, model);
-            multiply_left(whitened.rows(), model);
+        // What each chosen term is multiplied with, in whitened equations.
+        let models = self.candidate.spent();
+        let mut equations = *whitened.rows();
+        move_equations(&mut equations, shift);
+        for (t, stored) in models.iter_mut().enumerate().take(basis.terms()) {
+            let mut model = NO_MATRIX;
+            self.regression.coefficient(self.solution, t, &mut model);
+            multiply_left(whitened.rows(), &mut model);
+            multiply_right(&mut model, &transfer(shift));
+            for (stored, x) in stored.iter_mut().zip(&model) {
+                *stored = *x;
+            }
         }
         let models = models.get(..basis.terms()).unwrap_or(&[]);
         let runs = self.runs;
         for line in band.clone() {
             let phi = basis.at(lines.frequency(line));
-            // The first term is one, others are real.
-            let mut model = Matrix6::<Complex<f64>>::zeros();
+            let mut model = NO_MODEL;
             for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
+                if !self.solution.has(t) {
+                    continue;
+                }
+                // The first term is one, others are real.
                 for (sum, x) in model.iter_mut().zip(m) {
                     sum.re += if t == 0 { *x } else { phi.re * x };
-                    if phi.im != 0.0 {
+                }
+                if phi.im != 0.0 {
+                    for (sum, x) in model.iter_mut().zip(m) {
                         sum.im += phi.im * x;
                     }
                 }
             }
             for (run, left) in left.iter_mut().enumerate().take(runs) {
-                *left += residual(lines, run, line, &whitened, &model);
+                *left += residual(lines, run, line, &equations, &model);
             }
         }
         for (run, left) in left.iter_mut().enumerate().take(runs) {
@@ -73,10 +94,11 @@ impl Fit<'_> {
     pub(super) fn weigh_runs<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
+        shift: &Vector3<f64>,
         band: &Range<usize>,
         basis: &Basis,
     ) {
-        self.find_residuals(lines, band, basis);
+        self.find_residuals(lines, shift, band, basis);
         let left = self.residuals.left.iter().take(self.runs).map(Vector6::sum);
         let mean = left.clone().sum::<f64>() / self.runs as f64;
         if mean > 0.0 {
@@ -107,11 +129,9 @@ impl Fit<'_> {
             .enumerate()
             .take(self.runs)
         {
-            let mut powers = Powers::zero();
-            for line in band.clone() {
-                lines.add_powers(run, line, *weight, &mut powers);
-            }
+            let powers = self.residuals.powers.of(lines, band, run);
             let share = self.regression.powers(self.solution, &powers.aa);
+            let share = share.map(|share| share * *weight);
             for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
                 *variance += left * (share * *weight);
                 *total += share;
@@ -134,16 +154,28 @@ impl Fit<'_> {
     }
 }
 
-/// Power that `model`, the apparent mass in the rows of `equations`, leaves in each of
+/// Makes rows that take resultants about a point take those about the point from which that one
+/// lies `shift` (m) away.
+fn move_equations(rows: &mut Matrix6<f64>, shift: &Vector3<f64>) {
+    // r·f_B is r·f_A less the moment r_m·(s x force), which is force·(r_m x s).
+    for mut row in rows.row_iter_mut() {
+        let lever = Vector3::new(row[3], row[4], row[5]);
+        let lost = lever.cross(shift);
+        row[0] -= lost.x;
+        row[1] -= lost.y;
+        row[2] -= lost.z;
+    }
+}
+
+/// Power that `model`, the apparent mass in the equations with the rows `e`, leaves in each of
 /// them for one run at one line.
 fn residual<L: Lines + ?Sized>(
     lines: &L,
     run: usize,
     line: usize,
-    equations: &Equations,
+    e: &Matrix6<f64>,
     model: &Matrix6<Complex<f64>>,
 ) -> Vector6<f64> {
-    let e = equations.rows();
     if let Some((a, f)) = lines.pair(run, line) {
         let weight = lines.pair_weight(run, line);
         return Vector6::from_fn(|j, _| {

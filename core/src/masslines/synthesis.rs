@@ -29,8 +29,8 @@ pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
-    let system = FreeSystem::new(lines, band, &set.equations, equations);
-    let system = system.as_ref().map_err(|error| *error)?;
+    let mut system = FreeSystem::of(lines, &set.equations);
+    system.look_at(band, equations)?;
     system.modes(fit, limit, space, work)?;
     let modes = &space.free_modes;
     let band = indices(lines, band)?;

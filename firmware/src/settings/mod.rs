@@ -110,10 +110,10 @@ impl<const INPUTS: usize> Settings<INPUTS> {
 
     /// All settings that are not as delivered; what is left out is.
     pub fn changed(&self) -> impl Iterator<Item = Setting<'_>> {
-        let delivered = Self::DELIVERED;
+        // All of those as delivered are 4 KB, and the stack is small.
         let name = (!self.name.is_empty()).then_some(Setting::Name(&self.name));
-        let baud = self.link_baud != delivered.link_baud;
-        let rate = self.sample_rate != delivered.sample_rate;
+        let baud = self.link_baud != LINK_BAUD;
+        let rate = self.sample_rate != SAMPLE_RATE;
         let inputs = (0_u8..).zip(&self.inputs);
         name.into_iter()
             .chain(baud.then_some(Setting::LinkBaud(self.link_baud)))

@@ -35,7 +35,7 @@ const WORDS: [(&str, &str); 11] = [
         "the sampling task: converters, grid of samples, faults",
     ),
     (
-        "office",
+        "rooms",
         "instrument, run that is going on, frame that is sent",
     ),
     ("defmt_rtt::BUFFER", "log"),
