@@ -1,19 +1,20 @@
 //! What the numbers themselves say about the test.
 
+use super::Judged;
 use super::refusal::{notice_weighed, refusal};
 use crate::measure::{MeasuredRun, Measurement, Spectra};
 use crate::setup::Setup;
-use massline_core::identify::{Identification, half_width_95};
+use massline_core::identify::half_width_95;
 use massline_core::masslines::ApparentMass;
 use massline_core::rigid_body::{Margin, Verdict};
 
 /// Adds what the user should know of an answer.
 pub(super) fn notice(
-    identification: &Identification,
+    judged: &Judged<'_>,
     measurement: &Measurement,
     warnings: &mut Vec<String>,
 ) {
-    notice_numbers(identification, noise_is_measured(measurement), warnings);
+    notice_numbers(judged, warnings);
     let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
     if measurement.runs.iter().any(cross) {
         warnings.push(
@@ -30,12 +31,9 @@ pub(super) fn noise_is_measured(measurement: &Measurement) -> bool {
 
 /// Adds what the ten numbers themselves say, if they are not refused: what refuses them is
 /// said instead.
-pub(crate) fn notice_numbers(
-    identification: &Identification,
-    noise_measured: bool,
-    warnings: &mut Vec<String>,
-) {
-    let refused = refusal(identification, noise_measured).is_some();
+pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
+    let identification = judged.identification;
+    let refused = refusal(judged).is_some();
     let missing: Vec<&str> = identification.unobservable().map(|p| p.name()).collect();
     if !missing.is_empty() {
         warnings.push(format!(
@@ -62,7 +60,7 @@ pub(crate) fn notice_numbers(
             ));
         }
     }
-    warnings.extend(notice_weighed(identification));
+    warnings.extend(notice_weighed(judged));
     // What one normal number exceeds in one test of twenty; sums of several do so less often.
     let chance = half_width_95(identification.freedom);
     if let Some(ratio) = identification.consistency

@@ -1,6 +1,8 @@
 //! From recordings to averaged spectra of the twelve resultants: the core's own blocks
 //! and averages, fed from files.
 
+mod change;
+mod channels;
 mod drives;
 mod error;
 mod geometry;
@@ -13,6 +15,8 @@ mod silent;
 mod sine;
 mod survey;
 
+pub(crate) use change::Change;
+pub(crate) use channels::{Added, Channels, channels};
 pub use error::MeasureError;
 pub(crate) use geometry::channel_names;
 pub use geometry::{Accelerations, RunGeometry};
@@ -42,6 +46,7 @@ pub struct Progress<'a> {
 }
 
 /// Everything the estimators need, and what was noticed on the way.
+#[derive(Clone)]
 pub struct Measurement {
     /// Random runs, in the order of the setup: one a drive where there are several.
     pub runs: Vec<MeasuredRun>,

@@ -2,13 +2,14 @@
 
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
-use crate::recording::Health;
+use crate::recording::{Health, Preamble};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::ResultantNoise;
 use massline_core::masslines::StaticPoses;
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// One static run.
+#[derive(Clone)]
 pub struct MeasuredPoses {
     /// Name of the run.
     pub name: String,
@@ -20,6 +21,10 @@ pub struct MeasuredPoses {
     pub noise: Matrix6<f64>,
     /// Every pose: specific force and resultants at A.
     pub rows: Vec<(Vector6<f64>, Vector6<f64>)>,
+    /// The channels' readings in recorded units, pose by pose.
+    pub(crate) readings: Vec<Vec<f32>>,
+    /// What the recording says of itself.
+    pub preamble: Preamble,
     pub(super) fingerprint: u64,
 }
 
@@ -80,6 +85,8 @@ pub(super) fn read(
         poses,
         noise,
         rows,
+        readings,
+        preamble: recording.preamble().clone(),
         fingerprint: health.fingerprint(),
     })
 }

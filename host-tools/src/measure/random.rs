@@ -17,6 +17,7 @@ use std::path::Path;
 const REPORT_ROWS: u64 = 4096;
 
 /// Averaged spectra of one run.
+#[derive(Clone)]
 #[expect(
     clippy::large_enum_variant,
     reason = "one a run, and nearly always the large one"
@@ -41,6 +42,7 @@ pub enum Spectra {
 }
 
 /// One random run, averaged.
+#[derive(Clone)]
 pub struct MeasuredRun {
     /// Name of the run, with the drive where it has several.
     pub name: String,

@@ -2,6 +2,7 @@
 
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
+use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};
 use massline_core::masslines::{MIN_NEIGHBOURS, SineRun};
@@ -10,6 +11,7 @@ use nalgebra::Complex;
 use std::hash::{DefaultHasher, Hasher};
 
 /// One stepped sine run.
+#[derive(Clone)]
 pub struct MeasuredSine {
     /// Name of the run.
     pub name: String,
@@ -19,6 +21,8 @@ pub struct MeasuredSine {
     pub frequencies: Vec<f64>,
     /// Responses of the twelve resultants, frequency by frequency.
     pub responses: Vec<[Complex<f64>; RESULTANTS]>,
+    /// Responses of all channels in recorded units, frequency by frequency.
+    pub(crate) readings: Vec<Vec<Complex<f64>>>,
     /// Responses of the accelerometers, m/s², frequency by frequency.
     pub sensors: Vec<Vec<Complex<f64>>>,
     /// Lines of the averaging band.
@@ -26,6 +30,8 @@ pub struct MeasuredSine {
     /// Covariance of the noise of the resultants per line: the misfit of neighbouring lines of
     /// the averaging band, and at least the resolution of the recorded numbers.
     pub noise: ResultantNoise,
+    /// What the recording says of itself.
+    pub preamble: Preamble,
     pub(super) fingerprint: u64,
 }
 
@@ -72,9 +78,11 @@ pub(super) fn read(
         geometry,
         frequencies: Vec::new(),
         responses: Vec::new(),
+        readings: Vec::new(),
         sensors: Vec::new(),
         band: LineRange::NONE,
         noise: ResultantNoise::NONE,
+        preamble: recording.preamble().clone(),
         fingerprint: 0,
     };
     let mut hash = DefaultHasher::new();
@@ -94,6 +102,7 @@ pub(super) fn read(
         measured.frequencies.push(frequency);
         let mut response = [Complex::new(0.0, 0.0); RESULTANTS];
         let mut sensors = Vec::with_capacity(sensors_of);
+        let mut readings = Vec::with_capacity(names.len());
         for (c, pair) in row[1..].chunks_exact(2).enumerate() {
             let x = Complex::new(pair[0], pair[1]);
             hash.write_u64(pair[0].to_bits());
@@ -103,12 +112,14 @@ pub(super) fn read(
                 *r += x * column[j];
             }
             resolution.add_sensor(column, x.norm_sqr());
+            readings.push(x);
             if c < sensors_of {
                 sensors.push(x * setup.accelerometers[c].scale);
             }
         }
         measured.responses.push(response);
         measured.sensors.push(sensors);
+        measured.readings.push(readings);
     }
     recording.notice_end(warnings);
     let lines = measured.frequencies.len().max(1) as f64;

@@ -6,10 +6,7 @@ use super::beam::{BeamModel, ReducedBeam};
 use super::error::ModelError;
 use super::model_file;
 use super::specimen::Specimen;
-use crate::setup::{
-    AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity,
-    Source,
-};
+use crate::setup::{AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity, Source, Uncertainty};
 
 /// Everything that is simulated, in SI units.
 ///
@@ -220,6 +217,7 @@ fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
                     Mount::Structure
                 },
                 scale: 1.0,
+                uncertainty: Uncertainty::default(),
             },
             shape,
         })
@@ -230,6 +228,7 @@ fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
         direction,
         quantity,
         scale: 1.0,
+        uncertainty: Uncertainty::default(),
     };
     let run = |name: &str, axis: usize, level: f64| {
         let mut motion = [0.0; 6];

@@ -39,7 +39,7 @@
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
 //! | `structures` | random structures and sensors |
-//! | `chance`, `parallel` | random choices, independent jobs on several threads |
+//! | `chance` | random choices |
 
 mod chance;
 pub mod coverage;
@@ -49,7 +49,6 @@ mod monte_carlo;
 mod options;
 mod page;
 pub mod paper;
-mod parallel;
 mod pattern;
 mod percent;
 pub mod plans;
@@ -74,6 +73,7 @@ pub use terminal::print;
 pub use trial::TrialError;
 pub use twin::Twin;
 
+use crate::parallel;
 use massline_core::masslines::Method;
 use massline_core::modes::Pole;
 

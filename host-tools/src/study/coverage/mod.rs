@@ -24,7 +24,7 @@ pub use tally::{Count, Interval, NAMES, NUMBERS, Tally, numbers, truths};
 
 use super::chance::Chance;
 use super::trial::{Trial, TrialError};
-use crate::study::parallel;
+use crate::parallel;
 use cases::{CASES, Case};
 use massline_core::masslines::Method;
 use std::time::Duration;
