@@ -1,6 +1,6 @@
 //! The box's answer in this program's own types.
 
-use crate::identification::{Judged, refusal};
+use crate::identification::{Consistency, Judged, refusal};
 use crate::recording::{Traceability, TrueRate};
 use crate::result::{Origin, ResultDocument, RunQuality};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
@@ -64,12 +64,13 @@ impl Found {
         refusal(&self.judged())
     }
 
-    /// What an answer is judged by. A box averages random runs only, which tell their noise.
+    /// What an answer is judged by.
     pub(crate) fn judged(&self) -> Judged<'_> {
         Judged {
             identification: &self.identification,
             type_b: None,
-            noise_measured: true,
+            // It does not tell its masslines either.
+            consistency: Consistency::bound(&self.identification),
         }
     }
 

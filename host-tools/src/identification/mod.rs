@@ -2,6 +2,7 @@
 //! masslines and asks the core for the ten numbers.
 
 mod condense;
+mod consistency;
 mod error;
 mod notice;
 mod refusal;
@@ -9,6 +10,7 @@ mod statics;
 mod type_b;
 mod weights;
 
+pub use consistency::{Consistency, REFUSED, WARNED};
 pub use error::AnswerError;
 pub(crate) use notice::notice_numbers;
 pub(crate) use refusal::refusal;
@@ -56,6 +58,9 @@ pub struct Answer {
     pub identification: Identification,
     /// Covariance of mass (or Δ), CG and inertia about S.
     pub covariance: Covariance,
+    /// Whether a rigid body explains the data, as a test; `None` where there are no more equations
+    /// than unknowns.
+    pub consistency: Option<Consistency>,
     /// What the numbers owe to errors of calibrations, places and directions, where the setup or
     /// certificates state any and the session was asked for it.
     pub type_b: Option<TypeB>,
@@ -245,7 +250,7 @@ impl<'s> Session<'s> {
         let judged = Judged {
             identification: &found.identification,
             type_b: type_b.as_ref(),
-            noise_measured: notice::noise_is_measured(&measurement),
+            consistency: found.consistency,
         };
         let refused = refusal(&judged);
         notice::notice(&judged, &measurement, &mut warnings);
@@ -262,6 +267,7 @@ impl<'s> Session<'s> {
             procedure,
             identification: found.identification,
             covariance: found.covariance,
+            consistency: found.consistency,
             type_b,
             refused,
             measurement,
@@ -368,6 +374,7 @@ impl<'s> Session<'s> {
 pub(crate) struct Found {
     pub(crate) identification: Identification,
     pub(crate) covariance: Covariance,
+    pub(crate) consistency: Option<Consistency>,
     pub(crate) fits: Vec<ApparentMass>,
     pub(crate) free_modes: Vec<FreeModes>,
     pub(crate) offsets: Vec<(String, [f64; 6])>,
@@ -392,9 +399,9 @@ fn identify_from(
         procedure,
     };
     let mut space = Workspace::EMPTY;
-    let (identification, offsets) = if measurement.poses.is_empty() {
+    let (identification, consistency, offsets) = if measurement.poses.is_empty() {
         identify::identify_in(&sets, &question, &mut space)
-            .map(|identification| (identification, Vec::new()))
+            .map(|i| (i, Consistency::of(&i, &sets), Vec::new()))
             .map_err(AnswerError::from)
     } else {
         statics::identify_with(&measurement.poses, sets, &question, &mut space)
@@ -402,6 +409,7 @@ fn identify_from(
     .map_err(|error| error.blame_sensors(measurement))?;
     Ok(Found {
         identification,
+        consistency,
         covariance: space.covariance(),
         fits,
         free_modes,
@@ -414,9 +422,7 @@ fn identify_from(
 pub(crate) struct Judged<'a> {
     pub(crate) identification: &'a Identification,
     pub(crate) type_b: Option<&'a TypeB>,
-    /// Whether the noise comes from the data, so that what a rigid body leaves can be compared
-    /// with it.
-    pub(crate) noise_measured: bool,
+    pub(crate) consistency: Option<Consistency>,
 }
 
 /// Reads the recordings of a setup and identifies the body.

@@ -1,10 +1,10 @@
 //! What the numbers themselves say about the test.
 
-use super::Judged;
+use super::{Judged, WARNED};
 use super::refusal::{notice_weighed, refusal};
+use crate::format::plain;
 use crate::measure::{MeasuredRun, Measurement, Spectra};
 use crate::setup::Setup;
-use massline_core::identify::half_width_95;
 use massline_core::masslines::ApparentMass;
 use massline_core::rigid_body::{Margin, Verdict};
 
@@ -21,12 +21,6 @@ pub(super) fn notice(
             "without a drive channel (`reference`) the noise of the accelerometers biases the result; record the generator's signal if you can".to_owned(),
         );
     }
-}
-
-/// Whether the noise comes from the data: random runs tell theirs, stepped sine runs are
-/// given one.
-pub(super) fn noise_is_measured(measurement: &Measurement) -> bool {
-    measurement.sines.is_empty()
 }
 
 /// Adds what the ten numbers themselves say, if they are not refused: what refuses them is
@@ -61,20 +55,29 @@ pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
         }
     }
     warnings.extend(notice_weighed(judged));
-    // What one normal number exceeds in one test of twenty; sums of several do so less often.
-    let chance = half_width_95(identification.freedom);
-    if let Some(ratio) = identification.consistency
-        && ratio > chance * chance
+    if let Some(test) = judged.consistency
+        && test.probability < WARNED
     {
         warnings.push(format!(
-            "a rigid body leaves {:.1} times more than the noise explains; error bars were widened. Check sensor positions, directions and scales",
-            ratio.sqrt()
+            "a rigid body leaves {:.1} times more than the noise explains, which chance does in {}; error bars were widened. Check sensor positions, directions and scales",
+            test.ratio.sqrt(),
+            one_in(test.probability)
         ));
     }
     if identification.attenuation > 0.25 {
         warnings.push(
             "noise in the base acceleration pulls some results towards zero by as much as their error bars say; shake harder in rotation".to_owned(),
         );
+    }
+}
+
+/// How seldom something of this probability happens, in words.
+fn one_in(probability: f64) -> String {
+    let decades = -probability.max(1e-300).log10();
+    if decades < 6.0 {
+        format!("one test of {}", plain(10_f64.powf(decades), 1))
+    } else {
+        format!("less than one test of 10^{}", decades.floor())
     }
 }
 

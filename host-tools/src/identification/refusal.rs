@@ -1,9 +1,9 @@
 //! When data do not allow an answer, though numbers come out: they contradict a rigid body,
 //! or the body contradicts nature or the scales.
 
-use super::{Judged, TypeB, number};
+use super::{Judged, REFUSED, TypeB, number};
 use crate::format::{plain, with_std};
-use massline_core::identify::{Estimate, Identification, beyond_chance};
+use massline_core::identify::{Estimate, Identification};
 use massline_core::rigid_body::{Margin, Verdict};
 
 /// Share of the forces, as amplitude, that a rigid body may leave however small the noise is.
@@ -37,7 +37,7 @@ const SCALE: f64 = 0.05;
 pub(crate) fn refusal(judged: &Judged<'_>) -> Option<String> {
     let i = judged.identification;
     negative_mass(i)
-        .or_else(|| contradiction(i).filter(|_| judged.noise_measured))
+        .or_else(|| contradiction(judged))
         .or_else(|| impossible(i))
         .or_else(|| weighed(judged))
 }
@@ -66,12 +66,10 @@ fn negative_mass(i: &Identification) -> Option<String> {
     ))
 }
 
-fn contradiction(i: &Identification) -> Option<String> {
-    let ratio = i.consistency?;
-    // Of all weighted sums of squares with the same mean, one square alone has the heaviest
-    // tail, so that the limit of one normal number holds for any number of residuals.
-    let chance = beyond_chance(i.freedom);
-    let beyond = ratio > chance * chance && i.misfit > MISFIT;
+fn contradiction(judged: &Judged<'_>) -> Option<String> {
+    let (i, test) = (judged.identification, judged.consistency?);
+    let ratio = test.ratio;
+    let beyond = test.probability < REFUSED && i.misfit > MISFIT;
     beyond.then(|| {
         format!(
             "a rigid body leaves {} % of the forces, {} times what noise explains: check `direction`, `position` and `scale` of each load cell and of each accelerometer (one with the wrong sign does this), and that every load path is measured",

@@ -5,7 +5,7 @@ mod number;
 pub use number::{CombinedDocument, InertiaTerms, Number, TypeBDocument};
 
 use crate::box_runs::StoredRun;
-use crate::identification::{Answer, TypeB, number as place};
+use crate::identification::{Answer, Consistency, TypeB, number as place};
 use crate::measure::MeasuredRun;
 use crate::recording::{Traceability, TrueRate, fault_words};
 use crate::replay::DeviceEntry;
@@ -83,6 +83,28 @@ impl CovarianceDocument {
                 _ => "kg m²",
             }),
             matrix,
+        }
+    }
+}
+
+/// Whether a rigid body explains the data: Fisher's F.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ConsistencyDocument {
+    /// Power that a rigid body leaves over power that noise leaves; of static poses the one
+    /// against what a free linear fit leaves.
+    pub ratio: f64,
+    /// Equations beyond the unknowns, and degrees of freedom of the noise; null where infinite.
+    pub freedom: [Option<f64>; 2],
+    /// Probability that noise alone leaves as much or more.
+    pub probability: f64,
+}
+
+impl ConsistencyDocument {
+    fn new(test: Consistency) -> Self {
+        Self {
+            ratio: test.ratio,
+            freedom: [test.surplus, test.freedom].map(|n| Some(n).filter(|n| n.is_finite())),
+            probability: test.probability,
         }
     }
 }
@@ -306,6 +328,9 @@ pub struct ResultDocument {
     pub iterations: u32,
     /// Residual of the masslines over what their noise explains; about one is good.
     pub consistency: Option<f64>,
+    /// The test that this ratio makes; null where there are no more equations than unknowns, and
+    /// from a box.
+    pub consistency_test: Option<ConsistencyDocument>,
     /// Share of the forces that a rigid body leaves, as amplitude.
     pub misfit: f64,
     /// Whether a body like this could exist.
@@ -394,6 +419,7 @@ impl ResultDocument {
             runs: runs.map(RunQuality::new).collect(),
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
+            consistency_test: answer.consistency.map(ConsistencyDocument::new),
             covariance: Some(CovarianceDocument::new(
                 &answer.identification,
                 answer.covariance,
@@ -454,6 +480,7 @@ impl ResultDocument {
             condition_number: i.condition_number,
             iterations: i.iterations,
             consistency: i.consistency,
+            consistency_test: None,
             misfit: i.misfit,
             plausible: Plausible::new(i),
             fixed_modes: Vec::new(),
