@@ -267,7 +267,7 @@ fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> s
     let mut widest = row.half_width;
     if let Some((half, _)) = row.combined {
         let (_, shown) = with_std(e.value * row.scale, half * row.scale);
-        write!(out, "{:<15}", format!("± {shown} {}", row.unit))?;
+        write!(out, "  {:<13}", format!("± {shown} {}", row.unit))?;
         widest = half;
     }
     if with_truth {

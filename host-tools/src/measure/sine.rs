@@ -1,11 +1,12 @@
 //! Stepped sine runs: frequency responses, one frequency a row.
 
 use super::MeasureError;
+use super::noise::RESOLUTION;
 use super::geometry::{RunGeometry, channel_names};
 use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};
-use massline_core::masslines::{MIN_NEIGHBOURS, SineRun};
+use massline_core::masslines::SineRun;
 use massline_core::spectra::LineRange;
 use nalgebra::Complex;
 use std::hash::{DefaultHasher, Hasher};
@@ -27,16 +28,20 @@ pub struct MeasuredSine {
     pub sensors: Vec<Vec<Complex<f64>>>,
     /// Lines of the averaging band.
     pub band: LineRange,
-    /// Covariance of the noise of the resultants per line: the misfit of neighbouring lines of
-    /// the averaging band, and at least the resolution of the recorded numbers.
+    /// Covariance of the noise of the resultants per line, and at least the resolution of the
+    /// recorded numbers.
     pub noise: ResultantNoise,
+    /// The same from the misfit of neighbouring lines of the averaging band, where there are
+    /// enough.
+    pub(super) neighbours: Option<ResultantNoise>,
+    /// The resolution of the recorded numbers alone.
+    pub(super) resolution: ResultantNoise,
+    /// The run that this one repeats.
+    pub(super) repeats: Option<String>,
     /// What the recording says of itself.
     pub preamble: Preamble,
     pub(super) fingerprint: u64,
 }
-
-/// Relative resolution of responses that come as text of six digits.
-const RESOLUTION: f64 = 1e-6;
 
 impl MeasuredSine {
     /// As the core's estimators read it.
@@ -49,7 +54,8 @@ impl MeasuredSine {
     }
 }
 
-/// Reads one run; `before` are the frequencies of the sine runs before it.
+/// Reads one run; `before` are the frequencies of the sine runs before it. Its noise comes when
+/// all runs are there: some may repeat it.
 pub(super) fn read(
     setup: &Setup,
     run: &Run,
@@ -82,6 +88,9 @@ pub(super) fn read(
         sensors: Vec::new(),
         band: LineRange::NONE,
         noise: ResultantNoise::NONE,
+        neighbours: None,
+        resolution: ResultantNoise::NONE,
+        repeats: run.repeats.clone(),
         preamble: recording.preamble().clone(),
         fingerprint: 0,
     };
@@ -126,21 +135,12 @@ pub(super) fn read(
     let band = LineRange::among(&measured.frequencies, processing.averaging_band);
     measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
     let band = measured.band.start()..measured.band.end();
-    if let Some(noise) = SineRun::noise_of_neighbours(
+    measured.neighbours = SineRun::noise_of_neighbours(
         &measured.frequencies[band.clone()],
         &measured.responses[band],
-    ) {
-        measured.noise = noise;
-    } else {
-        warnings.push(format!(
-            "run \"{}\": fewer than {MIN_NEIGHBOURS} frequencies in the averaging band do not tell \
-             how noisy they are; a relative resolution of {RESOLUTION:.0e} is assumed, and error \
-             bars rest on that",
-            run.name
-        ));
-    }
+    );
     measured
-        .noise
+        .resolution
         .add(&resolution, RESOLUTION * RESOLUTION / lines);
     measured.fingerprint = hash.finish();
     if let Some(before) = before

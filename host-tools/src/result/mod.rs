@@ -6,7 +6,7 @@ pub use number::{CombinedDocument, InertiaTerms, Number, TypeBDocument};
 
 use crate::box_runs::StoredRun;
 use crate::identification::{Answer, Consistency, TypeB, number as place};
-use crate::measure::MeasuredRun;
+use crate::measure::{MeasuredRun, RunNoise};
 use crate::recording::{Traceability, TrueRate, fault_words};
 use crate::replay::DeviceEntry;
 use crate::setup::Setup;
@@ -277,6 +277,28 @@ impl RunQuality {
     }
 }
 
+/// Where the noise of a run comes from: `spectra`, `stated`, `repeats`, `neighbours`, `residual`
+/// or `assumed`.
+#[derive(Clone, Debug, Serialize)]
+pub struct NoiseDocument {
+    /// Name of the run.
+    pub run: String,
+    /// Of its accelerations.
+    pub accelerations: &'static str,
+    /// Of its forces.
+    pub forces: &'static str,
+}
+
+impl NoiseDocument {
+    fn new(noise: &RunNoise) -> Self {
+        Self {
+            run: noise.run.clone(),
+            accelerations: noise.accelerations.word(),
+            forces: noise.forces.word(),
+        }
+    }
+}
+
 /// The result document.
 #[derive(Clone, Debug, Serialize)]
 pub struct ResultDocument {
@@ -343,6 +365,8 @@ pub struct ResultDocument {
     pub offsets: Vec<Offsets>,
     /// Random runs: what they gave, and what was left out.
     pub runs: Vec<RunQuality>,
+    /// Where the noise of each run comes from, which decides what is observable.
+    pub noise: Vec<NoiseDocument>,
     /// What the user should know.
     pub warnings: Vec<String>,
     /// The box that has measured and identified, where one has.
@@ -417,6 +441,7 @@ impl ResultDocument {
             free_modes: free_modes(&channels, answer),
             offsets: offsets.collect(),
             runs: runs.map(RunQuality::new).collect(),
+            noise: answer.measurement.noise.iter().map(NoiseDocument::new).collect(),
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
             consistency_test: answer.consistency.map(ConsistencyDocument::new),
@@ -487,6 +512,7 @@ impl ResultDocument {
             free_modes: Vec::new(),
             offsets: Vec::new(),
             runs: Vec::new(),
+            noise: Vec::new(),
             warnings: Vec::new(),
             device: None,
         }

@@ -151,6 +151,7 @@ mod tests {
             grid: None,
             band: LineRange::NONE,
             hop: 0.5,
+            noise: Vec::new(),
             warnings: Vec::new(),
         }
     }
