@@ -27,11 +27,7 @@ pub(super) struct Row {
 }
 
 /// The rows of an identification: mass or indicator, CG, inertia about A and about S.
-pub(super) fn rows(
-    i: &Identification,
-    type_b: Option<&TypeB>,
-    truth: Option<&Truth>,
-) -> Vec<Row> {
+pub(super) fn rows(i: &Identification, type_b: Option<&TypeB>, truth: Option<&Truth>) -> Vec<Row> {
     let mut rows = Vec::new();
     let body = truth.map(true_body);
     let natural = Natural::new(i, body.as_ref());

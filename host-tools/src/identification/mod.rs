@@ -247,6 +247,9 @@ impl<'s> Session<'s> {
             None
         };
         let mut warnings = measurement.warnings.clone();
+        if let Some(type_b) = &type_b {
+            warnings.extend(type_b.gaps(&found.identification));
+        }
         let judged = Judged {
             identification: &found.identification,
             type_b: type_b.as_ref(),

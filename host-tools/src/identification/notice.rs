@@ -1,7 +1,7 @@
 //! What the numbers themselves say about the test.
 
-use super::{Judged, WARNED};
 use super::refusal::{notice_weighed, refusal};
+use super::{Judged, WARNED};
 use crate::format::plain;
 use crate::measure::{MeasuredRun, Measurement, Spectra};
 use crate::setup::Setup;
@@ -9,11 +9,7 @@ use massline_core::masslines::ApparentMass;
 use massline_core::rigid_body::{Margin, Verdict};
 
 /// Adds what the user should know of an answer.
-pub(super) fn notice(
-    judged: &Judged<'_>,
-    measurement: &Measurement,
-    warnings: &mut Vec<String>,
-) {
+pub(super) fn notice(judged: &Judged<'_>, measurement: &Measurement, warnings: &mut Vec<String>) {
     notice_numbers(judged, warnings);
     let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
     if measurement.runs.iter().any(cross) {

@@ -76,19 +76,18 @@ impl RunGeometry {
             }
         }
         for &channel in channels {
-            let (position, direction, moves) = if let Some(entry) =
-                setup.accelerometers.get(channel)
-            {
-                let placed = placement.accelerometer(&accelerometer(entry)?);
-                let table = entry.mount == Mount::Interface;
-                (placed.position(), placed.direction(), (true, table))
-            } else if let Some(entry) = setup.load_cells.get(channel - sensors) {
-                let placed = placement.load_cell(&load_cell(entry)?);
-                let force = entry.quantity == Quantity::Force;
-                (placed.position(), placed.direction(), (force, true))
-            } else {
-                continue;
-            };
+            let (position, direction, moves) =
+                if let Some(entry) = setup.accelerometers.get(channel) {
+                    let placed = placement.accelerometer(&accelerometer(entry)?);
+                    let table = entry.mount == Mount::Interface;
+                    (placed.position(), placed.direction(), (true, table))
+                } else if let Some(entry) = setup.load_cells.get(channel - sensors) {
+                    let placed = placement.load_cell(&load_cell(entry)?);
+                    let force = entry.quantity == Quantity::Force;
+                    (placed.position(), placed.direction(), (force, true))
+                } else {
+                    continue;
+                };
             let (force, table) = moves;
             let by = if table {
                 placement.rotation().tr_mul(by)
@@ -145,7 +144,10 @@ mod tests {
         );
         let places = [[0.5, 0.1, 0.0], [-0.4, 0.4, 0.1], [0.1, -0.5, 0.05]];
         for (n, [x, y, z]) in places.into_iter().enumerate() {
-            for (k, d) in ["[1, 0, 0.2]", "[0, 1, 0]", "[0.1, 0, 1]"].iter().enumerate() {
+            for (k, d) in ["[1, 0, 0.2]", "[0, 1, 0]", "[0.1, 0, 1]"]
+                .iter()
+                .enumerate()
+            {
                 let scale = 2 - n;
                 text += &format!(
                     "[[accelerometer]]\nchannel = \"a{n}{k}\"\nposition = [{x}, {y}, {z}]\ndirection = {d}\nscale = {}\nmount = \"{}\"\n",
@@ -222,9 +224,13 @@ mod tests {
     #[test]
     fn no_direction_is_seen_of_a_sudden() {
         let mut text = String::from("[processing]\naveraging_band = [2, 20]\n");
-        for (k, (place, d)) in [("0.0", "[1, 0, 0]"), ("0.2", "[0, 0, 1]"), ("-0.3", "[0, 0, 1]")]
-            .into_iter()
-            .enumerate()
+        for (k, (place, d)) in [
+            ("0.0", "[1, 0, 0]"),
+            ("0.2", "[0, 0, 1]"),
+            ("-0.3", "[0, 0, 1]"),
+        ]
+        .into_iter()
+        .enumerate()
         {
             text += &format!(
                 "[[accelerometer]]\nchannel = \"a{k}\"\nposition = [{place}, 0.0, 0.1]\ndirection = {d}\nmount = \"interface\"\n"
@@ -235,7 +241,9 @@ mod tests {
         let plane = Accelerations::Interface;
         let geometry = RunGeometry::new(&setup, 0, &plane).unwrap();
         let change = Change::Direction(vec![1], Vector3::new(1.0, 1.0, 1.0));
-        let added = geometry.changed_columns(&setup, 0, &plane, &change).unwrap();
+        let added = geometry
+            .changed_columns(&setup, 0, &plane, &change)
+            .unwrap();
         for added in &added {
             for j in [1, 3, 5] {
                 assert_eq!(added[j], 0.0, "{added:?}");

@@ -108,7 +108,9 @@ pub(super) fn axes(setup: &Setup) -> Vec<Axis<'_>> {
     sensors.chain(cells).collect()
 }
 
-pub(super) fn accelerometer(entry: &setup::AccelerometerEntry) -> Result<Accelerometer, GeometryError> {
+pub(super) fn accelerometer(
+    entry: &setup::AccelerometerEntry,
+) -> Result<Accelerometer, GeometryError> {
     let mount = match entry.mount {
         setup::Mount::Interface => Mount::Interface,
         setup::Mount::Structure => Mount::Structure,

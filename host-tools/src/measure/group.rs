@@ -2,9 +2,7 @@
 
 use super::{MeasuredRun, MeasuredSine, Measurement, RunGeometry, Spectra, WINDOW};
 use massline_core::geometry::ResultantNoise;
-use massline_core::masslines::{
-    CrossLines, DriveLines, Lines, MasslineError, Moments, SineLines,
-};
+use massline_core::masslines::{CrossLines, DriveLines, Lines, MasslineError, Moments, SineLines};
 use massline_core::spectra::{CrossAverage, LineRange, RunResponses, Sum};
 use nalgebra::{Complex, Vector6};
 
@@ -80,7 +78,10 @@ impl Lines for StatedLines<'_, '_> {
     }
 
     fn noise(&self, run: usize) -> ResultantNoise {
-        self.stated.get(run).copied().unwrap_or(ResultantNoise::NONE)
+        self.stated
+            .get(run)
+            .copied()
+            .unwrap_or(ResultantNoise::NONE)
     }
 
     fn equations_per_line(&self, run: usize) -> f64 {

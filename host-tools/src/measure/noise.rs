@@ -175,7 +175,8 @@ pub(super) fn assumed(run: &str, why: &str, advice: &str) -> String {
 /// about the mean of the repeats over the lines of the averaging band.
 fn repeats(run: &MeasuredSine, all: &[MeasuredSine]) -> Option<ResultantNoise> {
     let first = run.repeats.as_ref().unwrap_or(&run.name);
-    let same = |other: &&MeasuredSine| other.name == *first || other.repeats.as_ref() == Some(first);
+    let same =
+        |other: &&MeasuredSine| other.name == *first || other.repeats.as_ref() == Some(first);
     let members: Vec<&MeasuredSine> = all.iter().filter(same).collect();
     let freedom = members.len().checked_sub(1).filter(|n| *n > 0)?;
     let mut noise = ResultantNoise::NONE;

@@ -1,8 +1,8 @@
 //! Static runs: one pose a row.
 
 use super::MeasureError;
-use super::noise::{NoiseOrigin, RESOLUTION, RunNoise, Stated, assumed};
 use super::geometry::{RunGeometry, channel_names};
+use super::noise::{NoiseOrigin, RESOLUTION, RunNoise, Stated, assumed};
 use crate::recording::{Health, Preamble};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::ResultantNoise;

@@ -2,8 +2,8 @@
 
 use super::drives::{DrivesAverage, Parts};
 use super::geometry::{RunGeometry, channel_names};
-use super::rejected::{Gate, Rejected};
 use super::noise::{NoiseOrigin, RunNoise, Stated};
+use super::rejected::{Gate, Rejected};
 use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};

@@ -1,8 +1,8 @@
 //! Stepped sine runs: frequency responses, one frequency a row.
 
 use super::MeasureError;
-use super::noise::RESOLUTION;
 use super::geometry::{RunGeometry, channel_names};
+use super::noise::RESOLUTION;
 use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};

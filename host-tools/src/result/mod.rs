@@ -441,7 +441,12 @@ impl ResultDocument {
             free_modes: free_modes(&channels, answer),
             offsets: offsets.collect(),
             runs: runs.map(RunQuality::new).collect(),
-            noise: answer.measurement.noise.iter().map(NoiseDocument::new).collect(),
+            noise: answer
+                .measurement
+                .noise
+                .iter()
+                .map(NoiseDocument::new)
+                .collect(),
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
             consistency_test: answer.consistency.map(ConsistencyDocument::new),

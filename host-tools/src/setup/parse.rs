@@ -325,7 +325,10 @@ fn accelerometer(
     section: &Section<'_>,
     seen: &mut Channels,
 ) -> Result<AccelerometerEntry, SetupError> {
-    only(section, &["channel", "position", "direction", "mount", "scale"])?;
+    only(
+        section,
+        &["channel", "position", "direction", "mount", "scale"],
+    )?;
     Ok(AccelerometerEntry {
         channel: channel(section, seen)?,
         position: position(section)?,

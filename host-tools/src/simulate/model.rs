@@ -6,7 +6,10 @@ use super::beam::{BeamModel, ReducedBeam};
 use super::error::ModelError;
 use super::model_file;
 use super::specimen::Specimen;
-use crate::setup::{AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity, Source, Uncertainty};
+use crate::setup::{
+    AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity,
+    Source, Uncertainty,
+};
 
 /// Everything that is simulated, in SI units.
 ///

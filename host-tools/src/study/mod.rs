@@ -45,6 +45,8 @@ mod chance;
 pub mod coverage;
 mod document;
 mod estimate;
+#[cfg(test)]
+mod false_alarms;
 mod monte_carlo;
 mod options;
 mod page;

@@ -19,7 +19,9 @@
 mod sources;
 
 use super::{AnswerError, Found, OnProgress, Session, identify_from};
-use crate::measure::{self, Accelerations, Added, Channels, MeasureError, Measurement, RunGeometry};
+use crate::measure::{
+    self, Accelerations, Added, Channels, MeasureError, Measurement, RunGeometry,
+};
 use crate::parallel;
 use crate::setup::Setup;
 use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
@@ -118,6 +120,28 @@ impl TypeB {
             std,
             interval: both.interval(freedom),
             freedom,
+        })
+    }
+
+    /// What is to be said of errors that could not be carried through: no number is given then
+    /// for what they leave unknown.
+    pub(super) fn gaps(&self, i: &Identification) -> Option<String> {
+        let all = estimates(i);
+        let lost = |c: &&Contribution| {
+            let mut pairs = all.iter().zip(&c.numbers);
+            pairs.any(|(estimate, number)| estimate.is_some() && number.is_none())
+        };
+        let names: Vec<&str> = self
+            .contributions
+            .iter()
+            .filter(lost)
+            .map(|c| &*c.source)
+            .collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "the stated uncertainty is more than this test can be carried through with: {}; numbers that it touches have no type B uncertainty",
+                names.join("; ")
+            )
         })
     }
 
@@ -260,7 +284,10 @@ impl Chain<'_> {
             let (Some(up), Some(down)) = (side(step), side(-step)) else {
                 continue;
             };
-            let (above, below) = (estimates(&up.identification), estimates(&down.identification));
+            let (above, below) = (
+                estimates(&up.identification),
+                estimates(&down.identification),
+            );
             for (slot, (above, below)) in numbers.iter_mut().zip(above.into_iter().zip(below)) {
                 *slot = above
                     .zip(below)

@@ -102,12 +102,20 @@ fn channels(setup: &Setup, measurement: &Measurement) -> Vec<Channel> {
             .or(stated.calibration),
         ..stated
     };
-    let sensors = setup.accelerometers.iter().enumerate().map(|(k, a)| Channel {
-        name: a.channel.clone(),
-        kind: u8::from(a.mount == Mount::Interface),
-        place: bits(a.position),
-        stated: with_certificate(a.uncertainty, &a.channel, setup.accelerometer_uncertainty(k)),
-    });
+    let sensors = setup
+        .accelerometers
+        .iter()
+        .enumerate()
+        .map(|(k, a)| Channel {
+            name: a.channel.clone(),
+            kind: u8::from(a.mount == Mount::Interface),
+            place: bits(a.position),
+            stated: with_certificate(
+                a.uncertainty,
+                &a.channel,
+                setup.accelerometer_uncertainty(k),
+            ),
+        });
     let cells = setup.load_cells.iter().enumerate().map(|(k, c)| Channel {
         name: c.channel.clone(),
         kind: 2,

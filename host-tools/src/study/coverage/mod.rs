@@ -205,6 +205,17 @@ pub fn run(
     })
 }
 
+/// The test that draw `seed` of a case is.
+#[cfg(test)]
+pub(super) fn test_of(
+    name: &str,
+    seed: u64,
+) -> Result<(crate::simulate::Model, super::trial::Conditions), String> {
+    let case = CASES.iter().find(|case| case.name == name);
+    let case = case.ok_or_else(|| format!("no case {name}"))?;
+    (case.draw)(&mut Chance::new(seed, &["coverage", name])).map_err(|e| e.to_string())
+}
+
 /// All levels and methods of one draw.
 fn draw(case: &Case, options: &Options, number: usize) -> Result<Vec<Scored>, CoverageError> {
     let seed = options.seed.wrapping_add(number as u64);
