@@ -12,6 +12,7 @@ pub mod limits;
 pub mod measure;
 pub mod modal;
 pub mod output;
+mod parallel;
 pub mod printable;
 pub mod recording;
 pub mod replay;

@@ -1,6 +1,6 @@
 //! The box's answer in this program's own types.
 
-use crate::identification::refusal;
+use crate::identification::{Consistency, Judged, refusal};
 use crate::recording::{Traceability, TrueRate};
 use crate::result::{Origin, ResultDocument, RunQuality};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
@@ -61,8 +61,17 @@ impl Found {
     /// Why the numbers must not be believed, and what to do.
     #[must_use]
     pub fn refused(&self) -> Option<String> {
-        // A box averages random runs only, which tell their noise.
-        refusal(&self.identification, true)
+        refusal(&self.judged())
+    }
+
+    /// What an answer is judged by.
+    pub(crate) fn judged(&self) -> Judged<'_> {
+        Judged {
+            identification: &self.identification,
+            type_b: None,
+            // It does not tell its masslines either.
+            consistency: Consistency::bound(&self.identification),
+        }
     }
 
     /// The result document: what of it a box tells.

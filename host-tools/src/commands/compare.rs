@@ -36,7 +36,7 @@ pub(super) fn run(
     verbosity: Verbosity,
 ) -> Result<(), Failure> {
     let (best, because) = recommended(setup);
-    let mut session = Session::new(setup);
+    let mut session = Session::new(setup).with_type_b();
     let mut answers = Vec::new();
     let mut failed = Vec::new();
     let mut code = 1;
@@ -125,7 +125,7 @@ fn print(
     )?;
     let tables: Vec<Vec<Row>> = answers
         .iter()
-        .map(|a| rows(&a.identification, truth))
+        .map(|a| rows(&a.identification, a.type_b.as_ref(), truth))
         .collect();
     // Terminals are narrow: four methods beside each other at most.
     for (answers, tables) in answers.chunks(4).zip(tables.chunks(4)) {

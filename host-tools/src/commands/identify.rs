@@ -137,7 +137,7 @@ pub(super) fn with_progress(
     choice: &Choice,
     verbosity: Verbosity,
 ) -> Result<Answer, Failure> {
-    let mut session = Session::new(setup);
+    let mut session = Session::new(setup).with_type_b();
     reading(verbosity, |progress| {
         Ok(session.answer_with_modes(choice, progress)?)
     })

@@ -2,7 +2,7 @@
 
 use super::true_body;
 use crate::format::{significant, with_std};
-use crate::identification::Answer;
+use crate::identification::{Answer, TypeB, number};
 use crate::report::scales::{Natural, largest_moment};
 use crate::simulate::Truth;
 use anstyle::{AnsiColor, Style};
@@ -19,13 +19,15 @@ pub(super) struct Row {
     pub(super) estimate: Option<Estimate>,
     /// Half of its 95 % interval, SI.
     pub(super) half_width: f64,
+    /// The same with type B in it, where that is stated, and its main source.
+    pub(super) combined: Option<(f64, Option<String>)>,
     /// What its error is a share of, SI.
     pub(super) whole: Option<f64>,
     pub(super) truth: Option<f64>,
 }
 
 /// The rows of an identification: mass or indicator, CG, inertia about A and about S.
-pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
+pub(super) fn rows(i: &Identification, type_b: Option<&TypeB>, truth: Option<&Truth>) -> Vec<Row> {
     let mut rows = Vec::new();
     let body = truth.map(true_body);
     let natural = Natural::new(i, body.as_ref());
@@ -37,6 +39,7 @@ pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
             scale,
             estimate,
             half_width: estimate.map_or(0.0, |e| e.interval(i.freedom)),
+            combined: None,
             whole,
             truth,
         });
@@ -104,6 +107,22 @@ pub(super) fn rows(i: &Identification, truth: Option<&Truth>) -> Vec<Row> {
             add(name.to_owned(), point, unit, scale, terms[j], whole, truth);
         }
     }
+    // Mass or Δ, then as the numbers of an identification.
+    let first = match i.indicator {
+        Some(_) => number::INDICATOR,
+        None => number::MASS,
+    };
+    for (place, row) in rows.iter_mut().enumerate() {
+        let place = match place {
+            0 => first,
+            _ => number::CENTRE + place - 1,
+        };
+        row.combined = type_b.zip(row.estimate).and_then(|(type_b, e)| {
+            let both = type_b.combined(place, &e, i.freedom)?;
+            let source = type_b.dominant(place).map(|(source, _)| source.to_owned());
+            Some((both.interval, source))
+        });
+    }
     rows
 }
 
@@ -118,6 +137,8 @@ pub struct Heading<'a> {
     pub procedure: Procedure,
     /// Why this method, if the user left the choice.
     pub why: Option<&'a str>,
+    /// Type B uncertainty, where it is stated.
+    pub type_b: Option<&'a TypeB>,
 }
 
 /// Prints the ten numbers with their error bars, and the truth beside them if it is known.
@@ -135,6 +156,7 @@ pub fn print_answer(
         method: answer.method_description(),
         procedure: answer.procedure,
         why: answer.why,
+        type_b: answer.type_b.as_ref(),
     };
     print_numbers(out, &heading, &answer.identification, truth)
 }
@@ -176,6 +198,12 @@ pub fn print_numbers(
             significant(mass.value, 6)
         )?;
     }
+    if heading.type_b.is_some() {
+        writeln!(
+            out,
+            "{dim}95 % intervals: of the noise alone, and with the stated uncertainty of sensors; behind each where most of that comes from{dim:#}"
+        )?;
+    }
     if truth.is_some() {
         writeln!(
             out,
@@ -188,13 +216,16 @@ pub fn print_numbers(
         "{bold}{:<14}{:>12}  {:<13}",
         "", "value", "95 % interval"
     )?;
+    if heading.type_b.is_some() {
+        write!(out, "{:<15}", "  with sensors")?;
+    }
     if truth.is_some() {
         write!(out, "{:>12}{:>11}", "truth", "error")?;
     }
     writeln!(out, "{bold:#}")?;
     let mut unseen: Vec<String> = Vec::new();
     let mut about = "";
-    for row in rows(i, truth) {
+    for row in rows(i, heading.type_b, truth) {
         match row.estimate {
             Some(e) => print_row(out, &row, e, truth.is_some())?,
             None if row.group.is_empty() || row.group == about => unseen.push(row.name),
@@ -229,11 +260,17 @@ fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> s
     let interval = format!("± {half} {}", row.unit);
     let name = format!("{}{}", row.name, row.group);
     write!(out, "{name:<14}{value:>12}  {interval:<13}")?;
+    let mut widest = row.half_width;
+    if let Some((half, _)) = row.combined {
+        let (_, shown) = with_std(e.value * row.scale, half * row.scale);
+        write!(out, "  {:<13}", format!("± {shown} {}", row.unit))?;
+        widest = half;
+    }
     if with_truth {
         match row.truth {
             Some(truth) => {
                 let error = e.value - truth;
-                let inside = error.abs() <= row.half_width || e.std == 0.0;
+                let inside = error.abs() <= widest || widest == 0.0;
                 let style = if inside {
                     AnsiColor::Green
                 } else {
@@ -251,6 +288,10 @@ fn print_row(out: &mut dyn Write, row: &Row, e: Estimate, with_truth: bool) -> s
             }
             None => write!(out, "{:>12}", "-")?,
         }
+    }
+    if let Some((_, Some(source))) = &row.combined {
+        let dim = Style::new().dimmed();
+        write!(out, "  {dim}{source}{dim:#}")?;
     }
     writeln!(out)
 }

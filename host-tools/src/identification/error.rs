@@ -135,7 +135,7 @@ impl AnswerError {
                 "this is a mistake in the program: report it with the setup file"
             }
             MasslineError::TooFewBlocks { .. } => {
-                "record longer, shorten `block_length`, or record the generator's signal and name it as `reference`, which needs fewer blocks"
+                "record longer, shorten `block_length`, record the generator's signal and name it as `reference`, which needs fewer blocks, or state the sensors' `noise`"
             }
             MasslineError::Singular => "check the recordings for channels without signal",
         };

@@ -2,15 +2,19 @@
 //! masslines and asks the core for the ten numbers.
 
 mod condense;
+mod consistency;
 mod error;
 mod notice;
 mod refusal;
 mod statics;
+mod type_b;
 mod weights;
 
+pub use consistency::{Consistency, REFUSED, WARNED};
 pub use error::AnswerError;
 pub(crate) use notice::notice_numbers;
 pub(crate) use refusal::refusal;
+pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
 use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
 use crate::modal::Modal;
@@ -54,6 +58,12 @@ pub struct Answer {
     pub identification: Identification,
     /// Covariance of mass (or Δ), CG and inertia about S.
     pub covariance: Covariance,
+    /// Whether a rigid body explains the data, as a test; `None` where there are no more equations
+    /// than unknowns.
+    pub consistency: Option<Consistency>,
+    /// What the numbers owe to errors of calibrations, places and directions, where the setup or
+    /// certificates state any and the session was asked for it.
+    pub type_b: Option<TypeB>,
     /// Why the numbers must not be believed, and what to do, where the data contradict them.
     pub refused: Option<String>,
     /// Averaged spectra.
@@ -130,6 +140,7 @@ pub type OnProgress<'a> = &'a mut dyn FnMut(Progress<'_>);
 pub struct Session<'s> {
     setup: &'s Setup,
     limit: Option<u64>,
+    with_type_b: bool,
     survey: Option<Rc<Survey>>,
     measurements: Vec<(Accelerations, Rc<Measurement>)>,
 }
@@ -147,8 +158,20 @@ impl<'s> Session<'s> {
         Self {
             setup,
             limit,
+            with_type_b: false,
             survey: None,
             measurements: Vec::new(),
+        }
+    }
+
+    /// The same with type B uncertainty in its answers, where the setup or certificates state
+    /// what it comes from: one more pass over random recordings and two identifications for each
+    /// source.
+    #[must_use]
+    pub fn with_type_b(self) -> Self {
+        Self {
+            with_type_b: true,
+            ..self
         }
     }
 
@@ -207,13 +230,56 @@ impl<'s> Session<'s> {
         progress: OnProgress<'_>,
     ) -> Result<Answer, AnswerError> {
         let measurement = self.measurement(accelerations, progress)?;
-        let warnings = measurement.warnings.clone();
-        let mut answer = self.identify(method, choice, measurement, warnings)?;
-        answer.weights = match accelerations {
-            Accelerations::All(weights) => weights.clone(),
-            Accelerations::Interface => None,
+        let estimation = &self.setup.estimation;
+        let procedure = if choice.iterative {
+            Procedure::Iterative {
+                tolerance: estimation.tolerance,
+                limit: estimation.iterations,
+            }
+        } else {
+            Procedure::Direct
         };
-        Ok(answer)
+        let found = identify_from(self.setup, method, procedure, &measurement)?;
+        let type_b = if self.with_type_b {
+            let data = (accelerations, &*measurement);
+            self.type_b(method, procedure, data, &found, progress)?
+        } else {
+            None
+        };
+        let mut warnings = measurement.warnings.clone();
+        if let Some(type_b) = &type_b {
+            warnings.extend(type_b.gaps(&found.identification));
+        }
+        let judged = Judged {
+            identification: &found.identification,
+            type_b: type_b.as_ref(),
+            consistency: found.consistency,
+        };
+        let refused = refusal(&judged);
+        notice::notice(&judged, &measurement, &mut warnings);
+        if refused.is_none() {
+            notice::notice_missing_modes(self.setup, &found.fits, &mut warnings);
+        }
+        Ok(Answer {
+            method,
+            why: None,
+            weights: match accelerations {
+                Accelerations::All(weights) => weights.clone(),
+                Accelerations::Interface => None,
+            },
+            procedure,
+            identification: found.identification,
+            covariance: found.covariance,
+            consistency: found.consistency,
+            type_b,
+            refused,
+            measurement,
+            fits: found.fits,
+            free_modes: found.free_modes,
+            modal: None,
+            offsets: found.offsets,
+            warnings,
+        })
     }
 
     /// The same with the modal data beside the rigid body.
@@ -305,64 +371,61 @@ impl<'s> Session<'s> {
             .push((accelerations.clone(), Rc::clone(&measured)));
         Ok(measured)
     }
+}
 
-    fn identify(
-        &self,
-        method: Method,
-        choice: &Choice,
-        measurement: Rc<Measurement>,
-        mut warnings: Vec<String>,
-    ) -> Result<Answer, AnswerError> {
-        let mut sets: Vec<Masslines> = Vec::new();
-        let (mut fits, mut free_modes) = (Vec::new(), Vec::new());
-        for condensed in condense::all(self.setup, method, &measurement)? {
-            sets.push(condensed.masslines);
-            fits.extend(condensed.apparent_mass);
-            free_modes.extend(condensed.free_modes);
-        }
-        let estimation = &self.setup.estimation;
-        let procedure = if choice.iterative {
-            Procedure::Iterative {
-                tolerance: estimation.tolerance,
-                limit: estimation.iterations,
-            }
-        } else {
-            Procedure::Direct
-        };
-        let question = Question {
-            known_mass: self.setup.known_mass,
-            procedure,
-        };
-        let mut space = Workspace::EMPTY;
-        let (identification, offsets) = if measurement.poses.is_empty() {
-            identify::identify_in(&sets, &question, &mut space)
-                .map(|identification| (identification, Vec::new()))
-                .map_err(AnswerError::from)
-        } else {
-            statics::identify_with(&measurement.poses, sets, &question, &mut space)
-        }
-        .map_err(|error| error.blame_sensors(&measurement))?;
-        let refused = refusal(&identification, notice::noise_is_measured(&measurement));
-        notice::notice(&identification, &measurement, &mut warnings);
-        if refused.is_none() {
-            notice::notice_missing_modes(self.setup, &fits, &mut warnings);
-        }
-        Ok(Answer {
-            method,
-            why: None,
-            weights: None,
-            procedure,
-            identification,
-            covariance: space.covariance(),
-            refused,
-            measurement,
-            fits,
-            free_modes,
-            modal: None,
-            offsets,
-            warnings,
-        })
+/// What averages give: the numbers, and what they were made of.
+pub(crate) struct Found {
+    pub(crate) identification: Identification,
+    pub(crate) covariance: Covariance,
+    pub(crate) consistency: Option<Consistency>,
+    pub(crate) fits: Vec<ApparentMass>,
+    pub(crate) free_modes: Vec<FreeModes>,
+    pub(crate) offsets: Vec<(String, [f64; 6])>,
+}
+
+/// From averages to the ten numbers.
+fn identify_from(
+    setup: &Setup,
+    method: Method,
+    procedure: Procedure,
+    measurement: &Measurement,
+) -> Result<Found, AnswerError> {
+    let mut sets: Vec<Masslines> = Vec::new();
+    let (mut fits, mut free_modes) = (Vec::new(), Vec::new());
+    for condensed in condense::all(setup, method, measurement)? {
+        sets.push(condensed.masslines);
+        fits.extend(condensed.apparent_mass);
+        free_modes.extend(condensed.free_modes);
     }
+    let question = Question {
+        known_mass: setup.known_mass,
+        procedure,
+    };
+    let mut space = Workspace::EMPTY;
+    let (identification, consistency, offsets) = if measurement.poses.is_empty() {
+        identify::identify_in(&sets, &question, &mut space)
+            .map(|i| (i, Consistency::of(&i, &sets), Vec::new()))
+            .map_err(AnswerError::from)
+    } else {
+        statics::identify_with(&measurement.poses, sets, &question, &mut space)
+    }
+    .map_err(|error| error.blame_sensors(measurement))?;
+    Ok(Found {
+        identification,
+        consistency,
+        covariance: space.covariance(),
+        fits,
+        free_modes,
+        offsets,
+    })
+}
+
+/// What an answer is judged by.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Judged<'a> {
+    pub(crate) identification: &'a Identification,
+    pub(crate) type_b: Option<&'a TypeB>,
+    pub(crate) consistency: Option<Consistency>,
 }
 
 /// Reads the recordings of a setup and identifies the body.

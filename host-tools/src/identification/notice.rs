@@ -1,19 +1,16 @@
 //! What the numbers themselves say about the test.
 
 use super::refusal::{notice_weighed, refusal};
+use super::{Judged, WARNED};
+use crate::format::plain;
 use crate::measure::{MeasuredRun, Measurement, Spectra};
 use crate::setup::Setup;
-use massline_core::identify::{Identification, half_width_95};
 use massline_core::masslines::ApparentMass;
 use massline_core::rigid_body::{Margin, Verdict};
 
 /// Adds what the user should know of an answer.
-pub(super) fn notice(
-    identification: &Identification,
-    measurement: &Measurement,
-    warnings: &mut Vec<String>,
-) {
-    notice_numbers(identification, noise_is_measured(measurement), warnings);
+pub(super) fn notice(judged: &Judged<'_>, measurement: &Measurement, warnings: &mut Vec<String>) {
+    notice_numbers(judged, warnings);
     let cross = |r: &MeasuredRun| matches!(r.spectra, Spectra::Cross { .. });
     if measurement.runs.iter().any(cross) {
         warnings.push(
@@ -22,20 +19,11 @@ pub(super) fn notice(
     }
 }
 
-/// Whether the noise comes from the data: random runs tell theirs, stepped sine runs are
-/// given one.
-pub(super) fn noise_is_measured(measurement: &Measurement) -> bool {
-    measurement.sines.is_empty()
-}
-
 /// Adds what the ten numbers themselves say, if they are not refused: what refuses them is
 /// said instead.
-pub(crate) fn notice_numbers(
-    identification: &Identification,
-    noise_measured: bool,
-    warnings: &mut Vec<String>,
-) {
-    let refused = refusal(identification, noise_measured).is_some();
+pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
+    let identification = judged.identification;
+    let refused = refusal(judged).is_some();
     let missing: Vec<&str> = identification.unobservable().map(|p| p.name()).collect();
     if !missing.is_empty() {
         warnings.push(format!(
@@ -62,21 +50,30 @@ pub(crate) fn notice_numbers(
             ));
         }
     }
-    warnings.extend(notice_weighed(identification));
-    // What one normal number exceeds in one test of twenty; sums of several do so less often.
-    let chance = half_width_95(identification.freedom);
-    if let Some(ratio) = identification.consistency
-        && ratio > chance * chance
+    warnings.extend(notice_weighed(judged));
+    if let Some(test) = judged.consistency
+        && test.probability < WARNED
     {
         warnings.push(format!(
-            "a rigid body leaves {:.1} times more than the noise explains; error bars were widened. Check sensor positions, directions and scales",
-            ratio.sqrt()
+            "a rigid body leaves {:.1} times more than the noise explains, which chance does in {}; error bars were widened. Check sensor positions, directions and scales",
+            test.ratio.sqrt(),
+            one_in(test.probability)
         ));
     }
     if identification.attenuation > 0.25 {
         warnings.push(
             "noise in the base acceleration pulls some results towards zero by as much as their error bars say; shake harder in rotation".to_owned(),
         );
+    }
+}
+
+/// How seldom something of this probability happens, in words.
+fn one_in(probability: f64) -> String {
+    let decades = -probability.max(1e-300).log10();
+    if decades < 6.0 {
+        format!("one test of {}", plain(10_f64.powf(decades), 1))
+    } else {
+        format!("less than one test of 10^{}", decades.floor())
     }
 }
 

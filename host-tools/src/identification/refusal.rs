@@ -1,8 +1,9 @@
 //! When data do not allow an answer, though numbers come out: they contradict a rigid body,
 //! or the body contradicts nature or the scales.
 
+use super::{Judged, REFUSED, TypeB, number};
 use crate::format::{plain, with_std};
-use massline_core::identify::{Estimate, Identification, beyond_chance};
+use massline_core::identify::{Estimate, Identification};
 use massline_core::rigid_body::{Margin, Verdict};
 
 /// Share of the forces, as amplitude, that a rigid body may leave however small the noise is.
@@ -32,13 +33,13 @@ const WEIGHED: f64 = 5.0;
 const SCALE: f64 = 0.05;
 
 /// Why the numbers must not be believed, and what to do; `None` where nothing speaks against
-/// them. `noise_measured` says that the noise comes from the data, so that what a rigid body
-/// leaves can be compared with it.
-pub(crate) fn refusal(i: &Identification, noise_measured: bool) -> Option<String> {
+/// them.
+pub(crate) fn refusal(judged: &Judged<'_>) -> Option<String> {
+    let i = judged.identification;
     negative_mass(i)
-        .or_else(|| contradiction(i).filter(|_| noise_measured))
+        .or_else(|| contradiction(judged))
         .or_else(|| impossible(i))
-        .or_else(|| weighed(i))
+        .or_else(|| weighed(judged))
 }
 
 /// The mass that the data say; a weighed one times Δ.
@@ -65,12 +66,10 @@ fn negative_mass(i: &Identification) -> Option<String> {
     ))
 }
 
-fn contradiction(i: &Identification) -> Option<String> {
-    let ratio = i.consistency?;
-    // Of all weighted sums of squares with the same mean, one square alone has the heaviest
-    // tail, so that the limit of one normal number holds for any number of residuals.
-    let chance = beyond_chance(i.freedom);
-    let beyond = ratio > chance * chance && i.misfit > MISFIT;
+fn contradiction(judged: &Judged<'_>) -> Option<String> {
+    let (i, test) = (judged.identification, judged.consistency?);
+    let ratio = test.ratio;
+    let beyond = test.probability < REFUSED && i.misfit > MISFIT;
     beyond.then(|| {
         format!(
             "a rigid body leaves {} % of the forces, {} times what noise explains: check `direction`, `position` and `scale` of each load cell and of each accelerometer (one with the wrong sign does this), and that every load path is measured",
@@ -94,22 +93,32 @@ fn impossible(i: &Identification) -> Option<String> {
 }
 
 /// What the mass on the scales and the one in the data say of each other.
-fn against_weighed(i: &Identification) -> Option<(f64, String)> {
+fn against_weighed(judged: &Judged<'_>) -> Option<(f64, String)> {
+    let i = judged.identification;
     let (mass_weighed, delta) = (i.mass?.value, i.indicator?);
-    let half = delta.interval(i.freedom);
+    // Scales that are off by as much as their certificates allow contradict nothing.
+    let combined = |type_b: &TypeB| type_b.combined(number::INDICATOR, &delta, i.freedom);
+    let half = match judged.type_b.and_then(combined) {
+        Some(both) => both.interval,
+        None => delta.interval(i.freedom),
+    };
     let widths = (delta.value - 1.0).abs() / half;
+    let bounded = |value: f64, half: f64| {
+        let (value, half) = with_std(value, half);
+        format!("{value} ± {half}")
+    };
     let text = format!(
         "the mass weighed is {} kg and the data say {} kg (Δ = {})",
         plain(mass_weighed, 6),
-        with_interval(&mass(i)?, i.freedom),
-        with_interval(&delta, i.freedom)
+        bounded(mass(i)?.value, mass_weighed * half),
+        bounded(delta.value, half)
     );
     Some((widths, text))
 }
 
-fn weighed(i: &Identification) -> Option<String> {
-    let (widths, text) = against_weighed(i)?;
-    let far = widths > WEIGHED && (i.indicator?.value - 1.0).abs() > SCALE;
+fn weighed(judged: &Judged<'_>) -> Option<String> {
+    let (widths, text) = against_weighed(judged)?;
+    let far = widths > WEIGHED && (judged.identification.indicator?.value - 1.0).abs() > SCALE;
     far.then(|| {
         format!(
             "{text}: correct `known_mass`, or the load cells' `scale`, or leave `known_mass` out; the centre of gravity and the inertia about it rest on it"
@@ -118,8 +127,8 @@ fn weighed(i: &Identification) -> Option<String> {
 }
 
 /// What should be known of a weighed mass that is not refused.
-pub(super) fn notice_weighed(i: &Identification) -> Option<String> {
-    let (widths, text) = against_weighed(i)?;
+pub(super) fn notice_weighed(judged: &Judged<'_>) -> Option<String> {
+    let (widths, text) = against_weighed(judged)?;
     (widths > NOTED).then(|| {
         format!(
             "{text}, {} times the error bar apart; check `known_mass`, the load cells' `scale`, and that the averaging band lies below the first mode",

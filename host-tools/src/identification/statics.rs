@@ -1,6 +1,6 @@
 //! Static poses join the masslines, and their offsets come out.
 
-use super::AnswerError;
+use super::{AnswerError, Consistency};
 use crate::measure::MeasuredPoses;
 use massline_core::identify::{self, Estimate, Identification, Question, Workspace};
 use massline_core::masslines::{Masslines, StaticFit};
@@ -17,10 +17,12 @@ pub(super) fn identify_with(
     mut sets: Vec<Masslines>,
     question: &Question,
     space: &mut Workspace,
-) -> Result<(Identification, Offsets), AnswerError> {
+) -> Result<(Identification, Option<Consistency>, Offsets), AnswerError> {
     let dynamic = sets.len();
     add(poses, None, &mut sets)?;
     let first = identify::identify_in(&sets, question, space)?;
+    // The second pass holds poses against what a rigid body left of them: that always fits.
+    let consistency = Consistency::of(&first, &sets);
     sets.truncate(dynamic);
     let fits = add(poses, Some(&first), &mut sets)?;
     let identification = identify::identify_in(&sets, question, space)?;
@@ -29,7 +31,7 @@ pub(super) fn identify_with(
         .zip(&fits)
         .map(|(poses, fit)| (poses.name.clone(), offsets(&identification, fit)))
         .collect();
-    Ok((identification, offsets))
+    Ok((identification, consistency, offsets))
 }
 
 fn add(

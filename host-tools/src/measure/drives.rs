@@ -70,7 +70,7 @@ impl DrivesAverage {
     }
 
     /// Product of drives `i` and `j`.
-    fn between(&self, line: usize, i: usize, j: usize) -> Complex<f64> {
+    pub(super) fn between(&self, line: usize, i: usize, j: usize) -> Complex<f64> {
         self.sums[line * self.each() + i * self.drives + j]
     }
 

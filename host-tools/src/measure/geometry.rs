@@ -20,7 +20,7 @@ pub enum Accelerations {
 
 impl Accelerations {
     /// Weight of accelerometer `sensor` in run number `run`.
-    fn weight(&self, run: usize, sensor: usize, mount: Mount) -> f64 {
+    pub(super) fn weight(&self, run: usize, sensor: usize, mount: Mount) -> f64 {
         match self {
             Self::Interface => f64::from(u8::from(mount == Mount::Interface)),
             Self::All(None) => 1.0,
@@ -108,7 +108,9 @@ pub(super) fn axes(setup: &Setup) -> Vec<Axis<'_>> {
     sensors.chain(cells).collect()
 }
 
-fn accelerometer(entry: &setup::AccelerometerEntry) -> Result<Accelerometer, GeometryError> {
+pub(super) fn accelerometer(
+    entry: &setup::AccelerometerEntry,
+) -> Result<Accelerometer, GeometryError> {
     let mount = match entry.mount {
         setup::Mount::Interface => Mount::Interface,
         setup::Mount::Structure => Mount::Structure,
@@ -116,7 +118,7 @@ fn accelerometer(entry: &setup::AccelerometerEntry) -> Result<Accelerometer, Geo
     Accelerometer::new(entry.position.into(), entry.direction.into(), mount)
 }
 
-fn load_cell(entry: &setup::LoadCellEntry) -> Result<LoadCell, GeometryError> {
+pub(super) fn load_cell(entry: &setup::LoadCellEntry) -> Result<LoadCell, GeometryError> {
     let quantity = match entry.quantity {
         setup::Quantity::Force => Quantity::Force,
         setup::Quantity::Moment => Quantity::Moment,

@@ -1,10 +1,13 @@
 //! From recordings to averaged spectra of the twelve resultants: the core's own blocks
 //! and averages, fed from files.
 
+mod change;
+mod channels;
 mod drives;
 mod error;
 mod geometry;
 mod group;
+mod noise;
 mod poses;
 mod random;
 mod rejected;
@@ -13,10 +16,13 @@ mod silent;
 mod sine;
 mod survey;
 
+pub(crate) use change::Change;
+pub(crate) use channels::{Added, Channels, channels};
 pub use error::MeasureError;
 pub(crate) use geometry::channel_names;
 pub use geometry::{Accelerations, RunGeometry};
 pub use group::Group;
+pub use noise::{NoiseOrigin, RunNoise};
 pub use poses::MeasuredPoses;
 pub(crate) use random::settings_at;
 pub use random::{MeasuredRun, Spectra, block_settings};
@@ -42,6 +48,7 @@ pub struct Progress<'a> {
 }
 
 /// Everything the estimators need, and what was noticed on the way.
+#[derive(Clone)]
 pub struct Measurement {
     /// Random runs, in the order of the setup: one a drive where there are several.
     pub runs: Vec<MeasuredRun>,
@@ -55,6 +62,8 @@ pub struct Measurement {
     pub band: LineRange,
     /// Blocks' hop over their length.
     pub hop: f64,
+    /// Where the noise of each run comes from: random ones, stepped sines, static ones.
+    pub noise: Vec<RunNoise>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -92,6 +101,7 @@ pub fn measure_first(
         grid: None,
         band: LineRange::NONE,
         hop: 0.5,
+        noise: Vec::new(),
         warnings: Vec::new(),
     };
     let mut settings: Option<BlockSettings> = None;
@@ -156,6 +166,12 @@ pub fn measure_first(
         // All random runs have one band, which the first of them was asked for.
         measurement.band = measurement.runs.first().map_or(LineRange::NONE, |r| r.band);
     }
+    let random = measurement.runs.iter().map(MeasuredRun::noise_origin);
+    measurement.noise = random.collect();
+    let sines = noise::settle(setup, &mut measurement.sines, &mut measurement.warnings);
+    measurement.noise.extend(sines);
+    let poses = measurement.poses.iter().map(|poses| poses.origin.clone());
+    measurement.noise.extend(poses);
     silent::check(setup, &health, &mut measurement.warnings)?;
     dedup(&mut measurement.warnings);
     Ok(measurement)

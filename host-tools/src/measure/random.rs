@@ -2,11 +2,12 @@
 
 use super::drives::{DrivesAverage, Parts};
 use super::geometry::{RunGeometry, channel_names};
+use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::rejected::{Gate, Rejected};
 use super::{MeasureError, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
-use massline_core::geometry::{PackedNoise, RESULTANT_NAMES, RESULTANTS};
+use massline_core::geometry::{PackedNoise, RESULTANT_NAMES, RESULTANTS, ResultantNoise};
 use massline_core::spectra::{
     Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
     RunResponses, SpectraError, Sum,
@@ -17,6 +18,7 @@ use std::path::Path;
 const REPORT_ROWS: u64 = 4096;
 
 /// Averaged spectra of one run.
+#[derive(Clone)]
 #[expect(
     clippy::large_enum_variant,
     reason = "one a run, and nearly always the large one"
@@ -41,6 +43,7 @@ pub enum Spectra {
 }
 
 /// One random run, averaged.
+#[derive(Clone)]
 pub struct MeasuredRun {
     /// Name of the run, with the drive where it has several.
     pub name: String,
@@ -68,6 +71,9 @@ pub struct MeasuredRun {
     /// State of each channel.
     pub health: Vec<ChannelHealth>,
     pub(super) fingerprint: u64,
+    /// Covariance of the noise of one sample of the resultants, where the setup states it of
+    /// every sensor.
+    pub(super) stated: Option<ResultantNoise>,
     pub(super) settings: BlockSettings,
 }
 
@@ -90,6 +96,40 @@ impl MeasuredRun {
             }),
             Spectra::Cross { .. } => None,
         }
+    }
+
+    /// Where its noise comes from.
+    pub(super) fn noise_origin(&self) -> RunNoise {
+        let driven = matches!(self.spectra, Spectra::Drive { .. });
+        let origin = if !driven && self.stated.is_some() && self.tells_too_little() {
+            NoiseOrigin::Stated
+        } else {
+            NoiseOrigin::Spectra
+        };
+        RunNoise {
+            run: self.name.clone(),
+            accelerations: origin,
+            forces: origin,
+        }
+    }
+
+    /// Whether a run without a drive has too few blocks to tell its noise: six channels explain
+    /// six others in as many independent blocks.
+    pub(super) fn tells_too_little(&self) -> bool {
+        let hop = self.settings.hop() as f64 / self.settings.block_length() as f64;
+        let correlation = self.settings.window().block_correlation(hop);
+        f64::from(self.blocks) / correlation < 7.0
+    }
+
+    /// Stated noise per line of its sums, as [`massline_core::masslines::Lines::noise`] has it:
+    /// white between 0 Hz and half the sample rate.
+    pub(super) fn stated_noise(&self) -> Option<ResultantNoise> {
+        let grid = self.settings.grid();
+        let rate = grid.spacing * self.settings.block_length() as f64;
+        let of_sums = f64::from(self.blocks) / (self.settings.density() * 0.5 * rate);
+        let mut noise = ResultantNoise::NONE;
+        noise.add(self.stated.as_ref()?, of_sums);
+        Some(noise)
     }
 
     /// The settings it was averaged with.
@@ -231,6 +271,8 @@ pub(super) fn read(
         };
         warnings.extend(told.too_little(limit)?);
     }
+    let stated = Stated::of(setup, &geometry, warnings);
+    let stated = stated.whole.iter().all(|w| *w).then_some(stated.noise);
     let (channels, fingerprint) = (health.channels(), health.fingerprint());
     let runs = averaged
         .into_iter()
@@ -248,6 +290,7 @@ pub(super) fn read(
             preamble: preamble.clone(),
             health: channels.clone(),
             fingerprint,
+            stated,
             settings,
         });
     Ok(runs.collect())

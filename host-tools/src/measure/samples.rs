@@ -2,6 +2,7 @@
 //! studies that draw thousands of them.
 
 use super::Rejected;
+use super::noise::Stated;
 use super::random::{densities, finish_drive, settings_at};
 use super::{Accelerations, MeasureError, MeasuredRun, Measurement, RunGeometry, Spectra};
 use crate::recording::Preamble;
@@ -37,6 +38,7 @@ pub(crate) fn measure_samples(
         grid: None,
         band: LineRange::NONE,
         hop: 0.5,
+        noise: Vec::new(),
         warnings: Vec::new(),
     };
     for (number, (run, samples)) in setup.runs.iter().zip(runs).enumerate() {
@@ -60,7 +62,8 @@ pub(crate) fn measure_samples(
             .within(processing.averaging_band)
             .map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
-        let measured = averaged((number, run), geometry, settings, measurement.band, samples)
+        let stated = Stated::of(setup, &geometry, &mut measurement.warnings);
+        let mut measured = averaged((number, run), geometry, settings, measurement.band, samples)
             .map_err(spectral)?;
         if measured.blocks < 2 {
             return Err(MeasureError::TooShort {
@@ -70,6 +73,8 @@ pub(crate) fn measure_samples(
                 block_length: settings.block_length(),
             });
         }
+        measured.stated = stated.whole.iter().all(|w| *w).then_some(stated.noise);
+        measurement.noise.push(measured.noise_origin());
         measurement.runs.push(measured);
     }
     Ok(measurement)
@@ -110,6 +115,7 @@ fn averaged(
         preamble: Preamble::default(),
         health: Vec::new(),
         fingerprint: 0,
+        stated: None,
         settings,
     })
 }

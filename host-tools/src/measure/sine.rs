@@ -2,14 +2,17 @@
 
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
+use super::noise::RESOLUTION;
+use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};
-use massline_core::masslines::{MIN_NEIGHBOURS, SineRun};
+use massline_core::masslines::SineRun;
 use massline_core::spectra::LineRange;
 use nalgebra::Complex;
 use std::hash::{DefaultHasher, Hasher};
 
 /// One stepped sine run.
+#[derive(Clone)]
 pub struct MeasuredSine {
     /// Name of the run.
     pub name: String,
@@ -19,18 +22,26 @@ pub struct MeasuredSine {
     pub frequencies: Vec<f64>,
     /// Responses of the twelve resultants, frequency by frequency.
     pub responses: Vec<[Complex<f64>; RESULTANTS]>,
+    /// Responses of all channels in recorded units, frequency by frequency.
+    pub(crate) readings: Vec<Vec<Complex<f64>>>,
     /// Responses of the accelerometers, m/s², frequency by frequency.
     pub sensors: Vec<Vec<Complex<f64>>>,
     /// Lines of the averaging band.
     pub band: LineRange,
-    /// Covariance of the noise of the resultants per line: the misfit of neighbouring lines of
-    /// the averaging band, and at least the resolution of the recorded numbers.
+    /// Covariance of the noise of the resultants per line, and at least the resolution of the
+    /// recorded numbers.
     pub noise: ResultantNoise,
+    /// The same from the misfit of neighbouring lines of the averaging band, where there are
+    /// enough.
+    pub(super) neighbours: Option<ResultantNoise>,
+    /// The resolution of the recorded numbers alone.
+    pub(super) resolution: ResultantNoise,
+    /// The run that this one repeats.
+    pub(super) repeats: Option<String>,
+    /// What the recording says of itself.
+    pub preamble: Preamble,
     pub(super) fingerprint: u64,
 }
-
-/// Relative resolution of responses that come as text of six digits.
-const RESOLUTION: f64 = 1e-6;
 
 impl MeasuredSine {
     /// As the core's estimators read it.
@@ -43,7 +54,8 @@ impl MeasuredSine {
     }
 }
 
-/// Reads one run; `before` are the frequencies of the sine runs before it.
+/// Reads one run; `before` are the frequencies of the sine runs before it. Its noise comes when
+/// all runs are there: some may repeat it.
 pub(super) fn read(
     setup: &Setup,
     run: &Run,
@@ -72,9 +84,14 @@ pub(super) fn read(
         geometry,
         frequencies: Vec::new(),
         responses: Vec::new(),
+        readings: Vec::new(),
         sensors: Vec::new(),
         band: LineRange::NONE,
         noise: ResultantNoise::NONE,
+        neighbours: None,
+        resolution: ResultantNoise::NONE,
+        repeats: run.repeats.clone(),
+        preamble: recording.preamble().clone(),
         fingerprint: 0,
     };
     let mut hash = DefaultHasher::new();
@@ -94,6 +111,7 @@ pub(super) fn read(
         measured.frequencies.push(frequency);
         let mut response = [Complex::new(0.0, 0.0); RESULTANTS];
         let mut sensors = Vec::with_capacity(sensors_of);
+        let mut readings = Vec::with_capacity(names.len());
         for (c, pair) in row[1..].chunks_exact(2).enumerate() {
             let x = Complex::new(pair[0], pair[1]);
             hash.write_u64(pair[0].to_bits());
@@ -103,33 +121,26 @@ pub(super) fn read(
                 *r += x * column[j];
             }
             resolution.add_sensor(column, x.norm_sqr());
+            readings.push(x);
             if c < sensors_of {
                 sensors.push(x * setup.accelerometers[c].scale);
             }
         }
         measured.responses.push(response);
         measured.sensors.push(sensors);
+        measured.readings.push(readings);
     }
     recording.notice_end(warnings);
     let lines = measured.frequencies.len().max(1) as f64;
     let band = LineRange::among(&measured.frequencies, processing.averaging_band);
     measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
     let band = measured.band.start()..measured.band.end();
-    if let Some(noise) = SineRun::noise_of_neighbours(
+    measured.neighbours = SineRun::noise_of_neighbours(
         &measured.frequencies[band.clone()],
         &measured.responses[band],
-    ) {
-        measured.noise = noise;
-    } else {
-        warnings.push(format!(
-            "run \"{}\": fewer than {MIN_NEIGHBOURS} frequencies in the averaging band do not tell \
-             how noisy they are; a relative resolution of {RESOLUTION:.0e} is assumed, and error \
-             bars rest on that",
-            run.name
-        ));
-    }
+    );
     measured
-        .noise
+        .resolution
         .add(&resolution, RESOLUTION * RESOLUTION / lines);
     measured.fingerprint = hash.finish();
     if let Some(before) = before

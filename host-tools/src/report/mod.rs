@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | `verdict` | title, method, verdict, warnings |
 //! | `table` | the ten numbers with error bars |
+//! | `budget` | what of them comes from noise, what from stated errors of sensors |
 //! | `apparent_mass`, `response` | apparent mass with the fit |
 //! | `modes` | modes with effective masses |
 //! | `coherence`, `base_spectra` | was the excitation good enough |
@@ -17,6 +18,7 @@
 
 mod apparent_mass;
 mod base_spectra;
+mod budget;
 mod channels;
 mod coherence;
 mod lines;
@@ -50,6 +52,7 @@ use page::Section;
 pub fn render(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
     let ten = Section::new("ten", "The ten numbers", table::table(answer, truth));
     let mut sections = vec![ten];
+    sections.extend(budget::section(answer));
     sections.extend(apparent_mass::section(answer));
     sections.extend(modes::section(answer));
     sections.extend(poses::section(answer));

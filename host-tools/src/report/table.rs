@@ -321,6 +321,13 @@ fn footnote(answer: &Answer, truth: Option<&TrueBody>) -> String {
         "<p class=\"small\">What follows ± is half of the 95\u{202f}% interval, here as everywhere. \
          Relative is the same in percent: of the mass; for coordinates, of the ",
     );
+    if answer.type_b.is_some() {
+        text.insert_str(
+            text.len()
+                - "Relative is the same in percent: of the mass; for coordinates, of the ".len(),
+            "It covers noise alone; the next section adds the stated errors of sensors. ",
+        );
+    }
     text.push_str(if with_inertia {
         "radius of gyration about S; for inertia, of the largest moment about the same point."
     } else {

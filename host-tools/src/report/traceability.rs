@@ -4,6 +4,7 @@ use super::markup::escape;
 use super::number::significant;
 use crate::format::with_std;
 use crate::measure::MeasuredRun;
+use massline_core::identify::half_width_95;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -12,10 +13,11 @@ pub(super) fn table(runs: &[MeasuredRun]) -> String {
     let mut html = String::new();
     for run in runs {
         if let Some(rate) = &run.preamble.sample_rate {
-            let (value, std) = with_std(rate.value, rate.uncertainty);
+            let half = rate.uncertainty * half_width_95(f64::INFINITY);
+            let (value, half) = with_std(rate.value, half);
             let _ = write!(
                 html,
-                "<p class=\"small\">Run {}: true sample rate {value} ± {std} Hz, by the clock of the {}.</p>",
+                "<p class=\"small\">Run {}: true sample rate {value} ± {half} Hz, by the clock of the {}.</p>",
                 escape(&run.name),
                 escape(&rate.clock)
             );

@@ -15,6 +15,7 @@ mod parse;
 mod print;
 #[cfg(test)]
 mod tests;
+mod uncertainty;
 
 use crate::measure;
 use crate::recording::{Checksum, Recording, RecordingError};
@@ -27,6 +28,7 @@ pub(crate) use document::{Section, Source, nearest, quoted};
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::read as read_document;
 pub(crate) use parse::unit;
+pub use uncertainty::{Defaults, Uncertainty};
 
 /// A measurement: sensors, processing and runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,10 +39,14 @@ pub struct Setup {
     pub reference_point: [f64; 3],
     /// Mass found on a balance, kg; then the indicator Δ of eq (7) is estimated in its place.
     pub known_mass: Option<f64>,
+    /// Standard uncertainty of that mass, kg.
+    pub known_mass_uncertainty: Option<f64>,
     /// Averaging of time recordings; `None` only where every run is static.
     pub processing: Option<Processing>,
     /// How masslines become ten numbers, where the defaults do not fit.
     pub estimation: Estimation,
+    /// Noise and uncertainty of sensors that do not state their own.
+    pub defaults: Defaults,
     /// At least one, channels unique among all sensors.
     pub accelerometers: Vec<AccelerometerEntry>,
     /// At least one, channels unique among all sensors.
@@ -106,6 +112,8 @@ pub struct AccelerometerEntry {
     pub mount: Mount,
     /// m/s² per recorded unit; negative for a sensor that is mounted the wrong way round.
     pub scale: f64,
+    /// What this sensor states of its noise and uncertainty.
+    pub uncertainty: Uncertainty,
 }
 
 /// What an accelerometer is fixed to.
@@ -130,6 +138,8 @@ pub struct LoadCellEntry {
     pub quantity: Quantity,
     /// N or N m per recorded unit; negative turns the sign convention.
     pub scale: f64,
+    /// What this load cell states of its noise and uncertainty.
+    pub uncertainty: Uncertainty,
 }
 
 /// What a load cell's channel measures.
@@ -155,6 +165,8 @@ pub struct Run {
     /// Channels of the generator's drive signals, random runs only: one a shaker that is driven
     /// by itself. None: spectra are referred to nothing.
     pub references: Vec<String>,
+    /// The run before it that this one repeats: sine runs only.
+    pub repeats: Option<String>,
     /// Weights given by hand, by accelerometer channel, each in (0, 1]; this run only.
     pub weights: BTreeMap<String, f64>,
     /// Rotation vector in degrees: x_interface = R x_specimen + translation.

@@ -7,6 +7,7 @@ use super::document::{Section, Source, nearest, quoted};
 use super::{
     AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
     Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
+    uncertainty,
 };
 use crate::limits;
 use crate::printable::printable;
@@ -65,8 +66,10 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         "title",
         "reference_point",
         "known_mass",
+        "known_mass_uncertainty",
         "processing",
         "estimation",
+        "defaults",
         "accelerometer",
         "load_cell",
         "run",
@@ -79,6 +82,11 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         "the weighed mass in kg, more than 0 (leave it out to have the mass identified)",
         |mass| mass > 0.0,
     )?;
+    let known_mass_uncertainty = root.number_where(
+        "known_mass_uncertainty",
+        "the standard uncertainty of `known_mass` in kg, more than 0, beside a `known_mass`",
+        |u| u > 0.0 && known_mass.is_some(),
+    )?;
     let processing = root
         .section("processing")?
         .map(|section| processing(&section))
@@ -87,6 +95,11 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
     let estimation = root
         .section("estimation")?
         .map(|section| estimation(&section))
+        .transpose()?
+        .unwrap_or_default();
+    let defaults = root
+        .section("defaults")?
+        .map(|section| uncertainty::defaults(&section))
         .transpose()?
         .unwrap_or_default();
 
@@ -112,9 +125,10 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
     let sections = root.sections("run", "name")?;
     not_empty(source, "run", "there is nothing to evaluate", &sections)?;
     let mut names = BTreeMap::new();
-    let mut runs = Vec::with_capacity(sections.len());
+    let mut runs: Vec<Run> = Vec::with_capacity(sections.len());
     for section in &sections {
         let run = run(section, &accelerometers, &load_cells)?;
+        repeats(section, &run, &runs)?;
         if let Some(first) = names.insert(run.name.clone(), section.title.clone()) {
             return Err(SetupError::DuplicateRun {
                 place: section.place_of("name"),
@@ -134,8 +148,10 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         title: root.text("title")?.unwrap_or_else(|| stem(&source.file)),
         reference_point: root.vector("reference_point")?.unwrap_or_default(),
         known_mass,
+        known_mass_uncertainty,
         processing,
         estimation,
+        defaults,
         accelerometers,
         load_cells,
         runs,
@@ -299,11 +315,20 @@ fn band(section: &Section<'_>, key: &'static str) -> Result<Option<[f64; 2]>, Se
     }
 }
 
+/// Refuses keys that are neither among these nor say how sure a sensor is.
+fn only(section: &Section<'_>, known: &[&str]) -> Result<(), SetupError> {
+    let all: Vec<&str> = known.iter().copied().chain(uncertainty::KEYS).collect();
+    Ok(section.only(&all)?)
+}
+
 fn accelerometer(
     section: &Section<'_>,
     seen: &mut Channels,
 ) -> Result<AccelerometerEntry, SetupError> {
-    section.only(&["channel", "position", "direction", "mount", "scale"])?;
+    only(
+        section,
+        &["channel", "position", "direction", "mount", "scale"],
+    )?;
     Ok(AccelerometerEntry {
         channel: channel(section, seen)?,
         position: position(section)?,
@@ -312,11 +337,15 @@ fn accelerometer(
             .choice("mount", &MOUNTS)?
             .unwrap_or(Mount::Structure),
         scale: scale(section)?,
+        uncertainty: uncertainty::read(section)?,
     })
 }
 
 fn load_cell(section: &Section<'_>, seen: &mut Channels) -> Result<LoadCellEntry, SetupError> {
-    section.only(&["channel", "position", "direction", "quantity", "scale"])?;
+    only(
+        section,
+        &["channel", "position", "direction", "quantity", "scale"],
+    )?;
     let quantity = section
         .choice("quantity", &QUANTITIES)?
         .unwrap_or(Quantity::Force);
@@ -329,6 +358,7 @@ fn load_cell(section: &Section<'_>, seen: &mut Channels) -> Result<LoadCellEntry
         direction: direction(section)?,
         quantity,
         scale: scale(section)?,
+        uncertainty: uncertainty::read(section)?,
     })
 }
 
@@ -403,6 +433,7 @@ fn run(
         "checksum",
         "excitation",
         "reference",
+        "repeats",
         "weights",
         "rotation",
         "translation",
@@ -444,10 +475,38 @@ fn run(
         checksum: checksum(section)?,
         excitation,
         references,
+        repeats: section.text("repeats")?,
         weights: weights(section, accelerometers, load_cells)?,
         rotation: section.vector("rotation")?.unwrap_or_default(),
         translation: section.vector("translation")?.unwrap_or_default(),
     })
+}
+
+/// Refuses a run that repeats what is no run before it, or not the same test.
+fn repeats(section: &Section<'_>, run: &Run, before: &[Run]) -> Result<(), SetupError> {
+    let Some(name) = &run.repeats else {
+        return Ok(());
+    };
+    let found = format!("\"{}\"", quoted(name));
+    let expected = if run.excitation != Excitation::Sine {
+        "only in a run of `excitation = \"sine\"`: blocks of a random run repeat it, and poses are told to be the same by a column `pose` of their recording"
+    } else {
+        match before.iter().find(|other| other.name == *name) {
+            None => "the name of a run that stands before this one",
+            Some(first) if first.repeats.is_some() => {
+                "the name of the first of the runs that repeat each other"
+            }
+            Some(first)
+                if first.excitation != run.excitation
+                    || first.rotation != run.rotation
+                    || first.translation != run.translation =>
+            {
+                "the name of a sine run in which the specimen stands as in this one"
+            }
+            Some(_) => return Ok(()),
+        }
+    };
+    Err(section.unexpected("repeats", found, expected).into())
 }
 
 fn checksum(section: &Section<'_>) -> Result<Option<Checksum>, SetupError> {

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::recording::Checksum;
 
-use super::{Estimation, Mount, Processing, Quantity, Run, Setup};
+use super::{Estimation, Mount, Processing, Quantity, Run, Setup, uncertainty};
 
 /// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.
 pub(super) fn setup(setup: &Setup) -> String {
@@ -21,10 +21,14 @@ pub(super) fn setup(setup: &Setup) -> String {
         }
         None => out.push_str("# known_mass = 1.0  # kg, if the specimen was weighed\n"),
     }
+    if let Some(u) = setup.known_mass_uncertainty {
+        let _ = writeln!(out, "known_mass_uncertainty = {u:?}  # kg, k = 1");
+    }
     if let Some(processing) = &setup.processing {
         print_processing(&mut out, processing);
     }
     print_estimation(&mut out, &setup.estimation);
+    uncertainty::print_defaults(&mut out, &setup.defaults);
 
     out.push_str(
         "\n# Accelerometers: position in m, positive along direction, scale in m/s² per unit.\n",
@@ -38,6 +42,7 @@ pub(super) fn setup(setup: &Setup) -> String {
             let _ = writeln!(out, "mount = \"{}\"", entry.mount.word());
         }
         print_scale(&mut out, entry.scale);
+        uncertainty::print(&mut out, &entry.uncertainty, "m/s²");
     }
 
     out.push_str(
@@ -52,6 +57,11 @@ pub(super) fn setup(setup: &Setup) -> String {
             let _ = writeln!(out, "quantity = \"{}\"", entry.quantity.word());
         }
         print_scale(&mut out, entry.scale);
+        let unit = match entry.quantity {
+            Quantity::Force => "N",
+            Quantity::Moment => "N m",
+        };
+        uncertainty::print(&mut out, &entry.uncertainty, unit);
     }
 
     out.push_str("\n# Runs: recordings lie beside this file.\n");
@@ -127,6 +137,9 @@ fn print_run(out: &mut String, run: &Run) {
             let names: Vec<String> = several.iter().map(|name| quoted(name)).collect();
             let _ = writeln!(out, "reference = [{}]", names.join(", "));
         }
+    }
+    if let Some(first) = &run.repeats {
+        let _ = writeln!(out, "repeats = {}", quoted(first));
     }
     if !run.weights.is_empty() {
         let weights: Vec<String> = run

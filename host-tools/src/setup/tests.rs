@@ -335,6 +335,89 @@ fn every_mistake_is_located_and_explained() {
 }
 
 #[test]
+fn uncertainty_is_that_of_the_sensor_its_kind_or_all() {
+    let text = GOOD.replacen(
+        "[processing]",
+        "known_mass_uncertainty = 0.001\n[defaults]\nposition_uncertainty = 0.002\ncalibration_uncertainty = 0.01\n\
+         [defaults.accelerometer]\nnoise = 0.003\ncalibration_uncertainty = 0.02\n\
+         [defaults.moment]\nnoise = 0.5\ndirection_uncertainty = 1\n[processing]",
+        1,
+    );
+    let text = text.replacen(
+        "scale = -9.81",
+        "scale = -9.81\nnoise = 4e-3\nposition_uncertainty = 0",
+        1,
+    );
+    let setup = read(&text).unwrap();
+    assert_eq!(read(&setup.to_toml()).unwrap(), setup);
+    let all = |u: Uncertainty| [u.noise, u.calibration, u.position, u.direction];
+    let expected = [
+        (
+            setup.accelerometer_uncertainty(0),
+            [Some(0.003), Some(0.02), Some(0.002), None],
+        ),
+        (
+            setup.accelerometer_uncertainty(1),
+            [Some(0.004), Some(0.02), Some(0.0), None],
+        ),
+        (
+            setup.load_cell_uncertainty(0),
+            [None, Some(0.01), Some(0.002), None],
+        ),
+        (
+            setup.load_cell_uncertainty(1),
+            [Some(0.5), Some(0.01), Some(0.002), Some(1.0)],
+        ),
+    ];
+    for (found, expected) in expected {
+        assert_eq!(all(found), expected);
+    }
+    let head = |keys: &str| GOOD.replacen("[processing]", &format!("{keys}\n[processing]"), 1);
+    let sensor = |keys: &str| GOOD.replacen("scale = -9.81", keys, 1);
+    for (text, parts) in [
+        (
+            head("[defaults]\nnoise = 1"),
+            ["`noise`", "[defaults.accelerometer]"],
+        ),
+        (
+            head("[defaults]\npositon_uncertainty = 1"),
+            ["`positon_uncertainty`", "did you mean"],
+        ),
+        (
+            head("[defaults.load_cell]\nnoise = 1"),
+            ["`load_cell`", "`force`"],
+        ),
+        (
+            head("[defaults.force]\nnoise = 0"),
+            ["[defaults], `force`", "more than 0"],
+        ),
+        (sensor("noise = -1"), ["(channel \"a4\")", "more than 0"]),
+        (
+            sensor("calibration_uncertainty = 1"),
+            ["`calibration_uncertainty` is 1", "0.01 for one per cent"],
+        ),
+        (
+            sensor("position_uncertainty = 2"),
+            ["`position_uncertainty` is 2", "in m"],
+        ),
+        (
+            sensor("direction_uncertainty = 90"),
+            ["`direction_uncertainty` is 90", "in degrees"],
+        ),
+        (sensor("noise = \"low\""), ["the text \"low\"", "a number"]),
+        (
+            head("").replacen("known_mass = 0.63076", "known_mass_uncertainty = 0.1", 1),
+            ["`known_mass_uncertainty`", "beside a `known_mass`"],
+        ),
+    ] {
+        let message = refused(&text);
+        for part in parts {
+            assert!(message.contains(part), "«{part}» is not in: {message}");
+        }
+    }
+}
+
+#[test]
 fn lists_must_not_be_empty() {
     let head = &GOOD[..GOOD.find("[[accelerometer]]").unwrap()];
     assert!(refused(head).contains("no [[accelerometer]]"));

@@ -139,7 +139,7 @@ fn least_norm(geometry: &DMatrix<f64>) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::setup::unit;
+    use crate::setup::{Uncertainty, unit};
 
     fn cells() -> Vec<LoadCellEntry> {
         let mut cells = Vec::new();
@@ -156,6 +156,7 @@ mod tests {
                     direction: unit(direction).unwrap(),
                     quantity: Quantity::Force,
                     scale: 1.0,
+                    uncertainty: Uncertainty::default(),
                 });
             }
         }

@@ -44,7 +44,7 @@ pub(crate) use specimen::{motion_row, shift};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 
 use crate::recording::Preamble;
-use crate::setup::{Estimation, Excitation, Mount, Run, Setup};
+use crate::setup::{Defaults, Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
 use specimen::{Gains, stack};
 use synthesis::{Drive, DriveResponse, modal_response, table_resonance};
@@ -460,8 +460,10 @@ fn setup(
         title: model.title.clone(),
         reference_point: model.reference_point,
         known_mass: options.weighed.then_some(mass),
+        known_mass_uncertainty: None,
         processing: is_shaken(model).then(|| measurement.processing()),
         estimation: Estimation::default(),
+        defaults: Defaults::default(),
         accelerometers: model
             .accelerometers
             .iter()
@@ -486,6 +488,7 @@ fn setup(
                     .filter(|channel| *channel == DRIVE)
                     .cloned()
                     .collect(),
+                repeats: None,
                 weights: Default::default(),
                 rotation: plan.rotation,
                 translation: plan.translation,

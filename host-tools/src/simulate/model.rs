@@ -8,7 +8,7 @@ use super::model_file;
 use super::specimen::Specimen;
 use crate::setup::{
     AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity,
-    Source,
+    Source, Uncertainty,
 };
 
 /// Everything that is simulated, in SI units.
@@ -220,6 +220,7 @@ fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
                     Mount::Structure
                 },
                 scale: 1.0,
+                uncertainty: Uncertainty::default(),
             },
             shape,
         })
@@ -230,6 +231,7 @@ fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
         direction,
         quantity,
         scale: 1.0,
+        uncertainty: Uncertainty::default(),
     };
     let run = |name: &str, axis: usize, level: f64| {
         let mut motion = [0.0; 6];

@@ -7,7 +7,9 @@ use super::error::ModelError;
 use super::lumped::{SprungMass, reading};
 use super::model::MotionSensor;
 use super::model_file::{Layers, Names, claim, required_name, required_vector, unit_direction};
-use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity, Section, nearest};
+use crate::setup::{
+    AccelerometerEntry, LoadCellEntry, Mount, Quantity, Section, Uncertainty, nearest,
+};
 
 /// The channels of a sensor with their unit directions: one as named where a direction
 /// is given, else three with the axis appended.
@@ -78,6 +80,7 @@ pub(super) fn accelerometers(
                         _ => Mount::Structure,
                     },
                     scale: 1.0,
+                    uncertainty: Uncertainty::default(),
                 },
                 shape,
             });
@@ -107,6 +110,7 @@ pub(super) fn load_cells(
                 direction,
                 quantity,
                 scale: 1.0,
+                uncertainty: Uncertainty::default(),
             });
         }
     }

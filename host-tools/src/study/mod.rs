@@ -39,17 +39,18 @@
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
 //! | `structures` | random structures and sensors |
-//! | `chance`, `parallel` | random choices, independent jobs on several threads |
+//! | `chance` | random choices |
 
 mod chance;
 pub mod coverage;
 mod document;
 mod estimate;
+#[cfg(test)]
+mod false_alarms;
 mod monte_carlo;
 mod options;
 mod page;
 pub mod paper;
-mod parallel;
 mod pattern;
 mod percent;
 pub mod plans;
@@ -74,6 +75,7 @@ pub use terminal::print;
 pub use trial::TrialError;
 pub use twin::Twin;
 
+use crate::parallel;
 use massline_core::masslines::Method;
 use massline_core::modes::Pole;
 

@@ -1,7 +1,7 @@
 //! Random structures on random interfaces: what a test may have on its table.
 
 use super::chance::Chance;
-use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity};
+use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity, Uncertainty};
 use crate::simulate::{Mode, MotionSensor, Specimen, shift};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
@@ -96,6 +96,7 @@ pub(super) fn accelerometer(
         direction: direction.into(),
         mount,
         scale: 1.0,
+        uncertainty: Uncertainty::default(),
     }
 }
 
@@ -112,6 +113,7 @@ pub(super) fn load_cell(
         direction: direction.into(),
         quantity,
         scale: 1.0,
+        uncertainty: Uncertainty::default(),
     }
 }
 

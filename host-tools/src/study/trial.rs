@@ -13,7 +13,7 @@
 //!   those that a survey pass gives without noise.
 
 use super::chance::Chance;
-use crate::identification::{Choice, Session};
+use crate::identification::{Answer, Choice, Session};
 use crate::measure::{Accelerations, MeasureError, RunGeometry, Samples, Survey, SurveyedRun};
 use crate::setup::{Excitation, Quantity, Setup};
 use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
@@ -242,13 +242,23 @@ impl Trial {
         &self.model
     }
 
-    /// The answers of some methods at one level of noise, a share of each channel's RMS; `None`
+    /// The numbers of some methods at one level of noise, a share of each channel's RMS; `None`
     /// is the recommended method.
     pub(super) fn answers(
         &self,
         level: f64,
         methods: &[Option<Method>],
     ) -> Result<Vec<Outcome>, TrialError> {
+        let answers = self.whole_answers(level, methods)?.into_iter();
+        Ok(answers.map(|a| a.map(|a| a.identification)).collect())
+    }
+
+    /// The same with all that an answer says.
+    pub(super) fn whole_answers(
+        &self,
+        level: f64,
+        methods: &[Option<Method>],
+    ) -> Result<Vec<Result<Answer, String>>, TrialError> {
         let random = |r: &crate::setup::Run| r.excitation == Excitation::Random;
         if self.setup.runs.iter().all(random) {
             self.in_memory(level, methods)
@@ -270,7 +280,7 @@ impl Trial {
         &self,
         level: f64,
         methods: &[Option<Method>],
-    ) -> Result<Vec<Outcome>, TrialError> {
+    ) -> Result<Vec<Result<Answer, String>>, TrialError> {
         let noisy = self.noisy(level);
         let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
             .map(|(sensors, run)| Samples {
@@ -300,7 +310,7 @@ impl Trial {
                 ..Choice::default()
             };
             let answer = session.answer_with(method, &choice, &accelerations, &mut |_| ());
-            outcomes.push(answer.map(|a| a.identification).map_err(|e| e.to_string()));
+            outcomes.push(answer.map_err(|e| e.to_string()));
         }
         Ok(outcomes)
     }
@@ -352,7 +362,11 @@ impl Trial {
         Ok(Some(survey.weights_joined(&self.setup, all, least)))
     }
 
-    fn by_files(&self, level: f64, methods: &[Option<Method>]) -> Result<Vec<Outcome>, TrialError> {
+    fn by_files(
+        &self,
+        level: f64,
+        methods: &[Option<Method>],
+    ) -> Result<Vec<Result<Answer, String>>, TrialError> {
         let scratch = Scratch::new()?;
         let mut setup = self.setup.clone();
         setup.folder.clone_from(&scratch.0);
@@ -376,7 +390,7 @@ impl Trial {
                 ..Choice::default()
             };
             let answer = session.answer(&choice, &mut |_| ());
-            outcomes.push(answer.map(|a| a.identification).map_err(|e| e.to_string()));
+            outcomes.push(answer.map_err(|e| e.to_string()));
         }
         Ok(outcomes)
     }

@@ -123,7 +123,7 @@ fn warnings(found: &Found) -> Vec<String> {
             total.rejected
         ));
     }
-    notice_numbers(&found.identification, true, &mut warnings);
+    notice_numbers(&found.judged(), &mut warnings);
     warnings
 }
 
@@ -139,6 +139,7 @@ fn print(
         method: found.method.description(),
         procedure: found.answer.question.procedure.into(),
         why,
+        type_b: None,
     };
     print_numbers(&mut out, &heading, &found.identification, None)?;
     let dim = Style::new().dimmed();

@@ -13,6 +13,7 @@ use crate::output::{self, Existing};
 use crate::printable::printable;
 use crate::recording::{TrueRate, fault_words, spell};
 use anstyle::{AnsiColor, Style};
+use massline_core::identify::half_width_95;
 use massline_core::wire::Health;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -200,8 +201,10 @@ fn print(recorded: &Recorded) -> std::io::Result<()> {
         value, uncertainty, ..
     }) = &recorded.sample_rate
     {
-        let (value, uncertainty) = with_std(*value, *uncertainty);
-        let text = format!("{value} ± {uncertainty} Hz by this computer's clock");
+        // 95 %, as everywhere behind ±.
+        let half = uncertainty * half_width_95(f64::INFINITY);
+        let (value, half) = with_std(*value, half);
+        let text = format!("{value} ± {half} Hz by this computer's clock");
         super::print_row(&mut out, "true rate", &text)?;
     }
     if !recorded.box_faults.is_empty() {

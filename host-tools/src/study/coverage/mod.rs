@@ -24,7 +24,7 @@ pub use tally::{Count, Interval, NAMES, NUMBERS, Tally, numbers, truths};
 
 use super::chance::Chance;
 use super::trial::{Trial, TrialError};
-use crate::study::parallel;
+use crate::parallel;
 use cases::{CASES, Case};
 use massline_core::masslines::Method;
 use std::time::Duration;
@@ -203,6 +203,17 @@ pub fn run(
         cells,
         work,
     })
+}
+
+/// The test that draw `seed` of a case is.
+#[cfg(test)]
+pub(super) fn test_of(
+    name: &str,
+    seed: u64,
+) -> Result<(crate::simulate::Model, super::trial::Conditions), String> {
+    let case = CASES.iter().find(|case| case.name == name);
+    let case = case.ok_or_else(|| format!("no case {name}"))?;
+    (case.draw)(&mut Chance::new(seed, &["coverage", name])).map_err(|e| e.to_string())
 }
 
 /// All levels and methods of one draw.

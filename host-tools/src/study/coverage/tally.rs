@@ -25,13 +25,14 @@ pub struct Interval {
     pub half: f64,
 }
 
-impl From<Estimate> for Interval {
-    /// As `massline identify` prints it.
-    fn from(estimate: Estimate) -> Self {
+impl Interval {
+    /// As `massline identify` prints it, of an estimate whose standard deviation has so many
+    /// degrees of freedom.
+    fn new(estimate: Estimate, freedom: f64) -> Self {
         Self {
             value: estimate.value,
             std: estimate.std,
-            half: 1.96 * estimate.std,
+            half: estimate.interval(freedom),
         }
     }
 }
@@ -44,7 +45,7 @@ pub fn numbers(found: &Identification) -> [Option<Interval>; NUMBERS] {
     let list = [found.mass, x, y, z].into_iter();
     let list = list.chain(found.inertia_cg).chain(found.inertia_reference);
     for (slot, number) in all.iter_mut().zip(list) {
-        *slot = number.map(Interval::from);
+        *slot = number.map(|estimate| Interval::new(estimate, found.freedom));
     }
     all
 }
@@ -233,10 +234,11 @@ impl Tally {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use massline_core::identify::half_width_95;
 
     fn hit(error: f64) -> Option<Hit> {
         Some(Hit {
-            holds: error.abs() <= 1.96,
+            holds: error.abs() <= half_width_95(f64::INFINITY),
             error,
         })
     }

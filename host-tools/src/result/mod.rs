@@ -1,77 +1,22 @@
 //! The result document, `massline/result/2`.
 
+mod number;
+
+pub use number::{CombinedDocument, InertiaTerms, Number, TypeBDocument};
+
 use crate::box_runs::StoredRun;
-use crate::identification::Answer;
-use crate::measure::MeasuredRun;
+use crate::identification::{Answer, Consistency, TypeB, number as place};
+use crate::measure::{MeasuredRun, RunNoise};
 use crate::recording::{Traceability, TrueRate, fault_words};
 use crate::replay::DeviceEntry;
 use crate::setup::Setup;
-use massline_core::identify::{Covariance, Estimate, Identification, InertiaEstimate, Procedure};
+use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
 use massline_core::rigid_body::{Margin, Verdict};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// Version of the document's form.
 pub const SCHEMA: &str = "massline/result/2";
-
-/// A number with its error bar; `value` is null where the test does not tell it.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Number {
-    /// The value, SI.
-    pub value: Option<f64>,
-    /// One standard deviation, SI.
-    pub std: Option<f64>,
-    /// Half of the 95 % interval, SI.
-    pub interval: Option<f64>,
-    /// Whether this test determines it.
-    pub observable: bool,
-}
-
-impl Number {
-    /// Of an estimate whose standard deviation has so many degrees of freedom.
-    fn new(estimate: Option<Estimate>, freedom: f64) -> Self {
-        Self {
-            value: estimate.map(|e| e.value),
-            std: estimate.map(|e| e.std),
-            // Without a degree of freedom there is no interval, and JSON knows no infinity.
-            interval: estimate
-                .map(|e| e.interval(freedom))
-                .filter(|half| half.is_finite()),
-            observable: estimate.is_some(),
-        }
-    }
-}
-
-/// Six inertia terms, kg m²; products are ∫ x y dm, with a plus sign.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct InertiaTerms {
-    /// ∫ (y² + z²) dm
-    pub xx: Number,
-    /// ∫ (x² + z²) dm
-    pub yy: Number,
-    /// ∫ (x² + y²) dm
-    pub zz: Number,
-    /// ∫ x y dm
-    pub xy: Number,
-    /// ∫ x z dm
-    pub xz: Number,
-    /// ∫ y z dm
-    pub yz: Number,
-}
-
-impl InertiaTerms {
-    fn new(terms: InertiaEstimate, freedom: f64) -> Self {
-        let [xx, yy, zz, xy, xz, yz] = terms.map(|term| Number::new(term, freedom));
-        Self {
-            xx,
-            yy,
-            zz,
-            xy,
-            xz,
-            yz,
-        }
-    }
-}
 
 /// Whether a body like this could exist.
 #[derive(Clone, Debug, Serialize)]
@@ -138,6 +83,28 @@ impl CovarianceDocument {
                 _ => "kg m²",
             }),
             matrix,
+        }
+    }
+}
+
+/// Whether a rigid body explains the data: Fisher's F.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct ConsistencyDocument {
+    /// Power that a rigid body leaves over power that noise leaves; of static poses the one
+    /// against what a free linear fit leaves.
+    pub ratio: f64,
+    /// Equations beyond the unknowns, and degrees of freedom of the noise; null where infinite.
+    pub freedom: [Option<f64>; 2],
+    /// Probability that noise alone leaves as much or more.
+    pub probability: f64,
+}
+
+impl ConsistencyDocument {
+    fn new(test: Consistency) -> Self {
+        Self {
+            ratio: test.ratio,
+            freedom: [test.surplus, test.freedom].map(|n| Some(n).filter(|n| n.is_finite())),
+            probability: test.probability,
         }
     }
 }
@@ -310,6 +277,28 @@ impl RunQuality {
     }
 }
 
+/// Where the noise of a run comes from: `spectra`, `stated`, `repeats`, `neighbours`, `residual`
+/// or `assumed`.
+#[derive(Clone, Debug, Serialize)]
+pub struct NoiseDocument {
+    /// Name of the run.
+    pub run: String,
+    /// Of its accelerations.
+    pub accelerations: &'static str,
+    /// Of its forces.
+    pub forces: &'static str,
+}
+
+impl NoiseDocument {
+    fn new(noise: &RunNoise) -> Self {
+        Self {
+            run: noise.run.clone(),
+            accelerations: noise.accelerations.word(),
+            forces: noise.forces.word(),
+        }
+    }
+}
+
 /// The result document.
 #[derive(Clone, Debug, Serialize)]
 pub struct ResultDocument {
@@ -352,12 +341,18 @@ pub struct ResultDocument {
     /// Covariance of mass (or Δ), centre of gravity and inertia about it; null from a box,
     /// which does not tell it.
     pub covariance: Option<CovarianceDocument>,
+    /// The same of type B; absent where none is stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub covariance_type_b: Option<CovarianceDocument>,
     /// Of the column-equilibrated normal equations.
     pub condition_number: f64,
     /// Iterations done.
     pub iterations: u32,
     /// Residual of the masslines over what their noise explains; about one is good.
     pub consistency: Option<f64>,
+    /// The test that this ratio makes; null where there are no more equations than unknowns, and
+    /// from a box.
+    pub consistency_test: Option<ConsistencyDocument>,
     /// Share of the forces that a rigid body leaves, as amplitude.
     pub misfit: f64,
     /// Whether a body like this could exist.
@@ -370,6 +365,8 @@ pub struct ResultDocument {
     pub offsets: Vec<Offsets>,
     /// Random runs: what they gave, and what was left out.
     pub runs: Vec<RunQuality>,
+    /// Where the noise of each run comes from, which decides what is observable.
+    pub noise: Vec<NoiseDocument>,
     /// What the user should know.
     pub warnings: Vec<String>,
     /// The box that has measured and identified, where one has.
@@ -439,19 +436,49 @@ impl ResultDocument {
             resultants: *resultants,
         });
         let runs = answer.measurement.runs.iter();
-        Self {
+        let mut document = Self {
             fixed_modes: fixed_modes(&channels, answer),
             free_modes: free_modes(&channels, answer),
             offsets: offsets.collect(),
             runs: runs.map(RunQuality::new).collect(),
+            noise: answer
+                .measurement
+                .noise
+                .iter()
+                .map(NoiseDocument::new)
+                .collect(),
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
+            consistency_test: answer.consistency.map(ConsistencyDocument::new),
             covariance: Some(CovarianceDocument::new(
                 &answer.identification,
                 answer.covariance,
             )),
             ..Self::of_numbers(&origin, &answer.identification)
+        };
+        if let Some(type_b) = &answer.type_b {
+            document.add_type_b(&answer.identification, type_b);
         }
+        document
+    }
+
+    /// Adds what errors of calibrations, places and directions do to the numbers.
+    fn add_type_b(&mut self, i: &Identification, type_b: &TypeB) {
+        let known = i.indicator.is_some();
+        let covariance = type_b.covariance(known);
+        self.covariance_type_b = Some(CovarianceDocument::new(i, covariance));
+        let add = |first: usize, numbers: &mut [&mut Number]| {
+            for (k, number) in numbers.iter_mut().enumerate() {
+                number.add_type_b(first + k, i, type_b);
+            }
+        };
+        add(place::MASS, &mut [&mut self.mass]);
+        if let Some(indicator) = &mut self.indicator {
+            add(place::INDICATOR, &mut [indicator]);
+        }
+        add(place::CENTRE, &mut self.centre_of_gravity.each_mut());
+        add(place::INERTIA_REFERENCE, &mut self.inertia_reference.each());
+        add(place::INERTIA_CG, &mut self.inertia_cg.each());
     }
 
     /// The document of the ten numbers alone.
@@ -479,15 +506,18 @@ impl ResultDocument {
                 .map(|p| core::array::from_fn(|c| p.axes.column(c).into_owned().into())),
             freedom: Some(i.freedom).filter(|freedom| freedom.is_finite()),
             covariance: None,
+            covariance_type_b: None,
             condition_number: i.condition_number,
             iterations: i.iterations,
             consistency: i.consistency,
+            consistency_test: None,
             misfit: i.misfit,
             plausible: Plausible::new(i),
             fixed_modes: Vec::new(),
             free_modes: Vec::new(),
             offsets: Vec::new(),
             runs: Vec::new(),
+            noise: Vec::new(),
             warnings: Vec::new(),
             device: None,
         }

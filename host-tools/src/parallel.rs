@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 ///
 /// # Errors
 /// Those of the first job that fails.
-pub(super) fn each<T: Send, E: Send>(
+pub(crate) fn each<T: Send, E: Send>(
     count: usize,
     threads: Option<usize>,
     job: &(dyn Fn(usize) -> Result<T, E> + Sync),

@@ -1,0 +1,339 @@
+//! Type B uncertainty: what the ten numbers owe to errors of calibrations, places and
+//! directions, which no scatter of the data shows (GUM, JCGM 100:2008, 4.3 and 5.1).
+//!
+//! # Design
+//!
+//! * **Derivative of the whole chain.** Spectra of every channel are kept, and for each error
+//!   resultants, masslines and numbers are computed anew with the error one standard uncertainty
+//!   up and one down; half of the difference is what the error contributes (5.1.3, note 2). So
+//!   every method has it, iterative or not, whatever it does in between.
+//! * **Choices of a method stay as they are.** How many elastic terms are fitted and what is
+//!   observable may not change between up and down: then the step is made smaller.
+//! * **Errors are independent**, and normal with infinitely many degrees of freedom. Channels of
+//!   one place are one block, whose position and direction they share.
+//! * **Kept apart from type A.** Both meet in the combined standard uncertainty, whose degrees
+//!   of freedom are those of Welch and Satterthwaite (G.4).
+//! * **Cost**: one more pass over random recordings with a transform for each channel, then two
+//!   identifications for each error, on all processors.
+
+mod sources;
+
+use super::{AnswerError, Found, OnProgress, Session, identify_from};
+use crate::measure::{
+    self, Accelerations, Added, Channels, MeasureError, Measurement, RunGeometry,
+};
+use crate::parallel;
+use crate::setup::Setup;
+use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
+use massline_core::masslines::Method;
+use sources::{Error, Source, sources};
+
+/// Numbers of an identification: mass, Δ, three of the centre of gravity, six of inertia about
+/// A, six about S.
+pub const NUMBERS: usize = 17;
+
+/// Places among the [`NUMBERS`].
+pub mod number {
+    /// Of the mass.
+    pub const MASS: usize = 0;
+    /// Of the indicator Δ.
+    pub const INDICATOR: usize = 1;
+    /// Of x of the centre of gravity; y and z follow.
+    pub const CENTRE: usize = 2;
+    /// Of Θxx about A; yy, zz, xy, xz, yz follow.
+    pub const INERTIA_REFERENCE: usize = 5;
+    /// Of Θxx about S; yy, zz, xy, xz, yz follow.
+    pub const INERTIA_CG: usize = 11;
+}
+
+/// What one error contributes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contribution {
+    /// The error in words.
+    pub source: String,
+    /// What one standard uncertainty of it does to each number, SI; `None` where the number is
+    /// not observable.
+    pub numbers: [Option<f64>; NUMBERS],
+}
+
+/// Type B uncertainty of the ten numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TypeB {
+    /// One a source, in the order of the channels.
+    pub contributions: Vec<Contribution>,
+}
+
+/// A standard uncertainty that is combined of type A and type B.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Combined {
+    /// Type B alone, SI.
+    pub type_b: f64,
+    /// Combined standard uncertainty, SI.
+    pub std: f64,
+    /// Half of the 95 % interval that covers both, SI.
+    pub interval: f64,
+    /// Its effective degrees of freedom.
+    pub freedom: f64,
+}
+
+impl TypeB {
+    /// Standard uncertainty of a number, SI; `None` where it is not observable.
+    #[must_use]
+    pub fn std(&self, number: usize) -> Option<f64> {
+        let squares = self.contributions.iter().map(|c| {
+            let contribution = c.numbers.get(number).copied().flatten()?;
+            Some(contribution * contribution)
+        });
+        squares.sum::<Option<f64>>().map(f64::sqrt)
+    }
+
+    /// The source that contributes most to a number, and its share of the variance.
+    #[must_use]
+    pub fn dominant(&self, number: usize) -> Option<(&str, f64)> {
+        let of = |c: &Contribution| c.numbers.get(number).copied().flatten();
+        let variance = self.std(number)?.powi(2);
+        let largest = self.contributions.iter().max_by(|a, b| {
+            let size = |c| of(c).map_or(0.0, f64::abs);
+            size(a).total_cmp(&size(b))
+        })?;
+        let share = of(largest)?.powi(2) / variance;
+        // Without any contribution nothing dominates.
+        (share > 0.0).then_some((&*largest.source, share))
+    }
+
+    /// Both types together, of a number whose type A has so many degrees of freedom.
+    #[must_use]
+    pub fn combined(&self, number: usize, type_a: &Estimate, freedom: f64) -> Option<Combined> {
+        let type_b = self.std(number)?;
+        let std = type_a.std.hypot(type_b);
+        let freedom = if type_b == 0.0 {
+            freedom
+        } else if type_a.std == 0.0 {
+            f64::INFINITY
+        } else {
+            // Type B has infinitely many.
+            freedom * (std / type_a.std).powi(4)
+        };
+        let both = Estimate { std, ..*type_a };
+        Some(Combined {
+            type_b,
+            std,
+            interval: both.interval(freedom),
+            freedom,
+        })
+    }
+
+    /// What is to be said of errors that could not be carried through: no number is given then
+    /// for what they leave unknown.
+    pub(super) fn gaps(&self, i: &Identification) -> Option<String> {
+        let all = estimates(i);
+        let lost = |c: &&Contribution| {
+            let mut pairs = all.iter().zip(&c.numbers);
+            pairs.any(|(estimate, number)| estimate.is_some() && number.is_none())
+        };
+        let names: Vec<&str> = self
+            .contributions
+            .iter()
+            .filter(lost)
+            .map(|c| &*c.source)
+            .collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "the stated uncertainty is more than this test can be carried through with: {}; numbers that it touches have no type B uncertainty",
+                names.join("; ")
+            )
+        })
+    }
+
+    /// Covariance of mass (or Δ), centre of gravity and inertia about S.
+    #[must_use]
+    pub fn covariance(&self, mass_known: bool) -> Covariance {
+        let first = if mass_known {
+            number::INDICATOR
+        } else {
+            number::MASS
+        };
+        let place = |i: usize| match i {
+            0 => first,
+            1..4 => number::CENTRE + i - 1,
+            _ => number::INERTIA_CG + i - 4,
+        };
+        core::array::from_fn(|i| {
+            core::array::from_fn(|j| {
+                let products = self.contributions.iter().map(|c| {
+                    let of = |i: usize| c.numbers.get(place(i)).copied().flatten();
+                    Some(of(i)? * of(j)?)
+                });
+                products.sum()
+            })
+        })
+    }
+}
+
+/// Estimates of an identification by their [`number`].
+#[must_use]
+pub fn estimates(i: &Identification) -> [Option<Estimate>; NUMBERS] {
+    let mut all = [None; NUMBERS];
+    let list = [i.mass, i.indicator].into_iter();
+    let list = list
+        .chain(i.centre_of_gravity)
+        .chain(i.inertia_reference)
+        .chain(i.inertia_cg);
+    for (slot, estimate) in all.iter_mut().zip(list) {
+        *slot = estimate;
+    }
+    all
+}
+
+impl Session<'_> {
+    /// Type B uncertainty of an answer; `None` where the setup and the certificates state
+    /// nothing.
+    ///
+    /// # Errors
+    /// [`AnswerError`] if the recordings cannot be read once more.
+    pub(super) fn type_b(
+        &self,
+        method: Method,
+        procedure: Procedure,
+        (accelerations, measurement): (&Accelerations, &Measurement),
+        nominal: &Found,
+        progress: OnProgress<'_>,
+    ) -> Result<Option<TypeB>, AnswerError> {
+        let sources = sources(self.setup, measurement);
+        if sources.is_empty() {
+            return Ok(None);
+        }
+        let channels = measure::channels(self.setup, measurement, self.limit, progress)?;
+        let chain = Chain {
+            setup: self.setup,
+            method,
+            procedure,
+            accelerations,
+            measurement,
+            channels,
+            nominal: Choices::of(nominal),
+            observable: estimates(&nominal.identification).map(|e| e.is_some()),
+        };
+        let (contributions, _) = parallel::each(
+            sources.len(),
+            None,
+            &|k| chain.contribution(&sources[k]),
+            &mut |done, _| {
+                progress(measure::Progress {
+                    run: done,
+                    runs: sources.len(),
+                    name: "uncertainty",
+                    share: 0.0,
+                });
+            },
+        )?;
+        Ok(Some(TypeB { contributions }))
+    }
+}
+
+/// All that an identification is computed anew from.
+struct Chain<'a> {
+    setup: &'a Setup,
+    method: Method,
+    procedure: Procedure,
+    accelerations: &'a Accelerations,
+    measurement: &'a Measurement,
+    channels: Channels,
+    nominal: Choices,
+    observable: [bool; NUMBERS],
+}
+
+/// What a method decides on the way.
+#[derive(Clone, Debug, PartialEq)]
+struct Choices {
+    observable: [bool; 10],
+    /// Of each fit, how many poles and which terms it has, and the directions that are excited.
+    fits: Vec<(usize, Vec<bool>, usize)>,
+}
+
+impl Choices {
+    fn of(found: &Found) -> Self {
+        let fits = found.fits.iter().map(|fit| {
+            let terms = fit.elastic.iter().chain([&fit.upper]);
+            let terms = terms.map(Option::is_some).collect();
+            (fit.poles.len(), terms, fit.excited)
+        });
+        Self {
+            observable: found.identification.observable,
+            fits: fits.collect(),
+        }
+    }
+}
+
+/// Steps in standard uncertainties, of which the first is taken that changes no choice.
+const STEPS: [f64; 3] = [1.0, 0.1, 0.01];
+
+impl Chain<'_> {
+    fn contribution(&self, source: &Source) -> Result<Contribution, AnswerError> {
+        let added = match &source.error {
+            Error::Sensors(change) => self.added(change)?,
+            Error::Mass(_) => Vec::new(),
+        };
+        let mut numbers = [None; NUMBERS];
+        for step in STEPS {
+            let side = |factor: f64| match self.identify(source, &added, factor) {
+                Ok(found) => Some(found),
+                // Up or down the data allow no answer: nearer they do.
+                Err(_) => None,
+            };
+            let (Some(up), Some(down)) = (side(step), side(-step)) else {
+                continue;
+            };
+            let (above, below) = (
+                estimates(&up.identification),
+                estimates(&down.identification),
+            );
+            for (slot, (above, below)) in numbers.iter_mut().zip(above.into_iter().zip(below)) {
+                *slot = above
+                    .zip(below)
+                    .map(|(a, b)| (a.value - b.value) / (2.0 * step));
+            }
+            if Choices::of(&up) == self.nominal && Choices::of(&down) == self.nominal {
+                break;
+            }
+        }
+        for (number, observable) in numbers.iter_mut().zip(self.observable) {
+            *number = number.filter(|x| observable && x.is_finite());
+        }
+        Ok(Contribution {
+            source: source.name.clone(),
+            numbers,
+        })
+    }
+
+    fn added(&self, change: &measure::Change) -> Result<Vec<Added>, MeasureError> {
+        let runs = self.setup.runs.iter().enumerate();
+        runs.map(|(number, run)| {
+            let geometry = RunGeometry::new(self.setup, number, self.accelerations)?;
+            geometry
+                .changed_columns(self.setup, number, self.accelerations, change)
+                .map_err(|source| MeasureError::Geometry {
+                    run: run.name.clone(),
+                    source,
+                })
+        })
+        .collect()
+    }
+
+    fn identify(&self, source: &Source, added: &[Added], step: f64) -> Result<Found, AnswerError> {
+        match source.error {
+            Error::Sensors(_) => {
+                let changed = self.channels.with_columns(self.measurement, added, step);
+                identify_from(self.setup, self.method, self.procedure, &changed)
+            }
+            Error::Mass(by) => {
+                let known_mass = self.setup.known_mass.map(|mass| mass + by * step);
+                let setup = Setup {
+                    known_mass,
+                    ..self.setup.clone()
+                };
+                identify_from(&setup, self.method, self.procedure, self.measurement)
+            }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! What may be wrong with what a setup says of its sensors, and by how much.
+
+use crate::measure::{Change, Measurement};
+use crate::setup::{Mount, Setup, Uncertainty};
+use nalgebra::Vector3;
+
+/// One independent error.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Source {
+    /// In words, such as `position of a1 along y`.
+    pub(super) name: String,
+    /// By one standard uncertainty.
+    pub(super) error: Error,
+}
+
+/// What an error changes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Error {
+    /// What is said of sensors.
+    Sensors(Change),
+    /// The weighed mass, kg.
+    Mass(f64),
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A channel as far as its errors are concerned.
+struct Channel {
+    name: String,
+    /// What it is fixed to or part of: those of one kind at one place are one block.
+    kind: u8,
+    place: [u64; 3],
+    stated: Uncertainty,
+}
+
+/// All errors of a setup. Sensitivities that neither the sensor nor its kind states have the
+/// uncertainty of their certificate, where a recording carries it.
+pub(super) fn sources(setup: &Setup, measurement: &Measurement) -> Vec<Source> {
+    let channels = channels(setup, measurement);
+    let mut sources = Vec::new();
+    for (number, channel) in channels.iter().enumerate() {
+        if let Some(share) = channel.stated.calibration.filter(|u| *u > 0.0) {
+            sources.push(Source {
+                name: format!("calibration of {}", channel.name),
+                error: Error::Sensors(Change::Gain(number, share)),
+            });
+        }
+    }
+    for (what, word, of) in [
+        ("position", "along", position as fn(&Channel) -> Option<f64>),
+        ("direction", "about", direction),
+    ] {
+        for (members, size) in blocks(&channels, of) {
+            let names: Vec<&str> = members.iter().map(|&k| &*channels[k].name).collect();
+            for (axis, name) in AXES.into_iter().enumerate() {
+                let mut by = Vector3::zeros();
+                by[axis] = size;
+                let members = members.clone();
+                sources.push(Source {
+                    name: format!("{what} of {} {word} {name}", names.join(", ")),
+                    error: Error::Sensors(match what {
+                        "position" => Change::Position(members, by),
+                        _ => Change::Direction(members, by),
+                    }),
+                });
+            }
+        }
+    }
+    if let Some(u) = setup.known_mass_uncertainty {
+        sources.push(Source {
+            name: "mass on the balance".to_owned(),
+            error: Error::Mass(u),
+        });
+    }
+    sources
+}
+
+fn position(channel: &Channel) -> Option<f64> {
+    channel.stated.position
+}
+
+/// Radians.
+fn direction(channel: &Channel) -> Option<f64> {
+    channel.stated.direction.map(f64::to_radians)
+}
+
+fn channels(setup: &Setup, measurement: &Measurement) -> Vec<Channel> {
+    let bits = |place: [f64; 3]| place.map(|x| (x + 0.0).to_bits());
+    let certificate = |channel: &str| {
+        let runs = measurement.runs.iter().map(|run| &run.preamble);
+        let others = measurement.sines.iter().map(|run| &run.preamble);
+        let poses = measurement.poses.iter().map(|run| &run.preamble);
+        let all = runs.chain(others).chain(poses);
+        // Certificates of several recordings are of one sensor; the worst one counts.
+        all.filter_map(|p| p.channel.get(channel)?.uncertainty)
+            .reduce(f64::max)
+    };
+    let with_certificate = |own: Uncertainty, channel: &str, stated: Uncertainty| Uncertainty {
+        calibration: own
+            .calibration
+            .or_else(|| certificate(channel))
+            .or(stated.calibration),
+        ..stated
+    };
+    let sensors = setup
+        .accelerometers
+        .iter()
+        .enumerate()
+        .map(|(k, a)| Channel {
+            name: a.channel.clone(),
+            kind: u8::from(a.mount == Mount::Interface),
+            place: bits(a.position),
+            stated: with_certificate(
+                a.uncertainty,
+                &a.channel,
+                setup.accelerometer_uncertainty(k),
+            ),
+        });
+    let cells = setup.load_cells.iter().enumerate().map(|(k, c)| Channel {
+        name: c.channel.clone(),
+        kind: 2,
+        place: bits(c.position),
+        stated: with_certificate(c.uncertainty, &c.channel, setup.load_cell_uncertainty(k)),
+    });
+    sensors.chain(cells).collect()
+}
+
+/// Channels that move as one, with their common uncertainty: those of one kind at one place, as
+/// a triaxial accelerometer or a load cell of several axes has them.
+fn blocks(channels: &[Channel], of: fn(&Channel) -> Option<f64>) -> Vec<(Vec<usize>, f64)> {
+    let mut blocks: Vec<(Vec<usize>, f64)> = Vec::new();
+    for (number, channel) in channels.iter().enumerate() {
+        let Some(size) = of(channel).filter(|u| *u > 0.0) else {
+            continue;
+        };
+        let same = |(members, other): &&mut (Vec<usize>, f64)| {
+            let first = &channels[members[0]];
+            first.kind == channel.kind && first.place == channel.place && *other == size
+        };
+        match blocks.iter_mut().find(same) {
+            Some((members, _)) => members.push(number),
+            None => blocks.push((vec![number], size)),
+        }
+    }
+    blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::spectra::LineRange;
+    use std::path::Path;
+
+    fn nothing() -> Measurement {
+        Measurement {
+            runs: Vec::new(),
+            sines: Vec::new(),
+            poses: Vec::new(),
+            grid: None,
+            band: LineRange::NONE,
+            hop: 0.5,
+            noise: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn each_error_is_there_once() {
+        let text = "known_mass = 5\nknown_mass_uncertainty = 0.01\n\
+            [defaults]\nposition_uncertainty = 0.001\n[defaults.force]\ncalibration_uncertainty = 0.01\n\
+            [[accelerometer]]\nchannel = \"x\"\nposition = [1, 0, 0]\ndirection = [1, 0, 0]\ndirection_uncertainty = 1\n\
+            [[accelerometer]]\nchannel = \"y\"\nposition = [1, -0.0, 0]\ndirection = [0, 1, 0]\nposition_uncertainty = 0\n\
+            [[accelerometer]]\nchannel = \"z\"\nposition = [1, 0.0, 0]\ndirection = [0, 0, 1]\n\
+            [[load_cell]]\nchannel = \"f\"\nposition = [1, 0, 0]\ndirection = [0, 0, 1]\n\
+            [[run]]\nname = \"p\"\nrecording = \"p.csv\"\nexcitation = \"static\"\n";
+        let setup = Setup::from_str(text, Path::new("s.toml")).unwrap();
+        let found = sources(&setup, &nothing());
+        let names: Vec<&str> = found.iter().map(|s| &*s.name).collect();
+        let expected = [
+            "calibration of f",
+            "position of x, z along x",
+            "position of x, z along y",
+            "position of x, z along z",
+            "position of f along x",
+            "position of f along y",
+            "position of f along z",
+            "direction of x about x",
+            "direction of x about y",
+            "direction of x about z",
+            "mass on the balance",
+        ];
+        assert_eq!(names, expected);
+        let degree = Vector3::new(1.0_f64.to_radians(), 0.0, 0.0);
+        let Error::Sensors(Change::Direction(channels, by)) = &found[7].error else {
+            panic!("{found:?}");
+        };
+        assert_eq!((channels.as_slice(), by), (&[0][..], &degree));
+    }
+}

@@ -1,0 +1,219 @@
+//! Spectra of every single channel, and what resultants would be with other columns.
+//!
+//! The measuring pass keeps the twelve resultants only. What follows from a sensor that sits
+//! elsewhere than the setup says needs each channel by itself, so this is one more pass over
+//! the random runs, with as many transforms a block as there are channels. Stepped sines and
+//! poses are kept as they were read.
+
+use super::drives::DrivesAverage;
+use super::geometry::channel_names;
+use super::random::{drive_columns, stream};
+use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
+use crate::setup::{Excitation, Setup};
+use massline_core::geometry::RESULTANTS;
+use massline_core::masslines::StaticPoses;
+use massline_core::spectra::{Complex32, CrossAverage, Sum};
+use nalgebra::{Complex, DMatrix, Vector6};
+
+/// What every channel shows in all runs of a measurement, in recorded units.
+pub(crate) struct Channels {
+    /// In the order of [`Measurement::runs`].
+    runs: Vec<OfRun>,
+    /// Numbers in the setup of the sine runs and of the static ones.
+    sines: Vec<usize>,
+    poses: Vec<usize>,
+}
+
+enum OfRun {
+    /// Responses to the drive, line by line, a column each.
+    Drive(DMatrix<Complex<f64>>),
+    /// Products of the channels summed over the blocks, a matrix a line.
+    Cross(Vec<DMatrix<Complex<f64>>>),
+}
+
+/// Reads the random runs of a setup once more, channel by channel. `limit` is that of the
+/// measurement.
+///
+/// # Errors
+/// [`MeasureError`] that names file, line and channel.
+pub(crate) fn channels(
+    setup: &Setup,
+    measurement: &Measurement,
+    limit: Option<u64>,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Channels, MeasureError> {
+    let of = |wanted: Excitation| {
+        let runs = setup.runs.iter().enumerate();
+        runs.filter(|(_, run)| run.excitation == wanted)
+            .map(|(number, _)| number)
+            .collect::<Vec<_>>()
+    };
+    let mut runs = Vec::new();
+    for number in of(Excitation::Random) {
+        let mut report = |share| {
+            progress(Progress {
+                run: number,
+                runs: setup.runs.len(),
+                name: &setup.runs[number].name,
+                share,
+            });
+        };
+        let measured = measurement.runs.iter().find(|run| run.number == number);
+        let Some(measured) = measured else { continue };
+        runs.extend(of_run(setup, number, measured, limit, &mut report)?);
+    }
+    Ok(Channels {
+        runs,
+        sines: of(Excitation::Sine),
+        poses: of(Excitation::Static),
+    })
+}
+
+fn of_run(
+    setup: &Setup,
+    number: usize,
+    measured: &MeasuredRun,
+    limit: Option<u64>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<OfRun>, MeasureError> {
+    let run = &setup.runs[number];
+    let names = channel_names(setup, run);
+    let mut recording = setup.open_recording(run, &names)?;
+    recording.limit(limit);
+    recording.settle_rate(setup.processing.as_ref().and_then(|p| p.sample_rate))?;
+    let settings = measured.settings();
+    let count = measured.geometry.columns.len();
+    let drives = drive_columns(run, &names);
+    let lines = settings.grid().count;
+    let mut average = match drives.len() {
+        0 => DrivesAverage::new(settings, count, 0),
+        drives => DrivesAverage::new(settings, drives, count),
+    };
+    stream(
+        &mut recording,
+        settings,
+        &drives,
+        count,
+        &|sample: &[f32], into: &mut [f32]| into.copy_from_slice(&sample[..count]),
+        &mut average,
+        &mut |_| {},
+        progress,
+    )?;
+    if drives.is_empty() {
+        let matrix = |line| DMatrix::from_fn(count, count, |i, j| average.between(line, i, j));
+        return Ok(vec![OfRun::Cross((0..lines).map(matrix).collect())]);
+    }
+    let mut found = average.parts(measured.band.indices());
+    let mut all = Vec::new();
+    for mut part in std::mem::take(&mut found.parts) {
+        let file = setup.recording_path(run);
+        let spectral = |source| MeasureError::Spectra { file, source };
+        let average = found.average(&mut part).map_err(spectral)?;
+        all.push(OfRun::Drive(DMatrix::from_fn(count, lines, |c, line| {
+            let power = average.drive_power(line);
+            let (re, im) = average.cross(c, line);
+            if power > 0.0 {
+                Complex::new(re / power, im / power)
+            } else {
+                Complex::new(0.0, 0.0)
+            }
+        })));
+    }
+    Ok(all)
+}
+
+/// Columns of a run that are added to those of its geometry.
+pub(crate) type Added = Vec<[f64; RESULTANTS]>;
+
+fn add_to(resultants: &mut [Complex<f64>; RESULTANTS], x: Complex<f64>, column: &[f64; 12]) {
+    for (r, gain) in resultants.iter_mut().zip(column) {
+        *r += x * *gain;
+    }
+}
+
+impl Channels {
+    /// The measurement as it would be with `factor` times these columns added to those of each
+    /// run of the setup. The noise stays what it is: its change is of second order.
+    pub(crate) fn with_columns(
+        &self,
+        measurement: &Measurement,
+        added: &[Added],
+        factor: f64,
+    ) -> Measurement {
+        let mut changed = measurement.clone();
+        for (run, channels) in changed.runs.iter_mut().zip(&self.runs) {
+            change_run(run, channels, &added[run.number], factor);
+        }
+        for (run, number) in changed.sines.iter_mut().zip(&self.sines) {
+            for (response, readings) in run.responses.iter_mut().zip(&run.readings) {
+                for (x, column) in readings.iter().zip(&added[*number]) {
+                    add_to(response, x * factor, column);
+                }
+            }
+        }
+        for (run, number) in changed.poses.iter_mut().zip(&self.poses) {
+            run.poses = StaticPoses::new();
+            for ((a, f), readings) in run.rows.iter_mut().zip(&run.readings) {
+                for (x, column) in readings.iter().zip(&added[*number]) {
+                    let x = f64::from(*x) * factor;
+                    *a += Vector6::from_fn(|j, _| column[j] * x);
+                    *f += Vector6::from_fn(|j, _| column[6 + j] * x);
+                }
+                run.poses.add(a, f);
+            }
+        }
+        changed
+    }
+}
+
+fn change_run(run: &mut MeasuredRun, channels: &OfRun, added: &Added, factor: f64) {
+    match (&mut run.spectra, channels) {
+        (Spectra::Drive { responses, .. }, OfRun::Drive(channels)) => {
+            for (response, readings) in responses.iter_mut().zip(channels.column_iter()) {
+                let mut sum = [Complex::default(); RESULTANTS];
+                for (x, column) in readings.iter().zip(added) {
+                    add_to(&mut sum, x * factor, column);
+                }
+                for (r, sum) in response.iter_mut().zip(&sum) {
+                    let (re, im) = (f64::from(r.re) + sum.re, f64::from(r.im) + sum.im);
+                    *r = Complex32::new(re as f32, im as f32);
+                }
+            }
+        }
+        (Spectra::Cross { sums }, OfRun::Cross(channels)) => {
+            let columns = &run.geometry.columns;
+            let wide = |columns: &[[f64; RESULTANTS]], factor: f64| {
+                DMatrix::from_fn(RESULTANTS, columns.len(), |j, c| {
+                    Complex::new(columns[c][j] * factor, 0.0)
+                })
+            };
+            let (before, added) = (wide(columns, 1.0), wide(added, factor));
+            let settings = run.settings;
+            let Ok(average) = CrossAverage::resume(&settings, sums, run.blocks) else {
+                // Storage that was large enough to be averaged in is large enough.
+                return;
+            };
+            let mut changed = Vec::with_capacity(CrossAverage::storage_len(&settings));
+            for (line, products) in channels.iter().enumerate() {
+                let half = &added * products;
+                let mixed = &half * before.transpose();
+                let both = half * added.transpose();
+                let value = |i: usize, j: usize| {
+                    let (re, im) = average.cross(i, j, line);
+                    Complex::new(re, im) + mixed[(i, j)] + mixed[(j, i)].conj() + both[(i, j)]
+                };
+                // The order in which `CrossAverage` keeps them.
+                changed.extend((0..RESULTANTS).map(|i| Sum::of(value(i, i).re)));
+                for i in 0..RESULTANTS {
+                    for j in i + 1..RESULTANTS {
+                        let z = value(i, j);
+                        changed.extend([Sum::of(z.re), Sum::of(z.im)]);
+                    }
+                }
+            }
+            *sums = changed;
+        }
+        // Both were made from the same run.
+        _ => {}
+    }
+}
