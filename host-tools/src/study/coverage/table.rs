@@ -94,6 +94,28 @@ fn heads() -> Vec<&'static str> {
     heads
 }
 
+/// Why the shares of a cell are outside, number by number: bias or scatter, in standard
+/// deviations; `None` where none is outside.
+fn causes(cell: &Cell) -> Option<String> {
+    let numbers = NAMES.iter().zip(&cell.tally.numbers);
+    let list: Vec<String> = numbers
+        .filter(|(_, count)| Tally::is_outside(count))
+        .filter_map(|(name, count)| {
+            let (bias, scatter) = (count.bias()?, count.scatter()?);
+            Some(format!("{name} {bias:+.1} / {scatter:.1}"))
+        })
+        .collect();
+    (!list.is_empty()).then(|| {
+        format!(
+            "{} at {} %, {}: {}",
+            cell.case,
+            trimmed(100.0 * cell.noise),
+            method_name(cell.method),
+            list.join(", ")
+        )
+    })
+}
+
 /// How many shares of single numbers are outside, of how many there are.
 fn outside(coverage: &Coverage) -> (usize, usize) {
     let counts = coverage.cells.iter().flat_map(|c| c.tally.numbers.iter());
@@ -188,6 +210,16 @@ pub fn print(out: &mut dyn Write, coverage: &Coverage) -> Result<()> {
     if coverage.total().total_is_outside() {
         writeln!(out, "{BAD}all together are outside 94 to 96 %{BAD:#}")?;
     }
+    let causes: Vec<String> = coverage.cells.iter().filter_map(causes).collect();
+    if !causes.is_empty() {
+        writeln!(
+            out,
+            "{DIM}mean / scatter of their errors, in standard deviations (0 / 1 where bars are right):{DIM:#}"
+        )?;
+    }
+    for cause in causes {
+        writeln!(out, "  {cause}")?;
+    }
     for cell in coverage.cells.iter().filter(|c| c.tally.refused > 0) {
         writeln!(
             out,
@@ -247,6 +279,16 @@ pub fn markdown(coverage: &Coverage) -> String {
     let _ = writeln!(text, "\n{bad} of {all} numbers are outside 92 to 98 %.\n");
     for (name, what) in &coverage.cases {
         let _ = writeln!(text, "* **{name}**: {what}.");
+    }
+    let causes: Vec<String> = coverage.cells.iter().filter_map(causes).collect();
+    if !causes.is_empty() {
+        text.push_str(
+            "\nMean and scatter of the errors of the numbers outside, in standard deviations: 0 and 1\n\
+             where bars are right. A mean far from zero is a bias of the method.\n\n",
+        );
+    }
+    for cause in causes {
+        let _ = writeln!(text, "* {cause}");
     }
     let mut reasons = String::new();
     for cell in coverage.cells.iter().filter(|c| c.tally.refused > 0) {
@@ -324,6 +366,8 @@ struct NumberDocument {
     held: Option<f64>,
     /// Root mean square of error over standard deviation.
     error_over_std: Option<f64>,
+    /// Mean of error over standard deviation.
+    bias_over_std: Option<f64>,
     outside: bool,
 }
 
@@ -358,6 +402,7 @@ impl Document {
                     given: count.given,
                     held: count.share(),
                     error_over_std: finite(count.ratio()),
+                    bias_over_std: finite(count.bias()),
                     outside: Tally::is_outside(count),
                 })
                 .collect(),

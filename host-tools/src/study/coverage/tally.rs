@@ -119,7 +119,9 @@ pub struct Count {
     pub given: usize,
     /// Those whose interval holds the truth.
     pub held: usize,
-    /// Sum of squares of error over standard deviation.
+    /// Sum of error over standard deviation.
+    pub errors: f64,
+    /// Sum of its squares.
     pub squares: f64,
 }
 
@@ -127,6 +129,7 @@ impl Count {
     fn add(&mut self, hit: Hit) {
         self.given += 1;
         self.held += usize::from(hit.holds);
+        self.errors += hit.error;
         self.squares += hit.error * hit.error;
     }
 
@@ -134,6 +137,20 @@ impl Count {
     #[must_use]
     pub fn share(&self) -> Option<f64> {
         (self.given > 0).then(|| self.held as f64 / self.given as f64)
+    }
+
+    /// Mean of error over standard deviation: the bias, 0 where there is none.
+    #[must_use]
+    pub fn bias(&self) -> Option<f64> {
+        (self.given > 0).then(|| self.errors / self.given as f64)
+    }
+
+    /// Standard deviation of error over standard deviation, from draw to draw: 1 where bars
+    /// are right, apart from the bias.
+    #[must_use]
+    pub fn scatter(&self) -> Option<f64> {
+        let (ratio, bias) = (self.ratio()?, self.bias()?);
+        Some((ratio * ratio - bias * bias).max(0.0).sqrt())
     }
 
     /// Root mean square of error over standard deviation, 1 where bars are right.
@@ -190,6 +207,7 @@ impl Tally {
         let add = |into: &mut Count, from: &Count| {
             into.given += from.given;
             into.held += from.held;
+            into.errors += from.errors;
             into.squares += from.squares;
         };
         for (into, from) in self.numbers.iter_mut().zip(&other.numbers) {
@@ -257,6 +275,8 @@ mod tests {
         assert_eq!(tally.reason.as_deref(), Some("no"));
         assert_eq!(tally.numbers[0].share(), Some(0.5));
         assert_eq!(tally.numbers[0].ratio(), Some(2.5_f64.sqrt()));
+        assert_eq!(tally.numbers[0].bias(), Some(-0.5));
+        assert_eq!(tally.numbers[0].scatter(), Some(1.5));
         assert_eq!(tally.numbers[1].share(), None);
         // About A counts by itself, not among the ten.
         assert_eq!(tally.ten.given, 2);
@@ -268,6 +288,7 @@ mod tests {
         let count = |held, given| Count {
             given,
             held,
+            errors: 0.0,
             squares: 0.0,
         };
         assert!(!Tally::is_outside(&count(276, 300)));
