@@ -479,14 +479,14 @@ fn weigh(
     let share = n.noise[(0, 0)];
     if share > 0.0 {
         // Of w w_Δ, with w_Δ² = share.
-        let w = n.noise.column(0) / share;
+        let w = Vector10::from_fn(|j, _| n.noise[(j, 0)] / share);
         n.noise.ger(-share, &w, &w, 1.0);
         sigma.axpy(one - sigma[0], &w, 1.0);
         pull.axpy(-pull[0], &w, 1.0);
         for matrix in matrices {
-            let row = matrix.row(0).transpose();
+            let row = Vector10::from_fn(|j, _| matrix[(0, j)]);
             matrix.ger(-1.0, &w, &row, 1.0);
-            let column = matrix.column(0).into_owned();
+            let column = Vector10::from_fn(|j, _| matrix[(j, 0)]);
             matrix.ger(-1.0, &column, &w, 1.0);
         }
     }

@@ -196,8 +196,10 @@ fn add_turn<const PAIRS: usize>(set: &mut Masslines<PAIRS>, first: usize) {
     let e = set.equations.rows();
     // The equations for a unit of mass, and by least squares the mass.
     let mut unit = *e;
-    for mut column in unit.column_iter_mut().skip(3) {
-        column *= radius;
+    for column in unit.data.0.iter_mut().skip(3) {
+        for x in column {
+            *x *= radius;
+        }
     }
     let (mut product, mut square) = (0.0, 0.0);
     for pair in &*pairs {

@@ -109,8 +109,10 @@ impl Excitation {
         multiply_left(&vectors, coordinates);
         basis.copy_from(&coordinates.transpose());
         multiply_left(moments, basis);
-        for (mut direction, &value) in basis.column_iter_mut().zip(&values).take(*rank) {
-            direction /= value;
+        for (direction, &value) in basis.data.0.iter_mut().zip(&values).take(*rank) {
+            for x in direction {
+                *x /= value;
+            }
         }
     }
 
