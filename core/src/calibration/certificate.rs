@@ -317,6 +317,26 @@ mod tests {
             };
             assert_eq!((named, index, found), (field, 7, Exact(value)));
         }
+        // What is said to be expected is.
+        for (limits, expected) in [
+            ([i32::MIN, 5], [-8_388_608, 4]),
+            ([9, 5], [-8_388_608, 4]),
+            ([0, i32::MAX], [1, 8_388_607]),
+        ] {
+            let Err(Problem::Range { low, high, .. }) = Certificate::new(&bad_limits(limits))
+            else {
+                panic!("{limits:?}");
+            };
+            assert_eq!([low, high], expected.map(|x| Exact(f64::from(x))));
+            let [at, end] = expected;
+            let mended = match limits {
+                [low, _] if low == 0 => [[low, at], [low, end]],
+                [_, high] => [[at, high], [end, high]],
+            };
+            for limits in mended {
+                assert!(Certificate::new(&bad_limits(limits)).is_ok(), "{limits:?}");
+            }
+        }
     }
 
     #[test]

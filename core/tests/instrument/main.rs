@@ -1,5 +1,6 @@
 //! The box as a state machine, promise by promise.
 
+mod answers;
 mod bench;
 mod faults;
 mod plan;

@@ -296,3 +296,31 @@ fn a_gap_beyond_the_limit_ends_the_run_and_may_be_told_again() {
         Problem::State { .. }
     ));
 }
+
+#[test]
+fn telemetry_comes_as_often_as_it_was_asked_for() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    bench.done(&Request::Subscribe(Subscription {
+        telemetry: 100,
+        ..Subscription::default()
+    }));
+    bench.poll();
+    bench.events();
+    // Of the bench's thousand ticks a second.
+    let tenth = 100;
+    for (ticks, told) in [
+        (1, 0),
+        (tenth - 2, 0),
+        (1, 1),
+        (0, 0),
+        (tenth - 1, 0),
+        (9, 1),
+    ] {
+        bench.hardware.ticks += ticks;
+        bench.poll();
+        let events = bench.events();
+        let telemetry = events.iter().filter(|e| matches!(e, Heard::Telemetry));
+        assert_eq!(telemetry.count(), told, "at {}", bench.hardware.ticks);
+    }
+}

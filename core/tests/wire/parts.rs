@@ -316,3 +316,11 @@ pub fn setting<'a>(d: &mut Draw<'a>) -> Setting<'a> {
         }),
     }
 }
+
+#[test]
+fn every_method_has_a_bit_of_its_own() {
+    use massline_core::masslines;
+    let bits = masslines::Method::ALL.map(|m| Method::from(m).bit());
+    assert_eq!(bits.map(u16::count_ones), [1; 8]);
+    assert_eq!(bits.iter().fold(0, |all, bit| all | bit), 0xff);
+}

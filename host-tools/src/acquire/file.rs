@@ -4,7 +4,9 @@
 //! one. So rows go to a file beside it, whose name ends in `.part`; at the end the preamble and
 //! they become the recording, which is in its place as a whole or not at all. If this program
 //! dies before, the rows are there: a recording without a preamble. Those that were flushed are
-//! all there, however it dies; the last line may be cut.
+//! all there, however it dies; the last line may be cut. Once a second the disk is to hold what
+//! came up to then, so that a power cut takes no more than two, or twice the time that the disk
+//! takes for it if that is longer than a second.
 
 use super::AcquireError;
 use crate::output::{self, Existing, Output, OutputError, Part};
@@ -23,10 +25,15 @@ pub(super) struct Growing {
     replace: bool,
     part: Part,
     line: String,
+    /// Rows that the disk was not told to hold.
+    unsynced: u64,
+    /// As many as there may be: a second's.
+    every: u64,
 }
 
 impl Growing {
-    /// Begins a recording of these channels. Its folder is made if it is missing.
+    /// Begins a recording of these channels, which have so many samples a second. Its folder is
+    /// made if it is missing.
     ///
     /// # Errors
     /// [`AcquireError::Output`] if there can be no such file, or if it would take the place of
@@ -34,6 +41,7 @@ impl Growing {
     pub(super) fn create(
         file: &Path,
         channels: &[String],
+        rate: f64,
         replace: bool,
     ) -> Result<Self, AcquireError> {
         let part = Part::begin(file, replace)?;
@@ -42,11 +50,18 @@ impl Growing {
             replace,
             part,
             line: String::new(),
+            unsynced: 0,
+            every: (rate as u64).max(1),
         };
         let mut header: Vec<String> = channels.iter().map(|name| field(name)).collect();
         header.push(HEALTH_COLUMN.to_owned());
         growing.line = header.join(",");
         let begun = growing.end_line().and_then(|()| growing.flush());
+        let named = |growing: &Self| {
+            let named = growing.part.sync_name();
+            named.map_err(|source| growing.refused(source))
+        };
+        let begun = begun.and_then(|()| named(&growing));
         if begun.is_err() {
             growing.discard();
         }
@@ -58,11 +73,17 @@ impl Growing {
         self.part.set_aside()
     }
 
-    /// Adds a row. A sample that never came has no readings.
+    /// Adds a row; once a second the disk is told before to hold those that there are. A sample
+    /// that never came has no readings.
     ///
     /// # Errors
     /// [`AcquireError::Output`] if the file system takes no more; then it is not added.
     pub(super) fn row(&mut self, si: &[f32], health: Health) -> Result<(), AcquireError> {
+        if self.unsynced >= self.every {
+            let wanted = self.part.sync_behind();
+            wanted.map_err(|source| self.refused(source))?;
+            self.unsynced = 0;
+        }
         self.line.clear();
         for x in si {
             if !health.contains(Health::MISSING) {
@@ -75,7 +96,9 @@ impl Growing {
         if !health.is_good() {
             self.line.push_str(&spell(health));
         }
-        self.end_line()
+        self.end_line()?;
+        self.unsynced += 1;
+        Ok(())
     }
 
     /// Hands all rows to the system, so that they outlive this program. To be called before

@@ -186,7 +186,7 @@ pub fn record<P: Port>(
     let channels: Vec<String> = order.inputs.iter().map(InputEntry::column).collect();
     let recorder = Recorder {
         intake: Intake::new(&order.inputs, rate),
-        growing: Growing::create(&order.file, &channels, order.replace)?,
+        growing: Growing::create(&order.file, &channels, rate, order.replace)?,
         clock: SampleRate::default(),
         limit: order.seconds.map(|s| ((s * rate).round() as u64).max(1)),
         rate,

@@ -6,6 +6,8 @@
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::thread::{self, JoinHandle};
 
 /// An operation, as tests count them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +41,16 @@ fn step(_: Operation, _: &Path, bytes: usize) -> io::Result<usize> {
 pub(super) struct Handle {
     file: File,
     path: PathBuf,
+    behind: Option<Syncing>,
+}
+
+/// A thread that has the disk hold a file while this program goes on: a slow disk takes seconds
+/// over it, and samples do not wait.
+struct Syncing {
+    /// Gone when there is nothing more to come.
+    wanted: Option<SyncSender<()>>,
+    failed: Receiver<io::Error>,
+    thread: Option<JoinHandle<()>>,
 }
 
 /// Makes a file that is not there yet.
@@ -51,8 +63,11 @@ pub(super) fn create_new(path: &Path) -> io::Result<Handle> {
     // knows locks: there it is never taken for a left-over.
     #[cfg(unix)]
     let _ = file.try_lock();
-    let path = path.to_owned();
-    Ok(Handle { file, path })
+    Ok(Handle {
+        file,
+        path: path.to_owned(),
+        behind: None,
+    })
 }
 
 /// Whether a program has the file in use; `None` where the system does not tell.
@@ -118,7 +133,6 @@ pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
 }
 
 /// Whether the disk failed, rather than the system having no such operation.
-#[cfg(unix)]
 fn is_failure(error: &io::Error) -> bool {
     use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported)
@@ -129,6 +143,19 @@ impl Handle {
     pub(super) fn sync(&self) -> io::Result<()> {
         step(Operation::Sync, &self.path, 0)?;
         self.file.sync_all()
+    }
+
+    /// Has the disk hold what was written up to now, beside what else goes on. Where it is still
+    /// at that, it begins anew once it is done.
+    ///
+    /// # Errors
+    /// The system's, among them that of an earlier time.
+    pub(super) fn sync_behind(&mut self) -> io::Result<()> {
+        step(Operation::Sync, &self.path, 0)?;
+        if self.behind.is_none() {
+            self.behind = Some(Syncing::new(self.file.try_clone()?)?);
+        }
+        self.behind.as_ref().map_or(Ok(()), Syncing::again)
     }
 
     /// Gives it the permissions of another file, and its owner where that is allowed.
@@ -153,6 +180,51 @@ impl Handle {
         let mut file = self.file.try_clone()?;
         file.rewind()?;
         Ok(file)
+    }
+}
+
+impl Syncing {
+    fn new(file: File) -> io::Result<Self> {
+        // One that is wanted while another goes on is as good as several.
+        let (wanted, orders) = mpsc::sync_channel(1);
+        let (tell, failed) = mpsc::channel();
+        let thread = thread::Builder::new().spawn(move || {
+            for () in orders {
+                match file.sync_data() {
+                    Err(error) if is_failure(&error) => {
+                        // Nobody asks any more.
+                        let _ = tell.send(error);
+                    }
+                    _ => {}
+                }
+            }
+        })?;
+        Ok(Self {
+            wanted: Some(wanted),
+            failed,
+            thread: Some(thread),
+        })
+    }
+
+    fn again(&self) -> io::Result<()> {
+        if let Ok(error) = self.failed.try_recv() {
+            return Err(error);
+        }
+        if let Some(wanted) = &self.wanted {
+            // Full: it is wanted already.
+            let _ = wanted.try_send(());
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Syncing {
+    /// Waits until it is done: until then the file is in use.
+    fn drop(&mut self) {
+        self.wanted = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Rows of a recording that grows.
 //!
 //! They go to a file beside the recording's place, whose name ends in `.part`. Programs that
-//! are killed leave it there, and it holds all rows that were [flushed](Part::flush): it is
+//! are killed leave it there, and it holds all rows that were [flushed](Part::flush); a computer
+//! that loses its power leaves those that were [handed to the disk](Part::sync_behind). It is
 //! never written over, nor removed by anybody but the program that has made it. `--force` sets
 //! it aside under another name.
 
@@ -88,6 +89,23 @@ impl Part {
     /// Where the rows of an earlier recording are now that were in the way.
     pub(crate) fn set_aside(&self) -> Option<&Path> {
         self.set_aside.as_deref()
+    }
+
+    /// Has the disk hold all rows that were written up to now, beside what else goes on.
+    ///
+    /// # Errors
+    /// The system's, among them that of an earlier time.
+    pub(crate) fn sync_behind(&mut self) -> io::Result<()> {
+        self.rows.flush()?;
+        self.rows.get_mut().sync_behind()
+    }
+
+    /// Has the disk hold the name under which the rows are.
+    ///
+    /// # Errors
+    /// The system's.
+    pub(crate) fn sync_name(&self) -> io::Result<()> {
+        disk::sync_folder(place::folder(&self.path))
     }
 
     /// All that was written, from its beginning.

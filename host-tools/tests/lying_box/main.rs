@@ -7,7 +7,13 @@
 
 #[path = "../bench/mod.rs"]
 mod bench;
+#[path = "../cut_box/fork.rs"]
+mod fork;
 mod peer;
+mod proxy;
+#[path = "../cut_box/stand_in.rs"]
+mod stand_in;
+mod tales;
 
 use bench::command;
 use massline::limits;

@@ -57,11 +57,21 @@ fn at_most<T: Copy + PartialOrd + std::fmt::Display>(
 
 fn each(
     what: &'static str,
+    numbers: impl Iterator<Item = f64>,
+    right: impl Fn(f64) -> bool,
+    expected: &str,
+) -> Result<(), Wrong> {
+    all(what, numbers, |x| x.is_finite() && right(x), expected)
+}
+
+/// As [`each`], but they may be infinite.
+fn all(
+    what: &'static str,
     mut numbers: impl Iterator<Item = f64>,
     right: impl Fn(f64) -> bool,
     expected: &str,
 ) -> Result<(), Wrong> {
-    match numbers.find(|&x| !(x.is_finite() && right(x))) {
+    match numbers.find(|&x| !right(x)) {
         None => Ok(()),
         // The short way to write 1e300.
         Some(found) => Err(Wrong(what, format!("{found:?}"), expected.to_owned())),
@@ -132,10 +142,28 @@ fn identified(identified: &Identified) -> Result<(), Wrong> {
     each("an identified value", values, any, "a number")?;
     let errors = estimates().map(|e| e.std.0);
     each("a standard deviation", errors, |x| x >= 0.0, NOT_BELOW)?;
+    quality_of(answer)?;
     let principal = answer.principal.iter();
     let principal = principal.flat_map(|p| p.axes.iter().flatten().chain(&p.moments));
     let points = answer.reference.iter().chain(principal).map(|x| x.0);
     each("a coordinate or moment", points, any, "a number")
+}
+
+/// What an answer says of its own quality is compared with limits, which no NaN exceeds. Some of
+/// it may be infinite.
+fn quality_of(answer: &Answer) -> Result<(), Wrong> {
+    let p = &answer.plausibility;
+    let margins = [p.mass, p.positive_definite, p.triangle];
+    let margins = || margins.into_iter().flatten();
+    let positive = [answer.condition_number, answer.misfit, answer.freedom];
+    let positive = positive.into_iter().chain(answer.consistency);
+    let positive = positive.chain(margins().map(|m| m.uncertainty));
+    let any = [answer.attenuation].into_iter();
+    let any = any.chain(answer.weakest_excitation);
+    let any = any.chain(margins().map(|m| m.relative));
+    let what = "a number of an answer's quality";
+    all(what, positive.map(|x| x.0), |x| x >= 0.0, NOT_BELOW)?;
+    all(what, any.map(|x| x.0), |x| !x.is_nan(), "a number")
 }
 
 fn estimates(answer: &Answer) -> impl IntoIterator<Item = Option<Estimate>> {

@@ -211,6 +211,10 @@ impl<'c, P: Port> Client<'c, P> {
                     poll = Some(id);
                     self.send(id, &Request::Status)?;
                 }
+                // It does not say either whether it is at work: it is gone, or the link is.
+                Waited::Silence if takes_long(request) => {
+                    return Err(self.silent(number, attempts + polls, started));
+                }
                 Waited::Silence | Waited::Taken(Heard::Working(false)) if attempts < ATTEMPTS => {
                     (attempts, polls) = (attempts + 1, 0);
                     self.resent += 1;

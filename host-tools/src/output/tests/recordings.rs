@@ -153,6 +153,8 @@ fn check(old: &Files, new: &Files, fault: Fault, at: usize, folder: &Path) {
             let text = error.to_string();
             let advised = text.contains("make room") || text.contains("choose another place");
             assert!(text.contains(FILE) && advised, "{place}: {text}");
+            // An end of a line would show as what stands for one.
+            assert!(!text.contains('\n'), "{place}: {text}");
             let keeps = matches!(error, AcquireError::Kept { .. });
             assert_eq!(keeps, text.contains("kept in"), "{place}: {text}");
             if fault != Fault::Killed {
@@ -222,6 +224,37 @@ fn rows_that_somebody_is_told_of_are_with_the_system() {
         .unwrap();
         assert!(looks > 5, "{looks}");
     }
+}
+
+/// A power cut takes what the disk was not told to hold.
+#[test]
+fn once_a_second_the_disk_is_told_to_hold_all_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join(FILE);
+    let part = folder.path().join(PART);
+    let seconds = 6_u32;
+    let record = || recorded(&file, true, f64::from(seconds)).0;
+    let clean = faults::with(usize::MAX, Fault::Error, record);
+    assert_eq!(clean.value.unwrap().samples, u64::from(seconds) * 512);
+    let told = |(_, (operation, path)): &(usize, &(Operation, _))| {
+        *operation == Operation::Sync && *path == part
+    };
+    let seen = clean.seen.iter().enumerate();
+    let syncs: Vec<usize> = seen.filter(told).map(|(at, _)| at).collect();
+    // The last second is told of with the whole recording.
+    assert_eq!(syncs.len(), seconds as usize - 1);
+    for (k, at) in syncs.into_iter().enumerate() {
+        std::fs::remove_file(&file).unwrap_or_default();
+        // With the system by then, and nothing beyond.
+        let _ = faults::with(at, Fault::Killed, record);
+        assert_eq!(rows(&std::fs::read(&part).unwrap()).len(), 512 * (k + 1));
+        std::fs::remove_file(&part).unwrap();
+    }
+    // The name of the rows, before the first of them.
+    let named = |(operation, path): &(Operation, _)| {
+        *operation == Operation::Sync && *path == folder.path()
+    };
+    assert!(clean.seen.iter().position(named) < clean.seen.iter().position(|(_, p)| *p == file));
 }
 
 #[test]
