@@ -73,7 +73,15 @@ impl NorFlash for Flash {
     const ERASE_SIZE: usize = 128 << 10;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
-        Ok(NorFlash::erase(&mut self.0.unlocked(), from, to)?)
+        let erased = NorFlash::erase(&mut self.0.unlocked(), from, to);
+        // Programming goes through the cache of data, erasing does not: what was read before would
+        // be read again. The cache is emptied only while it is off.
+        let is_on = self.0.acr().read().dcen().bit();
+        self.0.acr().modify(|_, w| w.dcen().clear_bit());
+        self.0.acr().modify(|_, w| w.dcrst().set_bit());
+        self.0.acr().modify(|_, w| w.dcrst().clear_bit());
+        self.0.acr().modify(|_, w| w.dcen().bit(is_on));
+        Ok(erased?)
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
