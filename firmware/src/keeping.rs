@@ -2,13 +2,13 @@
 
 use massline_core::wire::{Problem, Setting, SettingKey, Storage};
 use massline_firmware::sampling::INPUTS;
-use massline_firmware::settings::{Settings, Store, layout};
+use massline_firmware::settings::{Settings, Store, store};
 use stm32f4xx_hal::pac::FLASH;
 
 use crate::flash::{self, Flash};
 
-/// Bytes that settings take at most on their way from and to the flash, and the key before them.
-const ROOM: usize = layout::room(INPUTS) + 16;
+/// Bytes that settings take at most on their way from and to the flash.
+const ROOM: usize = store::room(INPUTS);
 
 /// The settings.
 pub struct Keeping {

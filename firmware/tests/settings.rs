@@ -1,8 +1,9 @@
 //! Settings in a flash that loses power at every byte and flips bits: the old ones or the new
 //! ones, never anything else.
 
+use embedded_storage::nor_flash::NorFlash;
 use massline_core::calibration::Preset;
-use massline_core::wire::Setting;
+use massline_core::wire::{Setting, crc32};
 use massline_firmware::models::flash::{Accident, Flash};
 use massline_firmware::models::random::Random;
 use massline_firmware::settings::{Loaded, Settings, Store, StoreError};
@@ -14,6 +15,8 @@ const PAGES: usize = 2;
 const ROOM: usize = 900;
 
 type Pages = Flash<PAGE, PAGES>;
+/// Pages of a few items, so that every pair of cuts can be tried.
+type Small = Flash<256, PAGES>;
 
 /// Settings that differ in all their parts.
 fn settings(k: u32) -> Settings<INPUTS> {
@@ -33,7 +36,18 @@ fn settings(k: u32) -> Settings<INPUTS> {
     settings
 }
 
-fn store(flash: Pages) -> Store<Pages> {
+/// Settings of three cells, so that four fit into a small page, that tell which they are.
+fn short(k: u32) -> Settings<INPUTS> {
+    let mut settings = Settings::DELIVERED;
+    settings.set(&Setting::Name("three cells")).unwrap();
+    settings.set(&Setting::LinkBaud(115_200 + k)).unwrap();
+    settings
+        .set(&Setting::SampleRate(512.0 + f64::from(k)))
+        .unwrap();
+    settings
+}
+
+fn store<const PAGE: usize>(flash: Flash<PAGE, PAGES>) -> Store<Flash<PAGE, PAGES>> {
     Store::new(flash, 0..(PAGE * PAGES) as u32).unwrap()
 }
 
@@ -49,7 +63,7 @@ fn used(saves: u32) -> Pages {
 /// Settings that were found, and the version they were written by.
 type Found = Option<(Settings<INPUTS>, u16)>;
 
-fn look(box_: &mut Store<Pages>) -> Result<Found, StoreError> {
+fn look<F: NorFlash>(box_: &mut Store<F>) -> Result<Found, StoreError> {
     let mut settings = Settings::DELIVERED;
     settings.set(&Setting::Name("before")).unwrap();
     let loaded = box_.load(&mut settings, &mut [0; ROOM]);
@@ -62,13 +76,118 @@ fn look(box_: &mut Store<Pages>) -> Result<Found, StoreError> {
     })
 }
 
-fn load(flash: Pages) -> Result<Found, StoreError> {
-    look(&mut store(flash))
+fn load<const PAGE: usize>(flash: Flash<PAGE, PAGES>) -> Result<Found, StoreError> {
+    let worked = flash.worked();
+    let mut box_ = store(flash);
+    let found = look(&mut box_);
+    assert_eq!(box_.release().worked(), worked, "looking writes nothing");
+    found
+}
+
+/// Saves, with the power cut at a byte from here; gives the flash back with the power on, and
+/// whether it was cut.
+fn cut<const PAGE: usize>(
+    mut flash: Flash<PAGE, PAGES>,
+    settings: &Settings<INPUTS>,
+    after: u64,
+) -> (Flash<PAGE, PAGES>, bool) {
+    flash.arrange(Accident::Cut(flash.worked() + after));
+    let mut box_ = store(flash);
+    let saved = box_.save(settings, &mut [0; ROOM]);
+    let mut flash = box_.release();
+    let is_cut = flash.is_cut();
+    assert_eq!(saved.is_err(), is_cut, "{saved:?}");
+    flash.switch_on();
+    (flash, is_cut)
+}
+
+/// What is found after power cuts: nothing may also be what nobody can read, since erasing what
+/// is left of a first save may be cut, too.
+fn after_cuts(flash: &Small) -> Found {
+    match load(flash.clone()) {
+        Err(StoreError::Corrupted) => None,
+        found => found.unwrap(),
+    }
 }
 
 #[test]
 fn an_empty_flash_holds_nothing() {
     assert_eq!(load(Pages::new(0)), Ok(None));
+}
+
+#[test]
+fn a_range_is_two_whole_pages_of_the_flash_or_more() {
+    let new = |from, to| Store::new(Small::new(0), from..to).map(|_| ());
+    assert_eq!(new(0, 512), Ok(()));
+    let wrong = [(0, 0), (0, 256), (0, 500), (8, 512), (256, 768), (512, 0)];
+    for (from, to) in wrong {
+        assert_eq!(new(from, to), Err(StoreError::Range), "{from}..{to}");
+    }
+}
+
+#[test]
+fn there_must_be_room() {
+    let mut box_ = store(Small::new(0));
+    // 26 bytes of contents lie in two cells of 16, behind the head's.
+    let name = Setting::Name("twenty bytes of name");
+    let mut named = Settings::<INPUTS>::DELIVERED;
+    named.set(&name).unwrap();
+    assert_eq!(box_.save(&named, &mut [0; 47]), Err(StoreError::Room));
+    assert_eq!(box_.save(&named, &mut []), Err(StoreError::Room));
+    assert_eq!(look(&mut box_), Ok(None));
+    assert_eq!(box_.save(&named, &mut [0; 48]), Ok(()));
+    let mut found = Settings::<INPUTS>::DELIVERED;
+    let loaded = box_.load(&mut found, &mut [0; 31]);
+    assert_eq!(loaded, Err(StoreError::Room));
+    let loaded = box_.load(&mut found, &mut [0; 32]);
+    assert_eq!((loaded, found), (Ok(Loaded::Settings(2)), named));
+    // And a page must be as large.
+    let mut box_ = store(Flash::<32, PAGES>::new(0));
+    assert_eq!(
+        box_.save(&settings(0), &mut [0; ROOM]),
+        Err(StoreError::Room)
+    );
+}
+
+/// Settings in the journal of the firmware before: the box is as delivered and says so, and saving
+/// makes it whole again.
+#[test]
+fn what_an_earlier_firmware_left_is_an_error_until_the_next_save() {
+    let mut flash = Small::new(0);
+    let earlier = [
+        0x00, 0x38, 0x02, 0x2C, 0xF5, 0x3D, 0x00, 0x82, 0xE5, 0x00, 0x02, 0x00, 0x04, 0x00, 0x01,
+        0x80, 0x84, 0x07, 0x32, 0x00, 0x03, 0x01, 0x02, 0x07, b'L', b'C', b'-',
+    ];
+    flash.write(0, &earlier).unwrap();
+    assert_eq!(load(flash.clone()), Err(StoreError::Corrupted));
+    let mut box_ = store(flash);
+    box_.save(&short(1), &mut [0; ROOM]).unwrap();
+    assert_eq!(load(box_.release()), Ok(Some((short(1), 2))));
+}
+
+/// Numbers of items end where no flash lives: someone else has written there.
+#[test]
+fn after_the_last_number_comes_the_first() {
+    let contents = [2, 0];
+    let mut item = [
+        *b"S1\x02\0",
+        u32::MAX.to_le_bytes(),
+        [0; 4],
+        [0; 4],
+        [255; 4],
+    ];
+    item[2] = crc32(&contents).to_le_bytes();
+    item[3] = crc32(item[..3].as_flattened()).to_le_bytes();
+    item[4][..2].copy_from_slice(&contents);
+    let mut flash = Small::new(0);
+    flash.write(256, item.as_flattened()).unwrap();
+    assert_eq!(load(flash.clone()), Ok(Some((Settings::DELIVERED, 2))));
+    for k in 0..20 {
+        let mut box_ = store(flash);
+        box_.save(&short(k), &mut [0; ROOM]).unwrap();
+        flash = box_.release();
+        assert_eq!(load(flash.clone()), Ok(Some((short(k), 2))));
+    }
 }
 
 #[test]
@@ -106,7 +225,11 @@ fn power_is_cut_at_every_byte() {
             cases += 1;
             flash.switch_on();
             let mut box_ = store(flash);
-            let found = look(&mut box_).unwrap();
+            let found = match look(&mut box_) {
+                // What is left of the first save is not nothing.
+                Err(StoreError::Corrupted) if saves == 0 => None,
+                found => found.unwrap(),
+            };
             if found == old {
                 kept_old += 1;
             } else {
@@ -157,6 +280,80 @@ fn power_is_cut_twice() {
     }
 }
 
+/// From every fill of the pages, every cut of one save, and then every cut of the next.
+#[test]
+fn power_is_cut_at_every_pair_of_bytes() {
+    let mut pairs = 0;
+    // Both pages have been erased, and filled again, by then.
+    for saves in 0..10 {
+        let mut box_ = store(Small::new(saves.into()));
+        for k in 0..saves {
+            box_.save(&short(k), &mut [0; ROOM]).unwrap();
+        }
+        let flash = box_.release();
+        let old = (saves > 0).then(|| (short(saves - 1), 2));
+        assert_eq!(load(flash.clone()), Ok(old.clone()));
+        let (first, second) = (short(saves), short(saves + 1));
+        for one in 0.. {
+            let (flash, was_cut) = cut(flash.clone(), &first, one);
+            if !was_cut {
+                break;
+            }
+            let kept = after_cuts(&flash);
+            assert!(
+                kept == old || kept == Some((first.clone(), 2)),
+                "{saves} saves, cut at {one}: {kept:?}"
+            );
+            for two in 0.. {
+                let (flash, was_cut) = cut(flash.clone(), &second, two);
+                let found = after_cuts(&flash);
+                let at = || format!("{saves} saves, cut at {one}, then at {two}: {found:?}");
+                if !was_cut {
+                    assert_eq!(found, Some((second.clone(), 2)), "{}", at());
+                    break;
+                }
+                assert!(
+                    found == kept || found == Some((second.clone(), 2)),
+                    "{}",
+                    at()
+                );
+                pairs += 1;
+            }
+        }
+    }
+    println!("{pairs} pairs of cuts");
+    assert!(pairs > 100_000);
+}
+
+/// Found by fuzzing: an erased page that is not, wherever the bit is that nobody expects. What
+/// has been saved since is there after any cut.
+#[test]
+fn power_is_cut_over_a_page_that_only_seems_erased() {
+    for address in (0..512).step_by(3) {
+        let mut flash = Small::new(address.into());
+        for k in 0..16 {
+            // Bits that were not cleared by the store: of an erase that was cut, or of a program
+            // that was there before.
+            flash.write(address, &[0x5A]).unwrap();
+            let mut box_ = store(flash);
+            box_.save(&short(k), &mut [0; ROOM]).unwrap();
+            flash = box_.release();
+            for after in 0.. {
+                let (flash, was_cut) = cut(flash.clone(), &short(k + 100), after);
+                let found = load(flash).unwrap().map(|(settings, _)| settings);
+                let expected = if was_cut { k } else { k + 100 };
+                assert!(
+                    found == Some(short(k + 100)) || found == Some(short(expected)),
+                    "a bit at {address}, {k} saves, cut at {after}: {found:?}"
+                );
+                if !was_cut {
+                    break;
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn a_bit_flips_at_every_byte() {
     let mut random = Random::new(9);
@@ -168,23 +365,89 @@ fn a_bit_flips_at_every_byte() {
             let mut flash = before.clone();
             flash.arrange(Accident::Flip(at, random.bits() as u8));
             let mut box_ = store(flash);
-            // It is read back: either it is there, or the box knows that it is not.
-            let saved = box_.save(&new, &mut [0; ROOM]);
+            // It is read back, and written elsewhere when it is wrong.
+            assert_eq!(box_.save(&new, &mut [0; ROOM]), Ok(()));
             let mut flash = box_.release();
             if flash.worked() <= at {
                 break;
             }
             flash.switch_on();
-            match load(flash) {
-                Ok(Some((found, 2))) if found == new => {}
-                Ok(Some((found, 2))) => {
-                    assert_eq!(found, settings(saves.wrapping_sub(1)));
-                    assert!(saved.is_err());
-                }
-                other => assert!(saved.is_err(), "flip at {at} of {start}: {other:?}"),
-            }
+            let found = load(flash);
+            let expected = Ok(Some((new.clone(), 2)));
+            assert_eq!(found, expected, "flip at {at} of {start}");
         }
     }
+}
+
+/// Where every new page has a byte that keeps nothing, the last settings that were kept stay.
+#[test]
+fn a_page_that_is_worn_out_costs_no_settings_that_are_kept() {
+    let mut refused = 0;
+    for address in (0..512).step_by(8) {
+        let mut flash = Small::new(9);
+        let mut kept = None;
+        for k in 0..20 {
+            flash.arrange(Accident::Worn(address));
+            let mut box_ = store(flash);
+            match box_.save(&short(k), &mut [0; ROOM]) {
+                Ok(()) => kept = Some((short(k), 2)),
+                Err(error) => {
+                    assert_eq!(error, StoreError::Verify);
+                    refused += 1;
+                }
+            }
+            flash = box_.release();
+            assert_eq!(load(flash.clone()), Ok(kept.clone()), "{address}, {k}");
+        }
+    }
+    assert!(refused > 0);
+}
+
+/// A bit that was being written when the power was cut may read right only later. What has been
+/// saved since still counts.
+#[test]
+fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
+    let mut box_ = store(Small::new(0));
+    box_.save(&short(0), &mut [0; ROOM]).unwrap();
+    let mut flash = box_.release();
+    let from = flash.worked() as usize - 256;
+    let mut box_ = store(flash);
+    box_.save(&short(1), &mut [0; ROOM]).unwrap();
+    flash = box_.release();
+    let to = flash.worked() as usize - 256;
+    // The head is written before the contents, whose last byte may be such a one.
+    for address in from + 16..to {
+        let mut flash = flash.clone();
+        flash.flip(address, 3);
+        // What the contents are filled up with does not count.
+        let before = load(flash.clone()).unwrap().unwrap().0;
+        let mut box_ = store(flash);
+        box_.save(&short(2), &mut [0; ROOM]).unwrap();
+        flash = box_.release();
+        flash.flip(address, 3);
+        assert_eq!(load(flash), Ok(Some((short(2), 2))), "{address}");
+        assert!(before == short(0) || address + 16 > to);
+    }
+    // Or a head is all there is, whose last byte comes right later: the next item lies where the
+    // contents would have been.
+    let (mut flash, _) = cut(flash, &short(3), 16);
+    flash.flip(to + 15, 3);
+    let mut box_ = store(flash);
+    box_.save(&short(4), &mut [0; ROOM]).unwrap();
+    flash = box_.release();
+    flash.flip(to + 15, 3);
+    assert_eq!(load(flash), Ok(Some((short(4), 2))));
+}
+
+#[test]
+fn behind_an_item_that_was_cut_there_is_room_without_an_erase() {
+    let mut box_ = store(Small::new(0));
+    box_.save(&short(0), &mut [0; ROOM]).unwrap();
+    let (flash, _) = cut(box_.release(), &short(1), 20);
+    let worked = flash.worked();
+    let mut box_ = store(flash);
+    box_.save(&short(2), &mut [0; ROOM]).unwrap();
+    assert_eq!(box_.release().worked() - worked, 64);
 }
 
 #[test]

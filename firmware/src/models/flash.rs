@@ -1,6 +1,6 @@
 //! A NOR flash that loses power in the middle, and whose bits flip.
 //!
-//! Programming clears bits, erasing sets them, a page at a time.
+//! Programming clears bits, byte by byte; erasing sets them, all of a page at the same time.
 
 use super::random::Random;
 use embedded_storage::nor_flash::{
@@ -12,10 +12,14 @@ use embedded_storage::nor_flash::{
 pub enum Accident {
     /// Nothing.
     None,
-    /// Power is lost at this byte: some of its bits have changed, nothing behind it has.
+    /// Power is lost at this byte. Of one that is programmed some bits have changed, and nothing
+    /// behind it has. A page that is erased has bits set all over, about as many as the erase has
+    /// come far: its first and last bytes may seem erased while others are not.
     Cut(u64),
     /// This byte comes out with a wrong bit.
     Flip(u64, u8),
+    /// The byte at this address is worn out: it stays as it is.
+    Worn(usize),
 }
 
 /// The flash: that many pages of that many bytes.
@@ -101,9 +105,22 @@ impl<const PAGE: usize, const PAGES: usize> Flash<PAGE, PAGES> {
                 *byte = to ^ (1 << (bit % 8));
                 Ok(())
             }
+            Accident::Worn(worn) if worn == address => Ok(()),
             _ => {
                 *byte = to;
                 Ok(())
+            }
+        }
+    }
+
+    /// Sets each bit of the page at `from` with a probability of `done` by the bytes of a page.
+    fn erase_in_part(&mut self, from: usize, done: u64) {
+        let page = self.bytes.as_flattened_mut().iter_mut();
+        for byte in page.skip(from).take(PAGE) {
+            let chances = self.random.bits().to_le_bytes();
+            for (bit, chance) in chances.into_iter().enumerate() {
+                let is_set = u64::from(chance) * (PAGE as u64) < done * 256;
+                *byte |= u8::from(is_set) << bit;
             }
         }
     }
@@ -143,7 +160,20 @@ impl<const PAGE: usize, const PAGES: usize> NorFlash for Flash<PAGE, PAGES> {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
         self.check()?;
-        (from as usize..to as usize).try_for_each(|address| self.change(address, 0xFF))
+        for address in from as usize..to as usize {
+            let done = self.worked;
+            if let Accident::Cut(at) = self.accident
+                && address % PAGE == 0
+                && (done..done + PAGE as u64).contains(&at)
+            {
+                self.erase_in_part(address, at - done);
+                self.worked = at + 1;
+                self.is_on = false;
+                return Err(FlashError(NorFlashErrorKind::Other));
+            }
+            self.change(address, 0xFF)?;
+        }
+        Ok(())
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {

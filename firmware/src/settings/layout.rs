@@ -54,22 +54,6 @@ pub fn write<const INPUTS: usize>(settings: &Settings<INPUTS>, bytes: &mut [u8])
     Some(whole - rest.len())
 }
 
-/// Whether these bytes are what [`write()`] makes of the settings.
-#[must_use]
-pub fn holds<const INPUTS: usize>(bytes: &[u8], settings: &Settings<INPUTS>) -> bool {
-    let same = || -> Option<bool> {
-        let mut rest = bytes.strip_prefix(&VERSION.to_le_bytes())?;
-        for setting in settings.changed() {
-            let mut one = [0; SETTING_MAX];
-            let one = postcard::to_slice(&setting, &mut one).ok()?;
-            let length = u16::try_from(one.len()).ok()?.to_le_bytes();
-            rest = rest.strip_prefix(&length)?.strip_prefix(&*one)?;
-        }
-        Some(rest.is_empty())
-    };
-    same() == Some(true)
-}
-
 /// Makes `settings` those as delivered, but for what the bytes say. Gives the version they were
 /// written by.
 ///
@@ -215,15 +199,6 @@ mod tests {
         let mut bytes = [0; room(32)];
         let length = write(&full(), &mut bytes).unwrap();
         assert_eq!(found(&bytes[..length]), Ok((full(), VERSION)));
-        assert!(holds(&bytes[..length], &full()));
-        assert!(!holds(&bytes[..length - 1], &full()));
-        assert!(!holds(&bytes[..length + 1], &full()));
-        assert!(!holds(&bytes[..length], &Settings::<32>::DELIVERED));
-        for wrong in 0..length {
-            let mut bytes = bytes;
-            bytes[wrong] ^= 1;
-            assert!(!holds(&bytes[..length], &full()));
-        }
         assert_eq!(write(&full(), &mut bytes[..length - 1]), None);
         let delivered = Settings::<32>::DELIVERED;
         assert_eq!(write(&delivered, &mut bytes), Some(2));

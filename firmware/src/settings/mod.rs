@@ -4,8 +4,10 @@
 //! | file | holds |
 //! | --- | --- |
 //! | [`layout`] | the bytes they are kept as, by version |
-//! | [`store`] | how these bytes survive a power cut |
+//! | `journal` | how these bytes lie in the pages of a flash, and survive a power cut |
+//! | [`store`] | settings to and from there |
 
+mod journal;
 pub mod layout;
 pub mod store;
 

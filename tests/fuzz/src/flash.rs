@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::NorFlash;
 use massline_core::wire::{Request, SettingKey};
 use massline_firmware::models::flash::{Accident, Flash};
 use massline_firmware::settings::layout::{self, LayoutError};
-use massline_firmware::settings::{LINK_BAUD_RANGE, Loaded, Settings, Store};
+use massline_firmware::settings::{LINK_BAUD_RANGE, Loaded, Settings, Store, StoreError};
 
 const INPUTS: usize = 4;
 const PAGE: usize = 1024;
@@ -35,14 +35,9 @@ fn layout(bytes: &[u8]) {
             sound(&settings);
             let mut room = [0; layout::room(INPUTS)];
             let length = layout::write(&settings, &mut room).expect("there is room for any");
-            assert!(layout::holds(&room[..length], &settings));
             let mut again = Settings::DELIVERED;
             let read = layout::read(&room[..length], &mut again);
             assert_eq!((read, &again), (Ok(layout::VERSION), &settings));
-            // Bytes that pass for these settings are these settings.
-            if layout::holds(bytes, &settings) {
-                assert_eq!(bytes, &room[..length]);
-            }
         }
         Err(error) => {
             assert_eq!(settings, Settings::DELIVERED);
@@ -113,9 +108,8 @@ fn pages(script: &[u8]) {
                 let saved = store.save(&settings, &mut [0; ROOM]);
                 flash = store.release();
                 flash.switch_on();
-                if flip != 0 {
-                    kept.clear();
-                } else if saved.is_ok() {
+                // A byte that comes out wrong is one of what is being written, and is seen there.
+                if saved.is_ok() {
                     kept = vec![Some(settings.clone())];
                 } else if !kept.is_empty() {
                     kept.push(Some(settings.clone()));
@@ -162,7 +156,8 @@ fn look(flash: Pages, kept: &[Option<Settings<INPUTS>>]) -> Pages {
     if !kept.is_empty() {
         let found = match loaded {
             Ok(Loaded::Settings(_)) => Some(found),
-            Ok(Loaded::Nothing) => None,
+            // What is left of a first save is not nothing.
+            Ok(Loaded::Nothing) | Err(StoreError::Corrupted) => None,
             Err(error) => panic!("{error}"),
         };
         assert!(kept.contains(&found), "{found:?} was not saved last");
