@@ -19,7 +19,7 @@ const RANK: f64 = 1e-12;
 /// What chance may turn the undetermined combinations towards a parameter by, in units of what
 /// the noise of a pair amounts to: each is turned by half of that in the mean, and nine of them
 /// together by more than ten once in a hundred times (χ² of nine).
-const CHANCE: f64 = 4.0;
+const CHANCE: f64 = 8.0;
 
 /// The same share where nothing is noisy but the arithmetic.
 const ROUNDING: f64 = 1e-8;

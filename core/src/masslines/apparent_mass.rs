@@ -16,10 +16,10 @@ use super::lines::{add_scaled, indices, two_a_line};
 use super::moved::Moved;
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
-use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::algebra::{multiply_left, multiply_right, not_negative};
+use super::{Lines, MAX_RUNS, Massline, MasslineError, Masslines, Moments, Powers, Workspace};
+use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right};
 use crate::cells::cells;
-use crate::geometry::transfer;
+use crate::geometry::{Equations, transfer};
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use crate::spectra::LineRange;
 use core::ops::Range;
@@ -157,7 +157,7 @@ pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
     fit.solve(lines, &band, &basis, &energy)?;
-    let first = set.pairs.len();
+    let (first, measured) = (set.pairs.len(), set.equations);
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(given, shift, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
@@ -166,7 +166,7 @@ pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
     fit.noise_of_pairs(&mut set.pull);
     set.pull *= share;
     set.lines = (band.len() as f64 / lines.correlation()) as f32;
-    add_turn(set, first);
+    add_turn(set, first, &measured);
     set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
@@ -178,9 +178,11 @@ pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
 /// the pairs' mass as far out as the accelerometers are, since what the pairs do not excite
 /// they do not tell.
 #[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn add_turn<const PAIRS: usize>(set: &mut Masslines<PAIRS>, first: usize) {
+fn add_turn<const PAIRS: usize>(set: &mut Masslines<PAIRS>, first: usize, measured: &Equations) {
     // Three accelerometers in three directions each, on a circle about their centre.
     const RING: f64 = 5.0 / 3.0;
+    // Of the variances, that is rounding.
+    const NOTHING: f64 = 1e-12;
     let turn = (set.noise - set.pull) * (0.5 / f64::from(set.lines).max(1.0));
     let [mut translation, mut rotation] = [0.0; 2];
     for j in 0..3 {
@@ -193,28 +195,55 @@ fn add_turn<const PAIRS: usize>(set: &mut Masslines<PAIRS>, first: usize) {
         0.0
     };
     let pairs = set.pairs.get_mut(first..).unwrap_or(&mut []);
-    let e = set.equations.rows();
-    // The equations for a unit of mass, and by least squares the mass.
-    let mut unit = *e;
-    for column in unit.data.0.iter_mut().skip(3) {
-        for x in column {
-            *x *= radius;
-        }
-    }
+    // The mass, by least squares in the equations as they were measured: those that are weighed
+    // by the residual take no account of the turn yet.
     let (mut product, mut square) = (0.0, 0.0);
     for pair in &*pairs {
-        let of_unit = unit * pair.acceleration;
-        product += of_unit.dot(&(e * pair.force));
+        let of_unit = measured.rows() * of_unit_mass(pair.acceleration, radius);
+        product += of_unit.dot(&(measured.rows() * pair.force));
         square += of_unit.norm_squared();
     }
     let mass = if square > 0.0 { product / square } else { 0.0 };
-    let added = (unit * turn * unit.transpose() * (mass * mass)).diagonal();
+    let mut unit = *set.equations.rows();
+    for mut column in unit.column_iter_mut().skip(3) {
+        column *= radius;
+    }
+    // The mean of the pairs' variances, of all equations alike, and what is added to it.
+    let rows = set.equations.count();
+    let each = |pair: &Massline| pair.variance.sum() / rows.max(1) as f64;
+    let count = pairs.len().max(1) as f64;
+    let mean = pairs.iter().map(each).sum::<f64>() / count;
+    let mut turned = unit * turn * unit.transpose() * (mass * mass);
+    let largest = turned.diagonal().max();
+    if !(mean > 0.0 && largest > NOTHING * mean && largest.is_finite()) {
+        return;
+    }
+    let diagonal = &mut cells(&mut turned);
+    for j in 0..rows {
+        diagonal[(j, j)] += mean;
+    }
+    if lower(&mut turned, rows).is_none() {
+        return;
+    }
+    inverse_lower(&mut turned, rows);
+    // Runs that differ in their noise differ in the share of it.
+    let shares = turned.component_mul(&turned).column_sum() * mean;
     for pair in pairs {
-        let each = pair.variance.iter_mut().zip(&added);
-        for (variance, added) in each.filter(|(variance, _)| **variance > 0.0) {
-            *variance += not_negative(*added);
+        let ratio = each(pair) / mean;
+        let variances = pair.variance.iter_mut().zip(&shares).take(rows);
+        for (variance, share) in variances {
+            *variance = 1.0 + share * (ratio - 1.0);
         }
     }
+    set.equations = set.equations.whitened(&turned);
+}
+
+/// The resultants of a kilogram whose radius of gyration has this square (m²).
+fn of_unit_mass(mut acceleration: Vector6<f64>, radius: f64) -> Vector6<f64> {
+    for rotation in acceleration.iter_mut().skip(3) {
+        *rotation *= radius;
+    }
+    acceleration
 }
 
 /// Refuses more runs than there are weights for.
