@@ -20,7 +20,8 @@ use std::time::{Duration, Instant};
 /// A program at a port, and who sits at its terminal, if it has one.
 struct Asked {
     child: Child,
-    terminal: Option<TTYPort>,
+    /// Both ends: what was said last is lost where nobody holds the other one.
+    terminal: Option<[TTYPort; 2]>,
     answer: Option<&'static str>,
     /// What it has said to the terminal.
     said: String,
@@ -51,7 +52,7 @@ impl Asked {
                 opened.unwrap()
             };
             command.stdin(open()).stderr(open());
-            terminal = Some(ours);
+            terminal = Some([ours, theirs]);
         } else {
             command.stdin(Stdio::null()).stderr(Stdio::piped());
         }
@@ -67,7 +68,7 @@ impl Asked {
     /// Reads what it says, answers once it has asked, and tells whether it has ended.
     fn is_over(&mut self) -> bool {
         let over = self.child.try_wait().unwrap().is_some();
-        if let Some(terminal) = &mut self.terminal {
+        if let Some([terminal, _]) = &mut self.terminal {
             terminal.set_timeout(Duration::from_millis(1)).unwrap();
             let mut chunk = [0; 1024];
             while let Ok(count @ 1..) = terminal.read(&mut chunk) {

@@ -152,7 +152,9 @@ impl Talk<'_> {
         let jump = u64::from(bytes.u8() & 7);
         self.samples -= count;
         let mut left = count as usize;
-        let mut first = self.status().running.map_or(0, |run| run.next) + jump;
+        let next = self.status().running.map_or(0, |run| run.next);
+        // A run may have come to the last number there is.
+        let mut first = next.saturating_add(jump);
         while left > 0 {
             let fit = Samples::fit(channels, 3).min(left);
             let mut values = Vec::new();
@@ -170,7 +172,7 @@ impl Talk<'_> {
                 channels,
                 values: Values::Counts24(Packed::new(&values)),
             }));
-            first += fit as u64;
+            first = first.saturating_add(fit as u64);
             left -= fit;
         }
     }

@@ -1,5 +1,6 @@
 //! A folder for the files of one target, in memory where the system has such a place.
 
+use massline::printable::steers;
 use std::path::{Path, PathBuf};
 
 /// A folder that is gone with this.
@@ -46,8 +47,15 @@ impl Default for Scratch {
     }
 }
 
-/// Asserts what holds for everything that is said to a user: it is something, and it is no novel.
+/// Asserts what holds for everything that is said to a user: it is something, it is no novel, and
+/// nothing in it steers a terminal, wherever it came from.
+///
+/// # Panics
+/// If it does not hold.
 pub fn sayable(text: &str) {
     assert!(!text.is_empty());
     assert!(text.len() < 8000, "{} bytes: {text:.300}", text.len());
+    // Messages may have several lines.
+    let steering = text.find(|c| steers(c) && c != '\n');
+    assert_eq!(steering, None, "{text:?}");
 }

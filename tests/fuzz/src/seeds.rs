@@ -168,6 +168,15 @@ fn feed(samples: u16) -> Vec<u8> {
     step
 }
 
+/// A message of samples without any.
+fn empty(first: u64) -> Vec<u8> {
+    request(&Request::Samples(Samples {
+        first,
+        channels: 13,
+        values: Values::Counts24(Packed::new(&[])),
+    }))
+}
+
 /// A script of requests and other steps.
 fn script(steps: impl IntoIterator<Item = (u8, Vec<u8>)>) -> Vec<u8> {
     let mut script = Vec::new();
@@ -219,6 +228,20 @@ fn instrument() -> Vec<Vec<u8>> {
     steps.push((3, feed(300)));
     steps.push((0, request(&Request::Abort)));
     all.push(script(steps));
+
+    // No samples, but numbered ahead of the run, by little and by much, for both rules of gaps.
+    for gaps in [Gaps::Refuse, Gaps::Count] {
+        let mut steps: Vec<_> = requests(set_up(Weighting::Given, 1)).collect();
+        steps.push((0, start(0, Pass::Measure, Source::Host, gaps)));
+        steps.push((3, feed(70)));
+        for ahead in [71, 75, 1 << 40, u64::MAX] {
+            steps.push((0, empty(ahead)));
+            steps.push((3, feed(20)));
+        }
+        steps.push((0, request(&Request::Stop)));
+        steps.extend(requests(reading()));
+        all.push(script(steps));
+    }
 
     // From the inputs, with levels, samples and telemetry.
     let mut steps: Vec<_> = requests(voltages()).collect();

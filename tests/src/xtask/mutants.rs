@@ -7,15 +7,17 @@ use std::process::Command;
 
 use super::process::{self, StepError};
 
-/// Seconds that the tests may take with a change in place: they take some thirty without.
-const TIMEOUT: u32 = 300;
+/// Seconds that the tests may take with a change in place: they take some twelve without, and
+/// twenty on a machine that is busy.
+const TIMEOUT: u32 = 120;
 /// Changes that are tried at the same time.
 const JOBS: u32 = 2;
 
 /// What is asked for.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Order {
-    /// One of several parts of equal size: `0/8` to `7/8`.
+    /// One of several parts of equal size: `0/8` to `7/8`. Each is a sample of all changes, one of
+    /// so many in turn.
     pub shard: Option<String>,
     /// Files to change; none means all of core.
     pub files: Vec<String>,
@@ -47,6 +49,9 @@ pub fn run(root: &Path, cargo: &dyn Fn() -> Command, order: &Order) -> Result<()
     mutants
         .current_dir(root)
         .args(["mutants", "--package", "massline-core", "--no-shuffle"])
+        .args(["--sharding", "round-robin"])
+        // Core and its tests are built anew for each change: sooner without what a debugger wants.
+        .env("CARGO_PROFILE_DEV_DEBUG", "0")
         .args(["--output", "target/mutants"]);
     for file in &order.files {
         mutants.args(["--file", file]);

@@ -125,6 +125,8 @@ fn no_traffic_keeps_a_sample_waiting() {
             pings += 1;
             let (id, frame) = talk.frame(&Request::Ping(Ping { stamp: pings }));
             bytes.extend(frame);
+            // The request that costs most, which a run has it refuse at once.
+            bytes.extend(talk.frame(&Request::EndSetup).1);
             // Half of what comes is nothing that anybody could read.
             bytes.extend((0..40_u8).map(|k| k.wrapping_mul(37) | 1));
             bytes.push(0);
