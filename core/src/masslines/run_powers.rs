@@ -165,9 +165,9 @@ mod tests {
         let weights = core::array::from_fn(|run| 1.0 + run as f64);
         let all = powers.weighted(&Runs, &band, &weights);
         let mut expected = Powers::zero();
-        for run in 0..Runs.runs() {
+        for (run, weight) in weights.iter().enumerate().take(Runs.runs()) {
             for line in band.clone() {
-                Runs.add_powers(run, line, weights[run], &mut expected);
+                Runs.add_powers(run, line, *weight, &mut expected);
             }
         }
         // Thirty numbers of order ten, each of a few roundings.
