@@ -98,3 +98,80 @@ fn elements(powers: &Powers) -> impl Iterator<Item = f64> + '_ {
     let accelerations = triangle.filter_map(|at| powers.aa.get(at));
     accelerations.chain(&powers.ff).copied()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::ResultantNoise;
+    use crate::masslines::Moments;
+    use crate::masslines::lines::Amplitudes;
+    use nalgebra::{Complex, Vector6};
+
+    /// Two runs more than are kept, of amplitudes that no two lines share.
+    struct Runs;
+
+    impl Lines for Runs {
+        fn count(&self) -> usize {
+            5
+        }
+
+        fn frequency(&self, line: usize) -> f64 {
+            line as f64
+        }
+
+        fn runs(&self) -> usize {
+            KEPT + 2
+        }
+
+        fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+            if let Some((a, f)) = self.pair(run, line) {
+                into.add_pair(&a, &f, weight);
+            }
+        }
+
+        fn noise(&self, _run: usize) -> ResultantNoise {
+            ResultantNoise::NONE
+        }
+
+        fn equations_per_line(&self, _run: usize) -> f64 {
+            1.0
+        }
+
+        fn correlation(&self) -> f64 {
+            1.0
+        }
+
+        fn pair(&self, run: usize, line: usize) -> Option<Amplitudes> {
+            let z = |k: usize| {
+                let x = (run * 60 + line * 12 + k) as f64;
+                Complex::new(libm::sin(x), libm::cos(3.0 * x))
+            };
+            let a = Vector6::from_fn(|k, _| z(k));
+            Some((a, Vector6::from_fn(|k, _| z(6 + k))))
+        }
+    }
+
+    #[test]
+    fn what_is_kept_is_what_is_summed() {
+        let band = 1..4;
+        let mut powers = RunPowers::EMPTY;
+        powers.keep(&Runs, &band);
+        for run in 0..Runs.runs() {
+            // To the last bit: results must not depend on how many runs are kept.
+            let kept = powers.of(&Runs, &band, run);
+            assert_eq!(kept, RunPowers::EMPTY.of(&Runs, &band, run), "run {run}");
+            assert!(kept.aa.trace() > 0.0 && kept.ff.min() > 0.0);
+        }
+        let weights = core::array::from_fn(|run| 1.0 + run as f64);
+        let all = powers.weighted(&Runs, &band, &weights);
+        let mut expected = Powers::zero();
+        for (run, weight) in weights.iter().enumerate().take(Runs.runs()) {
+            for line in band.clone() {
+                Runs.add_powers(run, line, *weight, &mut expected);
+            }
+        }
+        // Thirty numbers of order ten, each of a few roundings.
+        assert!((all.aa - expected.aa).abs().max() < 1e-12);
+        assert!((all.ff - expected.ff).abs().max() < 1e-12);
+    }
+}
