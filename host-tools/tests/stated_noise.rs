@@ -135,7 +135,7 @@ fn origins((setup, answer): &(Setup, Answer)) -> Vec<(String, String)> {
         .collect()
 }
 
-const PROCESSING: &str = "[processing]\naveraging_band = [5, 40]\n";
+const PROCESSING: &str = "[processing]\naveraging_band = [5, 7]\n";
 
 fn stated(noise: [f64; 2]) -> String {
     format!(
@@ -219,6 +219,9 @@ fn repeats_of_a_stepped_sine_tell_its_noise() {
     }
 }
 
+/// Noise of the load cells in poses, N and N m.
+const FORCE: f64 = 0.01;
+
 fn poses(folder: &TempDir, times: usize, labelled: bool, noise: f64) -> String {
     let mut chance = Chance::new(5);
     let mut names = header(1);
@@ -235,7 +238,7 @@ fn poses(folder: &TempDir, times: usize, labelled: bool, noise: f64) -> String {
                 .into_iter()
                 .enumerate()
                 .map(|(c, x)| {
-                    let std = if c < 3 { noise } else { 1e-3 };
+                    let std = if c < 3 { noise } else { FORCE };
                     format!("{:?}", x + std * chance.normal())
                 })
                 .collect();
@@ -259,7 +262,7 @@ fn poses_of_one_triaxial_accelerometer_need_to_be_told_their_noise() {
     let plain = identify(&folder, &format!("{}{run}", sensors(1))).unwrap();
     assert_eq!(origin(&plain), "assumed");
     assert!(plain.1.warnings.iter().any(|w| w.contains("column `pose`")));
-    let text = format!("{}{}{run}", stated([noise, 1e-3]), sensors(1));
+    let text = format!("{}{}{run}", stated([noise, FORCE]), sensors(1));
     let told = identify(&folder, &text).unwrap();
     assert_eq!(origin(&told), "stated");
     let run = poses(&folder, 3, true, noise);
@@ -365,13 +368,13 @@ fn gains_of_all_load_cells_add_up_to_that_of_the_mass() {
             all.map(|c| c.numbers[number].unwrap()).sum()
         };
         let mass = answer.identification.mass.unwrap().value;
-        // Third derivatives times u² = 1e-6, and rounding of readings in single precision, of
-        // which u takes a thousandth.
+        // A step of u / 100 adds some 17 N times 1e-5 to what is left of a channel's 0.01 N, of
+        // its power 3e-4, and equations are weighed by that.
         let found = sum(number::MASS) / (u * mass);
-        assert!((found - 1.0).abs() < 1e-4, "{head}: {found}");
+        assert!((found - 1.0).abs() < 1e-3, "{head}: {found}");
         for axis in 0..3 {
             let moved = sum(number::CENTRE + axis);
-            assert!(moved.abs() < 1e-4 * u, "{head} {axis}: {moved:e}");
+            assert!(moved.abs() < 1e-3 * u, "{head} {axis}: {moved:e}");
         }
     }
 }

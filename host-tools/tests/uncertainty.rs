@@ -12,12 +12,12 @@ use std::path::Path;
 use tempfile::TempDir;
 
 /// A short test of the rigid box: six runs, six-axis table.
-fn rigid_box(folder: &TempDir, drive: bool) -> Setup {
+fn rigid_box(folder: &TempDir, drive: bool, noise: f64) -> Setup {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/rigid-body.toml");
     let options = Options {
         // Without a drive it takes more blocks to tell noise from signal.
         duration: Some(if drive { 8.0 } else { 20.0 }),
-        noise: Some(if drive { 0.0 } else { 1e-3 }),
+        noise: Some(noise),
         drive: Some(drive),
         ..Options::default()
     };
@@ -82,22 +82,26 @@ fn a_gain_is_a_share_of_the_mass() {
     let answer = identify(&setup, None);
     let mass = answer.identification.mass.unwrap();
     let b = type_b(&answer).std(number::MASS).unwrap();
-    // m = f / a is linear in the load cell's gain; responses are single precision.
-    assert!((b / (0.02 * mass.value) - 1.0).abs() < 1e-5, "{b} {mass:?}");
+    // m = f / a is linear in the load cell's gain. Responses are single precision, 2e-8 on each
+    // of 76 lines, where the step is a hundredth of 0.02: 1e-5.
+    let bound = 5e-5;
+    assert!(
+        (b / (0.02 * mass.value) - 1.0).abs() < bound,
+        "{b} {mass:?}"
+    );
 
     setup.load_cells[0].uncertainty = Uncertainty::default();
     setup.accelerometers[0].uncertainty = share(0.02);
     let b = type_b(&identify(&setup, None)).std(number::MASS).unwrap();
-    // Half the difference of m / (1 - u) and m / (1 + u).
-    let expected = 0.02 * mass.value / (1.0 - 0.02 * 0.02);
-    assert!((b / expected - 1.0).abs() < 1e-5, "{b} {expected}");
+    let expected = 0.02 * mass.value;
+    assert!((b / expected - 1.0).abs() < bound, "{b} {expected}");
 
     // Both, and what the document makes of them.
     setup.load_cells[0].uncertainty = share(0.01);
     let answer = identify(&setup, None);
     let both = type_b(&answer).std(number::MASS).unwrap();
     let expected = expected.hypot(0.01 * mass.value);
-    assert!((both / expected - 1.0).abs() < 1e-5, "{both} {expected}");
+    assert!((both / expected - 1.0).abs() < bound, "{both} {expected}");
     let json = serde_json::to_value(ResultDocument::new(&setup, &answer)).unwrap();
     let mass_b = &json["mass"]["type_b"];
     assert_eq!(mass_b["source"], "calibration of az");
@@ -157,7 +161,9 @@ fn without_a_drive_as_well() {
 
 fn shifted(drive: bool) {
     let folder = tempfile::tempdir().unwrap();
-    let mut setup = rigid_box(&folder, drive);
+    // Without any noise a single displaced sensor is all that is left over, and equations are
+    // weighed by that: each error has its own weights then, and errors do not add up.
+    let mut setup = rigid_box(&folder, drive, 1e-3);
     let u = 1e-3;
     setup.defaults.all.position = Some(u);
     let answer = identify(&setup, None);
@@ -172,12 +178,12 @@ fn shifted(drive: bool) {
                 *sum += x.unwrap_or(0.0);
             }
         }
-        // Responses are single precision, of which 8 s leave rounding of 1e-6 of the lengths of
-        // 0.3 m; the third derivative adds u² over the square of such a length.
+        // Single precision, 2e-8 on each of some 450 lines of six runs, where the step is 1e-5 of
+        // lengths of 0.3 m, and eight blocks: 1e-4 of u.
         for k in 0..3 {
             let expected = if k == axis { u } else { 0.0 };
             let found = sum[number::CENTRE + k];
-            assert!((found - expected).abs() < 2e-6, "{name} {k}: {found:e}");
+            assert!((found - expected).abs() < 1e-3 * u, "{name} {k}: {found:e}");
         }
         let mass = sum[number::MASS] / i.mass.unwrap().value;
         assert!(mass.abs() < 1e-5, "{name}: {mass:e}");
@@ -194,7 +200,9 @@ fn shifted(drive: bool) {
 fn perturbed_setups_scatter_as_the_derivative_says() {
     const DRAWS: usize = 100;
     let folder = tempfile::tempdir().unwrap();
-    let nominal = rigid_box(&folder, true);
+    // As much noise as the errors leave, so that those alone do not decide what each equation
+    // weighs. It is the same in all draws.
+    let nominal = rigid_box(&folder, true, 0.01);
     let (place, gain) = (5e-4, 2e-3);
     for method in [None, Some(Method::FreeResponses)] {
         let mut stated = nominal.clone();

@@ -6,8 +6,9 @@
 //! Fisher's F with these two numbers of degrees of freedom, and as χ² over its degrees of
 //! freedom where the noise counts as known.
 //!
-//! Where equations do not carry the weights of their noise (some set-ups of methods a to e) the
-//! sum is one of unequal squares. Of all such sums with one mean, a single square has the
+//! Where equations do not carry the weights of their noise (some set-ups of methods a to e), and
+//! of static poses, whose residuals are too few to tell how they correlate, the sum is one of
+//! unequal squares. Of all such sums with one mean, a single square has the
 //! heaviest tail, so that one degree of freedom bounds the probability.
 
 use massline_core::identify::Identification;
@@ -44,7 +45,8 @@ impl Consistency {
         Some(Self::new(ratio, surplus, i.freedom))
     }
 
-    /// The same where the masslines are not at hand: the bound of one degree of freedom.
+    /// The same where squares are unequal or masslines not at hand: the bound of one degree of
+    /// freedom.
     pub(crate) fn bound(i: &Identification) -> Option<Self> {
         Some(Self::new(i.consistency?, 1.0, i.freedom))
     }

@@ -21,8 +21,9 @@ pub(super) fn identify_with(
     let dynamic = sets.len();
     add(poses, None, &mut sets)?;
     let first = identify::identify_in(&sets, question, space)?;
-    // The second pass holds poses against what a rigid body left of them: that always fits.
-    let consistency = Consistency::of(&first, &sets);
+    // The second pass holds poses against what a rigid body left of them: that always fits. The
+    // residuals of poses count as independent, which they are not: resultants share sensors.
+    let consistency = Consistency::bound(&first);
     sets.truncate(dynamic);
     let fits = add(poses, Some(&first), &mut sets)?;
     let identification = identify::identify_in(&sets, question, space)?;
