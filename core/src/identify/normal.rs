@@ -17,9 +17,9 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 const RANK: f64 = 1e-12;
 
 /// What chance may turn the undetermined combinations towards a parameter by, in units of what
-/// the noise of a pair amounts to: each is turned by half of that in the mean, and nine of them
-/// together by more than ten once in a hundred times (χ² of nine).
-const CHANCE: f64 = 8.0;
+/// the noise of a pair amounts to: nine of them, each turned by one in the mean square, are
+/// turned by more than this once in a hundred times (χ² of nine).
+const CHANCE: f64 = 21.7;
 
 /// The same share where nothing is noisy but the arithmetic.
 const ROUNDING: f64 = 1e-8;
@@ -95,9 +95,9 @@ impl Solved {
 }
 
 /// What an excitation of a set is held against: the noise in its pairs, and by how much the
-/// noise turns the directions in which they were excited. That averages out.
+/// rest of the noise turns the directions in which they were excited. That averages out.
 fn floor<S: MasslineSet>(set: &S) -> Matrix6<f64> {
-    set.pull() + set.noise() / set.lines().max(1.0)
+    set.pull() + (set.noise() - set.pull()) / set.lines().max(1.0)
 }
 
 const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);

@@ -52,6 +52,9 @@ pub(super) enum Verdict {
 
 /// Unit vectors this far out of the row space are not told; rounding is some 1e-13.
 const OUT: f64 = 1e-6;
+/// Unit vectors that are out of the row space by less than this square are on the border: where
+/// an excitation is only as clear as [`CLEAR`] asks for, noise turns it by a tenth of that.
+const NEARLY: f64 = 10.0 / CLEAR;
 /// What is excited must exceed noise by this in power, ten times what the core asks for.
 const CLEAR: f64 = 1000.0;
 /// The error bar that an ideal estimator would have, as a share of the body's own scale, up to
@@ -136,7 +139,7 @@ pub(super) fn tell(runs: &[Excited], body: &Matrix6<f64>, size: f64, weighed: bo
                     return Verdict::Doubtful("a wide error bar");
                 }
             }
-        } else if out < 1e-4 {
+        } else if out < NEARLY {
             return Verdict::Doubtful("a parameter nearly told");
         }
     }
