@@ -82,9 +82,9 @@ fn a_gain_is_a_share_of_the_mass() {
     let answer = identify(&setup, None);
     let mass = answer.identification.mass.unwrap();
     let b = type_b(&answer).std(number::MASS).unwrap();
-    // m = f / a is linear in the load cell's gain. Responses are single precision, 2e-8 on each
-    // of 76 lines, where the step is a hundredth of 0.02: 1e-5.
-    let bound = 5e-5;
+    // m = f / a is linear in the load cell's gain. Responses are single precision, 6e-8, which
+    // does not average where all lines are alike as here; the step is a hundredth of 0.02.
+    let bound = 3e-4;
     assert!(
         (b / (0.02 * mass.value) - 1.0).abs() < bound,
         "{b} {mass:?}"
@@ -137,13 +137,15 @@ fn certificates_count() {
         let mass = answer.identification.mass.unwrap().value;
         type_b(&answer).std(number::MASS).unwrap() / mass
     };
-    assert!((mass_b(&setup) - 0.03).abs() < 1e-6);
+    // Single precision over a step of a hundredth, as above.
+    let bound = 6e-6;
+    assert!((mass_b(&setup) - 0.03).abs() < bound);
     let mut with_default = setup.clone();
     with_default.defaults.force = share(0.5);
-    assert!((mass_b(&with_default) - 0.03).abs() < 1e-6);
+    assert!((mass_b(&with_default) - 0.03).abs() < bound);
     let mut own = setup;
     own.load_cells[0].uncertainty = share(0.01);
-    assert!((mass_b(&own) - 0.01).abs() < 1e-6);
+    assert!((mass_b(&own) - 0.01).abs() < bound);
 }
 
 /// All sensors one millimetre further along an axis are a centre of gravity one millimetre
