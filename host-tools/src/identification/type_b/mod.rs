@@ -281,11 +281,8 @@ impl Chain<'_> {
         };
         let mut numbers = [None; NUMBERS];
         for step in STEPS {
-            let side = |factor: f64| match self.identify(source, &added, factor) {
-                Ok(found) => Some(found),
-                // Up or down the data allow no answer: nearer they do.
-                Err(_) => None,
-            };
+            // Where up or down the data allow no answer, nearer they do.
+            let side = |factor: f64| self.identify(source, &added, factor).ok();
             let (Some(up), Some(down)) = (side(step), side(-step)) else {
                 continue;
             };
