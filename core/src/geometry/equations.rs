@@ -56,7 +56,15 @@ impl Equations {
         if count >= 6 {
             return Self::all();
         }
-        let (rows, count) = orthonormal_rows(rows, count);
+        // Of a row of length one, that is the rounding of a rotation matrix. It would make an
+        // equation for what was not measured.
+        const ROUNDING: f64 = 1e-13;
+        let (mut rows, count) = orthonormal_rows(rows, count);
+        rows.apply(|x| {
+            if x.abs() < ROUNDING {
+                *x = 0.0;
+            }
+        });
         Self {
             rows,
             count: count as u8,

@@ -150,7 +150,24 @@ pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
             point += v * (v.dot(&right) / value);
         }
     }
+    // A motion that is taken for noise couples with the rotations by chance. The distance that
+    // this amounts to has nothing to do with that which the other translations show.
+    let largest_arm = 10.0 * typical(&c.diagonal(), 0) / typical(&c.diagonal(), 3);
+    if point.norm_squared() > largest_arm {
+        return Vector3::zeros();
+    }
     point
+}
+
+/// The middle one of three variances from `first` on, or the largest if not all of them are there.
+fn typical(variances: &Vector6<f64>, first: usize) -> f64 {
+    let three = variances.fixed_rows::<3>(first);
+    let (least, most) = (three.min(), three.max());
+    if least > 0.0 {
+        three.sum() - least - most
+    } else {
+        most
+    }
 }
 
 /// A packed [`ResultantNoise`].

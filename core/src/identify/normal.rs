@@ -6,7 +6,7 @@ use crate::algebra::{
 };
 use crate::cells::seen;
 use crate::geometry::{resultants_at, transfer};
-use crate::masslines::EXCITED;
+use crate::masslines::{EXCITED, Massline};
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
@@ -17,9 +17,9 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 const RANK: f64 = 1e-12;
 
 /// What chance may turn the undetermined combinations towards a parameter by, in units of what
-/// the noise of a pair amounts to: nine of them, each turned by one in the mean square, are
-/// turned by more than this once in a hundred times (χ² of nine).
-const CHANCE: f64 = 21.7;
+/// the noise of a pair amounts to. Where real moments average it, each is turned by half of one
+/// in the mean square: nine of them are turned by more than this once in two hundred times (χ²).
+const CHANCE: f64 = 12.0;
 
 /// The same share where nothing is noisy but the arithmetic.
 const ROUNDING: f64 = 1e-8;
@@ -142,6 +142,96 @@ fn measured(e: &Matrix6<f64>, acceleration: &Vector6<f64>, mass: f64) -> Measure
     b
 }
 
+/// The equations of a set about a point, and how they are weighed.
+struct Weighed {
+    /// The matrix in front of `M a - f`.
+    rows: Matrix6<f64>,
+    count: usize,
+    /// Mean variance of the equations as the set has them; the rows take it, and what noise turns
+    /// the set's directions by, to one. Zero where the variances are the set's own.
+    mean: f64,
+    /// What of the variance one the set's own is, by row.
+    shares: Vector6<f64>,
+}
+
+impl Weighed {
+    /// About a point that is `shift` (m) away from the set's. The noise along the directions that
+    /// a set does not excite turns those that it does: half of a line's noise over the lines,
+    /// since real moments hold half of it. No scatter of the lines shows that, and it is the
+    /// same for all of them. With `body`, which is σ about that point, the forces that go with
+    /// it are weighed like those that the lines leave.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    fn new<S: MasslineSet>(
+        set: &S,
+        shift: &Vector3<f64>,
+        mass: f64,
+        body: Option<&Vector10>,
+    ) -> Self {
+        // Of the variances, that is rounding.
+        const NOTHING: f64 = 1e-9;
+        let equations = set.equations().at(shift);
+        let mut weighed = Self {
+            rows: *equations.rows(),
+            count: equations.count(),
+            mean: 0.0,
+            shares: ONES,
+        };
+        let Some(body) = body else {
+            return weighed;
+        };
+        let mut turned = set.noise() - set.pull();
+        turned *= 0.5 / set.lines().max(1.0);
+        let columns = transfer(shift) * half(&turned);
+        turned.fill(0.0);
+        for column in columns.column_iter() {
+            let b = measured(&weighed.rows, &column.into_owned(), mass);
+            let force = b * body;
+            turned.ger(1.0, &force, &force, 1.0);
+        }
+        let pairs = set.pairs();
+        let mean = pairs.iter().map(|pair| pair.variance.sum()).sum::<f64>()
+            / (pairs.len() * weighed.count).max(1) as f64;
+        let most = turned.diagonal().max();
+        if !(most > NOTHING * mean && most.is_finite() && mean > 0.0) {
+            return weighed;
+        }
+        for j in 0..weighed.count.min(6) {
+            turned[(j, j)] += mean;
+        }
+        if lower(&mut turned, weighed.count).is_some() {
+            inverse_lower(&mut turned, weighed.count);
+            multiply_left(&turned, &mut weighed.rows);
+            weighed.mean = mean;
+            weighed.shares = turned.component_mul(&turned).column_sum() * mean;
+        }
+        weighed
+    }
+
+    /// Variances of the equations of a pair.
+    fn variance(&self, pair: &Massline) -> Vector6<f64> {
+        if self.mean > 0.0 {
+            // Runs that differ in their noise differ in the share of it.
+            let ratio = pair.variance.sum() / (self.count as f64 * self.mean);
+            let mut variance = self.shares.map(|share| 1.0 + share * (ratio - 1.0));
+            for unused in variance.iter_mut().skip(self.count) {
+                *unused = 0.0;
+            }
+            variance
+        } else {
+            pair.variance
+        }
+    }
+
+    /// Weights of the equations, mean over the pairs of their set.
+    fn mean_weights(&self, pairs: &[Massline]) -> Vector6<f64> {
+        let mut mean = Vector6::zeros();
+        for pair in pairs {
+            mean += weights(&self.variance(pair));
+        }
+        mean / (pairs.len() as f64).max(1.0)
+    }
+}
+
 /// What an identification works in: too large for the stack of a small chip, so it is lent.
 #[derive(Clone, Debug)]
 pub struct Workspace {
@@ -212,6 +302,7 @@ impl Normal {
         sets: &[S],
         point: &Vector3<f64>,
         mass: f64,
+        body: Option<&Vector10>,
         meat: &mut Matrix10,
     ) {
         *self = Self::EMPTY;
@@ -222,13 +313,13 @@ impl Normal {
         for set in sets {
             let shift = point - set.reference();
             let t = transfer(&shift);
-            let equations = set.equations().at(&shift);
-            let e = equations.rows();
+            let weighed = Weighed::new(set, &shift, mass, body);
+            let e = &weighed.rows;
             for pair in set.pairs() {
                 let b = measured(e, &(t * pair.acceleration), mass);
                 let f = e * resultants_at(&shift, &pair.force);
                 let w = if self.weighted {
-                    weights(&pair.variance)
+                    weights(&weighed.variance(pair))
                 } else {
                     ONES
                 };
@@ -239,29 +330,21 @@ impl Normal {
                 let weighted = f.component_mul(&w);
                 self.right += b.tr_mul(&weighted);
                 self.forces += f.dot(&weighted);
-                self.rows += equations.count() as f64;
+                self.rows += weighed.count as f64;
                 self.variance += pair.variance.sum();
             }
             self.noisy |= set.noise().trace() > 0.0;
-            let w = self.mean_weights(set);
+            let w = if self.weighted {
+                weighed.mean_weights(set.pairs())
+            } else {
+                ONES
+            };
             let columns = t * half(&floor(set));
             for column in columns.column_iter() {
                 let b = measured(e, &column.into_owned(), mass);
                 add_square(&mut self.noise, &b, &w);
             }
         }
-    }
-
-    /// Weights of the equations of a set, mean over its pairs.
-    fn mean_weights<S: MasslineSet>(&self, set: &S) -> Vector6<f64> {
-        if !self.weighted {
-            return ONES;
-        }
-        let mut mean = Vector6::zeros();
-        for pair in set.pairs() {
-            mean += weights(&pair.variance);
-        }
-        mean / (set.pairs().len() as f64).max(1.0)
     }
 
     /// `N σ`, where N is what noise adds to the normal equations.
@@ -271,16 +354,21 @@ impl Normal {
         sets: &[S],
         point: &Vector3<f64>,
         mass: f64,
+        body: Option<&Vector10>,
         sigma: &Vector10,
     ) -> Vector10 {
         let mut pull = NO_VECTOR;
         for set in sets {
             let shift = point - set.reference();
-            let equations = set.equations().at(&shift);
-            let w = self.mean_weights(set);
+            let weighed = Weighed::new(set, &shift, mass, body);
+            let w = if self.weighted {
+                weighed.mean_weights(set.pairs())
+            } else {
+                ONES
+            };
             let columns = transfer(&shift) * half(set.pull());
             for column in columns.column_iter() {
-                let b = measured(equations.rows(), &column.into_owned(), mass);
+                let b = measured(&weighed.rows, &column.into_owned(), mass);
                 let force: Vector6<f64> = b * sigma;
                 pull += b.tr_mul(&force.component_mul(&w));
             }
@@ -304,10 +392,37 @@ fn scale(m: &mut Matrix10, d: &Vector10) {
 }
 
 /// Solves for the body behind the sets about one point, and leaves the solution in `space`.
+///
+/// What noise turns directions by needs the body whose forces that are, so it is solved twice
+/// where there are such directions.
 pub(super) fn solve<S: MasslineSet>(
     sets: &[S],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
+    space: &mut Workspace,
+) -> Result<(), IdentifyError> {
+    solve_with(sets, point, known_mass, None, space)?;
+    if space.normal.weighted && sets.iter().any(is_turned) {
+        let body = space.solved.sigma;
+        solve_with(sets, point, known_mass, Some(&body), space)?;
+    }
+    Ok(())
+}
+
+/// Whether noise turns the directions of a set: whether there are some that it does not excite.
+fn is_turned<S: MasslineSet>(set: &S) -> bool {
+    // Of the noise, that is rounding.
+    const NOTHING: f64 = 1e-9;
+    let (noise, pull) = (set.noise(), set.pull());
+    (0..6).any(|j| noise[(j, j)] - pull[(j, j)] > NOTHING * noise[(j, j)])
+}
+
+/// As [`solve`], where the body is known that [`Weighed::new`] asks for.
+fn solve_with<S: MasslineSet>(
+    sets: &[S],
+    point: &Vector3<f64>,
+    known_mass: Option<f64>,
+    body: Option<&Vector10>,
     space: &mut Workspace,
 ) -> Result<(), IdentifyError> {
     let Workspace {
@@ -315,7 +430,8 @@ pub(super) fn solve<S: MasslineSet>(
         inverse,
         solved: into,
     } = space;
-    n.stack(sets, point, known_mass.unwrap_or(1.0), &mut into.covariance);
+    let mass = known_mass.unwrap_or(1.0);
+    n.stack(sets, point, mass, body, &mut into.covariance);
     let finite = n.matrix.iter().chain(n.right.iter()).all(|x| x.is_finite());
     if !finite {
         return Err(IdentifyError::NotFinite);
@@ -365,7 +481,7 @@ pub(super) fn solve<S: MasslineSet>(
     }
     // The pull of the noise is a bias: its square joins the variance.
     let physical = sigma.component_mul(&d);
-    let mut pull = n.pull(sets, point, known_mass.unwrap_or(1.0), &physical);
+    let mut pull = n.pull(sets, point, mass, body, &physical);
     pull.component_mul_assign(&d);
     let mut pull = times(inverse, &pull);
     covariance.ger(1.0, &pull, &pull, 1.0);

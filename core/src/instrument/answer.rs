@@ -175,8 +175,10 @@ impl From<MasslineError> for NoAnswer {
                 needed: found as u32,
                 given: limit as u32,
             },
-            // The box refers every run to a drive.
-            MasslineError::TooFewBlocks { .. } => Self::NoExcitation,
+            // The box refers every run to a drive, and has no poses.
+            MasslineError::TooFewBlocks { .. } | MasslineError::TooFewPoses { .. } => {
+                Self::NoExcitation
+            }
         }
     }
 }

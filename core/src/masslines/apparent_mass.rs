@@ -16,10 +16,10 @@ use super::lines::{add_scaled, indices, two_a_line};
 use super::moved::Moved;
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
-use super::{Lines, MAX_RUNS, Massline, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right};
+use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
+use crate::algebra::{multiply_left, multiply_right};
 use crate::cells::cells;
-use crate::geometry::{Equations, transfer};
+use crate::geometry::transfer;
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use crate::spectra::LineRange;
 use core::ops::Range;
@@ -157,7 +157,7 @@ pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
     fit.solve(lines, &band, &basis, &energy)?;
-    let (first, measured) = (set.pairs.len(), set.equations);
+    let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(given, shift, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
@@ -166,89 +166,9 @@ pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
     fit.noise_of_pairs(&mut set.pull);
     set.pull *= share;
     set.lines = (band.len() as f64 / lines.correlation()) as f32;
-    add_turn(set, first, &measured);
     set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
-}
-
-/// Adds to what the pairs from `first` on leave what the noise turns their directions by: half of
-/// a line's noise along the directions that are not excited (real moments hold half of it), which
-/// no scatter of the lines shows. The force that goes with it is not known, since what the pairs
-/// do not excite they do not tell. It is taken to be that of a body of the pairs' mass, as far
-/// out as the accelerometers and the forces are, in any direction.
-#[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn add_turn<const PAIRS: usize>(set: &mut Masslines<PAIRS>, first: usize, measured: &Equations) {
-    // Three accelerometers in three directions each, on a circle about their centre.
-    const RING: f64 = 5.0 / 3.0;
-    // Of the variances, that is rounding.
-    const NOTHING: f64 = 1e-12;
-    let mut turn = (set.noise - set.pull) * (0.5 / f64::from(set.lines).max(1.0));
-    let pairs = set.pairs.get_mut(first..).unwrap_or(&mut []);
-    let thirds = |m: &Matrix6<f64>| {
-        let d = m.diagonal();
-        [d.rows(0, 3).sum() / 3.0, d.rows(3, 3).sum() / 3.0]
-    };
-    // Squares of arms: accelerations per angular acceleration, moments per force.
-    let ratio = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
-    let [translation, rotation] = thirds(&set.noise);
-    let (mut force, mut moment) = (0.0, 0.0);
-    for pair in &*pairs {
-        force += pair.force.fixed_rows::<3>(0).norm_squared();
-        moment += pair.force.fixed_rows::<3>(3).norm_squared();
-    }
-    let arm = RING * ratio(translation, rotation) + ratio(moment, force);
-    // The mass, by least squares in the equations as they were measured: those that are weighed
-    // by the residual take no account of the turn yet.
-    let (mut product, mut square) = (0.0, 0.0);
-    for pair in &*pairs {
-        let mut of_unit = pair.acceleration;
-        for rotation in of_unit.iter_mut().skip(3) {
-            *rotation *= arm;
-        }
-        let of_unit = measured.rows() * of_unit;
-        product += of_unit.dot(&(measured.rows() * pair.force));
-        square += of_unit.norm_squared();
-    }
-    let mass = ratio(product, square);
-    // Along the body's axes, and by way of a centre of gravity somewhere at that arm.
-    let [translation, rotation] = thirds(&turn);
-    for i in 0..6 {
-        for j in 0..6 {
-            let arms = f64::from(u8::from(i >= 3)) + f64::from(u8::from(j >= 3));
-            turn[(i, j)] *= libm::pow(arm, arms);
-        }
-        turn[(i, i)] += arm * if i < 3 { rotation } else { translation };
-    }
-    let rows = set.equations.rows();
-    let mut turned = rows * turn * rows.transpose() * (mass * mass);
-    // The mean of the pairs' variances, of all equations alike, and what is added to it.
-    let rows = set.equations.count();
-    let each = |pair: &Massline| pair.variance.sum() / rows.max(1) as f64;
-    let count = pairs.len().max(1) as f64;
-    let mean = pairs.iter().map(each).sum::<f64>() / count;
-    let largest = turned.diagonal().max();
-    if !(mean > 0.0 && largest > NOTHING * mean && largest.is_finite()) {
-        return;
-    }
-    let diagonal = &mut cells(&mut turned);
-    for j in 0..rows {
-        diagonal[(j, j)] += mean;
-    }
-    if lower(&mut turned, rows).is_none() {
-        return;
-    }
-    inverse_lower(&mut turned, rows);
-    // Runs that differ in their noise differ in the share of it.
-    let shares = turned.component_mul(&turned).column_sum() * mean;
-    for pair in pairs {
-        let ratio = each(pair) / mean;
-        let variances = pair.variance.iter_mut().zip(&shares).take(rows);
-        for (variance, share) in variances {
-            *variance = 1.0 + share * (ratio - 1.0);
-        }
-    }
-    set.equations = set.equations.whitened(&turned);
 }
 
 /// Refuses more runs than there are weights for.

@@ -116,6 +116,14 @@ pub enum MasslineError {
         /// Runs there are.
         found: usize,
     },
+    /// Static poses are as many as the unknowns of a resultant, so that nothing is left to tell
+    /// their noise.
+    TooFewPoses {
+        /// Poses needed.
+        needed: usize,
+        /// Poses found.
+        found: usize,
+    },
     /// A run has too few blocks to tell its noise from its signal.
     TooFewBlocks {
         /// Blocks needed.
@@ -161,6 +169,10 @@ impl core::fmt::Display for MasslineError {
             Self::TooManyRuns { limit, found } => write!(
                 f,
                 "{found} runs, of which at most {limit} can be weighed against each other"
+            ),
+            Self::TooFewPoses { needed, found } => write!(
+                f,
+                "{found} poses; at least {needed} are needed to tell their noise from what they weigh"
             ),
             Self::TooFewBlocks { needed, found } => write!(
                 f,

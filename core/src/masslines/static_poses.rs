@@ -80,7 +80,7 @@ impl StaticPoses {
     /// own errors (cross-talk, misalignment) outweigh its noise, and a free fit hides them.
     ///
     /// # Errors
-    /// [`MasslineError`] if the poses do not differ or nothing is measured.
+    /// [`MasslineError`] if the poses do not differ, are too few, or nothing is measured.
     pub fn masslines(
         &self,
         reference: Vector3<f64>,
@@ -108,6 +108,11 @@ impl StaticPoses {
         // One equation per row went into the offset.
         regression.add(&mut moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
         let mut solution = Solution::EMPTY;
+        let needed = regression.excitation().rank() + 2;
+        if self.count() < needed {
+            let found = self.count();
+            return Err(MasslineError::TooFewPoses { needed, found });
+        }
         regression
             .solve(&[0], &mut solution)
             .ok_or(MasslineError::Singular)?;

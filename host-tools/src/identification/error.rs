@@ -137,6 +137,7 @@ impl AnswerError {
             MasslineError::TooFewBlocks { .. } => {
                 "record longer, shorten `block_length`, record the generator's signal and name it as `reference`, which needs fewer blocks, or state the sensors' `noise`"
             }
+            MasslineError::TooFewPoses { .. } => "add poses that differ from these",
             MasslineError::Singular => "check the recordings for channels without signal",
         };
         Self::Masslines {

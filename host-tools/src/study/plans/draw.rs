@@ -250,7 +250,8 @@ fn runs(
         translation: [0.0; 3],
     };
     if kind == Kind::Poses {
-        let count = chance.whole(4, 24);
+        // Four tell all that translations can, and leave nothing that would tell their noise.
+        let count = chance.whole(5, 24);
         // Turned about one axis only, gravity stays in a plane.
         let axis = chance.happens(0.3).then(|| chance.direction());
         let what = match axis {

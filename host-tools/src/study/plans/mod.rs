@@ -9,8 +9,9 @@
 //! * **What it can tell comes from exact kinematics** (module `tell`): the directions that are excited
 //!   are zero or they are not, and the rank of (8) follows without samples.
 //! * **No plan stands on the border.** One where an excited direction is less than 1000 times
-//!   its noise in power, where a singular value lies between 1e-9 and 1e-4 of the largest, or
-//!   where an ideal estimator's error bar would exceed 1 % of the body's own scale is drawn
+//!   its noise in power, where a singular value lies between 1e-9 and 1e-4 of the largest, where a
+//!   parameter is left out of what is excited by less than ten times what noise may turn that by,
+//!   or where an ideal estimator's error bar would exceed 1 % of the body's own scale is drawn
 //!   anew. How many were, and why, is reported. The ideal error bar knows that noise tilts every
 //!   acceleration: it takes the forces of a body of the test's own size for what such a tilt
 //!   does, also by way of parameters that the plan does not tell.
@@ -108,6 +109,8 @@ pub struct Invented {
     pub value: f64,
     /// Its standard deviation.
     pub std: f64,
+    /// Half of its 95 % interval.
+    pub interval: f64,
     /// The truth.
     pub truth: Option<f64>,
 }
@@ -231,6 +234,7 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
                     name,
                     value: n.value,
                     std: n.std,
+                    interval: n.half,
                     truth: truth[number],
                 }),
                 (None, true) => tried.missed.push(name),
@@ -274,9 +278,7 @@ pub fn print(out: &mut dyn Write, plans: &Plans) -> std::io::Result<()> {
             writeln!(
                 out,
                 "  invented {}: {:.4} ± {:.4} (95 %), truth {truth}",
-                n.name,
-                n.value,
-                1.96 * n.std
+                n.name, n.value, n.interval
             )?;
         }
         if !tried.missed.is_empty() {
