@@ -17,9 +17,9 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
 const RANK: f64 = 1e-12;
 
 /// What chance may turn the undetermined combinations towards a parameter by, in units of what
-/// the noise of a pair amounts to. Where real moments average it, each is turned by half of one
-/// in the mean square: nine of them are turned by more than this once in two hundred times (χ²).
-const CHANCE: f64 = 12.0;
+/// the noise of a pair amounts to: nine of them are turned by more than this once in two hundred
+/// times (χ² of nine).
+const CHANCE: f64 = 23.6;
 
 /// The same share where nothing is noisy but the arithmetic.
 const ROUNDING: f64 = 1e-8;
@@ -94,10 +94,16 @@ impl Solved {
     }
 }
 
+/// Second moments by which noise turns the directions of a set: half of a line's noise along those
+/// that it does not excite, since real moments hold half of it.
+fn turn<S: MasslineSet>(set: &S) -> Matrix6<f64> {
+    (set.noise() - set.pull()) * (0.5 / set.lines().max(1.0))
+}
+
 /// What an excitation of a set is held against: the noise in its pairs, and by how much the
 /// rest of the noise turns the directions in which they were excited. That averages out.
 fn floor<S: MasslineSet>(set: &S) -> Matrix6<f64> {
-    set.pull() + (set.noise() - set.pull()) / set.lines().max(1.0)
+    set.pull() + turn(set)
 }
 
 const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
@@ -156,9 +162,8 @@ struct Weighed {
 
 impl Weighed {
     /// About a point that is `shift` (m) away from the set's. The noise along the directions that
-    /// a set does not excite turns those that it does: half of a line's noise over the lines,
-    /// since real moments hold half of it. No scatter of the lines shows that, and it is the
-    /// same for all of them. With `body`, which is σ about that point, the forces that go with
+    /// a set does not excite turns those that it does, see [`turn`]. No scatter of the lines shows
+    /// that, and it is the same for all of them. With `body`, which is σ about that point, the forces that go with
     /// it are weighed like those that the lines leave.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     fn new<S: MasslineSet>(
@@ -179,8 +184,7 @@ impl Weighed {
         let Some(body) = body else {
             return weighed;
         };
-        let mut turned = set.noise() - set.pull();
-        turned *= 0.5 / set.lines().max(1.0);
+        let mut turned = turn(set);
         let columns = transfer(shift) * half(&turned);
         turned.fill(0.0);
         for column in columns.column_iter() {

@@ -23,7 +23,8 @@ struct Told {
 
 const IDENTIFY: &str = "board identify setup.toml --inputs wired.toml";
 const MEASURE: &str = "board measure setup.toml --inputs wired.toml --duration 6";
-const SURVEY: &str = "board measure setup.toml --inputs wired.toml --duration 6 --method b";
+const SURVEY: &str =
+    "board measure setup.toml --inputs wired.toml --duration 6 --method b-cholesky";
 const REPLAY: &str = "replay setup.toml --blocks 2";
 const WEIGHTED: &str = "replay setup.toml --method c-squared";
 
