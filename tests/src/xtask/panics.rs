@@ -19,17 +19,17 @@ use std::collections::BTreeMap;
 /// Of those that are left, no input reaches one that is not checked before. They are the HAL's
 /// about clocks and pins, at the start; postcard's about its own state;
 /// nalgebra's about shapes, which are the same in every call; and the firmware's own at the start,
-/// where the host asks for a failure, and, for 37 of 48, sums that are checked for overflow.
+/// where the host asks for a failure, and, for most of them, sums that are checked for overflow.
 pub const BUDGET: [(&str, usize); 9] = [
     ("massline-core", 0),
-    ("massline-firmware", 48),
+    ("massline-firmware", 45),
     ("defmt-rtt", 2),
     ("heapless", 7),
     ("libm", 6),
     ("nalgebra", 13),
     ("postcard", 7),
     ("stm32f4xx-hal", 36),
-    (STANDARD, 10),
+    (STANDARD, 9),
 ];
 
 /// What the standard library is called here: `core` is ours.
