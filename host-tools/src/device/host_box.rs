@@ -232,13 +232,15 @@ impl Port for HostBox<'_> {
         Ok(count)
     }
 
-    /// For ever: a receive that brings nothing ends the wait.
+    /// A receive that brings nothing ends the wait. One that is never without samples, since a
+    /// reply is lost while they stream, ends by this.
     fn patience(&self) -> Duration {
-        Duration::from_secs(3600)
+        Duration::from_secs(5)
     }
 
+    /// For ever: it works while it is received from.
     fn longest_work(&self) -> Duration {
-        self.patience()
+        Duration::from_secs(3600)
     }
 
     fn seconds(&self) -> f64 {
