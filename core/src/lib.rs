@@ -3,16 +3,13 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
-pub mod calibration;
 pub mod geometry;
 pub mod identify;
-pub mod instrument;
 pub mod masslines;
 pub mod modes;
 pub mod rigid_body;
 pub mod spectra;
 pub mod weighting;
-pub mod wire;
 
 mod algebra;
 mod cells;

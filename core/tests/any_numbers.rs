@@ -4,7 +4,6 @@
 //! The numbers are any 64 bits, so that most are larger than 1e20 or smaller than 1e-20, one in a
 //! thousand is none, and the ends of the range are tried on purpose.
 
-use massline_core::calibration::{Certificate, Preset, Scale};
 use massline_core::geometry::{
     Accelerometer, LoadCell, Mount, Placement, Quantity, RunGeometry, RunSensor,
 };
@@ -12,32 +11,11 @@ use massline_core::identify::{Estimate, Identification, Procedure, Question, ide
 use massline_core::masslines::{Masslines, StaticPoses};
 use massline_core::spectra::{BlockSettings, LineGrid, LineRange, Window};
 use massline_core::weighting::weights_from_peaks;
-use massline_core::wire::{Circuit, Health};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use proptest::prelude::*;
 
-/// Any 64 bits, and those that calculations break on.
-fn number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        4 => any::<u64>().prop_map(f64::from_bits),
-        4 => -10.0..10.0_f64,
-        1 => prop::sample::select(vec![
-            0.0,
-            -0.0,
-            f64::NAN,
-            f64::INFINITY,
-            f64::NEG_INFINITY,
-            f64::MAX,
-            f64::MIN,
-            f64::MIN_POSITIVE,
-            5e-324,
-            1e308,
-            -1e308,
-            1e154,
-            1e-160,
-        ]),
-    ]
-}
+mod numbers;
+use numbers::number;
 
 fn three() -> impl Strategy<Value = Vector3<f64>> {
     [number(), number(), number()].prop_map(Vector3::from)
@@ -140,35 +118,6 @@ proptest! {
                 prop_assert!(!(low.is_nan() || high.is_nan()));
             }
             Err(error) => prop_assert!(!error.to_string().is_empty()),
-        }
-    }
-
-    #[test]
-    fn calibrations(
-        a in number(),
-        b in number(),
-        c in number(),
-        d in number(),
-        count: i32,
-        reading: f32,
-    ) {
-        if let Ok(scale) = Scale::new(a, b) {
-            prop_assert!(scale.count(count).is_finite());
-            if reading.abs() < 1e9 {
-                prop_assert!(scale.reading(reading).is_finite());
-            }
-        }
-        for preset in [
-            Preset::bridge(a, b, c),
-            Preset::charge(a, b, c, d),
-            Preset::iepe(a, b, c),
-            Preset::voltage(Circuit::Voltage, a, b),
-        ] {
-            let Ok(certificate) = Certificate::new(&preset.input(0, "", "", None, d)) else {
-                continue;
-            };
-            let mut channel = certificate.channel(512.0);
-            prop_assert!(channel.count(count, Health::GOOD).0.is_finite());
         }
     }
 

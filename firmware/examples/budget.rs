@@ -27,13 +27,12 @@ mod on_chip {
     use embedded_hal_bus::spi::AtomicDevice;
     use embedded_hal_bus::util::AtomicCell;
     use heapless::spsc::Queue;
-    use massline_core::calibration::{Channel, Limits, Scale, Watch};
     use massline_core::geometry::ResultantMap;
     use massline_core::spectra::{
         BlockSettings, Complex32, DriveAverage, History, LineRange, Sum, Window,
     };
-    use massline_core::wire::Health;
     use massline_firmware::acquisition::{Acquisition, Sample};
+    use massline_firmware::calibration::{Channel, Limits, Scale, Watch};
     use massline_firmware::drivers::Converter;
     use massline_firmware::drivers::ads131m08::frame::BYTES;
     use massline_firmware::drivers::ads131m08::registers::CHANNELS;
@@ -44,6 +43,7 @@ mod on_chip {
     use massline_firmware::models::ads131m08::Chip;
     use massline_firmware::models::random::mix;
     use massline_firmware::sampling::{self, Shot, WAITING};
+    use massline_firmware::wire::Health;
     use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, TIM2, USART2};
     use stm32f4xx_hal::prelude::*;
 

@@ -11,8 +11,8 @@ use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::SCB;
-use massline_core::wire::{ResetReason, crc32};
 use massline_firmware::retained::{Cause, Record, ResetFlags, SIZE};
+use massline_firmware::wire::{ResetReason, crc32};
 
 use crate::stack;
 

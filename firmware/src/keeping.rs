@@ -1,8 +1,8 @@
 //! The box's settings, and where they are kept.
 
-use massline_core::wire::{Problem, Setting, SettingKey, Storage};
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::settings::{Settings, Store, store};
+use massline_firmware::wire::{Problem, Setting, SettingKey, Storage};
 use stm32f4xx_hal::pac::FLASH;
 
 use crate::flash::{self, Flash};

@@ -6,10 +6,13 @@
 #![deny(missing_docs)]
 
 pub mod acquisition;
+pub mod calibration;
 pub mod drivers;
+pub mod instrument;
 pub mod link_rate;
 pub mod models;
 pub mod retained;
 pub mod roll_call;
 pub mod sampling;
 pub mod settings;
+pub mod wire;

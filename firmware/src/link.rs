@@ -15,12 +15,12 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer, Queue};
-use massline_core::instrument::Outbox;
-use massline_core::wire::{
+use massline_firmware::instrument::Outbox;
+use massline_firmware::link_rate::LinkRate;
+use massline_firmware::wire::{
     BODY_MAX, EncodeError, Event, FRAME_MAX, LinkCounters, Received, Receiver, Reply, Request,
     Sender, ToBox,
 };
-use massline_firmware::link_rate::LinkRate;
 use stm32f4xx_hal::nb;
 use stm32f4xx_hal::pac::USART2;
 use stm32f4xx_hal::prelude::*;

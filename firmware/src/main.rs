@@ -68,7 +68,7 @@ use defmt_rtt as _;
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
 
-    use massline_core::instrument::{Memory, Notebook, WorkingStorage};
+    use massline_firmware::instrument::{Memory, Notebook, WorkingStorage};
     use massline_firmware::retained::Cause;
     use massline_firmware::roll_call::{Answers, RollCall};
     use massline_firmware::sampling;

@@ -6,7 +6,7 @@
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
-use massline_core::instrument::RunStorage;
+use massline_firmware::instrument::RunStorage;
 
 use crate::faults;
 

@@ -5,9 +5,11 @@
 //! hand over by queues.
 
 use heapless::spsc::Consumer;
-use massline_core::instrument::{Identity, Instrument, Job, Memory, Outbox, RawSample};
-use massline_core::wire::{ClockSource, FaultKind, Received, Refused, Reply, ResetReason, Storage};
+use massline_firmware::instrument::{Identity, Instrument, Job, Memory, Outbox, RawSample};
 use massline_firmware::sampling::{INPUTS, Shot};
+use massline_firmware::wire::{
+    ClockSource, FaultKind, Received, Refused, Reply, ResetReason, Storage,
+};
 
 use crate::board;
 use crate::clocks::{Clock, Source};

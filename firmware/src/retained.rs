@@ -7,7 +7,7 @@
 
 use core::fmt::{self, Write};
 
-use massline_core::wire::{FaultCounters, PANIC_MAX, ResetReason, crc32};
+use crate::wire::{FaultCounters, PANIC_MAX, ResetReason, crc32};
 
 /// Bytes of a record in memory, its checksum included.
 pub const SIZE: usize = 4 * WORDS + 2 + 2 + 1 + 1 + PANIC_MAX + 2 + 4;

@@ -2,13 +2,13 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
-use massline_core::instrument::{Board, Vitals};
-use massline_core::wire::{
+use massline_firmware::instrument::{Board, Vitals};
+use massline_firmware::retained::Cause;
+use massline_firmware::sampling::{self, Desk, INPUTS, Order, Plan, Tally};
+use massline_firmware::wire::{
     Exact, FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey,
     Storage,
 };
-use massline_firmware::retained::Cause;
-use massline_firmware::sampling::{self, Desk, INPUTS, Order, Plan, Tally};
 
 use crate::edges::Metronome;
 use crate::keeping::Keeping;

@@ -1,7 +1,6 @@
 //! The acquisition on four modelled converters, with everything going wrong that can.
 
 use core::cell::RefCell;
-use massline_core::wire::{FaultCounters, Health};
 use massline_firmware::acquisition::{Acquisition, SETTLING};
 use massline_firmware::drivers::Converter;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
@@ -11,6 +10,7 @@ use massline_firmware::drivers::ads131m08::{
 use massline_firmware::models::injector::{Injector, Kind};
 use massline_firmware::models::random::mix;
 use massline_firmware::models::rig::{Edge, Port, Rig};
+use massline_firmware::wire::{FaultCounters, Health};
 
 const CHIPS: usize = 4;
 const INPUTS: usize = CHIPS * CHANNELS;

@@ -6,9 +6,8 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{ErrorType, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::spsc::Consumer;
-use massline_core::calibration::Preset;
-use massline_core::wire::{ConverterFault, Exact, FaultCounters, Field, Health, Problem, Setting};
 use massline_firmware::acquisition::SETTLING;
+use massline_firmware::calibration::Preset;
 use massline_firmware::drivers::ads131m08::{CLOCK_HZ, Gain, Oversampling};
 use massline_firmware::models::BusError;
 use massline_firmware::models::adxl355::Chip as Adxl;
@@ -19,6 +18,9 @@ use massline_firmware::sampling::{
     problem,
 };
 use massline_firmware::settings::Settings;
+use massline_firmware::wire::{
+    ConverterFault, Exact, FaultCounters, Field, Health, Problem, Setting,
+};
 
 type Signal = fn(usize, u64) -> f64;
 type Chips = RefCell<Rig<Signal, CONVERTERS>>;

@@ -2,11 +2,11 @@
 //! ones, never anything else.
 
 use embedded_storage::nor_flash::NorFlash;
-use massline_core::calibration::Preset;
-use massline_core::wire::{Setting, crc32};
+use massline_firmware::calibration::Preset;
 use massline_firmware::models::flash::{Accident, Flash};
 use massline_firmware::models::random::Random;
 use massline_firmware::settings::{Loaded, Settings, Store, StoreError};
+use massline_firmware::wire::{Setting, crc32};
 
 const INPUTS: usize = 4;
 /// Small pages, so that a few saves go around.

@@ -18,7 +18,7 @@ use massline::rig::{Inputs, Troubles};
 use massline::setup::Setup;
 use massline::simulate::{Model, Options, simulate};
 use massline_core::masslines::Method;
-use massline_core::wire::{Reply, Request, Setting, SettingKey};
+use massline_firmware::wire::{Reply, Request, Setting, SettingKey};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};

@@ -6,7 +6,7 @@ mod stand_in;
 use massline::rig::{self, Outfit, Trouble, Troubles};
 use massline::simulate::{Model, Options, Simulation, simulate};
 use massline_core::masslines::Method;
-use massline_core::wire::{
+use massline_firmware::wire::{
     Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Question, Request, Source,
     Start, Summary,
 };

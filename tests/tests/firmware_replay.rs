@@ -10,7 +10,7 @@ use massline::device::{Emulator, HostBox, HostBoxMemory, firmware};
 use massline::replay::{Flip, Order, Outcome};
 use massline::setup::Setup;
 use massline_core::masslines::Method;
-use massline_core::wire::Capacity;
+use massline_firmware::wire::Capacity;
 
 fn replayed(setup: &Setup, order: &Order) -> Outcome {
     let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));

@@ -8,9 +8,11 @@ use massline::identification::{self, Choice, Session};
 use massline::measure::Spectra;
 use massline::setup::{Mount, Setup};
 use massline_core::geometry::ResultantNoise;
-use massline_core::instrument::{Findings, answer};
 use massline_core::masslines::Method;
-use massline_core::wire::{self, Accelerations, Exact, Line, Pass, Procedure, Question, Weighting};
+use massline_firmware::instrument::{Findings, answer};
+use massline_firmware::wire::{
+    self, Accelerations, Exact, Line, Pass, Procedure, Question, Weighting,
+};
 use stand_in::StandIn;
 use stand_in::bench::Shelf;
 

@@ -10,7 +10,7 @@ use massline::rig::{self, Trouble, Troubles};
 use massline::setup::Setup;
 use massline::simulate::{Model, Options, simulate};
 use massline_core::masslines::Method;
-use massline_core::wire::{BODY_MAX, FromBox, Received, Receiver, Request, ToBox, ToHost};
+use massline_firmware::wire::{BODY_MAX, FromBox, Received, Receiver, Request, ToBox, ToHost};
 use std::collections::BTreeSet;
 use std::time::Duration;
 

@@ -8,6 +8,7 @@
 //! `f = (fx, fy, fz, tx, ty, tz)` for the resultants exerted **on** the structure.
 
 mod equations;
+mod load_shares;
 mod noise;
 mod placement;
 mod reference;
@@ -15,6 +16,7 @@ mod resultants;
 mod run;
 
 pub use equations::Equations;
+pub use load_shares::LoadShares;
 pub(crate) use noise::move_accelerations;
 pub use noise::{
     PackedNoise, ResultantNoise, accelerations_moved, forces_moved, least_translation,

@@ -2,7 +2,7 @@
 
 use super::{ABSENT, BUFFERED, GARBLED};
 use crate::drivers::{Converter, Fault, Reading};
-use massline_core::wire::{FaultCounters, Health};
+use crate::wire::{FaultCounters, Health};
 
 /// What is known of a converter.
 #[derive(Clone, Copy, Debug)]

@@ -39,7 +39,7 @@ mod grid;
 use self::chip::{Chip, State};
 use self::grid::{Grid, Place};
 use crate::drivers::{Converter, Fault};
-use massline_core::wire::{self, FaultCounters, FaultKind, Health};
+use crate::wire::{self, FaultCounters, FaultKind, Health};
 
 /// Samples after a restart that are not believed: the response of a third-order filter.
 pub const SETTLING: u8 = 3;

@@ -2,7 +2,7 @@
 
 use super::random::Random;
 use super::rig::{Garble, Rig, Signal};
-use massline_core::wire::{FaultCounters, Health};
+use crate::wire::{FaultCounters, Health};
 
 /// Something that goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

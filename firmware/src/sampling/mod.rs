@@ -33,12 +33,12 @@ pub use shot::Shot;
 use crate::acquisition::{Acquisition, SETTLING};
 use crate::drivers::Fault;
 use crate::drivers::ads131m08::{CLOCK_HZ, registers};
+use crate::wire::FaultCounters;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
 use heapless::spsc::{Consumer, Producer, Queue};
-use massline_core::wire::FaultCounters;
 
 /// ADS131M08 of a box.
 pub const CONVERTERS: usize = 4;

@@ -5,7 +5,7 @@ use crate::drivers::Fault;
 use crate::drivers::ads131m08::registers::CHANNELS;
 use crate::drivers::ads131m08::{CLOCK_HZ, Gain, Oversampling};
 use crate::settings::Settings;
-use massline_core::wire::{Circuit, ConverterFault, Exact, Field, Problem};
+use crate::wire::{Circuit, ConverterFault, Exact, Field, Problem};
 
 /// How to sample.
 #[derive(Clone, Debug, PartialEq)]

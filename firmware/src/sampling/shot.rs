@@ -2,7 +2,7 @@
 
 use super::INPUTS;
 use crate::acquisition::Sample;
-use massline_core::wire::Health;
+use crate::wire::Health;
 
 /// A sample of all inputs.
 #[derive(Clone, Debug, PartialEq)]

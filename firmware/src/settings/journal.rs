@@ -29,9 +29,9 @@
 //! change was cut may not, for a while; then the item whose writing was cut at its last byte may count
 //! at first and not later.
 
+use crate::wire::{Crc32, crc32};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
-use massline_core::wire::{Crc32, crc32};
 
 /// Items begin at multiples of so many bytes; the head of an item is as long.
 pub const CELL: usize = 16;

@@ -12,7 +12,7 @@
 //! A new version gets its own line here, a name for the old one's type, and a line in [`read`].
 
 use super::Settings;
-use massline_core::wire::{Circuit, Date, Input, Setting};
+use crate::wire::{Circuit, Date, Input, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Version of the layout that is written.
@@ -149,7 +149,7 @@ impl<'a> From<First<'a>> for Setting<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::wire::SettingKey;
+    use crate::wire::SettingKey;
 
     fn found<const N: usize>(bytes: &[u8]) -> Result<(Settings<N>, u16), LayoutError> {
         // Whatever was there before is gone.

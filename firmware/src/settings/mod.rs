@@ -13,8 +13,8 @@ pub mod store;
 
 pub use store::{Loaded, Store, StoreError};
 
-use massline_core::calibration::{Certificate, Text};
-use massline_core::wire::{Exact, Field, Input, Item, NAME_MAX, Problem, Setting, SettingKey};
+use crate::calibration::{Certificate, Text};
+use crate::wire::{Exact, Field, Input, Item, NAME_MAX, Problem, Setting, SettingKey};
 
 /// Rate of the link as delivered, baud.
 pub const LINK_BAUD: u32 = 921_600;
@@ -151,7 +151,7 @@ fn check(field: Field, found: f64, [low, high]: [f64; 2]) -> Result<(), Problem>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::calibration::Preset;
+    use crate::calibration::Preset;
 
     #[test]
     fn what_is_set_is_got() {

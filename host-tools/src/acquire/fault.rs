@@ -1,6 +1,6 @@
 //! Faults of the box itself, as it tells them while it works.
 
-use massline_core::wire::{Fault, FaultKind};
+use massline_firmware::wire::{Fault, FaultKind};
 use std::collections::BTreeMap;
 
 /// A fault in words, with what to do about it.

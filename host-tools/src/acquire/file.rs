@@ -13,7 +13,7 @@ use crate::output::{self, Existing, Output, OutputError, Part};
 use crate::recording::{HEALTH_COLUMN, Preamble, field, spell};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -4,7 +4,7 @@ use super::AcquireError;
 use super::pace::Pace;
 use crate::device::{Client, ClientError, Port};
 use crate::limits;
-use massline_core::wire::{
+use massline_firmware::wire::{
     Event, Fault, Reply, Request, Setting, SettingKey, Stream, Subscription,
 };
 use std::cell::RefCell;

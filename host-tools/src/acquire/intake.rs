@@ -3,8 +3,8 @@
 use super::AcquireError;
 use crate::inputs::InputEntry;
 use crate::limits;
-use massline_core::calibration::Channel;
-use massline_core::wire::{Event, Health, Packed, Samples, Values};
+use massline_firmware::calibration::Channel;
+use massline_firmware::wire::{Event, Health, Packed, Samples, Values};
 
 /// Samples at the beginning that may be left out because converters still settle.
 const LEAD: u64 = 16;
@@ -161,7 +161,7 @@ fn read(samples: &Samples<'_>, at: usize, channel: &mut Channel, known: Health) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::calibration::Certificate;
+    use massline_firmware::calibration::Certificate;
 
     fn intake() -> Intake {
         let entry = InputEntry {

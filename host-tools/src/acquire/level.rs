@@ -2,7 +2,7 @@
 
 use super::Row;
 use crate::inputs::InputEntry;
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 
 /// What a channel was like over some samples.
 #[derive(Clone, Debug, PartialEq)]

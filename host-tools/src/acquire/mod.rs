@@ -17,7 +17,7 @@
 //! the converters' driver has found. A frame that is lost leaves a gap in the numbers, which
 //! becomes rows without readings: nothing shifts, and nothing is made up. Overload, an open
 //! lead and a reading that stands still are found here, by the watch that the box itself uses
-//! in a run ([`massline_core::calibration::Channel`]).
+//! in a run ([`massline_firmware::calibration::Channel`]).
 //!
 //! The rate at which samples really come is measured against this computer's clock and stands
 //! in the recording ([`crate::device::SampleRate`]).

@@ -5,7 +5,7 @@ use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port};
 use crate::inputs::InputEntry;
 use crate::limits;
-use massline_core::wire::{Event, Fault};
+use massline_firmware::wire::{Event, Fault};
 use std::cell::RefCell;
 use std::rc::Rc;
 

@@ -2,7 +2,7 @@
 
 use super::AcquireError;
 use crate::limits;
-use massline_core::wire::Event;
+use massline_firmware::wire::Event;
 
 /// Compares the numbers of samples with the time at which they come.
 #[derive(Clone, Debug)]
@@ -71,7 +71,7 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::wire::{Packed, Samples, Values};
+    use massline_firmware::wire::{Packed, Samples, Values};
 
     fn sample(first: u64) -> Event<'static> {
         Event::Recorded(Samples {

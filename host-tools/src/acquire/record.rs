@@ -8,7 +8,7 @@ use crate::inputs::{InputEntry, day};
 use crate::limits;
 use crate::output::part_of;
 use crate::recording::{Preamble, Traceability, TrueRate};
-use massline_core::wire::{Event, Fault, Health};
+use massline_firmware::wire::{Event, Fault, Health};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;

@@ -14,10 +14,10 @@ use crate::replay::plan::{Feed, upload};
 use crate::rig::{Inputs, Trouble, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Stream, simulate};
-use massline_core::wire::{
+use massline_firmware::acquisition::SETTLING;
+use massline_firmware::wire::{
     Event, FaultKind, Gaps, Health, Outcome, Pass, Request, Source, Start, Subscription,
 };
-use massline_firmware::acquisition::SETTLING;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -73,10 +73,11 @@ fn truth(inputs: &Inputs, chosen: &[InputEntry], seconds: f64) -> Truth {
                 let health = channels.iter_mut().map(|c| c.count(0, Health::MISSING).1);
                 truth.insert(missing, (Vec::new(), health.collect()));
             }
-            let of = |(entry, channel): (&InputEntry, &mut massline_core::calibration::Channel)| {
-                let input = usize::from(entry.input);
-                channel.count(sample.counts[input], sample.health[input])
-            };
+            let of =
+                |(entry, channel): (&InputEntry, &mut massline_firmware::calibration::Channel)| {
+                    let input = usize::from(entry.input);
+                    channel.count(sample.counts[input], sample.health[input])
+                };
             let row = chosen.iter().zip(&mut channels).map(of).unzip();
             truth.insert(sample.number, row);
             next = Some(sample.number + 1);
@@ -428,7 +429,7 @@ fn a_run_from_the_inputs_counts_what_was_recorded() {
     });
     client
         .tell(&Request::Subscribe(Subscription {
-            samples: massline_core::wire::Stream::Counts,
+            samples: massline_firmware::wire::Stream::Counts,
             ..Subscription::default()
         }))
         .unwrap();

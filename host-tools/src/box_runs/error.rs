@@ -2,7 +2,7 @@
 
 use crate::device::ClientError;
 use crate::replay::ReplayError;
-use massline_core::wire::{Field, Item, NoAnswer, Problem, Refused};
+use massline_firmware::wire::{Field, Item, NoAnswer, Problem, Refused};
 
 /// Why a test on the box cannot be done.
 #[derive(Debug, thiserror::Error)]

@@ -6,7 +6,7 @@ use crate::result::{Origin, ResultDocument, RunQuality};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
 use massline_core::masslines::Method;
 use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia};
-use massline_core::wire::{self, Answer, Exact, Summary};
+use massline_firmware::wire::{self, Answer, Exact, Summary};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 

@@ -35,7 +35,7 @@ use crate::replay::{Base, ReplayError, transfer};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::{Item, Pass, Problem, Refused, State, Status, Summary};
+use massline_firmware::wire::{Item, Pass, Problem, Refused, State, Status, Summary};
 use std::path::PathBuf;
 
 /// A test that is to be done on a box.
@@ -134,7 +134,7 @@ impl<'s> BoxTest<'s> {
             return Ok(0);
         }
         if status.state == State::Running {
-            client.tell(&massline_core::wire::Request::Abort)?;
+            client.tell(&massline_firmware::wire::Request::Abort)?;
         }
         plan::upload(
             client,

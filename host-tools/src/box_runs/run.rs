@@ -4,7 +4,7 @@ use super::{BoxRunError, BoxTest};
 use crate::device::{Client, Port};
 use crate::limits;
 use crate::measure::Rejected;
-use massline_core::wire::{
+use massline_firmware::wire::{
     Event, Fault, Gaps, Health, Outcome, Pass, RESULTANTS, Request, Source, Start, Subscription,
     Summary,
 };

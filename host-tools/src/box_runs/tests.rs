@@ -5,7 +5,7 @@ use crate::device::failing::Failing;
 use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory};
 use crate::rig::{Inputs, Troubles};
 use crate::simulate::{Model, Options, simulate};
-use massline_core::wire::{FaultKind, Outcome};
+use massline_firmware::wire::{FaultKind, Outcome};
 
 /// The fork's setup, and its inputs with the names of their channels.
 fn fork() -> (Setup, Inputs, Vec<InputEntry>) {
@@ -128,12 +128,12 @@ fn the_operator_ends_a_run_and_one_that_goes_on_is_taken_up() {
     assert!(summary.samples > 0);
     // As a program that was killed leaves it.
     client
-        .tell(&massline_core::wire::Request::Start(
-            massline_core::wire::Start {
+        .tell(&massline_firmware::wire::Request::Start(
+            massline_firmware::wire::Start {
                 run: 2,
                 pass: Pass::Measure,
-                source: massline_core::wire::Source::Inputs,
-                gaps: massline_core::wire::Gaps::Count,
+                source: massline_firmware::wire::Source::Inputs,
+                gaps: massline_firmware::wire::Gaps::Count,
                 limit: Some(20_000),
             },
         ))
@@ -174,9 +174,9 @@ fn channels_are_found_by_name_then_by_serial_number() {
     // The fork's drive is at the first input, its sensors in the setup's order behind it.
     let expected: Vec<u8> = std::iter::once(254).chain(0..18).collect();
     assert_eq!(wiring.channels(0), expected);
-    assert_eq!(wiring.scale(3, 1.0), massline_core::wire::Scale::Stored);
+    assert_eq!(wiring.scale(3, 1.0), massline_firmware::wire::Scale::Stored);
     let input = wired[4].setting();
-    let expected = massline_core::wire::Scale::Given {
+    let expected = massline_firmware::wire::Scale::Given {
         per_unit: -2.0 * input.per_count,
         offset: input.offset,
     };

@@ -4,7 +4,7 @@ use super::BoxRunError;
 use crate::inputs::InputEntry;
 use crate::measure::channel_names;
 use crate::setup::Setup;
-use massline_core::wire::{Carries, Scale};
+use massline_firmware::wire::{Carries, Scale};
 
 /// The inputs behind the channels of a set-up.
 #[derive(Clone, Debug)]

@@ -11,7 +11,7 @@ use crate::replay::{
 use crate::setup::Setup;
 use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
-use massline_core::wire;
+use massline_firmware::wire;
 use std::io::Write;
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! A box in this program that notices faults of its own, for tests.
 
 use super::{HostBox, Port, PortError};
-use massline_core::wire::FaultKind;
+use massline_firmware::wire::FaultKind;
 use std::time::Duration;
 
 /// A box that notices faults of its own: each after so many looks at what it says.

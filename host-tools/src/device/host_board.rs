@@ -3,14 +3,14 @@
 
 use crate::rig::{CHIPS, Chain, Inputs, RigError};
 use crate::simulate::Stream;
-use massline_core::instrument::{Board, Vitals};
-use massline_core::wire::{
+use massline_firmware::acquisition::SETTLING;
+use massline_firmware::instrument::{Board, Vitals};
+use massline_firmware::sampling::{INPUTS, Plan};
+use massline_firmware::settings::Settings;
+use massline_firmware::wire::{
     ConverterFault, FaultCounters, Health, Item, LinkCounters, Problem, Provoke, Setting,
     SettingKey, Storage,
 };
-use massline_firmware::acquisition::SETTLING;
-use massline_firmware::sampling::{INPUTS, Plan};
-use massline_firmware::settings::Settings;
 use std::rc::Rc;
 use std::time::Instant;
 

@@ -12,14 +12,14 @@ use super::host_board::{HostBoard, TICK_HZ};
 use super::{Port, PortError};
 use crate::rig::Inputs;
 use crate::simulate::Stream;
-use massline_core::instrument::{
+use massline_firmware::instrument::{
     Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
 };
-use massline_core::wire::{
+use massline_firmware::sampling::INPUTS;
+use massline_firmware::wire::{
     BODY_MAX, ClockSource, Event, FRAME_MAX, FaultKind, Health, Item, LinkCounters, Problem,
     Received, Receiver, Refused, Reply, Request, ResetReason, Sender, Storage, ToBox,
 };
-use massline_firmware::sampling::INPUTS;
 use std::time::Duration;
 
 /// Requests of samples that may be on their way: what the firmware allows, so that replays

@@ -1,7 +1,7 @@
 //! The client against the box in this program, over good and bad lines.
 
 use super::*;
-use massline_core::wire::{Event, Request, Setting, SettingKey, Storage};
+use massline_firmware::wire::{Event, Request, Setting, SettingKey, Storage};
 use std::time::Duration;
 
 /// Three frames in ten suffer, each way.
@@ -33,7 +33,9 @@ fn settings_hold_and_are_checked() {
     let read = client.ask(
         &Request::ReadSetting(SettingKey::Name),
         |reply| match reply {
-            massline_core::wire::Reply::Setting(Setting::Name(name)) => Some((*name).to_owned()),
+            massline_firmware::wire::Reply::Setting(Setting::Name(name)) => {
+                Some((*name).to_owned())
+            }
             _ => None,
         },
     );

@@ -21,8 +21,8 @@ mod parse;
 mod print;
 
 use crate::setup::{DocumentError, Source};
-use massline_core::calibration::Certificate;
-use massline_core::wire::{Circuit, Date, Input};
+use massline_firmware::calibration::Certificate;
+use massline_firmware::wire::{Circuit, Date, Input};
 use std::path::Path;
 
 /// One input of a box.

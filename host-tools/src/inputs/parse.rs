@@ -2,8 +2,8 @@
 
 use super::InputEntry;
 use crate::setup::{DocumentError, Section, Source, quoted};
-use massline_core::calibration::{Certificate, Limits, Preset};
-use massline_core::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
+use massline_firmware::calibration::{Certificate, Limits, Preset};
+use massline_firmware::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 
 /// Supply of bridges that the wiring page describes, V.
 const SUPPLY: f64 = 3.3;

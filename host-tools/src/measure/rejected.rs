@@ -2,7 +2,7 @@
 
 use crate::recording::fault_words;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 
 /// What was left out of an average, and why.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

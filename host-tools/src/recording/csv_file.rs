@@ -8,7 +8,7 @@ use crate::limits;
 use crate::setup::quoted;
 use csv::ByteRecord;
 use flate2::read::MultiGzDecoder;
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 use std::cell::RefCell;
 use std::collections::HashSet;
 use std::fs::File;

@@ -1,6 +1,6 @@
 //! The column `health` of a recording: what was wrong with a sample, in words.
 
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 
 /// Name of the column.
 pub const HEALTH_COLUMN: &str = "health";

@@ -4,9 +4,11 @@ use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES, ResultantNoise};
 use massline_core::identify::{Estimate, Identification};
-use massline_core::instrument::{self, Findings};
 use massline_core::spectra::LineGrid;
-use massline_core::wire::{self, Exact, Health, Identified, Line, NoAnswer, RESULTANTS, Summary};
+use massline_firmware::instrument::{self, Findings};
+use massline_firmware::wire::{
+    self, Exact, Health, Identified, Line, NoAnswer, RESULTANTS, Summary,
+};
 use std::fmt;
 
 /// A number, or what there is in its place.

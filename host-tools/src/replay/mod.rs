@@ -39,7 +39,9 @@ use crate::measure::{Accelerations, Measurement, block_settings};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::{Grid, Item, NoAnswer, Pass, Problem, Refused, Running, State, Summary};
+use massline_firmware::wire::{
+    Grid, Item, NoAnswer, Pass, Problem, Refused, Running, State, Summary,
+};
 use transfer::Feed;
 
 /// What is to be replayed.

@@ -7,7 +7,7 @@ use crate::measure::channel_names;
 use crate::setup::{self, Excitation, Setup};
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_core::wire::{
+use massline_firmware::wire::{
     self, Accelerations, Carries, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Reply,
     Request, Scale, Sensor, SensorKind, Weighting, Window, crc32,
 };

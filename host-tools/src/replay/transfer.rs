@@ -4,7 +4,7 @@ use super::{Flip, ReplayError};
 use crate::device::{Client, ClientError, Port};
 use crate::measure::channel_names;
 use crate::setup::Setup;
-use massline_core::wire::{
+use massline_firmware::wire::{
     Gaps, Line, Lines, Packed, Pass, ReadLines, Reply, Request, Source, Start, Summary, Weights,
 };
 use std::cell::Cell;

@@ -4,7 +4,6 @@ use super::sensors::{Sensor, Sensors};
 use super::trouble::Mischief;
 use super::{CHIPS, INPUTS, LEAD, RigError, Troubles};
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use massline_core::wire::FaultCounters;
 use massline_firmware::acquisition::{Acquisition, Sample};
 use massline_firmware::drivers::Converter;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
@@ -13,6 +12,7 @@ use massline_firmware::drivers::ads131m08::{
 };
 use massline_firmware::models::BusError;
 use massline_firmware::models::rig::{Port, Rig};
+use massline_firmware::wire::FaultCounters;
 use std::cell::RefCell;
 use std::rc::Rc;
 

@@ -3,7 +3,7 @@
 use super::{Chain, Felt, Outfit, RigError, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Recording, simulate};
-use massline_core::calibration::Certificate;
+use massline_firmware::calibration::Certificate;
 use std::cell::Cell;
 use std::rc::Rc;
 

@@ -26,10 +26,10 @@ pub use trouble::{Trouble, Troubles};
 use crate::device::SampleRate;
 use crate::recording::{Preamble, Traceability};
 use crate::simulate::{Recording, Simulation, Stream};
-use massline_core::calibration::Channel;
-use massline_core::wire::Health;
 use massline_firmware::acquisition::Sample;
+use massline_firmware::calibration::Channel;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::wire::Health;
 use sensors::Sensor;
 
 /// Converters of the box.

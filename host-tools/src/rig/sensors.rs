@@ -3,10 +3,10 @@
 use super::{INPUTS, RigError};
 use crate::setup::Setup;
 use crate::simulate::{DRIVE, Recording};
-use massline_core::calibration::{Certificate, FULL_SCALE_VOLTS, Preset};
-use massline_core::wire::{Circuit, NAME_MAX};
+use massline_firmware::calibration::{Certificate, FULL_SCALE_VOLTS, Preset};
 use massline_firmware::models::random::mix;
 use massline_firmware::models::rig::Signal;
+use massline_firmware::wire::{Circuit, NAME_MAX};
 
 /// A sensor's range over the largest reading that it has to take.
 const HEADROOM: f64 = 1.5;

@@ -2,11 +2,11 @@
 
 use super::CHIPS;
 use super::sensors::{Sensors, Upset};
-use massline_core::wire::Health;
 use massline_firmware::drivers::ads131m08::CLOCK_HZ;
 use massline_firmware::models::injector::{Injector, Kind};
 use massline_firmware::models::random::Random;
 use massline_firmware::models::rig::Rig;
+use massline_firmware::wire::Health;
 
 /// Something that goes wrong next to a shaker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

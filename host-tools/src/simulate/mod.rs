@@ -33,7 +33,7 @@ mod write;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
 pub use error::{ModelError, SimulationError};

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::{Recording, Simulation};
 use crate::output::{self, Existing, Output, OutputError};
 use crate::recording::{Checksum, HEALTH_COLUMN, Summed, field, spell};
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 
 const SETUP: &str = "setup.toml";
 const TRUTH: &str = "truth.json";

@@ -20,7 +20,9 @@ use massline::limits;
 use massline::printable::steers;
 use massline::recording::Recording;
 use massline::rig::Inputs;
-use massline_core::wire::{BODY_MAX, FRAME_MAX, Received, Receiver, Reply, Request, Sender, ToBox};
+use massline_firmware::wire::{
+    BODY_MAX, FRAME_MAX, Received, Receiver, Reply, Request, Sender, ToBox,
+};
 use stand_in::begin;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};

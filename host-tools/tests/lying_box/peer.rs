@@ -1,6 +1,6 @@
 //! A box that lies, at the other end of a pair of pseudo-terminals.
 
-use massline_core::wire::{
+use massline_firmware::wire::{
     BODY_MAX, Capacity, Circuit, ClockSource, Event, FRAME_MAX, Fault, FaultCounters, FaultKind,
     Info, Input, Packed, Pong, Received, Receiver, Reply, Request, ResetReason, Samples, Saved,
     Sender, Setting, SettingKey, State, Status, Storage, Stream, ToBox, Values,
@@ -389,7 +389,7 @@ fn rewritten(frame: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     }
     body.truncate(body.len() - 4);
     change(&mut body);
-    body.extend(massline_core::wire::crc32(&body).to_le_bytes());
+    body.extend(massline_firmware::wire::crc32(&body).to_le_bytes());
     let mut wire = vec![0];
     for group in body.split(|&byte| byte == 0) {
         // Bodies of the messages that are changed have no group of 254 bytes.

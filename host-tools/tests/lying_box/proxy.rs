@@ -1,7 +1,7 @@
 //! A sound box whose replies are rewritten on their way to the host.
 
 use massline::device::{HostBox, Port, PortError};
-use massline_core::wire::{
+use massline_firmware::wire::{
     BODY_MAX, Event, Exact, FRAME_MAX, FromBox, Grid, Identified, Lines, Packed, Peaks, Received,
     Receiver, Reply, Request, Running, Sender, State, Summary, Taken, ToBox, ToHost, Weights,
 };
@@ -78,7 +78,7 @@ impl<'b, 'm> Proxy<'b, 'm> {
         let mut told = lines;
         if let Tale::Lines(value) = self.tale {
             for line in &mut told {
-                let massline_core::wire::Line { drive, responses } = line;
+                let massline_firmware::wire::Line { drive, responses } = line;
                 *drive = value;
                 *responses = [[value; 2]; 12];
             }

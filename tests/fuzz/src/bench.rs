@@ -2,15 +2,15 @@
 //! converters a script has in its hand, and what the box says.
 
 use crate::link::{self, Piece};
-use massline_core::instrument::{
+use massline_firmware::instrument::{
     Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
-};
-use massline_core::wire::{
-    BODY_MAX, ClockSource, Event, FRAME_MAX, FaultCounters, FromBox, Problem, Provoke, Received,
-    Receiver, Reply, Request, ResetReason, Sender, Setting, SettingKey, Storage, ToHost,
 };
 use massline_firmware::sampling::{INPUTS, Plan};
 use massline_firmware::settings::Settings;
+use massline_firmware::wire::{
+    BODY_MAX, ClockSource, Event, FRAME_MAX, FaultCounters, FromBox, Problem, Provoke, Received,
+    Receiver, Reply, Request, ResetReason, Sender, Setting, SettingKey, Storage, ToHost,
+};
 
 /// Ticks per second.
 pub const TICK_HZ: u32 = 1_000_000;

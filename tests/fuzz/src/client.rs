@@ -13,9 +13,9 @@ use massline::device::{Client, ClientMemory, Port, PortError};
 use massline::inputs::InputEntry;
 use massline::recording::Recording;
 use massline::setup::Setup;
-use massline_core::calibration::{Certificate, Preset};
 use massline_core::masslines::Method;
-use massline_core::wire::{
+use massline_firmware::calibration::{Certificate, Preset};
+use massline_firmware::wire::{
     BODY_MAX, Circuit, Gaps, Pass, Received, Receiver, Request, Source, Start, ToBox,
 };
 use std::collections::VecDeque;

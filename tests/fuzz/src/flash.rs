@@ -4,10 +4,10 @@
 
 use crate::script::{Bytes, steps};
 use embedded_storage::nor_flash::NorFlash;
-use massline_core::wire::{Request, SettingKey};
 use massline_firmware::models::flash::{Accident, Flash};
 use massline_firmware::settings::layout::{self, LayoutError};
 use massline_firmware::settings::{LINK_BAUD_RANGE, Loaded, Settings, Store, StoreError};
+use massline_firmware::wire::{Request, SettingKey};
 
 const INPUTS: usize = 4;
 const PAGE: usize = 1024;

@@ -3,8 +3,8 @@
 use crate::scratch::{Scratch, sayable};
 use massline::inputs::{self, InputEntry};
 use massline::setup::DocumentError;
-use massline_core::calibration::Certificate;
-use massline_core::wire::Health;
+use massline_firmware::calibration::Certificate;
+use massline_firmware::wire::Health;
 
 /// Extremes of a converter of 24 bits, and what is beyond them.
 const COUNTS: [i32; 9] = [

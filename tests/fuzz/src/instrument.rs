@@ -3,12 +3,12 @@
 use crate::bench::{ASKED, Bench, Said, Shelf};
 use crate::link;
 use crate::script::{Bytes, steps};
-use massline_core::instrument::{Job, RawSample};
-use massline_core::wire::{
+use massline_firmware::instrument::{Job, RawSample};
+use massline_firmware::sampling::INPUTS;
+use massline_firmware::wire::{
     Count24, FaultKind, Health, Packed, Reply, Request, Samples, SettingKey, State, Status, Taken,
     Values,
 };
-use massline_firmware::sampling::INPUTS;
 
 /// Steps of a script that are taken.
 const STEPS: usize = 200;

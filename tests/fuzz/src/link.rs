@@ -1,6 +1,6 @@
 //! Frames, written and read a second time from the description of the contract alone.
 
-use massline_core::wire::{
+use massline_firmware::wire::{
     BODY_MAX, CHECKSUM, HEADER, PROTOCOL_VERSION, Received, Receiver, Request, ToBox,
 };
 

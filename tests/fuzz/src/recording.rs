@@ -7,7 +7,7 @@ use crate::script::Bytes;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use massline::recording::{HEALTH_COLUMN, Recording, RecordingError, spell};
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 use std::io::Write;
 use std::path::Path;
 

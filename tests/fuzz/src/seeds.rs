@@ -2,8 +2,8 @@
 
 use crate::link;
 use crate::script::push;
-use massline_core::calibration::Preset;
-use massline_core::wire::*;
+use massline_firmware::calibration::Preset;
+use massline_firmware::wire::*;
 use std::fmt::Write;
 
 /// Inputs of a target.

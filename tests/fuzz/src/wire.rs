@@ -5,7 +5,7 @@
 
 use crate::link::{self, Piece};
 use crate::script::{Bytes, steps};
-use massline_core::wire::{
+use massline_firmware::wire::{
     BODY_MAX, Direction, FRAME_MAX, FromBox, HEADER, Header, LinkCounters, Received, Receiver,
     Refusal, Request, Sender, ToBox, ToHost,
 };

@@ -6,7 +6,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use massline_core::wire::{
+use massline_firmware::wire::{
     Event, FromBox, LinkCounters, Ping, Reply, Request, ResetReason, Subscription, Telemetry,
 };
 

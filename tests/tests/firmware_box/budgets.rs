@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::fs;
 
 use massline::device::firmware;
-use massline_core::wire::{
+use massline_firmware::wire::{
     Accelerations, Carries, Event, Excitation, Gaps, Grid, Method, Mount, Outcome, Pass, Plan,
     Procedure, Processing, Provoke, Quantity, Question, Reply, Request, Run, Scale, Sensor,
     SensorKind, Setting, Source, Start, Stream, Subscription, Telemetry, Weighting, Window,

@@ -7,7 +7,7 @@
 
 use std::fmt::Write as _;
 
-use massline_core::wire::{
+use massline_firmware::wire::{
     Accelerations, Carries, Count24, Event, Excitation, FromBox, Gaps, Mount, Packed, Pass, Ping,
     Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, Scale, Sensor, SensorKind,
     Source, Start, Values, Weighting, Window,

@@ -1,6 +1,6 @@
 //! A box that fails says why after its reset, until it is asked to forget.
 
-use massline_core::wire::{FaultCounters, Provoke, Request, ResetReason};
+use massline_firmware::wire::{FaultCounters, Provoke, Request, ResetReason};
 
 use crate::talk::Talk;
 

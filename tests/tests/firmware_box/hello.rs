@@ -1,7 +1,7 @@
 //! What the box says of itself.
 
 use massline::device::firmware;
-use massline_core::wire::{ClockSource, Info, ResetReason, Storage};
+use massline_firmware::wire::{ClockSource, Info, ResetReason, Storage};
 
 use crate::golden;
 use crate::talk::Talk;

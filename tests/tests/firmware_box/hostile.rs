@@ -9,14 +9,14 @@
 //! MASSLINE_FRAMES=100_000 cargo test --release --test firmware_box -- --ignored --nocapture hostile
 //! ```
 
-use massline_core::calibration::Certificate;
-use massline_core::wire::{
+use massline_firmware::acquisition::SETTLING;
+use massline_firmware::calibration::Certificate;
+use massline_firmware::models::pattern;
+use massline_firmware::wire::{
     Accelerations, Direction, Event, FromBox, Gaps, Header, Line, Lines, Outcome, Pass, Ping,
     Problem, Provoke, ReadLines, Reply, Request, Samples, Source, Start, Status, Stream,
     Subscription, Summary, ToBox, Values,
 };
-use massline_firmware::acquisition::SETTLING;
-use massline_firmware::models::pattern;
 
 use crate::bench::{Bench, Said, Shelf};
 use crate::budgets::pieces;
@@ -58,7 +58,7 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     keep(&Request::Samples(Samples {
         first: random.pick(&[0, 1000, 1 << 60, u64::MAX]),
         channels: INPUTS,
-        values: Values::Counts(massline_core::wire::Packed::new(
+        values: Values::Counts(massline_firmware::wire::Packed::new(
             &counts[..count * usize::from(INPUTS)],
         )),
     }));
@@ -71,9 +71,9 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
         samples: random.pick(&[Stream::Off, Stream::Readings, Stream::Counts]),
     }));
     for input in inputs() {
-        keep(&Request::WriteSetting(massline_core::wire::Setting::Input(
-            input,
-        )));
+        keep(&Request::WriteSetting(
+            massline_firmware::wire::Setting::Input(input),
+        ));
     }
 }
 

@@ -7,33 +7,33 @@
 mod abuse;
 // What is borrowed from core's tests is used in part.
 #[allow(dead_code)]
-#[path = "../../../core/tests/instrument/bench.rs"]
+#[path = "../../../firmware/tests/instrument/bench.rs"]
 mod bench;
 mod budgets;
 mod costs;
 #[allow(dead_code)]
-#[path = "../../../core/tests/wire/draw.rs"]
+#[path = "../../../firmware/tests/wire/draw.rs"]
 mod draw;
 mod faults;
-#[path = "../../../core/tests/protocol/frames.rs"]
+#[path = "../../../firmware/tests/protocol/frames.rs"]
 mod frames;
 mod golden;
 mod hello;
 mod hostile;
 mod memory;
 #[allow(dead_code)]
-#[path = "../../../core/tests/wire/messages.rs"]
+#[path = "../../../firmware/tests/wire/messages.rs"]
 mod messages;
 #[allow(dead_code)]
-#[path = "../../../core/tests/wire/parts.rs"]
+#[path = "../../../firmware/tests/wire/parts.rs"]
 mod parts;
 #[allow(dead_code)]
-#[path = "../../../core/tests/wire/problems.rs"]
+#[path = "../../../firmware/tests/wire/problems.rs"]
 mod problems;
-#[path = "../../../core/tests/protocol/random.rs"]
+#[path = "../../../firmware/tests/protocol/random.rs"]
 mod random;
 #[allow(dead_code)]
-#[path = "../../../core/tests/wire/reference.rs"]
+#[path = "../../../firmware/tests/wire/reference.rs"]
 mod reference;
 mod sampling;
 mod talk;

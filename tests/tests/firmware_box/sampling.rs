@@ -7,13 +7,13 @@
 //! that is not read in a period is lost. The emulated port takes a byte every 700 instructions or
 //! so, the real one every 1800 cycles.
 
-use massline_core::calibration::Preset;
-use massline_core::wire::{
+use massline_firmware::calibration::Preset;
+use massline_firmware::models::pattern;
+use massline_firmware::wire::{
     Accelerations, Event, FaultCounters, FromBox, Gaps, Health, Input, Outcome, Pass, Ping,
     Problem, Provoke, Reply, Request, Samples, Setting, Source, Start, Stream, Subscription,
     Summary, Values,
 };
-use massline_firmware::models::pattern;
 
 use crate::budgets::set_up;
 use crate::talk::Talk;

@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use massline::device::{Emulator, firmware};
-use massline_core::wire::{
+use massline_firmware::wire::{
     BODY_MAX, Event, FRAME_MAX, FromBox, Info, Received, Receiver, Reply, Request, Sender, Started,
     ToHost,
 };

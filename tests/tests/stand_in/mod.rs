@@ -6,10 +6,10 @@
 use massline::measure::WINDOW;
 use massline::recording::Recording;
 use massline::setup::{self, Setup};
-use massline_core::calibration::Certificate;
-use massline_core::wire::*;
+use massline_firmware::calibration::Certificate;
+use massline_firmware::wire::*;
 
-#[path = "../../../core/tests/instrument/bench.rs"]
+#[path = "../../../firmware/tests/instrument/bench.rs"]
 pub mod bench;
 
 use bench::{Bench, Said, Shelf};

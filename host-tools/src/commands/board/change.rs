@@ -3,9 +3,9 @@
 use crate::commands::Failure;
 use crate::device::{BoxInfo, Client, ClientError, Port};
 use crate::inputs::InputEntry;
-use massline_core::wire::{NAME_MAX, Reply, Request, Saved, Setting, Storage};
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::settings::Settings;
+use massline_firmware::wire::{NAME_MAX, Reply, Request, Saved, Setting, Storage};
 use std::io::{IsTerminal, Write};
 
 /// A setting with its new value.
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use crate::device::{ClientMemory, HostBox, HostBoxMemory};
     use crate::rig::{Inputs, Troubles};
-    use massline_core::wire::SettingKey;
+    use massline_firmware::wire::SettingKey;
 
     #[test]
     fn changes_are_read_and_wrong_ones_say_what_there_is() {

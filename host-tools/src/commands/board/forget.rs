@@ -3,7 +3,7 @@
 use crate::cli::Verbosity;
 use crate::commands::Failure;
 use crate::commands::device::Device;
-use massline_core::wire::Request;
+use massline_firmware::wire::Request;
 
 /// Clear the box's fault counters and the text of its last failure
 #[derive(clap::Args)]

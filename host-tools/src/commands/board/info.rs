@@ -9,7 +9,7 @@ use crate::format::plain;
 use crate::rig::Troubles;
 use anstyle::Style;
 use massline_core::masslines::Method;
-use massline_core::wire::{
+use massline_firmware::wire::{
     self, ClockSource, FaultCounters, Pass, ResetReason, State, Status, Storage,
 };
 use serde::Serialize;

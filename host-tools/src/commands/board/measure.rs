@@ -12,7 +12,7 @@ use crate::recording::spell;
 use crate::rig::Shaker;
 use crate::setup::Setup;
 use anstyle::Style;
-use massline_core::wire::{Pass, RESULTANTS};
+use massline_firmware::wire::{Pass, RESULTANTS};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::time::Duration;

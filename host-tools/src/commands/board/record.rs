@@ -14,7 +14,7 @@ use crate::printable::printable;
 use crate::recording::{TrueRate, fault_words, spell};
 use anstyle::{AnsiColor, Style};
 use massline_core::identify::half_width_95;
-use massline_core::wire::Health;
+use massline_firmware::wire::Health;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;

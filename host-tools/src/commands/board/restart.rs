@@ -4,7 +4,7 @@ use crate::cli::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Spinner};
 use crate::device::ClientError;
-use massline_core::wire::Request;
+use massline_firmware::wire::Request;
 use std::time::{Duration, Instant};
 
 /// Start the box afresh; its set-up and runs are lost, a changed bit rate takes effect

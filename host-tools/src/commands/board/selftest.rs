@@ -5,7 +5,7 @@ use crate::commands::device::Device;
 use crate::commands::{Failure, Spinner, print_json};
 use crate::format::with_std;
 use anstyle::{AnsiColor, Style};
-use massline_core::wire::{Check, Health, Selftest};
+use massline_firmware::wire::{Check, Health, Selftest};
 use serde::Serialize;
 use std::io::Write;
 

@@ -12,7 +12,7 @@ use crate::output::{self, Existing};
 use crate::printable::printable;
 use crate::rig::Troubles;
 use anstyle::Style;
-use massline_core::wire::{Reply, Request, Setting, SettingKey, Storage};
+use massline_firmware::wire::{Reply, Request, Setting, SettingKey, Storage};
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;

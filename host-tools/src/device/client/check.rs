@@ -6,8 +6,8 @@
 
 use super::ClientError;
 use crate::limits;
-use massline_core::calibration::Certificate;
-use massline_core::wire::{
+use massline_firmware::calibration::Certificate;
+use massline_firmware::wire::{
     Answer, Estimate, Identified, Info, Reply, Running, Setting, Status, Summary,
 };
 
@@ -180,7 +180,7 @@ fn estimates(answer: &Answer) -> impl IntoIterator<Item = Option<Estimate>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::wire::{Health, Outcome, Packed, Pass, Source, State, Weights};
+    use massline_firmware::wire::{Health, Outcome, Packed, Pass, Source, State, Weights};
 
     fn refused(reply: &Reply<'_>) -> String {
         super::reply(reply.number(), reply).unwrap_err().to_string()

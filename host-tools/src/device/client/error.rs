@@ -1,7 +1,9 @@
 //! Why a box did not do what was asked.
 
 use crate::device::PortError;
-use massline_core::wire::{EncodeError, PROTOCOL_VERSION, Refused, Reply, Request, ResetReason};
+use massline_firmware::wire::{
+    EncodeError, PROTOCOL_VERSION, Refused, Reply, Request, ResetReason,
+};
 use std::time::Duration;
 
 /// Why a box did not do what was asked.

@@ -1,7 +1,7 @@
 //! Who the box is, kept beyond the frame that told it.
 
 use crate::printable::printable;
-use massline_core::wire::{Capacity, ClockSource, FaultCounters, Info, ResetReason, Storage};
+use massline_firmware::wire::{Capacity, ClockSource, FaultCounters, Info, ResetReason, Storage};
 
 /// What the box says of itself: [`Info`], with texts of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! A conversation with a box: requests out, each with its one reply, events beside them.
 //!
 //! A reply that does not come in time is asked for again, which the contract allows
-//! ([`massline_core::wire`], rule 2). What was lost is known to the frame.
+//! ([`massline_firmware::wire`], rule 2). What was lost is known to the frame.
 
 mod check;
 mod error;
@@ -16,8 +16,8 @@ use super::Port;
 use crate::inputs::InputEntry;
 use crate::limits::{self, ATTEMPTS};
 use crate::printable::steers;
-use massline_core::calibration::Certificate;
-use massline_core::wire::{
+use massline_firmware::calibration::Certificate;
+use massline_firmware::wire::{
     BODY_MAX, Event, FRAME_MAX, FromBox, Identified, Input, LinkCounters, Ping, Problem, Question,
     Received, Receiver, Refusal, Reply, Request, RequestIds, Selftest, Sender, Setting, SettingKey,
     Status, Summary, ToHost,
@@ -250,7 +250,7 @@ impl<'c, P: Port> Client<'c, P> {
     ///
     /// # Errors
     /// [`ClientError`].
-    pub fn ping(&mut self, stamp: u64) -> Result<massline_core::wire::Pong, ClientError> {
+    pub fn ping(&mut self, stamp: u64) -> Result<massline_firmware::wire::Pong, ClientError> {
         self.ask(&Request::Ping(Ping { stamp }), |reply| match reply {
             Reply::Pong(pong) => Some(*pong),
             _ => None,

@@ -7,7 +7,7 @@
 
 use super::{Client, ClientError, Waited};
 use crate::device::Port;
-use massline_core::wire::{Count24, Packed, Problem, Reply, Request, Samples, Taken, Values};
+use massline_firmware::wire::{Count24, Packed, Problem, Reply, Request, Samples, Taken, Values};
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -175,9 +175,9 @@ impl Window {
 
 impl<P: Port> Client<'_, P> {
     /// Sends all samples of `source`, `channels` values each, to the run that is going on
-    /// and was started with [`massline_core::wire::Gaps::Refuse`]. `first` is the index of
+    /// and was started with [`massline_firmware::wire::Gaps::Refuse`]. `first` is the index of
     /// the source's first sample; `window` is
-    /// [`massline_core::wire::Capacity::window`]. `progress` is told the sample that the box
+    /// [`massline_firmware::wire::Capacity::window`]. `progress` is told the sample that the box
     /// expects next.
     ///
     /// # Errors

@@ -1,0 +1,409 @@
+//! The run that is going on: samples become blocks, blocks become an average.
+
+use super::intake::Sample;
+use super::memory::{Averaging, Bench, SENSORS};
+use super::setup::Lines;
+use super::store::Stored;
+use super::survey::Survey;
+use super::{Board, Outbox};
+use crate::wire::{
+    Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
+};
+use massline_core::geometry::RESULTANTS;
+use massline_core::spectra::{Complex32, DriveAverage, Rings};
+
+/// Storage of a run, lent for as long as it lasts.
+#[derive(Debug)]
+pub(super) struct Buffers<'m> {
+    pub(super) bench: &'m mut Bench,
+    pub(super) work: &'m mut [Complex32],
+    pub(super) lines: &'m mut [Complex32],
+}
+
+/// What is beyond this is no reading of any sensor, in any unit. Up to it, a line of 1024
+/// samples squared and summed over 10⁷ blocks stays below 1e37, within `f32`.
+const BOUND: f32 = 1e12;
+
+/// What a run is for.
+#[derive(Debug)]
+pub(super) enum Task {
+    /// Twelve resultants, to be stored.
+    Measure(Accelerations),
+    /// Peaks of single accelerometers.
+    Survey(Survey),
+}
+
+/// What a run has seen so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    /// Index of the sample that is expected next.
+    next: u64,
+    missing: u64,
+    overloads: u64,
+    /// Blocks complete, averaged or not.
+    blocks: u32,
+    averaged: u32,
+    rejected: u32,
+    rejected_by: [u32; Health::KINDS],
+    health: Health,
+}
+
+/// The run that is going on.
+#[derive(Debug)]
+pub(super) struct Run<'m> {
+    pub(super) start: Start,
+    lines: Lines,
+    rings: Rings,
+    buffers: Buffers<'m>,
+    task: Task,
+    counts: Counts,
+    /// Index of the first sample of the block that is under way.
+    block_first: u64,
+    /// Index after the last sample with each fault.
+    faulty: [u64; Health::KINDS],
+    /// Number of a converter's sample that is this run's first.
+    pub(super) origin: Option<u64>,
+    /// Ticks at the first and the last sample.
+    ticks: [u64; 2],
+    /// Longest that a block took, ticks.
+    pub(super) longest: u32,
+}
+
+impl<'m> Run<'m> {
+    /// Starts a run in lent storage, which was cleared for it and has its channels and its
+    /// geometry; `None` if it was not, or if blocks do not fit into it.
+    pub(super) fn new(
+        start: Start,
+        lines: Lines,
+        task: Task,
+        buffers: Buffers<'m>,
+    ) -> Option<Self> {
+        let room = buffers.bench.run_mut()?;
+        let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history).ok()?;
+        Some(Self {
+            start,
+            lines,
+            rings,
+            buffers,
+            task,
+            counts: Counts::default(),
+            block_first: 0,
+            faulty: [0; Health::KINDS],
+            origin: None,
+            ticks: [0; 2],
+            longest: 0,
+        })
+    }
+
+    /// What is going on.
+    pub(super) fn running(&self) -> Running {
+        Running {
+            run: self.start.run,
+            pass: self.start.pass,
+            source: self.start.source,
+            next: self.counts.next,
+            blocks: self.counts.averaged,
+        }
+    }
+
+    /// Index of the sample that is expected next.
+    pub(super) fn next(&self) -> u64 {
+        self.counts.next
+    }
+
+    /// Samples that were missing so far.
+    pub(super) fn missing(&self) -> u64 {
+        self.counts.missing
+    }
+
+    /// Channels of a sample.
+    pub(super) fn channels(&self) -> usize {
+        self.buffers.bench.run().map_or(0, |r| r.intake.channels())
+    }
+
+    /// Whether the run has all the samples it was started for.
+    pub(super) fn is_complete(&self) -> bool {
+        self.start.limit.is_some_and(|l| self.counts.next >= l)
+    }
+
+    /// Notes that all samples before number `first` are missing. The block they are
+    /// missing from is rejected, the next one begins with that sample.
+    pub(super) fn skip_to(&mut self, first: u64, out: &mut impl Outbox) {
+        let first = self.start.limit.map_or(first, |limit| first.min(limit));
+        if first <= self.counts.next {
+            return;
+        }
+        let missing = first - self.counts.next;
+        self.counts.missing += missing;
+        self.counts.next = first;
+        self.reject(Health::MISSING, 0, out);
+        if let Some(room) = self.buffers.bench.run_mut() {
+            self.rings.restart(&mut room.history);
+            room.intake.skip(missing);
+        }
+        self.faulty = [0; Health::KINDS];
+        self.block_first = first;
+    }
+
+    /// Takes the next sample.
+    pub(super) fn push(&mut self, sample: &Sample<'_>, board: &impl Board, out: &mut impl Outbox) {
+        let begun = board.ticks();
+        let taken = match sample {
+            Sample::Counts { ticks, .. } => *ticks,
+            _ => begun,
+        };
+        if self.counts.next == self.counts.missing {
+            self.ticks[0] = taken;
+        }
+        self.ticks[1] = taken;
+        let index = self.counts.next;
+        self.counts.next = index.saturating_add(1);
+        let Some(room) = self.buffers.bench.run_mut() else {
+            return;
+        };
+        let mut health = room.intake.take(sample, index, out);
+        let mut input = [0.0; 1 + RESULTANTS];
+        let (drive, rest) = input.split_at_mut(1);
+        drive.fill(room.intake.drive());
+        match &self.task {
+            Task::Measure(_) => {
+                rest.copy_from_slice(&room.geometry.map.apply(room.intake.sensors()));
+            }
+            Task::Survey(survey) => survey.select(room.intake.sensors(), rest),
+        }
+        for x in &mut input {
+            // Not a number is not below it, either.
+            let usable = x.abs() < BOUND;
+            if !usable {
+                health = health.union(Health::NOT_FINITE);
+                *x = 0.0;
+            }
+        }
+        if health.contains(Health::OVERLOAD) {
+            self.counts.overloads = self.counts.overloads.saturating_add(1);
+        }
+        if !health.is_good() {
+            for (kind, last) in self.faulty.iter_mut().enumerate() {
+                if health.contains(Health(1 << kind)) {
+                    *last = index.saturating_add(1);
+                }
+            }
+        }
+        if !self.rings.push(&mut room.history, &input) {
+            return;
+        }
+        let support = self.lines.settings.support() as u64;
+        let first = self.counts.next.saturating_sub(support);
+        let mut faults = 0;
+        for (kind, last) in self.faulty.iter().enumerate() {
+            if *last > first {
+                faults |= 1 << kind;
+            }
+        }
+        let health = Health(faults);
+        self.block_first = first;
+        if health.is_good() {
+            self.average();
+            self.counts.averaged = self.counts.averaged.saturating_add(1);
+            let coherence = self.coherence();
+            let ticks = self.since(begun, board);
+            self.tell(Health::GOOD, coherence, ticks, out);
+        } else {
+            let ticks = self.since(begun, board);
+            self.reject(health, ticks, out);
+        }
+        self.block_first = first.saturating_add(self.lines.settings.hop() as u64);
+        if let Task::Survey(survey) = &mut self.task
+            && survey.turn()
+            && let Some(room) = self.buffers.bench.run_mut()
+        {
+            self.rings.restart(&mut room.history);
+            self.block_first = self.counts.next;
+        }
+    }
+
+    /// Transforms the block that is complete, two channels at a time, and adds it to the
+    /// average.
+    fn average(&mut self) {
+        let count = self.lines.settings.grid().count;
+        let Buffers { bench, work, lines } = &mut self.buffers;
+        let Some(Averaging { history, sums, .. }) = bench.run_mut() else {
+            return;
+        };
+        let (average, wanted) = match &mut self.task {
+            Task::Measure(..) => {
+                let blocks = self.counts.averaged;
+                let average = DriveAverage::resume(count, RESULTANTS, sums, blocks);
+                (average.ok(), 0..count)
+            }
+            Task::Survey(survey) => {
+                let wanted = survey.lines();
+                (survey.average(sums), wanted)
+            }
+        };
+        let Some(mut average) = average else {
+            return;
+        };
+        let (drive, rest) = lines.split_at_mut(count.min(lines.len()));
+        let (a, b) = rest.split_at_mut(count.min(rest.len()));
+        fn part<'l>(lines: &'l [Complex32], wanted: &core::ops::Range<usize>) -> &'l [Complex32] {
+            let end = wanted.end.min(lines.len());
+            lines.get(wanted.start..end).unwrap_or(&[])
+        }
+        for pair in 0..self.rings.pairs() {
+            // The drive is the first channel, responses follow.
+            if pair == 0 {
+                self.rings.transform(0, history, work, drive, b);
+                average.add_drive(part(drive, &wanted));
+            } else {
+                self.rings.transform(pair, history, work, a, b);
+                let response = 2 * pair - 1;
+                average.add_response(response, part(drive, &wanted), part(a, &wanted));
+            }
+            let response = 2 * pair;
+            if response < RESULTANTS {
+                average.add_response(response, part(drive, &wanted), part(b, &wanted));
+            }
+        }
+    }
+
+    fn since(&mut self, begun: u64, board: &impl Board) -> u32 {
+        let ticks = u32::try_from(board.ticks().saturating_sub(begun)).unwrap_or(u32::MAX);
+        self.longest = self.longest.max(ticks);
+        ticks
+    }
+
+    fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Outbox) {
+        self.counts.rejected = self.counts.rejected.saturating_add(1);
+        self.counts.health = self.counts.health.union(health);
+        for (kind, count) in self.counts.rejected_by.iter_mut().enumerate() {
+            if health.contains(Health(1 << kind)) {
+                *count = count.saturating_add(1);
+            }
+        }
+        self.tell(health, None, ticks, out);
+    }
+
+    /// Coherences so far, where there are any.
+    fn coherence(&mut self) -> Option<[Exact<f32>; RESULTANTS]> {
+        let Task::Measure(..) = self.task else {
+            return None;
+        };
+        if self.counts.averaged < 2 {
+            return None;
+        }
+        let count = self.lines.settings.grid().count;
+        let sums = &mut self.buffers.bench.run_mut()?.sums;
+        let average = DriveAverage::resume(count, RESULTANTS, sums, self.counts.averaged);
+        let average = average.ok()?;
+        let band = self.lines.band;
+        Some(core::array::from_fn(|c| {
+            Exact(average.mean_coherence(c, band))
+        }))
+    }
+
+    /// Tells of the block that is complete.
+    fn tell(
+        &mut self,
+        health: Health,
+        coherence: Option<[Exact<f32>; RESULTANTS]>,
+        ticks: u32,
+        out: &mut impl Outbox,
+    ) {
+        out.event(&Event::Block(Block {
+            run: self.start.run,
+            pass: self.start.pass,
+            block: self.counts.blocks,
+            first: self.block_first,
+            health,
+            averaged: self.counts.averaged,
+            coherence,
+            ticks,
+        }));
+        self.counts.blocks = self.counts.blocks.saturating_add(1);
+    }
+
+    /// SI samples of the channels, as the last sample left them.
+    pub(super) fn readings(&self) -> &[f32] {
+        let room = self.buffers.bench.run();
+        room.map_or(&[], |room| room.intake.readings())
+    }
+
+    /// Ends the run: what a measuring pass has averaged goes to the store.
+    pub(super) fn finish(
+        mut self,
+        outcome: Outcome,
+        tick_hz: u32,
+        store: Option<&mut Stored<'_>>,
+    ) -> (Summary, Option<[f64; SENSORS]>, Buffers<'m>) {
+        let mut noise = None;
+        let mut peaks = None;
+        let grid = self.lines.settings.grid();
+        let blocks = self.counts.averaged;
+        let run = usize::from(self.start.run);
+        if let Some(room) = self.buffers.bench.run_mut() {
+            match (&mut self.task, store) {
+                (Task::Survey(survey), _) => peaks = survey.peaks(&mut room.sums),
+                (Task::Measure(accelerations), Some(store)) => {
+                    store.forget(run);
+                    let quality = Quality {
+                        blocks,
+                        rejected: self.counts.rejected,
+                        rejected_by: self.counts.rejected_by,
+                        missing: self.counts.missing,
+                        health: self.counts.health,
+                    };
+                    let average =
+                        DriveAverage::resume(grid.count, RESULTANTS, &mut room.sums, blocks);
+                    let settings = &self.lines.settings;
+                    let hop = settings.hop() as f64 / settings.block_length() as f64;
+                    let correlation = settings.window().block_correlation(hop);
+                    // Scatter, and with it noise, shows from two blocks on.
+                    if let Ok(average) = average
+                        && blocks >= 2
+                    {
+                        noise = store.keep(
+                            run,
+                            &average,
+                            grid,
+                            self.lines.band,
+                            correlation,
+                            &room.geometry.map,
+                            *accelerations,
+                            quality,
+                        );
+                    }
+                }
+                (Task::Measure(_), None) => {}
+            }
+        }
+        let received = self.counts.next - self.counts.missing;
+        let elapsed = self.ticks[1].saturating_sub(self.ticks[0]);
+        let sample_rate = (self.start.source == Source::Inputs && elapsed > 0).then(|| {
+            // From the first sample to the last, missing ones among them.
+            let steps = self.counts.next.saturating_sub(1) as f64;
+            Exact(steps * f64::from(tick_hz) / elapsed as f64)
+        });
+        let summary = Summary {
+            run: self.start.run,
+            pass: self.start.pass,
+            source: self.start.source,
+            outcome,
+            samples: received,
+            missing: self.counts.missing,
+            blocks,
+            rejected: self.counts.rejected,
+            rejected_by: self.counts.rejected_by,
+            health: self.counts.health,
+            overloads: self.counts.overloads,
+            sample_rate,
+            noise: noise.map(|n| n.map(Exact)),
+        };
+        (summary, peaks, self.into_buffers())
+    }
+
+    /// Gives the storage back.
+    pub(super) fn into_buffers(self) -> Buffers<'m> {
+        self.buffers
+    }
+}

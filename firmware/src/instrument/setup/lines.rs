@@ -1,0 +1,148 @@
+//! How samples become lines: what follows from the processing.
+
+use crate::instrument::limits::{fits, range, within};
+use crate::instrument::memory::{BLOCK_LENGTH, LINES, TRANSFORM};
+use crate::wire::{Exact, Field, Grid, Item, Problem, Processing, Window};
+use massline_core::masslines::MIN_LINES;
+use massline_core::spectra::{self, BandError, BlockSettings, LineGrid, LineRange, SpectraError};
+
+/// Highest sample rate that is believed, Hz.
+const SAMPLE_RATE_MAX: f64 = 1e6;
+
+/// How samples become lines: what follows from the processing.
+#[derive(Clone, Debug)]
+pub(in crate::instrument) struct Lines {
+    /// Blocks, window and kept lines.
+    pub(in crate::instrument) settings: BlockSettings,
+    /// The averaging band, as kept lines.
+    pub(in crate::instrument) band: LineRange,
+    /// The mode band, as kept lines.
+    pub(in crate::instrument) modes: Option<LineRange>,
+}
+
+impl Lines {
+    /// Those of a processing, or what is wrong with it.
+    pub(super) fn new(p: &Processing) -> Result<Self, Problem> {
+        within(
+            Field::SampleRate,
+            0,
+            p.sample_rate,
+            f64::MIN_POSITIVE,
+            SAMPLE_RATE_MAX,
+        )?;
+        let length = p.block_length as usize;
+        if length > BLOCK_LENGTH || !length.is_power_of_two() || length < 16 {
+            let most = BLOCK_LENGTH as f64;
+            return Err(range(Field::BlockLength, 0, length as f64, 16.0, most));
+        }
+        let nyquist = p.sample_rate / 2.0;
+        let bands = [
+            (Field::KeptBand, Some(p.kept_band)),
+            (Field::AveragingBand, Some(p.averaging_band)),
+            (Field::ModeBand, p.mode_band),
+        ];
+        for (field, band) in bands {
+            if let Some([low, high]) = band {
+                within(field, 0, low, 0.0, nyquist)?;
+                within(field, 0, high, low, nyquist)?;
+            }
+        }
+        let window = match p.window {
+            Window::Rectangular => spectra::Window::Rectangular,
+            Window::Hann => spectra::Window::Hann,
+            Window::Hamming => spectra::Window::Hamming,
+            Window::Blackman => spectra::Window::Blackman,
+            Window::BlackmanHarris => spectra::Window::BlackmanHarris,
+            Window::FlatTop => spectra::Window::FlatTop,
+        };
+        let settings = BlockSettings::new(length, p.overlap, window, p.sample_rate, p.kept_band);
+        let settings = settings.map_err(|e| match e {
+            SpectraError::BlockLength(found) => {
+                let most = BLOCK_LENGTH as f64;
+                range(Field::BlockLength, 0, found as f64, 16.0, most)
+            }
+            SpectraError::Overlap(found) => range(Field::Overlap, 0, found, 0.0, 0.95),
+            SpectraError::Band { last, usable, .. } => {
+                let spacing = p.sample_rate / length as f64;
+                let [found, high] = [last, usable].map(|line| line as f64 * spacing);
+                range(Field::KeptBand, 0, found, spacing, high)
+            }
+            SpectraError::BandEnds([_, high]) => range(Field::KeptBand, 0, high, 0.0, nyquist),
+            SpectraError::SampleRate(found) => range(
+                Field::SampleRate,
+                0,
+                found,
+                f64::MIN_POSITIVE,
+                SAMPLE_RATE_MAX,
+            ),
+            SpectraError::OtherLines { band, lines } => Problem::Count {
+                item: Item::Line,
+                found: band as u32,
+                expected: lines as u32,
+            },
+            SpectraError::Storage { needed, given } => Problem::Capacity {
+                item: Item::Line,
+                found: needed as u32,
+                limit: given as u32,
+            },
+        })?;
+        let grid = settings.grid();
+        fits(Item::Line, grid.count, LINES)?;
+        // Lines far up in the spectrum leave less to decimate, so that a block takes more room.
+        fits(Item::Sample, settings.transform_length(), TRANSFORM)?;
+        let band = lines_of(&grid, Field::AveragingBand, p.averaging_band)?;
+        if band.len() < MIN_LINES {
+            return Err(Problem::Count {
+                item: Item::Line,
+                found: band.len() as u32,
+                expected: MIN_LINES as u32,
+            });
+        }
+        let modes = match p.mode_band {
+            Some(band) => Some(lines_of(&grid, Field::ModeBand, band)?),
+            None => None,
+        };
+        if modes.as_ref().is_some_and(LineRange::is_empty) {
+            return Err(Problem::Missing {
+                item: Item::ModeBand,
+                index: 0,
+            });
+        }
+        Ok(Self {
+            settings,
+            band,
+            modes,
+        })
+    }
+
+    /// As the host is told.
+    pub(in crate::instrument) fn grid(&self) -> Grid {
+        let grid = self.settings.grid();
+        Grid {
+            first: grid.first as u32,
+            count: grid.count as u32,
+            spacing: Exact(grid.spacing),
+            hop: self.settings.hop() as u32,
+            band: [self.band.start() as u32, self.band.end() as u32],
+        }
+    }
+}
+
+/// The kept lines of a band, Hz.
+pub(in crate::instrument) fn lines_of(
+    grid: &LineGrid,
+    field: Field,
+    band: [f64; 2],
+) -> Result<LineRange, Problem> {
+    grid.within(band).map_err(|why| {
+        let [low, high] = match why {
+            BandError::Beyond {
+                lines: Some(lines), ..
+            } => lines,
+            // The ends were checked before.
+            _ => [0.0, f64::MAX],
+        };
+        let found = if band[1] > high { band[1] } else { band[0] };
+        range(field, 0, found, low, high)
+    })
+}

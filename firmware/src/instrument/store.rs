@@ -1,0 +1,137 @@
+//! Stored runs: what is kept of a finished run for the identification.
+
+use super::memory::{LINES, RUNS};
+use crate::wire::{Accelerations, Answer, Line, Quality};
+use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
+use massline_core::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
+
+/// What is kept of a run beside its lines.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kept {
+    pub(super) accelerations: Accelerations,
+    pub(super) quality: Quality,
+    noise: PackedNoise,
+    blocks: u32,
+}
+
+/// All stored runs.
+#[derive(Debug)]
+pub(super) struct Stored<'m> {
+    responses: &'m mut [[Complex32; RESULTANTS]],
+    drive: &'m mut [f32],
+    kept: &'m mut [Option<Kept>; RUNS],
+}
+
+/// All stored runs, and the answer that they gave.
+#[derive(Debug)]
+pub(super) struct Store<'m> {
+    pub(super) runs: Stored<'m>,
+    /// Where what it finds is written.
+    pub(super) answer: &'m mut Option<Answer>,
+}
+
+impl<'m> Store<'m> {
+    pub(super) fn new(
+        responses: &'m mut [[Complex32; RESULTANTS]],
+        drive: &'m mut [f32],
+        kept: &'m mut [Option<Kept>; RUNS],
+        answer: &'m mut Option<Answer>,
+    ) -> Self {
+        Self {
+            runs: Stored {
+                responses,
+                drive,
+                kept,
+            },
+            answer,
+        }
+    }
+}
+
+impl Stored<'_> {
+    /// Forgets all runs.
+    pub(super) fn clear(&mut self) {
+        self.kept.fill(None);
+    }
+
+    /// Forgets one.
+    pub(super) fn forget(&mut self, run: usize) {
+        if let Some(slot) = self.kept.get_mut(run) {
+            *slot = None;
+        }
+    }
+
+    /// Keeps a finished run, which replaces the one of its number, and returns the noise
+    /// power per line of each resultant.
+    #[expect(clippy::too_many_arguments, reason = "all that a run leaves behind")]
+    pub(super) fn keep(
+        &mut self,
+        run: usize,
+        average: &DriveAverage<'_>,
+        grid: LineGrid,
+        band: LineRange,
+        block_correlation: f64,
+        map: &ResultantMap,
+        accelerations: Accelerations,
+        quality: Quality,
+    ) -> Option<[f32; RESULTANTS]> {
+        let from = run * LINES;
+        let responses = self.responses.get_mut(from..from + LINES)?;
+        let drive = self.drive.get_mut(from..from + LINES)?;
+        let finished = RunResponses::finish(
+            average,
+            grid,
+            band,
+            block_correlation,
+            map,
+            responses,
+            drive,
+        );
+        let (noise, blocks) = finished.map(|r| (r.noise, r.blocks)).ok()?;
+        *self.kept.get_mut(run)? = Some(Kept {
+            accelerations,
+            quality,
+            noise,
+            blocks,
+        });
+        Some(
+            ResultantNoise::unpacked(&noise)
+                .variances()
+                .map(|v| v as f32),
+        )
+    }
+
+    /// What is kept of a run beside its lines.
+    pub(super) fn kept(&self, run: usize) -> Option<&Kept> {
+        self.kept.get(run)?.as_ref()
+    }
+
+    /// Bit k: run k is stored.
+    pub(super) fn mask(&self) -> u32 {
+        super::setup::mask(self.kept.iter().map(Option::is_some))
+    }
+
+    /// A stored run as the estimators read it.
+    pub(super) fn responses(&self, run: usize, grid: LineGrid) -> Option<RunResponses<'_>> {
+        let kept = self.kept(run)?;
+        let from = run * LINES;
+        let lines = from..from + grid.count;
+        Some(RunResponses {
+            grid,
+            responses: self.responses.get(lines.clone())?,
+            drive: self.drive.get(lines)?,
+            noise: kept.noise,
+            blocks: kept.blocks,
+        })
+    }
+
+    /// One line of a stored run.
+    pub(super) fn line(&self, run: usize, line: usize) -> Option<Line> {
+        let at = run * LINES + line;
+        let pair = |z: &Complex32| [z.re, z.im];
+        Some(Line {
+            drive: *self.drive.get(at)?,
+            responses: self.responses.get(at)?.each_ref().map(pair),
+        })
+    }
+}

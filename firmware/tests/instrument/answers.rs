@@ -1,0 +1,294 @@
+//! The numbers of one noisy test, to the last bit: what every method answers, and what runs and
+//! surveys say on the way there.
+//!
+//! The box, the emulator and a workstation find the same bits, so that they can be written down.
+//! Whether they are right is held against the truth elsewhere; this notices that they change.
+//! Where that is meant, `OVERWRITE=1 cargo test -p massline-core --test instrument answers`
+//! writes the new ones, and the commit says why.
+
+use crate::bench::{Bench, Heard, Said, Shelf};
+use crate::plan::Pieces;
+use massline_firmware::wire::*;
+use std::fmt::Write as _;
+
+/// Samples of a run: 15 blocks of 256 that overlap by half.
+const SAMPLES: usize = 2048;
+/// Sensors of the plan, two more on the structure, and the drive.
+const CHANNELS: usize = 15;
+
+/// Numbers between -1 and 1, by whole numbers and one division: the same everywhere.
+struct Noise(u32);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from((self.0 >> 8) as i32 - (1 << 23)) / f64::from(1 << 23)
+    }
+}
+
+/// A mass on a spring: its coordinate by the recursion `y = c y₁ - r² y₂ + x`.
+#[derive(Clone, Copy, Default)]
+struct Sprung {
+    last: [f64; 2],
+}
+
+impl Sprung {
+    fn follow(&mut self, c: f64, x: f64) -> f64 {
+        let y = c * self.last[0] - 0.98 * self.last[1] + x;
+        self.last = [y, self.last[0]];
+        y
+    }
+}
+
+/// A run's samples: the table mostly moves along one of its axes, a body of 100 kg with two
+/// sprung masses on it answers, and every sensor has noise of its own.
+fn samples(run: usize) -> Vec<[f32; CHANNELS]> {
+    let mut noise = Noise(run as u32 + 1);
+    // Near 33 and 45 Hz at 512 samples a second.
+    let (mut bending, mut other) = (Sprung::default(), Sprung::default());
+    let share = |axis: usize| match axis == run {
+        true => 1.0,
+        false => 0.05 * (axis as f64 + 1.0) - 0.02 * run as f64,
+    };
+    let mut all = Vec::new();
+    for _ in 0..SAMPLES {
+        let drive = noise.next();
+        let a: [f64; 6] = core::array::from_fn(|axis| share(axis) * drive);
+        let (u, v) = (
+            bending.follow(1.821, 0.02 * (a[0] + a[4])),
+            other.follow(1.687, 0.03 * (a[1] - 0.5 * a[3] + 0.2 * a[5])),
+        );
+        // Of the rigid body, its centre of gravity half a metre up, and of the sprung masses.
+        let force = [
+            100.0 * (a[0] + 0.5 * a[4]) + 40.0 * u,
+            100.0 * (a[1] - 0.5 * a[3]) + 30.0 * v,
+            100.0 * a[2],
+            60.0 * a[3] - 50.0 * a[1] - 20.0 * v,
+            70.0 * a[4] + 50.0 * a[0] + 35.0 * u,
+            20.0 * a[5] + 4.0 * v,
+        ];
+        // As the plan's sensors are placed: three at (0.2, 0.2, 0), and so on.
+        let at = |p: [f64; 3], of: [f64; 6], k: usize| match k {
+            0 => of[0] - of[5] * p[1],
+            1 => of[1] + of[5] * p[0],
+            _ => of[2] + of[3] * p[1] - of[4] * p[0],
+        };
+        let places = [
+            ([0.2, 0.2, 0.0], 0),
+            ([0.2, 0.2, 0.0], 1),
+            ([0.2, 0.2, 0.0], 2),
+            ([-0.2, 0.2, 0.0], 1),
+            ([-0.2, 0.2, 0.0], 2),
+            ([0.2, -0.2, 0.0], 2),
+        ];
+        let mut sample = [0.0; CHANNELS];
+        for (x, (p, k)) in sample.iter_mut().zip(places) {
+            *x = at(p, a, k);
+        }
+        for (x, f) in sample.iter_mut().skip(6).zip(cells(force)) {
+            *x = f;
+        }
+        sample[12] = a[0] + 0.6 * a[4] + 3.0 * u;
+        sample[13] = a[1] - 0.6 * a[3] + 2.0 * v;
+        let mut noisy = sample.map(|x| (x + 0.01 * noise.next()) as f32);
+        noisy[14] = drive as f32;
+        all.push(noisy);
+    }
+    all
+}
+
+/// What the load cells, placed as the accelerometers are, read of forces and moments about A.
+fn cells(f: [f64; 6]) -> [f64; 6] {
+    // Cells 1 and 3 along y, 2, 4 and 5 along z at (±0.2, ±0.2): moments fix their shares.
+    let along_x = f[0];
+    let y = [(f[5] + 0.2 * along_x + 0.2 * f[1]) / 0.4, 0.0];
+    let y = [y[0], f[1] - y[0]];
+    let third = (0.2 * f[2] - f[3]) / 0.4;
+    let second = (0.2 * f[2] + f[4]) / 0.4;
+    let first = f[2] - second - third;
+    [along_x, y[0], first, y[1], second, third]
+}
+
+/// The set-up, with accelerometers on the structure.
+fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weighting) -> Said {
+    let mut pieces = Pieces::new();
+    let unit = Scale::Given {
+        per_unit: 1.0,
+        offset: 0.0,
+    };
+    for sensor in &mut pieces.sensors {
+        sensor.scale = unit;
+    }
+    for (sensor, direction) in [(12, [1.0, 0.0, 0.0]), (13, [0.0, 1.0, 0.0])] {
+        pieces.sensors.push(Sensor {
+            sensor,
+            name: "t",
+            kind: SensorKind::Accelerometer(Mount::Structure),
+            position: [0.0, 0.0, 0.6],
+            direction,
+            scale: unit,
+        });
+    }
+    pieces.plan.sensors = 14;
+    pieces.plan.runs = 6;
+    pieces.channels = (0..14).chain([Carries::Drive.code()]).collect();
+    pieces.processing = Processing {
+        block_length: 256,
+        kept_band: [2.0, 80.0],
+        averaging_band: [4.0, 20.0],
+        mode_band: Some([24.0, 60.0]),
+        accelerations,
+        weighting,
+        ..pieces.processing
+    };
+    pieces.send(bench);
+    bench.ask(&Request::EndSetup)
+}
+
+/// Has the box take a run, and notes what it says of it.
+fn measure(bench: &mut Bench<'_>, run: u8, pass: Pass, notes: &mut String) {
+    bench.done(&Request::Start(Start {
+        run,
+        pass,
+        source: Source::Host,
+        gaps: Gaps::Refuse,
+        limit: None,
+    }));
+    bench.events();
+    let all = samples(run.into());
+    for (first, some) in (0..).step_by(8).zip(all.chunks(8)) {
+        let values: Vec<f32> = some.iter().flatten().copied().collect();
+        let said = bench.ask(&Request::Samples(Samples {
+            first,
+            channels: CHANNELS as u8,
+            values: Values::Readings(Packed::new(&values)),
+        }));
+        assert!(matches!(said, Said::Taken(_)), "{said:?}");
+    }
+    let last = bench
+        .events()
+        .into_iter()
+        .rfind(|e| matches!(e, Heard::Block(_)));
+    note(notes, "last block", &last);
+    note(notes, "summary", &bench.ask(&Request::Stop));
+}
+
+/// Notes a value on lines of a length that can be read, without the names of wrappers.
+fn note(notes: &mut String, what: &str, value: &dyn std::fmt::Debug) {
+    let text = format!("{value:?}");
+    let text = text.replace("Exact(", "(").replace("Some(", "(");
+    let _ = write!(notes, "{what}:");
+    let mut width = usize::MAX;
+    for word in text.split(' ') {
+        if width.saturating_add(word.len()) > 96 {
+            notes.push_str("\n   ");
+            width = 3;
+        }
+        let _ = write!(notes, " {word}");
+        width += word.len() + 1;
+    }
+    notes.push('\n');
+}
+
+fn question(method: Method, procedure: Procedure) -> Question {
+    Question {
+        method,
+        known_mass: None,
+        procedure,
+        modes: 2,
+        fit_band: None,
+        runs: 0,
+    }
+}
+
+/// What one set-up has to say to all questions.
+fn answers(accelerations: Accelerations, weighting: Weighting, questions: &[Question]) -> String {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let mut notes = format!("== {accelerations:?}, {weighting:?}\n");
+    note(
+        &mut notes,
+        "grid",
+        &set_up(&mut bench, accelerations, weighting),
+    );
+    if weighting != Weighting::Given {
+        for run in 0..6 {
+            measure(&mut bench, run, Pass::Survey, &mut notes);
+        }
+        for run in [0, 3] {
+            note(&mut notes, "peaks", &bench.ask(&Request::ReadPeaks(run)));
+            note(
+                &mut notes,
+                "weights",
+                &bench.ask(&Request::ReadWeights(run)),
+            );
+        }
+    }
+    for run in 0..6 {
+        measure(&mut bench, run, Pass::Measure, &mut notes);
+    }
+    let read = ReadLines {
+        run: 0,
+        first: 13,
+        count: 2,
+    };
+    note(&mut notes, "lines", &bench.ask(&Request::ReadLines(read)));
+    for question in questions {
+        let mut said = bench.await_reply(&Request::Identify(*question));
+        if let Said::Identified(found) = &mut said {
+            found.ticks = 0;
+        }
+        note(&mut notes, "answer", &said);
+    }
+    notes
+}
+
+#[test]
+fn answers_to_the_last_bit() {
+    use Method::*;
+    let iterative = Procedure::Iterative {
+        tolerance: 1e-7,
+        limit: 20,
+    };
+    let direct = |method| question(method, Procedure::Direct);
+    let of_interface = [
+        direct(ApparentMass),
+        question(ApparentMass, iterative),
+        Question {
+            known_mass: Some(100.0),
+            fit_band: Some([4.0, 70.0]),
+            ..direct(ApparentMass)
+        },
+        Question {
+            runs: 0b111,
+            modes: 1,
+            ..direct(ApparentMass)
+        },
+    ];
+    let unweighted = [
+        direct(FrequencyResponses),
+        question(PowerSpectra, iterative),
+        direct(PowerSpectraCholesky),
+    ];
+    let weighted = [
+        direct(FrequencyResponses),
+        direct(PowerSpectra),
+        direct(FreeResponses),
+        question(FreeResponsesSquared, iterative),
+        direct(CurveFit),
+        direct(Synthesis),
+    ];
+    let mut found = answers(Accelerations::Interface, Weighting::Given, &of_interface);
+    found += &answers(Accelerations::All, Weighting::Given, &unweighted);
+    found += &answers(Accelerations::Weighted, Weighting::EachRun, &weighted[..3]);
+    found += &answers(Accelerations::Weighted, Weighting::Joined, &weighted);
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/instrument/answers.txt");
+    if std::env::var_os("OVERWRITE").is_some() {
+        std::fs::write(file, &found).unwrap();
+    }
+    let kept = std::fs::read_to_string(file).unwrap_or_default();
+    for (found, kept) in found.lines().zip(kept.lines()) {
+        assert_eq!(found, kept);
+    }
+    assert_eq!(found.len(), kept.len());
+}

@@ -1,0 +1,284 @@
+//! What does not fit is refused with the reason, and has changed nothing.
+
+use crate::bench::{Said, Shelf};
+use crate::plan::{Pieces, set_up, start};
+use massline_firmware::calibration::Certificate;
+use massline_firmware::wire::*;
+
+fn range(problem: Problem) -> (Field, u32) {
+    match problem {
+        Problem::Range { field, index, .. } => (field, index),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_processing_is_refused_by_the_field_that_is_wrong() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let good = Pieces::new();
+    good.send(&mut bench);
+    type Change = fn(&mut Processing);
+    let wrong: [(Field, Change); 8] = [
+        (Field::SampleRate, |p| p.sample_rate = f64::NAN),
+        (Field::SampleRate, |p| p.sample_rate = -512.0),
+        (Field::BlockLength, |p| p.block_length = 1000),
+        (Field::BlockLength, |p| p.block_length = 2048),
+        (Field::Overlap, |p| p.overlap = 1.0),
+        (Field::KeptBand, |p| p.kept_band = [0.5, 300.0]),
+        (Field::AveragingBand, |p| p.averaging_band = [15.0, 1.0]),
+        (Field::MinimumWeight, |p| p.minimum_weight = 1.5),
+    ];
+    for (field, change) in wrong {
+        let mut processing = good.processing;
+        change(&mut processing);
+        let problem = bench.refused(&Request::SetProcessing(processing));
+        assert_eq!(range(problem), (field, 0));
+    }
+    let mut processing = good.processing;
+    processing.kept_band = [0.5, 60.0];
+    let problem = bench.refused(&Request::SetProcessing(processing));
+    let full = Problem::Capacity {
+        item: Item::Line,
+        found: 120,
+        limit: 100,
+    };
+    assert_eq!(problem, full);
+    processing = good.processing;
+    processing.averaging_band = [1.0, 1.4];
+    let problem = bench.refused(&Request::SetProcessing(processing));
+    assert!(matches!(
+        problem,
+        Problem::Count {
+            item: Item::Line,
+            found: 1,
+            ..
+        }
+    ));
+    // What came before still holds.
+    assert!(matches!(bench.ask(&Request::EndSetup), Said::Grid(_)));
+}
+
+#[test]
+fn a_sensor_is_refused_by_its_number_and_field() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let good = Pieces::new();
+    good.send(&mut bench);
+    type Change = fn(&mut Sensor<'_>);
+    let wrong: [(Field, Change); 4] = [
+        (Field::Direction, |s| s.direction = [0.0; 3]),
+        (Field::Direction, |s| s.direction = [f64::NAN, 0.0, 1.0]),
+        (Field::Position, |s| s.position[1] = f64::INFINITY),
+        (Field::Scale, |s| {
+            s.scale = Scale::Given {
+                per_unit: 0.0,
+                offset: 0.0,
+            };
+        }),
+    ];
+    for (field, change) in wrong {
+        let mut sensor = good.sensors[7];
+        change(&mut sensor);
+        let problem = bench.refused(&Request::SetSensor(sensor));
+        assert_eq!(range(problem), (field, 7));
+    }
+    let sensor = Sensor {
+        sensor: 12,
+        ..good.sensors[0]
+    };
+    let none = Problem::Index {
+        item: Item::Sensor,
+        found: 12,
+        limit: 12,
+    };
+    assert_eq!(bench.refused(&Request::SetSensor(sensor)), none);
+    assert!(matches!(bench.ask(&Request::EndSetup), Said::Grid(_)));
+}
+
+#[test]
+fn a_run_is_refused_for_what_its_channels_lack() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let good = Pieces::new();
+    good.send(&mut bench);
+    let run = good.run(1);
+    let drive = Carries::Drive.code();
+    let without = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+    let twice = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 10, drive];
+    let unknown = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 40, drive];
+    let wrong = [
+        (
+            &without[..],
+            Problem::Missing {
+                item: Item::Drive,
+                index: 1,
+            },
+        ),
+        (
+            &twice,
+            Problem::Count {
+                item: Item::Sensor,
+                found: 2,
+                expected: 1,
+            },
+        ),
+        (
+            &unknown,
+            Problem::Index {
+                item: Item::Sensor,
+                found: 40,
+                limit: 12,
+            },
+        ),
+    ];
+    for (channels, problem) in wrong {
+        assert_eq!(
+            bench.refused(&Request::SetRun(Run { channels, ..run })),
+            problem
+        );
+    }
+    let excitation = Excitation::Sine;
+    assert_eq!(
+        bench.refused(&Request::SetRun(Run { excitation, ..run })),
+        Problem::Unsupported(Item::Excitation)
+    );
+    let rotation = [0.0, f64::NAN, 0.0];
+    let problem = bench.refused(&Request::SetRun(Run { rotation, ..run }));
+    assert_eq!(range(problem), (Field::Rotation, 1));
+    assert!(matches!(bench.ask(&Request::EndSetup), Said::Grid(_)));
+    // A sensor that no channel carries shows when all is together.
+    good.send(&mut bench);
+    let channels = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11, drive];
+    bench.done(&Request::SetRun(Run {
+        channels: &channels,
+        ..run
+    }));
+    let missing = Problem::Missing {
+        item: Item::Channel,
+        index: 10,
+    };
+    assert_eq!(bench.refused(&Request::EndSetup), missing);
+}
+
+#[test]
+fn a_set_up_ends_only_when_it_is_whole() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let good = Pieces::new();
+    let missing = |item, index| Problem::Missing { item, index };
+    bench.done(&Request::BeginSetup(good.plan));
+    assert_eq!(
+        bench.refused(&Request::EndSetup),
+        missing(Item::Processing, 0)
+    );
+    bench.done(&Request::SetProcessing(good.processing));
+    for sensor in &good.sensors[..11] {
+        bench.done(&Request::SetSensor(*sensor));
+    }
+    assert_eq!(bench.refused(&Request::EndSetup), missing(Item::Sensor, 11));
+    bench.done(&Request::SetSensor(good.sensors[11]));
+    assert_eq!(bench.refused(&Request::EndSetup), missing(Item::Run, 0));
+    for run in 0..3 {
+        bench.done(&Request::SetRun(good.run(run)));
+    }
+    assert!(matches!(bench.ask(&Request::EndSetup), Said::Grid(_)));
+    assert_eq!(bench.status().fingerprint, Some(99));
+    let too_many = Plan {
+        sensors: 49,
+        ..good.plan
+    };
+    let full = Problem::Capacity {
+        item: Item::Sensor,
+        found: 49,
+        limit: 48,
+    };
+    assert_eq!(bench.refused(&Request::BeginSetup(too_many)), full);
+    // A set-up that was refused has not thrown the other one away.
+    assert_eq!(bench.status().state, State::Ready);
+}
+
+#[test]
+fn each_request_has_its_state() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let good = Pieces::new();
+    let state = |found, expected| Problem::State { found, expected };
+    let begin = Request::Start(start(0, Source::Host, Gaps::Refuse, None));
+    assert_eq!(
+        bench.refused(&Request::SetSensor(good.sensors[0])),
+        state(State::Empty, State::SettingUp)
+    );
+    assert_eq!(bench.refused(&begin), state(State::Empty, State::Ready));
+    set_up(&mut bench);
+    bench.done(&begin);
+    for request in [Request::BeginSetup(good.plan), Request::Selftest] {
+        assert_eq!(bench.refused(&request), state(State::Running, State::Ready));
+    }
+    let other = Request::Start(start(1, Source::Host, Gaps::Refuse, None));
+    assert_eq!(bench.refused(&other), state(State::Running, State::Ready));
+    // The very same start is one that was sent twice.
+    bench.done(&begin);
+    bench.done(&Request::Abort);
+    assert_eq!(bench.status().state, State::Ready);
+}
+
+#[test]
+fn a_run_from_inputs_is_refused_where_nothing_is_wired() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    set_up(&mut bench);
+    bench.hardware.settings.inputs[3] = Certificate::UNUSED;
+    let from_inputs = Request::Start(start(0, Source::Inputs, Gaps::Count, None));
+    let missing = Problem::Missing {
+        item: Item::Input,
+        index: 3,
+    };
+    assert_eq!(bench.refused(&from_inputs), missing);
+    assert_eq!(bench.status().state, State::Ready);
+    assert_eq!(bench.hardware.converting, None);
+}
+
+#[test]
+fn what_samples_are_made_of_stays_while_they_are_recorded() {
+    let mut shelf = Shelf::default();
+    let mut bench = shelf.switch_on();
+    let stream = |samples| {
+        Request::Subscribe(Subscription {
+            samples,
+            ..Subscription::default()
+        })
+    };
+    bench.done(&stream(Stream::Readings));
+    let before = bench.hardware.settings.clone();
+    let unused = Certificate::UNUSED;
+    let input = unused.input(2);
+    let disturbing = [
+        Request::WriteSetting(Setting::Input(input)),
+        Request::WriteSetting(Setting::SampleRate(1024.0)),
+        Request::ResetSettings,
+        Request::SaveSettings,
+        Request::Provoke(Provoke::Rehearsal),
+    ];
+    let busy = Problem::Busy(stream(Stream::Off).number());
+    for request in &disturbing {
+        assert_eq!(bench.refused(request), busy, "{request:?}");
+    }
+    assert_eq!(bench.hardware.settings, before);
+    assert_eq!(bench.hardware.rehearsals, 0);
+    assert_eq!(bench.hardware.converting, Some(512.0));
+    // A name is no part of a sample.
+    bench.done(&Request::WriteSetting(Setting::Name("table 2")));
+    bench.done(&stream(Stream::Off));
+    for request in &disturbing {
+        let said = bench.ask(request);
+        assert!(!matches!(said, Said::Refused(_)), "{request:?}: {said:?}");
+    }
+    // Nor do they change while a run takes samples, wherever these come from.
+    set_up(&mut bench);
+    bench.done(&Request::Start(start(0, Source::Host, Gaps::Refuse, None)));
+    for request in &disturbing {
+        let problem = bench.refused(request);
+        assert!(matches!(problem, Problem::State { .. }), "{problem:?}");
+    }
+}
