@@ -14,7 +14,7 @@ fn main() {
 }
 
 #[cfg(target_os = "none")]
-#[path = "../src/bus.rs"]
+#[path = "../src/board/bus.rs"]
 mod bus;
 
 #[cfg(target_os = "none")]
@@ -42,7 +42,7 @@ mod on_chip {
     use massline_firmware::models::BusError;
     use massline_firmware::models::ads131m08::Chip;
     use massline_firmware::models::random::mix;
-    use massline_firmware::sampling::{self, Shot, WAITING};
+    use massline_firmware::sampling::{self, RawFrame, WAITING};
     use massline_firmware::wire::Health;
     use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, TIM2, USART2};
     use stm32f4xx_hal::prelude::*;
@@ -72,7 +72,7 @@ mod on_chip {
     }
 
     static HISTORY: Storage<[f32; 13 * 512]> = Storage(UnsafeCell::new([0.0; 13 * 512]));
-    static QUEUES: Storage<Queue<Shot, WAITING>> = Storage(UnsafeCell::new(Queue::new()));
+    static QUEUES: Storage<Queue<RawFrame, WAITING>> = Storage(UnsafeCell::new(Queue::new()));
     static SUMS: Storage<[Sum; 37 * LINES]> = Storage(UnsafeCell::new([Sum::ZERO; 37 * LINES]));
 
     /// The bus to one chip: a model that answers, or the frame that it gave last.
@@ -201,7 +201,7 @@ mod on_chip {
     /// A sample into the queue and out of it.
     fn hand_over(timer: &TIM2) -> u32 {
         let queues = QUEUES.take();
-        let (mut taken, mut shots) = queues.split();
+        let (mut taken, mut frames) = queues.split();
         let (counts, health) = ([1; sampling::INPUTS], [Health::GOOD; sampling::INPUTS]);
         let mut good = true;
         let cost = cost(timer, |round| {
@@ -210,11 +210,11 @@ mod on_chip {
                 counts: black_box(&counts),
                 health: black_box(&health),
             };
-            good &= Shot::new(&sample, 0).is_some_and(|shot| taken.enqueue(shot).is_ok());
-            good &= shots
+            good &= RawFrame::new(&sample, 0).is_some_and(|shot| taken.enqueue(shot).is_ok());
+            good &= frames
                 .peek()
                 .is_some_and(|shot| black_box(shot).number == u64::from(round));
-            let _ = shots.dequeue();
+            let _ = frames.dequeue();
         });
         if good { cost } else { 0 }
     }

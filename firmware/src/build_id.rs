@@ -1,4 +1,4 @@
-//! What the program was built from: the digest that the linker makes of it.
+//! The build id: the digest that the linker makes of the program.
 
 use core::fmt::Write;
 
@@ -11,17 +11,17 @@ unsafe extern "C" {
     static __build_id_end: u8;
 }
 
-/// Bytes of the digest that are told.
-const TOLD: usize = 8;
+/// Bytes of the digest that are reported.
+const REPORTED: usize = 8;
 /// Bytes before it: three lengths and kinds, and the name `GNU` with its end.
 const NOTE_HEADER: usize = 16;
 
 /// The first half of the digest, in hexadecimal digits.
-pub fn read() -> String<{ 2 * TOLD }> {
+pub fn read() -> String<{ 2 * REPORTED }> {
     let begin = &raw const __build_id;
     let length = (&raw const __build_id_end) as usize - begin as usize;
     let mut text = String::new();
-    for i in NOTE_HEADER..(NOTE_HEADER + TOLD).min(length) {
+    for i in NOTE_HEADER..(NOTE_HEADER + REPORTED).min(length) {
         // SAFETY: `i` is below the length of the note, which the linker has put in flash.
         let byte = unsafe { begin.add(i).read() };
         // It has just the room.

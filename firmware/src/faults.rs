@@ -1,7 +1,5 @@
-//! What becomes of a program that fails: it says why into memory that outlives the reset, and
-//! starts afresh. The box then tells at every hello, until it is asked to forget.
-//!
-//! The log says the same, if somebody reads it.
+//! Failure of the program: the cause goes into memory that outlives the reset, and the chip is
+//! reset. The box reports it at every hello until the host has it forgotten. The log has it too.
 
 use core::arch::naked_asm;
 use core::cell::UnsafeCell;
@@ -16,7 +14,7 @@ use massline_firmware::wire::{ResetReason, crc32};
 
 use crate::stack;
 
-/// Memory that no start-up code touches.
+/// Memory that the start-up code does not initialise.
 struct Retained(UnsafeCell<MaybeUninit<[u8; SIZE]>>);
 
 // SAFETY: all access is in `bytes` and `write`, byte by byte and volatile, on the only core.
@@ -25,7 +23,7 @@ unsafe impl Sync for Retained {}
 #[unsafe(link_section = ".uninit.retained")]
 static RETAINED: Retained = Retained(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// The bytes as they lie there: a record, or the noise that the power switch leaves.
+/// The bytes of that memory: a record, or noise after power-on.
 fn bytes() -> [u8; SIZE] {
     let mut bytes = [0; SIZE];
     let from: *const u8 = RETAINED.0.get().cast();
@@ -45,7 +43,7 @@ fn write(record: &Record) {
     }
 }
 
-/// Opens the record of this session: what is remembered, and why the box started.
+/// Opens the record of this session, and returns it with the reason of the reset.
 pub fn start(flags: ResetFlags) -> (Record, ResetReason) {
     let bytes = bytes();
     let noise = crc32(&bytes);
@@ -66,9 +64,9 @@ fn record() -> Record {
 
 /// Changes the record, which takes some 100 µs.
 ///
-/// Interrupts go on meanwhile, as a sample cannot wait that long. Only the desk changes the record
-/// of a box that works; who fails in between finds half a record, which its checksum tells, and
-/// never comes back here.
+/// Interrupts go on meanwhile, as a sample cannot wait that long. Only the task of
+/// requests changes the record of a box that works; a failure in between finds half a record, which
+/// its checksum tells, and does not return here.
 pub fn amend(change: impl FnOnce(&mut Record)) {
     let mut record = record();
     change(&mut record);
@@ -143,7 +141,7 @@ pub unsafe fn is_memory(address: *mut u32) -> bool {
     })
 }
 
-/// Where all faults of the processor arrive.
+/// The handler of all faults of the processor.
 ///
 /// While [`read_if_there`] is trying, the fault is the answer: the handler notes it and returns
 /// behind the instruction. Else the program has ended. The stack may be what failed, so the rest runs

@@ -1,5 +1,5 @@
-//! The half of the firmware that knows neither chip nor board, so that hosts build it and test
-//! it: what the tasks of the binary call.
+//! The box without a chip: everything of the firmware that knows neither chip nor board, so that
+//! hosts build it, test it and run it.
 
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
@@ -9,10 +9,10 @@ pub mod acquisition;
 pub mod calibration;
 pub mod drivers;
 pub mod instrument;
-pub mod link_rate;
+pub mod link;
 pub mod models;
 pub mod retained;
-pub mod roll_call;
 pub mod sampling;
 pub mod settings;
+pub mod task_watchdog;
 pub mod wire;

@@ -42,7 +42,7 @@ pub enum Cause {
     HardFault,
     /// The stack ran into its guard.
     StackOverflow,
-    /// A task was missing at the roll call.
+    /// A task did not check in with the task watchdog.
     Watchdog,
     /// The host asked for it.
     Request,

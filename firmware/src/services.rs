@@ -1,30 +1,32 @@
-//! What the instrument asks of the board.
+//! The services of the board that the instrument uses.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use massline_firmware::instrument::{Board, Vitals};
+use massline_firmware::link::Receive;
 use massline_firmware::retained::Cause;
-use massline_firmware::sampling::{self, Desk, INPUTS, Order, Plan, Tally};
+use massline_firmware::sampling::{self, Command, Commands, Counters, INPUTS, Plan};
 use massline_firmware::wire::{
     Exact, FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey,
     Storage,
 };
 
-use crate::edges::Metronome;
-use crate::keeping::Keeping;
-use crate::{board, faults, link, stack, ticks};
+use crate::board::edges::TestClock;
+use crate::board::{self, port, ticks};
+use crate::settings_store::SettingsStore;
+use crate::{faults, stack};
 
-/// What sampling counts.
-pub static TALLY: Tally = Tally::new();
+/// Counters of the sampling task.
+pub static COUNTERS: Counters = Counters::new();
 
-/// Deepest that the stack was when somebody last looked, bytes.
+/// Deepest that the stack was at the last look, bytes.
 static STACK_USED: AtomicU32 = AtomicU32::new(0);
 /// Ticks that the processor has slept.
 static ASLEEP: AtomicU32 = AtomicU32::new(0);
 /// Whether the block task is to hang.
 static HANG: AtomicBool = AtomicBool::new(false);
 
-/// Looks how deep the stack has been.
+/// Measures how deep the stack has been.
 pub fn look_at_stack() {
     STACK_USED.store(stack::used(), Ordering::Relaxed);
 }
@@ -38,101 +40,104 @@ pub fn count_sleep(ticks: u32) {
 /// Hangs if a hang was asked for.
 pub fn hang_if_provoked() {
     while HANG.load(Ordering::Relaxed) {
-        cortex_m::asm::nop();
+        core::hint::spin_loop();
     }
 }
 
-/// How the program is to end, once the host has its reply.
+/// The end of the program that waits for the host to have its reply.
 #[derive(Clone, Copy)]
 enum Ending {
     Reboot,
     Provoked(Provoke),
 }
 
-/// The box's own inputs, as seen from the desk.
+/// The box's own inputs, as the instrument's services use them.
 pub struct Inputs {
-    /// Where the sampling task gets its orders.
-    pub desk: Desk<'static>,
-    /// What stands in for their clock in a rehearsal.
-    pub metronome: Metronome,
+    /// Commands to the sampling task.
+    pub commands: Commands<'static>,
+    /// Timer that stands in for the converters' clock in a test pattern.
+    pub test_clock: TestClock,
     /// Rate of [`ticks`], Hz.
     pub tick_hz: u32,
 }
 
-/// The board, as the instrument sees it.
+/// The board's services.
 pub struct Services {
     inputs: Inputs,
-    /// Sample rate at which they run, if they do.
+    /// Sample rate of the inputs, Hz, while they run.
     rate: Option<f64>,
     /// Inputs up to the last one in use.
     in_use: usize,
-    /// What has failed before this start.
+    /// Faults before this start.
     faults: FaultCounters,
-    is_rehearsal: bool,
+    is_test_pattern: bool,
     /// Number of the next sample.
     samples: u64,
-    /// Samples that wait are nobody's.
+    /// The samples that wait belong to a recording that was stopped.
     is_stale: bool,
-    keeping: Keeping,
+    settings: SettingsStore,
     ending: Option<Ending>,
     link: LinkCounters,
+    overruns: u32,
     dropped: u32,
     asked_at: u64,
     asleep: u32,
 }
 
 impl Services {
-    /// At the start.
-    pub fn new(inputs: Inputs, keeping: Keeping, faults: FaultCounters) -> Self {
+    /// The services at the start.
+    pub fn new(inputs: Inputs, settings: SettingsStore, faults: FaultCounters) -> Self {
         Self {
             inputs,
             rate: None,
             in_use: INPUTS,
             faults,
-            is_rehearsal: false,
+            is_test_pattern: false,
             samples: 0,
             is_stale: false,
-            keeping,
+            settings,
             ending: None,
             link: LinkCounters::default(),
+            overruns: 0,
             dropped: 0,
             asked_at: 0,
             asleep: 0,
         }
     }
 
-    /// Takes note of what the link has counted.
-    pub fn note_link(&mut self, counters: &LinkCounters, dropped: u32) {
-        self.link = *counters;
+    /// Notes the counters of the link.
+    pub fn note_link(&mut self, receive: &Receive<'_>, dropped: u32) {
+        self.link = *receive.counters();
+        self.overruns = receive.overruns();
         self.dropped = dropped;
     }
 
-    /// Whether the samples that wait are of before the last start or stop; asked for once.
+    /// `true` once after each start or stop: the samples that wait came before it.
     pub fn take_stale(&mut self) -> bool {
         core::mem::take(&mut self.is_stale)
     }
 
-    /// Takes note of the number of a sample.
+    /// Notes the number of a sample.
     pub fn note_sample(&mut self, number: u64) {
-        self.samples = number + 1;
+        self.samples = number.saturating_add(1);
     }
 
-    /// Inputs up to the last one in use: what is behind it is nobody's.
+    /// Number of inputs up to the last one in use.
     pub fn inputs_in_use(&self) -> usize {
         self.in_use
     }
 
-    /// Whether the program is about to end.
+    /// `true` if the program is about to end.
     pub fn is_ending(&self) -> bool {
         self.ending.is_some()
     }
 
-    /// Ends as it was asked for. The replies have left.
+    /// Ends the program as was requested. All replies have been sent.
     pub fn end(&mut self) {
         let Some(ending) = self.ending.take() else {
             return;
         };
-        board::let_link_finish();
+        port::finish_sending();
         match ending {
             Ending::Reboot => faults::end(Cause::Request, format_args!("")),
             Ending::Provoked(Provoke::Panic) => panic!("provoked by the host"),
@@ -145,8 +150,8 @@ impl Services {
     }
 }
 
-/// Calls itself until there is no stack.
-#[allow(unconditional_recursion, reason = "it is what was asked for")]
+/// Calls itself until the stack overflows.
+#[allow(unconditional_recursion, reason = "the overflow was requested")]
 #[inline(never)]
 fn descend(depth: u32) -> u32 {
     let frame = core::hint::black_box([depth; 16]);
@@ -160,16 +165,18 @@ impl Board for Services {
 
     fn faults(&self) -> FaultCounters {
         let mut counts = self.faults;
-        TALLY.read(&mut counts);
-        counts.storage = self.keeping.failures();
+        COUNTERS.read(&mut counts);
+        counts.storage = self.settings.failures();
         counts
     }
 
     fn forget_faults(&mut self) {
         faults::amend(|record| record.forget());
         self.faults = FaultCounters::default();
-        self.inputs.desk.give(Order::Forget, board::call_sampling);
-        self.keeping.forget_failures();
+        self.inputs
+            .commands
+            .give(Command::Forget, board::call_sampling);
+        self.settings.forget_failures();
     }
 
     fn vitals(&mut self) -> Vitals {
@@ -183,7 +190,7 @@ impl Board for Services {
             stack_size: stack::size(),
             load: load as u16,
             dropped: self.dropped,
-            overrun: link::overrun(),
+            overrun: self.overruns,
             link: self.link,
         }
     }
@@ -203,27 +210,29 @@ impl Board for Services {
             None => {}
         }
         let inputs = &mut self.inputs;
-        let plan = Plan::new(self.keeping.settings(), sample_rate, inputs.tick_hz)?;
+        let plan = Plan::new(self.settings.settings(), sample_rate, inputs.tick_hz)?;
         let (period, in_use) = (plan.period as u32, plan.inputs);
         self.is_stale = true;
         self.samples = 0;
-        match inputs.desk.start(plan, board::call_sampling) {
+        match inputs.commands.start(plan, board::call_sampling) {
             Some(outcome) => outcome.map_err(sampling::problem)?,
             // It is called at once, so this would be a mistake in the priorities.
             None => return Err(Problem::Busy(Request::Status.number())),
         }
         self.rate = Some(sample_rate);
         self.in_use = in_use;
-        if self.is_rehearsal {
-            inputs.metronome.start(period);
+        if self.is_test_pattern {
+            inputs.test_clock.start(period);
         }
         Ok(())
     }
 
     fn stop_inputs(&mut self) {
         self.rate = None;
-        self.inputs.metronome.stop();
-        self.inputs.desk.give(Order::Stop, board::call_sampling);
+        self.inputs.test_clock.stop();
+        self.inputs
+            .commands
+            .give(Command::Stop, board::call_sampling);
         self.is_stale = true;
     }
 
@@ -232,23 +241,23 @@ impl Board for Services {
     }
 
     fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        self.keeping.settings().get(key)
+        self.settings.settings().get(key)
     }
 
     fn write_setting(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
-        self.keeping.write(setting)
+        self.settings.write(setting)
     }
 
     fn save_settings(&mut self) -> Result<Storage, Problem> {
-        self.keeping.save()
+        self.settings.save()
     }
 
     fn reset_settings(&mut self) {
-        self.keeping.reset();
+        self.settings.reset();
     }
 
     fn unsaved(&self) -> bool {
-        self.keeping.unsaved()
+        self.settings.unsaved()
     }
 
     fn reboot(&mut self) {
@@ -258,8 +267,11 @@ impl Board for Services {
     fn provoke(&mut self, fault: Provoke) -> bool {
         if fault == Provoke::Rehearsal {
             self.stop_inputs();
-            self.is_rehearsal = true;
-            return self.inputs.desk.give(Order::Rehearse, board::call_sampling);
+            self.is_test_pattern = true;
+            return self
+                .inputs
+                .commands
+                .give(Command::TestPattern, board::call_sampling);
         }
         self.ending = Some(Ending::Provoked(fault));
         true

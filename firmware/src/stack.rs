@@ -1,9 +1,9 @@
-//! How deep the stack has been.
+//! Measurement of the stack's depth.
 //!
 //! The start-up code paints the whole stack (cortex-m-rt's `paint-stack`); what is no longer
 //! painted was used. The stack lies at the bottom of the SRAM, see `memory.x`.
 
-/// What the start-up code paints with.
+/// The word that the start-up code paints with.
 const PAINT: u32 = 0xCCCC_CCCC;
 
 unsafe extern "C" {
@@ -23,9 +23,9 @@ pub fn top() -> u32 {
     (&raw const _stack_start) as u32
 }
 
-/// Bytes there are.
+/// Size of the stack, bytes.
 pub fn size() -> u32 {
-    top() - bottom()
+    top().wrapping_sub(bottom())
 }
 
 /// Deepest that it has ever been, in bytes.
@@ -35,7 +35,7 @@ pub fn used() -> u32 {
     let (mut at, top) = (bottom(), top());
     // SAFETY: aligned words within the stack; volatile, since calls write there.
     while at < top && unsafe { (at as *const u32).read_volatile() } == PAINT {
-        at += 4;
+        at = at.wrapping_add(4);
     }
-    top - at
+    top.wrapping_sub(at)
 }

@@ -14,8 +14,8 @@ use massline_firmware::models::adxl355::Chip as Adxl;
 use massline_firmware::models::pattern;
 use massline_firmware::models::rig::{Garble, Port, Rig};
 use massline_firmware::sampling::{
-    CONVERTERS, Converters, Desk, INPUTS, Order, Plan, Queues, Sampler, Shot, Tally, WAITING,
-    problem,
+    CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Plan, Queues, RawFrame, Sampler,
+    WAITING, problem,
 };
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{
@@ -72,17 +72,17 @@ struct Bench {
     rig: Chips,
     adxl: RefCell<Adxl>,
     queues: Queues,
-    tally: Tally,
+    counters: Counters,
 }
 
 /// What its tasks have in hand.
 struct Hands<'b> {
     rig: &'b Chips,
     adxl: &'b RefCell<Adxl>,
-    tally: &'b Tally,
+    counters: &'b Counters,
     sampler: OnRig<'b>,
-    desk: Desk<'b>,
-    shots: Consumer<'b, Shot>,
+    commands: Commands<'b>,
+    frames: Consumer<'b, RawFrame>,
 }
 
 impl Bench {
@@ -91,22 +91,22 @@ impl Bench {
             rig: RefCell::new(Rig::new(volts as Signal, 5)),
             adxl: RefCell::new(Adxl::new()),
             queues: Queues::new(),
-            tally: Tally::new(),
+            counters: Counters::new(),
         }
     }
 
     fn hands(&mut self) -> Hands<'_> {
-        let (rig, adxl, tally) = (&self.rig, &self.adxl, &self.tally);
-        let (ends, desk, shots) = self.queues.split();
+        let (rig, adxl, counters) = (&self.rig, &self.adxl, &self.counters);
+        let (ends, commands, frames) = self.queues.split();
         let ports = core::array::from_fn(|k| Port::new(rig, k));
         let converters = Converters::new(ports, Follower(adxl), Sync(rig), NoDelay);
         Hands {
             rig,
             adxl,
-            tally,
-            sampler: Sampler::new(converters, ends, tally, TICK_HZ),
-            desk,
-            shots,
+            counters,
+            sampler: Sampler::new(converters, ends, counters, TICK_HZ),
+            commands,
+            frames,
         }
     }
 }
@@ -114,11 +114,11 @@ impl Bench {
 impl Hands<'_> {
     fn start(&mut self, plan: &Plan) -> Result<(), Problem> {
         let (rig, sampler) = (self.rig, &mut self.sampler);
-        let attend = || {
+        let poll = || {
             let now = rig.borrow().cycle();
-            sampler.attend(now);
+            sampler.poll(now);
         };
-        let outcome = self.desk.start(plan.clone(), attend);
+        let outcome = self.commands.start(plan.clone(), poll);
         outcome.expect("it is called at once").map_err(problem)
     }
 
@@ -127,13 +127,13 @@ impl Hands<'_> {
         let edge = self.rig.borrow_mut().wait();
         let g = [0.1, 0.2, -0.5];
         self.adxl.borrow_mut().convert(g);
-        self.sampler.attend(edge.cycle);
+        self.sampler.poll(edge.cycle);
         self.sampler.edge(edge.ready, edge.cycle)
     }
 
     fn faults(&self) -> FaultCounters {
         let mut faults = FaultCounters::default();
-        self.tally.read(&mut faults);
+        self.counters.read(&mut faults);
         faults
     }
 }
@@ -181,12 +181,12 @@ fn all_inputs_of_a_sample_come_under_one_number() {
     (0..FIRST).for_each(|_| assert!(!hands.edge()));
     for taken in FIRST..200 {
         assert!(hands.edge());
-        let Shot {
+        let RawFrame {
             number,
             counts,
             health,
             ..
-        } = hands.shots.dequeue().unwrap();
+        } = hands.frames.dequeue().unwrap();
         assert_eq!(number, taken);
         for input in 0..INPUTS {
             assert_eq!(
@@ -216,10 +216,10 @@ fn a_chip_that_is_not_there_is_left_out_unless_it_is_needed() {
     while taken < 500 {
         // Those that are left out have edges, too, at a rate of their own.
         hands.edge();
-        let Some(shot) = hands.shots.dequeue() else {
+        let Some(frame) = hands.frames.dequeue() else {
             continue;
         };
-        let Shot { number, health, .. } = shot;
+        let RawFrame { number, health, .. } = frame;
         assert_eq!(number, taken);
         taken += 1;
         for (input, health) in health.iter().enumerate() {
@@ -231,7 +231,7 @@ fn a_chip_that_is_not_there_is_left_out_unless_it_is_needed() {
         }
     }
     assert_eq!(hands.faults(), FaultCounters::default());
-    assert_eq!(hands.tally.take_failed(), None);
+    assert_eq!(hands.counters.take_failed(), None);
 
     let needed = hands.start(&plan(&wired(&[0, 9]))).unwrap_err();
     let stuck = |converter| Problem::Converter {
@@ -262,12 +262,12 @@ fn a_sample_without_room_is_counted_and_shows_in_the_numbers() {
     }
     assert_eq!(u64::from(hands.faults().overrun), LATE);
     for expected in FIRST..FIRST + room {
-        assert_eq!(hands.shots.dequeue().unwrap().number, expected);
+        assert_eq!(hands.frames.dequeue().unwrap().number, expected);
     }
     hands.edge();
-    assert_eq!(hands.shots.dequeue().unwrap().number, FIRST + room + LATE);
+    assert_eq!(hands.frames.dequeue().unwrap().number, FIRST + room + LATE);
 
-    assert!(hands.desk.give(Order::Forget, || ()));
+    assert!(hands.commands.give(Command::Forget, || ()));
     hands.edge();
     assert_eq!(hands.faults().overrun, 0);
 }
@@ -287,9 +287,9 @@ fn faults_go_on_being_counted_over_a_new_start() {
             hands.edge();
         });
         assert_eq!(hands.faults().converter_checksum, start);
-        while hands.shots.dequeue().is_some() {}
+        while hands.frames.dequeue().is_some() {}
     }
-    hands.desk.give(Order::Stop, || ());
+    hands.commands.give(Command::Stop, || ());
     hands.edge();
     assert!(!hands.edge());
 }
@@ -306,7 +306,7 @@ fn a_converter_that_gives_up_is_told_once() {
     let told: Vec<_> = (0..400)
         .filter_map(|_| {
             hands.edge();
-            hands.tally.take_failed()
+            hands.counters.take_failed()
         })
         .collect();
     assert_eq!(told, [1]);
@@ -320,18 +320,18 @@ fn converters_without_an_edge_are_started_again() {
     (0..10).for_each(|_| {
         hands.edge();
     });
-    while hands.shots.dequeue().is_some() {}
+    while hands.frames.dequeue().is_some() {}
     // A second without one: the line is broken. Then all of them come again.
     let second = u64::from(TICK_HZ);
     let now = hands.rig.borrow().cycle();
     hands.rig.borrow_mut().pass_until(now + second);
-    hands.sampler.attend(now + second);
+    hands.sampler.poll(now + second);
     let before = hands.faults();
     (0..10).for_each(|_| {
         hands.edge();
     });
     let numbers: Vec<u64> =
-        core::iter::from_fn(|| hands.shots.dequeue().map(|s| s.number)).collect();
+        core::iter::from_fn(|| hands.frames.dequeue().map(|s| s.number)).collect();
     // 512 samples in the second, and 9 before it; a restart moves the grid by up to one.
     assert!((520..=523).contains(&numbers[0]), "{numbers:?}");
     assert!(numbers.windows(2).all(|w| w[1] == w[0] + 1));
@@ -342,22 +342,22 @@ fn converters_without_an_edge_are_started_again() {
 fn a_rehearsal_tells_each_sample_by_its_counts() {
     let mut bench = Bench::new();
     let mut hands = bench.hands();
-    hands.desk.give(Order::Rehearse, || ());
+    hands.commands.give(Command::TestPattern, || ());
     hands.start(&plan(&wired(&[0]))).unwrap();
     let mut sample = 0;
     while u64::from(sample) < FIRST {
-        assert!(!hands.sampler.rehearsed(1));
+        assert!(!hands.sampler.test_pattern(1));
         sample += 1;
     }
     for step in [1, 1, 3, 1, 1, 2, 1, 1, 1] {
-        assert!(hands.sampler.rehearsed(step));
+        assert!(hands.sampler.test_pattern(step));
         sample += step;
-        let Shot {
+        let RawFrame {
             number,
             counts,
             health,
             ..
-        } = hands.shots.dequeue().unwrap();
+        } = hands.frames.dequeue().unwrap();
         assert_eq!(number, u64::from(sample - 1));
         if step == 1 {
             assert_eq!(health, [Health::GOOD; INPUTS]);

@@ -9,7 +9,7 @@ pub const fn count(sample: u32, input: usize) -> i32 {
     (mix(((sample as u64) << 6) + input as u64) >> 42) as i32 - (1 << 21)
 }
 
-/// Some inputs of a box in a rehearsal.
+/// Some inputs of a box in a test pattern.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     first: usize,

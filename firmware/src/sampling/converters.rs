@@ -1,4 +1,4 @@
-//! The converters of a box, and what can stand in for them.
+//! The converters of a box, and the test pattern that stands in for them.
 
 use super::{CHIPS, CONVERTERS, Failure, Plan};
 use crate::drivers::ads131m08::registers::CHANNELS;
@@ -21,7 +21,7 @@ pub struct Converters<A, D, P, T> {
     sync: P,
     delay: T,
     patterns: [Pattern; CHIPS],
-    is_rehearsal: bool,
+    is_test_pattern: bool,
     /// Bit k: converter k was left out.
     left_out: u32,
 }
@@ -45,22 +45,22 @@ where
             sync,
             delay,
             patterns: core::array::from_fn(pattern),
-            is_rehearsal: false,
+            is_test_pattern: false,
             left_out: 0,
         }
     }
 
-    /// From now on patterns stand in for the chips.
-    pub(super) const fn rehearse(&mut self) {
-        self.is_rehearsal = true;
+    /// Makes test patterns stand in for the chips from now on.
+    pub(super) const fn use_test_pattern(&mut self) {
+        self.is_test_pattern = true;
     }
 
-    /// Whether they do.
-    pub(super) const fn is_rehearsal(&self) -> bool {
-        self.is_rehearsal
+    /// `true` if test patterns stand in for the chips.
+    pub(super) const fn is_test_pattern(&self) -> bool {
+        self.is_test_pattern
     }
 
-    /// Patterns convert that many samples; how many they have converted since the start.
+    /// Makes the test patterns convert so many samples, and returns their number since the start.
     pub(super) fn convert(&mut self, samples: u32) -> u32 {
         self.patterns.iter_mut().for_each(|p| p.convert(samples));
         let [pattern, ..] = &self.patterns;
@@ -135,7 +135,7 @@ where
     ) -> R {
         let [a, b, c, d] = &mut self.ads;
         let [v, w, x, y, z] = &mut self.patterns;
-        let mut converters: [&mut dyn Converter; CHIPS] = if self.is_rehearsal {
+        let mut converters: [&mut dyn Converter; CHIPS] = if self.is_test_pattern {
             [v, w, x, y, z]
         } else {
             [a, b, c, d, &mut self.adxl]

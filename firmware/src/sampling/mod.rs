@@ -1,14 +1,14 @@
-//! The sampling task's work: orders in, samples out, by queues that nobody waits for.
+//! The sampling task's work: commands in, samples out, by queues without waiting.
 //!
 //! # Design
 //!
-//! Sampling interrupts all but the link's port and what takes microseconds (the roll call, the note
-//! of an edge), and takes no lock. What it is to do comes by a queue of [`Order`]s; it looks at them
-//! as soon as its interrupt is called, which is at once, so that whoever gives an order finds the
-//! outcome when the call returns.
+//! Sampling interrupts all tasks but the link's port and those that take microseconds (the task
+//! watchdog, the note of an edge), and takes no lock. Its [`Command`]s come by a queue. The task
+//! runs as soon as its interrupt is called, so that the sender of a command finds the outcome when
+//! the call returns.
 //!
-//! Samples leave by a queue of [`Shot`]s that holds what comes while a block is computed. One
-//! that finds no room is given up, and counted as an overrun: the next one's number tells how
+//! Samples leave as [`RawFrame`]s by a queue that holds those that come while a block is computed.
+//! A sample without room is dropped, and counted as an overrun: the next one's number tells how
 //! many are missing.
 //!
 //! | inputs | converter |
@@ -16,7 +16,7 @@
 //! | 0 to 31 | four ADS131M08, eight each |
 //! | 32 to 34 | ADXL355: x, y, z |
 //!
-//! The first samples of a start, while filters settle, are not handed over.
+//! The first samples after a start, while filters settle, are dropped.
 //!
 //! A converter that does not answer is left out if no input of it is in use, and an error
 //! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and is
@@ -24,11 +24,11 @@
 
 mod converters;
 mod plan;
-mod shot;
+mod raw_frame;
 
 pub use converters::Converters;
 pub use plan::{Plan, problem};
-pub use shot::Shot;
+pub use raw_frame::RawFrame;
 
 use crate::acquisition::{Acquisition, SETTLING};
 use crate::drivers::Fault;
@@ -49,22 +49,22 @@ pub const GAINS: usize = CONVERTERS * registers::CHANNELS;
 /// Inputs of a box.
 pub const INPUTS: usize = GAINS + crate::drivers::adxl355::CHANNELS;
 
-/// Samples that wait at most: a block takes 3.8 ms, in which 16 samples come at 4096 samples/s.
+/// Most samples in the queue: a block takes 3.8 ms, in which 16 samples come at 4096 samples/s.
 pub const WAITING: usize = 32;
 /// Looks for converters that have fallen silent, in a second.
 const WATCHES: u64 = 10;
 
-/// What the sampling task is told to do.
+/// Commands to the sampling task.
 #[derive(Clone, Debug)]
-pub enum Order {
-    /// Prepare the converters and begin; there is an outcome.
+pub enum Command {
+    /// Prepare the converters and start sampling; there is an outcome.
     Start(Plan),
-    /// Stop.
+    /// Stop sampling.
     Stop,
-    /// Count faults anew.
+    /// Set the fault counters to zero.
     Forget,
-    /// From the next start on, a pattern stands in for the converters.
-    Rehearse,
+    /// From the next start on, a test pattern stands in for the converters.
+    TestPattern,
 }
 
 /// A start that has failed: number of the converter, and what it did.
@@ -72,29 +72,38 @@ pub type Failure = (u8, Fault);
 
 /// The queues between the sampling task and the others.
 pub struct Queues {
-    orders: Queue<Order, 3>,
+    commands: Queue<Command, 3>,
     outcomes: Queue<Result<(), Failure>, 3>,
-    shots: Queue<Shot, WAITING>,
+    frames: Queue<RawFrame, WAITING>,
 }
 
 impl Queues {
-    /// Empty.
+    /// Empty queues.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            orders: Queue::new(),
+            commands: Queue::new(),
             outcomes: Queue::new(),
-            shots: Queue::new(),
+            frames: Queue::new(),
         }
     }
 
-    /// The ends: the sampling task's, and those of whoever gives orders and takes samples.
-    pub fn split(&mut self) -> (Ends<'_>, Desk<'_>, Consumer<'_, Shot>) {
-        let (orders, to_do) = self.orders.split();
+    /// The ends: those of the sampling task, of the sender of commands, and of the receiver of
+    /// samples.
+    pub fn split(&mut self) -> (Ends<'_>, Commands<'_>, Consumer<'_, RawFrame>) {
+        let (sent, commands) = self.commands.split();
         let (done, outcomes) = self.outcomes.split();
-        let (taken, shots) = self.shots.split();
-        let ends = Ends { to_do, done, taken };
-        (ends, Desk { orders, outcomes }, shots)
+        let (produced, frames) = self.frames.split();
+        let ends = Ends {
+            commands,
+            outcomes: done,
+            frames: produced,
+        };
+        let commands = Commands {
+            queue: sent,
+            outcomes,
+        };
+        (ends, commands, frames)
     }
 }
 
@@ -106,48 +115,47 @@ impl Default for Queues {
 
 /// The sampling task's ends of the queues.
 pub struct Ends<'q> {
-    to_do: Consumer<'q, Order>,
-    done: Producer<'q, Result<(), Failure>>,
-    taken: Producer<'q, Shot>,
+    commands: Consumer<'q, Command>,
+    outcomes: Producer<'q, Result<(), Failure>>,
+    frames: Producer<'q, RawFrame>,
 }
 
-/// Where orders are given.
-pub struct Desk<'q> {
-    orders: Producer<'q, Order>,
+/// The sender's ends of the queues of commands and outcomes.
+pub struct Commands<'q> {
+    queue: Producer<'q, Command>,
     outcomes: Consumer<'q, Result<(), Failure>>,
 }
 
-impl Desk<'_> {
-    /// Gives an order; `call` has the sampling task look at it at once. `false` if it has not
-    /// looked at the ones before.
-    pub fn give(&mut self, order: Order, call: impl FnOnce()) -> bool {
-        let given = self.orders.enqueue(order).is_ok();
+impl Commands<'_> {
+    /// Sends a command; `call` makes the sampling task run at once. `false` if the queue is full.
+    pub fn give(&mut self, command: Command, call: impl FnOnce()) -> bool {
+        let is_sent = self.queue.enqueue(command).is_ok();
         call();
-        given
+        is_sent
     }
 
-    /// Starts, and says how that went; `None` if the sampling task is not called.
+    /// Starts sampling and returns the outcome; `None` if the sampling task was not called.
     pub fn start(&mut self, plan: Plan, call: impl FnOnce()) -> Option<Result<(), Failure>> {
         while self.outcomes.dequeue().is_some() {}
-        self.give(Order::Start(plan), call);
+        self.give(Command::Start(plan), call);
         self.outcomes.dequeue()
     }
 }
 
-/// What the sampling task counts, for all to read.
+/// Counters of the sampling task, which other tasks read.
 #[derive(Debug, Default)]
-pub struct Tally {
+pub struct Counters {
     checksum: AtomicU32,
     missed: AtomicU32,
     reset: AtomicU32,
     out_of_step: AtomicU32,
     overrun: AtomicU32,
-    /// Bit k: converter k has failed since somebody asked.
+    /// Bit k: converter k has failed since the last [`Self::take_failed`].
     failed: AtomicU32,
 }
 
-impl Tally {
-    /// Nothing yet.
+impl Counters {
+    /// Counters at zero.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -170,7 +178,7 @@ impl Tally {
         faults.overrun = count(&self.overrun);
     }
 
-    /// A converter that has failed since it was asked for last, if any.
+    /// A converter that has failed since the last call, if any.
     pub fn take_failed(&self) -> Option<u8> {
         let failed = self.failed.load(Ordering::Relaxed);
         let lowest = failed & failed.wrapping_neg();
@@ -193,13 +201,13 @@ pub struct Sampler<'q, A, D, P, T> {
     converters: Converters<A, D, P, T>,
     acquisition: Acquisition<CHIPS, INPUTS>,
     ends: Ends<'q>,
-    tally: &'q Tally,
+    counters: &'q Counters,
     running: bool,
-    /// Samples that found no room.
+    /// Samples that were dropped for want of room.
     dropped: u32,
-    /// Ticks between two looks, and at the last one.
+    /// Ticks between two checks for silent converters, and at the last one.
     watch: [u64; 2],
-    /// Ticks from sample to sample, nominally.
+    /// Nominal ticks from sample to sample.
     period: u64,
 }
 
@@ -210,18 +218,18 @@ where
     P: OutputPin,
     T: DelayNs,
 {
-    /// One that waits for orders; `tick_hz` is the rate of all ticks.
+    /// A sampling task that waits for commands; `tick_hz` is the rate of all ticks.
     pub fn new(
         converters: Converters<A, D, P, T>,
         ends: Ends<'q>,
-        tally: &'q Tally,
+        counters: &'q Counters,
         tick_hz: u32,
     ) -> Self {
         Self {
             converters,
             acquisition: Acquisition::new(tick_hz as f32 / CLOCK_HZ as f32),
             ends,
-            tally,
+            counters,
             running: false,
             dropped: 0,
             watch: [u64::from(tick_hz) / WATCHES, 0],
@@ -229,33 +237,33 @@ where
         }
     }
 
-    /// Does as it was told, and looks now and then whether the converters are silent. To be
-    /// called at every interrupt, and some hundred times a second.
-    pub fn attend(&mut self, ticks: u64) {
-        while let Some(order) = self.ends.to_do.dequeue() {
-            match order {
-                Order::Start(plan) => {
+    /// Executes commands, and checks at times for converters that are silent. Has to be called at
+    /// every interrupt, and a hundred times a second.
+    pub fn poll(&mut self, ticks: u64) {
+        while let Some(command) = self.ends.commands.dequeue() {
+            match command {
+                Command::Start(plan) => {
                     let outcome = self.start(&plan);
                     self.running = outcome.is_ok();
                     self.watch[1] = ticks;
-                    // Who asks takes the last outcome first.
-                    let _ = self.ends.done.enqueue(outcome);
+                    // There is room: the sender empties the queue before each start.
+                    let _ = self.ends.outcomes.enqueue(outcome);
                 }
-                Order::Stop => self.running = false,
-                Order::Forget => {
+                Command::Stop => self.running = false,
+                Command::Forget => {
                     self.acquisition.forget_faults();
                     self.dropped = 0;
-                    self.tally.write(self.acquisition.faults(), 0);
+                    self.counters.write(self.acquisition.faults(), 0);
                 }
-                Order::Rehearse => {
+                Command::TestPattern => {
                     self.running = false;
-                    self.converters.rehearse();
+                    self.converters.use_test_pattern();
                 }
             }
         }
         let [every, last] = self.watch;
         let is_due = ticks.saturating_sub(last) >= every;
-        if self.running && is_due && !self.converters.is_rehearsal() {
+        if self.running && is_due && !self.converters.is_test_pattern() {
             self.watch[1] = ticks;
             let acquisition = &mut self.acquisition;
             self.converters
@@ -264,8 +272,8 @@ where
         }
     }
 
-    /// Takes an edge of the DRDY lines: bits of `ready` are the ADS131M08 whose lines are low.
-    /// Whether there is a new sample to be taken.
+    /// Handles an edge of the DRDY lines: bits of `ready` are the ADS131M08 whose lines are low.
+    /// `true` if there is a new sample in the queue.
     pub fn edge(&mut self, ready: u32, ticks: u64) -> bool {
         if !self.running {
             return false;
@@ -274,14 +282,14 @@ where
             return false;
         };
         let acquisition = &mut self.acquisition;
-        let taken = self
+        let sample = self
             .converters
             .with(|all, synchronise| acquisition.edge(all, synchronise, ready, ticks));
-        // The first ones after a start are of filters that settle: they are nobody's.
-        let taken = taken.filter(|sample| sample.number > SETTLING.into());
-        let is_new = taken.is_some();
-        if let Some(shot) = taken.and_then(|sample| Shot::new(&sample, ticks))
-            && self.ends.taken.enqueue(shot).is_err()
+        // The first ones after a start are of filters that settle.
+        let sample = sample.filter(|sample| sample.number > SETTLING.into());
+        let is_new = sample.is_some();
+        if let Some(frame) = sample.and_then(|sample| RawFrame::new(&sample, ticks))
+            && self.ends.frames.enqueue(frame).is_err()
         {
             self.dropped = self.dropped.saturating_add(1);
         }
@@ -289,11 +297,11 @@ where
         is_new
     }
 
-    /// That many periods of a rehearsal have gone by; whether there is a new sample.
+    /// Handles so many periods of the test pattern's clock. `true` if there is a new sample in the
+    /// queue.
     ///
-    /// Time is that of the beats, not the clock's: the emulator's timer beats late, which no
-    /// converter does.
-    pub fn rehearsed(&mut self, samples: u32) -> bool {
+    /// Time is counted in periods: the emulator's timer is late at times, which no converter is.
+    pub fn test_pattern(&mut self, samples: u32) -> bool {
         let converted = self.converters.convert(samples);
         let ticks = u64::from(converted) * self.period;
         samples > 0 && self.edge(u32::MAX, ticks)
@@ -315,12 +323,12 @@ where
     }
 
     fn report(&mut self) {
-        self.tally.write(self.acquisition.faults(), self.dropped);
+        self.counters.write(self.acquisition.faults(), self.dropped);
         if let Some(fault) = self.acquisition.take_fault()
             && let Some(part) = fault.part
         {
             let bit = 1_u32.wrapping_shl(part.into());
-            self.tally.failed.fetch_or(bit, Ordering::Relaxed);
+            self.counters.failed.fetch_or(bit, Ordering::Relaxed);
         }
     }
 }

@@ -16,11 +16,11 @@ pub struct Variable {
 
 /// The crate whose name says nothing in a table of its variables.
 const OWN: &str = "massline_firmware";
-/// What RTIC puts before the names of what it owns, in its module `app`.
+/// Prefixes of the variables that RTIC defines in its module.
 const RTIC: [&str; 3] = [
-    "app::__rtic_internal_local_init_",
-    "app::__rtic_internal_local_resource_",
-    "app::__rtic_internal_shared_resource_",
+    "board::tasks::app::__rtic_internal_local_init_",
+    "board::tasks::app::__rtic_internal_local_resource_",
+    "board::tasks::app::__rtic_internal_shared_resource_",
 ];
 
 /// The variables of a 32-bit little-endian ELF in these memories, largest first; `None` when it is
@@ -150,28 +150,28 @@ mod tests {
     fn reads_both_kinds_of_symbols() {
         for (symbol, expected) in [
             (
-                "_ZN17massline_firmware6memory4RUNS17h81a6f64c414e7edbE",
-                "memory::RUNS",
+                "_ZN17massline_firmware5board6memory4RUNS17h81a6f64c414e7edbE",
+                "board::memory::RUNS",
             ),
             (
-                "_RNvNtCshafcQwUwCFo_17massline_firmware6memory4RUNS",
-                "memory::RUNS",
+                "_RNvNtNtCshafcQwUwCFo_17massline_firmware5board6memory4RUNS",
+                "board::memory::RUNS",
             ),
             (
-                "_ZN17massline_firmware3app34__rtic_internal_local_init_working17h4c45b15882a980c3E",
+                "_ZN17massline_firmware5board5tasks3app34__rtic_internal_local_init_working17h4c45b15882a980c3E",
                 "working",
             ),
             (
-                "_RNvNtCshafcQwUwCFo_17massline_firmware3app34___rtic_internal_local_init_working",
+                "_RNvNtNtNtCshafcQwUwCFo_17massline_firmware5board5tasks3app34___rtic_internal_local_init_working",
                 "working",
             ),
             (
-                "_ZN17massline_firmware3app4init28_$u7b$$u7b$closure$u7d$$u7d$3VAR17hd27cbfb8026489e2E",
-                "app::init::VAR",
+                "_ZN17massline_firmware5board5tasks3app4init28_$u7b$$u7b$closure$u7d$$u7d$3VAR17hd27cbfb8026489e2E",
+                "board::tasks::app::init::VAR",
             ),
             (
-                "_RNvNCNvNtCshafcQwUwCFo_17massline_firmware3app4inits_03VAR",
-                "app::init::VAR",
+                "_RNvNCNvNtNtNtCshafcQwUwCFo_17massline_firmware5board5tasks3app4inits_03VAR",
+                "board::tasks::app::init::VAR",
             ),
             (
                 "_ZN9defmt_rtt6BUFFER17h900b04e2c8b63873E",

@@ -1,7 +1,7 @@
 //! What the firmware takes of the chip, and what a block and an identification cost there.
 //!
 //! With `-icount shift=0` every instruction takes a nanosecond of emulated time, and a tick is
-//! one instruction, see `firmware/src/ticks.rs`.
+//! one instruction, see `firmware/src/board/ticks.rs`.
 
 use std::fmt::Write as _;
 use std::fs;

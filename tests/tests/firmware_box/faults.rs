@@ -81,8 +81,5 @@ fn the_watchdog_bites_a_task_that_hangs_and_names_it() {
     let (reset, _, words, faults) = failures(&mut talk);
     assert_eq!(reset, ResetReason::Watchdog);
     assert_eq!(faults.watchdog, 1);
-    assert_eq!(
-        words.as_deref(),
-        Some("task block did not answer the roll call")
-    );
+    assert_eq!(words.as_deref(), Some("task block did not check in"));
 }

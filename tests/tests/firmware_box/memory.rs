@@ -17,7 +17,7 @@ const MEMORIES: [(&str, &str); 2] = [("CCM", "core-coupled memory"), ("RAM", "SR
 /// What the large variables are for. One that has no words here is shown by its name alone.
 const WORDS: [(&str, &str); 11] = [
     (
-        "memory::RUNS",
+        "board::memory::RUNS",
         "six stored runs, 100 lines of twelve responses and the drive each; a block's transform \
          and lines",
     ),
@@ -35,12 +35,15 @@ const WORDS: [(&str, &str); 11] = [
         "the sampling task: converters, grid of samples, faults",
     ),
     (
-        "rooms",
+        "app",
         "instrument, run that is going on, frame that is sent",
     ),
     ("defmt_rtt::BUFFER", "log"),
     ("faults::RETAINED", "last words, which outlive a reset"),
-    ("app::init::VAR", "those that were found at the start"),
+    (
+        "board::tasks::app::init::VAR",
+        "those that were found at the start",
+    ),
 ];
 
 fn table() -> String {

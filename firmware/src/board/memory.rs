@@ -1,7 +1,7 @@
-//! Where the large things lie.
+//! Storage of runs, which fills the core-coupled memory.
 //!
-//! The stored runs fill the core-coupled memory, which is of no use to anything that needs DMA;
-//! nothing here does. Everything else is in the SRAM, where the linker puts it.
+//! DMA does not reach this memory, and nothing here needs it. All other variables are in the SRAM,
+//! where the linker puts them.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -26,10 +26,7 @@ static RUNS: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
 /// Where emulators have those 64 KiB that know the chip's 192 KiB as one piece (QEMU before 8.0).
 const BEHIND_THE_SRAM: *mut u32 = 0x2002_0000 as *mut u32;
 
-/// The storage for runs, all zero. Once: later calls get nothing, and a chip without that memory
-/// does neither.
-///
-/// Whether the core-coupled memory is there is found out, as is the crystal.
+/// The storage of runs, all zero. `None` on every later call, and on a chip without that memory.
 pub fn runs() -> Option<&'static mut RunStorage> {
     let lent = cortex_m::singleton!(: () = ());
     lent?;

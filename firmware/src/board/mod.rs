@@ -1,4 +1,17 @@
-//! The board: which pin does what, and the types that follow from it.
+//! The board: pins, clocks, buses, memory and interrupts of one chip. No other folder of the
+//! firmware names a pin, a peripheral or the HAL.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `mod` | pins and peripherals, and the types that follow from them |
+//! | `tasks` | tasks, their interrupts and priorities |
+//! | `clocks` | crystal, PLL, and the substitutes for them |
+//! | `bus` | SPI of the converters, two bytes at a time |
+//! | `port` | serial port of the link |
+//! | `edges` | DRDY lines, and the timer that stands in for them in a test pattern |
+//! | `ticks` | clock of all tick counts |
+//! | `flash` | sectors of the flash in which settings are saved |
+//! | `memory` | core-coupled memory, in which runs are stored |
 //!
 //! | pins | peripheral | use |
 //! | --- | --- | --- |
@@ -12,14 +25,23 @@
 //! | PA5 (out) | | its chip select |
 //! | none | FLASH | settings, in the last two sectors |
 //! | none | TIM2 | clock of all tick counts |
-//! | none | TIM5 | stands in for DRDY lines in a rehearsal |
-//! | none | SysTick | roll call, a hundred times a second |
+//! | none | TIM5 | stands in for DRDY lines in a test pattern |
+//! | none | SysTick | task watchdog, a hundred times a second |
 //! | none | IWDG | watchdog |
-//! | none | CAN1's first interrupt, CAN2's | how tasks without hardware of their own are called |
+//! | none | CAN1's first interrupt, CAN2's | interrupts of tasks without hardware of their own |
 //!
 //! Everything that is reset sits on APB1 on purpose. The HAL resets a peripheral when it takes it over, and
 //! newer emulators crash on a reset through APB2; so does not use USART1, USART6, SPI1, the ADC,
 //! SDIO or TIM8 here. SYSCFG, which leads pins to EXTI, is there, too, but is only switched on.
+
+pub mod bus;
+pub mod clocks;
+pub mod edges;
+pub mod flash;
+pub mod memory;
+pub mod port;
+mod tasks;
+pub mod ticks;
 
 use cortex_m::peripheral::NVIC;
 use cortex_m::peripheral::syst::SystClkSource;
@@ -27,12 +49,12 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice};
 use embedded_hal_bus::util::AtomicCell;
 use massline_firmware::drivers::{ads131m08, adxl355};
-use massline_firmware::link_rate::LinkRate;
+use massline_firmware::link::rate::LinkRate;
 use massline_firmware::retained::ResetFlags;
 use massline_firmware::sampling::{self, Converters};
 use massline_firmware::settings::LINK_BAUD;
 use stm32f4xx_hal::gpio::{AnyPin, Edge, Output, PinState, Speed};
-use stm32f4xx_hal::pac::{FLASH, Interrupt, Peripherals, RCC, SPI3, SYST, USART2};
+use stm32f4xx_hal::pac::{Interrupt, Peripherals, RCC, SPI3, SYST, USART2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::HSI;
 use stm32f4xx_hal::serial::{Config, Rx, Tx};
@@ -40,18 +62,18 @@ use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-use crate::bus::Bus;
-use crate::clocks::{self, Clock};
-use crate::edges::{Edges, Metronome};
 use crate::faults;
-use crate::link::Rate;
-use crate::ticks;
+use bus::Bus;
+use clocks::Clock;
+use edges::{Edges, TestClock};
+use flash::Flash;
+use port::BitRate;
 
 // 16 clocks a bit even on the slowest clock, so that no choice of clock makes the rate that a box
 // is delivered with impossible.
 const _: () = assert!(HSI / 16 >= LINK_BAUD);
 
-/// Rounds of the roll call in a second.
+/// Rounds of the task watchdog in a second.
 pub const ROUNDS: u32 = 100;
 
 /// Clock of the converters' bus, Hz: half of what the bus has at 168 MHz.
@@ -63,7 +85,7 @@ const ACCELEROMETER_HZ: u32 = 7_000_000;
 const _: () = assert!(CONVERTERS_HZ <= ads131m08::SPI_HZ_MAX);
 const _: () = assert!(ACCELEROMETER_HZ / 3 * 4 <= adxl355::SPI_HZ_MAX);
 
-/// The bus of the ADS131M08, which takes turns.
+/// The bus that all ADS131M08 share.
 type SharedBus = AtomicCell<Bus>;
 /// An ADS131M08 on it.
 type Ads = AtomicDevice<'static, Bus, AnyPin<Output>, Delay>;
@@ -79,23 +101,21 @@ pub struct Board {
     pub clock: Clock,
     /// Rate of [`ticks`].
     pub ticks: Hertz,
-    /// Bytes from the host.
-    pub link_rx: Rx<USART2>,
-    /// Bytes to the host.
-    pub link_tx: Tx<USART2>,
-    /// Its bit rate.
-    pub link_rate: Rate,
+    /// Serial port of the link, to and from the host.
+    pub link: (Tx<USART2>, Rx<USART2>),
+    /// Bit rate of the link.
+    pub link_rate: BitRate,
     /// Not started yet.
     pub watchdog: IndependentWatchdog,
-    /// What samples.
+    /// Converters of the inputs.
     pub converters: Converters<Ads, Adxl, AnyPin<Output>, Delay>,
-    /// When they have.
+    /// Their DRDY lines.
     pub edges: Edges,
-    /// When they would have.
-    pub metronome: Metronome,
+    /// Timer that stands in for these lines in a test pattern.
+    pub test_clock: TestClock,
 }
 
-/// Why a board cannot be used.
+/// Reasons why a board cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum Fault {
     /// The clock that runs cannot be divided down to the link's bit rate.
@@ -105,13 +125,16 @@ pub enum Fault {
 }
 
 impl Board {
-    /// Starts the clocks and sets up every peripheral the box uses. `settings` is given the
-    /// flash, and says the bit rate of the link.
+    /// Starts the clocks and sets up every peripheral the box uses. `open` gets the flash, if it
+    /// can be written, and returns the settings with the bit rate of the link.
     ///
     /// # Errors
     ///
     /// [`Fault`].
-    pub fn start(device: Peripherals, settings: impl FnOnce(FLASH) -> u32) -> Result<Self, Fault> {
+    pub fn start<S>(
+        device: Peripherals,
+        open: impl FnOnce(Option<Flash>) -> (S, u32),
+    ) -> Result<(Self, S), Fault> {
         // The log reader looks into memory while the core sleeps, which needs the bus clocked.
         device.DBGMCU.cr().modify(|_, w| w.dbg_sleep().set_bit());
         let watchdog = IndependentWatchdog::new(device.IWDG);
@@ -125,8 +148,8 @@ impl Board {
         );
         // A rate that only the crystal makes possible must not lock the host out without it.
         let fastest = rcc.clocks.pclk1().raw() / 16;
-        let baud = Some(settings(device.FLASH)).filter(|baud| *baud <= fastest);
-        let baud = baud.unwrap_or(LINK_BAUD);
+        let (settings, baud) = open(Flash::new(device.FLASH));
+        let baud = if baud <= fastest { baud } else { LINK_BAUD };
         let link = device
             .USART2
             .serial(
@@ -135,7 +158,6 @@ impl Board {
                 &mut rcc,
             )
             .map_err(|_| Fault::LinkBaud)?;
-        let (link_tx, link_rx) = link.split();
 
         let delay = Delay {
             megahertz: clock.core.to_MHz(),
@@ -193,28 +215,28 @@ impl Board {
 
         let ticks = ticks::start(device.TIM2, &mut rcc);
         let choice = LinkRate::new(baud, LINK_BAUD, ticks.raw());
-        Ok(Board {
+        let board = Board {
             clock,
             ticks,
-            link_rate: Rate::new(choice, rcc.clocks.pclk1()),
-            link_rx,
-            link_tx,
+            link_rate: BitRate::new(choice, rcc.clocks.pclk1()),
+            link: link.split(),
             watchdog,
             converters: Converters::new(ads, adxl, sync, delay),
             edges: Edges::new(exti, lines, delay.megahertz),
-            metronome: Metronome::new(device.TIM5, &mut rcc),
-        })
+            test_clock: TestClock::new(device.TIM5, &mut rcc),
+        };
+        Ok((board, settings))
     }
 }
 
-/// What cannot fail: a pin of the chip's own.
+/// The value of a result that cannot fail, as that of a pin of the chip's own.
 fn ignore<T>(result: Result<T, core::convert::Infallible>) -> T {
     match result {
         Ok(value) => value,
     }
 }
 
-/// Waits by counting cycles; interrupts make it longer.
+/// Delays that count cycles; interrupts make them longer.
 #[derive(Clone, Copy)]
 pub struct Delay {
     megahertz: u32,
@@ -227,7 +249,7 @@ impl DelayNs for Delay {
     }
 }
 
-/// Starts the clock of the roll call.
+/// Starts the clock of the task watchdog.
 pub fn start_rounds(mut timer: SYST, core: Hertz) {
     timer.set_clock_source(SystClkSource::Core);
     timer.set_reload(core.raw() / ROUNDS - 1);
@@ -261,7 +283,7 @@ pub fn serial_number() -> [u8; 12] {
     serial
 }
 
-/// Has the sampling task look at its orders, and at once where the caller's priority is lower.
+/// Calls the sampling task, which runs at once if the caller's priority is lower.
 pub fn call_sampling() {
     NVIC::pend(Interrupt::CAN1_TX);
     // Otherwise it would begin some instructions later.
@@ -269,42 +291,32 @@ pub fn call_sampling() {
     cortex_m::asm::isb();
 }
 
-/// Has the port look for bytes to send.
+/// Calls the port, which looks for bytes to send.
 pub fn pend_link() {
     NVIC::pend(Interrupt::USART2);
 }
 
-/// Has requests attended to.
-pub fn pend_desk() {
+/// Calls the task that serves requests.
+pub fn pend_requests() {
     NVIC::pend(Interrupt::CAN2_TX);
 }
 
-/// Has samples and blocks dealt with.
+/// Calls the task of samples and blocks.
 pub fn pend_block() {
     NVIC::pend(Interrupt::CAN2_RX0);
 }
 
-/// Has the box look after itself.
+/// Calls the task of telemetry.
 pub fn pend_telemetry() {
     NVIC::pend(Interrupt::CAN2_RX1);
 }
 
-/// Has what takes seconds begin.
+/// Calls the task of jobs that take seconds.
 pub fn pend_identify() {
     NVIC::pend(Interrupt::CAN2_SCE);
 }
 
-/// Waits until the port has sent the byte it is at, or for a thousand bytes' time.
-pub fn let_link_finish() {
-    for _ in 0..200_000 {
-        // SAFETY: one read of a status register, which has no effect as no data are read after.
-        if unsafe { (*USART2::ptr()).sr().read().tc().bit_is_set() } {
-            return;
-        }
-    }
-}
-
-/// Logs why the board cannot be used and stops; without a link there is nobody else to tell.
+/// Logs why the board cannot be used, and stops: there is no link to report it on.
 pub fn halt(fault: Fault) -> ! {
     defmt::error!("the board does not start: {}", fault);
     loop {

@@ -1,36 +1,36 @@
-//! The box's settings, and where they are kept.
+//! The box's settings in use, and their copy in flash.
 
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::settings::{Settings, Store, store};
 use massline_firmware::wire::{Problem, Setting, SettingKey, Storage};
-use stm32f4xx_hal::pac::FLASH;
 
-use crate::flash::{self, Flash};
+use crate::board::flash::{self, Flash};
 
-/// Bytes that settings take at most on their way from and to the flash.
+/// Most bytes of encoded settings.
 const ROOM: usize = store::room(INPUTS);
 
-/// The settings.
-pub struct Keeping {
+/// The settings in use, and the store that keeps them over a restart.
+pub struct SettingsStore {
     settings: &'static mut Settings<INPUTS>,
     store: Option<Store<Flash>>,
     is_unsaved: bool,
     failures: u32,
 }
 
-impl Keeping {
-    /// Reads what the flash holds into `settings`; where that fails, the box is as it was
-    /// delivered, and the failure is counted.
-    pub fn open(flash: FLASH, settings: &'static mut Settings<INPUTS>) -> Self {
-        let store = Flash::new(flash).and_then(|flash| Store::new(flash, flash::SETTINGS).ok());
-        let mut keeping = Self {
+impl SettingsStore {
+    /// Reads the flash into `settings`. Where that fails, the settings are those of delivery, and
+    /// the failure is counted; without a `flash` that can be written they last until the box is
+    /// switched off.
+    pub fn open(flash: Option<Flash>, settings: &'static mut Settings<INPUTS>) -> Self {
+        let store = flash.and_then(|flash| Store::new(flash, flash::SETTINGS).ok());
+        let mut opened = Self {
             settings,
             store,
             is_unsaved: false,
             failures: 0,
         };
-        keeping.load();
-        keeping
+        opened.load();
+        opened
     }
 
     #[inline(never)] // The buffer leaves the stack before anything else is done.
@@ -41,11 +41,11 @@ impl Keeping {
         let mut buffer = [0; ROOM];
         if let Err(error) = store.load(self.settings, &mut buffer) {
             defmt::error!("settings: {}", defmt::Display2Format(&error));
-            self.failures += 1;
+            self.failures = self.failures.saturating_add(1);
         }
     }
 
-    /// Where they are kept.
+    /// The place where settings are saved.
     pub const fn storage(&self) -> Storage {
         match self.store {
             Some(_) => Storage::Flash,
@@ -58,7 +58,7 @@ impl Keeping {
         self.settings
     }
 
-    /// Changes one.
+    /// Changes one setting in use.
     ///
     /// # Errors
     ///
@@ -69,7 +69,8 @@ impl Keeping {
         Ok(())
     }
 
-    /// Keeps them; says where. It takes a second now and then, in which the chip stands still.
+    /// Saves the settings and returns the place. It takes a second now and then, in which the chip
+    /// stands still.
     ///
     /// # Errors
     ///
@@ -88,23 +89,23 @@ impl Keeping {
         Ok(self.storage())
     }
 
-    /// Back to those the box was delivered with.
+    /// Sets the settings in use to those of delivery.
     pub fn reset(&mut self) {
         *self.settings = Settings::DELIVERED;
         self.is_unsaved = true;
     }
 
-    /// Whether some are not kept.
+    /// `true` if settings were changed and not saved.
     pub const fn unsaved(&self) -> bool {
         self.is_unsaved
     }
 
-    /// Reads and writes that failed.
+    /// Number of reads and writes that failed.
     pub const fn failures(&self) -> u32 {
         self.failures
     }
 
-    /// Counts them anew.
+    /// Sets that number to zero.
     pub const fn forget_failures(&mut self) {
         self.failures = 0;
     }

@@ -1,4 +1,4 @@
-//! Which clock runs the chip, found out with bounded waits.
+//! The clock that runs the chip, chosen by bounded waits.
 //!
 //! # Design
 //!
@@ -46,7 +46,7 @@ const CRYSTAL_POLLS: u32 = 400_000;
 /// Polls until the PLL counts as dead: 4 ms or more by the same reckoning; it locks in 0.3 ms.
 const PLL_POLLS: u32 = 16_000;
 
-/// What drives the core clock.
+/// Sources of the core clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum Source {
     /// The crystal, multiplied by the PLL.
@@ -70,13 +70,13 @@ impl fmt::Display for Source {
 /// The clock that runs, for the greeting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
-    /// Where it comes from.
+    /// Its source.
     pub source: Source,
     /// Frequency of the core, as far as the source keeps its nominal one.
     pub core: Hertz,
 }
 
-/// Starts the best clock that answers and says which one it is.
+/// Starts the best clock that works, and returns it.
 pub fn start(rcc: RCC) -> (Rcc, Clock) {
     let source = match (pll_locks(&rcc), crystal_starts(&rcc)) {
         (true, true) => Source::CrystalPll,

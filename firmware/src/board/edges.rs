@@ -1,4 +1,5 @@
-//! What calls the sampling task: the converters' DRDY lines, or a timer in a rehearsal.
+//! The interrupts that call the sampling task: the converters' DRDY lines, or a timer in a test
+//! pattern.
 //!
 //! An edge is noted by an interrupt of the highest priority, which takes a microsecond: samples
 //! are numbered by the time of their edge, and that must not depend on what else the box is at.
@@ -10,7 +11,8 @@ use stm32f4xx_hal::gpio::{AnyPin, Input};
 use stm32f4xx_hal::pac::{EXTI, TIM5};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
-use crate::{board, ticks};
+use super::ticks;
+use crate::board;
 
 /// EXTI lines of the DRDY pins, by bits.
 pub const EXTI_LINES: u32 = 0b11_1100_0000;
@@ -24,7 +26,7 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// Of pins that are set up as interrupts.
+    /// DRDY lines on pins that are set up as interrupts.
     pub const fn new(exti: EXTI, lines: [AnyPin<Input>; CONVERTERS], microsecond: u32) -> Self {
         Self {
             exti,
@@ -33,8 +35,8 @@ impl Edges {
         }
     }
 
-    /// Notes that a line has fallen, when, and which are low a microsecond later: the
-    /// interrupt of the lines.
+    /// Handles the interrupt of the lines: notes the time of the edge, and the lines that are low
+    /// a microsecond later.
     pub fn note(&mut self) {
         let at = ticks::low();
         let fallen = self.exti.pr().read().bits() & EXTI_LINES;
@@ -60,8 +62,8 @@ static READY: AtomicU32 = AtomicU32::new(0);
 /// [`ticks::low`] at that edge.
 static AT: AtomicU32 = AtomicU32::new(0);
 
-/// The last edge, if there is one since the last call: which lines were low a microsecond later,
-/// by bits, and when it came, ticks.
+/// The last edge since the last call: the lines that were low a microsecond later, by bits, and the
+/// time of the edge, ticks.
 pub fn take() -> Option<(u32, u64)> {
     let (ready, at) = cortex_m::interrupt::free(|_| {
         (READY.swap(0, Ordering::Relaxed), AT.load(Ordering::Relaxed))
@@ -71,26 +73,26 @@ pub fn take() -> Option<(u32, u64)> {
     (ready != 0).then_some((ready & !NOTED, now - u64::from(since)))
 }
 
-/// Beats that the sampling task has not seen yet.
-static BEATS: AtomicU32 = AtomicU32::new(0);
+/// Periods of the test clock that the sampling task has not seen yet.
+static PERIODS: AtomicU32 = AtomicU32::new(0);
 
-/// TIM5, which stands in for the DRDY lines in a rehearsal.
-pub struct Metronome(TIM5);
+/// TIM5, which stands in for the DRDY lines in a test pattern.
+pub struct TestClock(TIM5);
 
-impl Metronome {
-    /// At rest.
+impl TestClock {
+    /// A stopped timer.
     pub fn new(tim: TIM5, rcc: &mut Rcc) -> Self {
         TIM5::enable(rcc);
         TIM5::reset(rcc);
         Self(tim)
     }
 
-    /// Beats every so many ticks of [`crate::ticks`], of which the timer has the same.
+    /// Interrupts every `period` ticks; its clock is that of [`super::ticks`].
     ///
     /// It counts down, so that a new period holds from where the counter is: setting the counter
     /// puts the emulator's alarm off.
     pub fn start(&mut self, period: u32) {
-        BEATS.store(0, Ordering::Relaxed);
+        PERIODS.store(0, Ordering::Relaxed);
         self.0.cr1().write(|w| w.dir().set_bit());
         self.0
             .arr()
@@ -100,23 +102,23 @@ impl Metronome {
         self.0.cr1().modify(|_, w| w.cen().set_bit());
     }
 
-    /// Stops.
+    /// Stops the timer.
     pub fn stop(&mut self) {
         self.0.cr1().write(|w| w.cen().clear_bit());
         self.0.dier().write(|w| w.uie().clear_bit());
     }
 }
 
-/// A beat of the metronome: its interrupt.
-pub fn beat() {
+/// Handles the interrupt of the test clock.
+pub fn test_clock_period() {
     // SAFETY: one write to the status register, which belongs to this interrupt while it is
     // enabled.
     unsafe { (*TIM5::ptr()).sr().write(|w| w.uif().clear_bit()) };
-    BEATS.fetch_add(1, Ordering::Relaxed);
+    PERIODS.fetch_add(1, Ordering::Relaxed);
     board::call_sampling();
 }
 
-/// Beats since the last call.
-pub fn take_beats() -> u32 {
-    BEATS.swap(0, Ordering::Relaxed)
+/// Periods of the test clock since the last call.
+pub fn take_periods() -> u32 {
+    PERIODS.swap(0, Ordering::Relaxed)
 }

@@ -1,17 +1,17 @@
-//! The link's bit rate, and the way back from one at which no host can be heard.
+//! The link's bit rate, and the way back from a rate at which no host is understood.
 //!
 //! A box listens at the rate of its settings. A rate that the adapter, the cable or the host does
-//! not make would lock every host out, so that nobody could set another one. What such a host
-//! sends arrives as bytes that make no frame. So the box changes to the rate that it was delivered
-//! with at the first byte that comes [`PATIENCE_S`] or more after the first one that made no
-//! frame, and from there back again by the same rule. One valid frame settles the rate until the
-//! next start. A box that hears nothing changes nothing, so that its rate is the one of its
-//! settings whenever a host is plugged in.
+//! not support would lock every host out, and no host could set another one. The bytes of such a
+//! host make no frame. So the box changes to the rate that it was delivered with at the first byte
+//! that comes [`PATIENCE_S`] or more after the first one that made no frame, and from there back
+//! again by the same rule. One valid frame settles the rate until the next start. A box that
+//! receives no bytes changes nothing, so that its rate is that of its settings when a host is
+//! plugged in.
 
 /// Seconds from the first byte that makes no frame to the change of the rate.
 pub const PATIENCE_S: u32 = 60;
 
-/// Which of two rates the box listens at.
+/// The choice between two bit rates.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkRate {
     /// Rates in baud: the one in use, and the other one.

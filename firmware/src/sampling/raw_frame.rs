@@ -1,15 +1,15 @@
-//! A sample on its way from the sampling task.
+//! Samples in the queue from the sampling task.
 
 use super::INPUTS;
 use crate::acquisition::Sample;
 use crate::wire::Health;
 
-/// A sample of all inputs.
+/// Raw counts of all inputs at one instant.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
-    /// Its number since the start.
+pub struct RawFrame {
+    /// Number of the sample since the start.
     pub number: u64,
-    /// When its edge came, ticks.
+    /// Time of the edge of the DRDY lines, ticks.
     pub ticks: u64,
     /// Counts of all inputs.
     pub counts: [i32; INPUTS],
@@ -17,9 +17,8 @@ pub struct Shot {
     pub health: [Health; INPUTS],
 }
 
-impl Shot {
-    /// A sample whose edge came at that time, ticks. All inputs are there; a sample of fewer
-    /// would be of another box.
+impl RawFrame {
+    /// The frame of a sample whose edge came at that time, ticks; `None` unless it has all inputs.
     #[must_use]
     pub fn new(sample: &Sample<'_>, ticks: u64) -> Option<Self> {
         Some(Self {

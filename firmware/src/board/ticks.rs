@@ -11,7 +11,7 @@ use stm32f4xx_hal::pac::TIM2;
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 use stm32f4xx_hal::time::Hertz;
 
-/// The latest reading and how often the counter had come round before it.
+/// The latest result of [`now`].
 static LATEST: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
 
 /// Starts the clock; its rate.
@@ -32,8 +32,8 @@ pub fn low() -> u32 {
     unsafe { (*TIM2::ptr()).cnt().read().cnt().bits() }
 }
 
-/// Ticks since the start. To be called at least once in each round of the counter, which the
-/// roll call does.
+/// Ticks since the start. Has to be called at least once in each round of the counter; the task
+/// watchdog does.
 pub fn now() -> u64 {
     cortex_m::interrupt::free(|cs| {
         let latest = LATEST.borrow(cs);
