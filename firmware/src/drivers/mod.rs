@@ -6,7 +6,8 @@
 //! | [`adxl355`] | accelerometer, three axes of 20 bits | SPI mode 0, no checksum |
 //!
 //! A third kind is one more folder: a type that implements [`Converter`], and a model of it in
-//! [`crate::models`]. Drivers know embedded-hal's traits, no chip of ours and no board.
+//! [`crate::models`]. A box with it has it in its list, `sampling/bank.rs`. Drivers know
+//! embedded-hal's traits, no microcontroller and no board.
 
 pub mod ads131m08;
 pub mod adxl355;
@@ -15,6 +16,14 @@ pub mod adxl355;
 pub trait Converter {
     /// Channels of a sample.
     fn channels(&self) -> usize;
+
+    /// Chooses the sample rate, Hz, and the gain of each channel, which hold from the next
+    /// [`Self::prepare`] on. A device without gains ignores them; a gain that is missing is one.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::Unsupported`] if the device does not have this rate; nothing is changed then.
+    fn choose(&mut self, rate: f64, gains: &[u8]) -> Result<(), Fault>;
 
     /// Brings the device from any state to the one it samples in: reset, every register
     /// written and read back. It may take as long as some hundred bytes take on the bus.
@@ -71,6 +80,8 @@ pub enum Fault {
         /// What was written.
         expected: u16,
     },
+    /// The device does not have the sample rate that was chosen.
+    Unsupported,
     /// A command was not acknowledged.
     Command {
         /// The answer.
@@ -94,6 +105,9 @@ impl core::fmt::Display for Fault {
             Self::Reset => f.write_str("the converter has reset itself: see its supply"),
             Self::Resynchronised => {
                 f.write_str("the converter has restarted on its own: see the SYNC line")
+            }
+            Self::Unsupported => {
+                f.write_str("the converter does not have this sample rate: choose another one")
             }
             Self::Identity { found, expected } => write!(
                 f,

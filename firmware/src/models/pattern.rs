@@ -1,4 +1,5 @@
-//! A converter that is not there: its counts tell which sample and which input they are.
+//! A test pattern in place of a converter: each count depends on the sample's and the input's
+//! number.
 
 use super::random::mix;
 use crate::drivers::{Converter, Fault, Reading};
@@ -53,6 +54,12 @@ impl Pattern {
 impl Converter for Pattern {
     fn channels(&self) -> usize {
         self.channels
+    }
+
+    /// Starts again with sample 0.
+    fn choose(&mut self, _: f64, _: &[u8]) -> Result<(), Fault> {
+        self.restart();
+        Ok(())
     }
 
     fn prepare(&mut self) -> Result<(), Fault> {

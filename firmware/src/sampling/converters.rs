@@ -1,9 +1,7 @@
 //! The converters of a box, and the test pattern that stands in for them.
 
+use super::bank::{Bank, CHANNELS};
 use super::{CHIPS, CONVERTERS, Failure, Plan};
-use crate::drivers::ads131m08::registers::CHANNELS;
-use crate::drivers::ads131m08::{self, Ads131m08, CLOCK_HZ, Configuration};
-use crate::drivers::adxl355::{self, Adxl355};
 use crate::drivers::{Converter, Fault};
 use crate::models::pattern::Pattern;
 use embedded_hal::delay::DelayNs;
@@ -14,10 +12,9 @@ use embedded_hal::spi::SpiDevice;
 /// less than the 244 µs that would reset them.
 const SYNC_NS: u32 = 2_000;
 
-/// Four ADS131M08 on one SYNC line, and an ADXL355 that follows them.
+/// The converters of a box, those with a DRDY line on one SYNC line.
 pub struct Converters<A, D, P, T> {
-    ads: [Ads131m08<A>; CONVERTERS],
-    adxl: Adxl355<D>,
+    bank: Bank<A, D>,
     sync: P,
     delay: T,
     patterns: [Pattern; CHIPS],
@@ -35,16 +32,17 @@ where
 {
     /// Behind these devices, SYNC line and delay.
     pub fn new(ads: [A; CONVERTERS], adxl: D, sync: P, delay: T) -> Self {
-        let pattern = |k: usize| match k {
-            CONVERTERS => Pattern::new(CONVERTERS * CHANNELS, adxl355::CHANNELS),
-            k => Pattern::new(k * CHANNELS, CHANNELS),
-        };
+        let mut first = 0;
+        let patterns = CHANNELS.map(|channels| {
+            let pattern = Pattern::new(first, channels);
+            first += channels;
+            pattern
+        });
         Self {
-            ads: ads.map(|spi| Ads131m08::new(spi, Configuration::PLAIN)),
-            adxl: Adxl355::new(adxl, adxl355::Configuration::following(0.0)),
+            bank: Bank::new(ads, adxl),
             sync,
             delay,
-            patterns: core::array::from_fn(pattern),
+            patterns,
             is_test_pattern: false,
             left_out: 0,
         }
@@ -67,14 +65,14 @@ where
         pattern.converted()
     }
 
-    /// Bits of the ADS131M08 that are not left out, of these bits.
+    /// Of these bits, those of converters with a DRDY line that are not left out.
     const fn kept(&self, bits: u32) -> u32 {
         const ALL: u32 = (1 << CONVERTERS) - 1;
         bits & ALL & !self.left_out
     }
 
-    /// Bits of all that are ready, when these ADS131M08 are: who has no edge of its own goes
-    /// with the majority. `None` if it was an edge of one that is left out.
+    /// Bits of all converters that are ready when those with these DRDY lines are: a converter
+    /// without a line is ready with their majority. `None` if the edge was of one left out.
     pub(super) const fn with_followers(&self, ready: u32) -> Option<u32> {
         let kept = self.kept(ready);
         if kept == 0 && ready != 0 {
@@ -84,30 +82,22 @@ where
         Some(kept | (is_majority as u32) << CONVERTERS)
     }
 
-    /// Sets rate and gains, and says by bits which converters nobody needs that do not answer.
+    /// Chooses rate and gains, and returns the bits of the converters that are left out: those
+    /// without an input in use that do not answer.
     ///
     /// # Errors
     ///
-    /// The fault of the first converter, if none is needed and none answers.
+    /// The fault of the first converter, if none is in use and none answers.
     pub(super) fn configure(&mut self, plan: &Plan) -> Result<u32, Failure> {
         self.left_out = 0;
-        for (k, chip) in self.ads.iter_mut().enumerate() {
-            let mut configuration = Configuration {
-                oversampling: plan.oversampling,
-                ..Configuration::PLAIN
-            };
-            let gains = plan.gains.iter().skip(k * CHANNELS);
-            for (channel, gain) in configuration.channels.iter_mut().zip(gains) {
-                *channel = ads131m08::Channel::pins(*gain);
-            }
-            chip.configure(configuration);
-        }
-        let rate = plan.oversampling.rate(CLOCK_HZ);
-        self.adxl.configure(adxl355::Configuration::following(rate));
-        self.patterns.iter_mut().for_each(Pattern::restart);
-
         let used = plan.used;
         let (left_out, first) = self.with(|converters, _| {
+            let mut gains = &plan.gains[..];
+            for (k, converter) in (0..).zip(converters.iter_mut()) {
+                let channels = converter.channels();
+                converter.choose(plan.rate, gains).map_err(|f| (k, f))?;
+                gains = gains.get(channels..).unwrap_or(&[]);
+            }
             let mut first: Option<Fault> = None;
             let mut left_out = 0;
             for (k, converter) in converters.iter_mut().enumerate() {
@@ -118,8 +108,8 @@ where
                     left_out |= 1 << k;
                 }
             }
-            (left_out, first)
-        });
+            Ok((left_out, first))
+        })?;
         self.left_out = left_out;
         match first {
             // The accelerometer alone has no edge to sample at.
@@ -128,17 +118,17 @@ where
         }
     }
 
-    /// Lends the converters, and what restarts them together.
+    /// Lends the converters, and a function that restarts their conversions together.
     pub(super) fn with<R>(
         &mut self,
         act: impl FnOnce(&mut [&mut dyn Converter; CHIPS], &mut dyn FnMut()) -> R,
     ) -> R {
-        let [a, b, c, d] = &mut self.ads;
-        let [v, w, x, y, z] = &mut self.patterns;
         let mut converters: [&mut dyn Converter; CHIPS] = if self.is_test_pattern {
-            [v, w, x, y, z]
+            self.patterns
+                .each_mut()
+                .map(|p| -> &mut dyn Converter { p })
         } else {
-            [a, b, c, d, &mut self.adxl]
+            self.bank.all()
         };
         let (sync, delay) = (&mut self.sync, &mut self.delay);
         let mut synchronise = || {

@@ -11,10 +11,7 @@
 //! A sample without room is dropped, and counted as an overrun: the next one's number tells how
 //! many are missing.
 //!
-//! | inputs | converter |
-//! | --- | --- |
-//! | 0 to 31 | four ADS131M08, eight each |
-//! | 32 to 34 | ADXL355: x, y, z |
+//! The converters of a box are listed in `bank`.
 //!
 //! The first samples after a start, while filters settle, are dropped.
 //!
@@ -22,32 +19,24 @@
 //! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and is
 //! asked then whether it has.
 
+mod bank;
 mod converters;
 mod plan;
 mod raw_frame;
 
+pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, INPUTS};
 pub use converters::Converters;
 pub use plan::{Plan, problem};
 pub use raw_frame::RawFrame;
 
 use crate::acquisition::{Acquisition, SETTLING};
 use crate::drivers::Fault;
-use crate::drivers::ads131m08::{CLOCK_HZ, registers};
 use crate::wire::FaultCounters;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
 use heapless::spsc::{Consumer, Producer, Queue};
-
-/// ADS131M08 of a box.
-pub const CONVERTERS: usize = 4;
-/// Converters of a box, the accelerometer with them.
-pub const CHIPS: usize = CONVERTERS + 1;
-/// Inputs with a gain: those of the ADS131M08.
-pub const GAINS: usize = CONVERTERS * registers::CHANNELS;
-/// Inputs of a box.
-pub const INPUTS: usize = GAINS + crate::drivers::adxl355::CHANNELS;
 
 /// Most samples in the queue: a block takes 3.8 ms, in which 16 samples come at 4096 samples/s.
 pub const WAITING: usize = 32;

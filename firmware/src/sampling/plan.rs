@@ -1,52 +1,58 @@
-//! How to sample: what follows from the settings.
+//! The plan of a recording, which follows from the settings and a sample rate.
 
-use super::{CONVERTERS, Failure, GAINS, INPUTS};
+use super::bank::{CHANNELS, rates_near};
+use super::{Failure, INPUTS};
 use crate::drivers::Fault;
-use crate::drivers::ads131m08::registers::CHANNELS;
-use crate::drivers::ads131m08::{CLOCK_HZ, Gain, Oversampling};
 use crate::settings::Settings;
 use crate::wire::{Circuit, ConverterFault, Exact, Field, Problem};
 
-/// How to sample.
+/// The plan of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Ticks from sample to sample, nominally.
+    /// Nominal ticks from sample to sample.
     pub period: f32,
-    /// Sets the rate.
-    pub oversampling: Oversampling,
-    /// Of each input that has one.
-    pub gains: [Gain; GAINS],
+    /// Sample rate, Hz.
+    pub rate: f64,
+    /// Gain of each input.
+    pub gains: [u8; INPUTS],
     /// Bit k: an input of converter k is in use.
     pub used: u32,
-    /// Inputs up to the last one in use; all if none is.
+    /// Number of inputs up to the last one in use; all of them if none is.
     pub inputs: usize,
 }
 
 impl Plan {
-    /// At a sample rate, Hz, with a clock of that many ticks a second.
+    /// The plan at a sample rate, Hz, with a clock of `tick_hz` ticks a second.
     ///
     /// # Errors
     ///
     /// [`Problem::Range`] if the converters do not have this rate; the ends are the next ones
     /// they have.
     pub fn new(settings: &Settings<INPUTS>, rate: f64, tick_hz: u32) -> Result<Self, Problem> {
-        let Some(oversampling) = Oversampling::of_rate(rate, CLOCK_HZ) else {
-            return Err(no_such_rate(rate));
-        };
+        let [low, high] = rates_near(rate);
+        if low != rate || high != rate {
+            return Err(Problem::Range {
+                field: Field::SampleRate,
+                index: 0,
+                found: Exact(rate),
+                low: Exact(low),
+                high: Exact(high),
+            });
+        }
         let mut plan = Self {
             period: (f64::from(tick_hz) / rate) as f32,
-            oversampling,
-            gains: [Gain::ONE; GAINS],
+            rate,
+            gains: [1; INPUTS],
             used: 0,
             inputs: 0,
         };
         for (input, certificate) in settings.inputs().iter().enumerate() {
             let input_of = certificate.input(0);
             if let Some(gain) = plan.gains.get_mut(input) {
-                *gain = Gain::new(input_of.gain).unwrap_or(Gain::ONE);
+                *gain = input_of.gain;
             }
             if input_of.circuit != Circuit::Unused {
-                plan.used |= 1 << (input / CHANNELS).min(CONVERTERS);
+                plan.used |= 1 << converter_of(input);
                 plan.inputs = input + 1;
             }
         }
@@ -57,22 +63,16 @@ impl Plan {
     }
 }
 
-fn no_such_rate(found: f64) -> Problem {
-    let mut rates = Oversampling::ALL.map(|o| o.rate(CLOCK_HZ));
-    rates.reverse();
-    let [lowest, .., highest] = rates;
-    let low = rates.iter().rfind(|rate| **rate <= found);
-    let high = rates.iter().find(|rate| **rate >= found);
-    Problem::Range {
-        field: Field::SampleRate,
-        index: 0,
-        found: Exact(found),
-        low: Exact(low.copied().unwrap_or(lowest)),
-        high: Exact(high.copied().unwrap_or(highest)),
-    }
+/// Number of the converter of an input.
+fn converter_of(input: usize) -> usize {
+    let ends = CHANNELS.iter().scan(0, |end, channels| {
+        *end += channels;
+        Some(*end)
+    });
+    ends.take_while(|end| *end <= input).count()
 }
 
-/// A start that has failed, in the contract's words.
+/// The problem that reports a failed start to the host.
 #[must_use]
 pub const fn problem((converter, fault): Failure) -> Problem {
     let fault = match fault {
@@ -89,7 +89,9 @@ pub const fn problem((converter, fault): Failure) -> Problem {
             found,
             expected,
         },
-        Fault::Command { .. } | Fault::Reset | Fault::Resynchronised => ConverterFault::Command,
+        Fault::Command { .. } | Fault::Reset | Fault::Resynchronised | Fault::Unsupported => {
+            ConverterFault::Command
+        }
     };
     Problem::Converter { converter, fault }
 }

@@ -171,8 +171,7 @@ impl Board for HostBoard {
         if plan.used >> CHIPS & 1 == 1 {
             return Err(no_answer(CHIPS as u8));
         }
-        let gains = plan.gains.map(|gain| gain.factor());
-        let chain = inputs.chain(sample_rate, &gains, self.starts);
+        let chain = inputs.chain(sample_rate, &plan.gains, self.starts);
         let chain = chain.map_err(|error| match error {
             RigError::Start { number, .. } => no_answer(number),
             // The plan has seen to the rest.

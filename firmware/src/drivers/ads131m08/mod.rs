@@ -82,6 +82,17 @@ impl Oversampling {
         f64::from(clock) / f64::from(self.cycles())
     }
 
+    /// The next sample rates below and above a rate, Hz, at a clock in Hz; equal if there is
+    /// such a rate. Beyond the ends both are the lowest, or the highest rate.
+    #[must_use]
+    pub fn neighbours(rate: f64, clock: u32) -> [f64; 2] {
+        let rates = Self::ALL.map(|o| o.rate(clock));
+        let [highest, .., lowest] = rates;
+        let below = rates.into_iter().find(|r| *r <= rate);
+        let above = rates.into_iter().rfind(|r| *r >= rate);
+        [below.unwrap_or(lowest), above.unwrap_or(highest)]
+    }
+
     /// The one that gives this rate, Hz, at a clock in Hz; `None` if none does.
     #[must_use]
     pub fn of_rate(rate: f64, clock: u32) -> Option<Self> {
@@ -387,6 +398,16 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
 impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
     fn channels(&self) -> usize {
         CHANNELS
+    }
+
+    fn choose(&mut self, rate: f64, gains: &[u8]) -> Result<(), Fault> {
+        let oversampling = Oversampling::of_rate(rate, CLOCK_HZ).ok_or(Fault::Unsupported)?;
+        let gain = |channel: usize| gains.get(channel).copied().and_then(Gain::new);
+        self.configuration = Configuration {
+            oversampling,
+            channels: core::array::from_fn(|k| Channel::pins(gain(k).unwrap_or(Gain::ONE))),
+        };
+        Ok(())
     }
 
     fn prepare(&mut self) -> Result<(), Fault> {

@@ -204,6 +204,11 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
         CHANNELS
     }
 
+    fn choose(&mut self, rate: f64, _: &[u8]) -> Result<(), Fault> {
+        self.configuration = Configuration::following(rate);
+        Ok(())
+    }
+
     fn prepare(&mut self) -> Result<(), Fault> {
         /// What the chip takes to load its trim after a reset, well rounded up.
         const RESET_NS: u32 = 1_000_000;

@@ -1,0 +1,53 @@
+//! The converters of this box, in the order of their inputs: the only file that names their kinds.
+//!
+//! | inputs | converter |
+//! | --- | --- |
+//! | 0 to 31 | four ADS131M08, eight each, with DRDY lines |
+//! | 32 to 34 | ADXL355: x, y, z, read at the others' edges |
+
+use crate::drivers::Converter;
+use crate::drivers::ads131m08::{self, Ads131m08, Oversampling, registers};
+use crate::drivers::adxl355::{self, Adxl355};
+use embedded_hal::spi::SpiDevice;
+
+/// Converters with a DRDY line, which come first.
+pub const CONVERTERS: usize = 4;
+/// All converters of a box.
+pub const CHIPS: usize = CONVERTERS + 1;
+/// Inputs of a box.
+pub const INPUTS: usize = CONVERTERS * registers::CHANNELS + adxl355::CHANNELS;
+/// Clock of the converters with a DRDY line, Hz.
+pub const CLOCK_HZ: u32 = ads131m08::CLOCK_HZ;
+
+/// Inputs of each converter.
+pub(super) const CHANNELS: [usize; CHIPS] = {
+    let mut channels = [registers::CHANNELS; CHIPS];
+    channels[CONVERTERS] = adxl355::CHANNELS;
+    channels
+};
+
+/// The next sample rates below and above `rate`, Hz; equal if the converters have this rate.
+pub(super) fn rates_near(rate: f64) -> [f64; 2] {
+    Oversampling::neighbours(rate, CLOCK_HZ)
+}
+
+/// The converters of a box, behind their buses.
+pub(super) struct Bank<A, D> {
+    ads: [Ads131m08<A>; CONVERTERS],
+    adxl: Adxl355<D>,
+}
+
+impl<A: SpiDevice, D: SpiDevice> Bank<A, D> {
+    pub(super) fn new(ads: [A; CONVERTERS], adxl: D) -> Self {
+        Self {
+            ads: ads.map(|spi| Ads131m08::new(spi, ads131m08::Configuration::PLAIN)),
+            adxl: Adxl355::new(adxl, adxl355::Configuration::following(0.0)),
+        }
+    }
+
+    /// All of them.
+    pub(super) fn all(&mut self) -> [&mut dyn Converter; CHIPS] {
+        let [a, b, c, d] = &mut self.ads;
+        [a, b, c, d, &mut self.adxl]
+    }
+}
