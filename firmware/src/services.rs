@@ -140,7 +140,7 @@ impl Services {
                 descend(0);
             }
             Ending::Provoked(Provoke::Hang) => HANG.store(true, Ordering::Relaxed),
-            Ending::Provoked(Provoke::Rehearsal) => {}
+            Ending::Provoked(Provoke::TestPattern) => {}
         }
     }
 }
@@ -256,7 +256,7 @@ impl Board for Services {
     }
 
     fn provoke(&mut self, fault: Provoke) -> bool {
-        if fault == Provoke::Rehearsal {
+        if fault == Provoke::TestPattern {
             self.stop_inputs();
             self.is_rehearsal = true;
             return self.inputs.desk.give(Order::Rehearse, board::call_sampling);
