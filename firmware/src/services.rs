@@ -145,7 +145,7 @@ impl Services {
                 descend(0);
             }
             Ending::Provoked(Provoke::Hang) => HANG.store(true, Ordering::Relaxed),
-            Ending::Provoked(Provoke::Rehearsal) => {}
+            Ending::Provoked(Provoke::TestPattern) => {}
         }
     }
 }
@@ -265,7 +265,7 @@ impl Board for Services {
     }
 
     fn provoke(&mut self, fault: Provoke) -> bool {
-        if fault == Provoke::Rehearsal {
+        if fault == Provoke::TestPattern {
             self.stop_inputs();
             self.is_test_pattern = true;
             return self

@@ -57,7 +57,7 @@ impl<'m> Instrument<'m> {
                 return Ok(());
             }
             Request::Provoke(fault) => {
-                if *fault == Provoke::Rehearsal {
+                if *fault == Provoke::TestPattern {
                     // The others end the box. This one would take the samples from under
                     // whoever is at work on them.
                     self.not_running()?;
@@ -104,7 +104,7 @@ impl<'m> Instrument<'m> {
                 self.start(start, board)?;
                 Reply::Done
             }
-            Request::Samples(samples) => Reply::Taken(self.take(samples, board, out)?),
+            Request::Samples(samples) => Reply::Progress(self.take(samples, board, out)?),
             Request::Stop => Reply::Summary(self.stop(board)?),
             Request::Abort => {
                 self.abort(board);

@@ -4,7 +4,7 @@
 use super::Outbox;
 use super::memory::{CHANNELS, SENSORS};
 use crate::calibration::Channel;
-use crate::wire::{Carries, ChannelHealth, Event, Health, Packed, Values};
+use crate::wire::{ChannelHealth, ChannelRole, Event, Health, Packed, Values};
 
 /// One sample of all channels.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ pub(super) enum Sample<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Route {
     channel: Channel,
-    carries: Carries,
+    carries: ChannelRole,
 }
 
 /// Channels of a run at work.
@@ -66,7 +66,7 @@ impl Intake {
     }
 
     /// Adds the next channel of a sample; one that finds no room is left out.
-    pub(super) fn add(&mut self, carries: Carries, channel: Channel) {
+    pub(super) fn add(&mut self, carries: ChannelRole, channel: Channel) {
         let _ = self.routes.push(Route { channel, carries });
     }
 
@@ -99,14 +99,14 @@ impl Intake {
             let si = if si.is_finite() { si } else { 0.0 };
             *reading = si;
             match route.carries {
-                Carries::Sensor(sensor) => {
+                ChannelRole::Sensor(sensor) => {
                     if let Some(slot) = self.sensors.get_mut(usize::from(sensor)) {
                         *slot = si;
                     }
                 }
-                Carries::Drive => self.drive = si,
+                ChannelRole::Drive => self.drive = si,
                 // Nobody wants it, so its faults are nobody's.
-                Carries::Nothing => continue,
+                ChannelRole::Unused => continue,
             }
             changed |= *last != health.0;
             *last = health.0;

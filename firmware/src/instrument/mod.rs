@@ -70,15 +70,15 @@ pub use memory::{Memory, Notebook, RunStorage, WorkingStorage};
 
 use crate::calibration;
 use crate::wire::{
-    Accelerations, Event, Fault, FaultKind, Identified, Outcome, Problem, Question, Refused, Reply,
-    Request, Setting, SettingKey, Source, Start, Started, State, Stream, Subscription, Summary,
-    Taken, Telemetry,
+    Accelerations, Event, Fault, FaultKind, Identified, Outcome, Problem, Progress, Question,
+    Refused, Reply, Request, Setting, SettingKey, Source, Start, Started, State, Stream,
+    Subscription, Summary, Telemetry,
 };
 use intake::Sample;
 use live::{LevelMeter, Recorder};
 use memory::{CHANNELS, RUNS};
 use run::{Buffers, Run};
-use selftest::Progress;
+use selftest::SelftestStage;
 use setup::{Lines, SetUp};
 use store::Store;
 use synthetic::Synthetic;
@@ -103,7 +103,7 @@ struct Asked {
 #[derive(Clone, Copy, Debug)]
 struct Ended {
     start: Start,
-    taken: Taken,
+    taken: Progress,
 }
 
 /// The box.
@@ -120,7 +120,7 @@ pub struct Instrument<'m> {
     /// Where the samples of a synthetic run come from.
     synthetic: Option<Synthetic>,
     /// The self-test that is going on.
-    selftest: Option<Progress>,
+    selftest: Option<SelftestStage>,
     summaries: &'m mut [Option<Summary>; RUNS],
     /// The run that ended last.
     ended: Option<Ended>,
@@ -429,7 +429,7 @@ impl<'m> Instrument<'m> {
         let number = usize::from(run.start.run);
         self.ended = Some(Ended {
             start: run.start,
-            taken: Taken {
+            taken: Progress {
                 next: run.next(),
                 missing: run.missing(),
             },

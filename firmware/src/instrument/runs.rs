@@ -11,8 +11,8 @@ use super::synthetic::Synthetic;
 use super::{Board, Ended, Instrument, Outbox};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
-    Carries, Circuit, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, ReadLines,
-    Reply, Request, Samples, Setting, SettingKey, Source, Start, State, Taken,
+    ChannelRole, Circuit, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, Progress,
+    ReadLines, Reply, Request, Samples, Setting, SettingKey, Source, Start, State,
 };
 
 impl Instrument<'_> {
@@ -99,11 +99,11 @@ impl Instrument<'_> {
         samples: &Samples<'_>,
         board: &mut impl Board,
         out: &mut impl Outbox,
-    ) -> Result<Taken, Problem> {
+    ) -> Result<Progress, Problem> {
         let Some(run) = &mut self.run else {
             return match &self.ended {
                 Some(ended) if ended.has(samples) => Ok(ended.taken),
-                _ => self.only(State::Running).map(|()| Taken {
+                _ => self.only(State::Running).map(|()| Progress {
                     next: 0,
                     missing: 0,
                 }),
@@ -153,11 +153,11 @@ impl Instrument<'_> {
             self.meter();
         }
         let taken = self.run.as_ref().map_or(
-            Taken {
+            Progress {
                 next: end,
                 missing: 0,
             },
-            |run| Taken {
+            |run| Progress {
                 next: run.next(),
                 missing: run.missing(),
             },
@@ -257,17 +257,17 @@ fn route(
     intake.begin(arrangement.sensors());
     let rate = setup.sample_rate() as f32;
     for (number, code) in arrangement.channels(run).iter().enumerate() {
-        let carries = Carries::from_code(*code);
+        let carries = ChannelRole::from_code(*code);
         let scale = match carries {
-            Carries::Sensor(sensor) => arrangement.scale(usize::from(sensor)),
-            Carries::Drive | Carries::Nothing => Some(calibration::Scale::ONE),
+            ChannelRole::Sensor(sensor) => arrangement.scale(usize::from(sensor)),
+            ChannelRole::Drive | ChannelRole::Unused => Some(calibration::Scale::ONE),
         };
         let channel = match (scale, source) {
             // What the converters deliver is watched, whoever says how it becomes SI.
             (Some(scale), Source::Inputs) => {
                 let input = stored(board, number)?;
                 // Boards leave out what nothing is wired to.
-                if carries != Carries::Nothing && input.circuit() == Circuit::Unused {
+                if carries != ChannelRole::Unused && input.circuit() == Circuit::Unused {
                     return Err(missing(Item::Input, number));
                 }
                 Channel::watched(scale, Watch::new(input.limits(), rate))

@@ -4,9 +4,9 @@ use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
 use super::{Board, Instrument, Outbox, Pending};
 use crate::wire::{
-    Accelerations, Answer, Carries, Check, Exact, Excitation, Gaps, Health, Method, Mount, Pass,
-    Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale, Selftest,
-    Sensor, SensorKind, Source, Start, State, Weighting, Window,
+    Accelerations, Answer, ChannelRole, Check, Exact, Excitation, Gaps, Health, Method, Mount,
+    Pass, Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale,
+    Selftest, Sensor, SensorKind, Source, Start, State, Weighting, Window,
 };
 
 /// Runs of the self-test: one an axis.
@@ -14,7 +14,21 @@ pub(super) const RUNS: u8 = 3;
 /// Samples of each: what the filters need, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
 /// Channels: six accelerometers, six load cells, the drive.
-const CHANNELS: [u8; 13] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, Carries::Drive.code()];
+const CHANNELS: [u8; 13] = [
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    ChannelRole::Drive.code(),
+];
 /// Places and directions of both, three, two and one: they determine six motions, and six
 /// resultants.
 const SENSORS: [([f64; 3], [f64; 3]); 6] = [
@@ -48,7 +62,7 @@ const ROUNDING: f64 = 1e-6;
 
 /// How far a self-test has come.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Progress {
+pub(super) struct SelftestStage {
     /// The next run to be started.
     pub(super) run: u8,
     /// Faults of channels so far.
@@ -64,7 +78,7 @@ impl Instrument<'_> {
         self.clear();
         set_up(self.setup)?;
         self.lines = Some(self.check_setup()?);
-        self.selftest = Some(Progress::default());
+        self.selftest = Some(SelftestStage::default());
         self.pending = Some(Pending {
             id,
             number: Request::Selftest.number(),
@@ -109,7 +123,7 @@ impl Instrument<'_> {
     }
 }
 
-fn progress_health(progress: Option<Progress>) -> Health {
+fn progress_health(progress: Option<SelftestStage>) -> Health {
     progress.map_or(Health::GOOD, |p| p.health)
 }
 

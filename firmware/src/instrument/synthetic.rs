@@ -21,7 +21,7 @@
 
 use super::memory::CHANNELS;
 use super::setup::Arrangement;
-use crate::wire::Carries;
+use crate::wire::ChannelRole;
 use massline_core::geometry::{LoadShares, Mount, RunSensor};
 use massline_core::rigid_body::{Inertia, RigidBody};
 use nalgebra::{RowVector6, Vector3, Vector6};
@@ -115,10 +115,10 @@ impl Synthetic {
                 _ => None,
             });
         let shares = LoadShares::new(cells, &reference);
-        let gain = |code: &u8| match Carries::from_code(*code) {
-            Carries::Drive => [1.0, 0.0],
-            Carries::Nothing => [0.0, 0.0],
-            Carries::Sensor(sensor) => match arrangement.sensor(usize::from(sensor)) {
+        let gain = |code: &u8| match ChannelRole::from_code(*code) {
+            ChannelRole::Drive => [1.0, 0.0],
+            ChannelRole::Unused => [0.0, 0.0],
+            ChannelRole::Sensor(sensor) => match arrangement.sensor(usize::from(sensor)) {
                 Some(RunSensor::Accelerometer(a, _)) => {
                     let a = placement.accelerometer(&a);
                     let rigid = (a.rigid_body_row(&reference) * motion)[0];

@@ -293,7 +293,7 @@ pub enum Provoke {
     Hang,
     /// No failure: from now on a timer and a known pattern of counts stand in for the
     /// converters, so that sampling can be seen to go on whatever else the box is at.
-    Rehearsal,
+    TestPattern,
 }
 
 /// Result of the self-test: the synthetic body's properties, found and true.

@@ -149,7 +149,7 @@ impl Values<'_> {
 
 /// How far the box has come with the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Taken {
+pub struct Progress {
     /// Index of the sample that is expected next.
     pub next: u64,
     /// Samples that were missing so far in this run.

@@ -33,7 +33,7 @@
 //! Hello                                              Info
 //! BeginSetup, SetProcessing, SetSensor…, SetRun…     Done each
 //! EndSetup                                           Grid
-//! Start, Samples…, Stop                              Done, Taken…, Summary     for each run
+//! Start, Samples…, Stop                              Done, Progress…, Summary     for each run
 //! ReadLines…                                         Lines…
 //! Identify                                           Identified
 //! ```
@@ -109,8 +109,8 @@ pub use exact::Exact;
 pub use frame::{BODY_MAX, CHECKSUM, EncodeError, FRAME_MAX, HEADER, Header, PAYLOAD_MAX};
 pub use health::{ChannelHealth, Health, Levels};
 pub use measure::{
-    Block, FaultySamples, Gaps, Line, Lines, Outcome, Pass, Peaks, RESULTANTS, ReadLines, Samples,
-    Source, Start, Summary, Taken, Values,
+    Block, FaultySamples, Gaps, Line, Lines, Outcome, Pass, Peaks, Progress, RESULTANTS, ReadLines,
+    Samples, Source, Start, Summary, Values,
 };
 pub use packed::{Count24, Packed, Word};
 pub use problem::{ConverterFault, Field, Item, Problem, Refused};
@@ -119,7 +119,7 @@ pub use sender::{RequestIds, Sender};
 pub use sequence::{Arrival, Tracker};
 pub use settings::{Circuit, Date, Input, Saved, Setting, SettingKey};
 pub use setup::{
-    Accelerations, Carries, Excitation, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Run,
+    Accelerations, ChannelRole, Excitation, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Run,
     Scale, Sensor, SensorKind, Weighting, Weights, Window,
 };
 pub use table::{Direction, Event, FromBox, Reply, Request, ToBox, ToHost};

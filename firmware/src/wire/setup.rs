@@ -164,42 +164,44 @@ pub struct Run<'a> {
     pub rotation: [f64; 3],
     /// Shift from specimen to interface coordinates, m.
     pub translation: [f64; 3],
-    /// What each channel of a sample carries, in the samples' order: codes of [`Carries`].
+    /// What each channel of a sample carries, in the samples' order: codes of [`ChannelRole`].
     pub channels: &'a [u8],
 }
 
 impl<'a> Run<'a> {
-    /// What each channel of a sample carries.
-    pub fn carries(&self) -> impl Iterator<Item = Carries> + use<'a> {
-        self.channels.iter().map(|&code| Carries::from_code(code))
+    /// Roles of the channels of a sample, in the samples' order.
+    pub fn channel_roles(&self) -> impl Iterator<Item = ChannelRole> + use<'a> {
+        self.channels
+            .iter()
+            .map(|&code| ChannelRole::from_code(code))
     }
 
     /// The channel of the generator's drive signal, if there is one.
     #[must_use]
     pub fn drive(&self) -> Option<usize> {
-        self.carries().position(|c| c == Carries::Drive)
+        self.channel_roles().position(|c| c == ChannelRole::Drive)
     }
 }
 
-/// What a channel of a sample carries.
+/// Role of one channel of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carries {
+pub enum ChannelRole {
     /// The sensor of this number, below 254.
     Sensor(u8),
     /// The generator's drive signal.
     Drive,
-    /// Nothing that is wanted.
-    Nothing,
+    /// The channel is not used.
+    Unused,
 }
 
-impl Carries {
-    /// As one byte: a sensor's number, 254 for the drive, 255 for nothing.
+impl ChannelRole {
+    /// As one byte: a sensor's number, 254 for the drive, 255 for an unused channel.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {
             Self::Sensor(number) => number,
             Self::Drive => 254,
-            Self::Nothing => 255,
+            Self::Unused => 255,
         }
     }
 
@@ -208,7 +210,7 @@ impl Carries {
     pub const fn from_code(code: u8) -> Self {
         match code {
             254 => Self::Drive,
-            255 => Self::Nothing,
+            255 => Self::Unused,
             number => Self::Sensor(number),
         }
     }

@@ -3,8 +3,8 @@
 use super::frame::{EncodeError, Header, write};
 use super::{
     Block, ChannelHealth, Fault, FaultySamples, Grid, Identified, Info, Levels, Lines, Peaks, Ping,
-    Plan, Pong, Processing, Provoke, Question, ReadLines, Refusal, Refused, Run, Samples, Saved,
-    Selftest, Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary, Taken,
+    Plan, Pong, Processing, Progress, Provoke, Question, ReadLines, Refusal, Refused, Run, Samples,
+    Saved, Selftest, Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary,
     Telemetry, Weights,
 };
 use serde::Deserialize;
@@ -135,7 +135,7 @@ messages! {
         /// Start a run. [`Reply::Done`]. When ready; while running, the same start again
         /// changes nothing.
         0x20 Start(Start);
-        /// Samples of the run. [`Reply::Taken`]. While running from the host. At most
+        /// Samples of the run. [`Reply::Progress`]. While running from the host. At most
         /// [`super::Capacity::window`] of them are unanswered at a time. Those that reach the
         /// run's limit end it.
         0x21 Samples(Samples<'a>);
@@ -193,7 +193,7 @@ messages! {
         /// The lines of the set-up.
         0x86 Grid(Grid);
         /// How far the samples have come.
-        0x87 Taken(Taken);
+        0x87 Progress(Progress);
         /// A finished run.
         0x88 Summary(Summary);
         /// Lines of a stored run.

@@ -131,7 +131,7 @@ fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weight
     }
     pieces.plan.sensors = 14;
     pieces.plan.runs = 6;
-    pieces.channels = (0..14).chain([Carries::Drive.code()]).collect();
+    pieces.channels = (0..14).chain([ChannelRole::Drive.code()]).collect();
     pieces.processing = Processing {
         block_length: 256,
         kept_band: [2.0, 80.0],
@@ -163,7 +163,7 @@ fn measure(bench: &mut Bench<'_>, run: u8, pass: Pass, notes: &mut String) {
             channels: CHANNELS as u8,
             values: Values::Readings(Packed::new(&values)),
         }));
-        assert!(matches!(said, Said::Taken(_)), "{said:?}");
+        assert!(matches!(said, Said::Progress(_)), "{said:?}");
     }
     let last = bench
         .events()

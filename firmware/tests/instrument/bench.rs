@@ -183,7 +183,7 @@ impl Board for Hardware {
 
     fn provoke(&mut self, fault: Provoke) -> bool {
         match fault {
-            Provoke::Rehearsal => self.rehearsals += 1,
+            Provoke::TestPattern => self.rehearsals += 1,
             _ => self.endings += 1,
         }
         true
@@ -197,7 +197,7 @@ pub enum Said {
     Refused(Problem),
     Status(Status),
     Grid(Grid),
-    Taken(Taken),
+    Progress(Progress),
     Summary(Summary),
     Lines(Vec<Line>),
     Weights(Vec<f64>),
@@ -265,7 +265,7 @@ impl Outbox for Host {
             Reply::Error(refused) => Said::Refused(refused.problem),
             Reply::Status(status) => Said::Status(*status),
             Reply::Grid(grid) => Said::Grid(*grid),
-            Reply::Taken(taken) => Said::Taken(*taken),
+            Reply::Progress(taken) => Said::Progress(*taken),
             Reply::Summary(summary) => Said::Summary(*summary),
             Reply::Lines(lines) => Said::Lines(lines.lines.iter().collect()),
             Reply::Weights(weights) => Said::Weights(weights.weights.iter().collect()),

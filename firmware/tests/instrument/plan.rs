@@ -66,7 +66,9 @@ impl Pieces {
                 minimum_weight: 0.1,
             },
             sensors: sensors.collect(),
-            channels: (0..SENSORS as u8).chain([Carries::Drive.code()]).collect(),
+            channels: (0..SENSORS as u8)
+                .chain([ChannelRole::Drive.code()])
+                .collect(),
         }
     }
 

@@ -103,7 +103,7 @@ fn a_run_is_refused_for_what_its_channels_lack() {
     let good = Pieces::new();
     good.send(&mut bench);
     let run = good.run(1);
-    let drive = Carries::Drive.code();
+    let drive = ChannelRole::Drive.code();
     let without = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
     let twice = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 10, drive];
     let unknown = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 40, drive];
@@ -258,7 +258,7 @@ fn what_samples_are_made_of_stays_while_they_are_recorded() {
         Request::WriteSetting(Setting::SampleRate(1024.0)),
         Request::ResetSettings,
         Request::SaveSettings,
-        Request::Provoke(Provoke::Rehearsal),
+        Request::Provoke(Provoke::TestPattern),
     ];
     let busy = Problem::Busy(stream(Stream::Off).number());
     for request in &disturbing {

@@ -20,7 +20,7 @@ fn blocks_are_told_as_they_come_and_the_summary_counts_them() {
     bench.done(&Request::Start(start(1, Source::Host, Gaps::Refuse, None)));
     assert_eq!(
         feed(&mut bench, 0, 4000),
-        Said::Taken(Taken {
+        Said::Progress(Progress {
             next: 4000,
             missing: 0
         })
@@ -68,7 +68,7 @@ fn a_run_ends_by_itself_at_its_limit() {
         Gaps::Refuse,
         Some(3000),
     )));
-    let taken = Said::Taken(Taken {
+    let taken = Said::Progress(Progress {
         next: 3000,
         missing: 0,
     });
@@ -128,11 +128,11 @@ fn a_gap_is_refused_where_the_host_can_send_again() {
         expected: 100,
     };
     assert_eq!(feed(&mut bench, 101, 102), Said::Refused(gap));
-    let taken = Taken {
+    let taken = Progress {
         next: 101,
         missing: 0,
     };
-    assert_eq!(feed(&mut bench, 100, 101), Said::Taken(taken));
+    assert_eq!(feed(&mut bench, 100, 101), Said::Progress(taken));
     // Half a sample would shift every channel behind it.
     let values = [1, 2, 3, 4, 5, 6, 7];
     for channels in [CHANNELS as u8, 7] {
@@ -166,11 +166,11 @@ fn a_gap_that_is_counted_costs_its_block_and_shifts_no_channel() {
     bench.done(&Request::Start(start(1, Source::Host, Gaps::Count, None)));
     feed(&mut bench, 0, 2100);
     // Of a number of samples that no number of channels divides.
-    let taken = Taken {
+    let taken = Progress {
         next: 2118,
         missing: 17,
     };
-    assert_eq!(feed(&mut bench, 2117, 2118), Said::Taken(taken));
+    assert_eq!(feed(&mut bench, 2117, 2118), Said::Progress(taken));
     feed(&mut bench, 2118, 6000);
     let told = blocks(&bench.events());
     let bad: Vec<&Block> = told.iter().filter(|b| !b.health.is_good()).collect();
@@ -207,7 +207,7 @@ fn a_message_without_samples_is_a_gap_like_any_other() {
     set_up(&mut bench);
     bench.done(&Request::Start(start(0, Source::Host, Gaps::Refuse, None)));
     feed(&mut bench, 0, 100);
-    let taken = |next, missing| Said::Taken(Taken { next, missing });
+    let taken = |next, missing| Said::Progress(Progress { next, missing });
     // Where the run is, or behind it, there is nothing to do.
     for first in [0, 99, 100] {
         assert_eq!(bench.ask(&nothing(first)), taken(100, 0));
@@ -259,7 +259,7 @@ fn a_gap_beyond_the_limit_ends_the_run_and_may_be_told_again() {
     let limit = Some(3000);
     bench.done(&Request::Start(start(0, Source::Host, Gaps::Count, limit)));
     feed(&mut bench, 0, 2990);
-    let taken = Said::Taken(Taken {
+    let taken = Said::Progress(Progress {
         next: 3000,
         missing: 10,
     });
@@ -280,7 +280,7 @@ fn a_gap_beyond_the_limit_ends_the_run_and_may_be_told_again() {
         channels: CHANNELS as u8,
         values: Values::Counts(Packed::new(&values)),
     });
-    let taken = Said::Taken(Taken {
+    let taken = Said::Progress(Progress {
         next: 3000,
         missing: 0,
     });

@@ -54,7 +54,7 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
 fn is_documented(request: &Request<'_>, source: Source, next: u64) -> bool {
     match request {
         Request::Stop | Request::Abort | Request::Reboot => true,
-        Request::Provoke(fault) => *fault != Provoke::Rehearsal,
+        Request::Provoke(fault) => *fault != Provoke::TestPattern,
         Request::Samples(samples) => {
             let count = samples.count().unwrap_or(0) as u64;
             let end = samples.first.saturating_add(count);
@@ -172,11 +172,11 @@ fn run(
             }
             Source::Host => {
                 let said = crate::plan::feed(bench, n, n + 1);
-                let taken = Taken {
+                let taken = Progress {
                     next: n + 1,
                     missing: 0,
                 };
-                assert_eq!(said, Said::Taken(taken));
+                assert_eq!(said, Said::Progress(taken));
             }
             Source::Synthetic => {
                 // Eight samples a call.

@@ -114,7 +114,7 @@ pub fn may_change(request: &Request<'_>) -> &'static [&'static str] {
     match request {
         Request::Subscribe(_) => &["converting"],
         Request::Reboot => &["endings"],
-        Request::Provoke(Provoke::Rehearsal) => &["rehearsals"],
+        Request::Provoke(Provoke::TestPattern) => &["rehearsals"],
         Request::Provoke(_) => &["endings"],
         Request::Selftest | Request::BeginSetup(_) => FORGET,
         Request::SetWeights(_) => &["weights"],
@@ -170,7 +170,7 @@ impl Model {
         let has = |run: u8| self.state != State::Empty && usize::from(run) < self.run_count();
         let granted = match &act.request {
             Request::Samples(samples) => return self.expect_samples(samples),
-            Request::Provoke(Provoke::Rehearsal) | Request::ResetSettings => {
+            Request::Provoke(Provoke::TestPattern) | Request::ResetSettings => {
                 !is_running && !self.is_streaming
             }
             Request::Selftest | Request::BeginSetup(_) => !is_running && !is_busy && act.is_sound,

@@ -52,7 +52,7 @@ fn sensor(number: usize) -> Sensor<'static> {
     }
 }
 
-const CARRIED: [u8; CHANNELS] = [0, 1, 2, 3, Carries::Drive.code()];
+const CARRIED: [u8; CHANNELS] = [0, 1, 2, 3, ChannelRole::Drive.code()];
 
 fn run(number: u8) -> Run<'static> {
     Run {
@@ -126,7 +126,7 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
             random.pick(&[
                 Request::Reboot,
                 Request::Provoke(Provoke::Panic),
-                Request::Provoke(Provoke::Rehearsal),
+                Request::Provoke(Provoke::TestPattern),
             ]),
             true,
         ),
@@ -450,9 +450,9 @@ fn walk(seed: u64, steps: u64, tally: &mut Tally) {
                     events <= 1 + EVENTS_A_SAMPLE * (1 + samples),
                     "{act:?}: {events}"
                 );
-                if let (Some(Said::Taken(taken)), Some(run)) = (said, model.run) {
+                if let (Some(Said::Progress(taken)), Some(run)) = (said, model.run) {
                     let Going { next, missing, .. } = run;
-                    assert_eq!(*taken, Taken { next, missing });
+                    assert_eq!(*taken, Progress { next, missing });
                 }
                 hear_of_ends(&mut bench, &mut model);
             }

@@ -22,7 +22,7 @@ pub fn request<'a>(number: u8, d: &mut Draw<'a>) -> Request<'a> {
             Provoke::Panic,
             Provoke::StackOverflow,
             Provoke::Hang,
-            Provoke::Rehearsal,
+            Provoke::TestPattern,
         ])),
         0x08 => Request::Selftest,
         0x10 => Request::BeginSetup(Plan {
@@ -116,7 +116,7 @@ pub fn reply<'a>(number: u8, d: &mut Draw<'a>) -> Reply<'a> {
             hop: d.u32(),
             band: d.array(Draw::u32),
         }),
-        0x87 => Reply::Taken(Taken {
+        0x87 => Reply::Progress(Progress {
             next: d.u64(),
             missing: d.u64(),
         }),

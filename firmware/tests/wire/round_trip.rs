@@ -189,9 +189,9 @@ fn a_list_of_samples_knows_whether_it_is_whole() {
 #[test]
 fn what_a_channel_carries_is_one_byte() {
     for code in 0..=255 {
-        assert_eq!(Carries::from_code(code).code(), code);
+        assert_eq!(ChannelRole::from_code(code).code(), code);
     }
-    let channels = [0, 3, Carries::Nothing.code(), Carries::Drive.code()];
+    let channels = [0, 3, ChannelRole::Unused.code(), ChannelRole::Drive.code()];
     let run = Run {
         run: 0,
         name: "",
@@ -201,5 +201,5 @@ fn what_a_channel_carries_is_one_byte() {
         channels: &channels,
     };
     assert_eq!(run.drive(), Some(3));
-    assert_eq!(run.carries().nth(1), Some(Carries::Sensor(3)));
+    assert_eq!(run.channel_roles().nth(1), Some(ChannelRole::Sensor(3)));
 }

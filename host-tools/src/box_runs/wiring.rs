@@ -4,7 +4,7 @@ use super::BoxRunError;
 use crate::inputs::InputEntry;
 use crate::measure::channel_names;
 use crate::setup::Setup;
-use massline_firmware::wire::{Carries, Scale};
+use massline_firmware::wire::{ChannelRole, Scale};
 
 /// The inputs behind the channels of a set-up.
 #[derive(Clone, Debug)]
@@ -77,17 +77,17 @@ impl Wiring {
         }
     }
 
-    /// What the inputs carry in a run, up to the last one that is wanted: codes of [`Carries`].
+    /// What the inputs carry in a run, up to the last one that is wanted: codes of [`ChannelRole`].
     pub(crate) fn channels(&self, run: usize) -> Vec<u8> {
         let sensors = self.sensors.iter().enumerate();
-        let sensors = sensors.map(|(k, entry)| (entry.input, Carries::Sensor(k as u8)));
+        let sensors = sensors.map(|(k, entry)| (entry.input, ChannelRole::Sensor(k as u8)));
         let drive = self.drives.get(run).into_iter().flatten();
-        let drive = drive.map(|entry| (entry.input, Carries::Drive));
+        let drive = drive.map(|entry| (entry.input, ChannelRole::Drive));
         let mut channels = Vec::new();
         for (input, carries) in sensors.chain(drive) {
             let input = usize::from(input);
             if channels.len() <= input {
-                channels.resize(input + 1, Carries::Nothing.code());
+                channels.resize(input + 1, ChannelRole::Unused.code());
             }
             channels[input] = carries.code();
         }

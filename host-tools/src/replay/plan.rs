@@ -8,7 +8,7 @@ use crate::setup::{self, Excitation, Setup};
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
 use massline_firmware::wire::{
-    self, Accelerations, Carries, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Reply,
+    self, Accelerations, ChannelRole, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Reply,
     Request, Scale, Sensor, SensorKind, Weighting, Window, crc32,
 };
 
@@ -274,8 +274,8 @@ pub(crate) fn upload<P: Port>(
 fn columns(setup: &Setup, run: &setup::Run) -> Vec<u8> {
     let sensors = setup.accelerometers.len() + setup.load_cells.len();
     let carries = |channel| match channel < sensors {
-        true => Carries::Sensor(channel as u8).code(),
-        false => Carries::Drive.code(),
+        true => ChannelRole::Sensor(channel as u8).code(),
+        false => ChannelRole::Drive.code(),
     };
     (0..channel_names(setup, run).len()).map(carries).collect()
 }

@@ -2,8 +2,8 @@
 
 use massline::device::{HostBox, Port, PortError};
 use massline_firmware::wire::{
-    BODY_MAX, Event, Exact, FRAME_MAX, FromBox, Grid, Identified, Lines, Packed, Peaks, Received,
-    Receiver, Reply, Request, Running, Sender, State, Summary, Taken, ToBox, ToHost, Weights,
+    BODY_MAX, Event, Exact, FRAME_MAX, FromBox, Grid, Identified, Lines, Packed, Peaks, Progress,
+    Received, Receiver, Reply, Request, Running, Sender, State, Summary, ToBox, ToHost, Weights,
 };
 use std::time::Duration;
 
@@ -41,7 +41,7 @@ pub enum Tale {
     /// Peaks and weights are this, and as many as a message takes.
     Many(f64),
     /// All samples before this one were taken.
-    Taken(u64),
+    Progress(u64),
     /// The box has room for this, of everything.
     Room(u8),
     /// A block has this coherence, and so many were averaged.
@@ -157,7 +157,7 @@ impl<'b, 'm> Proxy<'b, 'm> {
                 band: [u32::MAX, 0],
                 ..found
             }),
-            (Tale::Taken(next), Reply::Taken(_)) => Reply::Taken(Taken {
+            (Tale::Progress(next), Reply::Progress(_)) => Reply::Progress(Progress {
                 next,
                 missing: u64::MAX,
             }),

@@ -160,8 +160,8 @@ fn counts_that_do_not_fit_come_to_an_end() {
         Tale::Many(f64::NAN),
         Tale::Many(-1.0),
         Tale::Many(0.5),
-        Tale::Taken(0),
-        Tale::Taken(u64::MAX),
+        Tale::Progress(0),
+        Tale::Progress(u64::MAX),
         Tale::Room(0),
         Tale::Room(255),
         Tale::Stored,
@@ -174,7 +174,7 @@ fn counts_that_do_not_fit_come_to_an_end() {
     for told in all(cases.collect()) {
         let replays = [REPLAY, WEIGHTED].contains(&told.words);
         let wrong = match told.tale {
-            Tale::Grid(..) | Tale::Lines(_) | Tale::Taken(_) => replays,
+            Tale::Grid(..) | Tale::Lines(_) | Tale::Progress(_) => replays,
             Tale::Many(value) => [SURVEY, WEIGHTED].contains(&told.words) && value != 0.5,
             Tale::Room(0) => true,
             _ => false,

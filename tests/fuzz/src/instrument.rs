@@ -6,8 +6,8 @@ use crate::script::{Bytes, steps};
 use massline_firmware::instrument::{Job, RawSample};
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::wire::{
-    Count24, FaultKind, Health, Packed, Reply, Request, Samples, SettingKey, State, Status, Taken,
-    Values,
+    Count24, FaultKind, Health, Packed, Progress, Reply, Request, Samples, SettingKey, State,
+    Status, Values,
 };
 
 /// Steps of a script that are taken.
@@ -123,7 +123,7 @@ impl Talk<'_> {
                     assert_eq!(self.look(), before, "{request:?}, {refused:?}");
                 }
             }
-            Reply::Taken(taken) => {
+            Reply::Progress(taken) => {
                 self.taken(request, taken);
                 self.reached = self.reached.max(taken.next);
             }
@@ -132,7 +132,7 @@ impl Talk<'_> {
     }
 
     /// What the box says that it has taken is no more than what was sent.
-    fn taken(&self, request: &Request<'_>, taken: &Taken) {
+    fn taken(&self, request: &Request<'_>, taken: &Progress) {
         let Request::Samples(samples) = request else {
             panic!("{request:?} has taken samples: {taken:?}");
         };

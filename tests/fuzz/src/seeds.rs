@@ -91,7 +91,7 @@ fn set_up(weighting: Weighting, runs: u8) -> Vec<Vec<u8>> {
             },
         }));
     }
-    let channels: Vec<u8> = (0..12).chain([Carries::Drive.code()]).collect();
+    let channels: Vec<u8> = (0..12).chain([ChannelRole::Drive.code()]).collect();
     for run in 0..runs {
         all.push(Request::SetRun(Run {
             run,
@@ -411,7 +411,7 @@ fn client() -> Vec<Vec<u8>> {
             4,
             vec![
                 done(),
-                reply(Reply::Taken(Taken {
+                reply(Reply::Progress(Progress {
                     next: 40,
                     missing: 0,
                 })),

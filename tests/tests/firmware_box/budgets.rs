@@ -8,7 +8,7 @@ use std::fs;
 
 use massline::device::firmware;
 use massline_firmware::wire::{
-    Accelerations, Carries, Event, Excitation, Gaps, Grid, Method, Mount, Outcome, Pass, Plan,
+    Accelerations, ChannelRole, Event, Excitation, Gaps, Grid, Method, Mount, Outcome, Pass, Plan,
     Procedure, Processing, Provoke, Quantity, Question, Reply, Request, Run, Scale, Sensor,
     SensorKind, Setting, Source, Start, Stream, Subscription, Telemetry, Weighting, Window,
 };
@@ -112,7 +112,7 @@ pub fn pieces(
         }));
     }
     let mut channels: Vec<u8> = (0..SENSORS).collect();
-    channels.push(Carries::Drive.code());
+    channels.push(ChannelRole::Drive.code());
     for run in 0..RUNS {
         send(&Request::SetRun(Run {
             run,
@@ -189,7 +189,7 @@ fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
 
 /// Identifies while inputs are recorded and everything is told, for the depth of the stack.
 fn all_at_once(talk: &mut Talk) {
-    talk.done(&Request::Provoke(Provoke::Rehearsal));
+    talk.done(&Request::Provoke(Provoke::TestPattern));
     talk.done(&Request::WriteSetting(Setting::SampleRate(256.0)));
     talk.done(&Request::Subscribe(Subscription {
         telemetry: 100,

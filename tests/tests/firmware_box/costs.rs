@@ -8,9 +8,9 @@
 use std::fmt::Write as _;
 
 use massline_firmware::wire::{
-    Accelerations, Carries, Count24, Event, Excitation, FromBox, Gaps, Mount, Packed, Pass, Ping,
-    Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, Scale, Sensor, SensorKind,
-    Source, Start, Values, Weighting, Window,
+    Accelerations, ChannelRole, Count24, Event, Excitation, FromBox, Gaps, Mount, Packed, Pass,
+    Ping, Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, Scale, Sensor,
+    SensorKind, Source, Start, Values, Weighting, Window,
 };
 use massline_tests::readme;
 
@@ -121,7 +121,9 @@ fn send_pieces(talk: &mut Talk, setup: &Setup) {
 }
 
 fn channels(setup: &Setup) -> Vec<u8> {
-    (0..setup.sensors).chain([Carries::Drive.code()]).collect()
+    (0..setup.sensors)
+        .chain([ChannelRole::Drive.code()])
+        .collect()
 }
 
 fn run(number: u8, channels: &[u8]) -> Run<'_> {
@@ -184,7 +186,7 @@ fn blocks_of(talk: &mut Talk, samples: &Request<'_>) -> u64 {
             None
         }
         FromBox::Reply(reply) if id == sent => {
-            assert!(matches!(reply, Reply::Taken(_)), "{reply:?}");
+            assert!(matches!(reply, Reply::Progress(_)), "{reply:?}");
             Some(instructions)
         }
         _ => None,
@@ -260,7 +262,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
             // Blocks come once the first one is full.
             for n in 0..3 {
                 talk.ask(&message(n), |reply| {
-                    assert!(matches!(reply, Reply::Taken(_)))
+                    assert!(matches!(reply, Reply::Progress(_)))
                 });
             }
             note(what, blocks_of(talk, &message(3)));

@@ -46,7 +46,7 @@ fn start(source: Source) -> Request<'static> {
 fn is_documented(piece: &Piece, header: &Header) -> bool {
     match ToBox::read(header, &piece.payload) {
         Ok(Request::Stop | Request::Abort | Request::Reboot) => true,
-        Ok(Request::Provoke(fault)) => fault != Provoke::Rehearsal,
+        Ok(Request::Provoke(fault)) => fault != Provoke::TestPattern,
         _ => false,
     }
 }
@@ -198,7 +198,7 @@ fn undisturbed(bench: &mut Bench<'_>, samples: u64) -> (Summary, Vec<Line>) {
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     let mut talk = boot();
-    talk.done(&Request::Provoke(Provoke::Rehearsal));
+    talk.done(&Request::Provoke(Provoke::TestPattern));
     wire(&mut talk);
     crate::budgets::set_up(&mut talk, Accelerations::Interface, RATE, BAND);
     talk.done(&start(Source::Inputs));

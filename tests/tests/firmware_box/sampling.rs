@@ -83,7 +83,7 @@ pub fn wire(talk: &mut Talk) {
 
 /// A run of the inputs with this much traffic beside it, until it has ended.
 fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (Summary, usize) {
-    talk.done(&Request::Provoke(Provoke::Rehearsal));
+    talk.done(&Request::Provoke(Provoke::TestPattern));
     wire(talk);
     set_up(talk, Accelerations::Interface, RATE, [1.0, 20.0]);
     talk.done(&Request::Subscribe(Subscription {

@@ -75,7 +75,7 @@ impl<'m> StandIn<'m> {
             self.done(&Request::SetSensor(sensor));
         }
         let mut channels: Vec<u8> = (0..sensors as u8).collect();
-        channels.push(Carries::Drive.code());
+        channels.push(ChannelRole::Drive.code());
         for (k, run) in setup.runs.iter().enumerate() {
             self.done(&Request::SetRun(Run {
                 run: k as u8,
@@ -132,7 +132,7 @@ impl<'m> StandIn<'m> {
                 channels: channels as u8,
                 values: Values::Readings(Packed::new(&values)),
             };
-            let Said::Taken(taken) = self.ask(&Request::Samples(samples)) else {
+            let Said::Progress(taken) = self.ask(&Request::Samples(samples)) else {
                 panic!("samples were not taken");
             };
             assert_eq!(taken.next, (k * together + chunk.len()) as u64);

@@ -5,7 +5,7 @@ use crate::instrument::desk::missing;
 use crate::instrument::limits::{about, below, finite, fits, range};
 use crate::instrument::memory::{CHANNELS, RUNS, SENSORS};
 use crate::wire::{
-    Carries, Excitation, Field, Item, Mount, NAME_MAX, Plan, Problem, Quantity, Run, Sensor,
+    ChannelRole, Excitation, Field, Item, Mount, NAME_MAX, Plan, Problem, Quantity, Run, Sensor,
     SensorKind,
 };
 use massline_core::geometry::{
@@ -161,14 +161,14 @@ impl Arrangement {
             finite(Field::Translation, index, x)?;
         }
         fits(Item::Channel, run.channels.len(), CHANNELS)?;
-        for carried in run.carries() {
+        for carried in run.channel_roles() {
             match carried {
-                Carries::Sensor(sensor) => {
+                ChannelRole::Sensor(sensor) => {
                     below(Item::Sensor, sensor, self.plan.sensors)?;
                     once(run, carried, Item::Sensor)?;
                 }
-                Carries::Drive => once(run, carried, Item::Drive)?,
-                Carries::Nothing => {}
+                ChannelRole::Drive => once(run, carried, Item::Drive)?,
+                ChannelRole::Unused => {}
             }
         }
         if run.drive().is_none() {
@@ -225,7 +225,7 @@ impl Arrangement {
         below(Item::Run, run, self.plan.runs)
     }
 
-    /// What each channel of a run's samples carries: codes of [`Carries`].
+    /// What each channel of a run's samples carries: codes of [`ChannelRole`].
     pub(in crate::instrument) fn channels(&self, run: usize) -> &[u8] {
         self.run(run).map_or(&[], |r| &r.channels)
     }
@@ -301,8 +301,8 @@ impl Arrangement {
 }
 
 /// Each sensor, and the drive, has one channel.
-fn once(run: &Run<'_>, carried: Carries, item: Item) -> Result<(), Problem> {
-    match run.carries().filter(|c| *c == carried).count() {
+fn once(run: &Run<'_>, carried: ChannelRole, item: Item) -> Result<(), Problem> {
+    match run.channel_roles().filter(|c| *c == carried).count() {
         1 => Ok(()),
         found => Err(Problem::Count {
             item,

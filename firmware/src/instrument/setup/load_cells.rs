@@ -68,7 +68,9 @@ impl LoadCells {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::{Carries, Excitation, Mount, Plan, Quantity, Run, Scale, Sensor, SensorKind};
+    use crate::wire::{
+        ChannelRole, Excitation, Mount, Plan, Quantity, Run, Scale, Sensor, SensorKind,
+    };
 
     /// Three vertical load cells and an accelerometer; the specimen is turned in the second
     /// run, and in the third it stands as in the first.
@@ -110,7 +112,7 @@ mod tests {
                 excitation: Excitation::Random,
                 rotation: [turned, 0.0, 0.5 * turned],
                 translation: [0.0, 0.01 * turned, 0.0],
-                channels: &[0, 1, 2, 3, Carries::Drive.code()],
+                channels: &[0, 1, 2, 3, ChannelRole::Drive.code()],
             };
             arrangement.set_run(&run).unwrap();
         }

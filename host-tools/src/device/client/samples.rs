@@ -7,7 +7,9 @@
 
 use super::{Client, ClientError, Waited};
 use crate::device::Port;
-use massline_firmware::wire::{Count24, Packed, Problem, Reply, Request, Samples, Taken, Values};
+use massline_firmware::wire::{
+    Count24, Packed, Problem, Progress, Reply, Request, Samples, Values,
+};
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -241,11 +243,11 @@ impl<P: Port> Client<'_, P> {
                 // this one is lost.
                 flight.open.drain(..=at);
                 Some(match reply {
-                    Reply::Taken(taken) => Ok(*taken),
+                    Reply::Progress(taken) => Ok(*taken),
                     Reply::Error(refused) => match refused.problem {
                         Problem::Gap { expected, .. } => {
                             back = true;
-                            Ok(Taken {
+                            Ok(Progress {
                                 next: expected,
                                 missing: 0,
                             })
