@@ -94,7 +94,7 @@ impl Intake {
         let mut all = 0;
         let mut changed = false;
         let routes = self.routes.iter_mut().zip(&mut self.readings);
-        for (c, ((route, reading), last)) in routes.zip(&mut self.health).enumerate() {
+        for (c, ((route, reading), last)) in (0..CHANNELS).zip(routes.zip(&mut self.health)) {
             let (si, health) = read(sample, c, &mut route.channel);
             let si = if si.is_finite() { si } else { 0.0 };
             *reading = si;
@@ -140,15 +140,17 @@ impl Intake {
 
 fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
     let missing = (0.0, Health::MISSING);
+    // A value's place in a message is below the message's length, which is one frame at most.
+    let place = |at: &usize| at.wrapping_add(c);
     match sample {
         Sample::Host(Values::Readings(list), at) => list
-            .get(at + c)
+            .get(place(at))
             .map_or(missing, |x| channel.reading(x, Health::GOOD)),
         Sample::Host(Values::Counts(list), at) => list
-            .get(at + c)
+            .get(place(at))
             .map_or(missing, |x| channel.count(x, Health::GOOD)),
         Sample::Host(Values::Counts24(list), at) => list
-            .get(at + c)
+            .get(place(at))
             .map_or(missing, |x| channel.count(x.get(), Health::GOOD)),
         Sample::Counts { counts, health, .. } => {
             let known = health.get(c).copied().unwrap_or(Health::GOOD);

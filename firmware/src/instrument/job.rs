@@ -3,7 +3,7 @@
 use super::answer::{Findings, answer};
 use super::memory::{PAIRS, RUNS};
 use super::run::Buffers;
-use super::setup::Lines;
+use super::setup::{Lines, bit};
 use super::store::{Store, Stored};
 use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
 use massline_core::geometry::Equations;
@@ -136,7 +136,7 @@ fn add_set<'s>(
 
 /// What the runs suffered, all together.
 fn quality(store: &Stored<'_>, runs: u32) -> Quality {
-    let used = (0..RUNS).filter(|run| runs & 1 << run != 0);
+    let used = (0..RUNS).filter(|run| runs & bit(*run as u32) != 0);
     let mut all = Quality {
         blocks: 0,
         rejected: 0,

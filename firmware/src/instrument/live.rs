@@ -156,15 +156,19 @@ impl Recorder {
             self.first = sample.number;
         }
         self.next = sample.number.wrapping_add(1);
-        let before = self.filled;
         for (c, &count) in counts.iter().enumerate() {
             match self.stream {
                 Stream::Readings => self.put(si(c, count)),
                 _ => self.put(Count24::nearest(count)),
             }
         }
-        // The next one is as long.
-        if self.filled + (self.filled - before) > ROOM {
+        let word = match self.stream {
+            Stream::Readings => f32::SIZE,
+            _ => Count24::SIZE,
+        };
+        // The next sample is as long.
+        let next = self.channels.saturating_mul(word);
+        if self.filled.saturating_add(next) > ROOM {
             self.send(out);
         }
     }
@@ -176,7 +180,8 @@ impl Recorder {
             slot.iter_mut()
                 .zip(bytes.as_ref())
                 .for_each(|(slot, byte)| *slot = *byte);
-            self.filled += T::SIZE;
+            // It fitted, so this is no more than the room.
+            self.filled = self.filled.saturating_add(T::SIZE);
         }
     }
 

@@ -133,8 +133,9 @@ impl<'m> Run<'m> {
         if first <= self.counts.next {
             return;
         }
-        let missing = first - self.counts.next;
-        self.counts.missing += missing;
+        let missing = first.saturating_sub(self.counts.next);
+        // All samples are counted in 64 bits, so those that are missing are, too.
+        self.counts.missing = self.counts.missing.saturating_add(missing);
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
         if let Some(room) = self.buffers.bench.run_mut() {
@@ -252,17 +253,16 @@ impl<'m> Run<'m> {
         }
         for pair in 0..self.rings.pairs() {
             // The drive is the first channel, responses follow.
-            if pair == 0 {
-                self.rings.transform(0, history, work, drive, b);
-                average.add_drive(part(drive, &wanted));
-            } else {
+            let second = pair << 1;
+            if let Some(first) = second.checked_sub(1) {
                 self.rings.transform(pair, history, work, a, b);
-                let response = 2 * pair - 1;
-                average.add_response(response, part(drive, &wanted), part(a, &wanted));
+                average.add_response(first, part(drive, &wanted), part(a, &wanted));
+            } else {
+                self.rings.transform(pair, history, work, drive, b);
+                average.add_drive(part(drive, &wanted));
             }
-            let response = 2 * pair;
-            if response < RESULTANTS {
-                average.add_response(response, part(drive, &wanted), part(b, &wanted));
+            if second < RESULTANTS {
+                average.add_response(second, part(drive, &wanted), part(b, &wanted));
             }
         }
     }
@@ -377,7 +377,7 @@ impl<'m> Run<'m> {
                 (Task::Measure(_), None) => {}
             }
         }
-        let received = self.counts.next - self.counts.missing;
+        let received = self.counts.next.saturating_sub(self.counts.missing);
         let elapsed = self.ticks[1].saturating_sub(self.ticks[0]);
         let sample_rate = (self.start.source == Source::Inputs && elapsed > 0).then(|| {
             // From the first sample to the last, missing ones among them.

@@ -148,7 +148,8 @@ impl Instrument<'_> {
             if run.is_complete() {
                 break;
             }
-            let at = sample * channels;
+            // Values that are in one message.
+            let at = sample.wrapping_mul(channels);
             run.push(&Sample::Host(samples.values, at), board, out);
             self.meter();
         }

@@ -87,7 +87,7 @@ impl Instrument<'_> {
             return true;
         }
         let run = progress.run;
-        progress.run += 1;
+        progress.run = run.saturating_add(1);
         for summary in self.summaries.iter().flatten() {
             progress.health = progress.health.union(summary.health);
         }

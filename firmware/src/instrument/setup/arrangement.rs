@@ -171,7 +171,7 @@ impl Arrangement {
                 Carries::Nothing => {}
             }
         }
-        if run.drive().is_none() {
+        if !run.carries().any(|carried| carried == Carries::Drive) {
             // The cross-spectral matrix of 100 lines would take 112 KiB a run.
             return Err(Problem::Missing {
                 item: Item::Drive,
@@ -302,11 +302,12 @@ impl Arrangement {
 
 /// Each sensor, and the drive, has one channel.
 fn once(run: &Run<'_>, carried: Carries, item: Item) -> Result<(), Problem> {
-    match run.carries().filter(|c| *c == carried).count() {
+    let same = run.carries().filter(|c| *c == carried);
+    match same.fold(0_u32, |found, _| found.saturating_add(1)) {
         1 => Ok(()),
         found => Err(Problem::Count {
             item,
-            found: found as u32,
+            found,
             expected: 1,
         }),
     }
