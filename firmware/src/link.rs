@@ -15,7 +15,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer, Queue};
-use massline_firmware::instrument::Outbox;
+use massline_firmware::instrument::Transmit;
 use massline_firmware::link_rate::LinkRate;
 use massline_firmware::wire::{
     BODY_MAX, EncodeError, Event, FRAME_MAX, LinkCounters, Received, Receiver, Reply, Request,
@@ -316,7 +316,7 @@ impl Post {
     }
 }
 
-impl Outbox for Post {
+impl Transmit for Post {
     fn reply(&mut self, request: u16, reply: &Reply<'_>) {
         match self.sender.reply(request, reply, &mut self.frame) {
             Ok(frame) => {

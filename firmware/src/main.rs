@@ -68,7 +68,7 @@ use defmt_rtt as _;
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
 
-    use massline_firmware::instrument::{Memory, Notebook, WorkingStorage};
+    use massline_firmware::instrument::{Memory, Persistent, WorkingStorage};
     use massline_firmware::retained::Cause;
     use massline_firmware::roll_call::{Answers, RollCall};
     use massline_firmware::sampling;
@@ -119,7 +119,7 @@ mod app {
 
     #[init(local = [
         working: WorkingStorage = WorkingStorage::new(),
-        notebook: Notebook = Notebook::new(),
+        persistent: Persistent = Persistent::new(),
         queues: Queues = Queues::new(),
         settings: Settings<INPUTS> = Settings::DELIVERED,
         samples: sampling::Queues = sampling::Queues::new(),
@@ -157,7 +157,7 @@ mod app {
         let storage = Memory {
             working: cx.local.working,
             runs,
-            notebook: cx.local.notebook,
+            persistent: cx.local.persistent,
         };
         let (mut port, inbox, post) = open(board.link_rx, board.link_tx, session, cx.local.queues);
         port.start();

@@ -5,7 +5,7 @@
 //! hand over by queues.
 
 use heapless::spsc::Consumer;
-use massline_firmware::instrument::{Identity, Instrument, Job, Memory, Outbox, RawSample};
+use massline_firmware::instrument::{Identity, Instrument, Job, Memory, RawSample, Transmit};
 use massline_firmware::sampling::{INPUTS, Shot};
 use massline_firmware::wire::{
     ClockSource, FaultKind, Received, Refused, Reply, ResetReason, Storage,

@@ -34,7 +34,7 @@ impl Job<'_> {
     }
 
     fn identify(&mut self) -> Result<(), NoAnswer> {
-        if let Some(solver) = self.buffers.bench.solver() {
+        if let Some(solver) = self.buffers.scratch.solver() {
             solver.sets.clear();
             solver.findings = Findings::NONE;
             solver.load_cells.equations(&mut solver.equations);
@@ -49,7 +49,7 @@ impl Job<'_> {
     /// Condenses the runs that share their equations with the first of those that are left.
     #[inline(never)] // What it works with is gone before the next step.
     fn condense_group(&mut self, left: &mut u32) -> Result<(), NoAnswer> {
-        let Some(solver) = self.buffers.bench.solver() else {
+        let Some(solver) = self.buffers.scratch.solver() else {
             return Err(NoAnswer::NoMasslines);
         };
         let grid = self.lines.settings.grid();
@@ -97,7 +97,7 @@ impl Job<'_> {
 
     #[inline(never)]
     fn solve(&mut self) -> Result<(), NoAnswer> {
-        let Some(solver) = self.buffers.bench.solver() else {
+        let Some(solver) = self.buffers.scratch.solver() else {
             return Err(NoAnswer::NoMasslines);
         };
         let question = identify::Question {
@@ -111,7 +111,7 @@ impl Job<'_> {
 
     #[inline(never)] // The answer is not on the stack while it is looked for.
     fn tell(&mut self, identification: &Identification) {
-        let findings = self.buffers.bench.solver().map(|s| &s.findings);
+        let findings = self.buffers.scratch.solver().map(|s| &s.findings);
         *self.store.answer = Some(answer(
             self.question,
             self.accelerations,

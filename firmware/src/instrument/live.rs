@@ -1,7 +1,7 @@
 //! What a host that listens sees of the samples: levels, and the converters' own samples.
 
 use super::memory::CHANNELS;
-use super::{Outbox, RawSample};
+use super::{RawSample, Transmit};
 use crate::wire::{Count24, Event, FaultySamples, Levels, Packed, Samples, Stream, Values, Word};
 
 /// Levels of one channel since they were last told.
@@ -65,7 +65,7 @@ impl LevelMeter {
     }
 
     /// Tells of the levels, and begins anew. Without a sample there is nothing to tell.
-    pub(super) fn tell(&mut self, out: &mut impl Outbox) {
+    pub(super) fn tell(&mut self, out: &mut impl Transmit) {
         if self.samples == 0 {
             return;
         }
@@ -136,7 +136,7 @@ impl Recorder {
         &mut self,
         sample: &RawSample<'_>,
         si: impl Fn(usize, i32) -> f32,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         if self.stream == Stream::Off {
             return;
@@ -186,7 +186,7 @@ impl Recorder {
     }
 
     /// Sends what was gathered.
-    pub(super) fn send(&mut self, out: &mut impl Outbox) {
+    pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.filled == 0 {
             return;
         }

@@ -15,12 +15,12 @@
 //! | --- | --- |
 //! | `board` | what the instrument needs of the hardware and of the link |
 //! | `memory` | what it is lent, and how much of it |
-//! | `desk` | requests, and the states in which they are dealt with |
+//! | `requests` | requests, and the states in which they are dealt with |
 //! | `runs` | starting, feeding and ending a run |
 //! | `question` | what may be asked of the stored runs |
 //! | `setup/` | the set-up's pieces, and the checks of the whole |
 //! | `limits` | what a request may ask for |
-//! | `intake` | samples of a run to SI, and their faults |
+//! | `readings` | samples of a run to SI, and their faults |
 //! | `run` | the run that is going on: blocks, gaps, faults, the average |
 //! | `survey` | peaks of single accelerometers, for weights |
 //! | `store` | finished runs |
@@ -48,13 +48,13 @@
 
 mod answer;
 mod board;
-mod desk;
-mod intake;
 mod job;
 mod limits;
 mod live;
 pub mod memory;
 mod question;
+mod readings;
+mod requests;
 mod run;
 mod runs;
 mod selftest;
@@ -64,9 +64,9 @@ mod survey;
 mod synthetic;
 
 pub use answer::{Findings, answer};
-pub use board::{Board, Identity, Outbox, RawSample, Vitals};
+pub use board::{Board, Identity, RawSample, Transmit, Vitals};
 pub use job::Job;
-pub use memory::{Memory, Notebook, RunStorage, WorkingStorage};
+pub use memory::{Memory, Persistent, RunStorage, WorkingStorage};
 
 use crate::calibration;
 use crate::wire::{
@@ -74,9 +74,9 @@ use crate::wire::{
     Request, Setting, SettingKey, Source, Start, Started, State, Stream, Subscription, Summary,
     Taken, Telemetry,
 };
-use intake::Sample;
 use live::{LevelMeter, Recorder};
 use memory::{CHANNELS, RUNS};
+use readings::Sample;
 use run::{Buffers, Run};
 use selftest::Progress;
 use setup::{Lines, SetUp};
@@ -146,7 +146,7 @@ pub struct Instrument<'m> {
 
 /// Answers a request with what is wrong with it.
 #[inline(never)] // A reply is 1 KB: not on the stack beside the one there might have been.
-fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Outbox) {
+fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Transmit) {
     out.reply(id, &Reply::Error(Refused { request, problem }));
 }
 
@@ -155,7 +155,7 @@ impl<'m> Instrument<'m> {
     /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
     #[must_use]
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
-        let WorkingStorage { bench } = memory.working;
+        let WorkingStorage { scratch } = memory.working;
         let RunStorage {
             responses,
             drive,
@@ -163,13 +163,13 @@ impl<'m> Instrument<'m> {
             lines,
             levels,
         } = memory.runs;
-        let Notebook {
+        let Persistent {
             setup,
             summaries,
             kept,
             answer,
             recorder,
-        } = memory.notebook;
+        } = memory.persistent;
         // Of whoever it was lent to before.
         setup.clear();
         summaries.fill(None);
@@ -181,7 +181,11 @@ impl<'m> Instrument<'m> {
             state: State::Empty,
             setup,
             lines: None,
-            buffers: Some(Buffers { bench, work, lines }),
+            buffers: Some(Buffers {
+                scratch,
+                work,
+                lines,
+            }),
             run: None,
             synthetic: None,
             selftest: None,
@@ -208,10 +212,10 @@ impl<'m> Instrument<'m> {
         id: u16,
         request: &Request<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         self.introduce(out);
-        if let Err(problem) = self.deal(id, request, board, out) {
+        if let Err(problem) = self.dispatch(id, request, board, out) {
             refuse(id, request.number(), problem, out);
         }
     }
@@ -222,7 +226,7 @@ impl<'m> Instrument<'m> {
         &mut self,
         sample: &RawSample<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         let si = |input: usize, count: i32| {
             let key = SettingKey::Input(input as u8);
@@ -258,7 +262,7 @@ impl<'m> Instrument<'m> {
 
     /// Does what is due without a request. Call it whenever there is time, a hundred times
     /// a second or more; `true` if there is more to do at once.
-    pub fn poll(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+    pub fn poll(&mut self, board: &mut impl Board, out: &mut impl Transmit) -> bool {
         self.introduce(out);
         let now = board.ticks();
         let second = u64::from(self.identity.tick_hz);
@@ -284,7 +288,7 @@ impl<'m> Instrument<'m> {
     }
 
     /// Computes some samples of a synthetic run; `true` if there is one.
-    fn compute(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+    fn compute(&mut self, board: &mut impl Board, out: &mut impl Transmit) -> bool {
         for _ in 0..COMPUTED_TOGETHER {
             let (Some(run), Some(synthetic)) = (&mut self.run, &mut self.synthetic) else {
                 return false;
@@ -307,8 +311,8 @@ impl<'m> Instrument<'m> {
         };
         // A question is not taken during a run, nor a run begun before it is answered.
         let buffers = self.buffers.take()?;
-        buffers.bench.clear_for_solver();
-        if let Some(solver) = buffers.bench.solver() {
+        buffers.scratch.clear_for_solver();
+        if let Some(solver) = buffers.scratch.solver() {
             solver.load_cells.take_from(self.setup.arrangement());
         }
         Some(Job {
@@ -322,7 +326,7 @@ impl<'m> Instrument<'m> {
     }
 
     /// Takes a job back and answers the request behind it.
-    pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
+    pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Transmit) {
         let Job {
             store,
             buffers,
@@ -363,7 +367,7 @@ impl<'m> Instrument<'m> {
         kind: FaultKind,
         part: Option<u8>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         let sample = self.run.as_ref().map_or(board.input_samples(), Run::next);
         out.event(&Event::Fault(Fault { kind, sample, part }));
@@ -373,7 +377,7 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    fn introduce(&mut self, out: &mut impl Outbox) {
+    fn introduce(&mut self, out: &mut impl Transmit) {
         if !self.introduced {
             self.introduced = true;
             out.event(&Event::Started(Started {
@@ -383,7 +387,7 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    fn tell_telemetry(&mut self, now: u64, board: &mut impl Board, out: &mut impl Outbox) {
+    fn tell_telemetry(&mut self, now: u64, board: &mut impl Board, out: &mut impl Transmit) {
         let vitals = board.vitals();
         out.event(&Event::Telemetry(Telemetry {
             uptime: now.saturating_mul(1000) / u64::from(self.identity.tick_hz.max(1)),
@@ -410,14 +414,14 @@ impl<'m> Instrument<'m> {
     }
 
     /// Ends the run if it has all its samples, and says so.
-    fn end_if_complete(&mut self, board: &mut impl Board, out: &mut impl Outbox) {
+    fn end_if_complete(&mut self, board: &mut impl Board, out: &mut impl Transmit) {
         if self.run.as_ref().is_some_and(Run::is_complete) {
             self.end_run(Outcome::Limit, board, out);
         }
     }
 
     /// Ends the run by itself, and says so.
-    fn end_run(&mut self, outcome: Outcome, board: &mut impl Board, out: &mut impl Outbox) {
+    fn end_run(&mut self, outcome: Outcome, board: &mut impl Board, out: &mut impl Transmit) {
         if let Some(summary) = self.conclude(outcome, board) {
             out.event(&Event::RunEnded(summary));
         }
@@ -473,7 +477,7 @@ const COMPUTED_TOGETHER: usize = 8;
 /// Where events go that nobody has asked for.
 struct Silence;
 
-impl Outbox for Silence {
+impl Transmit for Silence {
     fn reply(&mut self, _request: u16, _reply: &Reply<'_>) {}
 
     fn event(&mut self, _event: &Event<'_>) {}

@@ -1,8 +1,8 @@
 //! The question: whether it can be asked of the stored runs.
 
-use super::desk::missing;
 use super::limits::within;
 use super::memory::RUNS;
+use super::requests::missing;
 use super::setup::lines_of;
 use super::{Asked, Board, Instrument, Pending};
 use crate::wire::{

@@ -1,11 +1,11 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
-use super::intake::Sample;
-use super::memory::{Averaging, Bench, SENSORS};
+use super::memory::{Averaging, SENSORS, Scratch};
+use super::readings::Sample;
 use super::setup::Lines;
 use super::store::Stored;
 use super::survey::Survey;
-use super::{Board, Outbox};
+use super::{Board, Transmit};
 use crate::wire::{
     Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
 };
@@ -15,7 +15,7 @@ use massline_core::spectra::{Complex32, DriveAverage, Rings};
 /// Storage of a run, lent for as long as it lasts.
 #[derive(Debug)]
 pub(super) struct Buffers<'m> {
-    pub(super) bench: &'m mut Bench,
+    pub(super) scratch: &'m mut Scratch,
     pub(super) work: &'m mut [Complex32],
     pub(super) lines: &'m mut [Complex32],
 }
@@ -78,7 +78,7 @@ impl<'m> Run<'m> {
         task: Task,
         buffers: Buffers<'m>,
     ) -> Option<Self> {
-        let room = buffers.bench.run_mut()?;
+        let room = buffers.scratch.run_mut()?;
         let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history).ok()?;
         Some(Self {
             start,
@@ -118,7 +118,7 @@ impl<'m> Run<'m> {
 
     /// Channels of a sample.
     pub(super) fn channels(&self) -> usize {
-        self.buffers.bench.run().map_or(0, |r| r.intake.channels())
+        self.buffers.scratch.run().map_or(0, |r| r.channels.count())
     }
 
     /// Whether the run has all the samples it was started for.
@@ -128,7 +128,7 @@ impl<'m> Run<'m> {
 
     /// Notes that all samples before number `first` are missing. The block they are
     /// missing from is rejected, the next one begins with that sample.
-    pub(super) fn skip_to(&mut self, first: u64, out: &mut impl Outbox) {
+    pub(super) fn skip_to(&mut self, first: u64, out: &mut impl Transmit) {
         let first = self.start.limit.map_or(first, |limit| first.min(limit));
         if first <= self.counts.next {
             return;
@@ -138,16 +138,21 @@ impl<'m> Run<'m> {
         self.counts.missing = self.counts.missing.saturating_add(missing);
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
-        if let Some(room) = self.buffers.bench.run_mut() {
+        if let Some(room) = self.buffers.scratch.run_mut() {
             self.rings.restart(&mut room.history);
-            room.intake.skip(missing);
+            room.channels.skip(missing);
         }
         self.faulty = [0; Health::KINDS];
         self.block_first = first;
     }
 
     /// Takes the next sample.
-    pub(super) fn push(&mut self, sample: &Sample<'_>, board: &impl Board, out: &mut impl Outbox) {
+    pub(super) fn push(
+        &mut self,
+        sample: &Sample<'_>,
+        board: &impl Board,
+        out: &mut impl Transmit,
+    ) {
         let begun = board.ticks();
         let taken = match sample {
             Sample::Counts { ticks, .. } => *ticks,
@@ -159,18 +164,18 @@ impl<'m> Run<'m> {
         self.ticks[1] = taken;
         let index = self.counts.next;
         self.counts.next = index.saturating_add(1);
-        let Some(room) = self.buffers.bench.run_mut() else {
+        let Some(room) = self.buffers.scratch.run_mut() else {
             return;
         };
-        let mut health = room.intake.take(sample, index, out);
+        let mut health = room.channels.take(sample, index, out);
         let mut input = [0.0; 1 + RESULTANTS];
         let (drive, rest) = input.split_at_mut(1);
-        drive.fill(room.intake.drive());
+        drive.fill(room.channels.drive());
         match &self.task {
             Task::Measure(_) => {
-                rest.copy_from_slice(&room.geometry.map.apply(room.intake.sensors()));
+                rest.copy_from_slice(&room.geometry.map.apply(room.channels.sensors()));
             }
-            Task::Survey(survey) => survey.select(room.intake.sensors(), rest),
+            Task::Survey(survey) => survey.select(room.channels.sensors(), rest),
         }
         for x in &mut input {
             // Not a number is not below it, either.
@@ -216,7 +221,7 @@ impl<'m> Run<'m> {
         self.block_first = first.saturating_add(self.lines.settings.hop() as u64);
         if let Task::Survey(survey) = &mut self.task
             && survey.turn()
-            && let Some(room) = self.buffers.bench.run_mut()
+            && let Some(room) = self.buffers.scratch.run_mut()
         {
             self.rings.restart(&mut room.history);
             self.block_first = self.counts.next;
@@ -227,8 +232,12 @@ impl<'m> Run<'m> {
     /// average.
     fn average(&mut self) {
         let count = self.lines.settings.grid().count;
-        let Buffers { bench, work, lines } = &mut self.buffers;
-        let Some(Averaging { history, sums, .. }) = bench.run_mut() else {
+        let Buffers {
+            scratch,
+            work,
+            lines,
+        } = &mut self.buffers;
+        let Some(Averaging { history, sums, .. }) = scratch.run_mut() else {
             return;
         };
         let (average, wanted) = match &mut self.task {
@@ -273,7 +282,7 @@ impl<'m> Run<'m> {
         ticks
     }
 
-    fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Outbox) {
+    fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Transmit) {
         self.counts.rejected = self.counts.rejected.saturating_add(1);
         self.counts.health = self.counts.health.union(health);
         for (kind, count) in self.counts.rejected_by.iter_mut().enumerate() {
@@ -293,7 +302,7 @@ impl<'m> Run<'m> {
             return None;
         }
         let count = self.lines.settings.grid().count;
-        let sums = &mut self.buffers.bench.run_mut()?.sums;
+        let sums = &mut self.buffers.scratch.run_mut()?.sums;
         let average = DriveAverage::resume(count, RESULTANTS, sums, self.counts.averaged);
         let average = average.ok()?;
         let band = self.lines.band;
@@ -308,7 +317,7 @@ impl<'m> Run<'m> {
         health: Health,
         coherence: Option<[Exact<f32>; RESULTANTS]>,
         ticks: u32,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         out.event(&Event::Block(Block {
             run: self.start.run,
@@ -325,8 +334,8 @@ impl<'m> Run<'m> {
 
     /// SI samples of the channels, as the last sample left them.
     pub(super) fn readings(&self) -> &[f32] {
-        let room = self.buffers.bench.run();
-        room.map_or(&[], |room| room.intake.readings())
+        let room = self.buffers.scratch.run();
+        room.map_or(&[], |room| room.channels.readings())
     }
 
     /// Ends the run: what a measuring pass has averaged goes to the store.
@@ -341,7 +350,7 @@ impl<'m> Run<'m> {
         let grid = self.lines.settings.grid();
         let blocks = self.counts.averaged;
         let run = usize::from(self.start.run);
-        if let Some(room) = self.buffers.bench.run_mut() {
+        if let Some(room) = self.buffers.scratch.run_mut() {
             match (&mut self.task, store) {
                 (Task::Survey(survey), _) => peaks = survey.peaks(&mut room.sums),
                 (Task::Measure(accelerations), Some(store)) => {

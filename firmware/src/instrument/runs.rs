@@ -1,14 +1,14 @@
 //! A run from its start to its end, and its lines afterwards.
 
-use super::desk::missing;
-use super::intake::{Intake, Sample};
 use super::limits::range;
 use super::memory::SUMS;
+use super::readings::{Channels, Sample};
+use super::requests::missing;
 use super::run::{Run, Task};
 use super::setup::SetUp;
 use super::survey::Survey;
 use super::synthetic::Synthetic;
-use super::{Board, Ended, Instrument, Outbox};
+use super::{Board, Ended, Instrument, Transmit};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
     Carries, Circuit, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, ReadLines,
@@ -40,8 +40,8 @@ impl Instrument<'_> {
         let Some(buffers) = &mut self.buffers else {
             return self.only(State::Ready);
         };
-        buffers.bench.clear_for_run();
-        let Some(room) = buffers.bench.run_mut() else {
+        buffers.scratch.clear_for_run();
+        let Some(room) = buffers.scratch.run_mut() else {
             return self.only(State::Ready);
         };
         let task = match start.pass {
@@ -62,8 +62,8 @@ impl Instrument<'_> {
                 Task::Measure(accelerations)
             }
         };
-        let intake = &mut room.intake;
-        route(self.setup, number, start.source, board, intake)?;
+        let channels = &mut room.channels;
+        route(self.setup, number, start.source, board, channels)?;
         match start.source {
             Source::Host => {}
             Source::Inputs => {
@@ -71,10 +71,10 @@ impl Instrument<'_> {
                 if inputs == 0 {
                     return Err(Problem::Unsupported(Item::Source));
                 }
-                if intake.channels() > inputs {
+                if channels.count() > inputs {
                     return Err(Problem::Capacity {
                         item: Item::Input,
-                        found: intake.channels() as u32,
+                        found: channels.count() as u32,
                         limit: inputs as u32,
                     });
                 }
@@ -98,7 +98,7 @@ impl Instrument<'_> {
         &mut self,
         samples: &Samples<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<Taken, Problem> {
         let Some(run) = &mut self.run else {
             return match &self.ended {
@@ -186,7 +186,7 @@ impl Instrument<'_> {
         &self,
         id: u16,
         read: &ReadLines,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<(), Problem> {
         let at = self.run_index(read.run)?;
         let Some(store) = &self.archive else {
@@ -252,10 +252,10 @@ fn route(
     run: usize,
     source: Source,
     board: &impl Board,
-    intake: &mut Intake,
+    channels: &mut Channels,
 ) -> Result<(), Problem> {
     let arrangement = setup.arrangement();
-    intake.begin(arrangement.sensors());
+    channels.begin(arrangement.sensors());
     let rate = setup.sample_rate() as f32;
     for (number, code) in arrangement.channels(run).iter().enumerate() {
         let carries = Carries::from_code(*code);
@@ -277,7 +277,7 @@ fn route(
             (None, Source::Synthetic) => Channel::unwatched(calibration::Scale::ONE),
             (None, _) => stored(board, number)?.channel(rate),
         };
-        intake.add(carries, channel);
+        channels.add(carries, channel);
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
-use super::{Board, Instrument, Outbox, Pending};
+use super::{Board, Instrument, Pending, Transmit};
 use crate::wire::{
     Accelerations, Answer, Carries, Check, Exact, Excitation, Gaps, Health, Method, Mount, Pass,
     Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale, Selftest,
@@ -74,7 +74,11 @@ impl Instrument<'_> {
     }
 
     /// The next step of a self-test between its runs; `true` if another one follows at once.
-    pub(super) fn go_on_testing(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+    pub(super) fn go_on_testing(
+        &mut self,
+        board: &mut impl Board,
+        out: &mut impl Transmit,
+    ) -> bool {
         let Some(progress) = &mut self.selftest else {
             return false;
         };

@@ -1,7 +1,7 @@
 //! Samples of one run: where each channel goes, how it becomes SI, and whether it can be
 //! believed.
 
-use super::Outbox;
+use super::Transmit;
 use super::memory::{CHANNELS, SENSORS};
 use crate::calibration::Channel;
 use crate::wire::{Carries, ChannelHealth, Event, Health, Packed, Values};
@@ -30,26 +30,26 @@ struct Route {
 
 /// Channels of a run at work.
 #[derive(Debug)]
-pub(super) struct Intake {
+pub(super) struct Channels {
     routes: heapless::Vec<Route, CHANNELS>,
     /// SI by channel.
     readings: [f32; CHANNELS],
     /// SI by sensor.
     sensors: [f32; SENSORS],
-    count: usize,
+    sensors_used: usize,
     drive: f32,
     /// Faults of each channel at the last sample.
     health: [u16; CHANNELS],
 }
 
-impl Intake {
+impl Channels {
     /// No channels yet.
     pub(super) const fn new() -> Self {
         Self {
             routes: heapless::Vec::new(),
             readings: [0.0; CHANNELS],
             sensors: [0.0; SENSORS],
-            count: 0,
+            sensors_used: 0,
             drive: 0.0,
             health: [0; CHANNELS],
         }
@@ -60,7 +60,7 @@ impl Intake {
         self.routes.clear();
         self.readings.fill(0.0);
         self.sensors.fill(0.0);
-        self.count = sensors;
+        self.sensors_used = sensors;
         self.drive = 0.0;
         self.health.fill(0);
     }
@@ -71,7 +71,7 @@ impl Intake {
     }
 
     /// Number of channels.
-    pub(super) fn channels(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.routes.len()
     }
 
@@ -89,7 +89,7 @@ impl Intake {
         &mut self,
         sample: &Sample<'_>,
         index: u64,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Health {
         let mut all = 0;
         let mut changed = false;
@@ -129,7 +129,7 @@ impl Intake {
 
     /// SI by sensor.
     pub(super) fn sensors(&self) -> &[f32] {
-        self.sensors.get(..self.count).unwrap_or(&[])
+        self.sensors.get(..self.sensors_used).unwrap_or(&[])
     }
 
     /// The drive signal, in its own unit.

@@ -2,7 +2,7 @@
 
 use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use super::run::Run;
-use super::{Board, Instrument, Outbox, cut};
+use super::{Board, Instrument, Transmit, cut};
 use crate::wire::{
     Capacity, Identified, Info, Item, Method, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong, Problem,
     Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream, Subscription,
@@ -24,12 +24,12 @@ const METHODS: [Method; 8] = [
 impl<'m> Instrument<'m> {
     /// Deals with a request: has replied, or will by [`Self::finish`], unless it returns a
     /// problem. Then nothing was changed.
-    pub(super) fn deal(
+    pub(super) fn dispatch(
         &mut self,
         id: u16,
         request: &Request<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<(), Problem> {
         let reply = match request {
             Request::Hello => {
@@ -150,7 +150,7 @@ impl<'m> Instrument<'m> {
     // A reply is 1 KB. Those that a reference keeps from being the one above are made apart.
 
     #[inline(never)]
-    fn read_peaks(&self, id: u16, run: u8, out: &mut impl Outbox) -> Result<(), Problem> {
+    fn read_peaks(&self, id: u16, run: u8, out: &mut impl Transmit) -> Result<(), Problem> {
         let at = self.run_index(run)?;
         let peaks = self.setup.peaks(at).ok_or(missing(Item::Survey, at))?;
         let peaks = Packed::new(peaks);
@@ -159,7 +159,7 @@ impl<'m> Instrument<'m> {
     }
 
     #[inline(never)]
-    fn read_weights(&self, id: u16, run: u8, out: &mut impl Outbox) -> Result<(), Problem> {
+    fn read_weights(&self, id: u16, run: u8, out: &mut impl Transmit) -> Result<(), Problem> {
         let at = self.run_index(run)?;
         let weights = Packed::new(self.setup.weights(at));
         out.reply(id, &Reply::Weights(Weights { run, weights }));
@@ -228,13 +228,13 @@ impl<'m> Instrument<'m> {
     }
 
     #[inline(never)]
-    fn introduce_to(&self, id: u16, board: &impl Board, out: &mut impl Outbox) {
+    fn introduce_to(&self, id: u16, board: &impl Board, out: &mut impl Transmit) {
         out.reply(id, &Reply::Info(self.info(board)));
     }
 
     /// The stored answer, sent again.
     #[inline(never)]
-    fn read_answer(&self, id: u16, out: &mut impl Outbox) -> Result<(), Problem> {
+    fn read_answer(&self, id: u16, out: &mut impl Transmit) -> Result<(), Problem> {
         let ticks = self.answered.ok_or(missing(Item::Answer, 0))?;
         let Some(store) = &self.archive else {
             return self.not_busy();
@@ -294,7 +294,7 @@ impl<'m> Instrument<'m> {
         &mut self,
         subscription: &Subscription,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<(), Problem> {
         if subscription.samples != Stream::Off && self.identity.inputs == 0 {
             return Err(Problem::Unsupported(Item::Input));
@@ -319,10 +319,10 @@ impl<'m> Instrument<'m> {
     /// Checks the set-up as a whole, and makes lines of it.
     pub(super) fn check_setup(&mut self) -> Result<super::setup::Lines, Problem> {
         // They are lent to a run only, and then there is a set-up.
-        let bench = self.buffers.as_mut().map(|buffers| &mut *buffers.bench);
-        let bench = bench.ok_or(Problem::Busy(Request::EndSetup.number()))?;
-        bench.clear_for_run();
-        let run = bench.run_mut();
+        let scratch = self.buffers.as_mut().map(|buffers| &mut *buffers.scratch);
+        let scratch = scratch.ok_or(Problem::Busy(Request::EndSetup.number()))?;
+        scratch.clear_for_run();
+        let run = scratch.run_mut();
         let run = run.ok_or(Problem::Busy(Request::EndSetup.number()))?;
         self.setup.end(&mut run.geometry)
     }
@@ -348,7 +348,7 @@ fn read_setting(
     id: u16,
     key: SettingKey,
     board: &impl Board,
-    out: &mut impl Outbox,
+    out: &mut impl Transmit,
 ) -> Result<(), Problem> {
     out.reply(id, &Reply::Setting(board.setting(key)?));
     Ok(())
