@@ -64,8 +64,8 @@ impl LevelMeter {
         self.next = next;
     }
 
-    /// Tells of the levels, and begins anew. Without a sample there is nothing to tell.
-    pub(super) fn tell(&mut self, out: &mut impl Transmit) {
+    /// Sends the levels, and begins anew; without a sample, sends nothing.
+    pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.samples == 0 {
             return;
         }

@@ -1,7 +1,7 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
 use super::memory::{LINES, RUNS};
-use crate::wire::{Accelerations, Answer, Line, Quality};
+use crate::wire::{Accelerations, Line, Quality};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
 use massline_core::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
 
@@ -22,28 +22,16 @@ pub(super) struct Stored<'m> {
     kept: &'m mut [Option<Kept>; RUNS],
 }
 
-/// All stored runs, and the answer that they gave.
-#[derive(Debug)]
-pub(super) struct Store<'m> {
-    pub(super) runs: Stored<'m>,
-    /// Where what it finds is written.
-    pub(super) answer: &'m mut Option<Answer>,
-}
-
-impl<'m> Store<'m> {
+impl<'m> Stored<'m> {
     pub(super) fn new(
         responses: &'m mut [[Complex32; RESULTANTS]],
         drive: &'m mut [f32],
         kept: &'m mut [Option<Kept>; RUNS],
-        answer: &'m mut Option<Answer>,
     ) -> Self {
         Self {
-            runs: Stored {
-                responses,
-                drive,
-                kept,
-            },
-            answer,
+            responses,
+            drive,
+            kept,
         }
     }
 }

@@ -16,9 +16,9 @@ pub(super) use arrangement::Arrangement;
 pub(super) use lines::{Lines, lines_of};
 pub(super) use load_cells::LoadCells;
 
+use super::limits::missing;
 use super::limits::{finite, fits, within};
 use super::memory::{RUNS, SENSORS};
-use super::requests::missing;
 use crate::wire::{
     Accelerations, Field, Item, Mount, Plan, Problem, Processing, Run, Sensor, Weighting, Weights,
 };
