@@ -301,6 +301,7 @@ impl<'m> Instrument<'m> {
     }
 
     /// Completes the set-up; where it is complete, nothing is changed.
+    #[inline(never)] // Lines are not on the stack beside a reply.
     fn end_setup(&mut self) -> Result<Grid, Problem> {
         let storage = match &mut self.phase {
             Phase::SettingUp(storage) => storage,

@@ -19,6 +19,7 @@ use massline_core::spectra::Rings;
 
 impl Instrument<'_> {
     /// Starts a run; where the same is going on, nothing is changed.
+    #[inline(never)] // A run is not on the stack beside a reply.
     pub(super) fn start(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
         if let Phase::Running(_, run) = &self.phase
             && run.start == *start
