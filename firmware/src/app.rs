@@ -5,8 +5,8 @@
 //! queues.
 
 use heapless::spsc::Consumer;
-use massline_firmware::instrument::{Identity, Instrument, Job, Memory, Outbox, RawSample};
-use massline_firmware::link::{self, Receive, Transmit};
+use massline_firmware::instrument::{Identity, Instrument, Job, Memory, RawSample, Transmit};
+use massline_firmware::link::{self, Rx, Tx};
 use massline_firmware::sampling::{INPUTS, RawFrame};
 use massline_firmware::wire::{
     ClockSource, FaultKind, Received, Refused, Reply, ResetReason, Storage,
@@ -26,8 +26,8 @@ pub struct App {
     instrument: Instrument<'static>,
     services: Services,
     frames: Consumer<'static, RawFrame>,
-    receive: Receive<'static>,
-    transmit: Transmit<'static>,
+    receive: Rx<'static>,
+    transmit: Tx<'static>,
     link_rate: BitRate,
 }
 
@@ -40,7 +40,7 @@ impl App {
         identity: Identity<'static>,
         services: Services,
         frames: Consumer<'static, RawFrame>,
-        (receive, transmit, link_rate): (Receive<'static>, Transmit<'static>, BitRate),
+        (receive, transmit, link_rate): (Rx<'static>, Tx<'static>, BitRate),
     ) -> &'static mut Self {
         place.insert(Self {
             instrument: Instrument::new(memory, identity),

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use massline_firmware::instrument::{Board, Vitals};
-use massline_firmware::link::Receive;
+use massline_firmware::link::Rx;
 use massline_firmware::retained::Cause;
 use massline_firmware::sampling::{self, Command, Commands, Counters, INPUTS, Plan};
 use massline_firmware::wire::{
@@ -106,7 +106,7 @@ impl Services {
     }
 
     /// Notes the counters of the link.
-    pub fn note_link(&mut self, receive: &Receive<'_>, dropped: u32) {
+    pub fn note_link(&mut self, receive: &Rx<'_>, dropped: u32) {
         self.link = *receive.counters();
         self.overruns = receive.overruns();
         self.dropped = dropped;

@@ -16,7 +16,7 @@
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
 
-    use massline_firmware::instrument::{Memory, Notebook, WorkingStorage};
+    use massline_firmware::instrument::{Memory, Persistent, WorkingStorage};
     use massline_firmware::link::Queues;
     use massline_firmware::retained::Cause;
     use massline_firmware::sampling;
@@ -75,7 +75,7 @@ mod app {
 
     #[init(local = [
         working: WorkingStorage = WorkingStorage::new(),
-        notebook: Notebook = Notebook::new(),
+        persistent: Persistent = Persistent::new(),
         queues: Queues = Queues::new(),
         settings: Settings<INPUTS> = Settings::DELIVERED,
         samples: sampling::Queues = sampling::Queues::new(),
@@ -112,7 +112,7 @@ mod app {
         let storage = Memory {
             working: cx.local.working,
             runs,
-            notebook: cx.local.notebook,
+            persistent: cx.local.persistent,
         };
         let (ends, receive, transmit) = cx.local.queues.split(session, board::pend_link);
         let port = Port::new(board.link, ends);

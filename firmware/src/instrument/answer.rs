@@ -43,7 +43,8 @@ impl Findings {
 
     /// The group that shows most poles speaks for all.
     fn add_poles(&mut self, poles: &[Pole]) {
-        if poles.len() > self.poles.iter().flatten().count() {
+        let known = self.poles.iter().flatten();
+        if poles.len() > known.fold(0, |count: usize, _| count.saturating_add(1)) {
             self.poles = core::array::from_fn(|k| poles.get(k).copied());
         }
     }

@@ -110,16 +110,16 @@ pub trait Board {
     /// Whether settings were written that are not kept.
     fn unsaved(&self) -> bool;
 
-    /// Starts afresh, once what was given to the outbox has left the box.
+    /// Starts afresh, once what was given to the transmit queue has left the box.
     fn reboot(&mut self);
 
-    /// Fails on purpose, once what was given to the outbox has left the box, or feigns at
+    /// Fails on purpose, once what was given to the transmit queue has left the box, or feigns at
     /// once. `false` if the box cannot.
     fn provoke(&mut self, fault: Provoke) -> bool;
 }
 
 /// The way to the host.
-pub trait Outbox {
+pub trait Transmit {
     /// Sends the reply to the request of this id. It must not be lost for want of room:
     /// keep room for one reply per request that is on its way.
     fn reply(&mut self, request: u16, reply: &Reply<'_>);

@@ -1,10 +1,11 @@
-//! What takes seconds: it leaves the instrument, is run elsewhere, and comes back.
+//! The identification, which takes seconds: a job leaves the instrument, is run elsewhere, and
+//! comes back.
 
 use super::answer::{Findings, answer};
 use super::memory::{PAIRS, RUNS};
-use super::run::Buffers;
-use super::setup::Lines;
-use super::store::{Store, Stored};
+use super::phase::Storage;
+use super::setup::{Lines, bit};
+use super::store::Stored;
 use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
 use massline_core::geometry::Equations;
 use massline_core::identify::{self, Identification, identify_in};
@@ -17,13 +18,12 @@ use nalgebra::Vector3;
 /// priority can run it while the instrument goes on.
 #[derive(Debug)]
 pub struct Job<'m> {
-    pub(super) store: Store<'m>,
-    /// A run's room, in which it works, and in which its load cells lie.
-    pub(super) buffers: Buffers<'m>,
+    /// Stored runs; scratch memory, in which the load cells lie; and the place of the answer.
+    pub(super) storage: Storage<'m>,
     pub(super) question: Question,
     pub(super) lines: Lines,
     pub(super) accelerations: Accelerations,
-    /// Whether there is an answer, once it has been looked for.
+    /// Outcome of the identification; `None` before it was run.
     pub(super) outcome: Option<Result<(), NoAnswer>>,
 }
 
@@ -34,12 +34,12 @@ impl Job<'_> {
     }
 
     fn identify(&mut self) -> Result<(), NoAnswer> {
-        if let Some(solver) = self.buffers.bench.solver() {
+        if let Some(solver) = self.storage.scratch.solver() {
             solver.sets.clear();
             solver.findings = Findings::NONE;
             solver.load_cells.equations(&mut solver.equations);
         }
-        let mut left = self.question.runs & self.store.runs.mask();
+        let mut left = self.question.runs & self.storage.runs.mask();
         while left != 0 {
             self.condense_group(&mut left)?;
         }
@@ -49,12 +49,12 @@ impl Job<'_> {
     /// Condenses the runs that share their equations with the first of those that are left.
     #[inline(never)] // What it works with is gone before the next step.
     fn condense_group(&mut self, left: &mut u32) -> Result<(), NoAnswer> {
-        let Some(solver) = self.buffers.bench.solver() else {
+        let Some(solver) = self.storage.scratch.solver() else {
             return Err(NoAnswer::NoMasslines);
         };
         let grid = self.lines.settings.grid();
         let window = self.lines.settings.window();
-        let stored = &self.store.runs;
+        let stored = &self.storage.runs;
         let first = left.trailing_zeros() as usize;
         let equations = solver.equations.get(first).ok_or(NoAnswer::NoMasslines)?;
         let mut group: heapless::Vec<RunResponses<'_>, RUNS> = heapless::Vec::new();
@@ -97,7 +97,7 @@ impl Job<'_> {
 
     #[inline(never)]
     fn solve(&mut self) -> Result<(), NoAnswer> {
-        let Some(solver) = self.buffers.bench.solver() else {
+        let Some(solver) = self.storage.scratch.solver() else {
             return Err(NoAnswer::NoMasslines);
         };
         let question = identify::Question {
@@ -105,17 +105,17 @@ impl Job<'_> {
             procedure: self.question.procedure.into(),
         };
         let identification = identify_in(&solver.sets, &question, &mut solver.identification);
-        self.tell(identification.as_ref().map_err(|error| *error)?);
+        self.keep(identification.as_ref().map_err(|error| *error)?);
         Ok(())
     }
 
     #[inline(never)] // The answer is not on the stack while it is looked for.
-    fn tell(&mut self, identification: &Identification) {
-        let findings = self.buffers.bench.solver().map(|s| &s.findings);
-        *self.store.answer = Some(answer(
+    fn keep(&mut self, identification: &Identification) {
+        let findings = self.storage.scratch.solver().map(|s| &s.findings);
+        *self.storage.answer = Some(answer(
             self.question,
             self.accelerations,
-            quality(&self.store.runs, self.question.runs),
+            quality(&self.storage.runs, self.question.runs),
             identification,
             findings.unwrap_or(&Findings::NONE),
         ));
@@ -134,9 +134,9 @@ fn add_set<'s>(
     sets.last_mut().ok_or(NoAnswer::NoMasslines)
 }
 
-/// What the runs suffered, all together.
+/// Quality of several runs together.
 fn quality(store: &Stored<'_>, runs: u32) -> Quality {
-    let used = (0..RUNS).filter(|run| runs & 1 << run != 0);
+    let used = (0..RUNS).filter(|run| runs & bit(*run as u32) != 0);
     let mut all = Quality {
         blocks: 0,
         rejected: 0,

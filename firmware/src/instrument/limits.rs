@@ -70,3 +70,11 @@ pub(super) fn about(problem: Problem, number: u32) -> Problem {
         other => other,
     }
 }
+
+/// The refusal of a request that needs something that is not there.
+pub(super) fn missing(item: Item, index: usize) -> Problem {
+    Problem::Missing {
+        item,
+        index: index as u32,
+    }
+}

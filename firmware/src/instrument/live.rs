@@ -1,7 +1,7 @@
 //! What a host that listens sees of the samples: levels, and the converters' own samples.
 
 use super::memory::CHANNELS;
-use super::{Outbox, RawSample};
+use super::{RawSample, Transmit};
 use crate::wire::{Count24, Event, FaultySamples, Levels, Packed, Samples, Stream, Values, Word};
 
 /// Levels of one channel since they were last told.
@@ -64,8 +64,8 @@ impl LevelMeter {
         self.next = next;
     }
 
-    /// Tells of the levels, and begins anew. Without a sample there is nothing to tell.
-    pub(super) fn tell(&mut self, out: &mut impl Outbox) {
+    /// Sends the levels, and begins anew; without a sample, sends nothing.
+    pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.samples == 0 {
             return;
         }
@@ -136,7 +136,7 @@ impl Recorder {
         &mut self,
         sample: &RawSample<'_>,
         si: impl Fn(usize, i32) -> f32,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         if self.stream == Stream::Off {
             return;
@@ -156,15 +156,19 @@ impl Recorder {
             self.first = sample.number;
         }
         self.next = sample.number.wrapping_add(1);
-        let before = self.filled;
         for (c, &count) in counts.iter().enumerate() {
             match self.stream {
                 Stream::Readings => self.put(si(c, count)),
                 _ => self.put(Count24::nearest(count)),
             }
         }
-        // The next one is as long.
-        if self.filled + (self.filled - before) > ROOM {
+        let word = match self.stream {
+            Stream::Readings => f32::SIZE,
+            _ => Count24::SIZE,
+        };
+        // The next sample is as long.
+        let next = self.channels.saturating_mul(word);
+        if self.filled.saturating_add(next) > ROOM {
             self.send(out);
         }
     }
@@ -176,12 +180,13 @@ impl Recorder {
             slot.iter_mut()
                 .zip(bytes.as_ref())
                 .for_each(|(slot, byte)| *slot = *byte);
-            self.filled += T::SIZE;
+            // It fitted, so this is no more than the room.
+            self.filled = self.filled.saturating_add(T::SIZE);
         }
     }
 
     /// Sends what was gathered.
-    pub(super) fn send(&mut self, out: &mut impl Outbox) {
+    pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.filled == 0 {
             return;
         }

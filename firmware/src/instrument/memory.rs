@@ -2,12 +2,12 @@
 //!
 //! Three structures: a chip's memory may come in two pieces, and two of the three are all
 //! zero at the start, which takes no flash. None is touched by DMA. On the STM32F405
-//! [`RunStorage`] fills the core-coupled memory; [`WorkingStorage`] and [`Notebook`] lie in
+//! [`RunStorage`] fills the core-coupled memory; [`WorkingStorage`] and [`Persistent`] lie in
 //! the SRAM.
 
 use super::answer::Findings;
-use super::intake::Intake;
 use super::live::{LevelMeter, Recorder};
+use super::readings::Channels;
 use super::setup::{LoadCells, SetUp};
 use super::store::Kept;
 use crate::wire::{Answer, Summary};
@@ -49,16 +49,16 @@ const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 /// What a run needs while it is going on, and the identification when none is.
 #[derive(Debug)]
 pub struct WorkingStorage {
-    pub(super) bench: Bench,
+    pub(super) scratch: Scratch,
 }
 
-/// What is on the bench: a run, or an identification. Never both, as neither may begin
+/// What is on the scratch: a run, or an identification. Never both, as neither may begin
 /// before the other has ended.
 #[derive(Debug)]
 // A tag without padding behind it: what follows is then cleared where it lies, rather than
 // on the stack and copied.
 #[repr(u64)]
-pub(super) enum Bench {
+pub(super) enum Scratch {
     Run(Averaging),
     Solver(Solver),
 }
@@ -69,7 +69,7 @@ pub(super) struct Averaging {
     pub(super) history: [f32; HISTORY],
     pub(super) sums: [Sum; SUMS],
     /// Its channels.
-    pub(super) intake: Intake,
+    pub(super) channels: Channels,
     /// From its sensors to resultants, in a measuring pass.
     pub(super) geometry: RunGeometry,
 }
@@ -98,7 +98,7 @@ impl Averaging {
     const ZERO: Self = Self {
         history: [0.0; HISTORY],
         sums: [Sum::ZERO; SUMS],
-        intake: Intake::new(),
+        channels: Channels::new(),
         geometry: RunGeometry::empty(),
     };
 }
@@ -115,7 +115,7 @@ impl Solver {
     };
 }
 
-impl Bench {
+impl Scratch {
     /// Clears it for a run.
     pub(super) fn clear_for_run(&mut self) {
         // All zero, so that it takes neither flash nor stack.
@@ -157,7 +157,7 @@ impl WorkingStorage {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            bench: Bench::Run(Averaging::ZERO),
+            scratch: Scratch::Run(Averaging::ZERO),
         }
     }
 }
@@ -202,7 +202,7 @@ impl Default for RunStorage {
 /// What the instrument has been told and what it has found, lines and blocks aside. It is
 /// written where it lies: nothing of it is ever moved over a stack.
 #[derive(Debug)]
-pub struct Notebook {
+pub struct Persistent {
     pub(super) setup: SetUp,
     pub(super) summaries: [Option<Summary>; RUNS],
     pub(super) kept: [Option<Kept>; RUNS],
@@ -210,7 +210,7 @@ pub struct Notebook {
     pub(super) recorder: Recorder,
 }
 
-impl Notebook {
+impl Persistent {
     /// An empty one.
     #[must_use]
     pub const fn new() -> Self {
@@ -224,7 +224,7 @@ impl Notebook {
     }
 }
 
-impl Default for Notebook {
+impl Default for Persistent {
     fn default() -> Self {
         Self::new()
     }
@@ -238,5 +238,5 @@ pub struct Memory<'m> {
     /// For the lines of those that are done.
     pub runs: &'m mut RunStorage,
     /// For all else.
-    pub notebook: &'m mut Notebook,
+    pub persistent: &'m mut Persistent,
 }

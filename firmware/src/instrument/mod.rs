@@ -15,12 +15,13 @@
 //! | --- | --- |
 //! | `board` | what the instrument needs of the hardware and of the link |
 //! | `memory` | what it is lent, and how much of it |
-//! | `desk` | requests, and the states in which they are dealt with |
+//! | `phase` | the phases of the instrument, and what belongs to each |
+//! | `requests` | requests, one by one |
 //! | `runs` | starting, feeding and ending a run |
 //! | `question` | what may be asked of the stored runs |
 //! | `setup/` | the set-up's pieces, and the checks of the whole |
 //! | `limits` | what a request may ask for |
-//! | `intake` | samples of a run to SI, and their faults |
+//! | `readings` | samples of a run to SI, and their faults |
 //! | `run` | the run that is going on: blocks, gaps, faults, the average |
 //! | `survey` | peaks of single accelerometers, for weights |
 //! | `store` | finished runs |
@@ -48,13 +49,14 @@
 
 mod answer;
 mod board;
-mod desk;
-mod intake;
 mod job;
 mod limits;
 mod live;
 pub mod memory;
+mod phase;
 mod question;
+mod readings;
+mod requests;
 mod run;
 mod runs;
 mod selftest;
@@ -64,89 +66,44 @@ mod survey;
 mod synthetic;
 
 pub use answer::{Findings, answer};
-pub use board::{Board, Identity, Outbox, RawSample, Vitals};
+pub use board::{Board, Identity, RawSample, Transmit, Vitals};
 pub use job::Job;
-pub use memory::{Memory, Notebook, RunStorage, WorkingStorage};
+pub use memory::{Memory, Persistent, RunStorage, WorkingStorage};
 
 use crate::calibration;
 use crate::wire::{
-    Accelerations, Event, Fault, FaultKind, Identified, Outcome, Problem, Progress, Question,
-    Refused, Reply, Request, Setting, SettingKey, Source, Start, Started, State, Stream,
-    Subscription, Summary, Telemetry,
+    Event, Fault, FaultKind, NoAnswer, Outcome, Problem, Refused, Reply, Request, Setting,
+    SettingKey, Started, Stream, Subscription, Summary, Telemetry,
 };
-use intake::Sample;
 use live::{LevelMeter, Recorder};
 use memory::{CHANNELS, RUNS};
-use run::{Buffers, Run};
-use selftest::SelftestStage;
-use setup::{Lines, SetUp};
-use store::Store;
-use synthetic::Synthetic;
-
-/// A request that is still being worked on.
-#[derive(Clone, Copy, Debug)]
-struct Pending {
-    id: u16,
-    number: u8,
-    /// Ticks when it came.
-    since: u64,
-}
-
-/// A question that waits for its job to be taken.
-#[derive(Clone, Copy, Debug)]
-struct Asked {
-    question: Question,
-    accelerations: Accelerations,
-}
-
-/// A run that has ended.
-#[derive(Clone, Copy, Debug)]
-struct Ended {
-    start: Start,
-    taken: Progress,
-}
+use phase::{Asked, Pending, Phase, SelfTest, Stage, Storage, Work};
+use readings::Sample;
+use run::{Feed, Run};
+use setup::SetUp;
+use store::Stored;
 
 /// The box.
 #[derive(Debug)]
 pub struct Instrument<'m> {
     identity: Identity<'m>,
-    state: State,
+    phase: Phase<'m>,
     setup: &'m mut SetUp,
-    /// What follows from the set-up, once it is complete.
-    lines: Option<Lines>,
-    /// Storage of a run, while none is going on.
-    buffers: Option<Buffers<'m>>,
-    run: Option<Run<'m>>,
-    /// Where the samples of a synthetic run come from.
-    synthetic: Option<Synthetic>,
-    /// The self-test that is going on.
-    selftest: Option<SelftestStage>,
     summaries: &'m mut [Option<Summary>; RUNS],
-    /// The run that ended last.
-    ended: Option<Ended>,
-    /// The stored runs, unless a job has them.
-    archive: Option<Store<'m>>,
-    /// What the next job is about.
-    asked: Option<Asked>,
-    /// Bit k: run k is stored.
-    stored: u32,
-    pending: Option<Pending>,
-    /// Ticks that the stored answer took, if there is one.
-    answered: Option<u64>,
     subscription: Subscription,
     levels: &'m mut LevelMeter,
     recorder: &'m mut Recorder,
     /// Ticks at which telemetry and levels were sent last.
-    told: [u64; 2],
+    sent: [u64; 2],
     /// Longest that a block took since telemetry was sent last, ticks.
     longest_block: u32,
-    /// Whether the box has said that it has started.
-    introduced: bool,
+    /// `true` once the host has been sent [`Event::Started`].
+    announced: bool,
 }
 
 /// Answers a request with what is wrong with it.
 #[inline(never)] // A reply is 1 KB: not on the stack beside the one there might have been.
-fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Outbox) {
+fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Transmit) {
     out.reply(id, &Reply::Error(Refused { request, problem }));
 }
 
@@ -155,7 +112,7 @@ impl<'m> Instrument<'m> {
     /// ([`Event::Started`]), at the first [`Self::poll`] or [`Self::request`].
     #[must_use]
     pub fn new(memory: Memory<'m>, identity: Identity<'m>) -> Self {
-        let WorkingStorage { bench } = memory.working;
+        let WorkingStorage { scratch } = memory.working;
         let RunStorage {
             responses,
             drive,
@@ -163,14 +120,14 @@ impl<'m> Instrument<'m> {
             lines,
             levels,
         } = memory.runs;
-        let Notebook {
+        let Persistent {
             setup,
             summaries,
             kept,
             answer,
             recorder,
-        } = memory.notebook;
-        // Of whoever it was lent to before.
+        } = memory.persistent;
+        // The memory may have been lent to another instrument before.
         setup.clear();
         summaries.fill(None);
         kept.fill(None);
@@ -178,51 +135,46 @@ impl<'m> Instrument<'m> {
         recorder.begin(Stream::Off);
         Self {
             identity,
-            state: State::Empty,
+            phase: Phase::Empty(Storage {
+                scratch,
+                work,
+                lines,
+                runs: Stored::new(responses, drive, kept),
+                answer,
+            }),
             setup,
-            lines: None,
-            buffers: Some(Buffers { bench, work, lines }),
-            run: None,
-            synthetic: None,
-            selftest: None,
             summaries,
-            ended: None,
-            archive: Some(Store::new(responses, drive, kept, answer)),
-            asked: None,
-            stored: 0,
-            pending: None,
-            answered: None,
             subscription: Subscription::default(),
             levels,
             recorder,
-            told: [0; 2],
+            sent: [0; 2],
             longest_block: 0,
-            introduced: false,
+            announced: false,
         }
     }
 
-    /// Deals with one request, and answers it exactly once: here, or by [`Self::finish`]
+    /// ChannelRole out one request, and answers it exactly once: here, or by [`Self::finish`]
     /// where it takes a [`Job`].
     pub fn request(
         &mut self,
         id: u16,
         request: &Request<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
-        self.introduce(out);
-        if let Err(problem) = self.deal(id, request, board, out) {
+        self.announce(out);
+        if let Err(problem) = self.dispatch(id, request, board, out) {
             refuse(id, request.number(), problem, out);
         }
     }
 
-    /// Takes one sample of the box's own converters, in their order. They go to the run,
-    /// if it takes them, and to a host that has subscribed to them.
+    /// Takes one sample of the box's own converters, in their order. It goes to the run,
+    /// if that is fed by them, and to a host that has subscribed to them.
     pub fn sample(
         &mut self,
         sample: &RawSample<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         let si = |input: usize, count: i32| {
             let key = SettingKey::Input(input as u8);
@@ -233,13 +185,13 @@ impl<'m> Instrument<'m> {
             }
         };
         self.recorder.add(sample, si, out);
-        let Some(run) = &mut self.run else {
+        let Some(run) = self.phase.run_mut() else {
             return;
         };
-        if run.start.source != Source::Inputs {
+        let Feed::Inputs { origin } = &mut run.feed else {
             return;
-        }
-        let origin = *run.origin.get_or_insert(sample.number);
+        };
+        let origin = *origin.get_or_insert(sample.number);
         let Some(index) = sample.number.checked_sub(origin) else {
             return;
         };
@@ -258,39 +210,42 @@ impl<'m> Instrument<'m> {
 
     /// Does what is due without a request. Call it whenever there is time, a hundred times
     /// a second or more; `true` if there is more to do at once.
-    pub fn poll(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
-        self.introduce(out);
+    pub fn poll(&mut self, board: &mut impl Board, out: &mut impl Transmit) -> bool {
+        self.announce(out);
         let now = board.ticks();
         let second = u64::from(self.identity.tick_hz);
-        let due = |told: u64, every: u16| {
-            every > 0 && now.saturating_sub(told).saturating_mul(1000) >= u64::from(every) * second
+        let due = |sent: u64, every: u16| {
+            every > 0 && now.saturating_sub(sent).saturating_mul(1000) >= u64::from(every) * second
         };
-        let [telemetry, levels] = self.told;
+        let [telemetry, levels] = self.sent;
         if due(telemetry, self.subscription.telemetry) {
-            self.told[0] = now;
-            self.tell_telemetry(now, board, out);
+            self.sent[0] = now;
+            self.send_telemetry(now, board, out);
         }
         if due(levels, self.subscription.levels) {
-            self.told[1] = now;
-            self.levels.tell(out);
+            self.sent[1] = now;
+            self.levels.send(out);
             self.recorder.send(out);
         }
-        if self.selftest.is_some() {
-            // Nobody has asked for the runs of a self-test.
-            self.compute(board, &mut Silence);
-            return self.go_on_testing(board, out);
+        if let Phase::SelfTesting(_) = self.phase {
+            // The runs of a self-test are not the host's, and it hears nothing of them.
+            self.compute(board, &mut Discard);
+            return self.continue_selftest(board, out);
         }
         self.compute(board, out)
     }
 
     /// Computes some samples of a synthetic run; `true` if there is one.
-    fn compute(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
+    fn compute(&mut self, board: &mut impl Board, out: &mut impl Transmit) -> bool {
         for _ in 0..COMPUTED_TOGETHER {
-            let (Some(run), Some(synthetic)) = (&mut self.run, &mut self.synthetic) else {
+            let Some(run) = self.phase.run_mut() else {
+                return false;
+            };
+            let Feed::Synthetic(body) = &mut run.feed else {
                 return false;
             };
             let mut sample = [0.0; CHANNELS];
-            let channels = synthetic.sample(&mut sample);
+            let channels = body.sample(&mut sample);
             let sample = sample.get(..channels).unwrap_or(&[]);
             run.push(&Sample::Computed(sample), board, out);
             self.meter();
@@ -302,80 +257,96 @@ impl<'m> Instrument<'m> {
     /// The job that a request has left to be done, once. It comes back by
     /// [`Self::finish`].
     pub fn take_job(&mut self) -> Option<Job<'m>> {
-        let (Some(asked), Some(lines)) = (self.asked.take(), self.lines.clone()) else {
+        let (lines, work) = match &mut self.phase {
+            Phase::Identifying(session, _, work) => (&session.lines, work),
+            Phase::SelfTesting(SelfTest {
+                lines,
+                stage: Stage::Identifying(work),
+                ..
+            }) => (&*lines, work),
+            _ => return None,
+        };
+        let Work::Asked(storage, asked) = core::mem::replace(work, Work::Taken) else {
             return None;
         };
-        // A question is not taken during a run, nor a run begun before it is answered.
-        let buffers = self.buffers.take()?;
-        buffers.bench.clear_for_solver();
-        if let Some(solver) = buffers.bench.solver() {
+        storage.scratch.clear_for_solver();
+        if let Some(solver) = storage.scratch.solver() {
             solver.load_cells.take_from(self.setup.arrangement());
         }
         Some(Job {
-            store: self.archive.take()?,
-            buffers,
+            storage,
             question: asked.question,
-            lines,
+            lines: lines.clone(),
             accelerations: asked.accelerations,
             outcome: None,
         })
     }
 
     /// Takes a job back and answers the request behind it.
-    pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Outbox) {
+    pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Transmit) {
         let Job {
-            store,
-            buffers,
-            outcome,
-            ..
+            storage, outcome, ..
         } = job;
-        self.buffers = Some(buffers);
-        let store = self.archive.insert(store);
-        let Some(pending) = self.pending.take() else {
-            return;
-        };
-        if let Some(progress) = self.selftest.take() {
-            let answer = store.answer.as_ref().filter(|_| outcome == Some(Ok(())));
-            let found = selftest::judge(answer, progress.health);
-            self.clear();
-            out.reply(pending.id, &Reply::Selftest(found));
-            return;
+        match self.phase.take() {
+            Phase::Identifying(session, pending, Work::Taken) => {
+                self.phase = Phase::Ready(session, storage);
+                self.answer_question(pending, outcome, board, out);
+            }
+            Phase::SelfTesting(test) if matches!(test.stage, Stage::Identifying(Work::Taken)) => {
+                let answer = storage.answer.as_ref().filter(|_| outcome == Some(Ok(())));
+                let found = selftest::judge(answer, test.health);
+                self.phase = Phase::Empty(storage);
+                self.clear();
+                out.reply(test.pending.id, &Reply::Selftest(found));
+            }
+            // Nothing has left: the job is another instrument's.
+            other => self.phase = other,
         }
-        let ticks = board.ticks().saturating_sub(pending.since);
-        let problem = match (outcome, store.answer.as_ref()) {
-            (Some(Ok(())), Some(answer)) => {
-                self.answered = Some(ticks);
-                let answer = *answer;
-                out.reply(pending.id, &Reply::Identified(Identified { ticks, answer }));
+    }
+
+    /// Answers the request behind an identification.
+    fn answer_question(
+        &mut self,
+        pending: Pending,
+        outcome: Option<Result<(), NoAnswer>>,
+        board: &impl Board,
+        out: &mut impl Transmit,
+    ) {
+        let problem = match (outcome, &mut self.phase) {
+            (Some(Ok(())), Phase::Ready(session, storage)) if storage.answer.is_some() => {
+                session.answered = Some(board.ticks().saturating_sub(pending.since));
+                // There is an answer, and a phase in which it is read.
+                let _ = self.read_answer(pending.id, out);
                 return;
             }
             (Some(Err(why)), _) => Problem::NoAnswer(why),
-            // It comes back without having been run.
+            // The job comes back without having been run.
             _ => Problem::Busy(pending.number),
         };
         refuse(pending.id, pending.number, problem, out);
     }
 
-    /// A fault of the box that the board has noticed. It is told, and a converter that
-    /// does not answer ends the run that lives on it: what was averaged until then is kept.
+    /// Takes notice of a fault that the board has found. The host is told, and a converter that
+    /// does not answer ends the run that is fed by it: what was averaged until then is kept.
     pub fn fault(
         &mut self,
         kind: FaultKind,
         part: Option<u8>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
-        let sample = self.run.as_ref().map_or(board.input_samples(), Run::next);
+        let run = self.phase.run();
+        let sample = run.map_or(board.input_samples(), Run::next);
+        let is_fed = run.is_some_and(Run::is_of_inputs);
         out.event(&Event::Fault(Fault { kind, sample, part }));
-        let lives_on_it = |run: &Run<'_>| run.start.source == Source::Inputs;
-        if kind == FaultKind::Converter && self.run.as_ref().is_some_and(lives_on_it) {
+        if kind == FaultKind::Converter && is_fed {
             self.end_run(Outcome::Fault, board, out);
         }
     }
 
-    fn introduce(&mut self, out: &mut impl Outbox) {
-        if !self.introduced {
-            self.introduced = true;
+    fn announce(&mut self, out: &mut impl Transmit) {
+        if !self.announced {
+            self.announced = true;
             out.event(&Event::Started(Started {
                 reset: self.identity.reset,
                 resets: self.identity.resets,
@@ -383,7 +354,7 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    fn tell_telemetry(&mut self, now: u64, board: &mut impl Board, out: &mut impl Outbox) {
+    fn send_telemetry(&mut self, now: u64, board: &mut impl Board, out: &mut impl Transmit) {
         let vitals = board.vitals();
         out.event(&Event::Telemetry(Telemetry {
             uptime: now.saturating_mul(1000) / u64::from(self.identity.tick_hz.max(1)),
@@ -399,9 +370,9 @@ impl<'m> Instrument<'m> {
         self.longest_block = 0;
     }
 
-    /// Lets the levels see the sample that the run has just taken.
+    /// Adds the sample that the run has just taken to the levels.
     fn meter(&mut self) {
-        if let Some(run) = &mut self.run {
+        if let Some(run) = self.phase.run_mut() {
             self.longest_block = self.longest_block.max(core::mem::take(&mut run.longest));
             if self.subscription.levels > 0 {
                 self.levels.add(run.readings(), run.next());
@@ -409,81 +380,28 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    /// Ends the run if it has all its samples, and says so.
-    fn end_if_complete(&mut self, board: &mut impl Board, out: &mut impl Outbox) {
-        if self.run.as_ref().is_some_and(Run::is_complete) {
-            self.end_run(Outcome::Limit, board, out);
-        }
-    }
-
-    /// Ends the run by itself, and says so.
-    fn end_run(&mut self, outcome: Outcome, board: &mut impl Board, out: &mut impl Outbox) {
-        if let Some(summary) = self.conclude(outcome, board) {
-            out.event(&Event::RunEnded(summary));
-        }
-    }
-
-    /// Ends the run and keeps what it has found.
-    fn conclude(&mut self, outcome: Outcome, board: &mut impl Board) -> Option<Summary> {
-        let run = self.run.take()?;
-        let number = usize::from(run.start.run);
-        self.ended = Some(Ended {
-            start: run.start,
-            taken: Progress {
-                next: run.next(),
-                missing: run.missing(),
-            },
-        });
-        let store = self.archive.as_mut().map(|s| &mut s.runs);
-        let (summary, peaks, buffers) = run.finish(outcome, self.identity.tick_hz, store);
-        self.buffers = Some(buffers);
-        self.synthetic = None;
-        self.state = State::Ready;
-        if let Some(peaks) = &peaks {
-            self.setup.set_peaks(number, peaks);
-        }
-        if let Some(store) = &self.archive {
-            self.stored = store.runs.mask();
-        }
-        if let Some(slot) = self.summaries.get_mut(number) {
-            *slot = Some(summary);
-        }
-        self.tend_inputs(board);
-        Some(summary)
-    }
-
-    /// Whether the box's own converters are wanted.
-    fn wants_inputs(&self) -> bool {
-        let run = self.run.as_ref();
-        run.is_some_and(|r| r.start.source == Source::Inputs)
-            || self.subscription.samples != Stream::Off
-    }
-
-    /// Stops the converters if nobody wants them any more.
-    fn tend_inputs(&self, board: &mut impl Board) {
-        if self.identity.inputs > 0 && !self.wants_inputs() {
+    /// Stops the converters if neither the run nor the host takes their samples.
+    fn stop_unused_inputs(&self, board: &mut impl Board) {
+        if self.identity.inputs > 0 && !self.uses_inputs() {
             board.stop_inputs();
         }
+    }
+
+    /// `true` if the run or the host takes the samples of the converters.
+    fn uses_inputs(&self) -> bool {
+        let run = self.phase.run();
+        run.is_some_and(Run::is_of_inputs) || self.subscription.samples != Stream::Off
     }
 }
 
 /// Samples of a synthetic run that are computed in one go.
 const COMPUTED_TOGETHER: usize = 8;
 
-/// Where events go that nobody has asked for.
-struct Silence;
+/// Discards all that is sent.
+struct Discard;
 
-impl Outbox for Silence {
+impl Transmit for Discard {
     fn reply(&mut self, _request: u16, _reply: &Reply<'_>) {}
 
     fn event(&mut self, _event: &Event<'_>) {}
-}
-
-/// The beginning of a text, at most `most` bytes of it.
-fn cut(text: &str, most: usize) -> &str {
-    let mut end = text.len().min(most);
-    while !text.is_char_boundary(end) {
-        end -= 1;
-    }
-    text.get(..end).unwrap_or("")
 }

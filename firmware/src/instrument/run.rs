@@ -1,30 +1,38 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
-use super::intake::Sample;
-use super::memory::{Averaging, Bench, SENSORS};
+use super::memory::{Averaging, SENSORS};
+use super::phase::Storage;
+use super::readings::Sample;
 use super::setup::Lines;
-use super::store::Stored;
 use super::survey::Survey;
-use super::{Board, Outbox};
+use super::synthetic::Synthetic;
+use super::{Board, Transmit};
 use crate::wire::{
-    Accelerations, Block, Event, Exact, Health, Outcome, Quality, Running, Source, Start, Summary,
+    Accelerations, Block, Event, Exact, Health, Outcome, Progress, Quality, Running, Source, Start,
+    Summary,
 };
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{Complex32, DriveAverage, Rings};
 
-/// Storage of a run, lent for as long as it lasts.
-#[derive(Debug)]
-pub(super) struct Buffers<'m> {
-    pub(super) bench: &'m mut Bench,
-    pub(super) work: &'m mut [Complex32],
-    pub(super) lines: &'m mut [Complex32],
-}
-
-/// What is beyond this is no reading of any sensor, in any unit. Up to it, a line of 1024
+/// Largest reading that is believed, of any sensor in any unit. Up to it, a line of 1024
 /// samples squared and summed over 10⁷ blocks stays below 1e37, within `f32`.
 const BOUND: f32 = 1e12;
 
-/// What a run is for.
+/// Source of a run's samples.
+#[derive(Debug)]
+pub(super) enum Feed {
+    /// The host sends them.
+    Host,
+    /// The box's own converters.
+    Inputs {
+        /// Number of the converters' sample that is the run's first.
+        origin: Option<u64>,
+    },
+    /// The body that the box computes.
+    Synthetic(Synthetic),
+}
+
+/// Purpose of a run.
 #[derive(Debug)]
 pub(super) enum Task {
     /// Twelve resultants, to be stored.
@@ -33,7 +41,23 @@ pub(super) enum Task {
     Survey(Survey),
 }
 
-/// What a run has seen so far.
+/// Everything of a run that depends on its set-up, ready before it starts.
+#[derive(Debug)]
+pub(super) struct Prepared {
+    pub(super) lines: Lines,
+    pub(super) rings: Rings,
+    pub(super) task: Task,
+    pub(super) feed: Feed,
+}
+
+/// The end of a run that is over.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ended {
+    pub(super) start: Start,
+    pub(super) taken: Progress,
+}
+
+/// Counts of a run so far.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     /// Index of the sample that is expected next.
@@ -52,17 +76,16 @@ struct Counts {
 #[derive(Debug)]
 pub(super) struct Run<'m> {
     pub(super) start: Start,
+    pub(super) feed: Feed,
+    pub(super) storage: Storage<'m>,
     lines: Lines,
     rings: Rings,
-    buffers: Buffers<'m>,
     task: Task,
     counts: Counts,
     /// Index of the first sample of the block that is under way.
     block_first: u64,
     /// Index after the last sample with each fault.
     faulty: [u64; Health::KINDS],
-    /// Number of a converter's sample that is this run's first.
-    pub(super) origin: Option<u64>,
     /// Ticks at the first and the last sample.
     ticks: [u64; 2],
     /// Longest that a block took, ticks.
@@ -70,32 +93,36 @@ pub(super) struct Run<'m> {
 }
 
 impl<'m> Run<'m> {
-    /// Starts a run in lent storage, which was cleared for it and has its channels and its
-    /// geometry; `None` if it was not, or if blocks do not fit into it.
-    pub(super) fn new(
-        start: Start,
-        lines: Lines,
-        task: Task,
-        buffers: Buffers<'m>,
-    ) -> Option<Self> {
-        let room = buffers.bench.run_mut()?;
-        let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history).ok()?;
-        Some(Self {
-            start,
+    /// Starts a run in storage whose scratch memory was cleared for it and has its channels and
+    /// its geometry.
+    pub(super) fn new(start: Start, prepared: Prepared, storage: Storage<'m>) -> Self {
+        let Prepared {
             lines,
             rings,
-            buffers,
+            task,
+            feed,
+        } = prepared;
+        Self {
+            start,
+            feed,
+            storage,
+            lines,
+            rings,
             task,
             counts: Counts::default(),
             block_first: 0,
             faulty: [0; Health::KINDS],
-            origin: None,
             ticks: [0; 2],
             longest: 0,
-        })
+        }
     }
 
-    /// What is going on.
+    /// `true` if its samples are those of the box's own converters.
+    pub(super) fn is_of_inputs(&self) -> bool {
+        matches!(self.feed, Feed::Inputs { .. })
+    }
+
+    /// The run as the host is told of it.
     pub(super) fn running(&self) -> Running {
         Running {
             run: self.start.run,
@@ -111,42 +138,51 @@ impl<'m> Run<'m> {
         self.counts.next
     }
 
-    /// Samples that were missing so far.
-    pub(super) fn missing(&self) -> u64 {
-        self.counts.missing
+    /// Samples so far, in the words of a reply.
+    pub(super) fn taken(&self) -> Progress {
+        Progress {
+            next: self.counts.next,
+            missing: self.counts.missing,
+        }
     }
 
     /// Channels of a sample.
     pub(super) fn channels(&self) -> usize {
-        self.buffers.bench.run().map_or(0, |r| r.intake.channels())
+        self.storage.scratch.run().map_or(0, |r| r.channels.count())
     }
 
-    /// Whether the run has all the samples it was started for.
+    /// `true` once the run has all the samples it was started for.
     pub(super) fn is_complete(&self) -> bool {
         self.start.limit.is_some_and(|l| self.counts.next >= l)
     }
 
     /// Notes that all samples before number `first` are missing. The block they are
     /// missing from is rejected, the next one begins with that sample.
-    pub(super) fn skip_to(&mut self, first: u64, out: &mut impl Outbox) {
+    pub(super) fn skip_to(&mut self, first: u64, out: &mut impl Transmit) {
         let first = self.start.limit.map_or(first, |limit| first.min(limit));
         if first <= self.counts.next {
             return;
         }
-        let missing = first - self.counts.next;
-        self.counts.missing += missing;
+        let missing = first.saturating_sub(self.counts.next);
+        // All samples are counted in 64 bits, so those that are missing are, too.
+        self.counts.missing = self.counts.missing.saturating_add(missing);
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
-        if let Some(room) = self.buffers.bench.run_mut() {
+        if let Some(room) = self.storage.scratch.run_mut() {
             self.rings.restart(&mut room.history);
-            room.intake.skip(missing);
+            room.channels.skip(missing);
         }
         self.faulty = [0; Health::KINDS];
         self.block_first = first;
     }
 
     /// Takes the next sample.
-    pub(super) fn push(&mut self, sample: &Sample<'_>, board: &impl Board, out: &mut impl Outbox) {
+    pub(super) fn push(
+        &mut self,
+        sample: &Sample<'_>,
+        board: &impl Board,
+        out: &mut impl Transmit,
+    ) {
         let begun = board.ticks();
         let taken = match sample {
             Sample::Counts { ticks, .. } => *ticks,
@@ -158,18 +194,18 @@ impl<'m> Run<'m> {
         self.ticks[1] = taken;
         let index = self.counts.next;
         self.counts.next = index.saturating_add(1);
-        let Some(room) = self.buffers.bench.run_mut() else {
+        let Some(room) = self.storage.scratch.run_mut() else {
             return;
         };
-        let mut health = room.intake.take(sample, index, out);
+        let mut health = room.channels.take(sample, index, out);
         let mut input = [0.0; 1 + RESULTANTS];
         let (drive, rest) = input.split_at_mut(1);
-        drive.fill(room.intake.drive());
+        drive.fill(room.channels.drive());
         match &self.task {
             Task::Measure(_) => {
-                rest.copy_from_slice(&room.geometry.map.apply(room.intake.sensors()));
+                rest.copy_from_slice(&room.geometry.map.apply(room.channels.sensors()));
             }
-            Task::Survey(survey) => survey.select(room.intake.sensors(), rest),
+            Task::Survey(survey) => survey.select(room.channels.sensors(), rest),
         }
         for x in &mut input {
             // Not a number is not below it, either.
@@ -207,7 +243,7 @@ impl<'m> Run<'m> {
             self.counts.averaged = self.counts.averaged.saturating_add(1);
             let coherence = self.coherence();
             let ticks = self.since(begun, board);
-            self.tell(Health::GOOD, coherence, ticks, out);
+            self.report(Health::GOOD, coherence, ticks, out);
         } else {
             let ticks = self.since(begun, board);
             self.reject(health, ticks, out);
@@ -215,7 +251,7 @@ impl<'m> Run<'m> {
         self.block_first = first.saturating_add(self.lines.settings.hop() as u64);
         if let Task::Survey(survey) = &mut self.task
             && survey.turn()
-            && let Some(room) = self.buffers.bench.run_mut()
+            && let Some(room) = self.storage.scratch.run_mut()
         {
             self.rings.restart(&mut room.history);
             self.block_first = self.counts.next;
@@ -226,8 +262,13 @@ impl<'m> Run<'m> {
     /// average.
     fn average(&mut self) {
         let count = self.lines.settings.grid().count;
-        let Buffers { bench, work, lines } = &mut self.buffers;
-        let Some(Averaging { history, sums, .. }) = bench.run_mut() else {
+        let Storage {
+            scratch,
+            work,
+            lines,
+            ..
+        } = &mut self.storage;
+        let Some(Averaging { history, sums, .. }) = scratch.run_mut() else {
             return;
         };
         let (average, wanted) = match &mut self.task {
@@ -252,17 +293,16 @@ impl<'m> Run<'m> {
         }
         for pair in 0..self.rings.pairs() {
             // The drive is the first channel, responses follow.
-            if pair == 0 {
-                self.rings.transform(0, history, work, drive, b);
-                average.add_drive(part(drive, &wanted));
-            } else {
+            let second = pair << 1;
+            if let Some(first) = second.checked_sub(1) {
                 self.rings.transform(pair, history, work, a, b);
-                let response = 2 * pair - 1;
-                average.add_response(response, part(drive, &wanted), part(a, &wanted));
+                average.add_response(first, part(drive, &wanted), part(a, &wanted));
+            } else {
+                self.rings.transform(pair, history, work, drive, b);
+                average.add_drive(part(drive, &wanted));
             }
-            let response = 2 * pair;
-            if response < RESULTANTS {
-                average.add_response(response, part(drive, &wanted), part(b, &wanted));
+            if second < RESULTANTS {
+                average.add_response(second, part(drive, &wanted), part(b, &wanted));
             }
         }
     }
@@ -273,7 +313,7 @@ impl<'m> Run<'m> {
         ticks
     }
 
-    fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Outbox) {
+    fn reject(&mut self, health: Health, ticks: u32, out: &mut impl Transmit) {
         self.counts.rejected = self.counts.rejected.saturating_add(1);
         self.counts.health = self.counts.health.union(health);
         for (kind, count) in self.counts.rejected_by.iter_mut().enumerate() {
@@ -281,7 +321,7 @@ impl<'m> Run<'m> {
                 *count = count.saturating_add(1);
             }
         }
-        self.tell(health, None, ticks, out);
+        self.report(health, None, ticks, out);
     }
 
     /// Coherences so far, where there are any.
@@ -293,7 +333,7 @@ impl<'m> Run<'m> {
             return None;
         }
         let count = self.lines.settings.grid().count;
-        let sums = &mut self.buffers.bench.run_mut()?.sums;
+        let sums = &mut self.storage.scratch.run_mut()?.sums;
         let average = DriveAverage::resume(count, RESULTANTS, sums, self.counts.averaged);
         let average = average.ok()?;
         let band = self.lines.band;
@@ -302,13 +342,13 @@ impl<'m> Run<'m> {
         }))
     }
 
-    /// Tells of the block that is complete.
-    fn tell(
+    /// Reports the block that is complete to the host.
+    fn report(
         &mut self,
         health: Health,
         coherence: Option<[Exact<f32>; RESULTANTS]>,
         ticks: u32,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) {
         out.event(&Event::Block(Block {
             run: self.start.run,
@@ -325,27 +365,27 @@ impl<'m> Run<'m> {
 
     /// SI samples of the channels, as the last sample left them.
     pub(super) fn readings(&self) -> &[f32] {
-        let room = self.buffers.bench.run();
-        room.map_or(&[], |room| room.intake.readings())
+        let room = self.storage.scratch.run();
+        room.map_or(&[], |room| room.channels.readings())
     }
 
-    /// Ends the run: what a measuring pass has averaged goes to the store.
+    /// Ends the run: the average of a measuring pass is stored, the peaks of a survey returned.
     pub(super) fn finish(
-        mut self,
+        &mut self,
         outcome: Outcome,
         tick_hz: u32,
-        store: Option<&mut Stored<'_>>,
-    ) -> (Summary, Option<[f64; SENSORS]>, Buffers<'m>) {
+    ) -> (Summary, Option<[f64; SENSORS]>) {
         let mut noise = None;
         let mut peaks = None;
         let grid = self.lines.settings.grid();
         let blocks = self.counts.averaged;
         let run = usize::from(self.start.run);
-        if let Some(room) = self.buffers.bench.run_mut() {
-            match (&mut self.task, store) {
-                (Task::Survey(survey), _) => peaks = survey.peaks(&mut room.sums),
-                (Task::Measure(accelerations), Some(store)) => {
-                    store.forget(run);
+        let Storage { scratch, runs, .. } = &mut self.storage;
+        if let Some(room) = scratch.run_mut() {
+            match &self.task {
+                Task::Survey(survey) => peaks = survey.peaks(&mut room.sums),
+                Task::Measure(accelerations) => {
+                    runs.forget(run);
                     let quality = Quality {
                         blocks,
                         rejected: self.counts.rejected,
@@ -362,7 +402,7 @@ impl<'m> Run<'m> {
                     if let Ok(average) = average
                         && blocks >= 2
                     {
-                        noise = store.keep(
+                        noise = runs.keep(
                             run,
                             &average,
                             grid,
@@ -374,10 +414,9 @@ impl<'m> Run<'m> {
                         );
                     }
                 }
-                (Task::Measure(_), None) => {}
             }
         }
-        let received = self.counts.next - self.counts.missing;
+        let received = self.counts.next.saturating_sub(self.counts.missing);
         let elapsed = self.ticks[1].saturating_sub(self.ticks[0]);
         let sample_rate = (self.start.source == Source::Inputs && elapsed > 0).then(|| {
             // From the first sample to the last, missing ones among them.
@@ -399,11 +438,6 @@ impl<'m> Run<'m> {
             sample_rate,
             noise: noise.map(|n| n.map(Exact)),
         };
-        (summary, peaks, self.into_buffers())
-    }
-
-    /// Gives the storage back.
-    pub(super) fn into_buffers(self) -> Buffers<'m> {
-        self.buffers
+        (summary, peaks)
     }
 }

@@ -1,115 +1,54 @@
 //! A run from its start to its end, and its lines afterwards.
 
-use super::desk::missing;
-use super::intake::{Intake, Sample};
-use super::limits::range;
-use super::memory::SUMS;
-use super::run::{Run, Task};
-use super::setup::SetUp;
+use super::limits::{missing, range};
+use super::memory::{SUMS, TRANSFORM};
+use super::phase::{Phase, Storage};
+use super::readings::{Channels, Sample};
+use super::run::{Ended, Feed, Prepared, Run, Task};
+use super::setup::{self, SetUp};
 use super::survey::Survey;
 use super::synthetic::Synthetic;
-use super::{Board, Ended, Instrument, Outbox};
+use super::{Board, Instrument, Transmit};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
-    ChannelRole, Circuit, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem, Progress,
-    ReadLines, Reply, Request, Samples, Setting, SettingKey, Source, Start, State,
+    ChannelRole, Circuit, Event, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem,
+    Progress, ReadLines, Reply, Request, Samples, Setting, SettingKey, Source, Start, State,
+    Summary,
 };
+use massline_core::geometry::RESULTANTS;
+use massline_core::spectra::Rings;
 
 impl Instrument<'_> {
+    /// Starts a run; where the same is going on, nothing is changed.
+    #[inline(never)] // A run is not on the stack beside a reply.
     pub(super) fn start(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
-        let same = self.run.as_ref().is_some_and(|run| run.start == *start);
-        if same && self.state == State::Running {
+        if let Phase::Running(_, run) = &self.phase
+            && run.start == *start
+        {
             return Ok(());
         }
-        self.only(State::Ready)?;
-        self.not_busy()?;
-        self.begin(start, board)
-    }
-
-    /// Begins a run.
-    #[inline(never)]
-    pub(super) fn begin(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
-        let number = self.setup.run_index(start.run)?;
-        if start.limit == Some(0) {
-            return Err(range(Field::Limit, 0, 0.0, 1.0, u64::MAX as f64));
-        }
-        let Some(lines) = self.lines.clone() else {
-            return self.only(State::SettingUp);
-        };
-        // They are lent to a run, and there is none.
-        let Some(buffers) = &mut self.buffers else {
-            return self.only(State::Ready);
-        };
-        buffers.bench.clear_for_run();
-        let Some(room) = buffers.bench.run_mut() else {
-            return self.only(State::Ready);
-        };
-        let task = match start.pass {
-            Pass::Survey => {
-                let modes = lines.modes.ok_or(missing(Item::ModeBand, 0))?;
-                let room = SUMS;
-                Task::Survey(Survey::new(
-                    self.setup.arrangement().accelerometers(),
-                    modes.indices(),
-                    room,
-                )?)
-            }
-            Pass::Measure => {
-                self.setup.may_measure(number)?;
-                let accelerations = self.setup.accelerations();
-                self.setup
-                    .geometry(number, accelerations, &mut room.geometry)?;
-                Task::Measure(accelerations)
-            }
-        };
-        let intake = &mut room.intake;
-        route(self.setup, number, start.source, board, intake)?;
-        match start.source {
-            Source::Host => {}
-            Source::Inputs => {
-                let inputs = usize::from(self.identity.inputs);
-                if inputs == 0 {
-                    return Err(Problem::Unsupported(Item::Source));
-                }
-                if intake.channels() > inputs {
-                    return Err(Problem::Capacity {
-                        item: Item::Input,
-                        found: intake.channels() as u32,
-                        limit: inputs as u32,
-                    });
-                }
-                board.start_inputs(self.setup.sample_rate())?;
-            }
-            Source::Synthetic => {
-                self.synthetic = Some(Synthetic::new(self.setup.arrangement(), number))
-            }
-        }
-        // `end_setup` has seen that the blocks fit.
-        self.run = self
-            .buffers
-            .take()
-            .and_then(|buffers| Run::new(*start, lines, task, buffers));
-        self.state = State::Running;
+        let inputs = usize::from(self.identity.inputs);
+        let (session, storage) = self.phase.ready()?;
+        let run = prepare(self.setup, &session.lines, inputs, start, storage, board)?;
+        self.phase.enter_run(*start, run);
         Ok(())
     }
 
     /// Takes the samples of a request.
-    pub(super) fn take(
+    pub(super) fn take_samples(
         &mut self,
         samples: &Samples<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<Progress, Problem> {
-        let Some(run) = &mut self.run else {
-            return match &self.ended {
+        let Some(run) = self.phase.run_mut() else {
+            let ended = self.phase.session().and_then(|session| session.ended);
+            return match ended {
                 Some(ended) if ended.has(samples) => Ok(ended.taken),
-                _ => self.only(State::Running).map(|()| Progress {
-                    next: 0,
-                    missing: 0,
-                }),
+                _ => Err(self.phase.unless(State::Running)),
             };
         };
-        if run.start.source != Source::Host {
+        if !matches!(run.feed, Feed::Host) {
             // Its samples come from elsewhere: the box is still at work on that start.
             return Err(Problem::Busy(Request::Start(run.start).number()));
         }
@@ -122,7 +61,7 @@ impl Instrument<'_> {
                 expected: channels as u32,
             });
         };
-        let Some(end) = samples.first.checked_add(count as u64) else {
+        if samples.first.checked_add(count as u64).is_none() {
             return Err(range(
                 Field::Limit,
                 0,
@@ -130,7 +69,7 @@ impl Instrument<'_> {
                 0.0,
                 (u64::MAX - count as u64) as f64,
             ));
-        };
+        }
         if samples.first > run.next() {
             if run.start.gaps == Gaps::Refuse {
                 return Err(Problem::Gap {
@@ -144,55 +83,103 @@ impl Instrument<'_> {
         // at the most, however far ahead or behind it is numbered.
         let known = run.next().saturating_sub(samples.first).min(count as u64);
         for sample in known as usize..count {
-            let Some(run) = &mut self.run else { break };
+            let Some(run) = self.phase.run_mut() else {
+                break;
+            };
             if run.is_complete() {
                 break;
             }
-            let at = sample * channels;
+            // Values that are in one message.
+            let at = sample.wrapping_mul(channels);
             run.push(&Sample::Host(samples.values, at), board, out);
             self.meter();
         }
-        let taken = self.run.as_ref().map_or(
-            Progress {
-                next: end,
-                missing: 0,
-            },
-            |run| Progress {
-                next: run.next(),
-                missing: run.missing(),
-            },
-        );
+        let run = self.phase.run();
+        let taken = run.map(Run::taken).ok_or(missing(Item::Run, 0))?;
         self.end_if_complete(board, out);
         Ok(taken)
     }
 
-    pub(super) fn stop(&mut self, board: &mut impl Board) -> Result<crate::wire::Summary, Problem> {
-        if self.selftest.is_some() {
-            // Its runs are its own: the host has none that could be stopped, or has ended.
-            return Err(missing(Item::Summary, 0));
-        }
-        if let Some(summary) = self.conclude(Outcome::Stopped, board) {
+    /// Ends the run, or repeats the summary of the one that has ended.
+    pub(super) fn stop(&mut self, board: &mut impl Board) -> Result<Summary, Problem> {
+        if let Phase::Running(..) = self.phase
+            && let Some(summary) = self.conclude(Outcome::Stopped, board)
+        {
             return Ok(summary);
         }
-        let ended = self.ended.ok_or(missing(Item::Summary, 0))?;
-        let at = usize::from(ended.start.run);
+        let ended = self.phase.session().and_then(|session| session.ended);
+        let run = ended.ok_or(missing(Item::Summary, 0))?.start.run;
+        let at = usize::from(run);
         let summary = self.summaries.get(at).copied().flatten();
         summary.ok_or(missing(Item::Summary, at))
     }
 
+    /// Discards the run, unless it is one of a self-test.
+    pub(super) fn abort(&mut self, board: &mut impl Board) {
+        if let Phase::Running(..) = self.phase {
+            self.phase.leave_run();
+            self.stop_unused_inputs(board);
+        }
+    }
+
+    /// Ends the run if it has all its samples, and reports its end.
+    pub(super) fn end_if_complete(&mut self, board: &mut impl Board, out: &mut impl Transmit) {
+        if self.phase.run().is_some_and(Run::is_complete) {
+            self.end_run(Outcome::Limit, board, out);
+        }
+    }
+
+    /// Ends the run without a request, and reports its end.
+    pub(super) fn end_run(
+        &mut self,
+        outcome: Outcome,
+        board: &mut impl Board,
+        out: &mut impl Transmit,
+    ) {
+        if let Some(summary) = self.conclude(outcome, board) {
+            out.event(&Event::RunEnded(summary));
+        }
+    }
+
+    /// Ends the run and keeps its results.
+    fn conclude(&mut self, outcome: Outcome, board: &mut impl Board) -> Option<Summary> {
+        let run = self.phase.run_mut()?;
+        let number = usize::from(run.start.run);
+        let ended = Ended {
+            start: run.start,
+            taken: run.taken(),
+        };
+        let (summary, peaks) = run.finish(outcome, self.identity.tick_hz);
+        let stored = run.storage.runs.mask();
+        self.phase.leave_run();
+        if let Some(session) = self.phase.session_mut() {
+            session.ended = Some(ended);
+            session.stored = stored;
+        }
+        if let Some(peaks) = &peaks {
+            self.setup.set_peaks(number, peaks);
+        }
+        if let Some(slot) = self.summaries.get_mut(number) {
+            *slot = Some(summary);
+        }
+        self.stop_unused_inputs(board);
+        Some(summary)
+    }
+
+    /// Sends lines of a stored run.
     #[inline(never)]
     pub(super) fn read_lines(
         &self,
         id: u16,
         read: &ReadLines,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<(), Problem> {
         let at = self.run_index(read.run)?;
-        let Some(store) = &self.archive else {
-            return self.not_busy();
+        let Some(storage) = self.phase.storage() else {
+            return self.phase.not_busy();
         };
-        let count = match (&self.lines, store.runs.kept(at)) {
-            (Some(lines), Some(_)) => lines.settings.grid().count,
+        let count = match (self.phase.session(), storage.runs.kept(at)) {
+            (Some(session), Some(_)) => session.lines.settings.grid().count,
             _ => return Err(missing(Item::Run, at)),
         };
         let first = usize::from(read.first);
@@ -205,7 +192,7 @@ impl Instrument<'_> {
         }
         let wanted = usize::from(read.count).min(Lines::FIT).min(count - first);
         let lines: heapless::Vec<Line, { Lines::FIT }> = (first..first + wanted)
-            .filter_map(|line| store.runs.line(at, line))
+            .filter_map(|line| storage.runs.line(at, line))
             .collect();
         let reply = Reply::Lines(Lines {
             run: read.run,
@@ -215,23 +202,11 @@ impl Instrument<'_> {
         out.reply(id, &reply);
         Ok(())
     }
-
-    /// Throws the run away, unless it is one of a self-test, of which nobody knows.
-    pub(super) fn abort(&mut self, board: &mut impl Board) {
-        if self.selftest.is_none()
-            && let Some(run) = self.run.take()
-        {
-            self.buffers = Some(run.into_buffers());
-            self.synthetic = None;
-            self.state = State::Ready;
-            self.tend_inputs(board);
-        }
-    }
 }
 
 impl Ended {
-    /// Whether a run that is over would have taken these samples as it did before: it has them,
-    /// or it has all that it was started for. A request whose reply was lost comes again.
+    /// `true` if the run has these samples, or all that it was started for, so that it would
+    /// have taken them as it did before. A request whose reply was lost comes again.
     fn has(&self, samples: &Samples<'_>) -> bool {
         let Some(count) = samples.count() else {
             return false;
@@ -245,16 +220,81 @@ impl Ended {
     }
 }
 
+/// Prepares a run in the storage: its channels, its geometry, the source of its samples. Where
+/// it returns a problem, no run was begun.
+#[inline(never)]
+pub(super) fn prepare(
+    setup: &SetUp,
+    lines: &setup::Lines,
+    inputs: usize,
+    start: &Start,
+    storage: &mut Storage<'_>,
+    board: &mut impl Board,
+) -> Result<Prepared, Problem> {
+    let number = setup.run_index(start.run)?;
+    if start.limit == Some(0) {
+        return Err(range(Field::Limit, 0, 0.0, 1.0, u64::MAX as f64));
+    }
+    storage.scratch.clear_for_run();
+    let room = storage.scratch.run_mut();
+    let room = room.ok_or(Problem::Busy(Request::Start(*start).number()))?;
+    let task = match start.pass {
+        Pass::Survey => {
+            let modes = lines.modes.ok_or(missing(Item::ModeBand, 0))?;
+            let accelerometers = setup.arrangement().accelerometers();
+            Task::Survey(Survey::new(accelerometers, modes.indices(), SUMS)?)
+        }
+        Pass::Measure => {
+            setup.may_measure(number)?;
+            let accelerations = setup.accelerations();
+            setup.geometry(number, accelerations, &mut room.geometry)?;
+            Task::Measure(accelerations)
+        }
+    };
+    route(setup, number, start.source, board, &mut room.channels)?;
+    let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history);
+    // `EndSetup` has seen that blocks fit.
+    let rings = rings.map_err(|_| Problem::Capacity {
+        item: Item::Sample,
+        found: lines.settings.transform_length() as u32,
+        limit: TRANSFORM as u32,
+    })?;
+    let feed = match start.source {
+        Source::Host => Feed::Host,
+        Source::Inputs => {
+            if inputs == 0 {
+                return Err(Problem::Unsupported(Item::Source));
+            }
+            if room.channels.count() > inputs {
+                return Err(Problem::Capacity {
+                    item: Item::Input,
+                    found: room.channels.count() as u32,
+                    limit: inputs as u32,
+                });
+            }
+            board.start_inputs(setup.sample_rate())?;
+            Feed::Inputs { origin: None }
+        }
+        Source::Synthetic => Feed::Synthetic(Synthetic::new(setup.arrangement(), number)),
+    };
+    Ok(Prepared {
+        lines: lines.clone(),
+        rings,
+        task,
+        feed,
+    })
+}
+
 /// Readies the channels of a run.
 fn route(
     setup: &SetUp,
     run: usize,
     source: Source,
     board: &impl Board,
-    intake: &mut Intake,
+    channels: &mut Channels,
 ) -> Result<(), Problem> {
     let arrangement = setup.arrangement();
-    intake.begin(arrangement.sensors());
+    channels.begin(arrangement.sensors());
     let rate = setup.sample_rate() as f32;
     for (number, code) in arrangement.channels(run).iter().enumerate() {
         let carries = ChannelRole::from_code(*code);
@@ -276,7 +316,7 @@ fn route(
             (None, Source::Synthetic) => Channel::unwatched(calibration::Scale::ONE),
             (None, _) => stored(board, number)?.channel(rate),
         };
-        intake.add(carries, channel);
+        channels.add(carries, channel);
     }
     Ok(())
 }

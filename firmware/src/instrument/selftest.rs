@@ -1,8 +1,10 @@
 //! The self-test: the synthetic body through the whole box, and back to its properties.
 
+use super::requests::check_setup;
+use super::runs::prepare;
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
-use super::{Board, Instrument, Outbox, Pending};
+use super::{Asked, Board, Instrument, Pending, Phase, SelfTest, Stage, Transmit};
 use crate::wire::{
     Accelerations, Answer, ChannelRole, Check, Exact, Excitation, Gaps, Health, Method, Mount,
     Pass, Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale,
@@ -60,71 +62,70 @@ const AMPLIFICATION: f64 = 1.7;
 /// Of a transform of 1024 numbers in `f32`, relative: ten stages, each rounded by 2⁻²⁴.
 const ROUNDING: f64 = 1e-6;
 
-/// How far a self-test has come.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct SelftestStage {
-    /// The next run to be started.
-    pub(super) run: u8,
-    /// Faults of channels so far.
-    pub(super) health: Health,
-}
-
 impl Instrument<'_> {
     /// Begins a self-test, which [`Self::poll`] goes on with.
     #[inline(never)]
     pub(super) fn begin_selftest(&mut self, id: u16, board: &impl Board) -> Result<(), Problem> {
-        self.not_running()?;
-        self.not_busy()?;
+        self.phase.not_running()?;
+        self.phase.not_busy()?;
         self.clear();
+        let Phase::Empty(storage) = &mut self.phase else {
+            return Err(self.phase.unless(State::Empty));
+        };
         set_up(self.setup)?;
-        self.lines = Some(self.check_setup()?);
-        self.selftest = Some(SelftestStage::default());
-        self.pending = Some(Pending {
+        let lines = check_setup(self.setup, storage)?;
+        let pending = Pending {
             id,
             number: Request::Selftest.number(),
             since: board.ticks(),
+        };
+        self.phase.restart(|storage| {
+            Phase::SelfTesting(SelfTest {
+                pending,
+                lines,
+                run: 0,
+                health: Health::GOOD,
+                stage: Stage::Between(storage),
+            })
         });
         Ok(())
     }
 
     /// The next step of a self-test between its runs; `true` if another one follows at once.
-    pub(super) fn go_on_testing(&mut self, board: &mut impl Board, out: &mut impl Outbox) -> bool {
-        let Some(progress) = &mut self.selftest else {
+    pub(super) fn continue_selftest(
+        &mut self,
+        board: &mut impl Board,
+        out: &mut impl Transmit,
+    ) -> bool {
+        let Phase::SelfTesting(test) = &mut self.phase else {
             return false;
         };
-        // Between the requests the box is empty, whatever it does on its own.
-        self.state = State::Empty;
-        if self.archive.is_none() || self.asked.is_some() {
-            return false;
-        }
-        if self.run.is_some() {
-            return true;
-        }
-        let run = progress.run;
-        progress.run += 1;
+        let storage = match &mut test.stage {
+            Stage::Between(storage) => storage,
+            Stage::Running(_) => return true,
+            Stage::Identifying(_) => return false,
+        };
+        let run = test.run;
+        test.run = run.saturating_add(1);
         for summary in self.summaries.iter().flatten() {
-            progress.health = progress.health.union(summary.health);
+            test.health = test.health.union(summary.health);
         }
-        self.state = State::Ready;
-        let begun = if run < RUNS {
-            self.begin(&start(run), board)
-        } else {
-            self.leave_job(&QUESTION)
-        };
-        self.state = State::Empty;
-        if begun.is_err() {
-            let found = judge(None, progress_health(self.selftest.take()));
-            self.clear();
-            if let Some(pending) = self.pending.take() {
-                out.reply(pending.id, &Reply::Selftest(found));
+        let (pending, health) = (test.pending, test.health);
+        if run < RUNS {
+            let start = start(run);
+            // Synthetic runs need no input.
+            if let Ok(run) = prepare(self.setup, &test.lines, 0, &start, storage, board) {
+                self.phase.enter_run(start, run);
+                return true;
             }
+        } else if let Ok(asked) = Asked::new(&QUESTION, self.setup, &storage.runs) {
+            self.phase.enter_identification(asked, pending);
+            return false;
         }
-        self.run.is_some()
+        self.clear();
+        out.reply(pending.id, &Reply::Selftest(judge(None, health)));
+        false
     }
-}
-
-fn progress_health(progress: Option<SelftestStage>) -> Health {
-    progress.map_or(Health::GOOD, |p| p.health)
 }
 
 /// Sets up the self-test.

@@ -1,7 +1,7 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
 use super::memory::{LINES, RUNS};
-use crate::wire::{Accelerations, Answer, Line, Quality};
+use crate::wire::{Accelerations, Line, Quality};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
 use massline_core::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
 
@@ -22,28 +22,16 @@ pub(super) struct Stored<'m> {
     kept: &'m mut [Option<Kept>; RUNS],
 }
 
-/// All stored runs, and the answer that they gave.
-#[derive(Debug)]
-pub(super) struct Store<'m> {
-    pub(super) runs: Stored<'m>,
-    /// Where what it finds is written.
-    pub(super) answer: &'m mut Option<Answer>,
-}
-
-impl<'m> Store<'m> {
+impl<'m> Stored<'m> {
     pub(super) fn new(
         responses: &'m mut [[Complex32; RESULTANTS]],
         drive: &'m mut [f32],
         kept: &'m mut [Option<Kept>; RUNS],
-        answer: &'m mut Option<Answer>,
     ) -> Self {
         Self {
-            runs: Stored {
-                responses,
-                drive,
-                kept,
-            },
-            answer,
+            responses,
+            drive,
+            kept,
         }
     }
 }
@@ -75,9 +63,8 @@ impl Stored<'_> {
         accelerations: Accelerations,
         quality: Quality,
     ) -> Option<[f32; RESULTANTS]> {
-        let from = run * LINES;
-        let responses = self.responses.get_mut(from..from + LINES)?;
-        let drive = self.drive.get_mut(from..from + LINES)?;
+        let responses = self.responses.chunks_exact_mut(LINES).nth(run)?;
+        let drive = self.drive.chunks_exact_mut(LINES).nth(run)?;
         let finished = RunResponses::finish(
             average,
             grid,
@@ -114,12 +101,10 @@ impl Stored<'_> {
     /// A stored run as the estimators read it.
     pub(super) fn responses(&self, run: usize, grid: LineGrid) -> Option<RunResponses<'_>> {
         let kept = self.kept(run)?;
-        let from = run * LINES;
-        let lines = from..from + grid.count;
         Some(RunResponses {
             grid,
-            responses: self.responses.get(lines.clone())?,
-            drive: self.drive.get(lines)?,
+            responses: lines_of(self.responses, run)?.get(..grid.count)?,
+            drive: lines_of(self.drive, run)?.get(..grid.count)?,
             noise: kept.noise,
             blocks: kept.blocks,
         })
@@ -127,11 +112,18 @@ impl Stored<'_> {
 
     /// One line of a stored run.
     pub(super) fn line(&self, run: usize, line: usize) -> Option<Line> {
-        let at = run * LINES + line;
         let pair = |z: &Complex32| [z.re, z.im];
         Some(Line {
-            drive: *self.drive.get(at)?,
-            responses: self.responses.get(at)?.each_ref().map(pair),
+            drive: *lines_of(self.drive, run)?.get(line)?,
+            responses: lines_of(self.responses, run)?
+                .get(line)?
+                .each_ref()
+                .map(pair),
         })
     }
+}
+
+/// The lines of one run out of those of all.
+fn lines_of<T>(all: &[T], run: usize) -> Option<&[T]> {
+    all.chunks_exact(LINES).nth(run)
 }

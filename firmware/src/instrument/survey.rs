@@ -17,6 +17,8 @@ use massline_core::weighting::peak_response;
 
 /// Accelerometers that one block looks at.
 const TOGETHER: usize = RESULTANTS;
+/// Sums of a line: the drive's power, and three for each accelerometer.
+const SUMS_A_LINE: usize = 1 + 3 * TOGETHER;
 /// Groups of them.
 const GROUPS: usize = SENSORS.div_ceil(TOGETHER);
 
@@ -52,8 +54,8 @@ impl Survey {
         if found > limit {
             return Err(Problem::Capacity {
                 item: Item::Line,
-                found: (found * survey.lines.len()) as u32,
-                limit: (limit * survey.lines.len()) as u32,
+                found: found.saturating_mul(survey.lines.len()) as u32,
+                limit: limit.saturating_mul(survey.lines.len()) as u32,
             });
         }
         Ok(survey)
@@ -64,20 +66,22 @@ impl Survey {
     }
 
     fn room_of_a_group(&self) -> usize {
-        (1 + 3 * TOGETHER) * self.lines.len()
+        // Of lines that are kept: at most as many as there is room for.
+        SUMS_A_LINE.saturating_mul(self.lines.len())
     }
 
     fn sums<'s>(&self, group: usize, sums: &'s mut [Sum]) -> Option<DriveAverage<'s>> {
-        let each = self.room_of_a_group();
-        let part = sums.get_mut(group * each..(group + 1) * each)?;
+        let part = sums
+            .chunks_exact_mut(self.room_of_a_group().max(1))
+            .nth(group)?;
         let blocks = *self.blocks.get(group)?;
         DriveAverage::resume(self.lines.len(), TOGETHER, part, blocks).ok()
     }
 
     /// The samples of the sensors whose turn it is.
     pub(super) fn select(&self, samples: &[f32], into: &mut [f32]) {
-        let turn = self.sensors.iter().skip(self.group * TOGETHER);
-        for (slot, sensor) in into.iter_mut().zip(turn) {
+        let turn = self.sensors.chunks(TOGETHER).nth(self.group);
+        for (slot, sensor) in into.iter_mut().zip(turn.unwrap_or(&[])) {
             *slot = samples.get(usize::from(*sensor)).copied().unwrap_or(0.0);
         }
     }
@@ -102,19 +106,22 @@ impl Survey {
         if groups < 2 {
             return false;
         }
-        self.group = (self.group + 1) % groups;
+        self.group = match self.group.saturating_add(1) {
+            next if next < groups => next,
+            _ => 0,
+        };
         true
     }
 
     /// The peaks by sensor number, once every group has had its turn.
     pub(super) fn peaks(&self, sums: &mut [Sum]) -> Option<[f64; SENSORS]> {
         let mut peaks = [0.0; SENSORS];
-        for (group, sensors) in self.sensors.chunks(TOGETHER).enumerate() {
+        for (group, sensors) in (0..GROUPS).zip(self.sensors.chunks(TOGETHER)) {
             let average = self.sums(group, sums)?;
             if average.blocks() == 0 {
                 return None;
             }
-            for (c, sensor) in sensors.iter().enumerate() {
+            for (c, sensor) in (0..TOGETHER).zip(sensors) {
                 if let Some(slot) = peaks.get_mut(usize::from(*sensor)) {
                     *slot = peak_response(&average, c, 0..self.lines.len());
                 }

@@ -22,6 +22,7 @@
 use super::memory::CHANNELS;
 use super::setup::Arrangement;
 use crate::wire::ChannelRole;
+use core::num::Wrapping;
 use massline_core::geometry::{LoadShares, Mount, RunSensor};
 use massline_core::rigid_body::{Inertia, RigidBody};
 use nalgebra::{RowVector6, Vector3, Vector6};
@@ -41,10 +42,10 @@ const SHARE: f64 = 0.5;
 const TURN: f64 = 3.0;
 
 /// θ = 2π 40/512 and ζ = 0.03 in units of 2⁻²⁰: 1/(1+ζθ), (2-θ²)/(1+ζθ), (1-ζθ)/(1+ζθ).
-const ONE_OVER: i64 = 1_033_359;
-const NOW: i64 = 1_817_722;
-const BEFORE: i64 = 1_018_141;
-const COEFFICIENT_BITS: u32 = 20;
+const ONE_OVER: Wrapping<i64> = Wrapping(1_033_359);
+const NOW: Wrapping<i64> = Wrapping(1_817_722);
+const BEFORE: Wrapping<i64> = Wrapping(1_018_141);
+const COEFFICIENT_BITS: usize = 20;
 /// Fractional bits of the swing.
 const SWING_BITS: u32 = 16;
 /// Noise of one is this.
@@ -62,7 +63,7 @@ pub(super) fn body() -> RigidBody {
 /// Noise at sample `n` of the period: uniform, ±2¹⁴.
 fn noise(n: u32) -> i64 {
     // Two rounds of multiply and fold mix every bit of the number into the upper ones.
-    let mut x = (n + 1).wrapping_mul(0x9E37_79B1);
+    let mut x = n.wrapping_add(1).wrapping_mul(0x9E37_79B1);
     x ^= x >> 15;
     x = x.wrapping_mul(0x85EB_CA77);
     x ^= x >> 13;
@@ -71,22 +72,27 @@ fn noise(n: u32) -> i64 {
 }
 
 /// The mass on its spring, driven by the noise.
+///
+/// Its numbers never wrap: the magnitudes of its impulse response add up to 92, so that it
+/// stays below 2⁷ times the drive's 2³⁰, and products with its coefficients below 2⁵⁸.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spring {
-    y: i64,
-    before: i64,
+    y: Wrapping<i64>,
+    before: Wrapping<i64>,
 }
 
 impl Spring {
     /// Takes one step under the acceleration `s`; returns that of the swing, both in units
     /// of the noise, the latter with fractional bits.
     fn step(&mut self, s: i64) -> i64 {
-        let sum = NOW * self.y - BEFORE * self.before - ONE_OVER * (s << SWING_BITS);
-        let next = (sum + (1 << (COEFFICIENT_BITS - 1))) >> COEFFICIENT_BITS;
-        let swing = next - 2 * self.y + self.before;
+        let drive = Wrapping(s << SWING_BITS);
+        let half = Wrapping(1 << (COEFFICIENT_BITS - 1));
+        let sum = NOW * self.y - BEFORE * self.before - ONE_OVER * drive;
+        let next = (sum + half) >> COEFFICIENT_BITS;
+        let swing = next - Wrapping(2) * self.y + self.before;
         self.before = self.y;
         self.y = next;
-        swing
+        swing.0
     }
 }
 
@@ -150,7 +156,7 @@ impl Synthetic {
     /// The next sample in SI, channel by channel.
     pub(super) fn sample(&mut self, into: &mut [f32; CHANNELS]) -> usize {
         let s = noise(self.n);
-        self.n = (self.n + 1) % PERIOD;
+        self.n = self.n.wrapping_add(1) % PERIOD;
         let swing = self.spring.step(s);
         let s = s as f32 / UNIT;
         let swing = swing as f32 / (UNIT * (1 << SWING_BITS) as f32);

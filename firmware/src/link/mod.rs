@@ -1,7 +1,7 @@
 //! The link to the host: two byte queues between a port's interrupt and the frames.
 //!
 //! [`PortEnds`] are for the port's interrupt, which moves bytes and looks into none of them, but
-//! for the zeros that end frames. [`Receive`] and [`Transmit`] are for the task that serves
+//! for the zeros that end frames. [`Rx`] and [`Tx`] are for the task that serves
 //! requests.
 //!
 //! | queue | bytes | reason |
@@ -9,13 +9,13 @@
 //! | from the host | 3 KiB | room for [`WINDOW`] requests of any length: a host that keeps to this window loses none, however long the box is busy |
 //! | to the host | 4 KiB | the longest reply has room while the one before it is being sent |
 //!
-//! A reply is never dropped: no request is taken before [`Transmit::has_room`] for its reply, and
+//! A reply is never dropped: no request is taken before [`Tx::has_room`] for its reply, and
 //! while a request waits, events leave that room free. An event without room is dropped, and
 //! leaves a gap in the frames' numbers.
 
 pub mod rate;
 
-use crate::instrument::Outbox;
+use crate::instrument::Transmit;
 use crate::wire::{
     BODY_MAX, EncodeError, Event, FRAME_MAX, LinkCounters, Received, Receiver, Reply, Request,
     Sender, ToBox,
@@ -55,7 +55,7 @@ impl Queues {
 
     /// The ends of the queues. `session` numbers the box's start; `wake` makes the port look
     /// for bytes to send.
-    pub fn split(&mut self, session: u16, wake: fn()) -> (PortEnds<'_>, Receive<'_>, Transmit<'_>) {
+    pub fn split(&mut self, session: u16, wake: fn()) -> (PortEnds<'_>, Rx<'_>, Tx<'_>) {
         let (from_port, received) = self.from_host.split();
         let (to_send, to_port) = self.to_host.split();
         let overruns = &self.overruns;
@@ -64,13 +64,13 @@ impl Queues {
             to_host: to_port,
             overruns,
         };
-        let receive = Receive {
+        let receive = Rx {
             queue: received,
             bytes: 0,
             overruns,
             receiver: Receiver::new(&mut self.body),
         };
-        let transmit = Transmit {
+        let transmit = Tx {
             sender: Sender::new(session),
             queue: to_send,
             wake,
@@ -125,7 +125,7 @@ impl PortEnds<'_> {
 }
 
 /// Messages from the host.
-pub struct Receive<'q> {
+pub struct Rx<'q> {
     queue: Consumer<'q, u8>,
     /// Bytes taken out of the queue.
     bytes: u32,
@@ -133,7 +133,7 @@ pub struct Receive<'q> {
     receiver: Receiver<'q, ToBox>,
 }
 
-impl Receive<'_> {
+impl Rx<'_> {
     /// Passes the next complete message to `handle`; `true` if there was one.
     pub fn take(&mut self, handle: impl FnOnce(Received<Request<'_>>)) -> bool {
         while let Some(byte) = self.queue.dequeue() {
@@ -172,7 +172,7 @@ impl Receive<'_> {
 }
 
 /// Messages to the host.
-pub struct Transmit<'q> {
+pub struct Tx<'q> {
     sender: Sender,
     queue: Producer<'q, u8>,
     wake: fn(),
@@ -182,7 +182,7 @@ pub struct Transmit<'q> {
     dropped: u32,
 }
 
-impl Transmit<'_> {
+impl Tx<'_> {
     /// `true` if a reply of any length has room.
     #[must_use]
     pub fn has_room(&self) -> bool {
@@ -226,7 +226,7 @@ impl Transmit<'_> {
     }
 }
 
-impl Outbox for Transmit<'_> {
+impl Transmit for Tx<'_> {
     fn reply(&mut self, request: u16, reply: &Reply<'_>) {
         let frame = self.sender.reply(request, reply, &mut self.frame);
         let length = frame.map(|frame| frame.len());

@@ -3,7 +3,7 @@
 
 use massline_firmware::calibration::Certificate;
 use massline_firmware::instrument::{
-    Board, Identity, Instrument, Job, Memory, Notebook, Outbox, RawSample, RunStorage, Vitals,
+    Board, Identity, Instrument, Job, Memory, Persistent, RawSample, RunStorage, Transmit, Vitals,
     WorkingStorage,
 };
 use massline_firmware::wire::*;
@@ -255,7 +255,7 @@ pub struct Host {
     pub events: Vec<Heard>,
 }
 
-impl Outbox for Host {
+impl Transmit for Host {
     fn reply(&mut self, request: u16, reply: &Reply<'_>) {
         if self.unplugged {
             return;
@@ -303,7 +303,7 @@ impl Outbox for Host {
 pub struct Shelf {
     working: Box<WorkingStorage>,
     runs: Box<RunStorage>,
-    notebook: Box<Notebook>,
+    persistent: Box<Persistent>,
 }
 
 impl Shelf {
@@ -324,7 +324,7 @@ impl Shelf {
         let memory = Memory {
             working: &mut self.working,
             runs: &mut self.runs,
-            notebook: &mut self.notebook,
+            persistent: &mut self.persistent,
         };
         let identity = Identity {
             firmware: "bench",

@@ -13,7 +13,8 @@ use super::{Port, PortError};
 use crate::rig::Inputs;
 use crate::simulate::Stream;
 use massline_firmware::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RawSample, RunStorage, WorkingStorage,
+    Board, Identity, Instrument, Memory, Persistent, RawSample, RunStorage, Transmit,
+    WorkingStorage,
 };
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::wire::{
@@ -33,7 +34,7 @@ const DELAY: f64 = 1e-3;
 pub struct HostBoxMemory {
     working: Box<WorkingStorage>,
     runs: Box<RunStorage>,
-    notebook: Box<Notebook>,
+    persistent: Box<Persistent>,
     body: [u8; BODY_MAX],
 }
 
@@ -44,7 +45,7 @@ impl HostBoxMemory {
         Self {
             working: Box::new(WorkingStorage::new()),
             runs: Box::new(RunStorage::new()),
-            notebook: Box::new(Notebook::new()),
+            persistent: Box::new(Persistent::new()),
             body: [0; BODY_MAX],
         }
     }
@@ -110,7 +111,7 @@ impl<'m> HostBox<'m> {
         let lent = Memory {
             working: &mut memory.working,
             runs: &mut memory.runs,
-            notebook: &mut memory.notebook,
+            persistent: &mut memory.persistent,
         };
         Self {
             instrument: Instrument::new(lent, identity),
@@ -248,7 +249,7 @@ impl Port for HostBox<'_> {
     }
 }
 
-impl Outbox for Out {
+impl Transmit for Out {
     fn reply(&mut self, request: u16, reply: &Reply<'_>) {
         let mut frame = [0; FRAME_MAX];
         // The contract's messages fit a frame; what did not would show as a lost one.

@@ -3,7 +3,7 @@
 
 use crate::link::{self, Piece};
 use massline_firmware::instrument::{
-    Board, Identity, Instrument, Memory, Notebook, Outbox, RunStorage, Vitals, WorkingStorage,
+    Board, Identity, Instrument, Memory, Persistent, RunStorage, Transmit, Vitals, WorkingStorage,
 };
 use massline_firmware::sampling::{INPUTS, Plan};
 use massline_firmware::settings::Settings;
@@ -135,7 +135,7 @@ impl Out {
     }
 }
 
-impl Outbox for Out {
+impl Transmit for Out {
     fn reply(&mut self, id: u16, reply: &Reply<'_>) {
         let mut out = [0; FRAME_MAX];
         match Sender::new(1).reply(id, reply, &mut out) {
@@ -158,7 +158,7 @@ impl Outbox for Out {
 pub struct Shelf {
     working: Box<WorkingStorage>,
     runs: Box<RunStorage>,
-    notebook: Box<Notebook>,
+    persistent: Box<Persistent>,
 }
 
 /// The box on its bench.
@@ -179,7 +179,7 @@ impl<'m> Bench<'m> {
         let memory = Memory {
             working: &mut shelf.working,
             runs: &mut shelf.runs,
-            notebook: &mut shelf.notebook,
+            persistent: &mut shelf.persistent,
         };
         let identity = Identity {
             firmware: "bench",

@@ -26,7 +26,7 @@ const WORDS: [(&str, &str); 11] = [
         "a run: samples and filters of 13 channels, sums, geometry; or an identification: sets, \
          regression, modes",
     ),
-    ("notebook", "set-up, weights and peaks, summaries, answer"),
+    ("persistent", "set-up, weights and peaks, summaries, answer"),
     ("queues", "the link's queues, and the message that is read"),
     ("samples", "samples on their way from the sampling task"),
     ("settings", "settings, with the calibrations of 35 inputs"),

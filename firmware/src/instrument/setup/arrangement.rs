@@ -1,7 +1,7 @@
 //! The arrangement: which sensors there are, and how the specimen stands in each run.
 
 use crate::calibration;
-use crate::instrument::desk::missing;
+use crate::instrument::limits::missing;
 use crate::instrument::limits::{about, below, finite, fits, range};
 use crate::instrument::memory::{CHANNELS, RUNS, SENSORS};
 use crate::wire::{
@@ -171,7 +171,10 @@ impl Arrangement {
                 ChannelRole::Unused => {}
             }
         }
-        if run.drive().is_none() {
+        if !run
+            .channel_roles()
+            .any(|carried| carried == ChannelRole::Drive)
+        {
             // The cross-spectral matrix of 100 lines would take 112 KiB a run.
             return Err(Problem::Missing {
                 item: Item::Drive,
@@ -302,11 +305,12 @@ impl Arrangement {
 
 /// Each sensor, and the drive, has one channel.
 fn once(run: &Run<'_>, carried: ChannelRole, item: Item) -> Result<(), Problem> {
-    match run.channel_roles().filter(|c| *c == carried).count() {
+    let same = run.channel_roles().filter(|c| *c == carried);
+    match same.fold(0_u32, |found, _| found.saturating_add(1)) {
         1 => Ok(()),
         found => Err(Problem::Count {
             item,
-            found: found as u32,
+            found,
             expected: 1,
         }),
     }

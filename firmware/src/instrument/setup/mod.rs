@@ -16,7 +16,7 @@ pub(super) use arrangement::Arrangement;
 pub(super) use lines::{Lines, lines_of};
 pub(super) use load_cells::LoadCells;
 
-use super::desk::missing;
+use super::limits::missing;
 use super::limits::{finite, fits, within};
 use super::memory::{RUNS, SENSORS};
 use crate::wire::{
@@ -185,11 +185,18 @@ impl SetUp {
     }
 }
 
+/// The bit of a run or another thing of this number; none beyond 32.
+pub(super) const fn bit(number: u32) -> u32 {
+    match 1_u32.checked_shl(number) {
+        Some(bit) => bit,
+        None => 0,
+    }
+}
+
 /// Bits of the flags that are set.
 pub(super) fn mask(flags: impl IntoIterator<Item = bool>) -> u32 {
-    flags
-        .into_iter()
-        .enumerate()
+    let bits = (0..u32::BITS).map(bit);
+    bits.zip(flags)
         .filter(|(_, flag)| *flag)
-        .fold(0, |bits, (k, _)| bits | 1 << k)
+        .fold(0, |all, (bit, _)| all | bit)
 }

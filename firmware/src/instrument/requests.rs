@@ -1,12 +1,14 @@
-//! Requests: which are dealt with in which state, and how.
+//! Requests, one by one: each is checked whole before it changes anything.
 
+use super::limits::missing;
 use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
-use super::run::Run;
-use super::{Board, Instrument, Outbox, cut};
+use super::phase::{Phase, Session, Storage};
+use super::setup::{self, SetUp};
+use super::{Board, Instrument, Transmit};
 use crate::wire::{
-    Capacity, Identified, Info, Item, Method, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong, Problem,
-    Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream, Subscription,
-    Weights,
+    Capacity, Grid, Identified, Info, Item, Method, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
+    Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream,
+    Subscription, Weights,
 };
 
 /// The methods that fit the box.
@@ -22,18 +24,18 @@ const METHODS: [Method; 8] = [
 ];
 
 impl<'m> Instrument<'m> {
-    /// Deals with a request: has replied, or will by [`Self::finish`], unless it returns a
-    /// problem. Then nothing was changed.
-    pub(super) fn deal(
+    /// ChannelRole out a request: the reply has been sent, or will be by [`Self::finish`], unless
+    /// a problem is returned. Then nothing was changed.
+    pub(super) fn dispatch(
         &mut self,
         id: u16,
         request: &Request<'_>,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<(), Problem> {
         let reply = match request {
             Request::Hello => {
-                self.introduce_to(id, board, out);
+                self.send_info(id, board, out);
                 return Ok(());
             }
             Request::Ping(ping) => Reply::Pong(Pong {
@@ -58,9 +60,9 @@ impl<'m> Instrument<'m> {
             }
             Request::Provoke(fault) => {
                 if *fault == Provoke::TestPattern {
-                    // The others end the box. This one would take the samples from under
-                    // whoever is at work on them.
-                    self.not_running()?;
+                    // The others end the box. This one replaces the samples, which a run or a
+                    // recording must not see.
+                    self.phase.not_running()?;
                     self.not_streaming()?;
                 }
                 if !board.provoke(*fault) {
@@ -70,33 +72,31 @@ impl<'m> Instrument<'m> {
             }
             Request::Selftest => return self.begin_selftest(id, board),
             Request::BeginSetup(plan) => {
-                self.not_running()?;
-                self.not_busy()?;
+                self.phase.not_running()?;
+                self.phase.not_busy()?;
                 self.setup.begin(plan)?;
-                self.forget_runs();
-                self.state = State::SettingUp;
+                self.restart(Phase::SettingUp);
                 Reply::Done
             }
             Request::SetProcessing(processing) => {
-                self.only(State::SettingUp)?;
-                self.setup.set_processing(processing)?;
+                self.pieces()?.set_processing(processing)?;
                 Reply::Done
             }
             Request::SetSensor(sensor) => {
-                self.only(State::SettingUp)?;
-                self.setup.set_sensor(sensor)?;
+                self.pieces()?.set_sensor(sensor)?;
                 Reply::Done
             }
             Request::SetRun(run) => {
-                self.only(State::SettingUp)?;
-                self.setup.set_run(run)?;
+                self.pieces()?.set_run(run)?;
                 Reply::Done
             }
             Request::SetWeights(weights) => {
-                if self.state != State::Ready {
-                    self.only(State::SettingUp)?;
+                match &self.phase {
+                    Phase::SettingUp(_) | Phase::Ready(..) | Phase::Identifying(..) => {
+                        self.setup.set_weights(weights)?;
+                    }
+                    other => return Err(other.unless(State::SettingUp)),
                 }
-                self.setup.set_weights(weights)?;
                 Reply::Done
             }
             Request::EndSetup => Reply::Grid(self.end_setup()?),
@@ -104,7 +104,7 @@ impl<'m> Instrument<'m> {
                 self.start(start, board)?;
                 Reply::Done
             }
-            Request::Samples(samples) => Reply::Progress(self.take(samples, board, out)?),
+            Request::Samples(samples) => Reply::Progress(self.take_samples(samples, board, out)?),
             Request::Stop => Reply::Summary(self.stop(board)?),
             Request::Abort => {
                 self.abort(board);
@@ -122,7 +122,7 @@ impl<'m> Instrument<'m> {
             Request::ReadAnswer => return self.read_answer(id, out),
             Request::ReadSetting(key) => return read_setting(id, *key, board, out),
             Request::WriteSetting(setting) => {
-                self.not_running()?;
+                self.phase.not_running()?;
                 if matches!(setting, Setting::Input(_) | Setting::SampleRate(_)) {
                     self.not_streaming()?;
                 }
@@ -130,14 +130,14 @@ impl<'m> Instrument<'m> {
                 Reply::Done
             }
             Request::SaveSettings => {
-                self.not_running()?;
+                self.phase.not_running()?;
                 self.not_streaming()?;
-                self.not_busy()?;
+                self.phase.not_busy()?;
                 let storage = board.save_settings()?;
                 Reply::Saved(Saved { storage })
             }
             Request::ResetSettings => {
-                self.not_running()?;
+                self.phase.not_running()?;
                 self.not_streaming()?;
                 board.reset_settings();
                 Reply::Done
@@ -150,7 +150,7 @@ impl<'m> Instrument<'m> {
     // A reply is 1 KB. Those that a reference keeps from being the one above are made apart.
 
     #[inline(never)]
-    fn read_peaks(&self, id: u16, run: u8, out: &mut impl Outbox) -> Result<(), Problem> {
+    fn read_peaks(&self, id: u16, run: u8, out: &mut impl Transmit) -> Result<(), Problem> {
         let at = self.run_index(run)?;
         let peaks = self.setup.peaks(at).ok_or(missing(Item::Survey, at))?;
         let peaks = Packed::new(peaks);
@@ -159,33 +159,24 @@ impl<'m> Instrument<'m> {
     }
 
     #[inline(never)]
-    fn read_weights(&self, id: u16, run: u8, out: &mut impl Outbox) -> Result<(), Problem> {
+    fn read_weights(&self, id: u16, run: u8, out: &mut impl Transmit) -> Result<(), Problem> {
         let at = self.run_index(run)?;
         let weights = Packed::new(self.setup.weights(at));
         out.reply(id, &Reply::Weights(Weights { run, weights }));
         Ok(())
     }
 
-    pub(super) fn only(&self, expected: State) -> Result<(), Problem> {
-        if self.state == expected {
-            return Ok(());
+    /// The set-up, while its pieces come in.
+    fn pieces(&mut self) -> Result<&mut SetUp, Problem> {
+        match &self.phase {
+            Phase::SettingUp(_) => Ok(self.setup),
+            other => Err(other.unless(State::SettingUp)),
         }
-        Err(Problem::State {
-            found: self.state,
-            expected,
-        })
     }
 
-    pub(super) fn not_running(&self) -> Result<(), Problem> {
-        if self.state == State::Running {
-            return self.only(State::Ready);
-        }
-        Ok(())
-    }
-
-    /// Whether nobody records the converters' samples: what makes SI of them, and when they are
-    /// taken, must not change in the middle of a recording.
-    pub(super) fn not_streaming(&self) -> Result<(), Problem> {
+    /// Refuses what would change the converters' samples, or their calibration, in the middle of
+    /// a recording.
+    fn not_streaming(&self) -> Result<(), Problem> {
         match self.subscription.samples {
             Stream::Off => Ok(()),
             _ => Err(Problem::Busy(
@@ -194,52 +185,43 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    pub(super) fn not_busy(&self) -> Result<(), Problem> {
-        match self.pending {
-            Some(pending) => Err(Problem::Busy(pending.number)),
-            None => Ok(()),
-        }
-    }
-
     /// Forgets set-up and runs.
     pub(super) fn clear(&mut self) {
         self.setup.clear();
-        self.lines = None;
-        self.forget_runs();
-        self.state = State::Empty;
+        self.restart(Phase::Empty);
     }
 
-    pub(super) fn run_index(&self, run: u8) -> Result<usize, Problem> {
-        if self.state == State::Empty {
-            return self.only(State::Ready).map(|()| 0);
-        }
-        self.setup.run_index(run)
-    }
-
-    fn forget_runs(&mut self) {
-        self.lines = None;
+    /// Forgets all runs, in favour of a phase without any.
+    fn restart(&mut self, to: fn(Storage<'m>) -> Phase<'m>) {
         self.summaries.fill(None);
-        self.ended = None;
-        self.answered = None;
-        self.stored = 0;
-        if let Some(store) = &mut self.archive {
-            store.runs.clear();
+        self.phase.restart(|mut storage| {
+            storage.runs.clear();
+            to(storage)
+        });
+    }
+
+    /// Number of a run as an index into the set-up.
+    pub(super) fn run_index(&self, run: u8) -> Result<usize, Problem> {
+        match self.phase.state() {
+            State::Empty => Err(self.phase.unless(State::Ready)),
+            _ => self.setup.run_index(run),
         }
     }
 
     #[inline(never)]
-    fn introduce_to(&self, id: u16, board: &impl Board, out: &mut impl Outbox) {
+    fn send_info(&self, id: u16, board: &impl Board, out: &mut impl Transmit) {
         out.reply(id, &Reply::Info(self.info(board)));
     }
 
-    /// The stored answer, sent again.
+    /// Sends the stored answer.
     #[inline(never)]
-    fn read_answer(&self, id: u16, out: &mut impl Outbox) -> Result<(), Problem> {
-        let ticks = self.answered.ok_or(missing(Item::Answer, 0))?;
-        let Some(store) = &self.archive else {
-            return self.not_busy();
+    pub(super) fn read_answer(&self, id: u16, out: &mut impl Transmit) -> Result<(), Problem> {
+        let answered = self.phase.session().and_then(|session| session.answered);
+        let ticks = answered.ok_or(missing(Item::Answer, 0))?;
+        let Some(storage) = self.phase.storage() else {
+            return self.phase.not_busy();
         };
-        let answer = store.answer.ok_or(missing(Item::Answer, 0))?;
+        let answer = storage.answer.ok_or(missing(Item::Answer, 0))?;
         out.reply(id, &Reply::Identified(Identified { ticks, answer }));
         Ok(())
     }
@@ -274,18 +256,20 @@ impl<'m> Instrument<'m> {
     }
 
     fn status(&self, board: &impl Board) -> Status {
-        let known = matches!(self.state, State::Ready | State::Running | State::SettingUp);
+        let state = self.phase.state();
+        let known = state != State::Empty;
+        let session = self.phase.session();
         Status {
-            state: self.state,
-            busy: self.pending.map(|p| p.number),
+            state,
+            busy: self.phase.pending().map(|pending| pending.number),
             fingerprint: known.then(|| self.setup.fingerprint()),
-            running: match self.state {
-                State::Running => self.run.as_ref().map(Run::running),
+            running: match &self.phase {
+                Phase::Running(_, run) => Some(run.running()),
                 _ => None,
             },
-            stored: if known { self.stored } else { 0 },
+            stored: session.map_or(0, |session| session.stored),
             surveyed: if known { self.setup.surveyed() } else { 0 },
-            answer: self.answered.is_some(),
+            answer: session.is_some_and(|session| session.answered.is_some()),
             unsaved: board.unsaved(),
         }
     }
@@ -294,12 +278,12 @@ impl<'m> Instrument<'m> {
         &mut self,
         subscription: &Subscription,
         board: &mut impl Board,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Result<(), Problem> {
         if subscription.samples != Stream::Off && self.identity.inputs == 0 {
             return Err(Problem::Unsupported(Item::Input));
         }
-        if subscription.samples != Stream::Off && !self.wants_inputs() {
+        if subscription.samples != Stream::Off && !self.uses_inputs() {
             let rate = match board.setting(SettingKey::SampleRate)? {
                 Setting::SampleRate(rate) => rate,
                 _ => return Err(Problem::Unsupported(Item::Setting)),
@@ -307,40 +291,42 @@ impl<'m> Instrument<'m> {
             board.start_inputs(rate)?;
         }
         if subscription.samples != self.subscription.samples {
-            // What was gathered belongs to the subscription before.
+            // The samples gathered so far belong to the subscription before.
             self.recorder.send(out);
             self.recorder.begin(subscription.samples);
         }
         self.subscription = *subscription;
-        self.tend_inputs(board);
+        self.stop_unused_inputs(board);
         Ok(())
     }
 
-    /// Checks the set-up as a whole, and makes lines of it.
-    pub(super) fn check_setup(&mut self) -> Result<super::setup::Lines, Problem> {
-        // They are lent to a run only, and then there is a set-up.
-        let bench = self.buffers.as_mut().map(|buffers| &mut *buffers.bench);
-        let bench = bench.ok_or(Problem::Busy(Request::EndSetup.number()))?;
-        bench.clear_for_run();
-        let run = bench.run_mut();
-        let run = run.ok_or(Problem::Busy(Request::EndSetup.number()))?;
-        self.setup.end(&mut run.geometry)
-    }
-
-    fn end_setup(&mut self) -> Result<crate::wire::Grid, Problem> {
-        // Said again, it is still so.
-        if self.state == State::Ready
-            && let Some(lines) = &self.lines
-        {
-            return Ok(lines.grid());
-        }
-        self.only(State::SettingUp)?;
-        let lines = self.check_setup()?;
+    /// Completes the set-up; where it is complete, nothing is changed.
+    #[inline(never)] // Lines are not on the stack beside a reply.
+    fn end_setup(&mut self) -> Result<Grid, Problem> {
+        let storage = match &mut self.phase {
+            Phase::SettingUp(storage) => storage,
+            Phase::Ready(session, _) | Phase::Identifying(session, ..) => {
+                return Ok(session.lines.grid());
+            }
+            other => return Err(other.unless(State::SettingUp)),
+        };
+        let lines = check_setup(self.setup, storage)?;
         let grid = lines.grid();
-        self.lines = Some(lines);
-        self.state = State::Ready;
+        self.phase
+            .restart(|storage| Phase::Ready(Session::new(lines), storage));
         Ok(grid)
     }
+}
+
+/// Checks a set-up as a whole. `storage` serves for trying.
+pub(super) fn check_setup(
+    setup: &SetUp,
+    storage: &mut Storage<'_>,
+) -> Result<setup::Lines, Problem> {
+    storage.scratch.clear_for_run();
+    let room = storage.scratch.run_mut();
+    let room = room.ok_or(Problem::Busy(Request::EndSetup.number()))?;
+    setup.end(&mut room.geometry)
 }
 
 #[inline(never)]
@@ -348,15 +334,13 @@ fn read_setting(
     id: u16,
     key: SettingKey,
     board: &impl Board,
-    out: &mut impl Outbox,
+    out: &mut impl Transmit,
 ) -> Result<(), Problem> {
     out.reply(id, &Reply::Setting(board.setting(key)?));
     Ok(())
 }
 
-pub(super) fn missing(item: Item, index: usize) -> Problem {
-    Problem::Missing {
-        item,
-        index: index as u32,
-    }
+/// The beginning of a text, at most `most` bytes of it.
+fn cut(text: &str, most: usize) -> &str {
+    text.get(..text.floor_char_boundary(most)).unwrap_or("")
 }

@@ -1,7 +1,7 @@
 //! Samples of one run: where each channel goes, how it becomes SI, and whether it can be
 //! believed.
 
-use super::Outbox;
+use super::Transmit;
 use super::memory::{CHANNELS, SENSORS};
 use crate::calibration::Channel;
 use crate::wire::{ChannelHealth, ChannelRole, Event, Health, Packed, Values};
@@ -30,26 +30,26 @@ struct Route {
 
 /// Channels of a run at work.
 #[derive(Debug)]
-pub(super) struct Intake {
+pub(super) struct Channels {
     routes: heapless::Vec<Route, CHANNELS>,
     /// SI by channel.
     readings: [f32; CHANNELS],
     /// SI by sensor.
     sensors: [f32; SENSORS],
-    count: usize,
+    sensors_used: usize,
     drive: f32,
     /// Faults of each channel at the last sample.
     health: [u16; CHANNELS],
 }
 
-impl Intake {
+impl Channels {
     /// No channels yet.
     pub(super) const fn new() -> Self {
         Self {
             routes: heapless::Vec::new(),
             readings: [0.0; CHANNELS],
             sensors: [0.0; SENSORS],
-            count: 0,
+            sensors_used: 0,
             drive: 0.0,
             health: [0; CHANNELS],
         }
@@ -60,7 +60,7 @@ impl Intake {
         self.routes.clear();
         self.readings.fill(0.0);
         self.sensors.fill(0.0);
-        self.count = sensors;
+        self.sensors_used = sensors;
         self.drive = 0.0;
         self.health.fill(0);
     }
@@ -71,7 +71,7 @@ impl Intake {
     }
 
     /// Number of channels.
-    pub(super) fn channels(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.routes.len()
     }
 
@@ -89,12 +89,12 @@ impl Intake {
         &mut self,
         sample: &Sample<'_>,
         index: u64,
-        out: &mut impl Outbox,
+        out: &mut impl Transmit,
     ) -> Health {
         let mut all = 0;
         let mut changed = false;
         let routes = self.routes.iter_mut().zip(&mut self.readings);
-        for (c, ((route, reading), last)) in routes.zip(&mut self.health).enumerate() {
+        for (c, ((route, reading), last)) in (0..CHANNELS).zip(routes.zip(&mut self.health)) {
             let (si, health) = read(sample, c, &mut route.channel);
             let si = if si.is_finite() { si } else { 0.0 };
             *reading = si;
@@ -129,7 +129,7 @@ impl Intake {
 
     /// SI by sensor.
     pub(super) fn sensors(&self) -> &[f32] {
-        self.sensors.get(..self.count).unwrap_or(&[])
+        self.sensors.get(..self.sensors_used).unwrap_or(&[])
     }
 
     /// The drive signal, in its own unit.
@@ -140,15 +140,17 @@ impl Intake {
 
 fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
     let missing = (0.0, Health::MISSING);
+    // A value's place in a message is below the message's length, which is one frame at most.
+    let place = |at: &usize| at.wrapping_add(c);
     match sample {
         Sample::Host(Values::Readings(list), at) => list
-            .get(at + c)
+            .get(place(at))
             .map_or(missing, |x| channel.reading(x, Health::GOOD)),
         Sample::Host(Values::Counts(list), at) => list
-            .get(at + c)
+            .get(place(at))
             .map_or(missing, |x| channel.count(x, Health::GOOD)),
         Sample::Host(Values::Counts24(list), at) => list
-            .get(at + c)
+            .get(place(at))
             .map_or(missing, |x| channel.count(x.get(), Health::GOOD)),
         Sample::Counts { counts, health, .. } => {
             let known = health.get(c).copied().unwrap_or(Health::GOOD);
