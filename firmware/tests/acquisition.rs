@@ -162,7 +162,7 @@ fn each_fault_has_its_flag_and_no_other() {
         for _ in 0..20 {
             bench.checked();
         }
-        injector.inflict(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
+        injector.inject(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
         let mut flags = Health::GOOD;
         let before = bench.acquisition.number();
         let mut bad = 0;

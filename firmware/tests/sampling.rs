@@ -267,7 +267,7 @@ fn a_sample_without_room_is_counted_and_shows_in_the_numbers() {
     hands.edge();
     assert_eq!(hands.frames.dequeue().unwrap().number, FIRST + room + LATE);
 
-    assert!(hands.commands.give(Command::Forget, || ()));
+    assert!(hands.commands.send(Command::ClearFaults, || ()));
     hands.edge();
     assert_eq!(hands.faults().overrun, 0);
 }
@@ -289,7 +289,7 @@ fn faults_go_on_being_counted_over_a_new_start() {
         assert_eq!(hands.faults().converter_checksum, start);
         while hands.frames.dequeue().is_some() {}
     }
-    hands.commands.give(Command::Stop, || ());
+    hands.commands.send(Command::Stop, || ());
     hands.edge();
     assert!(!hands.edge());
 }
@@ -342,7 +342,7 @@ fn converters_without_an_edge_are_started_again() {
 fn a_rehearsal_tells_each_sample_by_its_counts() {
     let mut bench = Bench::new();
     let mut hands = bench.hands();
-    hands.commands.give(Command::TestPattern, || ());
+    hands.commands.send(Command::TestPattern, || ());
     hands.start(&plan(&wired(&[0]))).unwrap();
     let mut sample = 0;
     while u64::from(sample) < FIRST {

@@ -3,7 +3,7 @@
 
 use embedded_storage::nor_flash::NorFlash;
 use massline_firmware::calibration::Preset;
-use massline_firmware::models::flash::{Accident, Flash};
+use massline_firmware::models::flash::{Fault, Flash};
 use massline_firmware::models::random::Random;
 use massline_firmware::settings::{Loaded, Settings, Store, StoreError};
 use massline_firmware::wire::{Setting, crc32};
@@ -91,7 +91,7 @@ fn cut<const PAGE: usize>(
     settings: &Settings<INPUTS>,
     after: u64,
 ) -> (Flash<PAGE, PAGES>, bool) {
-    flash.arrange(Accident::Cut(flash.worked() + after));
+    flash.inject(Fault::Cut(flash.worked() + after));
     let mut box_ = store(flash);
     let saved = box_.save(settings, &mut [0; ROOM]);
     let mut flash = box_.release();
@@ -212,7 +212,7 @@ fn power_is_cut_at_every_byte() {
         let start = before.worked();
         for at in start.. {
             let mut flash = before.clone();
-            flash.arrange(Accident::Cut(at));
+            flash.inject(Fault::Cut(at));
             let mut box_ = store(flash);
             let saved = box_.save(&new, &mut [0; ROOM]);
             let mut flash = box_.release();
@@ -259,7 +259,7 @@ fn power_is_cut_twice() {
         let mut allowed = vec![old];
         let mut flash = flash;
         for attempt in 0..2 {
-            flash.arrange(Accident::Cut(at + attempt * random.below(400)));
+            flash.inject(Fault::Cut(at + attempt * random.below(400)));
             let mut box_ = store(flash);
             // The first thing a box does is to look; that may write, too, when it repairs.
             let found = look(&mut box_);
@@ -363,7 +363,7 @@ fn a_bit_flips_at_every_byte() {
         let start = before.worked();
         for at in start..start + 1600 {
             let mut flash = before.clone();
-            flash.arrange(Accident::Flip(at, random.bits() as u8));
+            flash.inject(Fault::Flip(at, random.bits() as u8));
             let mut box_ = store(flash);
             // It is read back, and written elsewhere when it is wrong.
             assert_eq!(box_.save(&new, &mut [0; ROOM]), Ok(()));
@@ -387,7 +387,7 @@ fn a_page_that_is_worn_out_costs_no_settings_that_are_kept() {
         let mut flash = Small::new(9);
         let mut kept = None;
         for k in 0..20 {
-            flash.arrange(Accident::Worn(address));
+            flash.inject(Fault::Worn(address));
             let mut box_ = store(flash);
             match box_.save(&short(k), &mut [0; ROOM]) {
                 Ok(()) => kept = Some((short(k), 2)),

@@ -4,7 +4,7 @@
 
 use crate::script::{Bytes, steps};
 use embedded_storage::nor_flash::NorFlash;
-use massline_firmware::models::flash::{Accident, Flash};
+use massline_firmware::models::flash::{Fault, Flash};
 use massline_firmware::settings::layout::{self, LayoutError};
 use massline_firmware::settings::{LINK_BAUD_RANGE, Loaded, Settings, Store, StoreError};
 use massline_firmware::wire::{Request, SettingKey};
@@ -61,7 +61,7 @@ fn sound(settings: &Settings<INPUTS>) {
 }
 
 /// Two pages, which a script fills, spoils and cuts the power of. Whatever was there, what is
-/// saved without an accident is found; what was saved and left alone stays.
+/// saved without an fault is found; what was saved and left alone stays.
 fn pages(script: &[u8]) {
     let mut flash = Pages::new(1);
     let mut settings = Settings::<INPUTS>::DELIVERED;
@@ -100,9 +100,9 @@ fn pages(script: &[u8]) {
             6 => {
                 let at = flash.worked() + u64::from(bytes.u16());
                 let flip = bytes.u8();
-                flash.arrange(match flip {
-                    0 => Accident::Cut(at),
-                    bit => Accident::Flip(at, bit),
+                flash.inject(match flip {
+                    0 => Fault::Cut(at),
+                    bit => Fault::Flip(at, bit),
                 });
                 let mut store = open(flash);
                 let saved = store.save(&settings, &mut [0; ROOM]);
