@@ -10,8 +10,8 @@
 //! crystal, and a gap of some hundred samples must still be counted right.
 //!
 //! When the converters are restarted, the grid of their samples moves by a part of a period. These
-//! parts are summed, so that the number of a sample is always within half a period of the time since
-//! the first one, after thousands of restarts, too.
+//! parts are summed, so that the number of a sample is always within half a period of the time
+//! since the first one, after thousands of restarts, too.
 
 /// Fraction bits of times.
 const FRACTION: u32 = 16;
@@ -108,8 +108,8 @@ impl Grid {
 
     /// Places an edge at a time in ticks.
     ///
-    /// Its sums wrap, as times do: `elapsed` is right for gaps below 2^47 ticks, the products are no
-    /// longer than it, and periods are below 2^49.
+    /// Its sums wrap, as times do: `elapsed` is right for gaps below 2^47 ticks, the products are
+    /// no longer than it, and periods are below 2^49.
     pub(super) fn edge(&mut self, ticks: u64) -> Place {
         let time = ticks << FRACTION;
         if self.state == State::Idle {

@@ -4,8 +4,8 @@
 //!
 //! All converters run on one clock and one SYNC line, so that their samples are ready at the same
 //! instant. The first DRDY line that falls raises the interrupt; 1 µs later all lines are read, and
-//! [`Acquisition::edge`] is called with their levels. It reads every converter once, and returns one
-//! sample of all inputs under one number.
+//! [`Acquisition::edge`] is called with their levels. It reads every converter once, and returns
+//! one sample of all inputs under one number.
 //!
 //! | fault | health of the sample | recovery |
 //! | --- | --- | --- |
@@ -20,16 +20,16 @@
 //! | a converter that is not in use does not answer | `MISSING` on its inputs | [`Acquisition::leave_out`] |
 //! | no edge at all | numbers jump | [`Acquisition::watch`] prepares all and restarts them |
 //!
-//! The status of a converter that leaves the others' grid is read at once, so that a reset is reported
-//! as such, and not as its consequences.
+//! The status of a converter that leaves the others' grid is read at once, so that a reset is
+//! reported as such, and not as its consequences.
 //!
 //! A restart moves the grid of samples and unsettles the filters, so that the health of all inputs
-//! holds its reason until [`SETTLING`] samples have gone by. It is made right after an edge, so that
-//! the grid moves little.
+//! holds its reason until [`SETTLING`] samples have gone by. It is made right after an edge, so
+//! that the grid moves little.
 //!
-//! One fault is not detected: a converter that falls behind by less than a quarter of a period in the
-//! same sample whose edges are lost on all other lines. Its own edge then stands for theirs, and its
-//! counts are valid for one sample, until the next edge shows which converter is late.
+//! One fault is not detected: a converter that falls behind by less than a quarter of a period in
+//! the same sample whose edges are lost on all other lines. Its own edge then stands for theirs,
+//! and its counts are valid for one sample, until the next edge shows which converter is late.
 //!
 //! Counts of a converter always go to its own inputs, whichever others are missing.
 
@@ -224,8 +224,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         })
     }
 
-    /// Prepares and restarts all converters if no edge has come for some periods, and returns `true`
-    /// then. To be called about ten times a second.
+    /// Prepares and restarts all converters if no edge has come for some periods, and returns
+    /// `true` then. To be called about ten times a second.
     pub fn watch(
         &mut self,
         converters: &mut [&mut dyn Converter],
@@ -275,8 +275,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         self.grid.period()
     }
 
-    /// `true` if these are most of the converters in step. In a tie the side with the first converter
-    /// is the majority.
+    /// `true` if these are most of the converters in step. In a tie the side with the first
+    /// converter is the majority.
     fn is_majority(&self, ready: u32) -> bool {
         // The common case does not depend on the converters' states.
         if ready & Self::ALL == Self::ALL {

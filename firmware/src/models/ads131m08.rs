@@ -3,9 +3,9 @@
 //! Modelled: all registers with their masks and reset values, NULL, RESET, STANDBY, WAKEUP,
 //! LOCK, UNLOCK, RREG and WREG with their answers in the next frame, the checksums of both
 //! directions, a write that is executed before its checksum is received, the event bits of the
-//! status word and their clearing, two samples of buffer, amplifiers, inputs, offset and gain correction,
-//! clipping. Not modelled: word lengths other than 24 bits, ANSI's checksum, global chop,
-//! current detection, phase delays, the DC block filter, noise.
+//! status word and their clearing, two samples of buffer, amplifiers, inputs, offset and gain
+//! correction, clipping. Not modelled: word lengths other than 24 bits, ANSI's checksum, global
+//! chop, current detection, phase delays, the DC block filter, noise.
 
 use crate::drivers::ads131m08::Oversampling;
 use crate::drivers::ads131m08::frame::{self, BYTES, BYTES_MAX, WORD, put, word};

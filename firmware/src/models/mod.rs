@@ -1,5 +1,5 @@
-//! Models of converters and memories at the level of registers, after their data sheets: drivers and
-//! the acquisition are tested against them, and on a host they replace the hardware.
+//! Models of converters and memories at the level of registers, after their data sheets: drivers
+//! and the acquisition are tested against them, and on a host they replace the hardware.
 //!
 //! | file | holds |
 //! | --- | --- |

@@ -1,8 +1,8 @@
 //! Some ADS131M08 on one clock, one SYNC line and a bus, in simulated time.
 //!
 //! Time is counted in cycles of the converters' clock. It passes during the wait for an edge, the
-//! exchange of bytes, and pulses on the SYNC line. Chips convert meanwhile, so that a driver that is
-//! too slow loses samples.
+//! exchange of bytes, and pulses on the SYNC line. Chips convert meanwhile, so that a driver that
+//! is too slow loses samples.
 
 use super::BusError;
 use super::ads131m08::Chip;

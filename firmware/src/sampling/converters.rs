@@ -132,8 +132,8 @@ where
         };
         let (sync, delay) = (&mut self.sync, &mut self.delay);
         let mut synchronise = || {
-            // The chip's own pins do not fail. Converters whose pin fails stay out of step, which is
-            // counted.
+            // The chip's own pins do not fail. Converters whose pin fails stay out of step, which
+            // is counted.
             let _ = sync.set_low();
             delay.delay_ns(SYNC_NS);
             let _ = sync.set_high();

@@ -3,9 +3,9 @@
 //! # Design
 //!
 //! Sampling interrupts all tasks but the link's port and those that take microseconds (the task
-//! watchdog, the time of an edge), and takes no lock. Its [`Command`]s come through a queue. The task
-//! runs as soon as its interrupt is raised, so that the sender of a command has the outcome when
-//! the call returns.
+//! watchdog, the time of an edge), and takes no lock. Its [`Command`]s come through a queue. The
+//! task runs as soon as its interrupt is raised, so that the sender of a command has the outcome
+//! when the call returns.
 //!
 //! Samples leave as [`RawFrame`]s through a queue that holds those that come while a block is
 //! computed. A sample without room is dropped and counted as an overrun; the number of the next one
@@ -16,8 +16,8 @@
 //! The first samples after a start, while filters settle, are dropped.
 //!
 //! A converter that does not answer is left out if no input of it is in use, and an error
-//! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and its status
-//! is read then.
+//! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and its
+//! status is read then.
 
 mod bank;
 mod converters;

@@ -17,16 +17,16 @@
 //!
 //! Three rules keep the newest whole item through any power cut:
 //!
-//! 1. The page that holds it is neither erased nor overwritten. A new item lies behind the last byte
-//!    of that page that is not erased, or in another page.
+//! 1. The page that holds it is neither erased nor overwritten. A new item lies behind the last
+//!    byte of that page that is not erased, or in another page.
 //! 2. Another page is always erased before its first item is written, even if it seems erased:
 //!    after an interrupted erase, bits anywhere in it may be unchanged.
 //! 3. Pages have no state of their own. Items are found by reading every cell, so that no
 //!    half-written mark can hide an item, and the remains of an interrupted write cannot run into
 //!    the item behind them.
 //!
-//! These rules assume that bytes read the same each time. A bit whose change was interrupted may not,
-//! for a while: then an item interrupted at its last byte may be valid at first and not later.
+//! These rules assume that bytes read the same each time. A bit whose change was interrupted may
+//! not, for a while: then an item interrupted at its last byte may be valid at first and not later.
 
 use crate::wire::{Crc32, crc32};
 use core::ops::Range;
@@ -217,8 +217,8 @@ impl<F: NorFlash> Journal<F> {
     }
 
     /// Writes an item, whose contents take the first `length` bytes behind the first [`CELL`] of
-    /// `item`, and reads it back. `item` has [`item_room`] bytes, not more than a page. `false` if it
-    /// cannot be read; the newest item before is valid then.
+    /// `item`, and reads it back. `item` has [`item_room`] bytes, not more than a page. `false` if
+    /// it cannot be read; the newest item before is valid then.
     pub fn append(&mut self, item: &mut [u8], length: u16) -> Result<bool, F::Error> {
         let mut survey = self.survey()?;
         if survey.greatest == u32::MAX {

@@ -1,7 +1,8 @@
 //! Settings as bytes.
 //!
 //! Two bytes hold the version of the layout. Then come the settings that are not as delivered, each
-//! behind two bytes of its length, so that an unknown setting is skipped. Checksums are in `journal`.
+//! behind two bytes of its length, so that an unknown setting is skipped. Checksums are in
+//! `journal`.
 //!
 //! | version | a setting is | read as |
 //! | --- | --- | --- |

@@ -1,4 +1,5 @@
-//! Settings of the box: its name, the link's rate, the sample rate, and the calibration of each input.
+//! Settings of the box: its name, the link's rate, the sample rate, and the calibration of each
+//! input.
 //!
 //! | file | holds |
 //! | --- | --- |

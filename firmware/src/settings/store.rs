@@ -95,8 +95,8 @@ impl<F: NorFlash> Store<F> {
     ///
     /// # Errors
     ///
-    /// [`StoreError`]; `settings` are as delivered then. [`StoreError::Corrupted`] includes a power cut
-    /// during the first save, and the journal of an earlier firmware.
+    /// [`StoreError`]; `settings` are as delivered then. [`StoreError::Corrupted`] includes a power
+    /// cut during the first save, and the journal of an earlier firmware.
     pub fn load<const INPUTS: usize>(
         &mut self,
         settings: &mut Settings<INPUTS>,

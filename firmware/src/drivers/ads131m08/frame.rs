@@ -31,8 +31,8 @@ pub fn crc(bytes: &[u8]) -> u16 {
     u16::from_be_bytes(crc.to_le_bytes())
 }
 
-/// Checksums of single bytes from zero on, with no, one and two zeros behind them, in the wire's byte
-/// order: the upper byte first.
+/// Checksums of single bytes from zero on, with no, one and two zeros behind them, in the wire's
+/// byte order: the upper byte first.
 // Three variables, not an array of three: their addresses stay in registers.
 static ALONE: [u16; 256] = table(0);
 static ONE_BEHIND: [u16; 256] = table(1);

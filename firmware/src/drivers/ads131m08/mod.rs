@@ -155,7 +155,8 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// The pins at a gain, without correction inside the chip: the calibration corrects in SI units.
+    /// The pins at a gain, without correction inside the chip: the calibration corrects in SI
+    /// units.
     #[must_use]
     pub const fn pins(gain: Gain) -> Self {
         Self {

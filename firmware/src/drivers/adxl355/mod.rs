@@ -7,8 +7,8 @@
 //! which the chip stands by, in another range) and a missing chip, but not a single wrong bit in a
 //! count: keep its wires short.
 //!
-//! The chip samples by its own clock, or with [`Clocking::External`] at pulses on its SYNC pin. Wire
-//! the other converters' DRDY line there, so that the samples belong to the same instants.
+//! The chip samples by its own clock, or with [`Clocking::External`] at pulses on its SYNC pin.
+//! Wire the other converters' DRDY line there, so that the samples belong to the same instants.
 
 use super::{Converter, Fault, Reading};
 use embedded_hal::spi::{MODE_0, Mode, Operation, SpiDevice};
