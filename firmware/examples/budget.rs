@@ -1,13 +1,13 @@
-//! What a sample and a block cost on the chip, instruction by instruction: the numbers behind the
-//! table of load in the firmware's README.
+//! Cost of a sample and of a block on the chip, in instructions: the numbers behind the table of
+//! load in the firmware's README.
 //!
 //! To be run in the emulator with `-icount shift=0`, where TIM2 counts instructions; a test does
-//! so. The converters' models answer until all samples are good, then recorded frames stand in
-//! for them, so that only what runs on the box is counted. It is told as text on the link.
+//! so. The converters' models answer until all samples are good, then recorded frames replace them,
+//! so that only code that runs on the box is counted. The results are text on the link.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-/// Says where to run it.
+/// Prints the command that runs it.
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this runs in the emulator: cargo xtask test --only emulator");
@@ -54,19 +54,19 @@ mod on_chip {
     const RESULTANTS: usize = 12;
     const LINES: usize = 100;
     const PERIOD: u64 = 1000;
-    /// Times that each thing is done, of which the mean is told.
+    /// Repetitions of each measurement, which reports their mean.
     const ROUNDS: u32 = 64;
 
-    /// Static memory for what would not fit the stack.
+    /// Static memory for objects that are too large for the stack.
     struct Storage<T>(UnsafeCell<T>);
 
-    // SAFETY: one thread, no interrupt, and each is taken once.
+    // SAFETY: one thread, no interrupt, and each storage is taken once.
     unsafe impl<T> Sync for Storage<T> {}
 
     impl<T> Storage<T> {
         #[expect(clippy::mut_from_ref, reason = "taken once each")]
         fn take(&self) -> &mut T {
-            // SAFETY: each storage is taken at one place, which is come by once.
+            // SAFETY: each storage is taken at one place, which is reached once.
             unsafe { &mut *self.0.get() }
         }
     }
@@ -75,7 +75,7 @@ mod on_chip {
     static QUEUES: Storage<Queue<RawFrame, WAITING>> = Storage(UnsafeCell::new(Queue::new()));
     static SUMS: Storage<[Sum; 37 * LINES]> = Storage(UnsafeCell::new([Sum::ZERO; 37 * LINES]));
 
-    /// The bus to one chip: a model that answers, or the frame that it gave last.
+    /// The bus to one chip: a model that answers, or a replay of its last frame.
     struct Wire {
         chip: Chip,
         last: [u8; BYTES],
@@ -118,7 +118,7 @@ mod on_chip {
         }
     }
 
-    /// Instructions of something done often, on average.
+    /// Mean instructions of `work`.
     fn cost(timer: &TIM2, mut work: impl FnMut(u32)) -> u32 {
         let begin = timer.cnt().read().bits();
         for round in 0..ROUNDS {
@@ -136,24 +136,24 @@ mod on_chip {
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
-        // SAFETY: nothing else runs here, so nobody else has the peripherals.
+        // SAFETY: no other code uses the peripherals.
         let device = unsafe { stm32f4xx_hal::pac::Peripherals::steal() };
         start(&device.RCC, &device.TIM2, &device.USART2);
         let mut link = Link(device.USART2);
         let timer = device.TIM2;
         let exchange = exchange(device.SPI2, device.GPIOC, device.RCC, &timer);
         let (acquisition, counts) = acquisition(&timer);
-        let mut tell = |what: &str, cost: u32| {
-            let _ = writeln!(link, "{what} {cost}");
+        let mut report = |name: &str, cost: u32| {
+            let _ = writeln!(link, "{name} {cost}");
         };
-        tell("exchange", exchange);
-        tell("acquisition", acquisition);
-        tell("hand-over", hand_over(&timer));
-        tell("calibration", calibration(&timer, &counts));
-        tell("resultants", resultants(&timer));
+        report("exchange", exchange);
+        report("acquisition", acquisition);
+        report("hand-over", hand_over(&timer));
+        report("calibration", calibration(&timer, &counts));
+        report("resultants", resultants(&timer));
         let (decimation, block) = spectra(&timer);
-        tell("decimation", decimation);
-        tell("block", block);
+        report("decimation", decimation);
+        report("block", block);
         let _ = writeln!(link, "end");
         loop {
             cortex_m::asm::wfi();
@@ -170,7 +170,7 @@ mod on_chip {
     }
 
     /// A frame over the bus, chip select included. The emulated bus never waits, so that this is
-    /// what comes on top of its clock.
+    /// the cost besides its clock.
     fn exchange(spi: SPI2, port: GPIOC, rcc: RCC, timer: &TIM2) -> u32 {
         let mut rcc = rcc.constrain();
         let spi = spi.spi(
@@ -191,7 +191,7 @@ mod on_chip {
         if good { cost } else { 0 }
     }
 
-    /// Nothing waits here.
+    /// A delay of no time.
     struct NoDelay;
 
     impl DelayNs for NoDelay {
@@ -201,7 +201,7 @@ mod on_chip {
     /// A sample into the queue and out of it.
     fn hand_over(timer: &TIM2) -> u32 {
         let queues = QUEUES.take();
-        let (mut taken, mut frames) = queues.split();
+        let (mut producer, mut frames) = queues.split();
         let (counts, health) = ([1; sampling::INPUTS], [Health::GOOD; sampling::INPUTS]);
         let mut good = true;
         let cost = cost(timer, |round| {
@@ -210,10 +210,10 @@ mod on_chip {
                 counts: black_box(&counts),
                 health: black_box(&health),
             };
-            good &= RawFrame::new(&sample, 0).is_some_and(|shot| taken.enqueue(shot).is_ok());
+            good &= RawFrame::new(&sample, 0).is_some_and(|frame| producer.enqueue(frame).is_ok());
             good &= frames
                 .peek()
-                .is_some_and(|shot| black_box(shot).number == u64::from(round));
+                .is_some_and(|frame| black_box(frame).number == u64::from(round));
             let _ = frames.dequeue();
         });
         if good { cost } else { 0 }
@@ -265,7 +265,7 @@ mod on_chip {
             good &= sample.health.iter().all(|h| h.is_good());
             counts.copy_from_slice(sample.counts);
         }
-        // A cost of nothing says that something else was measured.
+        // A cost of zero shows that the samples were not good.
         (if good { cost } else { 0 }, counts)
     }
 
@@ -298,8 +298,8 @@ mod on_chip {
         })
     }
 
-    /// A sample of drive and resultants into the history, on average; and a block: thirteen
-    /// channels transformed, powers, cross powers and coherences of 100 lines.
+    /// A sample of drive and resultants into the history, on average; and a block: the transforms
+    /// of thirteen channels, with powers, cross powers and coherences of 100 lines.
     fn spectra(timer: &TIM2) -> (u32, u32) {
         let nothing = Complex32::new(0.0, 0.0);
         let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 50.0]);

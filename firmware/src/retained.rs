@@ -1,9 +1,8 @@
-//! What the box remembers over a reset: how often it restarted, why, what went wrong, and the
-//! last words of whatever failed.
+//! The record that survives a reset: number and cause of resets, fault counters, and the message of
+//! the last failure.
 //!
-//! The record lies in memory that the start-up code leaves alone. After the power was off it is
-//! noise, so a checksum says whether it is one. The code here knows bytes only; where they lie
-//! is the binary's business.
+//! The record lies in memory that the start-up code does not initialise. After power was off that
+//! memory is noise, which the record's checksum detects. The binary places it; here it is bytes.
 
 use core::fmt::{self, Write};
 
@@ -12,13 +11,13 @@ use crate::wire::{FaultCounters, PANIC_MAX, ResetReason, crc32};
 /// Bytes of a record in memory, its checksum included.
 pub const SIZE: usize = 4 * WORDS + 2 + 2 + 1 + 1 + PANIC_MAX + 2 + 4;
 
-/// Words of 32 bits in front: the mark, the resets, the fault counters.
+/// Words of 32 bits at the beginning: mark, resets and fault counters.
 const WORDS: usize = 2 + 11;
 
-/// First word of a record. Its last digit counts the layouts that there have been.
+/// First word of a record; its last digit is the version of the layout.
 const MARK: u32 = 0x6D4C_0001;
 
-/// [`FaultCounters::default`], which is not for constants.
+/// [`FaultCounters::default`], as a constant.
 const NO_FAULTS: FaultCounters = FaultCounters {
     watchdog: 0,
     brown_out: 0,
@@ -33,7 +32,7 @@ const NO_FAULTS: FaultCounters = FaultCounters {
     storage: 0,
 };
 
-/// What ended the program, as far as the program itself knows.
+/// Cause of a reset that the program itself has noted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// A panic.
@@ -44,7 +43,7 @@ pub enum Cause {
     StackOverflow,
     /// A task did not check in with the task watchdog.
     Watchdog,
-    /// The host asked for it.
+    /// The host requested it.
     Request,
 }
 
@@ -57,7 +56,7 @@ impl Cause {
         Self::Request,
     ];
 
-    /// Its number in memory; zero is none.
+    /// Number of the cause in memory; zero means none.
     const fn code(self) -> u8 {
         self as u8 + 1
     }
@@ -77,7 +76,7 @@ impl Cause {
     }
 }
 
-/// What the chip's reset controller says. Several may be set at once, and none in the emulator.
+/// Flags of the chip's reset controller. Several may be set at once, and none in the emulator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResetFlags {
     /// The supply came up.
@@ -88,41 +87,41 @@ pub struct ResetFlags {
     pub watchdog: bool,
     /// The reset pin; also set by every other reset, which pulls that pin.
     pub pin: bool,
-    /// The program, or a debugger, asked for it.
+    /// The program, or a debugger, requested the reset.
     pub software: bool,
 }
 
-/// What outlives a reset.
+/// Record that survives a reset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Resets since the box was last switched on.
+    /// Number of resets since the box was last switched on.
     pub resets: u32,
     /// Number of this session on the link.
     pub session: u16,
-    /// Faults since they were last forgotten.
+    /// Fault counters.
     pub faults: FaultCounters,
     cause: Option<Cause>,
-    words: Text,
+    message: Text,
 }
 
 impl Record {
-    /// The record at a start and why the box started.
+    /// The record at a start, and the reason of the start.
     ///
-    /// `noise` tells sessions apart that begin with the power switch, after which nothing is
-    /// remembered; the memory's own noise is good for it.
+    /// `noise` is the number of the first session after power was off; noise of the memory makes it
+    /// another one each time.
     #[must_use]
     pub fn start(previous: Option<Self>, flags: ResetFlags, noise: u16) -> (Self, ResetReason) {
         let previous = previous.filter(|_| !flags.power_on);
         let Some(mut record) = previous else {
             let mut record = Self::new(noise);
-            // Memory that is lost without "power on" has lost it to a sagging supply.
-            let sagged = flags.brown_out && !flags.power_on;
-            if sagged {
+            // Memory is lost without "power on" if the supply was too low.
+            let is_brown_out = flags.brown_out && !flags.power_on;
+            if is_brown_out {
                 record.faults.brown_out = 1;
             }
             return (
                 record,
-                if sagged {
+                if is_brown_out {
                     ResetReason::BrownOut
                 } else {
                     ResetReason::PowerOn
@@ -141,7 +140,7 @@ impl Record {
                 count(&mut record.faults.brown_out);
                 ResetReason::BrownOut
             }
-            // A debugger's, or that of a program in which this record is not known.
+            // Requested by a debugger, or by a program without this record.
             None if flags.software => ResetReason::Other,
             None if flags.pin => ResetReason::Pin,
             None => ResetReason::Other,
@@ -155,12 +154,13 @@ impl Record {
             session,
             faults: NO_FAULTS,
             cause: None,
-            words: Text::new(),
+            message: Text::new(),
         }
     }
 
-    /// Notes why the program ends, and its last words; those of a wish are not kept.
-    pub fn end(&mut self, cause: Cause, words: fmt::Arguments<'_>) {
+    /// Notes the cause of the coming reset and its message, which is ignored for
+    /// [`Cause::Request`].
+    pub fn end(&mut self, cause: Cause, message: fmt::Arguments<'_>) {
         self.cause = Some(cause);
         let counter = match cause {
             Cause::Panic => &mut self.faults.panic,
@@ -170,24 +170,24 @@ impl Record {
             Cause::Request => return,
         };
         count(counter);
-        self.words = Text::new();
-        // It cuts what is too long and never fails.
-        let _ = self.words.write_fmt(words);
+        self.message = Text::new();
+        // A message that is too long is cut.
+        let _ = self.message.write_fmt(message);
     }
 
-    /// The last words of whatever failed last.
+    /// Message of the last failure.
     #[must_use]
-    pub fn words(&self) -> Option<&str> {
-        Some(self.words.as_str()).filter(|words| !words.is_empty())
+    pub fn message(&self) -> Option<&str> {
+        Some(self.message.as_str()).filter(|message| !message.is_empty())
     }
 
-    /// Forgets all faults and the last words.
-    pub fn forget(&mut self) {
+    /// Clears the fault counters and the message.
+    pub fn clear_faults(&mut self) {
         self.faults = FaultCounters::default();
-        self.words = Text::new();
+        self.message = Text::new();
     }
 
-    /// As it lies in memory.
+    /// The bytes of the record in memory.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; SIZE] {
         let mut bytes = [0; SIZE];
@@ -211,16 +211,16 @@ impl Record {
             put(&mut rest, word.to_le_bytes());
         }
         put(&mut rest, self.session.to_le_bytes());
-        put(&mut rest, self.words.length.to_le_bytes());
+        put(&mut rest, self.message.length.to_le_bytes());
         put(&mut rest, [self.cause.map_or(0, Cause::code), 0]);
-        put(&mut rest, self.words.bytes);
+        put(&mut rest, self.message.bytes);
         if let Some((covered, checksum)) = bytes.split_last_chunk_mut() {
             *checksum = crc32(covered).to_le_bytes();
         }
         bytes
     }
 
-    /// Reads it back; `None` if the bytes are no record.
+    /// Reads a record; `None` if the bytes are none.
     #[must_use]
     pub fn from_bytes(bytes: &[u8; SIZE]) -> Option<Self> {
         let (covered, checksum) = bytes.split_last_chunk::<4>()?;
@@ -271,7 +271,7 @@ impl Record {
                 storage,
             },
             cause: Cause::from_code(code),
-            words: text,
+            message: text,
         })
     }
 }
@@ -280,13 +280,14 @@ fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
 
+/// Removes bytes from the beginning of `rest`.
 fn take<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
     let (front, back) = rest.split_first_chunk()?;
     *rest = back;
     Some(*front)
 }
 
-/// What [`take`] takes.
+/// Writes bytes at the beginning of `rest`, and removes them from it.
 fn put<const N: usize>(rest: &mut &mut [u8], bytes: [u8; N]) {
     if let Some((front, back)) = core::mem::take(rest).split_first_chunk_mut() {
         *front = bytes;
@@ -294,7 +295,7 @@ fn put<const N: usize>(rest: &mut &mut [u8], bytes: [u8; N]) {
     }
 }
 
-/// A text that is cut where it is too long, between two characters.
+/// A text that is cut after the last character that fits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Text {
     length: u16,
@@ -323,7 +324,7 @@ impl Write for Text {
         for character in text.chars() {
             let begin = usize::from(self.length);
             let Some(slot) = self.bytes.get_mut(begin..begin + character.len_utf8()) else {
-                // Nothing may follow a character that was left out.
+                // No text may follow a character that did not fit.
                 return Err(fmt::Error);
             };
             character.encode_utf8(slot);
@@ -352,7 +353,7 @@ mod tests {
         software: false,
     };
 
-    /// One start after another, as the memory sees it.
+    /// A restart, with the record passed on as bytes.
     fn restart(record: &Record, flags: ResetFlags) -> (Record, ResetReason) {
         Record::start(Record::from_bytes(&record.to_bytes()), flags, 77)
     }
@@ -392,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_program_knows_goes_before_what_the_chip_says() {
+    fn the_noted_cause_comes_before_the_chips_flags() {
         let (mut record, reason) = Record::start(None, COLD, 9);
         assert_eq!(
             (reason, record.resets, record.session),
@@ -417,10 +418,14 @@ mod tests {
             assert_eq!(next.resets as usize, k + 1);
             assert_eq!(usize::from(next.session), 9 + k + 1);
             record = next;
-            // Told once, then it is history.
+            // The cause is reported once.
             assert_eq!(restart(&record, NOTHING).1, ResetReason::Other);
         }
-        assert_eq!(record.words(), Some("number 3"), "a wish leaves no words");
+        assert_eq!(
+            record.message(),
+            Some("number 3"),
+            "a request has no message"
+        );
         let faults = record.faults;
         let counted = [
             faults.panic,
@@ -429,18 +434,18 @@ mod tests {
             faults.watchdog,
         ];
         assert_eq!(counted, [1; 4]);
-        record.forget();
+        record.clear_faults();
         assert_eq!(
-            (record.words(), record.faults),
+            (record.message(), record.faults),
             (None, FaultCounters::default())
         );
         assert_eq!(record.resets, 5, "resets are not faults");
     }
 
     #[test]
-    fn what_only_the_chip_knows() {
+    fn without_a_noted_cause_the_chips_flags_count() {
         let (record, _) = Record::start(None, COLD, 9);
-        let said = |flags| {
+        let after = |flags| {
             let (record, reason) = restart(&record, flags);
             (reason, record.faults.watchdog, record.faults.brown_out)
         };
@@ -452,7 +457,7 @@ mod tests {
             watchdog: true,
             ..pin
         };
-        let sagged = ResetFlags {
+        let brown_out = ResetFlags {
             brown_out: true,
             ..pin
         };
@@ -460,17 +465,13 @@ mod tests {
             software: true,
             ..pin
         };
-        assert_eq!(said(pin), (ResetReason::Pin, 0, 0));
-        assert_eq!(said(watchdog), (ResetReason::Watchdog, 1, 0));
-        assert_eq!(said(sagged), (ResetReason::BrownOut, 0, 1));
-        assert_eq!(said(debugger), (ResetReason::Other, 0, 0));
-        assert_eq!(said(NOTHING), (ResetReason::Other, 0, 0));
-        assert_eq!(
-            said(COLD),
-            (ResetReason::PowerOn, 0, 0),
-            "switched on forgets"
-        );
-        let (record, reason) = Record::start(None, sagged, 3);
+        assert_eq!(after(pin), (ResetReason::Pin, 0, 0));
+        assert_eq!(after(watchdog), (ResetReason::Watchdog, 1, 0));
+        assert_eq!(after(brown_out), (ResetReason::BrownOut, 0, 1));
+        assert_eq!(after(debugger), (ResetReason::Other, 0, 0));
+        assert_eq!(after(NOTHING), (ResetReason::Other, 0, 0));
+        assert_eq!(after(COLD), (ResetReason::PowerOn, 0, 0), "power on clears");
+        let (record, reason) = Record::start(None, brown_out, 3);
         assert_eq!(
             (reason, record.faults.brown_out),
             (ResetReason::BrownOut, 1)
@@ -478,12 +479,12 @@ mod tests {
     }
 
     #[test]
-    fn long_words_are_cut_between_characters() {
+    fn long_messages_are_cut_between_characters() {
         let (mut record, _) = Record::start(None, COLD, 1);
-        // Three bytes each, which 256 is no multiple of.
+        // Three bytes each, of which 256 is no multiple.
         let long = "√".repeat(100);
         record.end(Cause::Panic, format_args!("{long}{}", "never"));
-        assert_eq!(record.words(), Some("√".repeat(PANIC_MAX / 3).as_str()));
+        assert_eq!(record.message(), Some("√".repeat(PANIC_MAX / 3).as_str()));
         let back = Record::from_bytes(&record.to_bytes());
         assert_eq!(back, Some(record));
     }

@@ -171,11 +171,11 @@ impl Board for Services {
     }
 
     fn forget_faults(&mut self) {
-        faults::amend(|record| record.forget());
+        faults::amend(|record| record.clear_faults());
         self.faults = FaultCounters::default();
         self.inputs
             .commands
-            .give(Command::Forget, board::call_sampling);
+            .send(Command::ClearFaults, board::call_sampling);
         self.settings.forget_failures();
     }
 
@@ -232,7 +232,7 @@ impl Board for Services {
         self.inputs.test_clock.stop();
         self.inputs
             .commands
-            .give(Command::Stop, board::call_sampling);
+            .send(Command::Stop, board::call_sampling);
         self.is_stale = true;
     }
 
@@ -271,7 +271,7 @@ impl Board for Services {
             return self
                 .inputs
                 .commands
-                .give(Command::TestPattern, board::call_sampling);
+                .send(Command::TestPattern, board::call_sampling);
         }
         self.ending = Some(Ending::Provoked(fault));
         true

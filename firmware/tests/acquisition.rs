@@ -1,4 +1,4 @@
-//! The acquisition on four modelled converters, with everything going wrong that can.
+//! The acquisition on four modelled converters, with injected faults of all kinds.
 
 use core::cell::RefCell;
 use massline_firmware::acquisition::{Acquisition, SETTLING};
@@ -14,15 +14,15 @@ use massline_firmware::wire::{FaultCounters, Health};
 
 const CHIPS: usize = 4;
 const INPUTS: usize = CHIPS * CHANNELS;
-/// Not the gain after a reset, so that a chip that has lost its settings gives other counts.
+/// Another gain than after a reset, so that a chip that has lost its settings gives other counts.
 const GAIN: u8 = 4;
 
-/// The count that an input gives for a conversion at a cycle: another one for each.
+/// The count of an input for a conversion at a cycle: pseudo-random.
 fn count(input: usize, cycle: u64) -> i32 {
     (mix(cycle * 64 + input as u64) >> 42) as i32 - (1 << 21)
 }
 
-/// The voltage that gives it.
+/// The voltage of that count.
 fn volts(input: usize, cycle: u64) -> f64 {
     f64::from(count(input, cycle)) * (1.2 / 8_388_608.0 / f64::from(GAIN))
 }
@@ -30,7 +30,7 @@ fn volts(input: usize, cycle: u64) -> f64 {
 type Signal = fn(usize, u64) -> f64;
 type Box = Acquisition<CHIPS, INPUTS>;
 
-/// A box with its converters, told sample by sample.
+/// A box with its converters, run sample by sample.
 struct Bench<'r> {
     rig: &'r RefCell<Rig<Signal, CHIPS>>,
     chips: [Ads131m08<Port<'r, Signal, CHIPS>>; CHIPS],
@@ -40,16 +40,16 @@ struct Bench<'r> {
     period: u64,
 }
 
-/// A sample, and when it was converted.
-struct Taken {
+/// A sample, and the times of its conversions.
+struct Converted {
     number: u64,
     counts: [i32; INPUTS],
     health: [Health; INPUTS],
-    /// When each chip had last converted by then.
+    /// Cycle of each chip's last conversion.
     converted: [u64; CHIPS],
 }
 
-impl Taken {
+impl Converted {
     fn health(&self) -> Health {
         self.health
             .iter()
@@ -81,20 +81,20 @@ impl<'r> Bench<'r> {
             .unwrap();
     }
 
-    /// The next sample, however many edges it takes.
-    fn next(&mut self) -> Taken {
+    /// The next sample, after one or more edges.
+    fn next(&mut self) -> Converted {
         loop {
             let Edge { cycle, ready } = self.rig.borrow_mut().wait();
             let converted = core::array::from_fn(|k| self.rig.borrow().converted(k).unwrap());
             let [a, b, c, d] = &mut self.chips;
             let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
             let mut synchronise = || self.rig.borrow_mut().pull_sync(16);
-            let taken = self
+            let found = self
                 .acquisition
                 .edge(converters, &mut synchronise, ready, cycle);
-            if let Some(sample) = taken {
+            if let Some(sample) = found {
                 self.first.get_or_insert(cycle);
-                return Taken {
+                return Converted {
                     number: sample.number,
                     counts: sample.counts.try_into().unwrap(),
                     health: sample.health.try_into().unwrap(),
@@ -104,27 +104,27 @@ impl<'r> Bench<'r> {
         }
     }
 
-    /// The next sample, of which everything that is said to be good has been checked.
-    fn checked(&mut self) -> Taken {
-        let taken = self.next();
+    /// The next sample, after checks of all its inputs that are reported as good.
+    fn checked(&mut self) -> Converted {
+        let sample = self.next();
         let mut together = None;
-        for (k, (&found, health)) in taken.counts.iter().zip(taken.health).enumerate() {
+        for (k, (&found, health)) in sample.counts.iter().zip(sample.health).enumerate() {
             if health.is_good() {
-                let converted = taken.converted[k / CHANNELS];
-                let number = taken.number;
+                let converted = sample.converted[k / CHANNELS];
+                let number = sample.number;
                 assert_eq!(found, count(k, converted), "input {k} of {number}");
                 assert_eq!(converted, *together.get_or_insert(converted));
             }
         }
-        // Numbers of samples that nobody is to believe may be anything.
+        // The number of a sample without good inputs is not checked.
         if let Some(converted) = together {
             let since = converted - self.first.unwrap();
             let exact = since as f64 / self.period as f64;
-            // Within half a period; 1 % of a period for what the measured one is wrong by.
-            let off = taken.number as f64 - exact;
-            assert!(off.abs() < 0.51, "number {} at {exact}", taken.number);
+            // Within half a period, and 1 % of a period for the error of the measured period.
+            let off = sample.number as f64 - exact;
+            assert!(off.abs() < 0.51, "number {} at {exact}", sample.number);
         }
-        taken
+        sample
     }
 
     fn is_steady(&self) -> bool {
@@ -143,10 +143,10 @@ fn samples_come_together_and_in_order() {
         let mut bench = Bench::new(&rig, oversampling);
         bench.start();
         for number in 0..2000 {
-            let taken = bench.checked();
-            assert_eq!(taken.number, number);
+            let sample = bench.checked();
+            assert_eq!(sample.number, number);
             let settling = number < u64::from(SETTLING);
-            assert_eq!(taken.health().is_good(), !settling, "sample {number}");
+            assert_eq!(sample.health().is_good(), !settling, "sample {number}");
         }
         assert_eq!(*bench.acquisition.faults(), FaultCounters::default());
     }
@@ -162,26 +162,26 @@ fn each_fault_has_its_flag_and_no_other() {
         for _ in 0..20 {
             bench.checked();
         }
-        injector.inflict(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
+        injector.inject(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
         let mut flags = Health::GOOD;
         let before = bench.acquisition.number();
         let mut bad = 0;
         for _ in 0..30 {
-            let taken = bench.checked();
-            flags = flags.union(taken.health());
-            bad += u64::from(!taken.health().is_good());
+            let sample = bench.checked();
+            flags = flags.union(sample.health());
+            bad += u64::from(!sample.health().is_good());
             injector.disturb(&mut rig.borrow_mut(), true);
         }
         bad += bench.acquisition.number() - before - 30;
         let mut expected = kind.flag();
         if kind == Kind::Delay {
-            // Until it is known to be out of step, it is only late.
+            // It is reported as missing until it is detected to be out of step.
             expected = expected.union(flags);
             assert!(Health::MISSING.union(Health::OUT_OF_STEP).contains(flags));
         }
         assert_eq!(flags, expected, "{kind:?}");
         assert_eq!(bench.acquisition.faults().overrun, 0);
-        // Detection, the restart's own sample, and what settles.
+        // Samples of detection, of the restart, and of settling.
         assert!(bad <= 8, "{kind:?} cost {bad} samples");
         assert!(bench.is_steady(), "{kind:?}");
     }
@@ -197,8 +197,8 @@ fn no_false_sample_among_a_million_frames_and_every_fault_counted() {
     let mut good = 0_u32;
     let mut apart = 0_u32;
     for _ in 0..250_000 {
-        // A few samples apart, so that the recovery from one fault is not disturbed by another:
-        // then each must be counted once, by its kind.
+        // Faults a few samples apart do not disturb each other's recovery: each must be counted
+        // once, by its kind.
         let quiet = bench.is_steady() && apart > 12;
         apart += 1;
         if injector.disturb(&mut rig.borrow_mut(), quiet).is_some() {
@@ -208,13 +208,13 @@ fn no_false_sample_among_a_million_frames_and_every_fault_counted() {
     }
     let faults = *bench.acquisition.faults();
     let mut expected = *injector.faults();
-    // A chip that falls behind is missed up to three times before it is known to be out of step.
+    // A chip that falls behind is missed up to three times before it is detected to be out of step.
     let late = faults.converter_missed - expected.converter_missed;
     assert!(late <= 3 * expected.out_of_step, "{late}");
     expected.converter_missed += late;
     assert_eq!(faults, expected);
     let all: u32 = injector.kinds().iter().sum();
-    // One in 250 samples less those that are kept free, about 950 in all.
+    // One fault in 250 samples, less the samples between faults: about 950 in all.
     assert!(
         injector.kinds().iter().all(|&n| n > 50),
         "{:?}",
@@ -239,7 +239,7 @@ fn no_false_sample_when_everything_fails_at_once() {
             injector.disturb(&mut rig.borrow_mut(), true);
             bench.checked();
         }
-        // It comes to rest once it is left alone.
+        // It recovers once no more faults are injected.
         let mut calm = Injector::new(0.0, 0);
         for _ in 0..2_000 {
             calm.disturb(&mut rig.borrow_mut(), true);
@@ -260,19 +260,19 @@ fn a_dead_converter_does_not_stop_the_others() {
         bench.checked();
     }
     rig.borrow_mut().stick(2, Some(true));
-    let mut told = None;
+    let mut reported = None;
     let mut good = 0;
     for _ in 0..2000 {
-        let taken = bench.checked();
+        let sample = bench.checked();
         let dead = 2 * CHANNELS..3 * CHANNELS;
-        assert!(taken.health[dead.clone()].iter().all(|h| !h.is_good()));
+        assert!(sample.health[dead.clone()].iter().all(|h| !h.is_good()));
         let others = (0..INPUTS).filter(|k| !dead.contains(k));
-        good += usize::from(others.into_iter().all(|k| taken.health[k].is_good()));
-        told = told.or(bench.acquisition.take_fault());
+        good += usize::from(others.into_iter().all(|k| sample.health[k].is_good()));
+        reported = reported.or(bench.acquisition.take_fault());
     }
-    assert_eq!(told.map(|fault| fault.part), Some(Some(2)));
+    assert_eq!(reported.map(|fault| fault.part), Some(Some(2)));
     assert!(good > 1950, "{good}");
-    // And it comes back by itself.
+    // Then it recovers by itself.
     rig.borrow_mut().stick(2, None);
     for _ in 0..600 {
         bench.checked();
@@ -281,14 +281,14 @@ fn a_dead_converter_does_not_stop_the_others() {
 }
 
 #[test]
-fn silence_is_noticed_and_ended() {
+fn converters_without_edges_are_restarted() {
     let rig = rig();
     let mut bench = Bench::new(&rig, Oversampling::X8192);
     bench.start();
     for _ in 0..10 {
         bench.checked();
     }
-    // The reset line was pulled by something else: four chips that know nothing any more.
+    // An external pulse on the reset line: all four chips lose their settings.
     rig.borrow_mut().pull_sync(4096);
     for _ in 0..40 {
         bench.checked();
@@ -315,23 +315,23 @@ fn silence_is_noticed_and_ended() {
 }
 
 #[test]
-fn a_box_that_was_away_loses_samples_but_not_count() {
+fn a_busy_box_loses_samples_but_numbers_them_right() {
     let rig = rig();
     let mut bench = Bench::new(&rig, Oversampling::X8192);
     bench.start();
     for _ in 0..10 {
         bench.checked();
     }
-    for away in 1..200 {
+    for busy in 1..200 {
         let before = bench.acquisition.number();
         let missed = bench.acquisition.faults().converter_missed;
-        // Until a tenth of a period after an edge, so that the interrupt is still in time.
-        let later = rig.borrow().cycle() / bench.period + away;
+        // Ends a tenth of a period after an edge, so that the interrupt is still in time.
+        let later = rig.borrow().cycle() / bench.period + busy;
         let first = bench.first.unwrap() % bench.period;
         let end = later * bench.period + first + bench.period / 10;
         rig.borrow_mut().pass_until(end);
         let lost = bench.next().number - before - 1;
-        assert!(lost.abs_diff(away) <= 1, "{lost} {away}");
+        assert!(lost.abs_diff(busy) <= 1, "{lost} {busy}");
         assert_eq!(
             u64::from(bench.acquisition.faults().converter_missed - missed),
             lost

@@ -1,5 +1,5 @@
 //! The driver of the ADS131M08 and the model of the chip, against each other and against the
-//! data sheet's own words.
+//! data sheet.
 
 use core::cell::RefCell;
 use embedded_hal::spi::{Operation, SpiDevice};
@@ -24,7 +24,7 @@ fn configuration() -> Configuration {
     configuration
 }
 
-/// Some voltage, another one for each input and cycle, within a gain of 128.
+/// A pseudo-random voltage of an input at a cycle, in the range of a gain of 128.
 fn volts(input: usize, cycle: u64) -> f64 {
     let bits = mix(cycle * 64 + input as u64) >> 40;
     (bits as f64 / (1 << 23) as f64 - 1.0) * 9e-3
@@ -35,7 +35,7 @@ fn rig() -> RefCell<Rig<impl Signal, 1>> {
 }
 
 #[test]
-fn every_register_keeps_what_is_written() {
+fn every_register_holds_its_value() {
     let rig = rig();
     let mut chip = Ads131m08::new(Port::new(&rig, 0), configuration());
     chip.reset().unwrap();
@@ -45,7 +45,7 @@ fn every_register_keeps_what_is_written() {
             let register = Register(address);
             let mut value = random.bits() as u16 & register.mask();
             if register == Register::MODE {
-                // Words of 24 bits and CCITT's checksum: the driver speaks no other.
+                // Words of 24 bits and CCITT's checksum: the driver supports no others.
                 value = value & !0x0F00 | 0x0100;
             }
             chip.write_register(register, value).unwrap();
@@ -76,7 +76,7 @@ fn registers_after_reset_are_the_data_sheets() {
         let found = chip.read_register(Register(address)).unwrap();
         assert_eq!(found, value, "register {address:#04x}");
     }
-    // Reset, words of 24 bits; whether a sample waits is a matter of time.
+    // Reset, words of 24 bits; the DRDY bits depend on the time.
     let status = chip.read_register(Register::STATUS).unwrap();
     assert_eq!(status & 0xFF00, 0x0500);
 }
@@ -99,12 +99,12 @@ fn read_only_registers_stay() {
 }
 
 #[test]
-fn samples_are_what_the_settings_make_of_the_voltages() {
+fn samples_follow_from_voltages_and_settings() {
     let rig = rig();
     let settings = configuration();
     let mut chip = Ads131m08::new(Port::new(&rig, 0), settings);
     chip.prepare().unwrap();
-    // What came while it was prepared is not wanted.
+    // Samples from before are read and ignored.
     while chip.read(&mut [0; CHANNELS]) != Err(Fault::Stale) {}
     for _ in 0..1000 {
         let edge = rig.borrow_mut().wait();
@@ -142,7 +142,7 @@ fn test_signals_come_through_the_amplifiers() {
         rig.borrow_mut().wait();
         let mut counts = [0; CHANNELS];
         chip.read(&mut counts).unwrap();
-        // At every gain: the test voltage is divided by it.
+        // The same at every gain, by which the test voltage is divided.
         let exact = (expected / 1.2 * 8_388_608.0_f64).round() as i32;
         assert_eq!(counts, [exact; CHANNELS]);
     }
@@ -202,7 +202,7 @@ fn a_register_that_changes_by_itself_is_noticed() {
     }
 }
 
-/// What a bus carries, byte by byte, against the frames that the data sheet shows.
+/// The bytes on the bus against the frames of the data sheet.
 #[test]
 fn frames_are_the_data_sheets() {
     struct Wire(Vec<Vec<u8>>);
@@ -221,7 +221,7 @@ fn frames_are_the_data_sheets() {
         }
     }
     let mut chip = Ads131m08::new(Wire(Vec::new()), configuration());
-    // Nothing answers; what was sent counts. RREG of GAIN1 is 101 0 0010 0 000 0000.
+    // Nothing answers; the sent bytes are compared. RREG of GAIN1 is 101 0 0010 0 000 0000.
     assert_eq!(chip.read_register(Register::GAIN1), Err(Fault::Stuck));
     // WREG of CH0_CFG is 011 0 0100 1 000 0000, then the value.
     assert_eq!(chip.write_register(Register(9), 0x1234), Err(Fault::Stuck));
@@ -234,7 +234,7 @@ fn frames_are_the_data_sheets() {
 }
 
 #[test]
-fn another_chip_is_named() {
+fn faults_of_the_bus_are_named() {
     let rig = rig();
     let mut chip = Ads131m08::new(Port::new(&rig, 0), configuration());
     rig.borrow_mut().stick(0, Some(false));

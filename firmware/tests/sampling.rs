@@ -1,4 +1,4 @@
-//! The sampling task on modelled converters: orders in, samples out.
+//! The sampling task on modelled converters: commands in, samples out.
 
 use core::cell::RefCell;
 use core::convert::Infallible;
@@ -54,7 +54,7 @@ impl DelayNs for NoDelay {
 
 type OnRig<'r> = Sampler<'r, Port<'r, Signal, CONVERTERS>, Follower<'r>, Sync<'r>, NoDelay>;
 
-/// The accelerometer, also in the hands of whoever moves it.
+/// The SPI device of the accelerometer.
 struct Follower<'r>(&'r RefCell<Adxl>);
 
 impl spi::ErrorType for Follower<'_> {
@@ -67,7 +67,7 @@ impl SpiDevice for Follower<'_> {
     }
 }
 
-/// A box.
+/// A box with its converters.
 struct Bench {
     rig: Chips,
     adxl: RefCell<Adxl>,
@@ -75,8 +75,8 @@ struct Bench {
     counters: Counters,
 }
 
-/// What its tasks have in hand.
-struct Hands<'b> {
+/// The tasks of a box.
+struct Tasks<'b> {
     rig: &'b Chips,
     adxl: &'b RefCell<Adxl>,
     counters: &'b Counters,
@@ -95,12 +95,12 @@ impl Bench {
         }
     }
 
-    fn hands(&mut self) -> Hands<'_> {
+    fn tasks(&mut self) -> Tasks<'_> {
         let (rig, adxl, counters) = (&self.rig, &self.adxl, &self.counters);
         let (ends, commands, frames) = self.queues.split();
         let ports = core::array::from_fn(|k| Port::new(rig, k));
         let converters = Converters::new(ports, Follower(adxl), Sync(rig), NoDelay);
-        Hands {
+        Tasks {
             rig,
             adxl,
             counters,
@@ -111,7 +111,7 @@ impl Bench {
     }
 }
 
-impl Hands<'_> {
+impl Tasks<'_> {
     fn start(&mut self, plan: &Plan) -> Result<(), Problem> {
         let (rig, sampler) = (self.rig, &mut self.sampler);
         let poll = || {
@@ -119,16 +119,22 @@ impl Hands<'_> {
             sampler.poll(now);
         };
         let outcome = self.commands.start(plan.clone(), poll);
-        outcome.expect("it is called at once").map_err(problem)
+        outcome
+            .expect("the sampling task runs at once")
+            .map_err(problem)
     }
 
-    /// Lets one edge come; whether there is a sample.
+    /// Runs until the next edge. `true` if there is a sample.
     fn edge(&mut self) -> bool {
         let edge = self.rig.borrow_mut().wait();
         let g = [0.1, 0.2, -0.5];
         self.adxl.borrow_mut().convert(g);
         self.sampler.poll(edge.cycle);
         self.sampler.edge(edge.ready, edge.cycle)
+    }
+
+    fn edges(&mut self, count: usize) {
+        (0..count).for_each(|_| _ = self.edge());
     }
 
     fn faults(&self) -> FaultCounters {
@@ -138,10 +144,10 @@ impl Hands<'_> {
     }
 }
 
-/// Number of the first sample of a start that is handed over.
+/// Number of the first sample after a start that is sent.
 const FIRST: u64 = SETTLING as u64 + 1;
 
-/// Another voltage for each input, steady: what a chip converts is known whenever it does.
+/// A constant voltage for each input.
 fn volts(input: usize, _: u64) -> f64 {
     1e-3 * (input as f64 - 15.0)
 }
@@ -175,18 +181,18 @@ fn plan(settings: &Settings<INPUTS>) -> Plan {
 #[test]
 fn all_inputs_of_a_sample_come_under_one_number() {
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
+    let mut tasks = bench.tasks();
     // One input of each chip at a gain of 128, which 1 mV and more than 9 mV would overdrive.
-    hands.start(&plan(&wired(&[14, 16, 32]))).unwrap();
-    (0..FIRST).for_each(|_| assert!(!hands.edge()));
+    tasks.start(&plan(&wired(&[14, 16, 32]))).unwrap();
+    (0..FIRST).for_each(|_| assert!(!tasks.edge()));
     for taken in FIRST..200 {
-        assert!(hands.edge());
+        assert!(tasks.edge());
         let RawFrame {
             number,
             counts,
             health,
             ..
-        } = hands.frames.dequeue().unwrap();
+        } = tasks.frames.dequeue().unwrap();
         assert_eq!(number, taken);
         for input in 0..INPUTS {
             assert_eq!(
@@ -200,23 +206,23 @@ fn all_inputs_of_a_sample_come_under_one_number() {
             assert!(off.abs() <= 1, "input {input}: {} {off}", counts[input]);
         }
     }
-    assert_eq!(hands.faults(), FaultCounters::default());
+    assert_eq!(tasks.faults(), FaultCounters::default());
 }
 
 #[test]
-fn a_chip_that_is_not_there_is_left_out_unless_it_is_needed() {
+fn a_missing_chip_is_left_out_unless_it_is_in_use() {
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
+    let mut tasks = bench.tasks();
     for chip in [1, 3] {
-        hands.rig.borrow_mut().stick(chip, Some(true));
+        tasks.rig.borrow_mut().stick(chip, Some(true));
     }
-    hands.adxl.borrow_mut().stuck = Some(false);
-    hands.start(&plan(&wired(&[0, 17]))).unwrap();
+    tasks.adxl.borrow_mut().stuck = Some(false);
+    tasks.start(&plan(&wired(&[0, 17]))).unwrap();
     let mut taken = FIRST;
     while taken < 500 {
-        // Those that are left out have edges, too, at a rate of their own.
-        hands.edge();
-        let Some(frame) = hands.frames.dequeue() else {
+        // Converters that are left out have edges, too, at a rate of their own.
+        tasks.edge();
+        let Some(frame) = tasks.frames.dequeue() else {
             continue;
         };
         let RawFrame { number, health, .. } = frame;
@@ -230,134 +236,124 @@ fn a_chip_that_is_not_there_is_left_out_unless_it_is_needed() {
             assert_eq!(*health, expected, "input {input}, sample {number}");
         }
     }
-    assert_eq!(hands.faults(), FaultCounters::default());
-    assert_eq!(hands.counters.take_failed(), None);
+    assert_eq!(tasks.faults(), FaultCounters::default());
+    assert_eq!(tasks.counters.take_failed(), None);
 
-    let needed = hands.start(&plan(&wired(&[0, 9]))).unwrap_err();
+    let needed = tasks.start(&plan(&wired(&[0, 9]))).unwrap_err();
     let stuck = |converter| Problem::Converter {
         converter,
         fault: ConverterFault::Stuck,
     };
-    // What comes up first is the garbled acknowledgement.
+    // The first fault is the garbled acknowledgement.
     assert!(
         matches!(needed, Problem::Converter { converter: 1, .. }),
         "{needed:?}"
     );
-    assert!(!hands.edge(), "it has not started");
-    (0..4).for_each(|chip| hands.rig.borrow_mut().stick(chip, Some(false)));
-    let nobody = hands.start(&plan(&wired(&[]))).unwrap_err();
-    assert_eq!(nobody, stuck(0));
+    assert!(!tasks.edge(), "it has not started");
+    (0..4).for_each(|chip| tasks.rig.borrow_mut().stick(chip, Some(false)));
+    let none_answers = tasks.start(&plan(&wired(&[]))).unwrap_err();
+    assert_eq!(none_answers, stuck(0));
 }
 
 #[test]
-fn a_sample_without_room_is_counted_and_shows_in_the_numbers() {
+fn a_dropped_sample_is_counted_and_missing_in_the_numbers() {
     const LATE: u64 = 10;
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
-    hands.start(&plan(&wired(&[0]))).unwrap();
-    (0..FIRST).for_each(|_| assert!(!hands.edge()));
+    let mut tasks = bench.tasks();
+    tasks.start(&plan(&wired(&[0]))).unwrap();
+    (0..FIRST).for_each(|_| assert!(!tasks.edge()));
     let room = WAITING as u64 - 1;
     for _ in 0..room + LATE {
-        assert!(hands.edge());
+        assert!(tasks.edge());
     }
-    assert_eq!(u64::from(hands.faults().overrun), LATE);
+    assert_eq!(u64::from(tasks.faults().overrun), LATE);
     for expected in FIRST..FIRST + room {
-        assert_eq!(hands.frames.dequeue().unwrap().number, expected);
+        assert_eq!(tasks.frames.dequeue().unwrap().number, expected);
     }
-    hands.edge();
-    assert_eq!(hands.frames.dequeue().unwrap().number, FIRST + room + LATE);
+    tasks.edge();
+    assert_eq!(tasks.frames.dequeue().unwrap().number, FIRST + room + LATE);
 
-    assert!(hands.commands.give(Command::Forget, || ()));
-    hands.edge();
-    assert_eq!(hands.faults().overrun, 0);
+    assert!(tasks.commands.send(Command::ClearFaults, || ()));
+    tasks.edge();
+    assert_eq!(tasks.faults().overrun, 0);
 }
 
 #[test]
-fn faults_go_on_being_counted_over_a_new_start() {
+fn fault_counters_continue_over_a_new_start() {
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
+    let mut tasks = bench.tasks();
     let plan = plan(&wired(&[0]));
     for start in 1..4 {
-        hands.start(&plan).unwrap();
-        (0..10).for_each(|_| {
-            hands.edge();
-        });
-        hands.rig.borrow_mut().garble(0, Garble::Noise);
-        (0..10).for_each(|_| {
-            hands.edge();
-        });
-        assert_eq!(hands.faults().converter_checksum, start);
-        while hands.frames.dequeue().is_some() {}
+        tasks.start(&plan).unwrap();
+        tasks.edges(10);
+        tasks.rig.borrow_mut().garble(0, Garble::Noise);
+        tasks.edges(10);
+        assert_eq!(tasks.faults().converter_checksum, start);
+        while tasks.frames.dequeue().is_some() {}
     }
-    hands.commands.give(Command::Stop, || ());
-    hands.edge();
-    assert!(!hands.edge());
+    tasks.commands.send(Command::Stop, || ());
+    tasks.edge();
+    assert!(!tasks.edge());
 }
 
 #[test]
-fn a_converter_that_gives_up_is_told_once() {
+fn a_failed_converter_is_reported_once() {
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
-    hands.start(&plan(&wired(&[0, 8]))).unwrap();
-    (0..10).for_each(|_| {
-        hands.edge();
-    });
-    hands.rig.borrow_mut().stick(1, Some(true));
-    let told: Vec<_> = (0..400)
+    let mut tasks = bench.tasks();
+    tasks.start(&plan(&wired(&[0, 8]))).unwrap();
+    tasks.edges(10);
+    tasks.rig.borrow_mut().stick(1, Some(true));
+    let failed: Vec<_> = (0..400)
         .filter_map(|_| {
-            hands.edge();
-            hands.counters.take_failed()
+            tasks.edge();
+            tasks.counters.take_failed()
         })
         .collect();
-    assert_eq!(told, [1]);
+    assert_eq!(failed, [1]);
 }
 
 #[test]
-fn converters_without_an_edge_are_started_again() {
+fn converters_without_edges_are_restarted() {
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
-    hands.start(&plan(&wired(&[0]))).unwrap();
-    (0..10).for_each(|_| {
-        hands.edge();
-    });
-    while hands.frames.dequeue().is_some() {}
-    // A second without one: the line is broken. Then all of them come again.
+    let mut tasks = bench.tasks();
+    tasks.start(&plan(&wired(&[0]))).unwrap();
+    tasks.edges(10);
+    while tasks.frames.dequeue().is_some() {}
+    // A second without edges, as with a broken line, then edges again.
     let second = u64::from(TICK_HZ);
-    let now = hands.rig.borrow().cycle();
-    hands.rig.borrow_mut().pass_until(now + second);
-    hands.sampler.poll(now + second);
-    let before = hands.faults();
-    (0..10).for_each(|_| {
-        hands.edge();
-    });
+    let now = tasks.rig.borrow().cycle();
+    tasks.rig.borrow_mut().pass_until(now + second);
+    tasks.sampler.poll(now + second);
+    let before = tasks.faults();
+    tasks.edges(10);
     let numbers: Vec<u64> =
-        core::iter::from_fn(|| hands.frames.dequeue().map(|s| s.number)).collect();
+        core::iter::from_fn(|| tasks.frames.dequeue().map(|s| s.number)).collect();
     // 512 samples in the second, and 9 before it; a restart moves the grid by up to one.
     assert!((520..=523).contains(&numbers[0]), "{numbers:?}");
     assert!(numbers.windows(2).all(|w| w[1] == w[0] + 1));
-    assert!(hands.faults().converter_missed > before.converter_missed);
+    assert!(tasks.faults().converter_missed > before.converter_missed);
 }
 
 #[test]
-fn a_rehearsal_tells_each_sample_by_its_counts() {
+fn a_test_pattern_identifies_each_sample_by_its_counts() {
     let mut bench = Bench::new();
-    let mut hands = bench.hands();
-    hands.commands.give(Command::TestPattern, || ());
-    hands.start(&plan(&wired(&[0]))).unwrap();
+    let mut tasks = bench.tasks();
+    tasks.commands.send(Command::TestPattern, || ());
+    tasks.start(&plan(&wired(&[0]))).unwrap();
     let mut sample = 0;
     while u64::from(sample) < FIRST {
-        assert!(!hands.sampler.test_pattern(1));
+        assert!(!tasks.sampler.test_pattern(1));
         sample += 1;
     }
     for step in [1, 1, 3, 1, 1, 2, 1, 1, 1] {
-        assert!(hands.sampler.test_pattern(step));
+        assert!(tasks.sampler.test_pattern(step));
         sample += step;
         let RawFrame {
             number,
             counts,
             health,
             ..
-        } = hands.frames.dequeue().unwrap();
+        } = tasks.frames.dequeue().unwrap();
         assert_eq!(number, u64::from(sample - 1));
         if step == 1 {
             assert_eq!(health, [Health::GOOD; INPUTS]);
@@ -367,7 +363,7 @@ fn a_rehearsal_tells_each_sample_by_its_counts() {
             );
         }
     }
-    assert_eq!(hands.faults().converter_missed, 3);
+    assert_eq!(tasks.faults().converter_missed, 3);
 }
 
 #[test]

@@ -1,15 +1,15 @@
-//! Settings in a flash that loses power at every byte and flips bits: the old ones or the new
-//! ones, never anything else.
+//! Settings in a flash with power cuts at every byte and wrong bits: the old ones or the new ones
+//! are read, never anything else.
 
 use embedded_storage::nor_flash::NorFlash;
 use massline_firmware::calibration::Preset;
-use massline_firmware::models::flash::{Accident, Flash};
+use massline_firmware::models::flash::{Fault, Flash};
 use massline_firmware::models::random::Random;
 use massline_firmware::settings::{Loaded, Settings, Store, StoreError};
 use massline_firmware::wire::{Setting, crc32};
 
 const INPUTS: usize = 4;
-/// Small pages, so that a few saves go around.
+/// Small pages, which a few saves fill.
 const PAGE: usize = 1024;
 const PAGES: usize = 2;
 const ROOM: usize = 900;
@@ -18,7 +18,7 @@ type Pages = Flash<PAGE, PAGES>;
 /// Pages of a few items, so that every pair of cuts can be tried.
 type Small = Flash<256, PAGES>;
 
-/// Settings that differ in all their parts.
+/// Settings that differ in all parts for each `k`.
 fn settings(k: u32) -> Settings<INPUTS> {
     let mut settings = Settings::DELIVERED;
     let name = ["table", "box on the shaker", "3", "the one with the dent"];
@@ -36,7 +36,7 @@ fn settings(k: u32) -> Settings<INPUTS> {
     settings
 }
 
-/// Settings of three cells, so that four fit into a small page, that tell which they are.
+/// Settings of three cells, of which four fit into a small page, for each `k`.
 fn short(k: u32) -> Settings<INPUTS> {
     let mut settings = Settings::DELIVERED;
     settings.set(&Setting::Name("three cells")).unwrap();
@@ -60,10 +60,10 @@ fn used(saves: u32) -> Pages {
     store.release()
 }
 
-/// Settings that were found, and the version they were written by.
+/// Settings that were found, and the version of their layout.
 type Found = Option<(Settings<INPUTS>, u16)>;
 
-fn look<F: NorFlash>(box_: &mut Store<F>) -> Result<Found, StoreError> {
+fn found<F: NorFlash>(box_: &mut Store<F>) -> Result<Found, StoreError> {
     let mut settings = Settings::DELIVERED;
     settings.set(&Setting::Name("before")).unwrap();
     let loaded = box_.load(&mut settings, &mut [0; ROOM]);
@@ -79,19 +79,19 @@ fn look<F: NorFlash>(box_: &mut Store<F>) -> Result<Found, StoreError> {
 fn load<const PAGE: usize>(flash: Flash<PAGE, PAGES>) -> Result<Found, StoreError> {
     let worked = flash.worked();
     let mut box_ = store(flash);
-    let found = look(&mut box_);
-    assert_eq!(box_.release().worked(), worked, "looking writes nothing");
+    let found = found(&mut box_);
+    assert_eq!(box_.release().worked(), worked, "reading writes nothing");
     found
 }
 
-/// Saves, with the power cut at a byte from here; gives the flash back with the power on, and
-/// whether it was cut.
+/// Saves, with the power cut `after` bytes. Returns the flash with the power on, and `true` if it
+/// was cut.
 fn cut<const PAGE: usize>(
     mut flash: Flash<PAGE, PAGES>,
     settings: &Settings<INPUTS>,
     after: u64,
 ) -> (Flash<PAGE, PAGES>, bool) {
-    flash.arrange(Accident::Cut(flash.worked() + after));
+    flash.inject(Fault::Cut(flash.worked() + after));
     let mut box_ = store(flash);
     let saved = box_.save(settings, &mut [0; ROOM]);
     let mut flash = box_.release();
@@ -101,8 +101,8 @@ fn cut<const PAGE: usize>(
     (flash, is_cut)
 }
 
-/// What is found after power cuts: nothing may also be what nobody can read, since erasing what
-/// is left of a first save may be cut, too.
+/// Settings found after power cuts. The remains of a first save are unreadable; they count as no
+/// settings.
 fn after_cuts(flash: &Small) -> Found {
     match load(flash.clone()) {
         Err(StoreError::Corrupted) => None,
@@ -128,20 +128,20 @@ fn a_range_is_two_whole_pages_of_the_flash_or_more() {
 #[test]
 fn there_must_be_room() {
     let mut box_ = store(Small::new(0));
-    // 26 bytes of contents lie in two cells of 16, behind the head's.
+    // 26 bytes of contents lie in two cells of 16 bytes, behind that of the head.
     let name = Setting::Name("twenty bytes of name");
     let mut named = Settings::<INPUTS>::DELIVERED;
     named.set(&name).unwrap();
     assert_eq!(box_.save(&named, &mut [0; 47]), Err(StoreError::Room));
     assert_eq!(box_.save(&named, &mut []), Err(StoreError::Room));
-    assert_eq!(look(&mut box_), Ok(None));
+    assert_eq!(found(&mut box_), Ok(None));
     assert_eq!(box_.save(&named, &mut [0; 48]), Ok(()));
     let mut found = Settings::<INPUTS>::DELIVERED;
     let loaded = box_.load(&mut found, &mut [0; 31]);
     assert_eq!(loaded, Err(StoreError::Room));
     let loaded = box_.load(&mut found, &mut [0; 32]);
     assert_eq!((loaded, found), (Ok(Loaded::Settings(2)), named));
-    // And a page must be as large.
+    // A page must be as large, too.
     let mut box_ = store(Flash::<32, PAGES>::new(0));
     assert_eq!(
         box_.save(&settings(0), &mut [0; ROOM]),
@@ -149,10 +149,9 @@ fn there_must_be_room() {
     );
 }
 
-/// Settings in the journal of the firmware before: the box is as delivered and says so, and saving
-/// makes it whole again.
+/// Settings in the journal of an earlier firmware.
 #[test]
-fn what_an_earlier_firmware_left_is_an_error_until_the_next_save() {
+fn another_journal_is_an_error_until_the_next_save() {
     let mut flash = Small::new(0);
     let earlier = [
         0x00, 0x38, 0x02, 0x2C, 0xF5, 0x3D, 0x00, 0x82, 0xE5, 0x00, 0x02, 0x00, 0x04, 0x00, 0x01,
@@ -165,7 +164,7 @@ fn what_an_earlier_firmware_left_is_an_error_until_the_next_save() {
     assert_eq!(load(box_.release()), Ok(Some((short(1), 2))));
 }
 
-/// Numbers of items end where no flash lives: someone else has written there.
+/// No flash lasts for 2^32 items: such a number was written by another program.
 #[test]
 fn after_the_last_number_comes_the_first() {
     let contents = [2, 0];
@@ -201,7 +200,7 @@ fn the_last_settings_are_found() {
 #[test]
 fn power_is_cut_at_every_byte() {
     let (mut cases, mut kept_old, mut kept_new) = (0, 0, 0);
-    // Where in the pages the save falls differs, and with it what is erased and copied.
+    // Saves at different places of the pages, with and without an erase.
     for saves in 0..14 {
         let before = used(saves);
         let old = match saves {
@@ -212,12 +211,12 @@ fn power_is_cut_at_every_byte() {
         let start = before.worked();
         for at in start.. {
             let mut flash = before.clone();
-            flash.arrange(Accident::Cut(at));
+            flash.inject(Fault::Cut(at));
             let mut box_ = store(flash);
             let saved = box_.save(&new, &mut [0; ROOM]);
             let mut flash = box_.release();
             if !flash.is_cut() {
-                // All bytes were written before that.
+                // All bytes had been written.
                 assert_eq!(saved, Ok(()));
                 break;
             }
@@ -225,8 +224,8 @@ fn power_is_cut_at_every_byte() {
             cases += 1;
             flash.switch_on();
             let mut box_ = store(flash);
-            let found = match look(&mut box_) {
-                // What is left of the first save is not nothing.
+            let found = match found(&mut box_) {
+                // The remains of the first save are unreadable.
                 Err(StoreError::Corrupted) if saves == 0 => None,
                 found => found.unwrap(),
             };
@@ -236,15 +235,15 @@ fn power_is_cut_at_every_byte() {
                 assert_eq!(found, Some((new.clone(), 2)), "cut at {at} of {start}");
                 kept_new += 1;
             }
-            // And the box goes on as if nothing had been.
+            // The next save succeeds.
             let next = settings(saves + 100);
             box_.save(&next, &mut [0; ROOM]).unwrap();
             assert_eq!(load(box_.release()), Ok(Some((next, 2))));
         }
     }
     println!("{cases} cuts: {kept_old} times the old settings, {kept_new} times the new ones");
-    // New settings are there with the last byte, which may be cut so that nothing of it is
-    // missing; the end of each save, uncut, is checked above.
+    // A cut at the last byte may leave it complete, and the new settings with it; complete saves
+    // are checked above.
     assert!(cases > 3000 && kept_old + kept_new == cases);
 }
 
@@ -259,10 +258,10 @@ fn power_is_cut_twice() {
         let mut allowed = vec![old];
         let mut flash = flash;
         for attempt in 0..2 {
-            flash.arrange(Accident::Cut(at + attempt * random.below(400)));
+            flash.inject(Fault::Cut(at + attempt * random.below(400)));
             let mut box_ = store(flash);
-            // The first thing a box does is to look; that may write, too, when it repairs.
-            let found = look(&mut box_);
+            // A box reads the settings first.
+            let found = found(&mut box_);
             let saved = box_.save(&new, &mut [0; ROOM]);
             flash = box_.release();
             if saved.is_ok() {
@@ -284,7 +283,7 @@ fn power_is_cut_twice() {
 #[test]
 fn power_is_cut_at_every_pair_of_bytes() {
     let mut pairs = 0;
-    // Both pages have been erased, and filled again, by then.
+    // Ten saves erase and fill both pages.
     for saves in 0..10 {
         let mut box_ = store(Small::new(saves.into()));
         for k in 0..saves {
@@ -325,15 +324,14 @@ fn power_is_cut_at_every_pair_of_bytes() {
     assert!(pairs > 100_000);
 }
 
-/// Found by fuzzing: an erased page that is not, wherever the bit is that nobody expects. What
-/// has been saved since is there after any cut.
+/// Found by fuzzing: a cleared bit anywhere in a page that seems erased. Settings saved since are
+/// found after any cut.
 #[test]
 fn power_is_cut_over_a_page_that_only_seems_erased() {
     for address in (0..512).step_by(3) {
         let mut flash = Small::new(address.into());
         for k in 0..16 {
-            // Bits that were not cleared by the store: of an erase that was cut, or of a program
-            // that was there before.
+            // Bits not cleared by the store: of an interrupted erase, or of another program.
             flash.write(address, &[0x5A]).unwrap();
             let mut box_ = store(flash);
             box_.save(&short(k), &mut [0; ROOM]).unwrap();
@@ -363,9 +361,9 @@ fn a_bit_flips_at_every_byte() {
         let start = before.worked();
         for at in start..start + 1600 {
             let mut flash = before.clone();
-            flash.arrange(Accident::Flip(at, random.bits() as u8));
+            flash.inject(Fault::Flip(at, random.bits() as u8));
             let mut box_ = store(flash);
-            // It is read back, and written elsewhere when it is wrong.
+            // The item is read back, and written elsewhere if it is wrong.
             assert_eq!(box_.save(&new, &mut [0; ROOM]), Ok(()));
             let mut flash = box_.release();
             if flash.worked() <= at {
@@ -379,15 +377,15 @@ fn a_bit_flips_at_every_byte() {
     }
 }
 
-/// Where every new page has a byte that keeps nothing, the last settings that were kept stay.
+/// With a worn byte in every page, the last settings that could be saved remain.
 #[test]
-fn a_page_that_is_worn_out_costs_no_settings_that_are_kept() {
+fn a_worn_page_loses_no_saved_settings() {
     let mut refused = 0;
     for address in (0..512).step_by(8) {
         let mut flash = Small::new(9);
         let mut kept = None;
         for k in 0..20 {
-            flash.arrange(Accident::Worn(address));
+            flash.inject(Fault::Worn(address));
             let mut box_ = store(flash);
             match box_.save(&short(k), &mut [0; ROOM]) {
                 Ok(()) => kept = Some((short(k), 2)),
@@ -403,8 +401,7 @@ fn a_page_that_is_worn_out_costs_no_settings_that_are_kept() {
     assert!(refused > 0);
 }
 
-/// A bit that was being written when the power was cut may read right only later. What has been
-/// saved since still counts.
+/// A bit whose change was interrupted may read right only later. Settings saved since remain valid.
 #[test]
 fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
     let mut box_ = store(Small::new(0));
@@ -415,11 +412,11 @@ fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
     box_.save(&short(1), &mut [0; ROOM]).unwrap();
     flash = box_.release();
     let to = flash.worked() as usize - 256;
-    // The head is written before the contents, whose last byte may be such a one.
+    // The head is written before the contents, whose last byte may have such a bit.
     for address in from + 16..to {
         let mut flash = flash.clone();
         flash.flip(address, 3);
-        // What the contents are filled up with does not count.
+        // The filling behind the contents is not checked.
         let before = load(flash.clone()).unwrap().unwrap().0;
         let mut box_ = store(flash);
         box_.save(&short(2), &mut [0; ROOM]).unwrap();
@@ -428,8 +425,8 @@ fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
         assert_eq!(load(flash), Ok(Some((short(2), 2))), "{address}");
         assert!(before == short(0) || address + 16 > to);
     }
-    // Or a head is all there is, whose last byte comes right later: the next item lies where the
-    // contents would have been.
+    // A head without contents, whose last byte reads right later: the next item lies in place of
+    // the contents.
     let (mut flash, _) = cut(flash, &short(3), 16);
     flash.flip(to + 15, 3);
     let mut box_ = store(flash);
@@ -440,7 +437,7 @@ fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
 }
 
 #[test]
-fn behind_an_item_that_was_cut_there_is_room_without_an_erase() {
+fn the_next_item_lies_behind_an_interrupted_one() {
     let mut box_ = store(Small::new(0));
     box_.save(&short(0), &mut [0; ROOM]).unwrap();
     let (flash, _) = cut(box_.release(), &short(1), 20);
@@ -463,12 +460,12 @@ fn bits_that_flip_later_never_make_garbage() {
                 flash.flip(address, random.bits() as u8);
             }
             let mut box_ = store(flash);
-            match look(&mut box_) {
+            match found(&mut box_) {
                 Ok(Some((found, 2))) => assert!(all.contains(&found)),
                 Ok(Some(_)) => panic!("another version"),
                 Ok(None) | Err(_) => {}
             }
-            // Whatever it was, new settings can be kept.
+            // New settings can be saved in any case.
             let next = settings(saves + 100);
             box_.save(&next, &mut [0; ROOM]).unwrap();
         }

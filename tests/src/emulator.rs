@@ -1,21 +1,21 @@
-//! What `cargo xtask test` and the emulator of `massline::device` agree on.
+//! Names that `cargo xtask test` shares with the emulator of `massline::device`.
 //!
-//! Only the names: this program is built without the host tool, so that it is there within
-//! seconds. A test compares them.
+//! This crate is built without the host tool, so that it is ready within seconds. A test compares
+//! the names.
 
 use std::env;
 use std::ffi::OsString;
 
-/// Environment variable that tells tests where the firmware's ELF is.
+/// Environment variable with the path of the firmware's ELF.
 pub const FIRMWARE_ELF: &str = "MASSLINE_FIRMWARE_ELF";
 
-/// Environment variable that names another QEMU than [`DEFAULT_PROGRAM`].
+/// Environment variable with the name of a QEMU instead of [`DEFAULT_PROGRAM`].
 pub const QEMU: &str = "MASSLINE_QEMU";
 
-/// The QEMU to use unless told otherwise; Debian's package of it has the same name.
+/// Default name of QEMU; Debian's package of it has the same name.
 pub const DEFAULT_PROGRAM: &str = "qemu-system-arm";
 
-/// The emulator to use: what [`QEMU`] names, else [`DEFAULT_PROGRAM`].
+/// Name of the emulator: the value of [`QEMU`], or else [`DEFAULT_PROGRAM`].
 #[must_use]
 pub fn program() -> OsString {
     env::var_os(QEMU)

@@ -1,9 +1,10 @@
-//! What the end-to-end tests share, and the command that runs all tests of the project.
+//! Shared parts of the end-to-end tests, and the command that runs all tests of the project.
 //!
-//! * [`emulator`] says how the emulator and the firmware are named to tests.
-//! * [`readme`]: tables in the firmware's README that tests write and compare.
-//! * [`xtask`] is `cargo xtask test`: everything a change has to pass, on a machine that may have
-//!   nothing but cargo.
+//! * [`emulator`]: names by which tests find the emulator and the firmware.
+//! * [`readme`]: tables in READMEs that tests write and compare.
+//! * [`xtask`]: `cargo xtask test`, which runs all checks of a change on a machine that may have
+//!   only
+//! cargo.
 
 #![forbid(unsafe_code)]
 

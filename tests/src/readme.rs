@@ -1,5 +1,4 @@
-//! Tables in READMEs: those of the firmware's, which tests write and compare, and those that a
-//! command writes.
+//! Tables in READMEs: those that tests write and compare, and those that a command writes.
 //!
 //! A table stands between `<!-- name: begin -->` and `<!-- name: end -->`.
 
@@ -7,27 +6,27 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-/// Environment variable that, set to 1, has new outputs taken for good.
+/// Environment variable that accepts new outputs if set to 1.
 pub const ACCEPT: &str = "MASSLINE_ACCEPT";
 
-/// How far a number may be from the one that is shown: interrupts fall differently in every run,
-/// which is some 1e-4 of an identification; another compiler counts, and packs, a few percent
-/// otherwise.
+/// Largest relative deviation from the number that is shown. Interrupts fall differently in every
+/// run, about 1e-4 of an identification; another compiler's counts and sizes differ by a few
+/// percent.
 const CLOSE: f64 = 0.05;
 
-/// Whether new outputs are to be taken for good.
+/// `true` if new outputs are to be accepted.
 #[must_use]
 pub fn accepts() -> bool {
     std::env::var_os(ACCEPT).is_some_and(|value| value == "1")
 }
 
-/// Compares the table of this name with what was found, or writes it if [`ACCEPT`] is set.
+/// Compares the table of this name with `found`, or writes it if [`ACCEPT`] is set.
 ///
 /// # Errors
 ///
-/// What differs, in words for whoever ran the test: a word, or a number by more than 5 %.
+/// The first lines that differ, in a word or in a number by more than 5 %.
 pub fn compare(name: &str, found: &str) -> Result<(), String> {
-    /// Tests of one program run at the same time.
+    /// Protects the file, since tests of one program run at the same time.
     static FILE: Mutex<()> = Mutex::new(());
     let _file = FILE.lock().unwrap_or_else(PoisonError::into_inner);
 
@@ -49,7 +48,7 @@ pub fn compare(name: &str, found: &str) -> Result<(), String> {
 ///
 /// # Errors
 ///
-/// Why it cannot be written, in words.
+/// A message if the table cannot be written.
 pub fn put(file: &str, name: &str, table: &str) -> Result<(), String> {
     let text = read(file)?;
     let [before, _, after] = parts_of(&text, name)?;
@@ -69,7 +68,7 @@ fn read(file: &str) -> Result<String, String> {
     fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// A text up to and with the mark where the table begins, the table, and the rest.
+/// A text up to and with the mark at which the table begins, the table, and the rest.
 fn parts_of<'t>(text: &'t str, name: &str) -> Result<[&'t str; 3], String> {
     let mark = |word: &str| format!("<!-- {name}: {word} -->");
     let find = |mark: String| text.find(&mark).ok_or(format!("the README has no {mark}"));

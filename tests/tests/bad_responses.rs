@@ -1,5 +1,5 @@
-//! Frequency responses and modes that do not suit a method: every time a sentence that names
-//! the method or the file, and what it lacks.
+//! Frequency responses and modes that do not suit a method: each error names the method or the
+//! file, and the missing data.
 
 mod bench;
 
@@ -109,13 +109,13 @@ fn methods_that_fit_modes_name_themselves_where_there_is_none() {
             &[name, "no elastic mode", "`mode_band`", "c-squared"],
         );
     }
-    // The recommended one answers without modes, but says so.
+    // The recommended method answers without modes, with a warning.
     let warnings = ask(&setup, None).unwrap();
     one_says(
         &warnings,
         &["apparent-mass", "no elastic mode", "25 Hz", "ω²"],
     );
-    // Nobody who gives no `mode_band` is told to.
+    // Without a `mode_band` there is no advice to give one.
     let (setup, _folder) = with_bands([0.5, 14.5], None);
     let warnings = ask(&setup, None).unwrap();
     assert!(!warnings.iter().any(|w| w.contains("expects one")));
@@ -179,7 +179,7 @@ fn methods_of_the_free_system_say_how_many_runs_they_lack() {
         let text = error.to_string();
         says(&text, &[&name, "needs 3 independent runs", "found 2"]);
     }
-    // The others answer what two runs tell, and name what they do not.
+    // The others answer for the parameters that two runs determine, and name the missing ones.
     for method in [
         Method::FrequencyResponses,
         Method::PowerSpectraCholesky,

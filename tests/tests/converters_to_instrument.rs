@@ -1,5 +1,5 @@
-//! From volts to the ten numbers through everything that runs on the box: modelled converters,
-//! their driver, acquisition, calibrations, and the instrument itself.
+//! From volts to the ten numbers through all parts of the box: modelled converters, their driver,
+//! acquisition, calibrations, and the instrument itself.
 
 mod stand_in;
 
@@ -13,7 +13,7 @@ use massline_firmware::wire::{
 use stand_in::StandIn;
 use stand_in::bench::{Heard, Shelf};
 
-/// A minute of the fork in each run, channels as the stand-in sends them: the drive last.
+/// A minute of the fork in each run, with the drive as the last channel, as from the stand-in.
 fn fork() -> Simulation {
     let options = Options {
         noise: Some(0.01),
@@ -29,7 +29,7 @@ fn fork() -> Simulation {
     simulation
 }
 
-/// All runs through the box; what it says of each, and the answer.
+/// Measures all runs with the box; returns their summaries, and the answer.
 fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answer) {
     let outfit = Outfit::new(&simulation.setup, &simulation.recordings).unwrap();
     let mut shelf = Shelf::default();

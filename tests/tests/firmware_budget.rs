@@ -1,5 +1,5 @@
-//! What acquisition and spectra cost on the chip: instructions counted in the emulator, and the
-//! table of load that follows, which the firmware's README shows.
+//! Cost of acquisition and spectra on the chip: instructions counted in the emulator, and the table
+//! of load in the firmware's README, which follows from them.
 
 use massline::device::{Emulator, firmware};
 use massline_tests::readme;
@@ -14,17 +14,17 @@ const SPI: f64 = 21e6;
 /// Frames a sample, bytes a frame.
 const FRAMES: f64 = 4.0;
 const FRAME_BYTES: f64 = 30.0;
-/// Cycles of the interrupts that a sample takes, of DRDY, of sampling and of the task that deals
-/// with it: 22 each to begin and to end, as the processor's maker has it, and what RTIC puts around
-/// a task. And the microsecond after which the DRDY lines are looked at.
+/// Cycles of the interrupts of a sample: of DRDY, of sampling and of the task that processes it,
+/// with 22 each to begin and to end, from the processor's manual, and RTIC's part of a task. And
+/// the microsecond after which the DRDY lines are read.
 const INTERRUPTS: f64 = 3.0 * 60.0 + 168.0;
 /// Samples from one block to the next.
 const HOP: f64 = 512.0;
-/// Cycles an instruction takes. The emulator does not know; on a Cortex-M4 most take one, loads
-/// two, taken branches two to four, and the flash's accelerator hides its wait states.
+/// Cycles of an instruction, unknown to the emulator; on a Cortex-M4 most take one, loads two,
+/// taken branches two to four, and the flash's accelerator hides its wait states.
 const CYCLES: f64 = 1.3;
 
-/// What is done of each sample.
+/// Parts of the work for each sample.
 const SAMPLE: [(&str, &str); 5] = [
     (
         "acquisition",
@@ -69,7 +69,7 @@ fn measure() -> BTreeMap<String, f64> {
 fn loads(rate: f64, costs: &BTreeMap<String, f64>) -> [f64; 3] {
     let of_sample: f64 = SAMPLE.iter().map(|(what, _)| costs[*what]).sum();
     let compute = |instructions: f64| CYCLES * instructions / CLOCK;
-    // Between two words the bus waits for the processor, in a word the processor for the bus.
+    // Between two words the bus waits for the processor, within a word the processor for the bus.
     let frame = FRAME_BYTES * 8.0 / SPI + compute(costs["exchange"]);
     [
         rate * FRAMES * frame,
@@ -114,7 +114,7 @@ fn table(costs: &BTreeMap<String, f64>) -> String {
 
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn the_table_of_load_is_what_the_emulator_counts() {
+fn the_table_of_load_follows_from_counted_instructions() {
     let costs = measure();
     for (what, cost) in &costs {
         assert!(*cost > 100.0, "{what} was not measured: {cost}");

@@ -1,7 +1,8 @@
 //! The fork's recordings through the firmware in the emulator: the same bits as this machine's.
 //!
-//! An excerpt of some blocks a run: the emulated port carries some 20 to 35 kB/s. All of the recordings
-//! go through `massline replay tests/fixtures/fork/setup.toml --emulator --method all`.
+//! An excerpt of some blocks a run: the emulated port transfers 20 to 35 kB/s. All of the
+//! recordings are compared by `massline replay tests/fixtures/fork/setup.toml --emulator --method
+//! all`.
 
 mod identical;
 
@@ -25,7 +26,7 @@ fn the_apparent_mass_has_the_same_bits_on_the_chip() {
     assert_identical(&outcome);
     assert_complete(&outcome, 2);
     assert_eq!(outcome.device.chip, "STM32F405");
-    // What `--host` says about a setup has to hold for the chip.
+    // Checks of a set-up with `--host` must hold for the chip, too.
     let mut memory = HostBoxMemory::new();
     let host = over(
         HostBox::new(&mut memory, 1),
@@ -40,7 +41,7 @@ fn the_apparent_mass_has_the_same_bits_on_the_chip() {
     assert_eq!(outcome.link.received.lost, 0);
 }
 
-// With fewer blocks the noise hides the third of the runs that methods b and c need.
+// With fewer blocks noise hides the third run, which methods b and c need.
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn methods_a_b_and_c_have_the_same_bits_on_the_chip() {

@@ -1,7 +1,7 @@
-//! What `cargo xtask test` brings to a machine that lacks it, held against a machine made for it:
-//! packages, an index, a list of what is installed, a `PATH`, a target folder.
+//! Tools that `cargo xtask test` fetches for a machine that lacks them, on a machine made for the
+//! test: packages, an index, a list of installed packages, a `PATH`, a target folder.
 //!
-//! apt and dpkg-deb are the real ones; on a system without them the tests end with a word.
+//! apt and dpkg-deb are the real ones; on a system without them the tests pass with a message.
 
 #![cfg(target_os = "linux")]
 
@@ -20,8 +20,8 @@ const EMULATOR: &str = "#!/bin/sh\n\
     read -r data < \"${0%/*}/../share/qemu/data\" || exit 3\n\
     case $LD_LIBRARY_PATH in *root/usr/lib*) echo \"emulator with $data\";; *) exit 4;; esac\n";
 
-/// What is installed: a library that is needed, and the tools of a newer version, which do not
-/// go with the data of the one that can be had and which nobody may remove.
+/// Installed packages: a library that is needed, and tools of a newer version, which do not go with
+/// the data of the version in the index and must not be removed.
 const INSTALLED: &str = "Package: libpresent\n\
     Status: install ok installed\n\
     Version: 2\n\
@@ -39,7 +39,7 @@ const INSTALLED: &str = "Package: libpresent\n\
     Description: tools of a newer version\n";
 
 impl Machine {
-    /// `None` where there is no apt to try.
+    /// `None` on a system without apt.
     fn new() -> Option<Self> {
         let machine = Self {
             folder: tempfile::tempdir().unwrap(),
@@ -116,7 +116,7 @@ impl Machine {
 
     fn program(&self, path: &str, text: &str) -> PathBuf {
         let path = self.at(path);
-        // Not through a link: it leads to the real one.
+        // Not through a link to the real file.
         let _ = fs::remove_file(&path);
         fs::write(&path, text).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
@@ -156,7 +156,7 @@ impl Machine {
         fs::write(index, entry).unwrap();
     }
 
-    /// `cargo xtask test --only STEP`, without a home and with nothing but this machine's.
+    /// `cargo xtask test --only STEP`, without a home and with this machine's programs only.
     fn test(&self, step: &str) -> Command {
         let mut command = Command::new(self.xtask());
         command
@@ -229,7 +229,7 @@ fn a_machines_own_emulator_and_a_named_one_come_first() {
     let other = machine.program("other", "#!/bin/sh\necho the named one\n");
     let named = machine.test("qemu").env("MASSLINE_QEMU", &other).output();
     assert!(said(&named.unwrap()).1.contains("the named one"));
-    // Named in vain: no other takes its place.
+    // A named emulator that does not exist is not replaced.
     let named = machine.test("qemu").env("MASSLINE_QEMU", "/none").output();
     let (passed, text) = said(&named.unwrap());
     assert!(
@@ -242,7 +242,7 @@ fn a_machines_own_emulator_and_a_named_one_come_first() {
 }
 
 #[test]
-fn what_a_killed_command_has_left_is_not_taken_for_an_emulator() {
+fn remains_of_a_killed_command_are_no_emulator() {
     let Some(machine) = Machine::new() else {
         return;
     };
@@ -287,7 +287,7 @@ fn an_emulator_that_does_not_run_any_more_is_fetched_anew() {
     fs::remove_file(&data).unwrap();
     machine.passes();
     assert!(data.exists());
-    // It stays where it cannot be fetched: what is wrong with it is for its owner to see.
+    // A folder stays as long as it cannot be fetched again, so that its owner can see the error.
     fs::remove_file(&data).unwrap();
     fs::remove_dir_all(machine.at("repository")).unwrap();
     let (passed, text) = said(&machine.test("qemu").output().unwrap());
@@ -334,11 +334,11 @@ fn two_commands_at_once_both_find_an_emulator() {
 }
 
 #[test]
-fn advisories_are_claimed_to_be_checked_only_when_they_were() {
+fn advisories_are_reported_as_checked_only_if_they_were() {
     let Some(machine) = Machine::new() else {
         return;
     };
-    // A cargo that has cargo-deny, whose commands end with these codes.
+    // A cargo with cargo-deny, whose commands end with these codes.
     for (version, fetch, check, passes, note) in [
         (1, 0, 0, true, "NOT checked: no cargo-deny"),
         (0, 1, 0, true, "NOT checked: cargo-deny cannot fetch"),

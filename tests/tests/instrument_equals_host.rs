@@ -1,4 +1,4 @@
-//! The box computes what the workstation computes, to the last bit.
+//! The box's results equal the workstation's to the last bit.
 
 mod stand_in;
 
@@ -58,7 +58,7 @@ fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
     }
 }
 
-/// The workstation's answer in the box's words.
+/// The workstation's answer in the form of the box's.
 fn expected(found: &identification::Answer, like: &wire::Answer) -> wire::Answer {
     let mut findings = Findings::default();
     for fit in &found.fits {
@@ -103,7 +103,7 @@ fn bits(lines: &[Line]) -> Vec<u32> {
     numbers.collect()
 }
 
-/// One measurement, and all questions that can be asked of it.
+/// One measurement, and all identifications of it.
 fn compare(setup: &Setup, weighted: bool, methods: &[(Method, bool)]) {
     let mut shelf = Shelf::default();
     let mut stand_in = StandIn::new(&mut shelf, Vec::new());
@@ -202,7 +202,7 @@ fn one_bit_of_one_sample_is_noticed() {
         for run in 0..3 {
             stand_in.run(&setup, run, Pass::Measure, |n, row| {
                 if run == 1 && Some(n) == flip {
-                    // A bit in the middle of the mantissa of the second accelerometer.
+                    // A bit in the middle of the second accelerometer's mantissa.
                     row[1] = f32::from_bits(row[1].to_bits() ^ 1 << 12);
                 }
             });
@@ -246,8 +246,8 @@ fn a_survey_finds_the_workstations_weights() {
         assert_eq!(summary.noise, None);
         let weights = stand_in.weights(run);
         for (own, theirs) in weights.iter().zip(host) {
-            // Channels share a transform in pairs, and the box pairs the last sensor with
-            // nothing: f32 rounding of 4e-7 of the spectrum, in peak and spread.
+            // Channels share a transform in pairs, and the box's last sensor has no partner: f32
+            // rounding of 4e-7 of the spectrum, in peak and spread.
             assert!((own - theirs).abs() < 2e-6, "run {run}: {own} {theirs}");
         }
     }

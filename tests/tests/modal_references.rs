@@ -1,5 +1,5 @@
-//! Modal data against references that were not written here: the mesh's matrices solved by
-//! scipy, and sdypy-EMA on the same frequency responses.
+//! Modal data against independent references: the mesh's matrices solved by scipy, and sdypy-EMA on
+//! the same frequency responses.
 //!
 //! `cargo test --release -p massline-tests --test modal_references -- --nocapture` prints the
 //! tables of the host tool's page "Checked against".
@@ -42,7 +42,7 @@ fn frequency(mode: &Value) -> f64 {
     mode["frequency"].as_f64().unwrap()
 }
 
-/// The plane's three axes in a matrix of six: along x, along z, about y.
+/// Indices of the plane's three axes in a matrix of six: along x, along z, about y.
 const PLANE: [usize; 3] = [0, 2, 4];
 
 fn effective(mode: &Value) -> [f64; 3] {
@@ -55,7 +55,7 @@ fn mac(a: &[f64], b: &[f64]) -> f64 {
     dot(a, b).powi(2) / (dot(a, a) * dot(b, b))
 }
 
-/// What a share is of a reference, in per cent.
+/// Relative error against a reference, per cent.
 fn off(found: f64, reference: f64) -> f64 {
     100.0 * (found / reference - 1.0)
 }
@@ -129,7 +129,7 @@ fn both_references_agree_with_each_other() {
     }
 }
 
-/// 0.5 % is the project's goal for noise-free responses; seen is 0.33 %.
+/// 0.5 % is the project's goal for noise-free responses; measured is 0.33 %.
 #[test]
 fn effective_masses_from_noise_free_responses() {
     let references = fork::references();
@@ -138,7 +138,7 @@ fn effective_masses_from_noise_free_responses() {
     assert!(modal.warnings.is_empty(), "{:?}", modal.warnings);
 }
 
-/// The goal is 5 %, which leakage on a damping of 1 % costs; seen is 1.8 %.
+/// The goal is 5 %, for leakage with a damping of 1 %; measured is 1.8 %.
 #[test]
 fn effective_masses_from_recordings_in_short_blocks() {
     let references = fork::references();
@@ -149,7 +149,7 @@ fn effective_masses_from_recordings_in_short_blocks() {
     assert!(coarse.contains("`block_length` of 4096"), "{coarse}");
 }
 
-/// The goal is 2 %; seen is 0.6 %, noise of 1 % in 23 blocks.
+/// The goal is 2 %; measured is 0.6 %, with noise of 1 % in 23 blocks.
 #[test]
 fn effective_masses_from_recordings_in_long_blocks() {
     let references = fork::references();
@@ -185,14 +185,14 @@ fn fixed_modes_beside_both_references() {
             100.0 * pole.damping,
             1.0 - mac
         );
-        // The modes above 60 Hz enter as one term in ω²: seen is 0.01 %.
+        // The modes above 60 Hz enter as one term in ω²: measured is 0.01 %.
         assert!(off(pole.frequency, frequency(matrices)).abs() < 0.02);
         assert!(off(pole.frequency, frequency(ema)).abs() < 0.02);
-        // The model's damping is 1 %; seen is 0.3 % of that off.
+        // The model's damping is 1 %; the measured error is 0.3 % of it.
         assert!(off(pole.damping, 0.01).abs() < 1.0);
         assert!(off(pole.damping, ema["damping"].as_f64().unwrap()).abs() < 1.0);
-        // The lines end at 50 Hz, and one term in ω² stands for all modes above, which
-        // deflect as much as the second one: seen is 1.2e-3.
+        // The lines end at 50 Hz, and one term in ω² stands for all modes above, which deflect as
+        // much as the second one: measured is 1.2e-3.
         assert!(mac > 0.998, "{mac}");
     }
     assert_eq!(modal.fixed.len(), 2);
@@ -222,7 +222,7 @@ fn free_modes_beside_both_references() {
         );
         // The goal, against the undamped matrices.
         assert!(off(mode.pole.frequency, frequency(matrices)).abs() < 0.1);
-        // Both fit the same damped lines: seen is 0.02 %.
+        // Both fit the same damped lines: measured is 0.02 %.
         assert!(off(mode.pole.frequency, frequency(ema)).abs() < 0.05);
         assert!(off(mode.pole.damping, ema["damping"].as_f64().unwrap()).abs() < 2.0);
         assert!(mac > 0.999, "{mac}");

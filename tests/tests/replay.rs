@@ -1,5 +1,5 @@
-//! Recordings through the box in this program: the same bits as the workstation's, whatever
-//! the line does to the frames, and not one flipped bit goes unnoticed.
+//! Recordings through the box in this program: the same bits as the workstation's under all errors
+//! of the line, and every flipped bit is detected.
 
 mod identical;
 
@@ -14,8 +14,8 @@ use massline_firmware::wire::{BODY_MAX, FromBox, Received, Receiver, Request, To
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-/// Enough for every method to find an answer, and for each group of surveyed sensors to
-/// have its turn four times.
+/// Blocks of each run: enough for an answer of every method, and for four turns of each group of
+/// surveyed sensors.
 const BLOCKS: u32 = 8;
 
 fn order(methods: &[Method]) -> Order {
@@ -99,8 +99,8 @@ fn a_bad_line_changes_nothing() {
     assert!(outcome.link.resent > 0);
 }
 
-// The box has to leave out the very blocks that the workstation leaves out, and what is left
-// must not depend on what either side had in the place of a faulty sample.
+// The box has to leave out the same blocks as the workstation, and the others must not depend on
+// the value in the place of a faulty sample.
 #[test]
 fn faulty_samples_of_a_recording_are_faulty_on_the_box() {
     let folder = tempfile::tempdir().unwrap();
@@ -137,7 +137,7 @@ fn faulty_samples_of_a_recording_are_faulty_on_the_box() {
     }
 }
 
-/// A port that keeps count of the requests of samples that are unanswered.
+/// A port that counts the unanswered requests of samples.
 struct Watched<'m, P> {
     port: P,
     to_box: Receiver<'m, ToBox>,
@@ -179,7 +179,7 @@ impl<P: Port> Port for Watched<'_, P> {
     }
 }
 
-// More than that, and a box with little memory loses them; fewer, and the link idles.
+// More would be lost by a box with little memory; fewer leave the link idle.
 #[test]
 fn as_many_samples_are_on_their_way_as_the_box_allows() {
     let (mut memory, mut sent, mut heard) = (HostBoxMemory::new(), [0; BODY_MAX], [0; BODY_MAX]);

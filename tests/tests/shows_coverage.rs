@@ -1,5 +1,5 @@
-//! How many 95 % intervals hold the truth. The table is `massline study coverage`; here is what
-//! must hold of the counting itself.
+//! The share of 95 % intervals that hold the truth. The table is `massline study coverage`; these
+//! tests check the counting itself.
 
 use massline::study::coverage::{self, Coverage, Options};
 
@@ -29,7 +29,7 @@ fn every_case_gives_numbers_that_its_truth_knows() {
         let of_case = found.over(|cell| cell.case == *name && cell.method.is_none());
         assert!(of_case.numbers[1].given > 0, "{name}: {of_case:?}");
     }
-    // A plane model knows no y, and no number may be given for it.
+    // A plane model does not determine y, so no number may be given for it.
     let fork = found.over(|cell| cell.case == "fork");
     assert_eq!(fork.numbers[2].given, 0);
 }

@@ -1,8 +1,7 @@
-//! The fork's three shared recordings: what a plane test with three load channels tells.
+//! The fork's three shared recordings: results of a plane test with three load channels.
 //!
-//! All bounds are those of the project's goal for these very files: 0.3 % for x, z and Θyy
-//! about A, 0.9 % for Θyy about S, 0.2 % for the mass. The recordings carry noise of 1 % of
-//! each channel's RMS.
+//! All bounds are those of the project's goal for these files: 0.3 % for x, z and Θyy about A, 0.9
+//! % for Θyy about S, 0.2 % for the mass. The recordings have noise of 1 % of each channel's RMS.
 
 mod bench;
 
@@ -11,7 +10,7 @@ use massline::setup::Setup;
 use massline_core::masslines::Method;
 use massline_tests::fixture;
 
-/// The paper's published numbers, which the twin has to 1e-12: kg, m, kg m².
+/// The paper's published numbers, which the twin reproduces to 1e-12: kg, m, kg m².
 const MASS: f64 = 0.630_76;
 const X: f64 = 0.101_13;
 const Z: f64 = 0.107_33;

@@ -1,9 +1,9 @@
-//! What a test plan cannot tell has no number, and what it tells has one: random plans, judged by
-//! exact kinematics: the same thousand as `massline study plans`.
+//! Parameters that a test plan does not determine have no number, the others have one: random
+//! plans, judged by exact kinematics, the same thousand as `massline study plans`.
 
 use massline::study::plans::{self, Options, Plans};
 
-/// A release build does some fifty plans a second and core.
+/// Number of plans: a release build takes a second for fifty of them on a core.
 const COUNT: usize = if cfg!(debug_assertions) { 40 } else { 1000 };
 
 fn plans(count: usize, seed: u64, threads: Option<usize>) -> Plans {
@@ -16,13 +16,13 @@ fn plans(count: usize, seed: u64, threads: Option<usize>) -> Plans {
 }
 
 #[test]
-fn nothing_untold_is_given_and_nearly_all_that_is_told() {
+fn only_determined_parameters_have_numbers_and_nearly_all_of_them() {
     let found = plans(COUNT, 1, None);
     let mut text = Vec::new();
     plans::print(&mut text, &found).unwrap();
     println!("{}", String::from_utf8_lossy(&text));
     assert_eq!(found.invented, 0);
-    // A few plans more or less are no share of a hundredth.
+    // In a few plans one plan is more than a hundredth.
     assert!(cfg!(debug_assertions) || found.hold());
 }
 
@@ -31,16 +31,16 @@ fn the_outcome_does_not_depend_on_threads() {
     assert_eq!(plans(12, 40, Some(1)), plans(12, 40, Some(5)));
 }
 
-/// The plans are of all kinds, and most of their numbers are told: otherwise the test above would
-/// say little.
+/// The plans are of all kinds, and most of their parameters are determined: otherwise the test
+/// above would show little.
 #[test]
-fn plans_tell_many_numbers_and_leave_many() {
+fn plans_determine_many_parameters_and_leave_many() {
     let found = plans(COUNT / 4, 1, None);
     let numbers = 16 * found.plans;
     let share = found.told as f64 / numbers as f64;
     println!("{:.0} % of {numbers} numbers are told", 100.0 * share);
     assert!((0.15..0.85).contains(&share));
-    // Some draws stand on the border, but the plans that are left are not a remnant.
+    // Some draws are at the limit, but the remaining plans are not a small part.
     let anew: usize = found.drawn_anew.values().sum();
     assert!(anew < found.plans, "{:?}", found.drawn_anew);
 }

@@ -1,4 +1,4 @@
-//! Real static poses of a tool on a force/torque sensor: mass and CG, and nothing more.
+//! Real static poses of a tool on a force/torque sensor: mass and CG only.
 
 mod bench;
 
@@ -15,13 +15,13 @@ fn setup() -> Setup {
 const MASS: f64 = 0.9328;
 const CENTRE_OF_GRAVITY: [f64; 3] = [0.21e-3, 0.04e-3, 43.85e-3];
 
-/// Offsets of the sensor by that least squares, N and N m, as the sensor reads them.
+/// Offsets of the sensor by that least squares, N and N m, in the sensor's axes.
 const OFFSETS: [f64; 6] = [
     9.076_516, -1.018_148, 9.984_755, 0.432_505, -0.691_553, -0.157_035,
 ];
 
-/// Mean of gravity over the poses is at most this in any axis, m/s²; what a change of the
-/// mass by 1 kg does to an offset, N.
+/// Largest mean of gravity over the poses in any axis, m/s²: the change of an offset by 1 kg of
+/// mass, N.
 const MEAN_GRAVITY: f64 = 1e-2;
 
 #[test]
@@ -39,7 +39,7 @@ fn mass_and_cg_agree_with_an_independent_least_squares() {
 }
 
 #[test]
-fn what_does_not_turn_has_no_inertia() {
+fn static_poses_give_no_inertia() {
     let setup = setup();
     let document = document(&setup, &identify(&setup));
     for about in ["inertia_reference", "inertia_cg"] {
@@ -51,7 +51,7 @@ fn what_does_not_turn_has_no_inertia() {
     }
     assert_eq!(document["mass"]["observable"], true);
     assert!(document["principal_moments"].is_null());
-    // A mass and a place are not enough to say if a body like this could exist.
+    // Mass and CG do not determine the plausibility of a body.
     assert!(document["plausible"]["ok"].is_null());
 }
 
@@ -73,9 +73,9 @@ fn the_offsets_are_those_of_the_sensor() {
     }
 }
 
-// An offset is what is estimated along: adding one must change it alone.
+// An offset is estimated with the parameters: an added offset must change that estimate alone.
 #[test]
-fn an_added_offset_comes_back_and_moves_nothing_else() {
+fn an_added_offset_changes_its_estimate_alone() {
     const ADDED: f64 = 2.5;
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(fixture("static-poses/poses.csv")).unwrap();
@@ -92,7 +92,7 @@ fn an_added_offset_comes_back_and_moves_nothing_else() {
         folder: folder.path().to_owned(),
         ..setup()
     });
-    // Readings are f32: 2^-24 of some 12 N, and 0.93 kg hold 9.8 m/s² of them.
+    // Readings are f32: 2^-24 of about 12 N, of which 0.93 kg are 9.8 m/s².
     let rounding = 12.0 / f64::from(1 << 24);
     let moved = after.offsets[0].1[0] - before.offsets[0].1[0];
     assert!((moved + ADDED).abs() < rounding, "{moved}");

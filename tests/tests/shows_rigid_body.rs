@@ -6,9 +6,9 @@ mod bench;
 use bench::{Bench, identify, model, terms, value};
 use massline::simulate::Options;
 
-/// Of each of the sixteen numbers, relative to itself: the project's goal. Samples and
-/// twiddle factors are f32, 6e-8 relative, and the FFT adds a few of those; products of
-/// inertia are a hundredth of the terms they are a difference of.
+/// Bound of the relative error of each of the sixteen numbers: the project's goal. Samples and
+/// twiddle factors are f32, 6e-8 relative, and the FFT adds a few of those; products of inertia are
+/// a hundredth of the terms whose difference they are.
 const BOUND: f64 = 1e-5;
 
 fn worst_error(drive: bool) -> f64 {

@@ -39,7 +39,7 @@ impl Bounds {
     }
 }
 
-/// What kind of test.
+/// Kind of a test.
 #[derive(Clone, Copy)]
 struct Case {
     model: &'static str,
@@ -119,7 +119,7 @@ fn six_runs_without_a_drive_channel() {
     shows(case, AT_ONE_PERCENT.times(2.0));
 }
 
-// Noise is what a drive is for; where there is none, nothing but leakage is left.
+// A drive channel removes the bias of noise; without noise only leakage is left.
 #[test]
 fn six_runs_without_drive_and_noise() {
     let case = Case {
@@ -131,7 +131,7 @@ fn six_runs_without_drive_and_noise() {
 }
 
 #[test]
-fn three_runs_with_independent_rotations_tell_all_ten() {
+fn three_runs_with_independent_rotations_give_all_ten() {
     let case = Case {
         model: "three-rotations.toml",
         ..SIX_RUNS
@@ -140,7 +140,7 @@ fn three_runs_with_independent_rotations_tell_all_ten() {
 }
 
 #[test]
-fn three_translations_tell_mass_and_cg_only() {
+fn three_translations_give_mass_and_cg_only() {
     let case = Case {
         model: "three-translations.toml",
         all_ten: false,
@@ -150,7 +150,7 @@ fn three_translations_tell_mass_and_cg_only() {
 }
 
 #[test]
-fn a_specimen_mounted_three_ways_on_a_vertical_shaker_tells_mass_and_cg_only() {
+fn a_specimen_mounted_three_ways_on_a_vertical_shaker_gives_mass_and_cg_only() {
     let case = Case {
         model: "uniaxial-remounted.toml",
         all_ten: false,
@@ -160,7 +160,7 @@ fn a_specimen_mounted_three_ways_on_a_vertical_shaker_tells_mass_and_cg_only() {
 }
 
 mod intervals {
-    //! Whether the 95 % intervals hold the truth as often as they say.
+    //! The 95 % intervals hold the truth as often as stated.
 
     use super::bench::{Bench, identify, model, over_seeds, terms};
     use massline::simulate::Options;
@@ -177,7 +177,7 @@ mod intervals {
     // One parameter is missed in 40 seeds twice on average; more than eight misses have a
     // binomial probability of 1.3e-4, ten times that for any of ten.
     #[test]
-    fn cover_the_truth_as_often_as_they_say() {
+    fn cover_the_truth_as_often_as_stated() {
         const SEEDS: u64 = 40;
         let model = model("satellite.toml");
         let inside = over_seeds(1..=SEEDS, |seed| {

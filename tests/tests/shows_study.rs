@@ -1,8 +1,7 @@
-//! The study of the paper's tuning fork: the pattern of tables 3 and 4, read from the JSON as
-//! a script would.
+//! The study of the paper's tuning fork: the pattern of tables 3 and 4, read from the JSON as a
+//! script would.
 //!
-//! Bounds are the project's goals where a test says nothing else; the paper's own errors are
-//! larger.
+//! Bounds are the project's goals unless a test states others; the paper's own errors are larger.
 
 use massline::study::{self, Document, Options};
 use serde_json::Value;
@@ -69,7 +68,7 @@ fn all_rows_of_the_paper_are_there_with_its_numbers() {
     assert_eq!(document["free_frequencies"].as_array().unwrap().len(), 4);
     for table in ["fixed_frequencies", "free_frequencies"] {
         for mode in document[table].as_array().unwrap() {
-            // What the twin was made to: the published frequencies within 0.12 %.
+            // The twin was fitted to the published frequencies within 0.12 %.
             let off = mode["difference_percent"].as_f64().unwrap();
             assert!(off.abs() < 0.13, "{mode}");
         }
@@ -126,8 +125,8 @@ fn weighting_improves_c_and_iteration_improves_c_and_e() {
     let theta_s = |document: &Value, method, how| errors(document, method, "I", true, how)[3];
     let c = ["direct", "iterative"].map(|how| theta_s(&document, "c", how));
     assert!(c[1] < c[0], "{c:?}");
-    // With all four modes method e has nothing left to improve: a thirtieth of what it may
-    // err by. Where its modal analysis misses one, the iteration takes the error away.
+    // With all four modes method e has no error to improve: a thirtieth of its bound. Where its
+    // modal analysis misses a mode, the iteration removes the error.
     let e = ["direct", "iterative"].map(|how| theta_s(&document, "e", how));
     assert!(e.into_iter().all(|e| e < 0.005), "{e:?}");
     let fewer = &document["e_with_fewer_modes"];
@@ -164,7 +163,7 @@ fn noise_leaves_the_recommended_estimator_in_front() {
     let (ours, theirs) = (least(true), least(false));
     println!("recommended {ours:.3} %, best of the others {theirs:.3} %");
     assert!(ours < theirs);
-    // Method e does not break.
+    // Method e is robust.
     let e = row(&level["rows"], "e", "I", true);
     assert_eq!(e["direct"]["failed"], 0);
     assert!(rms(e)[2] < 1.0, "{e}");

@@ -1,4 +1,4 @@
-//! Our Welch and cross spectra against `scipy.signal` on the same samples.
+//! The project's Welch and cross spectra against `scipy.signal` on the same samples.
 
 use massline::recording::Recording;
 use massline_core::geometry::RESULTANTS;
@@ -11,7 +11,7 @@ use serde_json::Value;
 struct Case {
     settings: BlockSettings,
     channels: Vec<String>,
-    /// Of scipy: cross[i][j][line], real and imaginary part, units² per Hz.
+    /// Results of scipy: cross[i][j][line], real and imaginary part, units² per Hz.
     cross: Vec<Vec<Vec<(f64, f64)>>>,
 }
 

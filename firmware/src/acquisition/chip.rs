@@ -1,19 +1,21 @@
-//! One converter among several: what is known of it, and what its next sample is worth.
+//! State of one converter among several, and the health of its samples.
 
 use super::{ABSENT, BUFFERED, GARBLED};
 use crate::drivers::{Converter, Fault, Reading};
 use crate::wire::{FaultCounters, Health};
 
-/// What is known of a converter.
+/// State of a converter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chip {
     pub(super) state: State,
-    /// It may hold more than the newest sample.
+    /// `true` if its buffer may hold more than the newest sample.
     pub(super) full: bool,
+    /// Edges in a row without its sample.
     pub(super) absent: u8,
+    /// Frames in a row with errors.
     pub(super) garbled: u8,
-    /// What it was lost for, if it is.
-    pub(super) lost_for: Health,
+    /// Fault after which it was lost.
+    pub(super) loss: Health,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,21 +28,21 @@ pub(super) enum State {
     Lost,
     /// It could not be prepared; samples until it is tried again.
     Down(u32),
-    /// Nobody needs it, and it does not answer.
+    /// It is not used.
     LeftOut,
 }
 
 impl Chip {
-    /// One that has not been prepared yet.
+    /// A converter that has not been prepared yet.
     pub(super) const NEW: Self = Self {
         state: State::Lost,
         full: true,
         absent: 0,
         garbled: 0,
-        lost_for: Health::GOOD,
+        loss: Health::GOOD,
     };
 
-    /// Reads the newest sample and says what is wrong with it.
+    /// Reads the newest sample and returns its health.
     #[inline]
     pub(super) fn read(
         &mut self,
@@ -50,7 +52,7 @@ impl Chip {
         faults: &mut FaultCounters,
         restart: &mut Option<Health>,
     ) -> Health {
-        // Nearly always, so all that is seldom is kept away from it.
+        // The common case is kept short.
         if self.state == State::InStep && is_ready && !is_settling && !self.full {
             self.absent = 0;
             let newest = converter.read(counts);
@@ -58,14 +60,14 @@ impl Chip {
                 self.garbled = 0;
                 return Health::GOOD;
             }
-            return self.judge(newest, (false, false), faults, restart);
+            return self.classify(newest, (false, false), faults, restart);
         }
-        self.read_seldom(converter, counts, (is_ready, is_settling), faults, restart)
+        self.read_unready(converter, counts, (is_ready, is_settling), faults, restart)
     }
 
-    /// Reads where it is not in step with empty buffers, ready and settled.
+    /// Reads a converter that is not in step, ready and settled with an empty buffer.
     #[cold]
-    fn read_seldom(
+    fn read_unready(
         &mut self,
         converter: &mut dyn Converter,
         counts: &mut [i32],
@@ -75,7 +77,7 @@ impl Chip {
     ) -> Health {
         match self.state {
             State::InStep if is_ready => {}
-            // The sample is not believed anyway; its flag is the reason of the restart.
+            // The sample is flagged with the reason of the restart anyway.
             State::InStep if is_settling => {
                 self.full = true;
                 return Health::GOOD;
@@ -84,7 +86,7 @@ impl Chip {
                 if self.probe(converter, counts, faults) == Health::CONVERTER_RESET {
                     return Health::CONVERTER_RESET;
                 }
-                self.absent += 1;
+                self.absent = self.absent.saturating_add(1);
                 count(&mut faults.converter_missed);
                 if self.absent >= ABSENT {
                     self.lose_step(faults, restart);
@@ -93,15 +95,15 @@ impl Chip {
                 return Health::MISSING;
             }
             State::OutOfStep => return Health::OUT_OF_STEP,
-            State::Lost => return self.lost_for,
+            State::Lost => return self.loss,
             State::LeftOut => return Health::MISSING,
             State::Down(_) => {
                 count(&mut faults.converter_missed);
-                return self.lost_for.union(Health::MISSING);
+                return self.loss.union(Health::MISSING);
             }
         }
         self.absent = 0;
-        // What settles ends with empty buffers, so that a line that is low then is low for a new
+        // Buffers are emptied while filters settle, so that afterwards a low line means a new
         // sample.
         let was_full = core::mem::take(&mut self.full) || is_settling;
         let newest = if was_full {
@@ -109,12 +111,12 @@ impl Chip {
         } else {
             converter.read(counts)
         };
-        self.judge(newest, (was_full, is_settling), faults, restart)
+        self.classify(newest, (was_full, is_settling), faults, restart)
     }
 
-    /// What a sample is worth that was or was not read, and what is to be done about it.
+    /// Health of the result of a read; counts its fault and begins the recovery.
     #[cold]
-    fn judge(
+    fn classify(
         &mut self,
         newest: Result<Reading, Fault>,
         (was_full, is_settling): (bool, bool),
@@ -122,8 +124,8 @@ impl Chip {
         restart: &mut Option<Health>,
     ) -> Health {
         match newest {
-            // Its line was low for what was left over, too: whether its newest sample belongs to
-            // this edge will be seen at the next one.
+            // A sample left in the buffer keeps the line low, too: only the next edge shows that
+            // the newest sample belongs to its edge.
             Ok(_) if was_full && !is_settling => Health::MISSING,
             Ok(reading) => {
                 self.garbled = 0;
@@ -138,9 +140,9 @@ impl Chip {
                     _ => Health::CHECKSUM,
                 };
                 count(&mut faults.converter_checksum);
-                // What was left over may still be.
+                // Samples may still be left in the buffer.
                 self.full = was_full;
-                self.garbled += 1;
+                self.garbled = self.garbled.saturating_add(1);
                 if self.garbled >= GARBLED {
                     self.lose(health);
                 }
@@ -167,7 +169,7 @@ impl Chip {
         }
     }
 
-    /// Asks a converter that is not where the others are whether it was reset.
+    /// Reads a converter that is not on the others' grid, to detect a reset.
     pub(super) fn probe(
         &mut self,
         converter: &mut dyn Converter,
@@ -184,7 +186,7 @@ impl Chip {
 
     fn lose(&mut self, reason: Health) -> Health {
         self.state = State::Lost;
-        self.lost_for = reason;
+        self.loss = reason;
         reason
     }
 
@@ -196,14 +198,14 @@ impl Chip {
     }
 }
 
-/// Reads until there is nothing left, and gives the last sample.
+/// Reads until the buffer is empty, and returns the last sample.
 fn drain(converter: &mut dyn Converter, counts: &mut [i32]) -> Result<Reading, Fault> {
     let mut newest = Err(Fault::Stale);
     for _ in 0..BUFFERED {
         newest = match converter.read(counts) {
             Ok(reading) => Ok(reading),
             Err(Fault::Stale) => return newest,
-            // Told once after a restart, with a sample that is none.
+            // Reported once after a restart, without a sample.
             Err(Fault::Resynchronised) if newest.is_err() => newest,
             Err(fault) => return Err(fault),
         };

@@ -1,46 +1,47 @@
-//! Which sample an edge belongs to.
+//! The number of the sample that an edge belongs to.
 //!
 //! # Design
 //!
-//! Converters do not number their samples. Their clock does: edges come a period apart, so that
-//! the time from one edge to the next tells how many samples lie between them. Samples are thus
-//! numbered by when they were *produced*, whether anybody was in time to read them or not.
+//! Converters do not number their samples, but edges come a period apart, so that the time from one
+//! edge to the next gives the number of samples between them. Samples are thus numbered by the time
+//! they were *produced*, read or not.
 //!
-//! The period is measured from edge to edge, since the box's clock may be off by a percent
-//! (without its crystal) and a gap of some hundred samples must still be counted right.
+//! The period is measured from edge to edge, since the box's clock may be off by 1 % without its
+//! crystal, and a gap of some hundred samples must still be counted right.
 //!
-//! When the converters are restarted, the grid of their samples moves by a part of a period.
-//! That part is added up, so that thousands of restarts do not add up to wrong numbers: the
-//! number of a sample is always within half a period of the time since the first one.
+//! When the converters are restarted, the grid of their samples moves by a part of a period. These
+//! parts are summed, so that the number of a sample is always within half a period of the time
+//! since the first one, after thousands of restarts, too.
 
 /// Fraction bits of times.
 const FRACTION: u32 = 16;
-/// The measured period follows the edges with this power of two of samples as its time constant.
-const FOLLOW: u32 = 8;
-/// Largest deviation of the period from the nominal one, as its inverse: 2 %.
-const OFF: u64 = 50;
-/// Share of a period, as its inverse, by which an edge may be off and still say where the grid
-/// is. One that is further off came while the box was busy. More than the box's clock may be off
-/// by, 1 %.
+/// Longest nominal period, ticks. Sums and products of a few periods stay far below 2^63.
+const LONGEST: u64 = 1 << 32;
+/// Base-2 logarithm of the time constant of the measured period, samples.
+const TIME_CONSTANT: u32 = 8;
+/// Inverse of the largest relative deviation of the period from the nominal one: 2 %.
+const TOLERANCE: u64 = 50;
+/// Inverse of the share of a period by which an edge may be off and still set the grid: more than
+/// the 1 % of the box's clock. An edge that is further off came while the box was busy.
 const PROMPT: i64 = 64;
-/// Edges in a row that are further off and then do say where the grid is.
-const INSIST: u8 = 3;
+/// Late edges in a row after which the next late edge sets the grid.
+const LATE_MAX: u8 = 3;
 
 /// The grid of samples in time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
-    /// Ends of what the period may be.
+    /// Limits of the measured period.
     shortest: u64,
     longest: u64,
     /// Measured time from sample to sample.
     period: u64,
     /// Time of the last sample's edge; it may wrap, only differences count.
     last: u64,
-    /// When that edge was expected.
+    /// Expected time of that edge.
     expected: u64,
     /// Edges in a row that were not prompt.
     late: u8,
-    /// By how much later samples come now than they would have without restarts.
+    /// Delay of the samples by all restarts, less the whole periods that were counted.
     phase: i64,
     state: State,
 }
@@ -51,11 +52,11 @@ enum State {
     Idle,
     /// Edges are expected on the grid.
     Running,
-    /// The grid has moved; the next edge shows where to.
+    /// The grid has moved; the next edge sets it.
     Moved,
 }
 
-/// Where an edge falls.
+/// Place of an edge on the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     /// On the grid, that many samples after the last one.
@@ -67,14 +68,15 @@ pub(super) enum Place {
 }
 
 impl Grid {
-    /// A grid with a period of ticks, which need not be whole.
+    /// A grid with a nominal period, ticks, not necessarily whole.
     pub(super) fn new(ticks: f32) -> Self {
-        // The cast saturates; a period of no length would divide by zero.
-        let nominal = ((ticks * (1 << FRACTION) as f32) as u64).max(1 << FRACTION);
-        let margin = nominal / OFF;
+        // The cast saturates.
+        let nominal = (ticks * (1 << FRACTION) as f32) as u64;
+        let nominal = nominal.clamp(1 << FRACTION, LONGEST << FRACTION);
+        let margin = nominal / TOLERANCE;
         Self {
             shortest: nominal - margin,
-            longest: nominal.saturating_add(margin),
+            longest: nominal + margin,
             period: nominal,
             last: 0,
             expected: 0,
@@ -89,22 +91,25 @@ impl Grid {
         self.period as f32 / (1 << FRACTION) as f32
     }
 
-    /// Whether that many periods have gone by since the last edge.
+    /// `true` if that many periods have gone by since the last edge.
     pub(super) fn is_silent(&self, ticks: u64, periods: u64) -> bool {
-        self.state == State::Idle || self.since(ticks) > (self.period * periods).cast_signed()
+        self.state == State::Idle
+            || self.since(ticks) > self.period.wrapping_mul(periods).cast_signed()
     }
 
-    /// The converters were restarted: wherever the next edge falls, the grid is there.
+    /// Sets the grid at the next edge, after a restart of the converters.
     pub(super) fn moved(&mut self) {
         if self.state == State::Running {
             self.state = State::Moved;
-            // Restarts follow faults, and edges that follow faults come late: that must not add
-            // up from restart to restart.
+            // Edges after faults come late; their delays must not add up from restart to restart.
             self.last = self.expected;
         }
     }
 
-    /// Takes an edge.
+    /// Places an edge at a time in ticks.
+    ///
+    /// Its sums wrap, as times do: `elapsed` is right for gaps below 2^47 ticks, the products are
+    /// no longer than it, and periods are below 2^49.
     pub(super) fn edge(&mut self, ticks: u64) -> Place {
         let time = ticks << FRACTION;
         if self.state == State::Idle {
@@ -113,21 +118,21 @@ impl Grid {
             self.expected = time;
             return Place::On(0);
         }
-        // Negative where the last sample was expected but came early.
+        // Negative if the last sample came before its expected time.
         let elapsed = self.since(ticks);
         let period = self.period as i64;
-        let rounded = elapsed + period / 2;
-        // Nearly always the next one; the chip takes some hundred instructions to divide.
-        let samples = if (0..period).contains(&(rounded - period)) {
+        let rounded = elapsed.wrapping_add(period / 2);
+        // The common case is one sample; the chip takes some hundred instructions to divide.
+        let samples = if (0..period).contains(&rounded.wrapping_sub(period)) {
             1
         } else {
-            (rounded / period).max(0)
+            rounded.checked_div(period).unwrap_or(0).max(0)
         };
-        let off = elapsed - samples * period;
+        let off = elapsed.wrapping_sub(samples.wrapping_mul(period));
 
         if self.state == State::Moved {
             self.state = State::Running;
-            self.phase += off;
+            self.phase = self.phase.saturating_add(off);
             self.last = time;
             self.expected = time;
             return self.on(samples);
@@ -135,12 +140,13 @@ impl Grid {
         if samples == 0 {
             return Place::Same;
         }
-        self.expected = self.last.wrapping_add_signed(samples * period);
-        if off.abs() > period / 4 {
+        self.expected = self.last.wrapping_add_signed(samples.wrapping_mul(period));
+        let deviation = off.wrapping_abs();
+        if deviation > period / 4 {
             self.last = self.expected;
             return Place::Beside(samples.unsigned_abs());
         }
-        if off.abs() > period / PROMPT && self.late < INSIST {
+        if deviation > period / PROMPT && self.late < LATE_MAX {
             self.late += 1;
             self.last = self.expected;
             return self.on(samples);
@@ -148,22 +154,22 @@ impl Grid {
         self.late = 0;
         self.last = time;
         if samples == 1 {
-            // An arithmetic shift: what it cuts off is 2^-16 ticks at the most.
-            let followed = self.period.saturating_add_signed(off >> FOLLOW);
-            self.period = followed.max(self.shortest).min(self.longest);
+            // An arithmetic shift cuts off 2^-16 ticks at the most.
+            let measured = self.period.wrapping_add_signed(off >> TIME_CONSTANT);
+            self.period = measured.max(self.shortest).min(self.longest);
         }
         self.on(samples)
     }
 
-    /// That many samples on, and one more or less where restarts have added up to it.
+    /// The place so many samples on, one more or less once restarts have added up to it.
     fn on(&mut self, mut samples: i64) -> Place {
         let period = self.period as i64;
         if self.phase > period / 2 {
-            self.phase -= period;
-            samples += 1;
+            self.phase = self.phase.wrapping_sub(period);
+            samples = samples.wrapping_add(1);
         } else if self.phase < -(period / 2) && samples > 0 {
-            self.phase += period;
-            samples -= 1;
+            self.phase = self.phase.wrapping_add(period);
+            samples = samples.wrapping_sub(1);
         }
         match u64::try_from(samples) {
             Ok(0) | Err(_) => Place::Same,
@@ -171,6 +177,7 @@ impl Grid {
         }
     }
 
+    /// Time since the last sample's edge.
     fn since(&self, ticks: u64) -> i64 {
         (ticks << FRACTION).wrapping_sub(self.last).cast_signed()
     }
@@ -209,7 +216,7 @@ mod tests {
                     "sample {sample}, off by {off}"
                 );
             }
-            // Jitter of 20 ticks shifts neighbours by that, the mean of 256 by 20/16 or so.
+            // Jitter of 20 ticks shifts one period by as much, the mean of 256 by about 20/16.
             assert!((f64::from(grid.period()) / period - 1.0).abs() < 2e-3);
         }
     }
@@ -226,9 +233,9 @@ mod tests {
                 Place::Same => {}
                 Place::Beside(_) => panic!("edge {k}"),
             }
-            // Within half a period, and what whole ticks leave: the difference of two rounded
-            // times, 0.41 ticks RMS, adds up over 5000 restarts like a random walk to 29 ticks,
-            // 0.015 periods. Four times that.
+            // Half a period, and four times the rounding to whole ticks: the difference of two
+            // rounded times, 0.41 ticks RMS, adds up over 5000 restarts like a random walk to 29
+            // ticks, 0.015 periods.
             let exact = time / PERIOD;
             assert!((number as f64 - exact).abs() < 0.56, "{number} {exact}");
             if random.chance(0.1) {

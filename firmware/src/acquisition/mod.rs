@@ -1,37 +1,37 @@
-//! From edges of DRDY lines to samples whose faults are named.
+//! Samples with the health of each input, from edges of the DRDY lines.
 //!
 //! # Design
 //!
 //! All converters run on one clock and one SYNC line, so that their samples are ready at the same
-//! instant. The first DRDY line that falls raises the interrupt; shortly afterwards (1 µs) all
-//! lines are looked at, and [`Acquisition::edge`] is called with what was seen. It reads every
-//! converter once, and gives one sample of all inputs under one number.
+//! instant. The first DRDY line that falls raises the interrupt; 1 µs later all lines are read, and
+//! [`Acquisition::edge`] is called with their levels. It reads every converter once, and returns
+//! one sample of all inputs under one number.
 //!
-//! | what happens | what the sample says | what is done |
+//! | fault | health of the sample | recovery |
 //! | --- | --- | --- |
 //! | a frame with a wrong checksum, or of one level throughout | `CHECKSUM` or `STUCK` on that converter's inputs | nothing; after [`GARBLED`] in a row the converter is prepared anew |
-//! | an edge was lost, or came while the box was busy | numbers jump, and `MISSING` on all inputs | buffers are emptied: what they held has no sure number |
-//! | an edge beside the grid of samples | `MISSING` on all inputs | after [`BESIDE`] in a row the grid is taken to be there |
+//! | an edge was lost, or came while the box was busy | numbers jump, and `MISSING` on all inputs | buffers are emptied, since the numbers of their samples are uncertain |
+//! | an edge beside the grid of samples | `MISSING` on all inputs | after [`BESIDE`] in a row the grid is moved there |
 //! | one line is not low when the others are | `MISSING` on its inputs; after [`ABSENT`] in a row `OUT_OF_STEP` | all are restarted together |
 //! | a line falls when the others do not | `OUT_OF_STEP` on its inputs from the next sample on | all are restarted together |
-//! | a converter says it was restarted | `OUT_OF_STEP` | all are restarted together |
-//! | a converter says it was reset, or is not configured as it was | `CONVERTER_RESET` | it is prepared anew, all are restarted together |
-//! | a converter cannot be prepared | `MISSING`, and what it was lost for | again after [`RETRY`] samples; the others go on without |
-//! | a converter is not there, and nobody needs it | `MISSING` on its inputs | [`Acquisition::leave_out`] |
+//! | a converter reports a restart | `OUT_OF_STEP` | all are restarted together |
+//! | a converter reports a reset, or another configuration | `CONVERTER_RESET` | it is prepared anew, all are restarted together |
+//! | a converter cannot be prepared | `MISSING`, and the fault before | again after [`RETRY`] samples; the others go on without it |
+//! | a converter that is not in use does not answer | `MISSING` on its inputs | [`Acquisition::leave_out`] |
 //! | no edge at all | numbers jump | [`Acquisition::watch`] prepares all and restarts them |
 //!
-//! A converter that is not where the others are is asked at once whether it was reset: then that
-//! is the fault's name, and not what follows from it.
+//! The status of a converter that leaves the others' grid is read at once, so that a reset is
+//! reported as such, and not as its consequences.
 //!
-//! A restart moves the grid of samples and unsettles the filters, so that all inputs carry its
-//! reason from the restart on until [`SETTLING`] samples have gone by. It is made at the moment
-//! of an edge, so that the grid moves little.
+//! A restart moves the grid of samples and unsettles the filters, so that the health of all inputs
+//! holds its reason until [`SETTLING`] samples have gone by. It is made right after an edge, so
+//! that the grid moves little.
 //!
-//! What is not seen: a converter that falls behind by less than a quarter of a period in the very
-//! sample whose edges are lost on all other lines. Its own edge then stands for theirs, and its
-//! counts are believed for one sample, until the next edge shows who is late.
+//! One fault is not detected: a converter that falls behind by less than a quarter of a period in
+//! the same sample whose edges are lost on all other lines. Its own edge then stands for theirs,
+//! and its counts are valid for one sample, until the next edge shows which converter is late.
 //!
-//! Counts of a converter always go to its own inputs: nothing that is missing shifts what is not.
+//! Counts of a converter always go to its own inputs, whichever others are missing.
 
 mod chip;
 mod grid;
@@ -41,7 +41,7 @@ use self::grid::{Grid, Place};
 use crate::drivers::{Converter, Fault};
 use crate::wire::{self, FaultCounters, FaultKind, Health};
 
-/// Samples after a restart that are not believed: the response of a third-order filter.
+/// Invalid samples after a restart: the response of a third-order filter.
 pub const SETTLING: u8 = 3;
 /// Samples in a row that a converter may be absent from before it counts as out of step.
 pub const ABSENT: u8 = 3;
@@ -51,18 +51,17 @@ pub const GARBLED: u8 = 8;
 pub const BESIDE: u8 = 3;
 /// Samples until a converter that could not be prepared is tried again.
 pub const RETRY: u32 = 512;
-/// Samples that a converter can hold, and one more.
+/// Reads that empty a converter's buffer: its two samples, and one more.
 const BUFFERED: u8 = 3;
-/// Periods without an edge after which nobody answers any more.
+/// Periods without an edge after which all converters are restarted.
 const SILENT: u64 = 8;
 
 /// One sample of all inputs, taken at the same instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<'a> {
-    /// Its number since the start. Neighbours that differ by more than one have lost samples
-    /// between them.
+    /// Number of the sample since the start. A step of more than one means lost samples.
     pub number: u64,
-    /// Counts of all inputs. That of a faulty input is what came last, or zero.
+    /// Counts of all inputs. The count of a faulty input is the last one read, or zero.
     pub counts: &'a [i32],
     /// Faults of all inputs.
     pub health: &'a [Health],
@@ -76,14 +75,16 @@ pub struct Acquisition<const CHIPS: usize, const INPUTS: usize> {
     chips: [Chip; CHIPS],
     counts: [i32; INPUTS],
     health: [Health; INPUTS],
-    /// Why all converters are to be restarted at the next edge, if they are.
+    /// Reason to restart all converters at the next edge, if any.
     restart: Option<Health>,
-    /// Samples that are not believed yet, and why.
+    /// Invalid samples to come after a restart, and its reason.
     settling: u8,
     reason: Health,
+    /// Edges in a row beside the grid.
     beside: u8,
     faults: FaultCounters,
-    told: Option<wire::Fault>,
+    /// Fault to report to the host.
+    fault: Option<wire::Fault>,
 }
 
 impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
@@ -91,7 +92,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     /// The bits of all converters.
     const ALL: u32 = ((1_u64 << CHIPS) - 1) as u32;
 
-    /// For converters whose samples are `period` ticks apart, nominally.
+    /// An acquisition from converters with a nominal sample period in ticks.
     #[must_use]
     pub fn new(period: f32) -> Self {
         let () = Self::TOGETHER;
@@ -106,11 +107,11 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             reason: Health::GOOD,
             beside: 0,
             faults: FaultCounters::default(),
-            told: None,
+            fault: None,
         }
     }
 
-    /// Goes on counting faults from there.
+    /// Continues the fault counters from `faults`.
     #[must_use]
     pub const fn counting_from(mut self, faults: FaultCounters) -> Self {
         self.faults = faults;
@@ -122,8 +123,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     ///
     /// # Errors
     ///
-    /// The fault of the first converter that cannot be prepared, with its number. The others
-    /// are started all the same, and this one is tried again later.
+    /// The number and the fault of the first converter that cannot be prepared. The others are
+    /// started nevertheless, and this one is tried again later.
     pub fn start(
         &mut self,
         converters: &mut [&mut dyn Converter],
@@ -147,18 +148,17 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         result
     }
 
-    /// Does without the converter of this number, which is not soldered, or not needed: its
-    /// inputs are `MISSING` from now on, which is no fault.
+    /// Excludes the converter of this number, which is not fitted or not in use: its inputs are
+    /// `MISSING` from now on, and that is not counted as a fault.
     pub fn leave_out(&mut self, converter: usize) {
         if let Some(chip) = self.chips.get_mut(converter) {
             chip.state = State::LeftOut;
         }
     }
 
-    /// Takes an edge of the DRDY lines.
+    /// Handles an edge of the DRDY lines at a time in ticks, and returns its sample, if any.
     ///
-    /// `ready` has a bit for each converter whose line was low shortly after the edge. `ticks`
-    /// is when the edge came. Gives a sample unless the edge belongs to none.
+    /// Bit k of `ready` is set if the line of converter k was low shortly after the edge.
     pub fn edge(
         &mut self,
         converters: &mut [&mut dyn Converter],
@@ -168,7 +168,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     ) -> Option<Sample<'_>> {
         if !self.is_majority(ready) {
             self.probe_early(converters, ready);
-            // Where a line fell and no line is low, somebody may have a sample all the same.
+            // If no line is low, any converter may have a sample nevertheless.
             self.leave_unread(if ready == 0 { u32::MAX } else { ready });
             return None;
         }
@@ -176,13 +176,14 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             Place::On(samples) => (samples, true),
             Place::Beside(samples) => (samples, false),
             Place::Same => {
-                // Samples again, much too soon: who has none is the one that came early.
+                // A second sample too soon: the converters without one came early before.
                 self.lose_others(ready);
                 self.leave_unread(ready);
                 return None;
             }
         };
-        self.number += samples;
+        // 2^64 samples are never reached.
+        self.number = self.number.wrapping_add(samples);
         if samples > 1 || !on_grid {
             let missed = u32::try_from(samples.saturating_sub(1)).unwrap_or(u32::MAX);
             let missed_by_all = &mut self.faults.converter_missed;
@@ -194,7 +195,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             self.beside = 0;
         } else {
             self.faults.overrun = self.faults.overrun.saturating_add(1);
-            self.beside += 1;
+            // Cleared at `BESIDE`.
+            self.beside = self.beside.wrapping_add(1);
             if self.beside >= BESIDE {
                 self.beside = 0;
                 self.grid.moved();
@@ -203,13 +205,13 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         if let Some(reason) = self.restart
             && self.chips.iter().all(|c| c.state != State::Lost)
         {
-            // What the converters hold is from before; they are read at the next edge.
+            // The converters hold samples from before the restart; they are read at the next edge.
             self.synchronise(synchronise, reason);
             self.health = [reason; INPUTS];
         } else {
             self.read_all(converters, ready, on_grid);
             if !on_grid {
-                // Which samples were read is not known, nor what is left.
+                // Neither the samples that were read nor those that are left are known.
                 self.leave_unread(u32::MAX);
             }
             self.settling = self.settling.saturating_sub(1);
@@ -222,8 +224,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         })
     }
 
-    /// To be called some ten times a second: when no edge has come for some periods, prepares
-    /// all converters and restarts them. Says whether that was so.
+    /// Prepares and restarts all converters if no edge has come for some periods, and returns
+    /// `true` then. To be called about ten times a second.
     pub fn watch(
         &mut self,
         converters: &mut [&mut dyn Converter],
@@ -234,24 +236,24 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             return false;
         }
         if let Err((part, _)) = self.start(converters, synchronise) {
-            self.tell(FaultKind::Converter, Some(part));
+            self.report(part);
         }
         true
     }
 
-    /// What went wrong so far: the counters of converters, and overruns.
+    /// Fault counters; those of converters and overruns are counted here.
     pub const fn faults(&self) -> &FaultCounters {
         &self.faults
     }
 
-    /// Counts faults anew.
-    pub fn forget_faults(&mut self) {
+    /// Sets the fault counters to zero.
+    pub fn clear_faults(&mut self) {
         self.faults = FaultCounters::default();
     }
 
-    /// A fault that the host should be told of, once.
+    /// The fault to report to the host, once.
     pub const fn take_fault(&mut self) -> Option<wire::Fault> {
-        self.told.take()
+        self.fault.take()
     }
 
     /// Number of the last sample.
@@ -259,7 +261,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         self.number
     }
 
-    /// Whether all converters sample together and have settled.
+    /// `true` if all converters sample together and have settled.
     pub fn is_steady(&self, converters: usize) -> bool {
         let chips = self.chips.iter().take(converters);
         let mut chips = chips.filter(|c| c.state != State::LeftOut);
@@ -268,15 +270,15 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             && chips.all(|c| c.state == State::InStep && c.absent == 0)
     }
 
-    /// Ticks from sample to sample, as measured.
+    /// Measured sample period, ticks.
     pub fn period(&self) -> f32 {
         self.grid.period()
     }
 
-    /// Whether these are most of the converters that sample in step. A tie goes to the side of
-    /// the first one.
+    /// `true` if these are most of the converters in step. In a tie the side with the first
+    /// converter is the majority.
     fn is_majority(&self, ready: u32) -> bool {
-        // Nearly always; who is in step need not be known then.
+        // The common case does not depend on the converters' states.
         if ready & Self::ALL == Self::ALL {
             return true;
         }
@@ -309,12 +311,12 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         }
     }
 
-    /// Those whose lines fall before the others' are out of step, or worse.
+    /// Marks converters whose lines fall before the others' as out of step, or as reset.
     fn probe_early(&mut self, converters: &mut [&mut dyn Converter], ready: u32) {
         let mut counts = [0; INPUTS];
         for (k, (chip, converter)) in self.chips.iter_mut().zip(converters).enumerate() {
             // An edge from before a restart may still be pending after it.
-            let is_early = ready >> k & 1 != 0 && self.settling < SETTLING;
+            let is_early = has(ready, k) && self.settling < SETTLING;
             if is_early && chip.state == State::InStep {
                 let found = chip.probe(&mut **converter, &mut counts, &mut self.faults);
                 if found != Health::CONVERTER_RESET {
@@ -324,27 +326,27 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         }
     }
 
-    /// Converters that are in step, but not among these, are not.
+    /// Marks converters in step that are not ready as out of step.
     fn lose_others(&mut self, ready: u32) {
         for (k, chip) in self.chips.iter_mut().enumerate() {
-            let is_other = ready >> k & 1 == 0 && self.settling < SETTLING;
+            let is_other = !has(ready, k) && self.settling < SETTLING;
             if is_other && chip.state == State::InStep {
                 chip.lose_step(&mut self.faults, &mut self.restart);
             }
         }
     }
 
-    /// These converters keep a sample that the next edge must not take for its own.
+    /// Marks these converters as holding a sample from before the next edge.
     fn leave_unread(&mut self, ready: u32) {
         for (k, chip) in self.chips.iter_mut().enumerate() {
-            chip.full |= ready >> k & 1 != 0;
+            chip.full |= has(ready, k);
         }
     }
 
     fn read_all(&mut self, converters: &mut [&mut dyn Converter], ready: u32, on_grid: bool) {
         let mut first = 0;
         for (k, (chip, converter)) in self.chips.iter_mut().zip(converters).enumerate() {
-            let inputs = first..first + converter.channels();
+            let inputs = first..usize::saturating_add(first, converter.channels());
             first = inputs.end;
             let (Some(counts), Some(health)) = (
                 self.counts.get_mut(inputs.clone()),
@@ -352,7 +354,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             ) else {
                 break;
             };
-            let is_ready = ready >> k & 1 != 0;
+            let is_ready = has(ready, k);
             let settling = self.settling > 0;
             let mut found = chip.read(
                 &mut **converter,
@@ -367,14 +369,14 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             if !on_grid {
                 found = found.union(Health::MISSING);
             }
-            // All inputs of a converter always say the same.
+            // All inputs of a converter have the same health.
             if health.first() != Some(&found) {
                 health.fill(found);
             }
         }
     }
 
-    /// Prepares the first converter that needs it: one at a time, since it takes long.
+    /// Prepares the first converter that needs it; one at a time, since a preparation takes long.
     fn prepare_one(&mut self, converters: &mut [&mut dyn Converter]) {
         let mut failed = None;
         for (k, (chip, converter)) in (0..).zip(self.chips.iter_mut().zip(converters)) {
@@ -399,15 +401,21 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             break;
         }
         if let Some(part) = failed {
-            self.tell(FaultKind::Converter, Some(part));
+            self.report(part);
         }
     }
 
-    fn tell(&mut self, kind: FaultKind, part: Option<u8>) {
-        self.told = Some(wire::Fault {
-            kind,
+    /// Notes that a converter cannot be prepared.
+    fn report(&mut self, converter: u8) {
+        self.fault = Some(wire::Fault {
+            kind: FaultKind::Converter,
             sample: self.number,
-            part,
+            part: Some(converter),
         });
     }
+}
+
+/// `true` if bit `k`, below 32, is set.
+const fn has(bits: u32, k: usize) -> bool {
+    bits.wrapping_shr(k as u32) & 1 != 0
 }

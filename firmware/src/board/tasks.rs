@@ -103,7 +103,7 @@ mod app {
             build.map_or("", |text| text.as_str()),
             reset,
             resets,
-            record.and_then(|record| record.words()),
+            record.and_then(|record| record.message()),
             settings.storage(),
         );
         let Some(runs) = memory::runs() else {

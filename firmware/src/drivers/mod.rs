@@ -1,13 +1,13 @@
-//! Converters: what turns a sensor's signal into counts.
+//! Drivers of converters, which turn sensors' signals into counts.
 //!
 //! | folder | chip | bus |
 //! | --- | --- | --- |
 //! | [`ads131m08`] | eight simultaneous channels of 24 bits | SPI mode 1, checksum both ways |
 //! | [`adxl355`] | accelerometer, three axes of 20 bits | SPI mode 0, no checksum |
 //!
-//! A third kind is one more folder: a type that implements [`Converter`], and a model of it in
-//! [`crate::models`]. A box with it has it in its list, `sampling/bank.rs`. Drivers know
-//! embedded-hal's traits, no microcontroller and no board.
+//! A third kind is one more folder with a type that implements [`Converter`], a model of it in
+//! [`crate::models`], and a place in the list of the box's converters, `sampling/bank.rs`. Drivers
+//! depend on embedded-hal's traits, on no microcontroller and no board.
 
 pub mod ads131m08;
 pub mod adxl355;
@@ -25,38 +25,37 @@ pub trait Converter {
     /// [`Fault::Unsupported`] if the device does not have this rate; nothing is changed then.
     fn choose(&mut self, rate: f64, gains: &[u8]) -> Result<(), Fault>;
 
-    /// Brings the device from any state to the one it samples in: reset, every register
-    /// written and read back. It may take as long as some hundred bytes take on the bus.
+    /// Resets the device from any state, and writes and reads back every register, after which it
+    /// samples. It takes as long as some hundred bytes on the bus.
     ///
     /// # Errors
     ///
-    /// What the device did instead.
+    /// The first [`Fault`].
     fn prepare(&mut self) -> Result<(), Fault>;
 
     /// Reads the oldest sample that the device holds, one count for each channel.
     ///
     /// # Errors
     ///
-    /// Why there is none. What `counts` holds then is no sample.
+    /// The [`Fault`] because of which there is none; `counts` is not valid then.
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault>;
 }
 
-/// What came with a good sample.
+/// Status of a good sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reading {
-    /// The device has refused what it was sent before, for its checksum: it did nothing, and
-    /// the sample is good.
+    /// `true` if the device has refused the frame sent before because of its checksum.
     pub refused: bool,
 }
 
-/// Why a device gave no sample, or could not be prepared.
+/// A fault because of which a device has no sample, or cannot be prepared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The bus failed.
     Bus,
-    /// What came is not what was sent: checksum, padding or a word that cannot be.
+    /// Received data are garbled: wrong checksum or padding.
     Checksum,
-    /// Nothing but zeros or nothing but ones came: the line does not move.
+    /// All received bits are zeros, or all are ones: the line is stuck.
     Stuck,
     /// There is no new sample.
     Stale,
@@ -64,20 +63,20 @@ pub enum Fault {
     Reset,
     /// The device has restarted its conversions.
     Resynchronised,
-    /// Another device, or none.
+    /// Another device, or none, answers.
     Identity {
-        /// What it says it is.
+        /// Identity that was read.
         found: u16,
-        /// What it should say.
+        /// Identity of the device that belongs there.
         expected: u16,
     },
-    /// A register does not keep what is written.
+    /// A register does not hold the value that was written.
     Register {
-        /// Its address.
+        /// Address of the register.
         address: u8,
-        /// What was read.
+        /// Value that was read.
         found: u16,
-        /// What was written.
+        /// Value that was written.
         expected: u16,
     },
     /// The device does not have the sample rate that was chosen.
@@ -111,7 +110,7 @@ impl core::fmt::Display for Fault {
             }
             Self::Identity { found, expected } => write!(
                 f,
-                "the device says {found:#06x} where {expected:#06x} is expected: see the wiring"
+                "the device's identity is {found:#06x}, expected {expected:#06x}: see the wiring"
             ),
             Self::Register {
                 address,
@@ -123,7 +122,7 @@ impl core::fmt::Display for Fault {
             ),
             Self::Command { found, expected } => write!(
                 f,
-                "a command was answered by {found:#06x} where {expected:#06x} is expected"
+                "a command was answered by {found:#06x}, expected {expected:#06x}"
             ),
         }
     }

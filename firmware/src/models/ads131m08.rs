@@ -2,10 +2,10 @@
 //!
 //! Modelled: all registers with their masks and reset values, NULL, RESET, STANDBY, WAKEUP,
 //! LOCK, UNLOCK, RREG and WREG with their answers in the next frame, the checksums of both
-//! directions, a write that is done before its checksum is seen, the notices of the status word
-//! and what clears them, two samples of buffer, amplifiers, inputs, offset and gain correction,
-//! clipping. Not modelled: word lengths other than 24 bits, ANSI's checksum, global chop,
-//! current detection, phase delays, the DC block filter, noise.
+//! directions, a write that is executed before its checksum is received, the event bits of the
+//! status word and their clearing, two samples of buffer, amplifiers, inputs, offset and gain
+//! correction, clipping. Not modelled: word lengths other than 24 bits, ANSI's checksum, global
+//! chop, current detection, phase delays, the DC block filter, noise.
 
 use crate::drivers::ads131m08::Oversampling;
 use crate::drivers::ads131m08::frame::{self, BYTES, BYTES_MAX, WORD, put, word};
@@ -24,17 +24,17 @@ const BUFFER: usize = 2;
 #[derive(Clone, Debug)]
 pub struct Chip {
     registers: [u16; 64],
-    /// Bits of the status word that stay until they are read.
-    notices: u16,
+    /// Event bits of the status word, cleared when read.
+    events: u16,
     locked: bool,
     running: bool,
     answer: Answer,
-    /// The last sample, and those before it.
+    /// Samples, the newest first.
     samples: [[i32; CHANNELS]; BUFFER],
     waiting: usize,
 }
 
-/// What the next frame begins with.
+/// Answer at the beginning of the next frame.
 #[derive(Clone, Copy, Debug)]
 enum Answer {
     Status,
@@ -54,7 +54,7 @@ impl Chip {
     pub fn new() -> Self {
         let mut chip = Self {
             registers: [0; 64],
-            notices: 0,
+            events: 0,
             locked: false,
             running: true,
             answer: Answer::Status,
@@ -70,7 +70,7 @@ impl Chip {
         for (address, slot) in (0..).zip(&mut self.registers) {
             *slot = Register(address).after_reset();
         }
-        self.notices = status::RESET;
+        self.events = status::RESET;
         self.locked = false;
         self.running = true;
         self.answer = Answer::Word(command::RESET_DONE);
@@ -79,10 +79,10 @@ impl Chip {
 
     /// The conversions are restarted.
     pub fn synchronise(&mut self) {
-        self.notices |= status::F_RESYNC;
+        self.events |= status::F_RESYNC;
     }
 
-    /// Whether DRDY is low: a sample waits.
+    /// `true` if DRDY is low: a sample waits to be read.
     #[must_use]
     pub const fn is_ready(&self) -> bool {
         self.waiting > 0
@@ -97,7 +97,7 @@ impl Chip {
             .map_or(Oversampling::X1024.cycles(), |o| o.cycles())
     }
 
-    /// A register, as the chip holds it.
+    /// Content of a register.
     #[must_use]
     pub fn register(&self, register: Register) -> u16 {
         match register {
@@ -110,7 +110,7 @@ impl Chip {
         }
     }
 
-    /// Changes a register behind the driver's back.
+    /// Changes a register without a command.
     pub fn set_register(&mut self, register: Register, value: u16) {
         let kept = value & register.mask();
         let is_watched = self.register(Register::MODE) & mode::REG_CRC_EN != 0;
@@ -118,16 +118,16 @@ impl Chip {
             && let Some(slot) = self.registers.get_mut(usize::from(register.0))
         {
             if *slot != kept && is_watched {
-                self.notices |= status::REG_MAP;
+                self.events |= status::REG_MAP;
             }
             *slot = kept;
         }
         if register == Register::MODE && value & mode::RESET == 0 {
-            self.notices &= !status::RESET;
+            self.events &= !status::RESET;
         }
     }
 
-    /// A conversion of the voltages at the pins, V.
+    /// Converts the voltages at the pins, V.
     pub fn convert(&mut self, volts: &[f64; CHANNELS]) {
         if !self.running {
             return;
@@ -173,15 +173,15 @@ impl Chip {
         clip((raw - f64::from(offset)) * f64::from(correction) / FULL_SCALE) as i32
     }
 
-    /// One frame: what came in is replaced by what goes out.
+    /// Exchanges a frame: the received bytes are replaced by the answer.
     pub fn transfer(&mut self, bytes: &mut [u8]) {
         let mut out = [0; BYTES_MAX];
-        self.speak(&mut out);
+        self.send(&mut out);
         if bytes.len() >= BYTES {
             // All data were shifted out.
             self.waiting = self.waiting.saturating_sub(1);
         }
-        self.listen(bytes);
+        self.receive(bytes);
         for (slot, byte) in bytes.iter_mut().zip(out) {
             *slot = byte;
         }
@@ -191,21 +191,21 @@ impl Chip {
         let word_length = self.register(Register::MODE) & status::WLENGTH;
         let lock = if self.locked { status::LOCK } else { 0 };
         let ready = if self.is_ready() { status::DRDY } else { 0 };
-        self.notices | word_length | lock | ready
+        self.events | word_length | lock | ready
     }
 
-    fn speak(&mut self, out: &mut [u8]) {
+    fn send(&mut self, out: &mut [u8]) {
         let mut words = out.chunks_exact_mut(WORD);
-        let mut say = |value: u16| {
+        let mut append = |value: u16| {
             if let Some(slot) = words.next() {
                 put(slot, value);
             }
         };
         let covered = match self.answer {
             Answer::Registers { first, count } => {
-                say(command::read_done(first, count));
+                append(command::read_done(first, count));
                 for k in 0..count {
-                    say(self.register(Register(first.0.saturating_add(k as u8))));
+                    append(self.register(Register(first.0.saturating_add(k as u8))));
                 }
                 usize::from(count) + 1
             }
@@ -214,11 +214,11 @@ impl Chip {
                     Answer::Word(word) => word,
                     _ => {
                         let status = self.status();
-                        self.notices &= status::RESET;
+                        self.events &= status::RESET;
                         status
                     }
                 };
-                say(word);
+                append(word);
                 let oldest = self.waiting.saturating_sub(1);
                 let sample = self.samples.get(oldest).copied().unwrap_or_default();
                 for (slot, count) in words.by_ref().zip(sample) {
@@ -234,7 +234,7 @@ impl Chip {
         }
     }
 
-    fn listen(&mut self, bytes: &[u8]) {
+    fn receive(&mut self, bytes: &[u8]) {
         let request = word(bytes, 0);
         let (first, count) = (Register((request >> 7 & 0x3F) as u8), (request & 0x7F) + 1);
         let is_write = request & 0xE000 == 0x6000;
@@ -271,7 +271,7 @@ impl Chip {
             _ => {}
         }
         if garbled {
-            self.notices |= status::CRC_ERR;
+            self.events |= status::CRC_ERR;
             self.answer = Answer::Status;
         }
     }

@@ -15,7 +15,7 @@ const REGISTERS: usize = 0x30;
 #[derive(Clone, Debug)]
 pub struct Chip {
     registers: [u8; REGISTERS],
-    /// The level of a data line that is stuck.
+    /// Level of a stuck data line, if it is stuck.
     pub stuck: Option<bool>,
 }
 
@@ -55,7 +55,7 @@ impl Chip {
         }
     }
 
-    /// A conversion of the acceleration along its axes, in units of standard gravity.
+    /// Converts the acceleration along the axes, in units of standard gravity.
     pub fn convert(&mut self, g: [f64; 3]) {
         if self.register(at::POWER_CTL) & at::STANDBY != 0 {
             return;
@@ -77,7 +77,7 @@ impl Chip {
         self.set(at::STATUS, status);
     }
 
-    /// A register.
+    /// Content of a register.
     #[must_use]
     pub fn register(&self, address: u8) -> u8 {
         self.registers
@@ -92,11 +92,11 @@ impl Chip {
         }
     }
 
-    /// Takes a byte at an address and gives what was there.
+    /// Reads or writes a register, and returns the byte to send.
     fn exchange(&mut self, address: u8, is_read: bool, byte: u8) -> u8 {
         let found = self.register(address);
         if is_read {
-            // Reading the last axis takes the sample away.
+            // A read of the last axis clears the status bit of a new sample.
             if address == at::XDATA3 + 8 {
                 let status = self.register(at::STATUS) & !at::DATA_RDY;
                 self.set(at::STATUS, status);
@@ -118,7 +118,7 @@ impl ErrorType for Chip {
 
 impl SpiDevice for Chip {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusError> {
-        // The first byte says where and which way; the address counts up.
+        // The first byte holds address and direction; the address counts up.
         let mut head: Option<u8> = None;
         for operation in operations {
             let bytes = match operation {

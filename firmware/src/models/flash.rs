@@ -1,4 +1,4 @@
-//! A NOR flash that loses power in the middle, and whose bits flip.
+//! A NOR flash with power cuts, wrong bits and worn bytes.
 //!
 //! Programming clears bits, byte by byte; erasing sets them, all of a page at the same time.
 
@@ -7,33 +7,33 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 
-/// What goes wrong, at a byte that is programmed or erased, counted from the start of the model.
+/// A fault at a byte that is programmed or erased, counted from the start of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Accident {
-    /// Nothing.
+pub enum Fault {
+    /// No fault.
     None,
-    /// Power is lost at this byte. Of one that is programmed some bits have changed, and nothing
-    /// behind it has. A page that is erased has bits set all over, about as many as the erase has
-    /// come far: its first and last bytes may seem erased while others are not.
+    /// Power is lost at this byte. A byte that is programmed has some of its bits changed, and the
+    /// bytes behind it are unchanged. A page that is erased has bits set all over, in proportion to
+    /// the progress of the erase: its first and last bytes may be erased while others are not.
     Cut(u64),
-    /// This byte comes out with a wrong bit.
+    /// This byte is written with a wrong bit.
     Flip(u64, u8),
-    /// The byte at this address is worn out: it stays as it is.
+    /// The byte at this address is worn out and does not change.
     Worn(usize),
 }
 
-/// The flash: that many pages of that many bytes.
+/// A flash of `PAGES` pages of `PAGE` bytes.
 #[derive(Clone, Debug)]
 pub struct Flash<const PAGE: usize, const PAGES: usize> {
     bytes: [[u8; PAGE]; PAGES],
     /// Bytes programmed or erased so far.
     worked: u64,
-    accident: Accident,
+    fault: Fault,
     is_on: bool,
     random: Random,
 }
 
-/// The flash does not answer: its power is cut, or the address is wrong.
+/// Error of the flash: its power is cut, or the address is out of bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashError(NorFlashErrorKind);
 
@@ -50,15 +50,15 @@ impl<const PAGE: usize, const PAGES: usize> Flash<PAGE, PAGES> {
         Self {
             bytes: [[0xFF; PAGE]; PAGES],
             worked: 0,
-            accident: Accident::None,
+            fault: Fault::None,
             is_on: true,
             random: Random::new(seed),
         }
     }
 
-    /// Has something go wrong later.
-    pub const fn arrange(&mut self, accident: Accident) {
-        self.accident = accident;
+    /// Sets the fault to come.
+    pub const fn inject(&mut self, fault: Fault) {
+        self.fault = fault;
     }
 
     /// Bytes programmed or erased so far.
@@ -67,45 +67,45 @@ impl<const PAGE: usize, const PAGES: usize> Flash<PAGE, PAGES> {
         self.worked
     }
 
-    /// Whether power was cut.
+    /// `true` if power is cut.
     #[must_use]
     pub const fn is_cut(&self) -> bool {
         !self.is_on
     }
 
-    /// Power is back, and nothing is going to happen.
+    /// Switches power on again, without a fault to come.
     pub const fn switch_on(&mut self) {
         self.is_on = true;
-        self.accident = Accident::None;
+        self.fault = Fault::None;
     }
 
-    /// Flips a bit of what is kept.
+    /// Flips a stored bit.
     pub fn flip(&mut self, address: usize, bit: u8) {
         if let Some(byte) = self.bytes.as_flattened_mut().get_mut(address) {
             *byte ^= 1 << (bit % 8);
         }
     }
 
-    /// Changes a byte to `to`, unless an accident happens.
+    /// Changes a byte to `to`, unless a fault prevents it.
     fn change(&mut self, address: usize, to: u8) -> Result<(), FlashError> {
         let now = self.worked;
         self.worked += 1;
-        let accident = self.accident;
+        let fault = self.fault;
         let some = self.random.bits() as u8;
         let byte = self.bytes.as_flattened_mut().get_mut(address);
         let byte = byte.ok_or(FlashError(NorFlashErrorKind::OutOfBounds))?;
-        match accident {
-            Accident::Cut(at) if at == now => {
+        match fault {
+            Fault::Cut(at) if at == now => {
                 // Some of the bits that differ have changed.
                 *byte ^= (*byte ^ to) & some;
                 self.is_on = false;
                 Err(FlashError(NorFlashErrorKind::Other))
             }
-            Accident::Flip(at, bit) if at == now => {
+            Fault::Flip(at, bit) if at == now => {
                 *byte = to ^ (1 << (bit % 8));
                 Ok(())
             }
-            Accident::Worn(worn) if worn == address => Ok(()),
+            Fault::Worn(worn) if worn == address => Ok(()),
             _ => {
                 *byte = to;
                 Ok(())
@@ -113,7 +113,7 @@ impl<const PAGE: usize, const PAGES: usize> Flash<PAGE, PAGES> {
         }
     }
 
-    /// Sets each bit of the page at `from` with a probability of `done` by the bytes of a page.
+    /// Sets each bit of the page at `from` with a probability of `done` / `PAGE`.
     fn erase_in_part(&mut self, from: usize, done: u64) {
         let page = self.bytes.as_flattened_mut().iter_mut();
         for byte in page.skip(from).take(PAGE) {
@@ -162,7 +162,7 @@ impl<const PAGE: usize, const PAGES: usize> NorFlash for Flash<PAGE, PAGES> {
         self.check()?;
         for address in from as usize..to as usize {
             let done = self.worked;
-            if let Accident::Cut(at) = self.accident
+            if let Fault::Cut(at) = self.fault
                 && address % PAGE == 0
                 && (done..done + PAGE as u64).contains(&at)
             {

@@ -1,10 +1,10 @@
-//! Faults at random, one at a time, and what each of them should be counted as.
+//! Random faults, one at a time, with the counters they should raise.
 
 use super::random::Random;
 use super::rig::{Garble, Rig, Signal};
 use crate::wire::{FaultCounters, Health};
 
-/// Something that goes wrong.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Some bits of a frame are wrong.
@@ -30,7 +30,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 10] = [
         Self::WrongBits,
         Self::Burst,
@@ -44,7 +44,7 @@ impl Kind {
         Self::Delay,
     ];
 
-    /// The flag by which it is known; none where no sample is wrong.
+    /// The health flag of the fault; `GOOD` if no sample is affected.
     #[must_use]
     pub const fn flag(self) -> Health {
         match self {
@@ -57,7 +57,7 @@ impl Kind {
         }
     }
 
-    /// Counts it as the box should.
+    /// Raises the counter that the box should raise.
     pub const fn count(self, faults: &mut FaultCounters) {
         let slot = match self {
             Self::Reset => &mut faults.converter_reset,
@@ -69,21 +69,21 @@ impl Kind {
     }
 }
 
-/// Has things go wrong at a rate.
+/// Injects faults at a rate.
 #[derive(Clone, Debug)]
 pub struct Injector {
     random: Random,
     /// Probability of a fault in each frame.
     rate: f64,
-    /// The line that is stuck, for one sample.
+    /// Chip whose line is stuck, for one sample.
     stuck: Option<usize>,
-    /// Faults so far, as they should be counted.
+    /// Expected fault counters.
     faults: FaultCounters,
     kinds: [u32; Kind::ALL.len()],
 }
 
 impl Injector {
-    /// Faults with a probability for each frame of a chip.
+    /// An injector with a probability of a fault in each frame of a chip.
     #[must_use]
     pub fn new(rate: f64, seed: u64) -> Self {
         Self {
@@ -95,19 +95,18 @@ impl Injector {
         }
     }
 
-    /// What the box should have counted by now.
+    /// Expected fault counters of the box.
     pub const fn faults(&self) -> &FaultCounters {
         &self.faults
     }
 
-    /// How often each of [`Kind::ALL`] has happened.
+    /// Number of faults of each of [`Kind::ALL`].
     pub const fn kinds(&self) -> &[u32; Kind::ALL.len()] {
         &self.kinds
     }
 
-    /// To be called between two samples: may have something go wrong with the next one, if the
-    /// box is `steady`. Faults that fall into the recovery from others would be counted as the
-    /// chance of their order wants it.
+    /// Injects a fault into the next sample at random, if the box is `steady`; to be called between
+    /// two samples. The counters of faults during a recovery would depend on their order.
     pub fn disturb<S: Signal, const N: usize>(
         &mut self,
         rig: &mut Rig<S, N>,
@@ -122,12 +121,12 @@ impl Injector {
         let which = self.random.below(Kind::ALL.len() as u64) as usize;
         let kind = *Kind::ALL.get(which)?;
         let chip = self.random.below(N as u64) as usize;
-        self.inflict(rig, kind, chip);
+        self.inject(rig, kind, chip);
         Some(kind)
     }
 
-    /// Has this go wrong with that chip.
-    pub fn inflict<S: Signal, const N: usize>(
+    /// Injects a fault into a chip.
+    pub fn inject<S: Signal, const N: usize>(
         &mut self,
         rig: &mut Rig<S, N>,
         kind: Kind,
@@ -149,7 +148,7 @@ impl Injector {
             Kind::Reset => rig.reset_chip(chip),
             Kind::Delay => {
                 let period = rig.chip(chip).map_or(1, |c| u64::from(c.cycles()));
-                // More than the lines are looked at after the edge, less than a sample.
+                // Longer than from an edge to the reading of the lines, shorter than a sample.
                 rig.delay_chip(chip, 16 + random.below(period - 32));
             }
         }

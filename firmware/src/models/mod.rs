@@ -1,14 +1,14 @@
-//! Converters made of software, register by register, after their data sheets: what drivers and
-//! the acquisition are tested against, and what stands in for hardware on a host.
+//! Models of converters and memories at the level of registers, after their data sheets: drivers
+//! and the acquisition are tested against them, and on a host they replace the hardware.
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | [`ads131m08`] | the chip: registers, frames, conversions |
-//! | [`adxl355`] | the accelerometer |
-//! | [`flash`] | a flash that loses power, and whose bits flip |
-//! | [`rig`] | some ADS131M08 on one clock, with time, and what can go wrong on the way |
-//! | [`pattern`] | a converter that is not there, whose counts tell what they are |
-//! | [`injector`] | faults at random, and what they should be counted as |
+//! | [`ads131m08`] | the converter ADS131M08: registers, frames, conversions |
+//! | [`adxl355`] | the accelerometer ADXL355 |
+//! | [`flash`] | a NOR flash with power cuts and wrong bits |
+//! | [`rig`] | some ADS131M08 on one clock, with time and faults of wires |
+//! | [`pattern`] | a converter of test patterns |
+//! | [`injector`] | random faults, with the counters they should raise |
 //! | [`random`] | random numbers |
 
 pub mod ads131m08;
@@ -19,12 +19,12 @@ pub mod pattern;
 pub mod random;
 pub mod rig;
 
-/// Why a model of a bus refuses.
+/// Error of a model of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusError {
-    /// The bus was made to fail.
+    /// An injected fault of the bus.
     Failed,
-    /// An operation that the models do not know: they exchange in place.
+    /// An operation other than an exchange in place or a delay.
     Unsupported,
 }
 

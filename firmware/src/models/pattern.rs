@@ -1,16 +1,15 @@
-//! A test pattern in place of a converter: each count depends on the sample's and the input's
-//! number.
+//! A converter of test patterns: each count depends on the numbers of sample and input.
 
 use super::random::mix;
 use crate::drivers::{Converter, Fault, Reading};
 
-/// The count of an input in the sample of this number: another one for each, 22 bits.
+/// The count of an input in the sample of this number: pseudo-random, 22 bits.
 #[must_use]
 pub const fn count(sample: u32, input: usize) -> i32 {
     (mix(((sample as u64) << 6) + input as u64) >> 42) as i32 - (1 << 21)
 }
 
-/// Some inputs of a box in a test pattern.
+/// A converter of test patterns, for some inputs of a box.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     first: usize,
@@ -21,7 +20,7 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Inputs of these numbers.
+    /// A converter for `channels` inputs from number `first` on.
     #[must_use]
     pub const fn new(first: usize, channels: usize) -> Self {
         Self {
@@ -32,7 +31,7 @@ impl Pattern {
         }
     }
 
-    /// Begins with sample 0.
+    /// Restarts at sample 0.
     pub const fn restart(&mut self) {
         self.converted = 0;
         self.unread = false;
@@ -44,7 +43,7 @@ impl Pattern {
         self.converted
     }
 
-    /// Converts that many samples, of which the last one can be read.
+    /// Converts so many samples, of which the last one can be read.
     pub const fn convert(&mut self, samples: u32) {
         self.converted = self.converted.wrapping_add(samples);
         self.unread |= samples > 0;
@@ -56,7 +55,7 @@ impl Converter for Pattern {
         self.channels
     }
 
-    /// Starts again with sample 0.
+    /// Restarts at sample 0.
     fn choose(&mut self, _: f64, _: &[u8]) -> Result<(), Fault> {
         self.restart();
         Ok(())

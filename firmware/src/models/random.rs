@@ -1,4 +1,4 @@
-//! Random numbers for models: the same on every machine for a seed.
+//! Pseudo-random numbers for models, the same on every machine for a seed.
 
 /// A generator of 64 random bits at a time (Steele, Lea and Flood's SplitMix64).
 #[derive(Clone, Debug)]
@@ -23,14 +23,14 @@ impl Random {
         ((u128::from(self.bits()) * u128::from(end)) >> 64) as u64
     }
 
-    /// Whether something of this probability happens.
+    /// `true` with this probability.
     pub fn chance(&mut self, probability: f64) -> bool {
-        // 53 bits are what an f64 holds.
+        // An f64 holds 53 bits.
         ((self.bits() >> 11) as f64) < probability * (1_u64 << 53) as f64
     }
 }
 
-/// 64 bits that look random, the same for the same argument.
+/// The output function of SplitMix64: a bijective mix of 64 bits.
 #[must_use]
 pub const fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -1,8 +1,8 @@
-//! Some ADS131M08 on one clock, one SYNC line and a bus, with time going by.
+//! Some ADS131M08 on one clock, one SYNC line and a bus, in simulated time.
 //!
-//! Time is counted in cycles of the converters' clock. It goes by while one waits for an edge,
-//! while bytes are exchanged, and while the SYNC line is low. Conversions that fall into such a
-//! time happen in it, so that a driver that is too slow loses samples here, too.
+//! Time is counted in cycles of the converters' clock. It passes during the wait for an edge, the
+//! exchange of bytes, and pulses on the SYNC line. Chips convert meanwhile, so that a driver that
+//! is too slow loses samples.
 
 use super::BusError;
 use super::ads131m08::Chip;
@@ -12,7 +12,7 @@ use crate::drivers::ads131m08::{CLOCK_HZ, RESET_CYCLES};
 use core::cell::RefCell;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 
-/// What the sensors give.
+/// Voltages of the sensors.
 pub trait Signal {
     /// Voltage at an input, V, at a cycle of the converters' clock. Inputs count through all
     /// chips.
@@ -25,12 +25,12 @@ impl<F: FnMut(usize, u64) -> f64> Signal for F {
     }
 }
 
-/// How a frame from a chip is garbled.
+/// Kind of errors in a frame from a chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Garble {
-    /// That many bits, anywhere.
+    /// So many wrong bits.
     Bits(u8),
-    /// All bits from one to another are random.
+    /// A stretch of random bits.
     Burst,
     /// The whole frame is random.
     Noise,
@@ -39,30 +39,30 @@ pub enum Garble {
 /// A falling edge of a DRDY line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edge {
-    /// When its interrupt began, cycles.
+    /// Time of its interrupt, cycles.
     pub cycle: u64,
-    /// Chips whose DRDY line was low shortly afterwards, by bits.
+    /// Bit k: the DRDY line of chip k was low shortly afterwards.
     pub ready: u32,
 }
 
-/// The rig.
+/// A rig of `N` chips.
 #[derive(Debug)]
 pub struct Rig<S, const N: usize> {
     cycle: u64,
     signal: S,
     places: [Place; N],
     random: Random,
-    /// A DRDY line has fallen, and nobody has looked yet.
+    /// `true` if a DRDY line has fallen since the last [`Self::wait`].
     pending: bool,
     lost_edges: u32,
     cycles_a_byte: u64,
 }
 
-/// A chip in its place, and what is wrong with its wires.
+/// A chip in its place, with the faults of its wires.
 #[derive(Clone, Debug, Default)]
 struct Place {
     chip: Chip,
-    /// Cycle of its next conversion, and of its last one.
+    /// Cycles of its next and of its last conversion.
     next: u64,
     last: u64,
     garble: Option<Garble>,
@@ -73,10 +73,10 @@ struct Place {
 }
 
 impl<S: Signal, const N: usize> Rig<S, N> {
-    /// Cycles from an interrupt's begin until the lines are looked at: 1 µs.
+    /// Cycles from an interrupt to the reading of the lines: 1 µs.
     const LOOK: u64 = 8;
 
-    /// Chips that have just been switched on.
+    /// A rig of chips that have just been switched on.
     pub fn new(signal: S, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let places = core::array::from_fn(|_| {
@@ -115,12 +115,12 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         self.places.get_mut(chip).map(|p| &mut p.chip)
     }
 
-    /// When a chip has last converted.
+    /// Time of a chip's last conversion, cycles.
     pub fn converted(&self, chip: usize) -> Option<u64> {
         self.places.get(chip).map(|p| p.last)
     }
 
-    /// Waits for the next edge of a DRDY line, or takes the one that came meanwhile.
+    /// Waits for the next edge of a DRDY line, or returns the pending one.
     pub fn wait(&mut self) -> Edge {
         while !self.pending {
             let next = self.places.iter().map(|p| p.next).min();
@@ -138,7 +138,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         Edge { cycle, ready }
     }
 
-    /// Lets time go by.
+    /// Advances the time to `end`, cycles.
     pub fn pass_until(&mut self, end: u64) {
         loop {
             let due = (0_usize..)
@@ -165,7 +165,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         self.cycle = self.cycle.max(end);
     }
 
-    /// The SYNC/RESET line goes low for some cycles.
+    /// Pulls the SYNC/RESET line low for some cycles.
     pub fn pull_sync(&mut self, cycles: u32) {
         self.pass_until(self.cycle + u64::from(cycles));
         for place in &mut self.places {
@@ -179,7 +179,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         self.pending = false;
     }
 
-    /// One frame with a chip.
+    /// Exchanges a frame with a chip.
     fn transfer(&mut self, chip: usize, bytes: &mut [u8]) -> Result<(), BusError> {
         let time = bytes.len() as u64 * self.cycles_a_byte;
         let place = self.places.get_mut(chip).ok_or(BusError::Unsupported)?;
@@ -218,32 +218,32 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         self.with(chip, |p| p.garble = Some(how));
     }
 
-    /// Garbles the first word of the next frame that a chip gets, by one bit.
+    /// Flips a bit in the first word of the next frame to a chip.
     pub fn garble_request(&mut self, chip: usize) {
         self.with(chip, |p| p.garble_request = true);
     }
 
-    /// Sticks a chip's data line at a level, or frees it.
+    /// Holds a chip's data line at a level, or releases it.
     pub fn stick(&mut self, chip: usize, level: Option<bool>) {
         self.with(chip, |p| p.stuck = level);
     }
 
-    /// Has the next exchange with a chip fail on the bus.
+    /// Makes the next exchange with a chip fail.
     pub fn fail_bus(&mut self, chip: usize) {
         self.with(chip, |p| p.bus_fails = true);
     }
 
-    /// Has a chip's DRDY line look high the next time.
+    /// Makes a chip's DRDY line read high at the next edge.
     pub fn hide_ready(&mut self, chip: usize) {
         self.with(chip, |p| p.hidden = true);
     }
 
-    /// Loses the next edges of all DRDY lines that make one sample.
+    /// Loses the edges of all DRDY lines of the next sample.
     pub fn lose_sample(&mut self) {
         self.lost_edges = N as u32;
     }
 
-    /// A chip resets itself, at an instant of its own.
+    /// Resets a chip, which converts at a random instant afterwards.
     pub fn reset_chip(&mut self, chip: usize) {
         let now = self.cycle;
         let random = &mut self.random;
@@ -253,13 +253,13 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         }
     }
 
-    /// A chip falls behind by some cycles.
+    /// Delays a chip by some cycles.
     pub fn delay_chip(&mut self, chip: usize, cycles: u64) {
         self.with(chip, |p| p.next += cycles);
     }
 }
 
-/// Garbles bytes; at least one bit of them changes.
+/// Garbles bytes in one bit at least.
 fn garble_bytes(bytes: &mut [u8], how: Garble, random: &mut Random) {
     let bits = 8 * bytes.len() as u64;
     let mut flip = |bit: u64| {
@@ -269,7 +269,7 @@ fn garble_bytes(bytes: &mut [u8], how: Garble, random: &mut Random) {
     };
     match how {
         Garble::Bits(count) => {
-            // Neighbours at a random distance, so that none is flipped twice.
+            // Bits at a random distance, so that none is flipped twice.
             let (first, apart) = (random.below(bits), 1 + random.below(bits / 8));
             (0..u64::from(count.min(8))).for_each(|k| flip((first + k * apart) % bits));
         }
@@ -294,7 +294,7 @@ fn garble_bytes(bytes: &mut [u8], how: Garble, random: &mut Random) {
     }
 }
 
-/// The way to one chip of a rig.
+/// SPI device of one chip of a rig.
 #[derive(Debug)]
 pub struct Port<'r, S, const N: usize> {
     rig: &'r RefCell<Rig<S, N>>,
@@ -302,7 +302,7 @@ pub struct Port<'r, S, const N: usize> {
 }
 
 impl<'r, S, const N: usize> Port<'r, S, N> {
-    /// To the chip of this number.
+    /// The device of the chip of this number.
     pub const fn new(rig: &'r RefCell<Rig<S, N>>, chip: usize) -> Self {
         Self { rig, chip }
     }

@@ -10,16 +10,16 @@ use crate::drivers::ads131m08::{self, Ads131m08, Oversampling, registers};
 use crate::drivers::adxl355::{self, Adxl355};
 use embedded_hal::spi::SpiDevice;
 
-/// Converters with a DRDY line, which come first.
+/// Number of converters with a DRDY line, which come first.
 pub const CONVERTERS: usize = 4;
-/// All converters of a box.
+/// Number of converters of a box.
 pub const CHIPS: usize = CONVERTERS + 1;
-/// Inputs of a box.
+/// Number of inputs of a box.
 pub const INPUTS: usize = CONVERTERS * registers::CHANNELS + adxl355::CHANNELS;
 /// Clock of the converters with a DRDY line, Hz.
 pub const CLOCK_HZ: u32 = ads131m08::CLOCK_HZ;
 
-/// Inputs of each converter.
+/// Number of inputs of each converter.
 pub(super) const CHANNELS: [usize; CHIPS] = {
     let mut channels = [registers::CHANNELS; CHIPS];
     channels[CONVERTERS] = adxl355::CHANNELS;
@@ -45,7 +45,7 @@ impl<A: SpiDevice, D: SpiDevice> Bank<A, D> {
         }
     }
 
-    /// All of them.
+    /// All converters, in the order of their inputs.
     pub(super) fn all(&mut self) -> [&mut dyn Converter; CHIPS] {
         let [a, b, c, d] = &mut self.ads;
         [a, b, c, d, &mut self.adxl]

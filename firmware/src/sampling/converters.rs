@@ -1,4 +1,4 @@
-//! The converters of a box, and the test pattern that stands in for them.
+//! The converters of a box, and the test patterns that can replace them.
 
 use super::bank::{Bank, CHANNELS};
 use super::{CHIPS, CONVERTERS, Failure, Plan};
@@ -30,12 +30,12 @@ where
     P: OutputPin,
     T: DelayNs,
 {
-    /// Behind these devices, SYNC line and delay.
+    /// Converters on these SPI devices, with their SYNC line and a delay.
     pub fn new(ads: [A; CONVERTERS], adxl: D, sync: P, delay: T) -> Self {
         let mut first = 0;
         let patterns = CHANNELS.map(|channels| {
             let pattern = Pattern::new(first, channels);
-            first += channels;
+            first = usize::wrapping_add(first, channels);
             pattern
         });
         Self {
@@ -48,12 +48,12 @@ where
         }
     }
 
-    /// Makes test patterns stand in for the chips from now on.
+    /// Replaces the chips by test patterns from now on.
     pub(super) const fn use_test_pattern(&mut self) {
         self.is_test_pattern = true;
     }
 
-    /// `true` if test patterns stand in for the chips.
+    /// `true` if test patterns replace the chips.
     pub(super) const fn is_test_pattern(&self) -> bool {
         self.is_test_pattern
     }
@@ -65,21 +65,21 @@ where
         pattern.converted()
     }
 
-    /// Of these bits, those of converters with a DRDY line that are not left out.
-    const fn kept(&self, bits: u32) -> u32 {
+    /// These bits without those of converters that have no DRDY line or are left out.
+    const fn in_use(&self, bits: u32) -> u32 {
         const ALL: u32 = (1 << CONVERTERS) - 1;
         bits & ALL & !self.left_out
     }
 
-    /// Bits of all converters that are ready when those with these DRDY lines are: a converter
-    /// without a line is ready with their majority. `None` if the edge was of one left out.
+    /// Bits of all ready converters, from the low DRDY lines: a converter without a line is ready
+    /// with the majority of the others. `None` if the edge is of a converter that is left out.
     pub(super) const fn with_followers(&self, ready: u32) -> Option<u32> {
-        let kept = self.kept(ready);
-        if kept == 0 && ready != 0 {
+        let used = self.in_use(ready);
+        if used == 0 && ready != 0 {
             return None;
         }
-        let is_majority = 2 * kept.count_ones() >= self.kept(u32::MAX).count_ones();
-        Some(kept | (is_majority as u32) << CONVERTERS)
+        let is_majority = 2 * used.count_ones() >= self.in_use(u32::MAX).count_ones();
+        Some(used | (is_majority as u32) << CONVERTERS)
     }
 
     /// Chooses rate and gains, and returns the bits of the converters that are left out: those
@@ -112,8 +112,8 @@ where
         })?;
         self.left_out = left_out;
         match first {
-            // The accelerometer alone has no edge to sample at.
-            Some(fault) if self.kept(u32::MAX) == 0 => Err((0, fault)),
+            // The accelerometer alone has no edges to sample at.
+            Some(fault) if self.in_use(u32::MAX) == 0 => Err((0, fault)),
             _ => Ok(left_out),
         }
     }
@@ -132,8 +132,8 @@ where
         };
         let (sync, delay) = (&mut self.sync, &mut self.delay);
         let mut synchronise = || {
-            // A pin of the chip's own does not fail, and where one does, the converters stay out
-            // of step, which shows.
+            // The chip's own pins do not fail. Converters whose pin fails stay out of step, which
+            // is counted.
             let _ = sync.set_low();
             delay.delay_ns(SYNC_NS);
             let _ = sync.set_high();

@@ -1,23 +1,23 @@
-//! The sampling task's work: commands in, samples out, by queues without waiting.
+//! The sampling task: commands in and samples out through queues, without waiting.
 //!
 //! # Design
 //!
 //! Sampling interrupts all tasks but the link's port and those that take microseconds (the task
-//! watchdog, the note of an edge), and takes no lock. Its [`Command`]s come by a queue. The task
-//! runs as soon as its interrupt is called, so that the sender of a command finds the outcome when
-//! the call returns.
+//! watchdog, the time of an edge), and takes no lock. Its [`Command`]s come through a queue. The
+//! task runs as soon as its interrupt is raised, so that the sender of a command has the outcome
+//! when the call returns.
 //!
-//! Samples leave as [`RawFrame`]s by a queue that holds those that come while a block is computed.
-//! A sample without room is dropped, and counted as an overrun: the next one's number tells how
-//! many are missing.
+//! Samples leave as [`RawFrame`]s through a queue that holds those that come while a block is
+//! computed. A sample without room is dropped and counted as an overrun; the number of the next one
+//! shows how many are missing.
 //!
 //! The converters of a box are listed in `bank`.
 //!
 //! The first samples after a start, while filters settle, are dropped.
 //!
 //! A converter that does not answer is left out if no input of it is in use, and an error
-//! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and is
-//! asked then whether it has.
+//! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and its
+//! status is read then.
 
 mod bank;
 mod converters;
@@ -40,23 +40,23 @@ use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Most samples in the queue: a block takes 3.8 ms, in which 16 samples come at 4096 samples/s.
 pub const WAITING: usize = 32;
-/// Looks for converters that have fallen silent, in a second.
+/// Checks for silent converters per second.
 const WATCHES: u64 = 10;
 
 /// Commands to the sampling task.
 #[derive(Clone, Debug)]
 pub enum Command {
-    /// Prepare the converters and start sampling; there is an outcome.
+    /// Prepare the converters and start sampling; the outcome is sent back.
     Start(Plan),
     /// Stop sampling.
     Stop,
     /// Set the fault counters to zero.
-    Forget,
+    ClearFaults,
     /// From the next start on, a test pattern stands in for the converters.
     TestPattern,
 }
 
-/// A start that has failed: number of the converter, and what it did.
+/// A failed start: number of the converter, and its fault.
 pub type Failure = (u8, Fault);
 
 /// The queues between the sampling task and the others.
@@ -77,8 +77,7 @@ impl Queues {
         }
     }
 
-    /// The ends: those of the sampling task, of the sender of commands, and of the receiver of
-    /// samples.
+    /// The ends of the sampling task, of the sender of commands and of the receiver of samples.
     pub fn split(&mut self) -> (Ends<'_>, Commands<'_>, Consumer<'_, RawFrame>) {
         let (sent, commands) = self.commands.split();
         let (done, outcomes) = self.outcomes.split();
@@ -117,7 +116,7 @@ pub struct Commands<'q> {
 
 impl Commands<'_> {
     /// Sends a command; `call` makes the sampling task run at once. `false` if the queue is full.
-    pub fn give(&mut self, command: Command, call: impl FnOnce()) -> bool {
+    pub fn send(&mut self, command: Command, call: impl FnOnce()) -> bool {
         let is_sent = self.queue.enqueue(command).is_ok();
         call();
         is_sent
@@ -126,7 +125,7 @@ impl Commands<'_> {
     /// Starts sampling and returns the outcome; `None` if the sampling task was not called.
     pub fn start(&mut self, plan: Plan, call: impl FnOnce()) -> Option<Result<(), Failure>> {
         while self.outcomes.dequeue().is_some() {}
-        self.give(Command::Start(plan), call);
+        self.send(Command::Start(plan), call);
         self.outcomes.dequeue()
     }
 }
@@ -192,9 +191,9 @@ pub struct Sampler<'q, A, D, P, T> {
     ends: Ends<'q>,
     counters: &'q Counters,
     running: bool,
-    /// Samples that were dropped for want of room.
+    /// Samples dropped because the queue was full.
     dropped: u32,
-    /// Ticks between two checks for silent converters, and at the last one.
+    /// Ticks between two checks for silent converters, and time of the last one.
     watch: [u64; 2],
     /// Nominal ticks from sample to sample.
     period: u64,
@@ -226,8 +225,8 @@ where
         }
     }
 
-    /// Executes commands, and checks at times for converters that are silent. Has to be called at
-    /// every interrupt, and a hundred times a second.
+    /// Executes commands, and checks for silent converters. To be called at every interrupt, and a
+    /// hundred times a second.
     pub fn poll(&mut self, ticks: u64) {
         while let Some(command) = self.ends.commands.dequeue() {
             match command {
@@ -239,8 +238,8 @@ where
                     let _ = self.ends.outcomes.enqueue(outcome);
                 }
                 Command::Stop => self.running = false,
-                Command::Forget => {
-                    self.acquisition.forget_faults();
+                Command::ClearFaults => {
+                    self.acquisition.clear_faults();
                     self.dropped = 0;
                     self.counters.write(self.acquisition.faults(), 0);
                 }
@@ -261,8 +260,8 @@ where
         }
     }
 
-    /// Handles an edge of the DRDY lines: bits of `ready` are the ADS131M08 whose lines are low.
-    /// `true` if there is a new sample in the queue.
+    /// Handles an edge of the DRDY lines at a time in ticks; bit k of `ready` is set if the line of
+    /// ADS131M08 number k is low. `true` if there is a new sample.
     pub fn edge(&mut self, ready: u32, ticks: u64) -> bool {
         if !self.running {
             return false;
@@ -274,7 +273,7 @@ where
         let sample = self
             .converters
             .with(|all, synchronise| acquisition.edge(all, synchronise, ready, ticks));
-        // The first ones after a start are of filters that settle.
+        // The filters settle during the first samples after a start.
         let sample = sample.filter(|sample| sample.number > SETTLING.into());
         let is_new = sample.is_some();
         if let Some(frame) = sample.and_then(|sample| RawFrame::new(&sample, ticks))
@@ -286,13 +285,13 @@ where
         is_new
     }
 
-    /// Handles so many periods of the test pattern's clock. `true` if there is a new sample in the
-    /// queue.
+    /// Handles so many periods of the test pattern's clock. `true` if there is a new sample.
     ///
-    /// Time is counted in periods: the emulator's timer is late at times, which no converter is.
+    /// Time is counted in periods: the emulator's timer is late at times, unlike a converter.
     pub fn test_pattern(&mut self, samples: u32) -> bool {
         let converted = self.converters.convert(samples);
-        let ticks = u64::from(converted) * self.period;
+        // Exact for periods below 2^32 ticks.
+        let ticks = u64::from(converted).wrapping_mul(self.period);
         samples > 0 && self.edge(u32::MAX, ticks)
     }
 

@@ -26,7 +26,7 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`Problem::Range`] if the converters do not have this rate; the ends are the next ones
+    /// [`Problem::Range`] if the converters do not have this rate; its ends are the next rates that
     /// they have.
     pub fn new(settings: &Settings<INPUTS>, rate: f64, tick_hz: u32) -> Result<Self, Problem> {
         let [low, high] = rates_near(rate);
@@ -46,14 +46,15 @@ impl Plan {
             used: 0,
             inputs: 0,
         };
-        for (input, certificate) in settings.inputs().iter().enumerate() {
-            let input_of = certificate.input(0);
-            if let Some(gain) = plan.gains.get_mut(input) {
-                *gain = input_of.gain;
-            }
-            if input_of.circuit != Circuit::Unused {
-                plan.used |= 1 << converter_of(input);
-                plan.inputs = input + 1;
+        let channels = (0..).zip(CHANNELS);
+        let converters = channels.flat_map(|(k, channels)| core::iter::repeat_n(k, channels));
+        let inputs = settings.inputs().iter().zip(&mut plan.gains);
+        for (number, ((certificate, gain), converter)) in (1..).zip(inputs.zip(converters)) {
+            let input = certificate.input(0);
+            *gain = input.gain;
+            if input.circuit != Circuit::Unused {
+                plan.used |= 1_u32.wrapping_shl(converter);
+                plan.inputs = number;
             }
         }
         if plan.inputs == 0 {
@@ -61,15 +62,6 @@ impl Plan {
         }
         Ok(plan)
     }
-}
-
-/// Number of the converter of an input.
-fn converter_of(input: usize) -> usize {
-    let ends = CHANNELS.iter().scan(0, |end, channels| {
-        *end += channels;
-        Some(*end)
-    });
-    ends.take_while(|end| *end <= input).count()
 }
 
 /// The problem that reports a failed start to the host.

@@ -1,4 +1,4 @@
-//! Items one behind the other in pages of flash, of which the newest whole one counts.
+//! Items one behind the other in pages of flash, of which the newest whole one is valid.
 //!
 //! # Design
 //!
@@ -17,17 +17,16 @@
 //!
 //! Three rules keep the newest whole item through any power cut:
 //!
-//! 1. No page is erased, nor written over, that holds it. A new item lies behind the last byte of
-//!    that page that is not erased, whatever wrote that byte, or in another page.
+//! 1. The page that holds it is neither erased nor overwritten. A new item lies behind the last
+//!    byte of that page that is not erased, or in another page.
 //! 2. Another page is always erased before its first item is written, even if it seems erased:
-//!    after an erase that was cut, bits anywhere in it may still be as they were.
-//! 3. Pages have no state of their own. What is there is told by looking at every cell, so that no
-//!    half-written mark can hide an item, and what an interrupted write has left cannot run into
-//!    the item behind it.
+//!    after an interrupted erase, bits anywhere in it may be unchanged.
+//! 3. Pages have no state of their own. Items are found by reading every cell, so that no
+//!    half-written mark can hide an item, and the remains of an interrupted write cannot run into
+//!    the item behind them.
 //!
-//! All of this takes for granted that what has been read once reads the same later. A bit whose
-//! change was cut may not, for a while; then the item whose writing was cut at its last byte may count
-//! at first and not later.
+//! These rules assume that bytes read the same each time. A bit whose change was interrupted may
+//! not, for a while: then an item interrupted at its last byte may be valid at first and not later.
 
 use crate::wire::{Crc32, crc32};
 use core::ops::Range;
@@ -38,7 +37,7 @@ pub const CELL: usize = 16;
 const CELL_SIZE: u32 = CELL as u32;
 /// First bytes of an item of this form.
 const MARK: [u8; 2] = *b"S1";
-/// Times that each page is tried.
+/// Attempts to write each page.
 const TRIES: usize = 2;
 
 /// The head of an item.
@@ -90,7 +89,7 @@ pub struct Newest {
     at: u32,
     /// The page it lies in.
     page: u32,
-    /// Behind the last byte of that page that is not erased.
+    /// Address behind the last byte of that page that is not erased.
     free: u32,
 }
 
@@ -101,12 +100,12 @@ impl Newest {
     }
 }
 
-/// What the pages hold.
+/// Content of the pages.
 #[derive(Clone, Copy, Debug)]
 pub struct Survey {
     /// The newest whole item.
     pub newest: Option<Newest>,
-    /// Whether no bit is cleared.
+    /// `true` if all bits are set.
     pub is_erased: bool,
     /// Greatest number of an item, whole or not; zero without any.
     greatest: u32,
@@ -145,7 +144,7 @@ impl<F: NorFlash> Journal<F> {
         (pages >= 2 && is_whole && is_there).then_some(Self { flash, range })
     }
 
-    /// Gives the flash back.
+    /// Returns the flash.
     pub fn release(self) -> F {
         self.flash
     }
@@ -155,7 +154,7 @@ impl<F: NorFlash> Journal<F> {
         Self::PAGE as usize
     }
 
-    /// Looks at every cell. Nothing is written.
+    /// Reads every cell. Nothing is written.
     pub fn survey(&mut self) -> Result<Survey, F::Error> {
         let mut survey = Survey::ERASED;
         for page in self.range.clone().step_by(Self::PAGE as usize) {
@@ -179,8 +178,7 @@ impl<F: NorFlash> Journal<F> {
             let head = Head::from_cell(cell);
             if let Some(head) = head.filter(|head| head.span() <= end.saturating_sub(at)) {
                 survey.greatest = survey.greatest.max(head.number);
-                // An item that is not whole is no reason to pass over what it would have held:
-                // newer ones may lie there.
+                // The contents of an incomplete item are not skipped: newer items may lie there.
                 if self.checksum(next, head.length.into())? == head.checksum {
                     next = at.saturating_add(head.span());
                     free = next;
@@ -219,12 +217,12 @@ impl<F: NorFlash> Journal<F> {
     }
 
     /// Writes an item, whose contents take the first `length` bytes behind the first [`CELL`] of
-    /// `item`, and reads it back. `item` has [`item_room`] bytes, not more than a page. Says
-    /// whether it is kept; if it is not, the newest one before is.
+    /// `item`, and reads it back. `item` has [`item_room`] bytes, not more than a page. `false` if
+    /// it cannot be read; the newest item before is valid then.
     pub fn append(&mut self, item: &mut [u8], length: u16) -> Result<bool, F::Error> {
         let mut survey = self.survey()?;
         if survey.greatest == u32::MAX {
-            // No flash lasts for so many items: others have written here.
+            // No flash lasts for so many items: this is the data of another program.
             self.flash.erase(self.range.start, self.range.end)?;
             survey = Survey::ERASED;
         }
@@ -267,7 +265,7 @@ impl<F: NorFlash> Journal<F> {
         Ok(false)
     }
 
-    /// Writes whole cells, and says whether they can be read.
+    /// Writes whole cells. `true` if they can be read.
     fn write(&mut self, at: u32, cells: &[u8]) -> Result<bool, F::Error> {
         self.flash.write(at, cells)?;
         let places = (at..self.range.end).step_by(CELL);

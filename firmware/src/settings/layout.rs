@@ -1,12 +1,12 @@
-//! The bytes that settings are kept as.
+//! Settings as bytes.
 //!
-//! Two bytes say the version of the layout. Then come the settings that are not as delivered,
-//! each behind two bytes of its length, so that a setting that this firmware does not know is
-//! passed over. Checksums are the flash's business.
+//! Two bytes hold the version of the layout. Then come the settings that are not as delivered, each
+//! behind two bytes of its length, so that an unknown setting is skipped. Checksums are in
+//! `journal`.
 //!
 //! | version | a setting is | read as |
 //! | --- | --- | --- |
-//! | 1 | an input without certificate and uncertainty, or one of the others as now | certificate empty, uncertainty zero |
+//! | 1 | [`Setting`], with inputs without certificate and uncertainty | certificate empty, uncertainty zero |
 //! | 2 | [`Setting`], as it goes over the wire | itself |
 //!
 //! A new version gets its own line here, a name for the old one's type, and a line in [`read`].
@@ -21,13 +21,13 @@ pub const VERSION: u16 = 2;
 /// Most bytes of one setting: an input with all its texts, integers at their longest.
 const SETTING_MAX: usize = 2 + 160;
 
-/// Bytes that are enough for the settings of a box with that many inputs.
+/// Most bytes of the settings of a box with that many inputs.
 #[must_use]
 pub const fn room(inputs: usize) -> usize {
     2 + (3 + inputs) * SETTING_MAX
 }
 
-/// Why bytes are no settings.
+/// Error of bytes that are no settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayoutError {
     /// They were written by a later firmware.
@@ -35,11 +35,11 @@ pub enum LayoutError {
         /// Version of their layout.
         found: u16,
     },
-    /// They end too early, or say what no firmware would have written.
+    /// They are cut short, or of an unknown form.
     Malformed,
 }
 
-/// Writes all settings and says how many bytes that took; `None` if there is no room.
+/// Writes all settings and returns the number of bytes; `None` if there is no room.
 #[must_use]
 pub fn write<const INPUTS: usize>(settings: &Settings<INPUTS>, bytes: &mut [u8]) -> Option<usize> {
     let whole = bytes.len();
@@ -51,16 +51,16 @@ pub fn write<const INPUTS: usize>(settings: &Settings<INPUTS>, bytes: &mut [u8])
         *head = u16::try_from(length).ok()?.to_le_bytes();
         rest = body.get_mut(length..)?;
     }
-    Some(whole - rest.len())
+    whole.checked_sub(rest.len())
 }
 
-/// Makes `settings` those as delivered, but for what the bytes say. Gives the version they were
-/// written by.
+/// Sets all settings, those missing from the bytes as delivered, and returns the version of the
+/// layout.
 ///
 /// # Errors
 ///
-/// [`LayoutError`]; the settings are as delivered then. A single setting that this firmware does
-/// not know, or would refuse, is left as delivered.
+/// [`LayoutError`]; the settings are as delivered then. A single setting that is unknown or not
+/// valid is left as delivered.
 pub fn read<const INPUTS: usize>(
     bytes: &[u8],
     settings: &mut Settings<INPUTS>,
@@ -95,7 +95,7 @@ fn read_changed<const INPUTS: usize>(
             _ => return Err(LayoutError::Malformed),
         };
         if let Ok(setting) = setting {
-            // Limits may have become narrower: one setting is no reason to lose the others.
+            // A setting beyond limits that have become narrower must not lose the others.
             let _ = settings.set(&setting);
         }
     }
@@ -152,7 +152,7 @@ mod tests {
     use crate::wire::SettingKey;
 
     fn found<const N: usize>(bytes: &[u8]) -> Result<(Settings<N>, u16), LayoutError> {
-        // Whatever was there before is gone.
+        // Settings from before must not remain.
         let mut settings = Settings::DELIVERED;
         settings.set(&Setting::Name("before")).unwrap();
         let version = read(bytes, &mut settings);

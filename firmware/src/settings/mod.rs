@@ -1,11 +1,11 @@
-//! What the box is told once and keeps: its name, the link's rate, the sample rate, and the
-//! calibration of each input.
+//! Settings of the box: its name, the link's rate, the sample rate, and the calibration of each
+//! input.
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | [`layout`] | the bytes they are kept as, by version |
-//! | `journal` | how these bytes lie in the pages of a flash, and survive a power cut |
-//! | [`store`] | settings to and from there |
+//! | [`layout`] | settings as bytes, by version |
+//! | `journal` | items of bytes in pages of flash, which survive power cuts |
+//! | [`store`] | settings in flash |
 
 mod journal;
 pub mod layout;
@@ -19,11 +19,11 @@ use crate::wire::{Exact, Field, Input, Item, NAME_MAX, Problem, Setting, Setting
 /// Rate of the link as delivered, baud.
 pub const LINK_BAUD: u32 = 921_600;
 /// Lowest and highest rate of the link, baud: below, a frame takes seconds; above, adapters are
-/// rare. Where the clock that runs cannot make a rate, the box uses that of the delivery.
+/// rare. If the running clock cannot generate a rate, the box uses [`LINK_BAUD`].
 pub const LINK_BAUD_RANGE: [u32; 2] = [9_600, 2_000_000];
 /// Sample rate as delivered, Hz.
 pub const SAMPLE_RATE: f64 = 512.0;
-/// Lowest and highest sample rate, Hz: what the converters' clock can be divided to.
+/// Lowest and highest sample rate, Hz, to which the converters' clock can be divided.
 pub const SAMPLE_RATE_RANGE: [f64; 2] = [256.0, 32_768.0];
 
 /// All settings of a box with that many inputs.
@@ -36,7 +36,7 @@ pub struct Settings<const INPUTS: usize> {
 }
 
 impl<const INPUTS: usize> Settings<INPUTS> {
-    /// As delivered: no name, no calibration.
+    /// Settings as delivered: no name, no calibration.
     pub const DELIVERED: Self = Self {
         name: Text::new(),
         link_baud: LINK_BAUD,
@@ -110,9 +110,9 @@ impl<const INPUTS: usize> Settings<INPUTS> {
         Ok(())
     }
 
-    /// All settings that are not as delivered; what is left out is.
+    /// All settings that are not as delivered.
     pub fn changed(&self) -> impl Iterator<Item = Setting<'_>> {
-        // All of those as delivered are 4 KB, and the stack is small.
+        // Not compared with `DELIVERED`, whose 4 KB would lie on the small stack.
         let name = (!self.name.is_empty()).then_some(Setting::Name(&self.name));
         let baud = self.link_baud != LINK_BAUD;
         let rate = self.sample_rate != SAMPLE_RATE;
@@ -154,7 +154,7 @@ mod tests {
     use crate::calibration::Preset;
 
     #[test]
-    fn what_is_set_is_got() {
+    fn settings_are_read_as_set() {
         let mut settings = Settings::<4>::DELIVERED;
         let preset = Preset::bridge(500.0, 2e-3, 3.3);
         let all = [
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_and_changes_nothing() {
+    fn invalid_settings_are_refused_and_change_nothing() {
         let mut settings = Settings::<4>::DELIVERED;
         let preset = Preset::bridge(500.0, 2e-3, 3.3);
         let input = preset.input(4, "", "", None, 0.0);

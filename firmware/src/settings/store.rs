@@ -3,13 +3,13 @@
 //! # Design
 //!
 //! All settings are one item, so that a cut leaves the old ones or the new ones and never some of
-//! each. `journal` says how items lie in the pages; this file makes settings of
-//! them. An item is read back before it counts as kept.
+//! each. `journal` places items in the pages, and reads each back after writing it; this file
+//! converts items to settings.
 //!
 //! On the STM32F405 the pages are the last two sectors of 128 KiB. Erasing one stops the chip for
 //! one second, two at the worst, since program and settings share one bank: save between runs.
-//! The largest settings of 32 inputs take 4 KiB, so that a sector is erased every thirtieth time,
-//! and the first time.
+//! The largest settings of 32 inputs take 4 KiB, so that a sector is erased at the first and at
+//! every thirtieth save.
 
 use super::Settings;
 use super::journal::{CELL, Journal, item_room};
@@ -17,35 +17,35 @@ use super::layout::{self, LayoutError};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Bytes that settings of a box with that many inputs take on their way from and to the flash.
+/// Bytes of the buffer to load and save the settings of a box with that many inputs.
 #[must_use]
 pub const fn room(inputs: usize) -> usize {
     item_room(layout::room(inputs))
 }
 
-/// What was found in the flash.
+/// Content of the flash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loaded {
     /// Settings, written by this version of the layout.
     Settings(u16),
-    /// Nothing: the box is as it was delivered.
+    /// No settings: the flash is as delivered.
     Nothing,
 }
 
-/// Why settings were not read or written.
+/// Error of reading or writing settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// The range is not made of whole pages, or of fewer than two.
+    /// The range is not made of two or more whole pages.
     Range,
     /// The flash failed.
     Flash,
-    /// The flash holds nothing that can be read, but is not empty. Saving makes it usable again.
+    /// The flash is not empty, but holds no valid settings. A save makes it usable again.
     Corrupted,
-    /// The buffer has no room for the settings, or a page has none.
+    /// The buffer or a page is too small for the settings.
     Room,
-    /// They are kept in a layout that this firmware does not know.
+    /// The settings are in an unknown layout.
     Layout(LayoutError),
-    /// What was read back is not what was written.
+    /// The bytes read back are not those written.
     Verify,
 }
 
@@ -62,16 +62,16 @@ impl core::fmt::Display for StoreError {
                 layout::VERSION
             ),
             Self::Layout(LayoutError::Malformed) => {
-                f.write_str("the settings in the flash make no sense")
+                f.write_str("the settings in the flash cannot be read")
             }
-            Self::Verify => f.write_str("the flash does not keep what is written"),
+            Self::Verify => f.write_str("the flash does not hold the bytes that were written"),
         }
     }
 }
 
 impl core::error::Error for StoreError {}
 
-/// A part of a flash that keeps settings.
+/// A part of a flash that holds settings.
 pub struct Store<F>(Journal<F>);
 
 impl<F: NorFlash> Store<F> {
@@ -85,19 +85,18 @@ impl<F: NorFlash> Store<F> {
         journal.map(Self).ok_or(StoreError::Range)
     }
 
-    /// Gives the flash back.
+    /// Returns the flash.
     pub fn release(self) -> F {
         self.0.release()
     }
 
-    /// Reads the last settings that were written whole; where there are none, `settings` become
-    /// those as delivered. `buffer` has [`room`] bytes. Nothing is written.
+    /// Reads the last settings that were written completely; without any, `settings` are as
+    /// delivered. `buffer` has [`room`] bytes. Nothing is written.
     ///
     /// # Errors
     ///
-    /// [`StoreError`]; the box then goes on as delivered, and says so. A flash in which nothing
-    /// has been saved yet but that is not empty, since the power was cut meanwhile or an earlier
-    /// firmware had another journal, is [`StoreError::Corrupted`].
+    /// [`StoreError`]; `settings` are as delivered then. [`StoreError::Corrupted`] includes a power
+    /// cut during the first save, and the journal of an earlier firmware.
     pub fn load<const INPUTS: usize>(
         &mut self,
         settings: &mut Settings<INPUTS>,
@@ -119,9 +118,8 @@ impl<F: NorFlash> Store<F> {
         Ok(Loaded::Settings(version))
     }
 
-    /// Keeps settings. When this has returned without an error, they survive anything but a
-    /// broken flash; if power fails before, these or the last ones do. `buffer` has [`room`]
-    /// bytes.
+    /// Saves settings. After a return without an error they survive any power cut; if power fails
+    /// before, these or the last ones do. `buffer` has [`room`] bytes.
     ///
     /// # Errors
     ///

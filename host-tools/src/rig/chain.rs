@@ -104,7 +104,7 @@ impl<D: AsRef<[Vec<f32>]>> Chain<D> {
             let Some(sample) = taken else { continue };
             let result = take(&sample);
             if sample.number > LEAD {
-                self.mischief.inflict(&mut bench.borrow_mut());
+                self.mischief.inject(&mut bench.borrow_mut());
             }
             return result;
         }

@@ -167,6 +167,6 @@ impl Mischief {
                 return;
             }
         };
-        self.injector.inflict(rig, kind, chip);
+        self.injector.inject(rig, kind, chip);
     }
 }

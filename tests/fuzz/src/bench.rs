@@ -1,5 +1,5 @@
-//! A box on a bench: the instrument, a board with the firmware's settings whose clock and
-//! converters a script has in its hand, and what the box says.
+//! A test bench: the instrument, and a board with the firmware's settings whose clock and
+//! converters are controlled by a script.
 
 use crate::link::{self, Piece};
 use massline_firmware::instrument::{
@@ -18,9 +18,9 @@ pub const TICK_HZ: u32 = 1_000_000;
 /// The board.
 #[derive(Debug)]
 pub struct Hardware {
-    /// Its clock.
+    /// Time, ticks.
     pub ticks: u64,
-    /// Rate at which the converters run, Hz.
+    /// Sample rate of the running converters, Hz.
     pub converting: Option<f64>,
     /// Number of the converters' next sample.
     pub samples: u64,
@@ -88,22 +88,22 @@ impl Board for Hardware {
     }
 }
 
-/// A message of the box.
+/// A message from the box.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Said {
-    /// Its number in the contract.
+pub struct Sent {
+    /// Number of its type on the wire.
     pub number: u8,
-    /// The request that it answers; zero for events.
+    /// Id of the request that it answers; zero for events.
     pub id: u16,
     /// Its payload.
     pub payload: Vec<u8>,
 }
 
-impl Said {
-    /// Shows the reply that it is.
+impl Sent {
+    /// Decodes the message as a reply.
     ///
     /// # Panics
-    /// If it is none.
+    /// If it is no reply.
     pub fn read(&self, see: impl FnOnce(&Reply<'_>)) {
         let wire = link::frame(&link::header(self.number, 1, 0, self.id), &self.payload);
         let mut buffer = [0; BODY_MAX];
@@ -115,19 +115,19 @@ impl Said {
     }
 }
 
-/// What the box has said, all of it written as frames, as it would be on the link.
+/// Messages from the box, each of which was encoded as a frame and decoded again.
 #[derive(Debug, Default)]
 pub struct Out {
-    /// In its order.
-    pub said: Vec<Said>,
+    /// Messages in order.
+    pub sent: Vec<Sent>,
 }
 
 impl Out {
     fn keep(&mut self, frame: &[u8]) {
-        let Piece::Sound(header, payload) = link::judge(&frame[1..frame.len() - 1]) else {
+        let Piece::Sound(header, payload) = link::classify(&frame[1..frame.len() - 1]) else {
             panic!("this is no frame: {frame:?}");
         };
-        self.said.push(Said {
+        self.sent.push(Sent {
             number: header[1],
             id: u16::from_le_bytes([header[8], header[9]]),
             payload,
@@ -161,14 +161,14 @@ pub struct Shelf {
     persistent: Box<Persistent>,
 }
 
-/// The box on its bench.
+/// The box on the test bench.
 #[derive(Debug)]
 pub struct Bench<'m> {
     /// The instrument.
     pub instrument: Instrument<'m>,
-    /// The board below it.
+    /// The board of the instrument.
     pub hardware: Hardware,
-    /// What it says.
+    /// The messages that it sends.
     pub out: Out,
 }
 
@@ -217,15 +217,15 @@ impl<'m> Bench<'m> {
             .request(id, request, &mut self.hardware, &mut self.out);
     }
 
-    /// Sends a request and takes its reply away, which must come at once.
+    /// Sends a request and removes its reply, which must come at once.
     ///
     /// # Panics
-    /// If there is none, or more than one.
-    pub fn ask(&mut self, request: &Request<'_>) -> Said {
-        let before = self.out.said.len();
-        self.send(ASKED, request);
-        let mut replies = self.out.said.split_off(before);
-        replies.retain(|said| said.id == ASKED);
+    /// If there is no reply, or more than one.
+    pub fn request(&mut self, request: &Request<'_>) -> Sent {
+        let before = self.out.sent.len();
+        self.send(OWN_ID, request);
+        let mut replies = self.out.sent.split_off(before);
+        replies.retain(|sent| sent.id == OWN_ID);
         assert_eq!(replies.len(), 1, "{request:?}: {replies:?}");
         replies.remove(0)
     }
@@ -236,5 +236,5 @@ impl<'m> Bench<'m> {
     }
 }
 
-/// The id of requests that the bench itself asks.
-pub const ASKED: u16 = u16::MAX;
+/// Id of the bench's own requests.
+pub const OWN_ID: u16 = u16::MAX;

@@ -1,11 +1,11 @@
-//! What a box answers to a host: a script in the place of some of its answers, and a real
-//! instrument behind it.
+//! A box as a host's client sees it: some of its answers come from a script, the others from an
+//! instrument.
 //!
-//! The first byte chooses what the host does.
+//! The first byte chooses the host's command.
 
-use crate::bench::{Bench, Said, Shelf};
+use crate::bench::{Bench, Sent, Shelf};
 use crate::link;
-use crate::scratch::{Scratch, sayable};
+use crate::scratch::{Scratch, assert_message};
 use crate::script::{Bytes, steps};
 use massline::acquire::{self, Ending};
 use massline::box_runs::{BoxRunError, BoxTest, Ended, Measuring, Operator, Progress, Stage};
@@ -22,14 +22,14 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::time::Duration;
 
-/// Frames after which a command talks without end: it may ask eight times for each of some
-/// hundred things, and streams a few thousand samples.
+/// Frames after which a command counts as endless: eight requests for each of some hundred items,
+/// and a few thousand samples.
 const TALK: u32 = 20_000;
-/// Looks at a recording or a run before it is stopped.
+/// Reads of a recording or a run before it is stopped.
 const LOOKS: u32 = 60;
-/// Times in a row that there may be nothing to receive before the link is cut.
+/// Reads in a row without bytes before the link is cut.
 const SILENT: u32 = 200;
-/// Most bytes that a recording may take of what came over the link in [`LOOKS`] looks.
+/// Largest file of a recording after [`LOOKS`] reads, bytes.
 const FILE: u64 = 64 << 20;
 
 /// The other end of the link.
@@ -42,12 +42,12 @@ pub struct Answering<'s, 'm> {
     session: u16,
     sequence: u32,
     talk: u32,
-    /// Times in a row that there was nothing to receive.
+    /// Reads in a row without bytes.
     silent: u32,
 }
 
 impl<'s, 'm> Answering<'s, 'm> {
-    /// A box that answers by a script, and then as the instrument does, or not at all.
+    /// A box that answers by a script, and then by the instrument, if any.
     #[must_use]
     pub fn new(script: &'s [u8], bench: Option<Bench<'m>>) -> Self {
         Self {
@@ -68,7 +68,7 @@ impl<'s, 'm> Answering<'s, 'm> {
         self.output.extend(link::frame(&header, payload));
     }
 
-    /// Answers a request: by the next steps of the script up to one that is an answer, or none.
+    /// Answers a request by the next steps of the script up to an answer, if any.
     fn answer(&mut self, id: u16, request: &Request<'_>) {
         while let Some((step, mut bytes)) = self.script.pop_front() {
             match step % 8 {
@@ -86,7 +86,7 @@ impl<'s, 'm> Answering<'s, 'm> {
                     let (number, id) = (bytes.u8(), bytes.u16());
                     self.frame(number, id, bytes.0);
                 }
-                // It keeps silent.
+                // No answer.
                 6 => return,
                 _ => {
                     self.session = self.session.wrapping_add(1);
@@ -104,23 +104,23 @@ impl<'s, 'm> Answering<'s, 'm> {
         }
     }
 
-    /// Passes on what the instrument says.
+    /// Sends the instrument's messages.
     fn pass_on(&mut self) {
         let Some(bench) = &mut self.bench else { return };
-        let said: Vec<Said> = bench.out.said.drain(..).collect();
-        for said in said {
-            self.frame(said.number, said.id, &said.payload);
+        let sent: Vec<Sent> = bench.out.sent.drain(..).collect();
+        for sent in sent {
+            self.frame(sent.number, sent.id, &sent.payload);
         }
     }
 
-    /// Lets the instrument work, one look at a time.
+    /// Polls the instrument once.
     fn work(&mut self) {
         let Some(bench) = &mut self.bench else { return };
         for _ in 0..4 {
             bench.poll();
         }
         if let Some(job) = bench.instrument.take_job() {
-            // Without having been run: what it finds is another target's.
+            // The job is not run: identification is another target.
             bench
                 .instrument
                 .finish(job, &mut bench.hardware, &mut bench.out);
@@ -161,7 +161,7 @@ impl Port for Answering<'_, '_> {
             false => 0,
         };
         if self.silent > SILENT {
-            // Time does not pass here, and nobody waits for a box that says nothing any more.
+            // Time does not pass here, so a silent box counts as gone.
             return Err(PortError::Gone {
                 name: self.name(),
                 reason: "the script has ended".to_owned(),
@@ -181,7 +181,7 @@ impl Port for Answering<'_, '_> {
     }
 }
 
-/// A set-up that the box can take.
+/// A valid set-up.
 const SETUP: &str = r#"
 [processing]
 sample_rate = 512.0
@@ -202,7 +202,7 @@ recording = "x.csv"
 reference = "drive"
 "#;
 
-/// Inputs of a box, each with the channel that it reads.
+/// Inputs of a box, with the channels wired to them.
 #[must_use]
 pub fn wired<'c>(channels: impl IntoIterator<Item = &'c str>) -> Vec<InputEntry> {
     let voltage = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
@@ -217,7 +217,7 @@ pub fn wired<'c>(channels: impl IntoIterator<Item = &'c str>) -> Vec<InputEntry>
     (0..32).zip(channels).filter_map(entry).collect()
 }
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let choice = bytes.u8();
@@ -226,7 +226,7 @@ pub fn run(bytes: &[u8]) {
     let mut memory = ClientMemory::new();
     let mut client = Client::new(Answering::new(bytes.0, bench), &mut memory);
     let inputs = wired(["a1", "fx", "drive"]);
-    let said = match choice & 7 {
+    let result = match choice & 7 {
         0 => (|| {
             let info = client.hello()?;
             client.ping(7)?;
@@ -234,11 +234,11 @@ pub fn run(bytes: &[u8]) {
             Ok(format!("{info:?}"))
         })()
         .map_err(|error: massline::device::ClientError| error.to_string()),
-        1 => told(client.wired_inputs(4)),
-        2 => told(client.selftest()),
+        1 => shown(client.wired_inputs(4)),
+        2 => shown(client.selftest()),
         3 => {
-            let stopped = told(client.stop());
-            told(client.summary(0)).and(stopped)
+            let stopped = shown(client.stop());
+            shown(client.summary(0)).and(stopped)
         }
         4 => stream(&mut client),
         5 => record(&mut client, inputs),
@@ -249,12 +249,12 @@ pub fn run(bytes: &[u8]) {
                 assert!(!format!("{snapshot:?}").is_empty());
                 looks < LOOKS
             });
-            told(shown)
+            shown(shown)
         }
         _ => test(&mut client, &inputs),
     };
-    if let Err(text) = said {
-        sayable(&text);
+    if let Err(text) = result {
+        assert_message(&text);
     }
     let link = client.link();
     assert!(link.resent <= link.sent && !format!("{link:?}").is_empty());
@@ -310,11 +310,11 @@ fn record(
     });
     let made = made.map_err(|error| error.to_string())?;
     if let Ending::Failed(error) = &made.ending {
-        sayable(&error.to_string());
+        assert_message(&error.to_string());
     }
     let size = std::fs::metadata(&made.file).map_or(0, |data| data.len());
     assert!(size < FILE, "{size} bytes");
-    // What it says is what is there.
+    // The channels are read back.
     let names: Vec<&str> = made.channels.iter().map(String::as_str).collect();
     let opened = Recording::open(&made.file, &names);
     let mut recording = opened.unwrap_or_else(|error| panic!("{error}"));
@@ -335,10 +335,10 @@ fn record(
     Ok(format!("{made:?}"))
 }
 
-/// Whoever ends each run after some looks.
-struct Hasty(u32);
+/// An operator who ends each run after some reads.
+struct Impatient(u32);
 
-impl Operator for Hasty {
+impl Operator for Impatient {
     fn shake(&mut self, _: &Stage<'_>) -> Result<(), BoxRunError> {
         Ok(())
     }
@@ -358,20 +358,22 @@ fn test(
     client: &mut Client<'_, Answering<'_, '_>>,
     inputs: &[InputEntry],
 ) -> Result<String, String> {
-    let say = |error: BoxRunError| {
+    let text = |error: BoxRunError| {
         assert!([1, 2].contains(&error.exit_code()));
         error.to_string()
     };
     let setup = Setup::from_str(SETUP, Path::new("setup.toml"));
     let setup = setup.unwrap_or_else(|error| panic!("{error}"));
-    let test = BoxTest::new(client, &setup, inputs, Method::ApparentMass, false).map_err(say)?;
-    test.load(client).map_err(say)?;
+    let test = BoxTest::new(client, &setup, inputs, Method::ApparentMass, false).map_err(text)?;
+    test.load(client).map_err(text)?;
     let order = Measuring {
         runs: vec![0],
         seconds: Some(1.0),
     };
-    let measured = test.measure(client, &order, &mut Hasty(0)).map_err(say);
-    let found = test.identify(client, false).map_err(say);
+    let measured = test
+        .measure(client, &order, &mut Impatient(0))
+        .map_err(text);
+    let found = test.identify(client, false).map_err(text);
     measured?;
     let document = found?.document("fuzz", None);
     Ok(format!("{document:?}"))

@@ -1,10 +1,10 @@
-//! The box's settings in flash: their bytes, and the pages they lie in.
+//! The box's settings in flash: their bytes, and the pages that hold them.
 //!
-//! The first byte chooses: the bytes of one layout, or what happens to two pages of flash.
+//! The first byte chooses between the bytes of one layout and operations on two pages of flash.
 
 use crate::script::{Bytes, steps};
 use embedded_storage::nor_flash::NorFlash;
-use massline_firmware::models::flash::{Accident, Flash};
+use massline_firmware::models::flash::{Fault, Flash};
 use massline_firmware::settings::layout::{self, LayoutError};
 use massline_firmware::settings::{LINK_BAUD_RANGE, Loaded, Settings, Store, StoreError};
 use massline_firmware::wire::{Request, SettingKey};
@@ -16,7 +16,7 @@ const ROOM: usize = 900;
 
 type Pages = Flash<PAGE, PAGES>;
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     if bytes.u8() & 1 == 0 {
@@ -26,7 +26,7 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-/// Bytes that a checksum has found sound.
+/// Tests bytes with a right checksum.
 fn layout(bytes: &[u8]) {
     let mut settings = Settings::<INPUTS>::DELIVERED;
     match layout::read(bytes, &mut settings) {
@@ -48,7 +48,7 @@ fn layout(bytes: &[u8]) {
     }
 }
 
-/// What holds of any settings that a box goes by.
+/// Asserts the limits of all settings.
 fn sound(settings: &Settings<INPUTS>) {
     assert!((LINK_BAUD_RANGE[0]..=LINK_BAUD_RANGE[1]).contains(&settings.link_baud()));
     let rate = settings.sample_rate();
@@ -60,16 +60,16 @@ fn sound(settings: &Settings<INPUTS>) {
     }
 }
 
-/// Two pages, which a script fills, spoils and cuts the power of. Whatever was there, what is
-/// saved without an accident is found; what was saved and left alone stays.
+/// Tests two pages, which a script fills, damages and cuts the power of. Settings saved without a
+/// fault are found, whatever was in the pages; settings remain after power cuts.
 fn pages(script: &[u8]) {
     let mut flash = Pages::new(1);
     let mut settings = Settings::<INPUTS>::DELIVERED;
-    // What must be found as long as nothing but power cuts happens.
+    // One of these must be found as long as there are only power cuts.
     let mut kept = vec![None];
     for (step, mut bytes) in steps(script).take(40) {
         match step % 8 {
-            // Any bytes at any place, as far as bits can be cleared.
+            // Any bytes at any address, as far as bits can be cleared.
             0 => {
                 let at = usize::from(bytes.u16()) % (PAGE * PAGES);
                 let bytes = bytes.slice(PAGE * PAGES - at);
@@ -81,7 +81,7 @@ fn pages(script: &[u8]) {
                 flash.flip(bytes.u16().into(), bytes.u8());
                 kept.clear();
             }
-            // A setting as the link brings it.
+            // A setting from the link.
             2..=4 => {
                 let before = settings.clone();
                 let mut outcome = None;
@@ -96,26 +96,26 @@ fn pages(script: &[u8]) {
                 sound(&settings);
             }
             5 => settings = Settings::DELIVERED,
-            // Saved while something happens.
+            // A save with a fault.
             6 => {
                 let at = flash.worked() + u64::from(bytes.u16());
                 let flip = bytes.u8();
-                flash.arrange(match flip {
-                    0 => Accident::Cut(at),
-                    bit => Accident::Flip(at, bit),
+                flash.inject(match flip {
+                    0 => Fault::Cut(at),
+                    bit => Fault::Flip(at, bit),
                 });
                 let mut store = open(flash);
                 let saved = store.save(&settings, &mut [0; ROOM]);
                 flash = store.release();
                 flash.switch_on();
-                // A byte that comes out wrong is one of what is being written, and is seen there.
+                // A wrong byte is one of the written ones, and is detected.
                 if saved.is_ok() {
                     kept = vec![Some(settings.clone())];
                 } else if !kept.is_empty() {
                     kept.push(Some(settings.clone()));
                 }
             }
-            // Saved.
+            // A save.
             _ => {
                 flash = save(flash, &settings);
                 kept = vec![Some(settings.clone())];
@@ -130,7 +130,7 @@ fn open(flash: Pages) -> Store<Pages> {
     Store::new(flash, 0..(PAGE * PAGES) as u32).expect("these are whole pages")
 }
 
-/// Saves, and finds again.
+/// Saves settings, and asserts that they are found.
 fn save(flash: Pages, settings: &Settings<INPUTS>) -> Pages {
     let mut store = open(flash);
     assert_eq!(store.save(settings, &mut [0; ROOM]), Ok(()));
@@ -141,7 +141,7 @@ fn save(flash: Pages, settings: &Settings<INPUTS>) -> Pages {
     store.release()
 }
 
-/// Loads; finds one of `kept`, unless that is empty.
+/// Loads settings; asserts that they are one of `kept`, unless that is empty.
 fn look(flash: Pages, kept: &[Option<Settings<INPUTS>>]) -> Pages {
     let mut store = open(flash);
     let mut found = Settings::DELIVERED;
@@ -156,7 +156,7 @@ fn look(flash: Pages, kept: &[Option<Settings<INPUTS>>]) -> Pages {
     if !kept.is_empty() {
         let found = match loaded {
             Ok(Loaded::Settings(_)) => Some(found),
-            // What is left of a first save is not nothing.
+            // The remains of a first save are unreadable.
             Ok(Loaded::Nothing) | Err(StoreError::Corrupted) => None,
             Err(error) => panic!("{error}"),
         };

@@ -1,12 +1,12 @@
 //! A file of inputs.
 
-use crate::scratch::{Scratch, sayable};
+use crate::scratch::{Scratch, assert_message};
 use massline::inputs::{self, InputEntry};
 use massline::setup::DocumentError;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::wire::Health;
 
-/// Extremes of a converter of 24 bits, and what is beyond them.
+/// Extremes of a converter of 24 bits, and counts beyond them.
 const COUNTS: [i32; 9] = [
     i32::MIN,
     -8_388_609,
@@ -19,7 +19,7 @@ const COUNTS: [i32; 9] = [
     i32::MAX,
 ];
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let scratch = Scratch::new();
     let read = |bytes: &[u8]| -> Result<Vec<InputEntry>, DocumentError> {
@@ -27,7 +27,7 @@ pub fn run(bytes: &[u8]) {
     };
     let entries = match read(bytes) {
         Ok(entries) => entries,
-        Err(error) => return sayable(&error.to_string()),
+        Err(error) => return assert_message(&error.to_string()),
     };
     let text = inputs::to_toml(&entries);
     match read(text.as_bytes()) {

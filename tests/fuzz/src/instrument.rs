@@ -1,6 +1,6 @@
-//! Requests to the box, with samples and time between them.
+//! Requests to the box, with samples and time in between.
 
-use crate::bench::{ASKED, Bench, Said, Shelf};
+use crate::bench::{Bench, OWN_ID, Sent, Shelf};
 use crate::link;
 use crate::script::{Bytes, steps};
 use massline_firmware::instrument::{Job, RawSample};
@@ -10,16 +10,16 @@ use massline_firmware::wire::{
     Status, Values,
 };
 
-/// Steps of a script that are taken.
+/// Most steps of a script.
 const STEPS: usize = 200;
-/// Samples of a script that are taken, and computed.
+/// Most samples of a script.
 const SAMPLES: u32 = 6000;
-/// Jobs of a script that are run: each takes milliseconds.
+/// Most jobs of a script: each takes milliseconds.
 const JOBS: u32 = 2;
-/// Requests of a script around which everything that can be read is read.
+/// Most requests of a script before and after which the whole state is read.
 const LOOKS: u32 = 20;
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let mut shelf = Shelf::default();
     let mut talk = Talk {
@@ -41,14 +41,14 @@ pub fn run(bytes: &[u8]) {
 
 struct Talk<'m> {
     bench: Bench<'m>,
-    /// A job that was taken and did not come back yet.
+    /// A job that has not come back yet.
     job: Option<Job<'m>>,
-    /// The request that is still worked at.
+    /// A request without its final reply.
     pending: Option<u16>,
     samples: u32,
     jobs: u32,
     looks: u32,
-    /// As far as any run has come: a run that has ended says so again.
+    /// Greatest progress of any run; the status repeats that of an ended run.
     reached: u64,
     noise: u32,
     id: u16,
@@ -82,23 +82,23 @@ impl Talk<'_> {
                 instrument.fault(kind, Some(bytes.u8()), hardware, out);
             }
         }
-        self.hear();
+        self.check_events();
     }
 
     /// Sends a request of the script.
     fn request(&mut self, request: &Request<'_>) {
-        // The last id is the bench's own.
-        self.id = (self.id + 1) % ASKED;
+        // The last id is that of the bench.
+        self.id = (self.id + 1) % OWN_ID;
         let id = self.id.max(1);
-        self.hear();
+        self.check_events();
         let before = self.look();
         let status = self.status();
         self.bench.send(id, request);
-        let said: Vec<Said> = self.bench.out.said.drain(..).collect();
-        let replies: Vec<&Said> = said.iter().filter(|said| said.id == id).collect();
-        for said in &said {
-            // Nothing else that takes its time can be ended by a request.
-            assert!(said.id == 0 || said.id == id, "{said:?} to {request:?}");
+        let sent: Vec<Sent> = self.bench.out.sent.drain(..).collect();
+        let replies: Vec<&Sent> = sent.iter().filter(|sent| sent.id == id).collect();
+        for sent in &sent {
+            // No other long request can be ended by a request.
+            assert!(sent.id == 0 || sent.id == id, "{sent:?} to {request:?}");
         }
         let reply = match replies.as_slice() {
             [] => {
@@ -131,7 +131,7 @@ impl Talk<'_> {
         });
     }
 
-    /// What the box says that it has taken is no more than what was sent.
+    /// Asserts that the reported progress is no more than was sent.
     fn taken(&self, request: &Request<'_>, taken: &Progress) {
         let Request::Samples(samples) = request else {
             panic!("{request:?} has taken samples: {taken:?}");
@@ -145,7 +145,7 @@ impl Talk<'_> {
         );
     }
 
-    /// Samples in order from where the run stands.
+    /// Feeds samples in order from the run's position.
     fn feed(&mut self, bytes: &mut Bytes<'_>) {
         let count = u32::from(bytes.u16()).min(self.samples);
         let channels = bytes.u8().clamp(1, 48);
@@ -153,7 +153,7 @@ impl Talk<'_> {
         self.samples -= count;
         let mut left = count as usize;
         let next = self.status().running.map_or(0, |run| run.next);
-        // A run may have come to the last number there is.
+        // A run may be at the last number.
         let mut first = next.saturating_add(jump);
         while left > 0 {
             let fit = Samples::fit(channels, 3).min(left);
@@ -161,7 +161,7 @@ impl Talk<'_> {
             for _ in 0..fit {
                 let common = self.random() >> 16;
                 for channel in 0..u32::from(channels) {
-                    // Shares of one noise, and a little of their own.
+                    // Correlated noise, and a part of their own.
                     let own = self.random() >> 24;
                     let value = (common * (1 + channel * 5 % 7)) as i32 - (1 << 18) + own as i32;
                     values.extend(Count24::new(value.clamp(-8_388_608, 8_388_607)));
@@ -185,7 +185,7 @@ impl Talk<'_> {
         self.noise
     }
 
-    /// Samples of the box's own converters.
+    /// Feeds samples of the box's own converters.
     fn convert(&mut self, bytes: &mut Bytes<'_>) {
         let count = u32::from(bytes.u16()).min(self.samples);
         self.samples -= count;
@@ -220,7 +220,7 @@ impl Talk<'_> {
 
     fn poll(&mut self, times: u32) {
         for _ in 0..times {
-            // A poll computes eight samples, if any.
+            // A poll computes up to eight samples.
             if self.samples < 8 {
                 return;
             }
@@ -231,7 +231,7 @@ impl Talk<'_> {
         }
     }
 
-    /// The task of low priority takes the job, runs it, or gives it back.
+    /// The task of low priority takes the job, runs it, or returns it.
     fn work(&mut self, how: u8) {
         let mut job = self.job.take().or_else(|| self.bench.instrument.take_job());
         if how & 1 == 1
@@ -253,20 +253,20 @@ impl Talk<'_> {
         }
     }
 
-    /// Hears what the box says without being asked at once.
-    fn hear(&mut self) {
-        let said: Vec<Said> = self.bench.out.said.drain(..).collect();
-        for said in said.iter().filter(|said| said.id != 0) {
-            assert_eq!(Some(said.id), self.pending.take(), "{said:?}");
+    /// Checks events and late replies.
+    fn check_events(&mut self) {
+        let sent: Vec<Sent> = self.bench.out.sent.drain(..).collect();
+        for sent in sent.iter().filter(|sent| sent.id != 0) {
+            assert_eq!(Some(sent.id), self.pending.take(), "{sent:?}");
         }
         let next = self.status().running.map_or(0, |run| run.next);
         self.reached = self.reached.max(next);
     }
 
     fn status(&mut self) -> Status {
-        let said = self.bench.ask(&Request::Status);
+        let sent = self.bench.request(&Request::Status);
         let mut status = None;
-        said.read(|reply| {
+        sent.read(|reply| {
             if let Reply::Status(found) = reply {
                 status = Some(*found);
             }
@@ -276,14 +276,14 @@ impl Talk<'_> {
         status
     }
 
-    /// Everything that a host can read, unless that was done too often.
-    fn look(&mut self) -> Option<Vec<Said>> {
+    /// Reads the whole state, up to [`LOOKS`] times.
+    fn look(&mut self) -> Option<Vec<Sent>> {
         self.looks = self.looks.checked_sub(1)?;
-        let mut all = vec![self.bench.ask(&Request::ReadAnswer)];
+        let mut all = vec![self.bench.request(&Request::ReadAnswer)];
         for run in 0..6 {
-            all.push(self.bench.ask(&Request::ReadSummary(run)));
-            all.push(self.bench.ask(&Request::ReadWeights(run)));
-            all.push(self.bench.ask(&Request::ReadPeaks(run)));
+            all.push(self.bench.request(&Request::ReadSummary(run)));
+            all.push(self.bench.request(&Request::ReadWeights(run)));
+            all.push(self.bench.request(&Request::ReadPeaks(run)));
         }
         for key in [
             SettingKey::Name,
@@ -292,20 +292,20 @@ impl Talk<'_> {
             SettingKey::Input(0),
             SettingKey::Input(INPUTS as u8 - 1),
         ] {
-            all.push(self.bench.ask(&Request::ReadSetting(key)));
+            all.push(self.bench.request(&Request::ReadSetting(key)));
         }
         Some(all)
     }
 
-    /// Lets the box finish what it is at: then everything is answered.
+    /// Polls until the box is idle: then every request has its reply.
     fn end(&mut self) {
-        self.hear();
+        self.check_events();
         if self.job.is_some() {
             self.work(0);
         }
         self.work(0);
-        self.hear();
-        // A self-test goes on for thousands of samples more.
+        self.check_events();
+        // A self-test takes thousands of samples more.
         let status = self.status();
         let testing = status.busy == Some(Request::Selftest.number());
         if !testing {

@@ -1,17 +1,17 @@
-//! Fuzz targets: each takes any bytes and panics if they break a promise of the project.
+//! Fuzz targets: each takes any bytes, and panics if a property of the project does not hold.
 //!
-//! | target | bytes are | promises beyond "does not panic, hang or fill the memory" |
+//! | target | bytes are | properties beyond "does not panic, hang or fill the memory" |
 //! | --- | --- | --- |
-//! | [`wire`] | frames and noise on the link | what is sound is told from what is not as a second decoder does; chunks do not matter; what was read is written and read again |
-//! | [`instrument`] | requests to the box, with samples and time between them | one reply each; what is refused changes nothing |
-//! | [`setup`] | a set-up file | what is read is printed and read again |
-//! | [`recording`] | a recording, plain or compressed | a plain table gives the numbers that a naive reader finds |
-//! | [`inputs`] | a file of inputs | what is read is printed and read again; counts become finite numbers |
-//! | [`flash`] | the box's settings in flash | what is saved is found again, whatever was there before |
-//! | [`client`] | what a box answers to a host | every command ends; what `record` counts is in its file |
+//! | [`wire`] | frames and noise on the link | a second decoder finds the same valid frames; chunks do not matter; messages that are read can be written and read again |
+//! | [`instrument`] | requests to the box, with samples and time in between | one reply each; a refused request changes nothing |
+//! | [`setup`] | a set-up file | a valid set-up can be printed and read again |
+//! | [`recording`] | a recording, plain or compressed | a plain table has the numbers that a simple reader finds |
+//! | [`inputs`] | a file of inputs | valid inputs can be printed and read again; counts become finite numbers |
+//! | [`flash`] | the box's settings in flash | saved settings are found again, whatever was there before |
+//! | [`client`] | answers of a box to a host | every command ends; `record` counts the samples in its file |
 //!
 //! `cargo xtask fuzz` runs them under libFuzzer, guided by coverage; the test `corpus` of this
-//! crate repeats what was found in the folder `corpus` on every test run, without it.
+//! crate repeats the inputs of the folder `corpus` on every test run, without it.
 
 #![forbid(unsafe_code)]
 
@@ -28,7 +28,7 @@ pub mod seeds;
 pub mod setup;
 pub mod wire;
 
-/// A target's body.
+/// Body of a target.
 pub type Run = fn(&[u8]);
 
 /// All targets, by the names of their programs and of their folders of inputs.

@@ -1,10 +1,10 @@
-//! Frames, written and read a second time from the description of the contract alone.
+//! A second encoder and decoder of frames, from the description of the protocol alone.
 
 use massline_firmware::wire::{
     BODY_MAX, CHECKSUM, HEADER, PROTOCOL_VERSION, Received, Receiver, Request, ToBox,
 };
 
-/// A header of this version.
+/// A header of this version of the protocol.
 #[must_use]
 pub fn header(number: u8, session: u16, sequence: u32, request: u16) -> [u8; HEADER] {
     let mut header = [0; HEADER];
@@ -63,7 +63,7 @@ pub fn stuffed(body: &[u8]) -> Vec<u8> {
             out.extend(&group[..254]);
             group = &group[254..];
             if group.is_empty() && groups.peek().is_none() {
-                // Behind a full cut an empty group is needed only to carry a zero.
+                // After a full group an empty one is needed only for a zero.
                 return out;
             }
         }
@@ -73,7 +73,7 @@ pub fn stuffed(body: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Takes the stuffing out of what lies between two zeros; `None` if the last group is not whole.
+/// Decodes the bytes between two zeros; `None` if the last group is incomplete.
 #[must_use]
 pub fn unstuffed(piece: &[u8]) -> Option<Vec<u8>> {
     let mut body = Vec::new();
@@ -89,26 +89,26 @@ pub fn unstuffed(piece: &[u8]) -> Option<Vec<u8>> {
     Some(body)
 }
 
-/// What a piece between two zeros is.
+/// Kind of a piece between two zeros.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// A sound frame: its header, and its payload.
+    /// A valid frame: its header and its payload.
     Sound([u8; HEADER], Vec<u8>),
-    /// Its last group is not whole.
+    /// Its last group is incomplete.
     Cut,
-    /// More than fits.
+    /// It is longer than the longest frame.
     Long,
-    /// Less than a header and a checksum.
+    /// It is shorter than a header and a checksum.
     Short,
-    /// The checksum is that of other bytes.
+    /// Its checksum is wrong.
     Garbled,
 }
 
-/// Says what a piece between two zeros is.
+/// Classifies a piece between two zeros.
 #[must_use]
-pub fn judge(piece: &[u8]) -> Piece {
+pub fn classify(piece: &[u8]) -> Piece {
     let Some(body) = unstuffed(piece) else {
-        // A cut piece may have been too long before its end.
+        // A cut piece may already have been too long.
         let whole = piece.len() <= BODY_MAX;
         return if whole { Piece::Cut } else { Piece::Long };
     };
@@ -128,7 +128,7 @@ pub fn judge(piece: &[u8]) -> Piece {
     Piece::Sound(header, payload.to_vec())
 }
 
-/// Shows `take` the request of a number and a payload, if there is one.
+/// Passes the request of a number and a payload to `take`, if there is one.
 pub fn request(number: u8, payload: &[u8], take: impl FnOnce(&Request<'_>)) {
     let wire = frame(&header(number, 1, 0, 1), payload);
     let mut buffer = [0; BODY_MAX];
@@ -139,11 +139,11 @@ pub fn request(number: u8, payload: &[u8], take: impl FnOnce(&Request<'_>)) {
     }
 }
 
-/// The payload of a frame.
+/// Payload of a frame.
 #[must_use]
 pub fn payload(frame: &[u8]) -> Vec<u8> {
     let piece = frame.split(|&b| b == 0).find(|piece| !piece.is_empty());
-    match piece.map(judge) {
+    match piece.map(classify) {
         Some(Piece::Sound(_, payload)) => payload,
         _ => Vec::new(),
     }
@@ -163,7 +163,7 @@ mod tests {
                 let wire = frame(&head, &payload);
                 let piece = &wire[1..wire.len() - 1];
                 assert!(!piece.contains(&0));
-                assert_eq!(judge(piece), Piece::Sound(head, payload));
+                assert_eq!(classify(piece), Piece::Sound(head, payload));
             }
         }
     }

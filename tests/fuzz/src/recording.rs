@@ -1,8 +1,9 @@
 //! A recording, plain or compressed.
 //!
-//! The first byte says how the file is named and asked; the rest is the file, or what is in it.
+//! The first byte chooses the file's name and the channels; the rest is the file, or its
+//! uncompressed content.
 
-use crate::scratch::{Scratch, sayable};
+use crate::scratch::{Scratch, assert_message};
 use crate::script::Bytes;
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -11,10 +12,10 @@ use massline_firmware::wire::Health;
 use std::io::Write;
 use std::path::Path;
 
-/// Channels that are asked for.
+/// Channels that are requested.
 const CHANNELS: [&str; 2] = ["a1", "fx"];
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let choice = bytes.u8();
@@ -22,12 +23,12 @@ pub fn run(bytes: &[u8]) {
     let scratch = Scratch::new();
     let stated = (choice & 4 != 0).then_some(512.0);
     match choice & 3 {
-        // Any bytes that call themselves compressed.
+        // Any bytes with a name for compressed files.
         0 => {
             let file = scratch.file("any.csv.gz", text);
             drop(read(&file, stated));
         }
-        // Text that is compressed reads as it does plain.
+        // A compressed text reads as the plain one.
         1 => {
             let plain = outcome(read(&scratch.file("a.csv", text), stated));
             let packed = outcome(read(&scratch.file("a.csv.gz", &gzip(text)), stated));
@@ -52,7 +53,7 @@ fn read(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
     let table = rows(file, stated);
     if let Err(error) = &table {
         let text = error.to_string();
-        sayable(&text);
+        assert_message(&text);
         assert!(text.contains(".csv"), "no file is named: {text}");
     }
     table
@@ -65,7 +66,7 @@ fn rows(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
         assert!(rate > 0.0 && rate.is_finite());
     }
     let mut preamble = Vec::new();
-    // What was read from lines can be written as lines.
+    // A recording read from lines can be written as lines.
     let written = recording.preamble().write(&mut preamble);
     written.expect("a list takes all that is written to it");
     let (mut readings, mut faults) = (Vec::new(), Vec::new());
@@ -85,7 +86,7 @@ fn rows(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
     Ok((readings, faults))
 }
 
-/// What can be compared: the numbers, or the error without the file's name.
+/// Comparable results: the numbers, or the error without the file's name.
 fn outcome(table: Result<Table, RecordingError>) -> Result<(Vec<u64>, Vec<Health>), String> {
     match table {
         Ok((rows, faults)) => Ok((bits(&rows), faults)),
@@ -107,8 +108,8 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     written.expect("a list takes all that is written to it")
 }
 
-/// What anyone reads in a plain table: names without blanks or quotes, numbers between commas,
-/// lines that end in line feeds. `None` for all else.
+/// A simple reader of plain tables: names without blanks or quotes, numbers between commas, lines
+/// that end in line feeds. `None` for anything else.
 fn naive(text: &[u8]) -> Option<Vec<Vec<f64>>> {
     let text = std::str::from_utf8(text).ok()?.strip_suffix('\n')?;
     let mut lines = text.split('\n');
@@ -131,7 +132,7 @@ fn naive(text: &[u8]) -> Option<Vec<Vec<f64>>> {
         let mut row = Vec::new();
         for place in places {
             let number: f64 = fields[place].parse().ok()?;
-            // Readings are kept in single precision.
+            // Readings have single precision.
             (number as f32).is_finite().then(|| row.push(number))?;
         }
         rows.push(row);

@@ -1,14 +1,14 @@
-//! A folder for the files of one target, in memory where the system has such a place.
+//! A folder for the files of one target, in memory if the system has a file system there.
 
 use massline::printable::steers;
 use std::path::{Path, PathBuf};
 
-/// A folder that is gone with this.
+/// A folder that is removed on drop.
 #[derive(Debug)]
 pub struct Scratch(tempfile::TempDir);
 
 impl Scratch {
-    /// An empty one.
+    /// An empty folder.
     ///
     /// # Panics
     /// If there is no room for it.
@@ -23,7 +23,7 @@ impl Scratch {
         Self(folder.expect("there is room for a folder"))
     }
 
-    /// The place of a file in it.
+    /// Path of a file in it.
     #[must_use]
     pub fn place(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
@@ -47,12 +47,12 @@ impl Default for Scratch {
     }
 }
 
-/// Asserts what holds for everything that is said to a user: it is something, it is no novel, and
-/// nothing in it steers a terminal, wherever it came from.
+/// Asserts the properties of all messages to users: not empty, not too long, and without control
+/// characters for terminals.
 ///
 /// # Panics
-/// If it does not hold.
-pub fn sayable(text: &str) {
+/// If a property does not hold.
+pub fn assert_message(text: &str) {
     assert!(!text.is_empty());
     assert!(text.len() < 8000, "{} bytes: {text:.300}", text.len());
     // Messages may have several lines.

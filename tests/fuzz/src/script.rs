@@ -1,9 +1,9 @@
 //! Bytes as a list of steps, so that a mutation changes one of them and leaves the others.
 //!
-//! A step is its number, two bytes of length, and so many bytes. Whatever is missing is zero,
-//! so that any bytes are a script.
+//! A step is its number, two bytes of length, and so many bytes. Missing bytes are zero, so that
+//! any bytes are a script.
 
-/// Takes numbers off the front of bytes; zeros behind their end.
+/// Reads numbers from the beginning of bytes; zeros behind their end.
 #[derive(Clone, Copy, Debug)]
 pub struct Bytes<'a>(pub &'a [u8]);
 
@@ -43,7 +43,7 @@ impl<'a> Bytes<'a> {
         u64::from_le_bytes(self.array())
     }
 
-    /// Whether nothing is left.
+    /// `true` if no bytes are left.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()

@@ -1,4 +1,4 @@
-//! Inputs to begin with: what honest hosts, boxes and users write.
+//! Seeds: valid messages of hosts and boxes, and valid files of users.
 
 use crate::link;
 use crate::script::push;
@@ -30,7 +30,7 @@ fn request(request: &Request<'_>) -> Vec<u8> {
     step
 }
 
-/// The same of a reply or an event.
+/// A reply or an event as a step: its number and its payload.
 fn message(message: &FromBox<'_>) -> Vec<u8> {
     let mut out = [0; FRAME_MAX];
     let mut sender = Sender::new(1);
@@ -168,7 +168,7 @@ fn feed(samples: u16) -> Vec<u8> {
     step
 }
 
-/// A message of samples without any.
+/// A message of samples without samples.
 fn empty(first: u64) -> Vec<u8> {
     request(&Request::Samples(Samples {
         first,
@@ -229,7 +229,7 @@ fn instrument() -> Vec<Vec<u8>> {
     steps.push((0, request(&Request::Abort)));
     all.push(script(steps));
 
-    // No samples, but numbered ahead of the run, by little and by much, for both rules of gaps.
+    // No samples, but numbers ahead of the run, by little and by much, for both rules of gaps.
     for gaps in [Gaps::Refuse, Gaps::Count] {
         let mut steps: Vec<_> = requests(set_up(Weighting::Given, 1)).collect();
         steps.push((0, start(0, Pass::Measure, Source::Host, gaps)));
@@ -445,7 +445,7 @@ fn recordings() -> Vec<Vec<u8>> {
         .to_owned();
     for row in 0..8 {
         let x = f64::from(row) * 0.37 - 1.0;
-        // A list takes all that is written to it.
+        // Writing to a list does not fail.
         let _ = writeln!(plain, "{},{x},{:e},0", f64::from(row) / 512.0, x * 1e-3);
         let words = ["", "missing", "overload+open", "unknown"][row as usize % 4];
         let _ = match words {
@@ -464,7 +464,7 @@ fn recordings() -> Vec<Vec<u8>> {
     let mut simple = vec![2];
     simple.extend(b"a1,fx\n1,2\n-3.5e2,0.25\n");
     all.push(simple);
-    // An empty stream of gzip, by its description.
+    // An empty stream of gzip, from its specification.
     let empty = [
         31, 139, 8, 0, 0, 0, 0, 0, 0, 255, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0,
     ];

@@ -2,14 +2,14 @@
 
 use crate::bench::{Bench, Shelf};
 use crate::client::{Answering, wired};
-use crate::scratch::{Scratch, sayable};
+use crate::scratch::{Scratch, assert_message};
 use massline::box_runs::BoxTest;
 use massline::device::{Client, ClientMemory};
 use massline::setup::Setup;
 use massline_core::masslines::Method;
 use std::path::Path;
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let found = match std::str::from_utf8(bytes) {
         Ok(text) => Setup::from_str(text, Path::new("folder/setup.toml")),
@@ -17,7 +17,7 @@ pub fn run(bytes: &[u8]) {
     };
     let setup = match found {
         Ok(setup) => setup,
-        Err(error) => return sayable(&error.to_string()),
+        Err(error) => return assert_message(&error.to_string()),
     };
     let text = setup.to_toml();
     match Setup::from_str(&text, Path::new("folder/setup.toml")) {
@@ -27,7 +27,7 @@ pub fn run(bytes: &[u8]) {
     use_it(&setup);
 }
 
-/// What a command does with a set-up before it has read a recording.
+/// Uses a set-up as a command does before it reads a recording.
 fn use_it(setup: &Setup) {
     for run in &setup.runs {
         assert!(setup.recording_path(run).ends_with(&run.recording));
@@ -39,19 +39,19 @@ fn use_it(setup: &Setup) {
         let kept = processing.kept_up_to(Some(rate));
         assert!(kept.is_finite() && kept >= processing.averaging_band[1]);
         if let Err(error) = processing.check_bands(rate) {
-            sayable(&error.to_string());
+            assert_message(&error.to_string());
             continue;
         }
         let grid = processing.spectrum(rate);
         match grid.within(processing.averaging_band) {
             Ok(lines) => assert!(lines.end() <= processing.block_length / 2),
-            Err(error) => sayable(&error.to_string()),
+            Err(error) => assert_message(&error.to_string()),
         }
     }
     upload(setup);
 }
 
-/// A box gets the set-up, or this program says why not.
+/// Sends the set-up to a box, or asserts a message.
 fn upload(setup: &Setup) {
     let mut shelf = Shelf::default();
     let box_ = Answering::new(&[], Some(Bench::new(&mut shelf)));
@@ -64,6 +64,6 @@ fn upload(setup: &Setup) {
     let test = BoxTest::new(&mut client, setup, &wired, Method::ApparentMass, true);
     let loaded = test.and_then(|test| test.load(&mut client));
     if let Err(error) = loaded {
-        sayable(&error.to_string());
+        assert_message(&error.to_string());
     }
 }

@@ -1,7 +1,7 @@
 //! Frames and noise on the link, read by both ends.
 //!
-//! A script's steps append to a stream: noise, frames with sound checksums and any payload, and
-//! damage to what is there already.
+//! A script's steps append to a stream: noise, frames with right checksums and any payload, and
+//! damage to the bytes before.
 
 use crate::link::{self, Piece};
 use crate::script::{Bytes, steps};
@@ -14,7 +14,7 @@ use std::fmt::Debug;
 /// Longest stream, bytes: more only takes longer.
 const LONGEST: usize = 16 << 10;
 
-/// See the module.
+/// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let chunks = bytes.array::<4>();
@@ -27,7 +27,7 @@ pub fn run(bytes: &[u8]) {
     });
 }
 
-/// What a script has on the wire.
+/// The stream of a script.
 fn stream(script: &[u8]) -> Vec<u8> {
     let mut stream = Vec::new();
     let mut sequence = 0_u32;
@@ -54,7 +54,7 @@ fn stream(script: &[u8]) -> Vec<u8> {
             }
             // The last frame again.
             5 => stream.extend(&last),
-            // Numbers are left out, or a new session begins.
+            // Numbers are skipped, or a new session begins.
             6 => sequence = sequence.wrapping_add(bytes.u32()),
             // Damage.
             _ => {
@@ -70,8 +70,8 @@ fn stream(script: &[u8]) -> Vec<u8> {
     stream
 }
 
-/// Reads a stream as one side does, cut into chunks and as a whole, and compares with what the
-/// pieces between zeros are.
+/// Reads a stream as one side does, in chunks and as a whole, and compares the result with the
+/// pieces between zeros.
 fn read<D>(stream: &[u8], chunks: &[u8], see: &dyn Fn(&Header, &D::Message<'_>))
 where
     D: Direction + 'static,
@@ -85,7 +85,7 @@ where
         heard.push(format!("{received:?}"));
     });
 
-    // However it is cut, it says the same.
+    // The result does not depend on the chunks.
     let mut lengths = chunks.iter().cycle().map(|&n| usize::from(n) + 1);
     let mut rest = stream;
     let cut = std::iter::from_fn(|| {
@@ -106,45 +106,45 @@ where
     pieces.pop();
     let pieces = pieces.into_iter().filter(|piece| !piece.is_empty());
     let (mut sound, mut broken) = (0, 0);
-    for piece in pieces.map(link::judge) {
+    for piece in pieces.map(link::classify) {
         match piece {
             Piece::Sound(..) => sound += 1,
             _ => broken += 1,
         }
     }
     let c = counters;
-    let told = c.bad_cobs + c.bad_crc + c.truncated + c.oversize;
+    let damaged = c.bad_cobs + c.bad_crc + c.truncated + c.oversize;
     assert_eq!(
-        (c.frames + c.duplicates + c.out_of_order, told),
+        (c.frames + c.duplicates + c.out_of_order, damaged),
         (sound, broken),
         "{c:?}"
     );
     assert_eq!(c.frames as usize, heard.len());
 }
 
-/// Has a receiver take chunks, and tells what it says.
+/// Decodes chunks with a receiver, and passes its results on.
 fn listen<'s, D: Direction + 'static>(
     chunks: impl Iterator<Item = &'s [u8]>,
-    tell: &mut dyn FnMut(&Received<D::Message<'_>>),
+    receive: &mut dyn FnMut(&Received<D::Message<'_>>),
 ) -> LinkCounters {
     let mut buffer = [0; BODY_MAX];
     let mut receiver = Receiver::<D>::new(&mut buffer);
     for mut chunk in chunks {
         while let Some(received) = receiver.next(&mut chunk) {
             if let Received::Refused(header, refusal) = &received {
-                // An answer is due, which says why.
+                // The refusal is sent to the host with its message.
                 assert!(!refusal.to_string().is_empty());
                 if let Refusal::UnknownNumber { found } = refusal {
                     assert_eq!(*found, header.number);
                 }
             }
-            tell(&received);
+            receive(&received);
         }
     }
     *receiver.counters()
 }
 
-/// Writes a request as it was read, and reads it again.
+/// Writes a request again, and reads it.
 fn again(header: &Header, request: &Request<'_>) {
     let mut out = [0; FRAME_MAX];
     let mut sender = Sender::new(header.session);
@@ -159,7 +159,7 @@ fn again(header: &Header, request: &Request<'_>) {
     assert_eq!(format!("{found:?}"), format!("{request:?}"));
 }
 
-/// Writes what a box has said as it was read, and reads it again.
+/// Writes a message of a box again, and reads it.
 fn back(header: &Header, message: &FromBox<'_>) {
     let mut out = [0; FRAME_MAX];
     let mut sender = Sender::new(header.session);

@@ -1,4 +1,4 @@
-//! Repeats what fuzzing has found: every input of the folder `corpus`, target by target.
+//! Repeats every input of the folder `corpus`, target by target.
 
 use massline_fuzz::{TARGETS, seeds};
 use std::fs;
@@ -10,11 +10,11 @@ fn folder(target: &str) -> PathBuf {
         .join(target)
 }
 
-/// Most bytes of inputs that a target has in the repository.
+/// Most bytes of a target's inputs in the repository.
 const MOST: u64 = 100_000;
 
 #[test]
-fn every_input_of_the_corpora_keeps_every_promise() {
+fn every_input_of_the_corpora_passes() {
     for (target, run) in TARGETS {
         let mut sizes = Vec::new();
         for entry in fs::read_dir(folder(target)).unwrap() {

@@ -1,21 +1,22 @@
-//! Debian's packages without an installation: found and fetched for the machine as it is.
+//! Packages of Debian, found and fetched without an installation.
 //!
 //! # Design
 //!
-//! An installation needs root, and it fails or takes something away where a package conflicts
-//! with one that is there: the tools of one version of a program with the data of another, for
-//! example. A copy in a folder conflicts with nothing. So apt resolves what is needed as for an
-//! installation, but only downloads, and all it writes goes to a folder of ours:
+//! An installation needs root, and it fails or removes packages where a package conflicts with an
+//! installed one: the tools of one version of a program with the data of another, for example. A
+//! copy in a folder conflicts with nothing. So apt resolves dependencies as for an installation,
+//! but only downloads, and writes below a folder of this command:
 //!
-//! * It is shown a list of what the machine has that says names, versions and what these provide.
-//!   Libraries that are there are not fetched. What conflicts, is held, or was left half done by
-//!   somebody is not in that list, so none of it can be in the way.
-//! * Packages of the same source as those wanted are not in that list either: an emulator of one
-//!   version does not go with the data of another.
-//! * The machine's own index of packages is tried first. A fresh machine has none and an old one
-//!   names packages that are gone, so that a failure brings a new index, into our folder.
-//! * apt's configuration is the machine's (sources, proxies, pins) without its hooks: these change
-//!   the machine.
+//! * It reads a list of the installed packages with names, versions and provisions only, so that
+//! installed libraries are not fetched, and conflicting, held or half-installed packages do not
+//! interfere.
+//! * Packages of the same source as the requested ones are not in that list: an emulator of one
+//! version does not run with the data of another.
+//! * The machine's own index of packages is tried first. A fresh machine has none, and an old index
+//! names packages that are gone; after a failure a new index is fetched into the folder.
+//! * apt's configuration is the machine's (sources, proxies, pins) without its hooks, which change
+//!   the
+//! machine.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -23,21 +24,20 @@ use std::process::Command;
 
 use super::process::{self, StepError};
 
-/// Downloads packages with all that they need and this machine lacks, and gives the files.
+/// Downloads packages and their dependencies that are not installed, and returns the files.
 ///
-/// `source` is the source package they are built from. Everything apt writes is below `folder`,
-/// which has to be an absolute path.
+/// `source` is the source package they are built from. apt writes below `folder`, an absolute path.
 ///
 /// # Errors
 ///
-/// [`StepError`] with what apt said.
+/// [`StepError`] with apt's message.
 pub fn fetch(packages: &[&str], source: &str, folder: &Path) -> Result<Vec<PathBuf>, StepError> {
     for program in ["apt-get", "apt-config", "dpkg-deb"] {
         process::answer(Command::new(program).arg("--version")).map_err(|_| {
             StepError::Missing {
                 what: "a tool for Debian's packages",
                 tried: format!("there is no {program} that runs"),
-                remedy: "install by hand what these packages would have brought",
+                remedy: "install the contents of these packages by hand",
             }
         })?;
     }
@@ -55,14 +55,14 @@ pub fn fetch(packages: &[&str], source: &str, folder: &Path) -> Result<Vec<PathB
 ///
 /// # Errors
 ///
-/// [`StepError`] with what `dpkg-deb` said.
+/// [`StepError`] with the message of `dpkg-deb`.
 pub fn unpack(package: &Path, folder: &Path) -> Result<(), StepError> {
     let mut extract = Command::new("dpkg-deb");
     extract.arg("--extract").arg(package).arg(folder);
     process::run(&mut extract).map(drop)
 }
 
-/// apt with its configuration and state in a folder of ours.
+/// apt with its configuration and state in a folder of this command.
 struct Apt {
     configuration: PathBuf,
     archives: PathBuf,
@@ -96,7 +96,7 @@ impl Apt {
     }
 
     fn download(&self, packages: &[&str], options: &[&str]) -> Result<Vec<PathBuf>, StepError> {
-        // What an attempt with an older index has left would be unpacked, too.
+        // Files of an attempt with an older index would be unpacked, too.
         if self.archives.exists() {
             let removed = fs::remove_dir_all(&self.archives);
             removed.map_err(|error| file_error(&self.archives, &error))?;
@@ -119,7 +119,7 @@ impl Apt {
         if files.is_empty() {
             return Err(StepError::Answer {
                 command: format!("apt-get install --download-only {}", packages.join(" ")),
-                expected: "which packages it has fetched",
+                expected: "the packages it has fetched",
             });
         }
         Ok(files)
@@ -138,9 +138,9 @@ fn shell_value(line: &str) -> String {
     value.trim_matches('\'').to_owned()
 }
 
-/// The machine's configuration of apt, as `apt-config dump` tells it, for work in a folder.
+/// The machine's configuration of apt, from `apt-config dump`, for work in a folder.
 fn relocated(dump: &str, folder: &Path, lists: &Path) -> String {
-    // Hooks, and what else to download with an index: descriptions, icons.
+    // Hooks, and further downloads with an index: descriptions, icons.
     const WITHOUT: [&str; 8] = [
         "APT::Update::",
         "APT::Sandbox::",
@@ -151,7 +151,7 @@ fn relocated(dump: &str, folder: &Path, lists: &Path) -> String {
         "Binary::",
         "CommandLine::",
     ];
-    // Where apt writes, and where it would read its hooks from again.
+    // Folders that apt writes, and files from which it would read its hooks.
     const REPLACED: [&str; 4] = [
         "Dir::State",
         "Dir::Cache",
@@ -185,8 +185,8 @@ fn relocated(dump: &str, folder: &Path, lists: &Path) -> String {
     text
 }
 
-/// A package database with the name, version and provisions of what is installed, without what
-/// is built from `source`.
+/// A package database with the name, version and provisions of installed packages, without those
+/// built from `source`.
 fn installed(database: &str, source: &str) -> String {
     const KEPT: [&str; 5] = [
         "Package",
@@ -285,7 +285,7 @@ Architecture: all
 ";
 
     #[test]
-    fn shows_apt_what_is_there_without_what_could_be_in_the_way() {
+    fn lists_installed_packages_without_those_that_could_conflict() {
         assert_eq!(
             installed(DATABASE, "qemu"),
             "Status: install ok installed\nPackage: libc6\nArchitecture: amd64\n\
@@ -297,7 +297,7 @@ Architecture: all
     }
 
     #[test]
-    fn keeps_the_machines_configuration_but_no_hook_and_no_place() {
+    fn keeps_the_configuration_without_hooks_and_folders() {
         let dump = "APT::Architecture \"amd64\";\n\
             APT::Update::Post-Invoke:: \"rm -f /var/cache/apt/*.bin\";\n\
             Dir \"/\";\n\

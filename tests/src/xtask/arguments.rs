@@ -14,31 +14,31 @@ usage: cargo xtask test [--only STEP]... [--list]
        cargo xtask miri
        cargo xtask test --help";
 
-/// What the long help says besides [`USAGE`] and the steps.
+/// The long help, shown after [`USAGE`] and before the steps.
 const HELP: &str = "\
-Runs every test of the project and brings what is missing for it: the compiler's
-target for the chip, by rustup or from Debian's packages, and QEMU from these. They
-are unpacked into cargo's target folder, without root; nothing is installed. Quiet
-unless something fails; then the output of that step is shown and what to do about it.
+Runs every test of the project. A missing compiler's target for the chip is fetched
+by rustup or from Debian's packages, a missing QEMU from these. Packages are unpacked
+into cargo's target folder, without root; nothing is installed. If a step fails, its
+output is shown, and a remedy.
 
 options:
   --only STEP   run this step and what it needs; may be given several times
   --list        show the steps and stop
   --help        show this text
 
-fuzz looks for inputs that break a promise, an hour for each target unless told otherwise:
-  --seconds N   so long for each target
-  --jobs N      so many targets at a time, 2 unless told otherwise
-  --table       write what came of it into tests/README.md
-  --minimise    then put the inputs that reach most into the repository
+fuzz searches for inputs that make a target fail:
+  --seconds N   time for each target, 3600 by default
+  --jobs N      targets at a time, 2 by default
+  --table       write the results into tests/README.md
+  --minimise    then put the inputs with most coverage into the repository
   --repeat FILE repeat an input
 
-mutants changes core in one place at a time and says which changes no test notices:
+mutants changes core in one place at a time and lists the changes that no test detects:
   --shard K/N   only the part K of N, from 0
   --file PATH   only this file; may be given several times
   --list        show the changes and stop
 
-miri runs core's tests in an interpreter that sees undefined behaviour.
+miri runs core's tests in an interpreter that detects undefined behaviour.
 
 example:
   cargo xtask test --only lints --only emulator
@@ -49,27 +49,27 @@ environment:
   MASSLINE_QEMU               use this QEMU instead of qemu-system-arm
   MASSLINE_XTASK_NO_RUSTUP=1  act as if rustup refused to install anything";
 
-/// What the user asks for.
+/// A command with its options.
 #[derive(Debug, PartialEq)]
 pub enum Request {
-    /// Show this text.
+    /// Show the help.
     Help(String),
     /// Show the steps.
     List,
     /// Run steps.
     Test {
-        /// The steps asked for; none means all.
+        /// The steps to run; none means all.
         only: Vec<&'static Step>,
     },
-    /// Look for inputs that break a promise.
+    /// Search for inputs that make a fuzz target fail.
     Fuzz(fuzz::Order),
-    /// Look for changes that no test notices.
+    /// Search for changes that no test detects.
     Mutants(mutants::Order),
     /// Run core's tests in an interpreter.
     Miri,
 }
 
-/// What is wrong with the arguments.
+/// Error of the arguments.
 #[derive(Debug, PartialEq)]
 pub enum ArgumentError {
     /// There is no command.
@@ -84,23 +84,23 @@ pub enum ArgumentError {
     UnknownStep(String),
     /// There is no fuzz target of this name.
     UnknownTarget(String),
-    /// A value is not what its option takes.
+    /// A value is not valid for its option.
     BadValue {
         /// The option.
         option: &'static str,
         /// The value.
         found: String,
-        /// What the option takes.
+        /// The valid values.
         expected: &'static str,
     },
-    /// An input is repeated by one target.
+    /// `--repeat` needs exactly one target.
     OneTarget,
 }
 
 impl fmt::Display for ArgumentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoCommand => write!(f, "say what to do, for example `cargo xtask test`"),
+            Self::NoCommand => write!(f, "a command is missing, for example `cargo xtask test`"),
             Self::UnknownCommand(name) => write!(f, "there is no command {name:?}"),
             Self::UnknownOption(name) => write!(f, "there is no option {name:?}"),
             Self::NoValue(option) => write!(f, "{option} needs a value"),
@@ -128,11 +128,11 @@ impl fmt::Display for ArgumentError {
 
 impl std::error::Error for ArgumentError {}
 
-/// Understands the arguments, the program's own name left out.
+/// Parses the arguments, without the program's own name.
 ///
 /// # Errors
 ///
-/// [`ArgumentError`], which says what is wrong with them.
+/// [`ArgumentError`].
 pub fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Request, ArgumentError> {
     match arguments.next().as_deref() {
         None => return Err(ArgumentError::NoCommand),
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn understands_what_the_help_offers() {
+    fn parses_the_commands_of_the_help() {
         assert_eq!(parsed("test"), Ok(Request::Test { only: vec![] }));
         assert_eq!(parsed("test --list"), Ok(Request::List));
         let Ok(Request::Test { only }) = parsed("test --only lints --only=emulator") else {
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn understands_fuzz_mutants_and_miri() {
+    fn parses_fuzz_mutants_and_miri() {
         let order = |line: &str| match parsed(line) {
             Ok(Request::Fuzz(order)) => order,
             other => panic!("{line}: {other:?}"),

@@ -1,14 +1,15 @@
-//! `cargo xtask fuzz`: has libFuzzer look for inputs that break the targets of `tests/fuzz`.
+//! `cargo xtask fuzz`: searches with libFuzzer for inputs that make the targets of `tests/fuzz`
+//! fail.
 //!
 //! # Design
 //!
-//! Coverage comes from a pass of LLVM that every compiler of Rust has, so that a stable one
-//! will do; only what counts the hits, libFuzzer itself, is compiled by a C++ compiler. The
-//! targets' code is what ships, with overflow checks and debug assertions on top.
+//! Coverage comes from a pass of LLVM that every compiler of Rust has, so that a stable one is
+//! enough; only libFuzzer itself, which counts the hits, is compiled by a C++ compiler. The targets
+//! are built from the released code with overflow checks and debug assertions.
 //!
-//! Inputs that reach something new stay below cargo's target folder and are taken up by the next
-//! call; `--minimise` puts the few of them into the repository that reach the same. There, the
-//! test `corpus` of `massline-fuzz` repeats them without libFuzzer on every test run.
+//! Inputs with new coverage stay below cargo's target folder for the next call; `--minimise` puts
+//! the few with the same coverage into the repository. There, the test `corpus` of `massline-fuzz`
+//! repeats them without libFuzzer on every test run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use super::process::{self, StepError};
 
-/// The targets, as `massline_fuzz::TARGETS` has them.
+/// The targets, those of `massline_fuzz::TARGETS`.
 pub const TARGETS: [&str; 7] = [
     "wire",
     "instrument",
@@ -29,11 +30,11 @@ pub const TARGETS: [&str; 7] = [
     "client",
 ];
 
-/// Seconds that each target runs for where none are asked for.
+/// Default time of each target, s.
 pub const HOUR: u64 = 3600;
-/// Seconds that each target runs for as a step of `cargo xtask test`.
+/// Time of each target as a step of `cargo xtask test`, s.
 pub const STEP_SECONDS: u64 = 30;
-/// Targets that run at the same time.
+/// Default number of targets at a time.
 pub const JOBS: usize = 2;
 
 /// Counters at every branch, a table of their places, and the operands of comparisons.
@@ -45,61 +46,61 @@ const COVERAGE: &str = "-Cpasses=sancov-module \
 
 /// Longest input, bytes.
 const LONGEST: usize = 16 << 10;
-/// Seconds after which an input counts as one that hangs: all of them take milliseconds, and
-/// those of targets that share a processor a hundred times that.
+/// Seconds after which an input counts as a hang. Inputs take milliseconds, a hundred times longer
+/// if targets share a processor.
 const HANG: u32 = 60;
-/// Megabytes of memory: the largest needs forty.
+/// Limit of memory in MB; the largest target needs 40 MB.
 const MEMORY: u32 = 512;
 
 /// Most bytes, and most files, of a target's inputs in the repository.
 const CORPUS: (u64, usize) = (60_000, 100);
 
-/// What is asked for.
+/// Options of the command.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Order {
-    /// The targets; none means all.
+    /// The targets to run; none means all.
     pub targets: Vec<&'static str>,
-    /// Seconds for each.
+    /// Time of each target, s.
     pub seconds: u64,
-    /// Targets that run at the same time.
+    /// Number of targets at a time.
     pub jobs: usize,
-    /// Whether the table in the documentation is written anew.
+    /// `true` to write the table in the documentation.
     pub table: bool,
-    /// Whether inputs that were found are put into the repository.
+    /// `true` to put inputs that were found into the repository.
     pub minimise: bool,
-    /// An input that is to be repeated, by the one target that is named.
+    /// An input to repeat with the one target.
     pub repeat: Option<PathBuf>,
 }
 
-/// Targets that are built.
+/// Targets that have been built.
 #[derive(Debug)]
 pub struct Programs {
     /// The folder of this workspace.
     root: PathBuf,
-    /// Where they are.
+    /// Folder of the programs.
     folder: PathBuf,
 }
 
-/// What has become of a target.
+/// Result of a target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// Its name.
+    /// Name of the target.
     pub target: &'static str,
-    /// Inputs that it was given.
+    /// Number of inputs.
     pub executions: u64,
     /// Places of the program that were reached.
     pub places: u64,
-    /// The same by how often, and in which company.
+    /// Features: places by number and context of hits.
     pub features: u64,
-    /// How long it ran.
+    /// Time, s.
     pub seconds: u64,
-    /// Inputs that broke a promise.
+    /// Number of inputs that made it fail.
     pub findings: u64,
-    /// Where the first of them is, and what was said of it.
+    /// Path of the first of them, and its message.
     pub finding: Option<(PathBuf, String)>,
 }
 
-/// Says why there can be no fuzzing here, if so.
+/// The reason why fuzzing is not possible here, if any.
 #[must_use]
 pub fn impossible() -> Option<String> {
     let compiler = std::env::var_os("CXX").unwrap_or_else(|| "c++".into());
@@ -112,7 +113,7 @@ pub fn impossible() -> Option<String> {
     })
 }
 
-/// Builds the targets by a command that is cargo's, in the workspace's folder.
+/// Builds the targets by a command of cargo, in the workspace's folder.
 ///
 /// # Errors
 ///
@@ -124,12 +125,12 @@ pub fn build(root: &Path, mut cargo: Command) -> Result<Programs, StepError> {
     let host = host.ok_or(StepError::Missing {
         what: "the name of this machine",
         tried: about.clone(),
-        remedy: "report it: rustc's words are not what they used to be",
+        remedy: "report it: rustc's messages have another form",
     })?;
     let target = root.join("target").join("fuzz");
     cargo
         .current_dir(root)
-        // With a target named, what runs while things are built is left as it is.
+        // A named target keeps the flags away from build scripts and macros.
         .args(["build", "--profile", "fuzz", "--package", "massline-fuzz"])
         .args(["--features", "libfuzzer", "--bins", "--target", host])
         .arg("--target-dir")
@@ -168,18 +169,18 @@ impl Programs {
     ///
     /// # Errors
     ///
-    /// [`StepError::Exit`] with what the target says of it.
+    /// [`StepError::Exit`] with the target's message.
     pub fn repeat(&self, target: &str, input: &Path) -> Result<String, StepError> {
-        // It is named from where the user is.
+        // The path is relative to the user's folder.
         let input = fs::canonicalize(input).map_err(|error| unusable(input, &error))?;
         process::run(self.command(target).arg(input))
     }
 
-    /// Runs a target for some seconds, from the inputs there are.
+    /// Runs a target for some seconds, from the known inputs.
     ///
     /// # Errors
     ///
-    /// [`StepError`] if it cannot be run, or is not guided by coverage. A finding is none.
+    /// [`StepError`] if it cannot be run, or is not guided by coverage. A finding is no error.
     pub fn run(&self, target: &'static str, seconds: u64) -> Result<Outcome, StepError> {
         let work = self.folder("corpus", target)?;
         let findings = self.folder("findings", target)?;
@@ -203,7 +204,7 @@ impl Programs {
             Err(error) => match &error {
                 StepError::Exit { output, .. } => match finding(output) {
                     Some(finding) => (output.clone(), Some(finding)),
-                    // It could not even begin.
+                    // It did not start.
                     None => return Err(error),
                 },
                 _ => return Err(error),
@@ -228,12 +229,12 @@ impl Programs {
         })
     }
 
-    /// Runs targets, some at a time, and tells each outcome as it comes. They come back in the
-    /// order asked for.
+    /// Runs targets, some at a time, and reports each outcome as it comes. Returns all in the order
+    /// of `targets`.
     ///
     /// # Errors
     ///
-    /// The first [`StepError`] of any.
+    /// The first [`StepError`].
     pub fn run_all(
         &self,
         targets: &[&'static str],
@@ -264,9 +265,9 @@ impl Programs {
         done.into_iter().map(|(_, outcome)| outcome).collect()
     }
 
-    /// Puts inputs of a target into the repository, of those that together reach what all do:
-    /// as many as there is room for, small and large ones as chance has it. Those with a name,
-    /// which are past findings, stay. Says how many.
+    /// Puts inputs of a target into the repository, of those that together have the coverage of
+    /// all: as many as there is room for, at random. Named inputs, which are past findings, stay.
+    /// Returns a summary.
     ///
     /// # Errors
     ///
@@ -295,7 +296,7 @@ impl Programs {
                 fs::remove_file(&old).map_err(|error| unusable(&old, &error))?;
             }
         }
-        // Their names are hashes, so that their order is chance.
+        // Their names are hashes, so that their order is random.
         let mut inputs = list(&least)?;
         inputs.sort();
         for input in &inputs {
@@ -312,7 +313,7 @@ impl Programs {
     }
 }
 
-/// Whether somebody has given an input its name: libFuzzer's are hashes.
+/// `true` if an input has a name other than libFuzzer's hashes.
 fn is_named(input: &Path) -> bool {
     let name = input.file_name().unwrap_or_default().to_string_lossy();
     name.len() != 40 || !name.bytes().all(|b| b.is_ascii_hexdigit())
@@ -335,7 +336,7 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, StepError> {
     entries.map_err(|error| unusable(folder, &error))
 }
 
-/// Places and features that were reached, as the last line says that has them.
+/// Numbers of places and features reached, from the last line that has them.
 fn coverage(output: &str) -> (u64, u64) {
     let after = |line: &str, key: &str| -> Option<u64> {
         let (_, rest) = line.split_once(key)?;
@@ -345,7 +346,7 @@ fn coverage(output: &str) -> (u64, u64) {
     output.lines().rev().find_map(both).unwrap_or((0, 0))
 }
 
-/// A number of the statistics at the end, or of the last line where a finding has ended it.
+/// A number of the statistics at the end, or of the last line before a finding.
 fn statistic(output: &str, key: &str) -> u64 {
     let stated = output.lines().find_map(|line| {
         let (_, rest) = line.strip_prefix("stat::")?.split_once(':')?;
@@ -364,9 +365,9 @@ fn statistic(output: &str, key: &str) -> u64 {
     stated.or_else(counted).unwrap_or(0)
 }
 
-/// Where the input is that broke a promise, and what was said of it; `None` if there is none.
+/// Path and message of the input that made the target fail, if any.
 fn finding(output: &str) -> Option<(PathBuf, String)> {
-    // Slow ones that broke none come before it.
+    // Slow inputs that did not fail come before it.
     let written = output
         .lines()
         .rev()
@@ -417,7 +418,7 @@ pub fn table(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// What to tell of outcomes with findings, and how to see them again; nothing if there are none.
+/// Message about outcomes with findings, with the commands to repeat them; empty without findings.
 #[must_use]
 pub fn findings(outcomes: &[Outcome]) -> String {
     let mut text = String::new();
@@ -475,7 +476,7 @@ stat::average_exec_per_sec:     506
 ";
 
     #[test]
-    fn reads_what_libfuzzer_says() {
+    fn reads_the_output_of_libfuzzer() {
         assert_eq!(coverage(OUTPUT), (2619, 6493));
         assert_eq!(statistic(OUTPUT, "number_of_executed_units"), 8110);
         let (cut, _) = OUTPUT.split_once("stat::").unwrap();

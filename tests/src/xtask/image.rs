@@ -1,17 +1,17 @@
-//! How much of the chip a firmware takes, from its ELF and the memory map it was linked by.
+//! Memory of the chip that a firmware takes, from its ELF and its memory map.
 
 /// A memory of the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Region {
-    /// Its name in the memory map.
+    /// Name in the memory map.
     pub name: String,
-    /// Its first address.
+    /// First address.
     pub origin: u64,
-    /// Its size, in bytes.
+    /// Size, bytes.
     pub length: u64,
 }
 
-/// What a firmware takes of one memory.
+/// Use of one memory by a firmware.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Usage {
     /// The memory.
@@ -22,8 +22,7 @@ pub struct Usage {
 
 /// The memories that a linker script declares, in its order.
 ///
-/// Understands lines such as `FLASH : ORIGIN = 0x08000000, LENGTH = 1024K`; other lines are none
-/// of its business.
+/// Reads lines such as `FLASH : ORIGIN = 0x08000000, LENGTH = 1024K`, and ignores others.
 pub fn regions(script: &str) -> Vec<Region> {
     script.lines().filter_map(region).collect()
 }
@@ -58,10 +57,10 @@ fn number(text: &str) -> Option<u64> {
     value.checked_mul(unit)
 }
 
-/// What a 32-bit little-endian ELF takes of each memory; `None` when it is not one.
+/// Use of each memory by a 32-bit little-endian ELF; `None` if the bytes are no such ELF.
 ///
-/// Bytes that are loaded count where they are stored and where they run: initialised variables
-/// take flash and RAM.
+/// Loaded bytes count at the addresses of both storage and run: initialised variables take flash
+/// and RAM.
 pub fn usage(elf: &[u8], regions: &[Region]) -> Option<Vec<Usage>> {
     const LOADED: u32 = 1;
     let half = |at: usize| Some(u16::from_le_bytes(*elf.get(at..)?.first_chunk()?));
@@ -98,7 +97,7 @@ pub fn usage(elf: &[u8], regions: &[Region]) -> Option<Vec<Usage>> {
     Some(usages)
 }
 
-/// The memories that are used at all, for one line of text.
+/// A line of text about the memories in use.
 pub fn summary(usages: &[Usage]) -> String {
     usages
         .iter()
@@ -124,8 +123,8 @@ mod tests {
         RAM (rwx) : ORIGIN = 0x20000000, LENGTH = 128K\n  \
         CCM : ORIGIN = 0x10000000, LENGTH = 65536\n}\n";
 
-    /// An ELF of nothing but its header and these segments: type, address, load address, bytes
-    /// stored, bytes taken.
+    /// An ELF of a header and these segments: type, address, load address, bytes stored, bytes
+    /// taken.
     fn elf(segments: &[[u32; 5]]) -> Vec<u8> {
         let mut bytes = b"\x7fELF\x01\x01".to_vec();
         bytes.resize(52, 0);
@@ -186,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_elf_or_cut_short() {
+    fn refuses_bytes_that_are_no_whole_elf() {
         let whole = elf(&[[1, 0, 0, 1, 1]]);
         assert!(usage(&whole, &[]).is_some());
         assert_eq!(usage(&whole[..60], &[]), None);

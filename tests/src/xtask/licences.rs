@@ -1,8 +1,8 @@
-//! The licences and origins of dependencies, held against what the project allows.
+//! Check of the licences and origins of dependencies.
 //!
-//! What is allowed stands in the configuration of `cargo deny`, so that both say the same.
-//! `cargo deny` itself takes minutes to build, too long for a fresh machine; it is asked for
-//! advisories where it is there.
+//! The configuration of `cargo deny` lists the allowed ones, so that both checks agree. `cargo
+//! deny` itself takes minutes to build, too long for a fresh machine; it checks advisories where it
+//! is installed.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -24,7 +24,7 @@ pub const LISTING: [&str; 10] = [
     "--format={l}\t{p}",
 ];
 
-/// What is allowed.
+/// Allowed licences and their exceptions.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Allowed {
     licences: Vec<String>,
@@ -33,12 +33,12 @@ pub struct Allowed {
 }
 
 impl Allowed {
-    /// Reads the section `[licenses]` of the configuration; `None` when it allows nothing.
+    /// Reads the section `[licenses]` of the configuration; `None` if it allows no licence.
     pub fn read(configuration: &str) -> Option<Self> {
         let mut allowed = Self::default();
         let mut section = String::new();
         for line in configuration.lines() {
-            // No licence and no crate has this sign in its name.
+            // No licence and no crate has a `#` in its name.
             let line = line.split('#').next().unwrap_or_default().trim();
             match line
                 .strip_prefix('[')
@@ -52,7 +52,7 @@ impl Allowed {
         (!allowed.licences.is_empty()).then_some(allowed)
     }
 
-    /// Takes what a line names: licences for all, or an exception, which is a table in one line.
+    /// Adds the licences of a line, or an exception, which is a table in one line.
     fn line(&mut self, line: &str) {
         let quoted = |text: &str| -> Vec<String> {
             let parts = text.split('"').skip(1).step_by(2);
@@ -82,12 +82,11 @@ impl Allowed {
     }
 }
 
-/// Holds a listing against what is allowed: the number of packages, or a line for each that is
-/// not.
+/// Checks a listing of packages and returns their number.
 ///
 /// # Errors
 ///
-/// What is not allowed, with the package's name and version.
+/// A line for each package that is not allowed, with its name and version.
 pub fn check(listing: &str, allowed: &Allowed) -> Result<usize, String> {
     let mut packages = BTreeSet::new();
     let mut findings = BTreeSet::new();
@@ -109,12 +108,12 @@ pub fn check(listing: &str, allowed: &Allowed) -> Result<usize, String> {
                 }
                 None => {
                     findings.insert(format!(
-                        "{title} has a licence nobody can read: {licence:?}"
+                        "{title} has a licence that cannot be read: {licence:?}"
                     ));
                 }
             }
         }
-        // A folder of this workspace stands there, too; an address is a repository.
+        // A local package has a folder in this place, a repository an address.
         if let Some(origin) = words.find(|word| word.contains("://")) {
             findings.insert(format!(
                 "{title} is not from the registry but from {origin}"
@@ -135,8 +134,8 @@ pub fn check(listing: &str, allowed: &Allowed) -> Result<usize, String> {
     Err(text)
 }
 
-/// Whether a licence expression leaves a choice of which every part is allowed; `None` when it is
-/// no expression.
+/// `true` if a licence expression has an alternative of which every part is allowed; `None` if it
+/// is no expression.
 ///
 /// The expressions are SPDX's, where `AND` binds closer than `OR`, and the older ones of cargo,
 /// with `/` for `OR`.
@@ -273,7 +272,7 @@ mod tests {
                 "\"noise\" is no line of a listing",
                 "c v1.0.0 is under MPL-2.0",
                 "d v1.0.0 names no licence",
-                "e v1.0.0 has a licence nobody can read: \"MIT OR\"",
+                "e v1.0.0 has a licence that cannot be read: \"MIT OR\"",
                 "f v1.0.0 is not from the registry but from (https://host/f#0123)",
             ]
         );

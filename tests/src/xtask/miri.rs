@@ -1,15 +1,15 @@
-//! `cargo xtask miri`: core's tests in an interpreter that sees what a processor does not.
+//! `cargo xtask miri`: core's tests in an interpreter that detects undefined behaviour.
 //!
-//! Core has no `unsafe`; what the interpreter can find is in the crates that it rests on, and in
-//! what they make of core's calls.
+//! Core has no `unsafe`; undefined behaviour could only be in the crates that it depends on, as
+//! core calls them.
 
 use std::path::Path;
 use std::process::Command;
 
 use super::process::{self, StepError};
 
-/// Tests of core that the interpreter takes minutes for, not days: those that compute no spectra
-/// of whole recordings and try no inputs by the thousand.
+/// Tests of core that take the interpreter minutes: those without spectra of whole recordings and
+/// without thousands of inputs.
 const TESTS: [&str; 9] = [
     "wire::",
     "calibration::",
@@ -22,7 +22,7 @@ const TESTS: [&str; 9] = [
     "spectra::decimate",
 ];
 
-/// Runs the tests, or says what is missing.
+/// Runs the tests; a missing component is an error.
 ///
 /// # Errors
 ///
@@ -30,7 +30,7 @@ const TESTS: [&str; 9] = [
 pub fn run(root: &Path) -> Result<String, StepError> {
     let nightly = || {
         let mut command = Command::new("cargo");
-        // What this very program was started by is another toolchain's.
+        // This program was started by another toolchain, whose variables must not be passed on.
         command
             .current_dir(root)
             .env_remove("RUSTUP_TOOLCHAIN")
@@ -60,7 +60,7 @@ pub fn run(root: &Path) -> Result<String, StepError> {
     test.args(["miri", "test", "--package", "massline-core", "--lib"])
         .args(["--target-dir", "target/miri", "--"])
         .args(TESTS)
-        // Properties are tried on some inputs rather than hundreds; no file is written.
+        // Properties are tested on a few inputs rather than hundreds; no file is written.
         .env("PROPTEST_CASES", "4")
         .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1")
         .env("MIRIFLAGS", "-Zmiri-disable-isolation");

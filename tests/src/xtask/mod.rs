@@ -1,25 +1,25 @@
-//! `cargo xtask`: all tests of the project, and what they need, by one command.
+//! `cargo xtask`: one command for all tests of the project, and the tools they need.
 //!
-//! A machine may have nothing but cargo, from rustup or from Debian. What is missing is brought by
-//! rustup, or unpacked into the target folder, without root and without a change of the machine;
-//! what came of it is said.
+//! A machine may have only cargo, from rustup or from Debian. Missing tools are fetched by rustup,
+//! or unpacked into the target folder without root and without a change of the machine, and
+//! reported.
 //!
 //! * [`arguments`]: the command line.
-//! * [`steps`]: what is tested, in which order, and what to do about a failure.
-//! * [`plan`]: which of the steps run, and running them.
+//! * [`steps`]: the steps of a test run, in order, with remedies for their failures.
+//! * [`plan`]: selection and run of steps.
 //! * [`toolchain`]: a compiler for the chip, by rustup or by Debian's packages.
 //! * [`qemu`]: an emulator of the chip, the machine's or Debian's.
-//! * [`packages`]: Debian's packages, unpacked.
-//! * [`apt`]: finding and fetching them.
-//! * [`process`]: other programs, their output, their failures.
+//! * [`packages`]: packages of Debian, unpacked.
+//! * [`apt`]: their search and download.
+//! * [`process`]: other programs, their output and failures.
 //! * [`licences`]: the licences of dependencies.
-//! * [`fuzz`]: inputs that break the fuzz targets.
-//! * [`mutants`]: changes that no test notices.
+//! * [`fuzz`]: inputs that make the fuzz targets fail.
+//! * [`mutants`]: changes that no test detects.
 //! * [`miri`]: core's tests in an interpreter.
-//! * [`image`]: how much of the chip the firmware takes.
-//! * [`variables`]: what of that its variables take.
-//! * [`panics`]: where it can panic, by crate, against a budget.
-//! * [`report`]: what is shown.
+//! * [`image`]: memory of the chip that the firmware takes.
+//! * [`variables`]: memory that its variables take.
+//! * [`panics`]: places where it can panic, by crate, against a budget.
+//! * [`report`]: output on the terminal.
 
 use std::process::ExitCode;
 
@@ -44,10 +44,9 @@ use arguments::Request;
 use process::StepError;
 use report::{Report, Style};
 
-/// Runs the command that the arguments ask for.
+/// Runs the command of the arguments.
 ///
-/// The exit code is 0 when everything passed, 1 when a step failed, 2 when the arguments are
-/// wrong.
+/// The exit code is 0 if all passed, 1 if a step failed, 2 if the arguments are wrong.
 pub fn main(arguments: impl Iterator<Item = String>) -> ExitCode {
     let request = match arguments::parse(arguments) {
         Ok(request) => request,
@@ -84,7 +83,7 @@ pub fn main(arguments: impl Iterator<Item = String>) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Looks for findings, or repeats one, and shows what came of it.
+/// Searches for findings, or repeats one, and shows the results.
 fn fuzzed(order: &fuzz::Order, report: &mut Report<std::io::Stdout>) -> Result<(), StepError> {
     if let Some(reason) = fuzz::impossible() {
         return Err(StepError::Missing {
@@ -133,7 +132,7 @@ fn fuzzed(order: &fuzz::Order, report: &mut Report<std::io::Stdout>) -> Result<(
     Ok(())
 }
 
-/// The exit code of a command; what went wrong is shown.
+/// Exit code of a command, whose error is shown.
 fn ended(result: Result<(), StepError>) -> ExitCode {
     let Err(error) = result else {
         return ExitCode::SUCCESS;

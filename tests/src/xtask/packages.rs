@@ -1,9 +1,8 @@
-//! Debian's packages, unpacked into cargo's target folder for what cargo cannot bring.
+//! Packages of Debian, unpacked into cargo's target folder, for tools that cargo cannot fetch.
 //!
-//! Nothing of the machine is changed and no root is needed: see [`super::apt`]. A folder is
-//! made beside its place and renamed when it is whole and its programs run, under a lock, so that
-//! an interruption, a full disk or a second command at the same time leave none that is taken for
-//! more than it is.
+//! The machine is not changed and no root is needed: see [`super::apt`]. A folder is made beside
+//! its place, under a lock, and renamed once it is complete and its programs run, so that no
+//! interruption, full disk or second command leaves an incomplete folder in its place.
 
 use std::env;
 use std::fs::{self, File};
@@ -17,28 +16,28 @@ use super::process::{self, StepError};
 /// Packages to unpack together.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle {
-    /// The name of their folder.
+    /// Name of their folder.
     pub name: &'static str,
-    /// The packages; what they need comes along.
+    /// The packages, without their dependencies.
     pub packages: &'static [&'static str],
-    /// The source package they are built from.
+    /// Source package they are built from.
     pub source: &'static str,
-    /// The programs to run from them, all in `/usr/bin`. Each has to know `--version`.
+    /// Programs to run from them, all in `/usr/bin`. Each has the option `--version`.
     pub programs: &'static [&'static str],
 }
 
 impl Bundle {
-    /// The folder of scripts that run the programs, if they have been unpacked and run.
+    /// The folder of scripts that run the programs, if they are unpacked and run.
     pub fn unpacked(&self) -> Option<PathBuf> {
         let folder = place()?.join(self.name);
         self.check(&folder).ok()
     }
 
-    /// The folder of scripts that run the programs, which are fetched and unpacked if need be.
+    /// The folder of scripts that run the programs, which are fetched and unpacked if necessary.
     ///
     /// # Errors
     ///
-    /// [`StepError`] with what could not be done.
+    /// [`StepError`] of the step that failed.
     pub fn provide(&self) -> Result<PathBuf, StepError> {
         let place = place().ok_or(StepError::Missing {
             what: "cargo's target folder",
@@ -53,12 +52,12 @@ impl Bundle {
         let made = place.join(format!("{}.part", self.name));
         remove(&made)?;
         let outcome = self.make(&made).and_then(|()| {
-            // One whose programs do not run any more: the machine may have lost a library.
+            // Programs that no longer run: the machine may have lost a library.
             remove(&folder)?;
             fs::rename(&made, &folder).map_err(|error| file_error(&folder, &error))
         });
         if outcome.is_err() {
-            // A disk that is full should not stay so. What is left is removed next time.
+            // A full disk should not stay so. Remains are removed next time.
             let _ = remove(&made);
         }
         outcome?;
@@ -72,7 +71,7 @@ impl Bundle {
             apt::unpack(&package, &root)?;
         }
         remove(&fetched)?;
-        // Nobody keeps these programs up to date; none of them may act for another user.
+        // These programs get no updates; none of them may run as another user.
         process::run(Command::new("chmod").args(["-R", "a-s"]).arg(&root))?;
         let libraries = libraries(&root).map_err(|error| file_error(&root, &error))?;
         let launchers = folder.join("bin");
@@ -83,7 +82,7 @@ impl Bundle {
         self.check(folder).map(drop)
     }
 
-    /// The folder of scripts, once each program has told its version.
+    /// The folder of scripts, once each program has printed its version.
     fn check(&self, folder: &Path) -> Result<PathBuf, StepError> {
         let launchers = folder.join("bin");
         for program in self.programs {
@@ -93,10 +92,10 @@ impl Bundle {
     }
 }
 
-/// The folders below this one that hold shared libraries, relative to it.
+/// Folders below this one with shared libraries, relative to it.
 fn libraries(folder: &Path) -> io::Result<Vec<String>> {
     let mut found = Vec::new();
-    // Where Debian has them: in these and in one folder below, named by the architecture.
+    // Debian's places: these folders, and one level below, named by the architecture.
     for top in ["usr/lib", "lib", "usr/lib64", "lib64"] {
         if !folder.join(top).is_dir() {
             continue;
@@ -110,7 +109,7 @@ fn libraries(folder: &Path) -> io::Result<Vec<String>> {
         candidates.sort();
         for candidate in candidates {
             let path = folder.join(&candidate);
-            // A link leads to a folder that stands here itself, or to nothing of ours.
+            // A link leads to a folder that is listed itself, or out of the folder.
             if path.is_symlink() || !path.is_dir() {
                 continue;
             }
@@ -125,7 +124,7 @@ fn libraries(folder: &Path) -> io::Result<Vec<String>> {
     Ok(found)
 }
 
-/// Whether a file of this name is a shared library: `libz.so`, `libz.so.1`.
+/// `true` if a file of this name is a shared library: `libz.so`, `libz.so.1`.
 fn is_library(name: &str) -> bool {
     name.ends_with(".so") || name.contains(".so.")
 }
@@ -149,18 +148,18 @@ fn launcher(path: &Path, program: &str, libraries: &[String]) -> Result<(), Step
     process::run(Command::new("chmod").arg("755").arg(path)).map(drop)
 }
 
-/// The folder for what is unpacked, in the target folder that this program was built into.
+/// The folder for unpacked packages, in the target folder that this program was built into.
 fn place() -> Option<PathBuf> {
     let program = env::current_exe().ok()?;
-    // Cargo marks its target folder so; how deep a program lies in it depends on its options.
+    // Cargo marks its target folder so; the depth of a program in it depends on cargo's options.
     let target = program
         .ancestors()
         .find(|folder| folder.join("CACHEDIR.TAG").is_file())?;
     Some(target.join("debian"))
 }
 
-/// Waits until no other command unpacks into this folder; the lock goes with what is given back,
-/// and with the process.
+/// Waits until no other command unpacks into this folder. The lock is released when the file is
+/// dropped, and with the process.
 fn lock(place: &Path) -> Result<File, StepError> {
     let path = place.join("lock");
     fs::create_dir_all(place)
@@ -169,7 +168,7 @@ fn lock(place: &Path) -> Result<File, StepError> {
         .map_err(|error| file_error(&path, &error))
 }
 
-/// Removes a file or folder, if it is there.
+/// Removes a file or folder, if it exists.
 fn remove(path: &Path) -> Result<(), StepError> {
     let removed = match path.symlink_metadata() {
         Ok(found) if found.is_dir() => fs::remove_dir_all(path),
@@ -192,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tells_libraries_from_other_files() {
+    fn distinguishes_libraries_from_other_files() {
         for name in ["libz.so", "libz.so.1.2.13", "librustc_driver-ea0e99b3.so"] {
             assert!(is_library(name), "{name}");
         }
@@ -202,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn this_very_program_lies_in_a_target_folder() {
+    fn this_program_lies_in_a_target_folder() {
         assert!(place().unwrap().ends_with("debian"));
     }
 }

@@ -1,4 +1,4 @@
-//! Which steps run, and running them.
+//! Selection and run of steps.
 
 use std::io::Write;
 use std::time::Instant;
@@ -6,13 +6,13 @@ use std::time::Instant;
 use super::report::{Ending, Report};
 use super::steps::{self, Context, Step};
 
-/// The steps asked for and all they need, in order; all steps if none was asked for.
+/// The steps of `only` and all that they need, in order; all steps if `only` is empty.
 pub fn select(only: &[&'static Step]) -> Vec<&'static Step> {
     let wanted = |step: &Step| only.is_empty() || only.iter().any(|other| other.needs_also(step));
     steps::STEPS.iter().filter(|step| wanted(step)).collect()
 }
 
-/// Runs steps in order, past failures, and gives whether none failed.
+/// Runs steps in order, past failures. `true` if none failed.
 pub fn run<W: Write>(
     steps: &[&'static Step],
     context: &mut Context,
@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_needed_comes_along_and_first() {
+    fn needed_steps_are_selected_and_come_first() {
         assert_eq!(names(&["format"]), ["format"]);
         assert_eq!(
             names(&["emulator"]),
@@ -59,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn every_need_is_a_step_that_stands_before() {
+    fn every_need_is_an_earlier_step() {
         for (n, step) in steps::STEPS.iter().enumerate() {
             for need in step.needs {
                 assert!(

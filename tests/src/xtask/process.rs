@@ -1,57 +1,57 @@
-//! Other programs: what they said and how they failed.
+//! Other programs, their output and their failures.
 
 use std::fmt;
 use std::io::{self, Read};
 use std::process::{Command, ExitStatus, Stdio};
 
-/// Why a step failed.
+/// Error of a step.
 #[derive(Debug)]
 pub enum StepError {
     /// A program could not be started.
     Start {
         /// The command line.
         command: String,
-        /// What the system says about it.
+        /// The system's error.
         source: io::Error,
     },
     /// A program ended with an error.
     Exit {
         /// The command line.
         command: String,
-        /// How it ended.
+        /// The exit status.
         status: ExitStatus,
-        /// All it wrote.
+        /// The whole output.
         output: String,
     },
-    /// A program said something else than what was expected of it.
+    /// The output of a program has another form than expected.
     Answer {
         /// The command line.
         command: String,
-        /// What was expected.
+        /// The expected output.
         expected: &'static str,
     },
-    /// Something is needed that is not there and could not be installed.
+    /// A tool is missing and could not be installed.
     Missing {
-        /// What is needed.
+        /// The tool.
         what: &'static str,
-        /// What was tried, and how that went.
+        /// The attempts and their results.
         tried: String,
-        /// What to do by hand.
+        /// Steps to install it by hand.
         remedy: &'static str,
     },
-    /// Inputs were found that break a promise.
+    /// Inputs were found that make a target fail.
     Finding(String),
-    /// A file that a step made cannot be used.
+    /// A file that a step made is not valid.
     File {
         /// The file.
         path: String,
-        /// What is wrong with it.
+        /// The error of the file.
         problem: String,
     },
 }
 
 impl StepError {
-    /// What to do about it, where that is known better than by the step that failed.
+    /// Remedy of this error, if it is better known than that of the step.
     pub fn remedy(&self) -> Option<&'static str> {
         match self {
             Self::Missing { remedy, .. } => Some(remedy),
@@ -94,7 +94,7 @@ impl std::error::Error for StepError {
     }
 }
 
-/// Runs a program to its end and gives what it wrote, on both outputs in the order written.
+/// Runs a program to its end and returns its output, from both streams in order.
 ///
 /// # Errors
 ///
@@ -114,7 +114,7 @@ pub fn run(command: &mut Command) -> Result<String, StepError> {
         .stdout(writer)
         .stderr(twin)
         .spawn();
-    // The command keeps its ends of the pipe open; they must go, or reading never ends.
+    // The command holds the write ends of the pipe; reading ends only after they are closed.
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let mut child = spawned.map_err(|source| start(command, source))?;
     let mut output = Vec::new();
@@ -124,7 +124,7 @@ pub fn run(command: &mut Command) -> Result<String, StepError> {
     finish(command, status, output)
 }
 
-/// Runs a program to its end and gives what it wrote on its standard output.
+/// Runs a program to its end and returns its standard output.
 ///
 /// # Errors
 ///
@@ -145,11 +145,11 @@ pub fn answer(command: &mut Command) -> Result<String, StepError> {
     finish(command, output.status, text)
 }
 
-/// Runs a program to its end; what it writes goes where this program's goes.
+/// Runs a program to its end, with the streams of this program.
 ///
 /// # Errors
 ///
-/// [`StepError::Start`] and [`StepError::Exit`], whose output was shown already.
+/// [`StepError::Start`], and [`StepError::Exit`] without the output, which was shown already.
 pub fn show(command: &mut Command) -> Result<(), StepError> {
     let status = command.status().map_err(|source| StepError::Start {
         command: describe(command),
@@ -171,7 +171,7 @@ fn finish(command: &Command, status: ExitStatus, output: Vec<u8>) -> Result<Stri
     }
 }
 
-/// A command line to copy into a shell, with the variables that matter to its outcome.
+/// A command line to copy into a shell, with the relevant variables.
 fn describe(command: &Command) -> String {
     let mut line = String::from("$");
     for (name, value) in command.get_envs() {
@@ -186,7 +186,7 @@ fn describe(command: &Command) -> String {
     line
 }
 
-/// A word as a shell would have to be given it.
+/// A word, quoted for a shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_=./:,+@".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

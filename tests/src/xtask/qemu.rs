@@ -1,4 +1,4 @@
-//! An emulator of the chip: the one that is named, the machine's own, or Debian's, unpacked.
+//! An emulator of the chip: the one in the environment, the machine's own, or Debian's, unpacked.
 
 use std::ffi::{OsStr, OsString};
 use std::process::Command;
@@ -8,7 +8,7 @@ use crate::emulator::{self, DEFAULT_PROGRAM};
 use super::packages::Bundle;
 use super::process::{self, StepError};
 
-/// Debian's QEMU. It finds its own data by where its program lies.
+/// Debian's QEMU, which finds its data relative to its program.
 const DEBIAN: Bundle = Bundle {
     name: "qemu",
     packages: &[DEFAULT_PROGRAM],
@@ -16,20 +16,20 @@ const DEBIAN: Bundle = Bundle {
     programs: &[DEFAULT_PROGRAM],
 };
 
-/// An emulator and how it came about.
+/// An emulator.
 #[derive(Debug)]
 pub struct Qemu {
     /// The program to run.
     pub program: OsString,
-    /// Which one it is, for the report.
+    /// Its origin and version, for the report.
     pub note: String,
 }
 
-/// Finds an emulator, or brings one.
+/// Finds an emulator, or fetches one.
 ///
 /// # Errors
 ///
-/// [`StepError`] with all that was tried.
+/// [`StepError`] with all attempts.
 pub fn provide() -> Result<Qemu, StepError> {
     let named = emulator::program();
     let error = match version(&named) {
@@ -39,7 +39,7 @@ pub fn provide() -> Result<Qemu, StepError> {
                 note,
             });
         }
-        // Another one that was named in vain is not replaced by this one.
+        // An emulator from the environment is not replaced.
         Err(error) if named != DEFAULT_PROGRAM => return Err(error),
         Err(error) => error,
     };
@@ -58,7 +58,7 @@ pub fn provide() -> Result<Qemu, StepError> {
     Ok(Qemu { program, note })
 }
 
-/// The first line of what an emulator says of its version.
+/// First line of an emulator's version.
 fn version(program: &OsStr) -> Result<String, StepError> {
     let answer = process::answer(Command::new(program).arg("--version"))?;
     Ok(answer.lines().next().unwrap_or_default().to_owned())

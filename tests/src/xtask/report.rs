@@ -1,4 +1,4 @@
-//! What is shown: one line a step, more only for a failure.
+//! Output on the terminal: one line a step, more only for a failure.
 
 use std::env;
 use std::io::{self, IsTerminal, Write};
@@ -7,17 +7,17 @@ use std::time::Duration;
 use super::process::StepError;
 use super::steps::Step;
 
-/// How to show it.
+/// Style of the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style {
     /// With colours.
     pub colour: bool,
-    /// On a terminal, where a line can be shown first and written anew when it is known better.
+    /// On a terminal, where a line can be rewritten.
     pub live: bool,
 }
 
 impl Style {
-    /// The style for the standard output, with `NO_COLOR` honoured.
+    /// The style for the standard output, with respect to `NO_COLOR`.
     pub fn of_stdout() -> Self {
         let set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
         let dumb = env::var_os("TERM").is_some_and(|term| term == "dumb");
@@ -29,18 +29,18 @@ impl Style {
     }
 }
 
-/// How a step ended.
+/// Result of a step.
 #[derive(Debug)]
 pub enum Ending {
-    /// Well, with a remark.
+    /// Success, with a remark.
     Passed(String),
-    /// It could not be done here, or has no point, for this reason.
+    /// Not possible here, or without purpose, for this reason.
     Skipped(String),
-    /// Not well.
+    /// Failure.
     Failed(StepError),
 }
 
-/// Shows what happens, and counts.
+/// Shows and counts the results of steps.
 #[derive(Debug)]
 pub struct Report<W> {
     out: W,
@@ -51,7 +51,7 @@ pub struct Report<W> {
 }
 
 impl<W: Write> Report<W> {
-    /// A report with nothing in it.
+    /// An empty report.
     pub fn new(out: W, style: Style) -> Self {
         Self {
             out,
@@ -67,21 +67,21 @@ impl<W: Write> Report<W> {
         self.show(format_args!("{}\n", text.trim_end()));
     }
 
-    /// Shows what steps there are.
+    /// Shows a list of steps.
     pub fn list(&mut self, steps: &[Step]) {
         for step in steps {
             self.show(format_args!("{:<16}{}\n", step.name, step.about));
         }
     }
 
-    /// A step begins.
+    /// Shows the beginning of a step.
     pub fn begin(&mut self, step: &Step) {
         if self.style.live {
             self.show(format_args!("{:<16}{} ...", step.name, step.about));
         }
     }
 
-    /// A step is over.
+    /// Shows and counts the result of a step.
     pub fn end(&mut self, step: &'static Step, ending: &Ending, took: Duration) {
         let (status, colour, note) = match ending {
             Ending::Passed(note) => ("ok", "32", note.as_str()),
@@ -113,7 +113,7 @@ impl<W: Write> Report<W> {
         }
     }
 
-    /// Shows the sum of it and gives whether nothing failed.
+    /// Shows a summary. `true` if no step failed.
     pub fn summary(&mut self, took: Duration) -> bool {
         let mut line = format!("{} passed", self.passed);
         for (word, names) in [("skipped", &self.skipped), ("FAILED", &self.failed)] {
@@ -133,8 +133,8 @@ impl<W: Write> Report<W> {
         self.failed.is_empty()
     }
 
-    /// Shows something; nobody reading it (`| head`) is no reason to stop testing.
-    fn show(&mut self, what: std::fmt::Arguments<'_>) {
+    /// Writes a text; a closed pipe (`| head`) does not stop the tests.
+    fn show(&mut self, text: std::fmt::Arguments<'_>) {
         let _ = self.out.write_fmt(what).and_then(|()| self.out.flush());
     }
 }
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_skipped_step_is_not_a_failure_but_is_told() {
+    fn a_skipped_step_is_no_failure_and_is_reported() {
         let (text, passed) = shown(PLAIN, &Ending::Skipped("no clippy".into()));
         assert!(passed);
         assert!(text.contains("0 passed, 1 skipped (lints)"), "{text}");

@@ -2,18 +2,17 @@
 //!
 //! # Design
 //!
-//! rustup brings a ready-made `core` for the chip, and that is what is used where it can be had.
-//! Some networks let cargo through to its registry but refuse rustup's downloads; there Debian's
-//! own compiler, which comes with the standard library's source, builds `core` itself. The switch
-//! for that is an unstable one, which a stable compiler accepts under `RUSTC_BOOTSTRAP=1`; a
-//! newer compiler than the minimum is fine, so this costs nothing but the beauty.
+//! rustup has a compiled `core` for the chip, which is used if it can be fetched. Some networks
+//! allow cargo its registry but not rustup's downloads; there Debian's own compiler, whose packages
+//! include the standard library's source, builds `core` itself. That option is unstable; a stable
+//! compiler accepts it under `RUSTC_BOOTSTRAP=1`. A newer compiler than the minimum is no problem.
 //!
-//! Debian's is used where it is installed, else unpacked into the target folder: see
-//! [`packages`](super::packages). It has no linker for bare metal. rustup's own toolchain does,
-//! even when it must not download anything; without a rustup, Debian's `lld` is taken.
+//! Debian's compiler is used where it is installed, and is otherwise unpacked into the target
+//! folder: see [`packages`](super::packages). It has no linker for bare metal. The linker of
+//! rustup's own toolchain is used, even if rustup cannot download; without rustup, Debian's `lld`.
 //!
-//! `rust-toolchain.toml` would be the usual place to ask for the chip's target. It is not, as
-//! then a refused download would stop the host's tools, too.
+//! `rust-toolchain.toml` does not request the chip's target, since a refused download would then
+//! stop the host's tools, too.
 
 use std::env;
 use std::ffi::{OsStr, OsString};
@@ -24,14 +23,14 @@ use std::process::Command;
 use super::packages::Bundle;
 use super::process::{self, StepError};
 
-/// What the firmware is compiled for.
+/// Target of the firmware.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Environment variable that makes [`provide`] act as if rustup refused everything, so that the
-/// other way can be tried where rustup works.
+/// Environment variable that makes [`provide`] act as if rustup refused every download, to test the
+/// other way where rustup works.
 pub const NO_RUSTUP: &str = "MASSLINE_XTASK_NO_RUSTUP";
 
-/// The folder of Debian's programs where they are installed.
+/// Folder of Debian's programs where they are installed.
 const INSTALLED: &str = "/usr/bin";
 
 /// Debian's toolchain, with the tools around it.
@@ -68,12 +67,12 @@ const LINKER: Bundle = Bundle {
 /// A compiler that can make programs for the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Toolchain {
-    /// The one that runs anyway; it has `core` for the chip.
+    /// The active compiler, which has `core` for the chip.
     Active {
         /// Its cargo.
         cargo: OsString,
     },
-    /// Debian's, which has to build `core` first.
+    /// Debian's compiler, which has to build `core` first.
     Debian {
         /// The folder of its programs.
         programs: PathBuf,
@@ -95,7 +94,7 @@ impl Toolchain {
         }
     }
 
-    /// The arguments that make a cargo command one for the chip, between spaces.
+    /// Arguments of a cargo command for the chip, separated by spaces.
     pub fn arguments(&self) -> String {
         let build_core = match self {
             Self::Active { .. } => "",
@@ -105,7 +104,7 @@ impl Toolchain {
     }
 }
 
-/// A program of Debian's toolchain in this folder, told to keep to that toolchain.
+/// A program of Debian's toolchain in this folder, with the variables to use only that toolchain.
 fn debian_command(programs: &Path, program: &str) -> Command {
     let mut command = Command::new(programs.join(program));
     command
@@ -114,26 +113,26 @@ fn debian_command(programs: &Path, program: &str) -> Command {
         .env("RUSTDOC", programs.join("rustdoc"))
         .env("RUSTFMT", programs.join("rustfmt"))
         .env("RUSTC_BOOTSTRAP", "1")
-        // What the other toolchain's cargo has put there for its own programs.
+        // Set by the other toolchain's cargo for its own programs.
         .env_remove("RUSTUP_TOOLCHAIN")
         .env_remove("LD_LIBRARY_PATH");
     command
 }
 
-/// A toolchain and how it came about.
+/// A toolchain, with its origin.
 #[derive(Debug)]
 pub struct Provided {
     /// The toolchain.
     pub toolchain: Toolchain,
-    /// Which one it is, for the report.
+    /// Its origin and version, for the report.
     pub note: String,
 }
 
-/// Finds a compiler for the chip, or brings one.
+/// Finds a compiler for the chip, or fetches one.
 ///
 /// # Errors
 ///
-/// [`StepError`] with all that was tried.
+/// [`StepError`] with all attempts.
 pub fn provide(cargo: &OsStr) -> Result<Provided, StepError> {
     let active = |how: &str| Provided {
         toolchain: Toolchain::Active {
@@ -146,7 +145,7 @@ pub fn provide(cargo: &OsStr) -> Result<Provided, StepError> {
         if has_target() {
             return Ok(active("is there"));
         }
-        // What rustup refused before is not asked for again, lest a second run need a network.
+        // After a refusal of rustup, a second run must not need a network.
         if let Some(programs) = DEBIAN.unpacked() {
             return debian(programs);
         }
@@ -214,7 +213,7 @@ fn linker(programs: &Path) -> Result<PathBuf, StepError> {
     Ok(LINKER.provide()?.join(LLD))
 }
 
-/// The linker that a toolchain keeps among its host's libraries.
+/// The linker among the host's libraries of a toolchain.
 fn own_linker(sysroot: &Path) -> Option<PathBuf> {
     fs::read_dir(sysroot.join("lib/rustlib"))
         .ok()?
@@ -223,7 +222,7 @@ fn own_linker(sysroot: &Path) -> Option<PathBuf> {
         .find(|linker| linker.exists())
 }
 
-/// Whether there is a cargo in this folder, and a compiler with the source of `core`.
+/// `true` if this folder has a cargo, and a compiler with the source of `core`.
 fn has_sources(programs: &Path) -> bool {
     programs.join("cargo").exists()
         && sysroot(programs.join("rustc")).is_some_and(|sysroot| {
@@ -238,7 +237,7 @@ fn sysroot(rustc: PathBuf) -> Option<PathBuf> {
     Some(PathBuf::from(path.trim()))
 }
 
-/// Whether the active compiler has a ready-made `core` for the chip.
+/// `true` if the active compiler has a compiled `core` for the chip.
 fn has_target() -> bool {
     // The directory's name is printed whether it exists or not.
     let arguments = ["--print", "target-libdir", "--target", TARGET];
@@ -260,12 +259,12 @@ fn rustup_may_be_used() -> bool {
     env::var_os(NO_RUSTUP).is_none_or(|value| value.is_empty() || value == "0")
 }
 
-/// Lets rustup install something for the active toolchain.
+/// Installs a component of the active toolchain by rustup.
 fn rustup(arguments: &[&str]) -> Result<(), StepError> {
     process::run(Command::new("rustup").args(arguments)).map(drop)
 }
 
-/// A part of a toolchain that a fresh machine may lack.
+/// A component of a toolchain that a fresh machine may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tool {
     subcommand: &'static str,
@@ -296,8 +295,8 @@ pub const CLIPPY: Tool = Tool {
     component: "clippy",
 };
 
-/// Finds or brings a tool of a toolchain, and gives cargo's command for it; says why not where
-/// that fails.
+/// Finds or fetches a tool of a toolchain, and returns cargo's command for it, or the reason why
+/// that is not possible.
 pub fn provide_tool(toolchain: &Toolchain, tool: Tool) -> Result<Command, String> {
     let works = |command: Command| {
         let mut question = Command::new(command.get_program());
@@ -317,7 +316,7 @@ pub fn provide_tool(toolchain: &Toolchain, tool: Tool) -> Result<Command, String
         return Ok(command);
     }
     match toolchain {
-        // Another toolchain's tool would find fault with what this one's lets pass.
+        // Another toolchain's tool may report errors that this one's accepts.
         Toolchain::Active { cargo } if !is_debians(cargo) => {
             if !rustup_may_be_used() {
                 return Err(format!("no {}, and rustup is out", tool.component));
@@ -334,7 +333,7 @@ pub fn provide_tool(toolchain: &Toolchain, tool: Tool) -> Result<Command, String
     .ok_or_else(|| format!("no {} here, and it could not be had", tool.component))
 }
 
-/// Whether this is the cargo that Debian has installed.
+/// `true` if this is the cargo that Debian has installed.
 fn is_debians(cargo: &OsStr) -> bool {
     Path::new(cargo).parent() == Some(Path::new(INSTALLED))
 }

@@ -1,20 +1,19 @@
-//! The static variables of a firmware, from its ELF: what they are called, where they lie and how
-//! large they are.
+//! The static variables of a firmware, from its ELF: names, memories and sizes.
 
 use super::image::Region;
 
 /// A static variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variable {
-    /// Its path in the program, without the crate where that is the firmware's own.
+    /// Path in the program, without the firmware's own crate.
     pub name: String,
-    /// The memory that it lies in.
+    /// Memory that holds it.
     pub region: String,
-    /// Bytes.
+    /// Size, bytes.
     pub size: u64,
 }
 
-/// The crate whose name says nothing in a table of its variables.
+/// Crate that is left out of the names.
 const OWN: &str = "massline_firmware";
 /// Prefixes of the variables that RTIC defines in its module.
 const RTIC: [&str; 3] = [
@@ -23,8 +22,8 @@ const RTIC: [&str; 3] = [
     "board::tasks::app::__rtic_internal_shared_resource_",
 ];
 
-/// The variables of a 32-bit little-endian ELF in these memories, largest first; `None` when it is
-/// not one, or has lost its symbols.
+/// The variables of a 32-bit little-endian ELF in these memories, largest first; `None` if the
+/// bytes are no such ELF, or have no symbols.
 pub fn variables(elf: &[u8], regions: &[Region]) -> Option<Vec<Variable>> {
     const SYMBOLS: u32 = 2;
     const OBJECT: u8 = 1;
@@ -66,7 +65,7 @@ pub fn variables(elf: &[u8], regions: &[Region]) -> Option<Vec<Variable>> {
     Some(variables)
 }
 
-/// The path that a compiler's symbol stands for, or the symbol where it is none of Rust's.
+/// The path of a compiler's symbol, or the symbol if it is not one of Rust's.
 fn name(symbol: &str) -> String {
     let path = match (symbol.strip_prefix("_ZN"), symbol.strip_prefix("_R")) {
         (Some(legacy), _) => old_path(legacy),
@@ -84,21 +83,22 @@ fn name(symbol: &str) -> String {
     own.map_or(path.clone(), str::to_owned)
 }
 
-/// `<length><part>…17h<16 digits>E`, in which closures are named by what stands for braces.
+/// A path in the legacy mangling: `<length><part>…17h<16 digits>E`, with braces of closures
+/// encoded.
 fn old_path(mut rest: &str) -> Option<Vec<String>> {
     let mut parts = Vec::new();
     while !rest.starts_with('E') {
         parts.push(identifier(&mut rest, "")?);
     }
-    // A hash of what the name leaves out.
+    // The last part is a hash.
     parts.pop();
     parts.retain(|part| !part.contains("$u7b$"));
     Some(parts)
 }
 
-/// `N<namespace><path><identifier>` or `C<identifier>`, with what tells an identifier from others
-/// of its name before it, and a `_` after its length if it begins with one or with a digit. In
-/// other kinds of paths there are no variables.
+/// A path in the v0 mangling: `N<namespace><path><identifier>` or `C<identifier>`, with a
+/// disambiguator before an identifier, and a `_` after its length if it begins with one or with a
+/// digit. Other kinds of paths have no variables.
 fn path(rest: &mut &str) -> Option<Vec<String>> {
     let mut parts = match first(rest)? {
         'C' => Vec::new(),
@@ -126,9 +126,9 @@ fn first(rest: &mut &str) -> Option<char> {
     first
 }
 
-/// `<length><part>`, with the sign between them where there is one.
+/// An identifier, `<length><part>`, with an optional sign between them.
 fn identifier(rest: &mut &str, sign: &str) -> Option<String> {
-    // No length begins with a zero, but none at all.
+    // No length begins with a zero, except zero itself.
     let digits = match rest.starts_with('0') {
         true => 1,
         false => rest.find(|c: char| !c.is_ascii_digit())?,
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_elf_or_has_no_symbols() {
+    fn refuses_bytes_that_are_no_elf_with_symbols() {
         assert_eq!(variables(b"MZ", &[]), None);
         let whole = elf(&[("a", 1, 1, 1)]);
         assert!(variables(&whole, &[]).is_some());

@@ -24,7 +24,7 @@ pub fn with_blocks(length: usize) -> Setup {
 /// One run's frequency responses: a header, and one row a frequency.
 pub struct Responses {
     pub header: String,
-    /// Frequency (Hz), and the row as it stands in a file.
+    /// Frequency, Hz, and the row of the file.
     pub rows: Vec<(f64, String)>,
 }
 
@@ -82,7 +82,7 @@ pub fn sine(folder: &Path, responses: &[Responses; 3]) -> Setup {
     setup
 }
 
-/// Modal references that were not written here: `fixtures/modal/references.py`.
+/// Modal references of independent programs: `fixtures/modal/references.py`.
 pub fn references() -> Value {
     let text = std::fs::read_to_string(fixture("modal/modal.json")).unwrap();
     serde_json::from_str(&text).unwrap()

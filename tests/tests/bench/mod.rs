@@ -1,6 +1,6 @@
-//! A simulated test from the model to the ten numbers, by way of files as a user has them.
+//! A simulated test from the model to the ten numbers, through files as a user has them.
 
-// Every test program takes a part of this.
+// Each test program uses a part of this.
 #![allow(dead_code)]
 
 pub mod fork;
@@ -32,12 +32,12 @@ pub fn model(name: &str) -> Model {
 pub struct Bench {
     pub setup: Setup,
     pub truth: Truth,
-    /// The recordings are gone with it.
+    /// Folder of the recordings, removed on drop.
     pub folder: TempDir,
 }
 
 impl Bench {
-    /// Shakes a model and writes what `massline simulate` writes.
+    /// Simulates a test of a model and writes the files of `massline simulate`.
     pub fn shake(model: &Model, options: &Options) -> Self {
         let simulation =
             simulate(model, options, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
@@ -56,7 +56,7 @@ pub fn identify(setup: &Setup) -> Answer {
     answer(setup, &Choice::default(), &mut |_| ()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The result document as a program would read it.
+/// The result document, parsed from its JSON.
 pub fn document(setup: &Setup, answer: &Answer) -> serde_json::Value {
     serde_json::to_value(ResultDocument::new(setup, answer)).unwrap()
 }
@@ -80,20 +80,21 @@ pub fn value(estimate: Option<Estimate>) -> f64 {
     estimate.expect("must be observable").value
 }
 
-/// How far an answer lies from the truth.
+/// Errors of an answer.
 #[derive(Clone, Copy, Debug)]
 pub struct Errors {
-    /// Share of the mass.
+    /// Error of the mass as a share of the mass.
     pub mass: f64,
     /// Distance of the centres of gravity over the radius of gyration.
     pub centre_of_gravity: f64,
-    /// Largest of the six terms about S over the largest true one; `None` where the answer
-    /// has none of them.
+    /// Largest error of the six terms about S as a share of the largest true one; `None` if the
+    /// answer has none of them.
     pub inertia_cg: Option<f64>,
 }
 
 impl Errors {
-    /// Mass and CG must be there; of the inertia all six terms, about A and about S, or none.
+    /// Asserts that mass and CG are known, and of the inertia all six terms, about A and about S,
+    /// or none.
     #[track_caller]
     pub fn of(answer: &Answer, truth: &Truth) -> Self {
         let found = &answer.identification;
@@ -118,7 +119,7 @@ impl Errors {
         }
     }
 
-    /// The worst of many in each respect.
+    /// The worst of many in each error.
     pub fn worst(many: &[Self]) -> Self {
         let most = |of: fn(&Self) -> f64| many.iter().map(of).fold(0.0, f64::max);
         Self {
@@ -135,7 +136,7 @@ pub fn radius_of_gyration(truth: &Truth) -> f64 {
     ((xx + yy + zz) / (2.0 * truth.mass)).sqrt()
 }
 
-/// Does something for every seed, on all processors, and returns it in the seeds' order.
+/// Runs `work` for every seed, on all processors, and returns the results in the seeds' order.
 pub fn over_seeds<T: Send>(seeds: RangeInclusive<u64>, work: impl Fn(u64) -> T + Sync) -> Vec<T> {
     let next = AtomicU64::new(*seeds.start());
     let helpers = std::thread::available_parallelism().map_or(1, NonZero::get);

@@ -1,8 +1,8 @@
 //! A link that garbles, cuts, loses and repeats: 10,000 frames into the box.
 //!
-//! What arrives is known without the code under test: the stream is cut at its zeros, and a
-//! piece is a frame if it is, byte for byte, one that was sent. Every one of these must be
-//! answered once, nothing else may be, and the box's counters must be what follows.
+//! The arriving frames are known without the code under test: the stream is cut at its zeros, and a
+//! piece is a frame if it equals, byte for byte, a sent one. Each of these must be answered once,
+//! and no others; the box's counters must agree.
 
 use std::collections::{HashMap, HashSet};
 
@@ -31,7 +31,7 @@ impl Random {
     }
 }
 
-/// Does something to a frame, or nothing in two of three cases.
+/// Damages a frame in one of three cases.
 fn damage(mut frame: Vec<u8>, random: &mut Random) -> Vec<u8> {
     let at = random.below(frame.len());
     match random.below(24) {
@@ -56,14 +56,14 @@ fn damage(mut frame: Vec<u8>, random: &mut Random) -> Vec<u8> {
             let noise: Vec<u8> = (0..random.below(40)).map(|_| random.next() as u8).collect();
             drop(frame.splice(at..at, noise));
         }
-        // Longer than any frame may be, in one in a hundred.
+        // Longer than the longest frame, in one of a hundred.
         8 if random.below(4) == 0 => frame.extend((0..1500).map(|n| (n % 255) as u8 + 1)),
         _ => {}
     }
     frame
 }
 
-/// What the box has counted up to now.
+/// The box's link counters.
 fn counters(talk: &mut Talk) -> LinkCounters {
     talk.done(&Request::Subscribe(Subscription {
         telemetry: 10,
@@ -86,7 +86,7 @@ fn ten_thousand_frames_under_abuse() {
     let mut random = Random(4);
 
     let mut stream = Vec::new();
-    // What lies between the delimiters of every frame, its place and its id.
+    // The bytes between the delimiters of every frame, with its place and its id.
     let mut sent: HashMap<Vec<u8>, (usize, u16)> = HashMap::new();
     for place in 0..FRAMES {
         let stamp = random.next();
@@ -105,10 +105,10 @@ fn ten_thousand_frames_under_abuse() {
             Some(&frame) => taken.push(frame),
         }
     }
-    // A garbled piece that happens to pass its checksum would be seen here as a reply too many;
-    // some 1500 pieces reach it, so with another seed that has a chance of 1500 / 2^32 = 4e-7.
+    // A garbled piece with a right checksum by chance would give a reply too many; about 1500
+    // pieces reach the checksum, so with another seed that has a chance of 1500 / 2^32 = 4e-7.
     talk.send(&stream);
-    // A delimiter ends whatever the last frame was made of.
+    // A delimiter ends the last frame.
     talk.send(&[0]);
     let (last, frame) = talk.frame(&Request::Ping(Ping { stamp: 0 }));
     talk.send(&frame);
@@ -127,8 +127,8 @@ fn ten_thousand_frames_under_abuse() {
     );
 
     let after = counters(&mut talk);
-    // The frame that ended the test and the two of each look at the counters; the second look
-    // is answered before it is counted as frame, the first one after.
+    // The frame that ended the test and the two of each read of the counters; the second read is
+    // answered before it is counted as a frame, the first one after.
     let others = 3;
     assert_eq!(
         after.frames - before.frames,
@@ -144,7 +144,7 @@ fn ten_thousand_frames_under_abuse() {
     let nothing = [after.out_of_order, after.unknown_version, after.restarts];
     assert_eq!(nothing, [0; 3]);
     assert_eq!([after.unknown_number, after.malformed], [0; 2]);
-    // The abuse is what it claims to be.
+    // The abuse contains all kinds of damage.
     for count in [
         after.bad_crc,
         after.bad_cobs,

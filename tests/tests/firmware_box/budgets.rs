@@ -1,4 +1,4 @@
-//! What the firmware takes of the chip, and what a block and an identification cost there.
+//! Memory of the chip that the firmware takes, and cost of a block and of an identification there.
 //!
 //! With `-icount shift=0` every instruction takes a nanosecond of emulated time, and a tick is
 //! one instruction, see `firmware/src/board/ticks.rs`.
@@ -18,22 +18,22 @@ use massline_tests::xtask::image;
 
 use crate::talk::Talk;
 
-// The budgets. One is lowered freely, and raised only with the reason in the commit.
+// The budgets. A budget is lowered freely, and raised only with the reason in the commit.
 
 /// Flash, bytes.
 const FLASH: u64 = 384 << 10;
-/// Worst stack, bytes. How deep interrupts nest on top of an identification is chance: 13 000 to
-/// 13 500 were seen. The table shows this in their place.
+/// Worst stack, bytes. The nesting of interrupts during an identification is random: 13 000 to
+/// 13 500 were measured. The table shows this budget instead.
 const STACK: u32 = 16 << 10;
 /// Static variables and the worst stack together, bytes: nine tenths of 192 KiB.
 const MEMORY: u64 = (192 << 10) * 9 / 10;
-/// A block, instructions: what CMSIS-DSP takes for twelve channels and 64 lines of the full
+/// A block, instructions: the cost of CMSIS-DSP for twelve channels and 64 lines of the full
 /// matrix. Here it has thirteen channels and 96 lines.
 const BLOCK: u32 = 671_000;
 /// An identification by apparent mass, instructions: 1.2 s at 168 MHz.
 const IDENTIFICATION: u64 = 200_000_000;
 
-/// The method that is recommended first.
+/// All methods, the recommended one first.
 const METHODS: [Method; 8] = [
     Method::ApparentMass,
     Method::FrequencyResponses,
@@ -52,7 +52,7 @@ const ITERATIVE: Procedure = Procedure::Iterative {
 const RUNS: u8 = 6;
 /// Six accelerometers and six load cells.
 const SENSORS: u8 = 12;
-/// Samples of a run: what the filters need, one block, and two more that overlap.
+/// Samples of a run: those that fill the filters, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
 /// At 512 samples/s, 0.5 to 48 Hz in steps of half a hertz.
 const LINES: u32 = 96;
@@ -68,7 +68,7 @@ const PLACES: [([f64; 3], [f64; 3]); 6] = [
     ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
 ];
 
-/// The pieces of a set-up of six runs of thirteen channels and 96 lines, bands in Hz.
+/// Requests of a set-up of six runs of thirteen channels and 96 lines, bands in Hz.
 pub fn pieces(
     accelerations: Accelerations,
     sample_rate: f64,
@@ -125,7 +125,7 @@ pub fn pieces(
     }
 }
 
-/// Sets the box up with them.
+/// Sends these requests to the box.
 pub fn set_up(
     talk: &mut Talk,
     accelerations: Accelerations,
@@ -142,7 +142,7 @@ pub fn set_up(
     assert_eq!(grid.count, LINES);
 }
 
-/// Measures all runs; instructions of the costliest block.
+/// Measures all runs, and returns the instructions of the costliest block.
 fn measure(talk: &mut Talk) -> u32 {
     let mut costliest = 0;
     for run in 0..RUNS {
@@ -168,7 +168,7 @@ fn measure(talk: &mut Talk) -> u32 {
     costliest
 }
 
-/// Instructions from question to answer.
+/// Instructions from request to answer.
 fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
     let question = Question {
         method,
@@ -187,7 +187,7 @@ fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
     })
 }
 
-/// Identifies while inputs are recorded and everything is told, for the depth of the stack.
+/// Identifies while inputs are recorded and all telemetry is sent, for the depth of the stack.
 fn all_at_once(talk: &mut Talk) {
     talk.done(&Request::Provoke(Provoke::TestPattern));
     talk.done(&Request::WriteSetting(Setting::SampleRate(256.0)));
@@ -203,7 +203,7 @@ fn all_at_once(talk: &mut Talk) {
     });
 }
 
-/// How deep the stack has been. The box looks every 100 ms, and tells of the look before.
+/// Telemetry with the worst stack. The box measures it every 100 ms, and reports the last value.
 fn stack(talk: &mut Talk) -> Telemetry {
     let subscribe = |telemetry| {
         Request::Subscribe(Subscription {
@@ -224,10 +224,10 @@ fn stack(talk: &mut Talk) -> Telemetry {
     telemetry
 }
 
-/// What was found.
+/// Measured memory and instructions.
 struct Found {
     flash: u64,
-    /// SRAM and core-coupled memory.
+    /// Bytes of SRAM and core-coupled memory.
     ram: u64,
     stack: u32,
     block: u32,

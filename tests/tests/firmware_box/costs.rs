@@ -1,9 +1,10 @@
-//! What a request may cost: the costliest ones, each between two pings.
+//! Cost of the costliest requests, each measured between two pings.
 //!
 //! An instruction is a tick. Between the answers of the pings lie the request's work, the bytes of
-//! it and of the second ping, at some 700 instructions each, and what the emulator waits for its
-//! host. A long request goes before the pings, so that they have come when it is done; and of
-//! several times the shortest counts. So what is found is no less than the cost.
+//! the request and of the second ping, at about 700 instructions each, and the emulator's waits for
+//! its host. A long request is sent before the pings, so that it has arrived when they are
+//! executed; and the shortest of several measurements counts. So the result is an upper bound of
+//! the cost.
 
 use std::fmt::Write as _;
 
@@ -16,11 +17,11 @@ use massline_tests::readme;
 
 use crate::talk::Talk;
 
-/// The costliest requests, and the most instructions that each may cost: a million are 8 ms at
-/// 168 MHz, by 1.3 cycles each. One is lowered freely, and raised only with the reason in the
-/// commit. Where the emulator's host decides when bytes come there is room for that: `SetRun` was
-/// found to take 0.07 million, `EndSetup` 14.8, `Start` 4.4, `ReadLines` 0.1, `Stop` 5.4, samples
-/// 4.2 and 4.9, and the gap 0.03.
+/// The costliest requests, with the most instructions for each: a million are 8 ms at 168 MHz, by
+/// 1.3 cycles each. A budget is lowered freely, and raised only with the reason in the commit.
+/// Where the arrival of bytes depends on the emulator's host there is room for that: measured were
+/// 0.07 million for `SetRun`, 14.8 for `EndSetup`, 4.4 for `Start`, 0.1 for `ReadLines`, 5.4 for
+/// `Stop`, 4.2 and 4.9 for samples, and 0.03 for the gap.
 const BUDGET: [(&str, u64); 8] = [
     (SET_RUN, 2_000_000),
     (END_SETUP, 20_000_000),
@@ -39,14 +40,14 @@ const STOP: &str = "Stop of a run of 100 lines";
 const BLOCKS_256: &str = "Samples, the blocks of 256 that 109 of them complete";
 const BLOCKS_64: &str = "Samples, the blocks of 64 that 109 of them complete";
 const GAP: &str = "Samples, none, behind a gap of 2^60";
-/// Times that each is measured.
+/// Number of measurements of each request.
 const TIMES: usize = 5;
-/// As many sensors as there are channels, but for the drive.
+/// Sensors: all channels but the drive.
 const SENSORS: u8 = 47;
-/// The most runs.
+/// Largest number of runs.
 const RUNS: u8 = 6;
 
-/// A set-up that takes the most checking, or one whose samples make the most blocks.
+/// A set-up with the most checks, or one whose samples make the most blocks.
 struct Setup {
     sensors: u8,
     runs: u8,
@@ -66,7 +67,7 @@ const LARGEST: Setup = Setup {
     averaging_band: [1.0, 20.0],
 };
 
-/// An accelerometer, a load cell and the drive, and blocks that overlap as far as they may.
+/// A set-up of an accelerometer, a load cell and the drive, with the largest overlap of blocks.
 const fn dense(block_length: u32, kept_band: [f64; 2]) -> Setup {
     Setup {
         sensors: 2,
@@ -147,8 +148,8 @@ fn start(source: Source, limit: Option<u64>) -> Request<'static> {
     })
 }
 
-/// Sends a request between two pings, behind the others, and gives the instructions from the one
-/// ping to the other. The request must not be refused.
+/// Sends a request between two pings, behind `before`, and returns the instructions between the
+/// pings. The request must not be refused.
 fn cost(talk: &mut Talk, before: &[&Request<'_>], request: &Request<'_>) -> u64 {
     let mut bytes = Vec::new();
     for one in before {
@@ -175,8 +176,8 @@ fn cost(talk: &mut Talk, before: &[&Request<'_>], request: &Request<'_>) -> u64 
     })
 }
 
-/// Sends samples, and gives the instructions of all the blocks that they complete, as the box counts
-/// them: a thousand bytes on their way would take the emulator longer.
+/// Sends samples, and returns the instructions of all the blocks that they complete, as counted by
+/// the box: the emulated link takes longer for a thousand bytes.
 fn blocks_of(talk: &mut Talk, samples: &Request<'_>) -> u64 {
     let sent = talk.request(samples);
     let mut instructions = 0;
@@ -193,7 +194,7 @@ fn blocks_of(talk: &mut Talk, samples: &Request<'_>) -> u64 {
     })
 }
 
-/// The costliest requests, with their words.
+/// The costliest requests, with their descriptions.
 fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
     let mut found: Vec<(&'static str, u64)> = Vec::new();
     let mut note = |what: &'static str, cost: u64| match found.iter_mut().find(|f| f.0 == what) {
@@ -201,7 +202,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
         None => found.push((what, cost)),
     };
     for _ in 0..TIMES {
-        // Without the last run: asked for the end of the set-up, the box checks all others.
+        // Without the last run, the box checks all others at the end of the set-up.
         let channels = channels(&LARGEST);
         let last = Request::SetRun(run(RUNS - 1, &channels));
         let begin = start(Source::Synthetic, Some(2400));
@@ -259,7 +260,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
                     )),
                 })
             };
-            // Blocks come once the first one is full.
+            // Blocks are complete once the first one is full.
             for n in 0..3 {
                 talk.ask(&message(n), |reply| {
                     assert!(matches!(reply, Reply::Progress(_)))

@@ -1,16 +1,16 @@
-//! A box that fails says why after its reset, until it is asked to forget.
+//! A box reports the cause of a failure after its reset, until the faults are cleared.
 
 use massline_firmware::wire::{FaultCounters, Provoke, Request, ResetReason};
 
 use crate::talk::Talk;
 
-/// Has the box fail and waits for its new session.
+/// Makes the box fail and waits for its new session.
 fn provoke(talk: &mut Talk, fault: Provoke) {
     talk.done(&Request::Provoke(fault));
     talk.started();
 }
 
-/// What a hello says of failures: reason, resets, last words, counters.
+/// Failures in a hello: reason, resets, message, counters.
 fn failures(talk: &mut Talk) -> (ResetReason, u32, Option<String>, FaultCounters) {
     talk.hello(|info| {
         (
@@ -24,7 +24,7 @@ fn failures(talk: &mut Talk) -> (ResetReason, u32, Option<String>, FaultCounters
 
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn a_panic_is_told_after_the_reset_until_it_is_forgotten() {
+fn a_panic_is_reported_after_the_reset_until_it_is_cleared() {
     let mut talk = Talk::boot();
     provoke(&mut talk, Provoke::Panic);
     let counted = FaultCounters {
@@ -42,7 +42,7 @@ fn a_panic_is_told_after_the_reset_until_it_is_forgotten() {
             "{words}"
         );
     }
-    // A restart is not a reason to forget it.
+    // A restart does not clear it.
     talk.done(&Request::Reboot);
     let started = talk.started();
     assert_eq!((started.reset, started.resets), (ResetReason::Request, 2));
@@ -72,10 +72,10 @@ fn an_overflow_of_the_stack_runs_into_its_guard() {
 
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn the_watchdog_bites_a_task_that_hangs_and_names_it() {
+fn the_watchdog_resets_after_a_hanging_task_and_names_it() {
     let mut talk = Talk::boot();
     talk.done(&Request::Provoke(Provoke::Hang));
-    // Tasks of higher priority do not notice.
+    // Tasks of higher priority continue.
     talk.hello(|info| assert_eq!(info.reset, ResetReason::PowerOn));
     talk.started();
     let (reset, _, words, faults) = failures(&mut talk);

@@ -1,4 +1,4 @@
-//! Outputs that were looked at once and are compared from then on.
+//! Golden outputs, accepted once and compared from then on.
 
 use std::fs;
 

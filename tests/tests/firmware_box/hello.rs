@@ -1,4 +1,4 @@
-//! What the box says of itself.
+//! The box's answer to a hello.
 
 use massline::device::firmware;
 use massline_firmware::wire::{ClockSource, Info, ResetReason, Storage};
@@ -6,15 +6,15 @@ use massline_firmware::wire::{ClockSource, Info, ResetReason, Storage};
 use crate::golden;
 use crate::talk::Talk;
 
-/// The answer to a hello as text, a line for each thing it says.
+/// The answer to a hello as text, a line for each field.
 fn text(info: &Info<'_>) -> String {
     format!("{info:#?}\n")
 }
 
-// What is told of the build differs with every change and compiler; it has a test of its own.
+// The build id differs with every change and compiler; it has a test of its own.
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn says_who_it_is() {
+fn the_answer_to_a_hello_is_golden() {
     let mut talk = Talk::boot();
     let said = talk.hello(|info| {
         text(&Info {
@@ -28,10 +28,10 @@ fn says_who_it_is() {
 
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn tells_its_version_and_the_digest_of_the_very_elf() {
+fn reports_its_version_and_the_build_id_of_its_elf() {
     let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));
     let elf = std::fs::read(&elf).expect("the firmware can be read");
-    // The note's name and what lies behind it.
+    // The note's header and name, before the id.
     let name = b"\x04\0\0\0\x14\0\0\0\x03\0\0\0GNU\0";
     let at = elf.windows(name.len()).position(|bytes| bytes == name);
     let digest = &elf[at.expect("the linker has left a digest") + name.len()..][..8];
@@ -42,8 +42,8 @@ fn tells_its_version_and_the_digest_of_the_very_elf() {
     });
 }
 
-// The emulator raises neither "crystal ready" nor "PLL locked", as a board with a dead crystal
-// and a dead PLL, so the last fallback must run. Its flash cannot be programmed.
+// The emulator raises neither "crystal ready" nor "PLL locked", like a board with a broken crystal
+// and PLL, so the last fallback must run. Its flash cannot be programmed.
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn reports_the_fallback_of_clock_and_storage() {
@@ -56,7 +56,7 @@ fn reports_the_fallback_of_clock_and_storage() {
 }
 
 #[test]
-fn xtask_and_the_host_tool_name_firmware_and_emulator_alike() {
+fn xtask_and_the_host_tool_use_the_same_names() {
     use massline::device::emulator;
     use massline_tests::emulator as xtask;
     assert_eq!(firmware::FIRMWARE_ELF, xtask::FIRMWARE_ELF);

@@ -6,8 +6,8 @@
 //! long one, after `cargo xtask test --only firmware` has built the ELF (a quarter of an hour):
 //!
 //! ```text
-//! MASSLINE_FRAMES=100_000 cargo test --release --test firmware_box -- --ignored --nocapture hostile
-//! ```
+//! MASSLINE_FRAMES=100_000 cargo test --release --test firmware_box -- --ignored --nocapture
+//! hostile ```
 
 use massline_firmware::acquisition::SETTLING;
 use massline_firmware::calibration::Certificate;
@@ -26,8 +26,7 @@ use crate::reference;
 use crate::sampling::{INPUTS, RATE, boot, inputs, wire};
 use crate::talk::Talk;
 
-/// Frames that are sent before the box must have answered a ping behind them: fewer bytes than
-/// the box has room for, so that no ping is lost.
+/// Frames between two pings: fewer bytes than the box's buffer, so that no ping is lost.
 const TOGETHER: u64 = 20;
 /// The averaging band, Hz.
 const BAND: [f64; 2] = [1.0, 20.0];
@@ -42,7 +41,7 @@ fn start(source: Source) -> Request<'static> {
     })
 }
 
-/// Whether a piece is one of the requests that are documented to end a run.
+/// `true` if a piece is a request that is documented to end a run.
 fn is_documented(piece: &Piece, header: &Header) -> bool {
     match ToBox::read(header, &piece.payload) {
         Ok(Request::Stop | Request::Abort | Request::Reboot) => true,
@@ -51,7 +50,7 @@ fn is_documented(piece: &Piece, header: &Header) -> bool {
     }
 }
 
-/// Requests that fit the box as it is: subscriptions, starts, and samples of as many channels.
+/// Requests that fit the box's state: subscriptions, starts, and samples of as many channels.
 fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     let counts = [7; 2 * INPUTS as usize];
     let count = random.below(3);
@@ -77,7 +76,7 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     }
 }
 
-/// Waits for the answer to a ping; no run may end before, nor the box start afresh.
+/// Waits for the answer to a ping; no run may end before, and the box must not restart.
 fn wait_for(talk: &mut Talk, ping: u16) {
     talk.wait(|request, message| match message {
         FromBox::Event(event @ (Event::RunEnded(_) | Event::Started(_) | Event::Fault(_))) => {
@@ -96,7 +95,7 @@ fn attack(talk: &mut Talk, frames: u64) {
         let mut bytes = Vec::new();
         for _ in 0..TOGETHER {
             let piece = piece(&corpus, &mut random);
-            // Its header is that of the next frame of this host, but for what it carries.
+            // The header is that of this host's next frame, except for its kind.
             let (id, envelope) = talk.frame(&Request::Hello);
             let body = reference::unstuffed(&envelope[1..envelope.len() - 1]);
             let body = body.expect("whole groups");
@@ -161,7 +160,7 @@ fn lines(talk: &mut Talk) -> Vec<Line> {
     }
 }
 
-/// What an instrument on this machine makes of the first samples of the pattern.
+/// Results of an instrument on this machine for the first samples of the pattern.
 fn undisturbed(bench: &mut Bench<'_>, samples: u64) -> (Summary, Vec<Line>) {
     pieces(Accelerations::Interface, RATE, BAND, |request| {
         bench.done(request);
@@ -203,7 +202,7 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     crate::budgets::set_up(&mut talk, Accelerations::Interface, RATE, BAND);
     talk.done(&start(Source::Inputs));
     attack(&mut talk, wanted("MASSLINE_FRAMES", 3000));
-    // Enough for some blocks, however fast the emulator is.
+    // Enough for some blocks, at any speed of the emulator.
     while status(&mut talk).running.expect("the run goes on").blocks < 3 {}
     let summary = stop(&mut talk);
     let found = lines(&mut talk);
@@ -213,7 +212,7 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     let mut bench = shelf.with_inputs(certificates.collect());
     let (expected, expected_lines) = undisturbed(&mut bench, summary.samples);
     let expected = Summary {
-        // By the clocks of either, which count differently.
+        // Each by its own clock, which count differently.
         sample_rate: summary.sample_rate,
         ..expected
     };

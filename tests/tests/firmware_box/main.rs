@@ -1,11 +1,10 @@
-//! The ELF that is flashed, in the emulator: what the box says of itself, and what becomes of it
-//! when things go wrong.
+//! The ELF that is flashed, in the emulator: its answers, and its behaviour under faults.
 //!
 //! Tests in files and folders named `firmware_*` need the firmware and QEMU. They are ignored by
-//! a plain `cargo test`; `cargo xtask test` builds what they need and runs them.
+//! a plain `cargo test`; `cargo xtask test` provides both and runs them.
 
 mod abuse;
-// What is borrowed from core's tests is used in part.
+// The module borrowed from core's tests is used in part.
 #[allow(dead_code)]
 #[path = "../../../firmware/tests/instrument/bench.rs"]
 mod bench;

@@ -1,4 +1,4 @@
-//! Where the firmware's static variables lie, and what they take.
+//! The firmware's static variables: memories and sizes.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -8,13 +8,13 @@ use massline_tests::readme;
 use massline_tests::xtask::image;
 use massline_tests::xtask::variables::{Variable, variables};
 
-/// Variables below this are shown together, bytes.
+/// Variables below this size are shown together, bytes.
 const SMALL: u64 = 256;
 
-/// Memories by their name in the memory map, with their words.
+/// Memories by their name in the memory map, with their descriptions.
 const MEMORIES: [(&str, &str); 2] = [("CCM", "core-coupled memory"), ("RAM", "SRAM")];
 
-/// What the large variables are for. One that has no words here is shown by its name alone.
+/// Purposes of the large variables. Those without one are shown by their names alone.
 const WORDS: [(&str, &str); 11] = [
     (
         "board::memory::RUNS",

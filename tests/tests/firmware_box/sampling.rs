@@ -1,11 +1,11 @@
-//! Sampling goes on whatever comes over the link.
+//! Sampling continues under any traffic on the link.
 //!
-//! The emulator has no converters. In a rehearsal a timer stands in for their edges and a known
-//! pattern for their counts, and everything else is what samples on the board: the interrupt,
-//! the acquisition, the queues, the instrument. With `-icount shift=0` an instruction takes a
-//! nanosecond, and a period has 62 500 of them, as 2700 samples/s have on the board. A sample
-//! that is not read in a period is lost. The emulated port takes a byte every 700 instructions or
-//! so, the real one every 1800 cycles.
+//! The emulator has no converters. In a test pattern a timer replaces their edges, and a known
+//! pattern their counts; everything else is the code that samples on the board: the interrupt, the
+//! acquisition, the queues, the instrument. With `-icount shift=0` an instruction takes a
+//! nanosecond, and a period has 62 500 of them, as at 2700 samples/s on the board. A sample that is
+//! not read in a period is lost. The emulated port takes a byte every 700 instructions or so, the
+//! real one every 1800 cycles.
 
 use massline_firmware::calibration::Preset;
 use massline_firmware::models::pattern;
@@ -22,10 +22,10 @@ use crate::talk::Talk;
 pub const RATE: f64 = 256.0;
 /// Inputs that are wired, as many as the run has channels.
 pub const INPUTS: u8 = 13;
-/// Samples of the run: ten blocks, and what fills the filters.
+/// Samples of the run: ten blocks, and those that fill the filters.
 const SAMPLES: u64 = 6000;
-/// Pings on their way at once: as many as the queue from the host can hold, so that all that is
-/// between bytes that never end is the box itself.
+/// Pings in flight: as many as the queue from the host holds, so that with bytes without end only
+/// the box itself delays them.
 const FLOOD: usize = 100;
 
 /// Boots a box in which an instruction takes a nanosecond.
@@ -43,7 +43,7 @@ fn start() -> Request<'static> {
     })
 }
 
-/// Counts of recorded samples against the pattern; how many.
+/// Checks counts of recorded samples against the pattern; returns their number.
 fn check(samples: &Samples<'_>) -> usize {
     let channels = usize::from(samples.channels);
     let of = |k: usize| match samples.values {
@@ -67,7 +67,7 @@ fn faults(talk: &mut Talk) -> FaultCounters {
     talk.hello(|info| info.faults)
 }
 
-/// What is wired to the inputs.
+/// Settings of the wired inputs.
 pub fn inputs() -> impl Iterator<Item = Input<'static>> {
     let preset = Preset::bridge(500.0, 2e-3, 3.3);
     (0..INPUTS).map(move |input| preset.input(input, "LC", "K", None, 1e-3))
@@ -81,7 +81,7 @@ pub fn wire(talk: &mut Talk) {
     }
 }
 
-/// A run of the inputs with this much traffic beside it, until it has ended.
+/// A run of the inputs with this traffic beside it, until it has ended.
 fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (Summary, usize) {
     talk.done(&Request::Provoke(Provoke::TestPattern));
     wire(talk);
@@ -115,7 +115,7 @@ fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (S
 
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn no_traffic_keeps_a_sample_waiting() {
+fn no_traffic_delays_a_sample() {
     let mut talk = boot();
     let mut pings = 0;
     let (summary, recorded) = run(&mut talk, |talk| {
@@ -125,9 +125,9 @@ fn no_traffic_keeps_a_sample_waiting() {
             pings += 1;
             let (id, frame) = talk.frame(&Request::Ping(Ping { stamp: pings }));
             bytes.extend(frame);
-            // The request that costs most, which a run has it refuse at once.
+            // The costliest request, which a box with a run refuses at once.
             bytes.extend(talk.frame(&Request::EndSetup).1);
-            // Half of what comes is nothing that anybody could read.
+            // Half of the bytes are noise.
             bytes.extend((0..40_u8).map(|k| k.wrapping_mul(37) | 1));
             bytes.push(0);
             last = Some(id);
@@ -139,16 +139,16 @@ fn no_traffic_keeps_a_sample_waiting() {
     assert_eq!(taken, (SAMPLES, 0, 0), "{summary:?}");
     assert_eq!(summary.outcome, Outcome::Limit);
     assert!(summary.blocks >= 10);
-    // The average of a run is concluded in 3 million instructions, 18 ms on the board and some 90
-    // periods here. The samples meanwhile are nobody's: what finds no room is counted.
+    // The average of a run is concluded in 3 million instructions, 18 ms on the board and about 90
+    // periods here. The samples meanwhile are not part of the run: those without room are counted.
     let counted = FaultCounters {
         overrun: 0,
         ..faults(&mut talk)
     };
     assert_eq!(counted, FaultCounters::default());
     println!("{SAMPLES} samples, {recorded} of them recorded, beside {pings} pings");
-    // How many depends on this machine: the emulator's time goes as fast as it can. A thousand,
-    // mostly.
+    // Their number depends on this machine, since the emulator runs as fast as it can: about a
+    // thousand.
     assert!(pings >= 2 * FLOOD as u64, "{pings}");
 }
 
@@ -159,16 +159,16 @@ fn every_recorded_sample_is_the_one_of_its_number() {
     let (summary, recorded) = run(&mut talk, |_| None);
     assert_eq!((summary.samples, summary.missing), (SAMPLES, 0));
     assert_eq!(summary.health, Health::GOOD);
-    // 18 of thirteen channels gather in an event, the last of which may come behind the end.
+    // An event holds 18 samples of thirteen channels; the last one may come behind the end.
     assert!(recorded as u64 > SAMPLES - 18, "{recorded}");
-    // By the clock of the rehearsal, in whole ticks.
+    // By the clock of the test pattern, in whole ticks.
     let rate = summary.sample_rate.expect("the box has measured it").0;
     assert_eq!(rate, RATE);
 }
 
 #[test]
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
-fn a_box_without_converters_says_so() {
+fn a_box_without_converters_reports_it() {
     let mut talk = boot();
     wire(&mut talk);
     set_up(&mut talk, Accelerations::Interface, RATE, [1.0, 20.0]);

@@ -1,6 +1,6 @@
-//! A box in the emulator and a host that says exactly what a test wants it to say.
+//! A box in the emulator, and a host whose every message is set by a test.
 //!
-//! The host tool's own client mends what a link breaks; here the breakage is the subject.
+//! The host tool's own client recovers from errors of the link, which are the subject here.
 
 use std::time::Duration;
 
@@ -10,8 +10,8 @@ use massline_firmware::wire::{
     ToHost,
 };
 
-/// How long anything may take before a test gives up. The emulator needs milliseconds for most
-/// of it, but may share two cores with a compiler.
+/// Longest time for anything in a test. The emulator needs milliseconds for most of it, but may
+/// share two cores with a compiler.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A box, and the host's side of its link.
@@ -29,13 +29,13 @@ impl Talk {
         Self::boot_with(&[])
     }
 
-    /// Boots the firmware with more arguments for QEMU, and waits until it says so: what is
-    /// sent to a port that is not set up yet is lost.
+    /// Boots the firmware with more arguments for QEMU, and waits for its report of the start:
+    /// bytes sent to a port that is not set up yet are lost.
     pub fn boot_with(arguments: &[&str]) -> Self {
         let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));
         let emulator =
             Emulator::start_with(&elf, arguments).unwrap_or_else(|error| panic!("{error}"));
-        // A few of them in a process that ends: the receivers may keep their buffers.
+        // Leaked: a few of them in a process that ends.
         let body = Box::leak(Box::new([0; BODY_MAX]));
         let mut talk = Self {
             emulator,
@@ -64,21 +64,21 @@ impl Talk {
         (self.id, frame.expect("the request fits a frame").to_vec())
     }
 
-    /// Sends bytes as they are.
+    /// Sends bytes unchanged.
     pub fn send(&mut self, bytes: &[u8]) {
         self.emulator
             .send(bytes)
             .unwrap_or_else(|error| panic!("{error}"));
     }
 
-    /// Sends a request; its id.
+    /// Sends a request, and returns its id.
     pub fn request(&mut self, request: &Request<'_>) -> u16 {
         let (id, frame) = self.frame(request);
         self.send(&frame);
         id
     }
 
-    /// Gives what comes to `pick` until that takes something.
+    /// Passes messages to `pick` until it returns a value.
     pub fn wait<T>(&mut self, mut pick: impl FnMut(u16, &FromBox<'_>) -> Option<T>) -> T {
         loop {
             let mut input = &self.input[..];
@@ -126,7 +126,7 @@ impl Talk {
         });
     }
 
-    /// Says hello and has a look at the answer.
+    /// Sends a hello and reads its answer.
     pub fn hello<T>(&mut self, look: impl Fn(&Info<'_>) -> T) -> T {
         self.ask(&Request::Hello, |reply| match reply {
             Reply::Info(info) => look(info),

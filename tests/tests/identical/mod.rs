@@ -1,6 +1,6 @@
-//! Replays of the fork's recordings, and what it takes to call one identical.
+//! Replays of the fork's recordings, and the conditions of an identical one.
 
-// Every test program takes a part of this.
+// Each test program uses a part of this.
 #![allow(dead_code)]
 
 use massline::device::{Client, ClientMemory, Port};
@@ -13,7 +13,7 @@ pub fn fork() -> Setup {
     Setup::read(&massline_tests::fixture("fork/setup.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Some blocks of each run, solved once and without weights.
+/// An order of some blocks of each run, solved once and without weights.
 pub fn order(methods: &[Method], blocks: u32) -> Order {
     Order {
         methods: methods.to_vec(),

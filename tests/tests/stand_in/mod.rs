@@ -1,6 +1,6 @@
 //! A box without hardware: the instrument on the host, fed with a set-up's recordings.
 
-// Every test program takes a part of this.
+// Each test program uses a part of this.
 #![allow(dead_code)]
 
 use massline::measure::WINDOW;
@@ -14,15 +14,15 @@ pub mod bench;
 
 use bench::{Bench, Said, Shelf};
 
-/// The box on a bench, and how it is dealt with.
+/// The box on a test bench, with the host's side of a test.
 pub struct StandIn<'m> {
     pub bench: Bench<'m>,
-    /// Where the weights of the next set-up come from.
+    /// Source of the weights of the next set-up.
     pub weighting: Weighting,
 }
 
 impl<'m> StandIn<'m> {
-    /// A box with converters whose inputs are calibrated like this; without any, none.
+    /// A box with converters whose inputs have these calibrations; without any, without converters.
     pub fn new(shelf: &'m mut Shelf, inputs: Vec<Certificate>) -> Self {
         Self {
             bench: shelf.with_inputs(inputs),
@@ -30,12 +30,12 @@ impl<'m> StandIn<'m> {
         }
     }
 
-    /// Asks, works, and returns the one reply.
+    /// Sends a request, polls the box, and returns the one reply.
     pub fn ask(&mut self, request: &Request<'_>) -> Said {
         self.bench.await_reply(request)
     }
 
-    /// Asks for what must be done.
+    /// Sends a request whose reply must be "done".
     pub fn done(&mut self, request: &Request<'_>) {
         assert_eq!(self.ask(request), Said::Done, "{request:?}");
     }
@@ -104,7 +104,7 @@ impl<'m> StandIn<'m> {
         }
     }
 
-    /// Runs through a run's samples, which `change` may change, and stops it.
+    /// Feeds the samples of a run, which `change` may change, and stops it.
     pub fn run(
         &mut self,
         setup: &Setup,
@@ -143,7 +143,7 @@ impl<'m> StandIn<'m> {
         }
     }
 
-    /// Asks for the ten numbers.
+    /// Requests the ten numbers.
     pub fn identify(&mut self, question: Question) -> Answer {
         match self.ask(&Request::Identify(question)) {
             Said::Identified(found) => found.answer,
@@ -151,7 +151,7 @@ impl<'m> StandIn<'m> {
         }
     }
 
-    /// The weights of a run as they are now.
+    /// The present weights of a run.
     pub fn weights(&mut self, run: usize) -> Vec<f64> {
         match self.ask(&Request::ReadWeights(run as u8)) {
             Said::Weights(weights) => weights,

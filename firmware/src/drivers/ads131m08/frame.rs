@@ -16,9 +16,9 @@ pub const BYTES_MAX: usize = (Register::WRITABLE + 2) * WORD;
 #[must_use]
 #[inline]
 pub fn crc(bytes: &[u8]) -> u16 {
-    // The checksum is linear: each byte of a word adds its own, as many bytes later. Three
-    // look-ups that do not wait for each other take the chip half as long as three in turn.
-    // Bytes stay in the wire's order until the end, which is the chip's, too.
+    // The checksum is linear, so that each byte of a word adds its own, shifted by the bytes behind
+    // it. Three independent look-ups take the chip half as long as three in turn. Bytes stay in the
+    // wire's order until the end.
     let (words, rest) = bytes.as_chunks::<WORD>();
     let crc = words.iter().fold(0xFFFF_u16, |crc, &[a, b, c]| {
         let [a, b] = (u16::from_le_bytes([a, b]) ^ crc).to_le_bytes();
@@ -31,8 +31,8 @@ pub fn crc(bytes: &[u8]) -> u16 {
     u16::from_be_bytes(crc.to_le_bytes())
 }
 
-/// Checksums of single bytes from zero on, with none, one and two zeros behind them: as they go
-/// over the wire, the upper byte first, where this processor has the lower one.
+/// Checksums of single bytes from zero on, with no, one and two zeros behind them, in the wire's
+/// byte order: the upper byte first.
 // Three variables, not an array of three: their addresses stay in registers.
 static ALONE: [u16; 256] = table(0);
 static ONE_BEHIND: [u16; 256] = table(1);
@@ -58,7 +58,7 @@ const fn table(behind: usize) -> [u16; 256] {
     table
 }
 
-/// A frame on its way out, in the place where the answer will come in.
+/// A frame to be sent, in the buffer that receives the answer.
 #[derive(Clone, Debug)]
 pub struct Frame {
     bytes: [u8; BYTES_MAX],
@@ -72,8 +72,8 @@ impl Frame {
         Self::with_registers(word, &[])
     }
 
-    /// A command with the contents of registers behind it. There are never more of them than
-    /// can be written; what is beyond is cut.
+    /// A command with the contents of registers behind it; contents beyond
+    /// [`Register::WRITABLE`] registers are cut off.
     #[must_use]
     pub fn with_registers(word: u16, registers: &[u16]) -> Self {
         let registers = registers.get(..Register::WRITABLE).unwrap_or(registers);
@@ -93,12 +93,12 @@ impl Frame {
         }
     }
 
-    /// The command that does nothing, in a frame long enough for the answer to a read of
-    /// `count` registers.
+    /// The NULL command, in a frame long enough for the answer to a read of `count` registers.
     #[must_use]
     pub fn null_for(count: usize) -> Self {
         let mut frame = Self::command(command::NULL);
-        frame.length = BYTES.max(((count + 2) * WORD).min(BYTES_MAX));
+        let length = count.saturating_add(2).saturating_mul(WORD);
+        frame.length = length.clamp(BYTES, BYTES_MAX);
         frame
     }
 
@@ -108,8 +108,8 @@ impl Frame {
         self.bytes.get_mut(..self.length).unwrap_or_default()
     }
 
-    /// What came in: the words before the checksum. `words` is their number,
-    /// [`CHANNELS`] + 1 in a usual frame.
+    /// The received words before the checksum; `words` is their number, [`CHANNELS`] + 1 in a usual
+    /// frame.
     ///
     /// # Errors
     ///
@@ -125,11 +125,11 @@ impl Frame {
 ///
 /// [`Fault::Checksum`] unless the first word and the checksum are filled up with zeros and the
 /// checksum is right; [`Fault::Stuck`] if all bits are the same.
-// For every sample: where the lengths are known, what depends on them falls away.
+// Inlined, so that code for other lengths falls away where the length is constant.
 #[inline]
 pub fn checked(bytes: &[u8], words: usize) -> Result<&[u8], Fault> {
     let whole = || -> Option<&[u8]> {
-        let (body, rest) = bytes.split_at_checked(words * WORD)?;
+        let (body, rest) = bytes.split_at_checked(words.saturating_mul(WORD))?;
         let [high, low, fill] = *rest.first_chunk()?;
         let filled = body.get(2) == Some(&0) && fill == 0;
         (filled && crc(body) == u16::from_be_bytes([high, low])).then_some(body)
@@ -137,7 +137,7 @@ pub fn checked(bytes: &[u8], words: usize) -> Result<&[u8], Fault> {
     whole().ok_or_else(|| garbled(bytes))
 }
 
-/// What is wrong with bytes that are no frame.
+/// The fault of bytes that are no frame.
 #[cold]
 fn garbled(bytes: &[u8]) -> Fault {
     let is_stuck = |level: u8| bytes.iter().all(|&byte| byte == level);
@@ -168,7 +168,7 @@ pub fn word(bytes: &[u8], number: usize) -> u16 {
 #[must_use]
 #[inline]
 pub fn count([high, middle, low]: [u8; WORD]) -> i32 {
-    // Shifted down again from the top, so that the sign comes along.
+    // An arithmetic shift from the top extends the sign.
     i32::from_be_bytes([high, middle, low, 0]) >> 8
 }
 
@@ -176,8 +176,7 @@ pub fn count([high, middle, low]: [u8; WORD]) -> i32 {
 #[must_use]
 #[inline]
 pub fn counts(words: &[u8]) -> [i32; CHANNELS] {
-    // Written out, since the chip's code is made small rather than fast, and this runs for every
-    // sample.
+    // Written out, since the chip's code is compiled for size, and this runs for every sample.
     match words.as_chunks().0 {
         &[_, a, b, c, d, e, f, g, h] => [
             count(a),

@@ -3,17 +3,17 @@
 //! # Design
 //!
 //! The chip answers a command in the frame after it, so that every exchange here is one frame
-//! with the command and one with nothing in it. While samples are read, each frame carries the
-//! command that does nothing; its answer is the status word, with the counts behind it.
+//! with the command and one with NULL. While samples are read, each frame holds the NULL command;
+//! its answer is the status word, with the counts behind it.
 //!
-//! A sample is believed if all of this holds: the checksum is right, the zeros that fill the
-//! status word and the checksum word are zeros, the status is to the bit what a locked,
-//! configured chip with eight new counts says. A frame of random bits passes one of them each
-//! with probability 2^-16, all of them with 2^-48.
+//! A sample is valid if its checksum is right, the bits that fill the status word and the checksum
+//! word are zeros, and the status word is bit for bit that of a locked, configured chip with eight
+//! new counts. A frame of random bits passes each of these checks with probability 2^-16, all of
+//! them with 2^-48.
 //!
-//! After it is configured, the chip is locked and watches its own registers: a frame that is
+//! After it is configured, the chip is locked and checks its own registers: a frame that is
 //! garbled on its way to the chip cannot change them, not even one that looks like a write,
-//! which the chip would do before it has seen the checksum.
+//! which the chip would execute before it receives the checksum.
 
 pub mod frame;
 pub mod registers;
@@ -23,19 +23,19 @@ use self::registers::{CHANNELS, Register, command, mode, status};
 use super::{Converter, Fault, Reading};
 use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
 
-/// How the SPI bus must be set: clock low when idle, data taken at the falling edge.
+/// Mode of the SPI bus: clock low when idle, data sampled at the falling edge.
 pub const SPI_MODE: Mode = MODE_1;
 /// Fastest clock of the SPI bus at a supply of 2.7 V or more, Hz.
 pub const SPI_HZ_MAX: u32 = 25_000_000;
 /// Clock of the converter for power-of-two sample rates, Hz. Up to 8.4 MHz is allowed.
 pub const CLOCK_HZ: u32 = 8_388_608;
-/// Cycles of the converter's clock that the SYNC/RESET pin must be low for a reset; one cycle
-/// and more, but fewer than these, restart the conversions.
+/// Shortest low pulse on the SYNC/RESET pin that resets the chip, cycles of the converter's clock;
+/// shorter pulses of one cycle or more restart the conversions.
 pub const RESET_CYCLES: u32 = 2048;
-/// Nanoseconds that the chip takes to come up after a reset: the data sheet says 5 µs.
+/// Start-up time after a reset, ns: twice the 5 µs of the data sheet.
 const RESET_NS: u32 = 10_000;
 
-/// Cycles of the modulator, half the converter's clock, that go into a count.
+/// Oversampling ratio: cycles of the modulator, half the converter's clock, for a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Oversampling {
@@ -58,7 +58,7 @@ pub enum Oversampling {
 }
 
 impl Oversampling {
-    /// All of them, fastest first.
+    /// All ratios, the fastest first.
     pub const ALL: [Self; 8] = [
         Self::X128,
         Self::X256,
@@ -93,7 +93,7 @@ impl Oversampling {
         [below.unwrap_or(lowest), above.unwrap_or(highest)]
     }
 
-    /// The one that gives this rate, Hz, at a clock in Hz; `None` if none does.
+    /// The ratio for a sample rate, Hz, at a clock in Hz; `None` if there is none.
     #[must_use]
     pub fn of_rate(rate: f64, clock: u32) -> Option<Self> {
         let exact = |o: &Self| f64::from(clock) == rate * f64::from(o.cycles());
@@ -101,7 +101,7 @@ impl Oversampling {
     }
 }
 
-/// Gain of a channel's amplifier. Full scale is 1.2 V divided by it.
+/// Gain of a channel's amplifier. Full scale is 1.2 V divided by the gain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gain(u8);
 
@@ -109,7 +109,7 @@ impl Gain {
     /// No gain.
     pub const ONE: Self = Self(0);
 
-    /// `None` unless it is a power of two up to 128.
+    /// A gain; `None` unless it is a power of two up to 128.
     #[must_use]
     pub const fn new(gain: u8) -> Option<Self> {
         if gain.is_power_of_two() {
@@ -126,18 +126,18 @@ impl Gain {
     }
 }
 
-/// What a channel converts.
+/// Input of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Input {
-    /// Its pins.
+    /// The channel's pins.
     #[default]
     Pins = 0,
-    /// Nothing: both ends are connected, which shows the noise.
+    /// A short circuit, to measure the noise.
     Shorted = 1,
     /// A positive voltage of 160 mV divided by the gain.
     TestPositive = 2,
-    /// The same, negative.
+    /// A negative voltage of 160 mV divided by the gain.
     TestNegative = 3,
 }
 
@@ -146,17 +146,17 @@ pub enum Input {
 pub struct Channel {
     /// Gain of the amplifier.
     pub gain: Gain,
-    /// What is converted.
+    /// Voltage that is converted.
     pub input: Input,
-    /// Count that the chip takes off, 24 bits.
+    /// Count that the chip subtracts, 24 bits.
     pub offset: i32,
-    /// What the chip multiplies by then, in units of 2^-23: 0x80_0000 is one.
+    /// Factor of the count less its offset, in units of 2^-23: 0x80_0000 is one.
     pub correction: u32,
 }
 
 impl Channel {
-    /// The pins at a gain, with no correction inside the chip: those of the calibration are in
-    /// SI, with their certificate.
+    /// The pins at a gain, without correction inside the chip: the calibration corrects in SI
+    /// units.
     #[must_use]
     pub const fn pins(gain: Gain) -> Self {
         Self {
@@ -171,7 +171,7 @@ impl Channel {
 /// All settings of a chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Configuration {
-    /// Sets the sample rate.
+    /// Oversampling ratio, which sets the sample rate.
     pub oversampling: Oversampling,
     /// The channels.
     pub channels: [Channel; CHANNELS],
@@ -187,7 +187,8 @@ impl Configuration {
     /// All writable registers, from [`Register::MODE`] on.
     #[must_use]
     pub fn registers(&self) -> [u16; Register::WRITABLE] {
-        core::array::from_fn(|i| self.register(Register(Register::MODE.0 + i as u8)))
+        // Addresses end at `Register::LAST`.
+        core::array::from_fn(|i| self.register(Register(Register::MODE.0.wrapping_add(i as u8))))
     }
 
     fn register(&self, register: Register) -> u16 {
@@ -241,7 +242,7 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
         &self.configuration
     }
 
-    /// Other settings, which hold from the next [`Converter::prepare`] on.
+    /// Sets the settings of the next [`Converter::prepare`].
     pub const fn configure(&mut self, configuration: Configuration) {
         self.configuration = configuration;
     }
@@ -288,19 +289,17 @@ impl<SPI: SpiDevice> Ads131m08<SPI> {
     ///
     /// # Errors
     ///
-    /// [`Fault::Command`] if it does not say that it is up again; [`Fault::Bus`],
-    /// [`Fault::Checksum`].
+    /// [`Fault::Command`] if the chip does not acknowledge; [`Fault::Bus`], [`Fault::Checksum`].
     pub fn reset(&mut self) -> Result<(), Fault> {
         let mut frame = Frame::command(command::RESET);
-        // The answer to what came before is of no interest, nor is whether it can be read: the
-        // chip may be in any state.
+        // The answer to the frame before is ignored, readable or not: the chip may be in any state.
         self.transfer(&mut frame, RESET_NS)?;
         let answer = self.command(command::NULL);
-        // What was sent last is answered, the frame after the reset is the one with its answer.
+        // The frame after the reset holds its answer.
         expect(answer?, command::RESET_DONE)
     }
 
-    /// Locks the registers: from now on only samples and registers can be read.
+    /// Locks the registers: only reads of samples and registers are executed from now on.
     ///
     /// # Errors
     ///
@@ -411,8 +410,7 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
     }
 
     fn prepare(&mut self) -> Result<(), Fault> {
-        // A chip that is locked takes no reset; one that has just come up does not know yet
-        // what it is unlocked from.
+        // A locked chip ignores a reset; a chip after a reset may not acknowledge UNLOCK.
         let mut unlock = Frame::command(command::UNLOCK);
         self.transfer(&mut unlock, 0)?;
         self.reset()?;
@@ -425,7 +423,7 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         self.write_registers(Register::MODE, &registers)?;
         self.compare_registers(Register::MODE, &registers)?;
         self.lock()?;
-        // Its answer tells of what was done here; samples come with the next one.
+        // This answer shows the effects of the commands above; samples come with the next one.
         let seen = self.command(command::NULL)?;
         expect(seen & (status::LOCK | status::RESET), status::LOCK)
     }
@@ -450,16 +448,15 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
     }
 }
 
-/// What the chip says of itself when all is well.
+/// Status of a prepared chip with a new sample.
 const GOOD: u16 = status::LOCK | status::WLENGTH_24 | status::DRDY;
 
-/// Why a chip that says anything else has no sample.
+/// The fault that any other status shows.
 #[cold]
 fn no_sample(status: u16) -> Fault {
     let settings = !(status::DRDY | status::F_RESYNC);
     if status & settings != GOOD & settings {
-        // Reset, not locked, another checksum or word length, registers that were changed: not
-        // the chip that was prepared.
+        // Reset, not locked, another checksum or word length, or changed registers.
         Fault::Reset
     } else if status & status::F_RESYNC != 0 {
         Fault::Resynchronised
@@ -468,7 +465,7 @@ fn no_sample(status: u16) -> Fault {
     }
 }
 
-/// The frame that does nothing, with its checksum.
+/// The frame of the NULL command, with its checksum.
 const NULL: [u8; frame::BYTES] = {
     let mut bytes = [0; frame::BYTES];
     // Checksum of three zeros.
@@ -490,7 +487,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_frame_that_does_nothing() {
+    fn null_frame_has_its_checksum() {
         assert_eq!(Frame::command(command::NULL).bytes_mut(), NULL);
     }
 

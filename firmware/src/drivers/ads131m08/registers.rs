@@ -10,9 +10,9 @@ pub struct Register(pub u8);
 impl Register {
     /// Number of channels, in bits 8 to 11. Read only.
     pub const ID: Self = Self(0x00);
-    /// [`status`]. Read only.
+    /// Status, with the bits of [`status`]. Read only.
     pub const STATUS: Self = Self(0x01);
-    /// [`mode`].
+    /// Mode, with the bits of [`mode`].
     pub const MODE: Self = Self(0x02);
     /// Channels that run, oversampling, power.
     pub const CLOCK: Self = Self(0x03);
@@ -24,7 +24,7 @@ impl Register {
     pub const CFG: Self = Self(0x06);
     /// Threshold of the current detection, upper bits.
     pub const THRSHLD_MSB: Self = Self(0x07);
-    /// Its lower bits, and the DC block filter.
+    /// Lower bits of that threshold, and the DC block filter.
     pub const THRSHLD_LSB: Self = Self(0x08);
     /// The last register of the last channel.
     pub const LAST: Self = Self(0x30);
@@ -34,7 +34,7 @@ impl Register {
     /// Registers from [`Self::MODE`] to [`Self::LAST`], which are all that can be written.
     pub const WRITABLE: usize = (Self::LAST.0 - Self::MODE.0) as usize + 1;
 
-    /// Registers of a channel: the first is this, the others follow.
+    /// Register `which`, 0 to 4, of a channel.
     const fn of_channel(channel: u8, which: u8) -> Self {
         Self(0x09 + 5 * (channel % CHANNELS as u8) + which)
     }
@@ -57,7 +57,7 @@ impl Register {
         Self::of_channel(channel, 3)
     }
 
-    /// Bits that keep what is written to them.
+    /// Bits that can be written.
     #[must_use]
     pub const fn mask(self) -> u16 {
         match self.0 {
@@ -76,7 +76,7 @@ impl Register {
         }
     }
 
-    /// What it holds after a reset.
+    /// Content after a reset.
     #[must_use]
     pub const fn after_reset(self) -> u16 {
         match self.0 {
@@ -93,15 +93,15 @@ impl Register {
 
 /// Bits of [`Register::STATUS`].
 pub mod status {
-    /// Only NULL, UNLOCK and RREG are taken.
+    /// Only NULL, UNLOCK and RREG are executed.
     pub const LOCK: u16 = 1 << 15;
     /// Conversions were restarted.
     pub const F_RESYNC: u16 = 1 << 14;
     /// The register map has changed.
     pub const REG_MAP: u16 = 1 << 13;
-    /// What was sent before had a wrong checksum.
+    /// The frame sent before had a wrong checksum.
     pub const CRC_ERR: u16 = 1 << 12;
-    /// The checksum is ANSI's, else CCITT's.
+    /// Checksum CRC-16-ANSI; CCITT if clear.
     pub const CRC_TYPE: u16 = 1 << 11;
     /// The chip has been reset.
     pub const RESET: u16 = 1 << 10;
@@ -115,35 +115,35 @@ pub mod status {
 
 /// Bits of [`Register::MODE`].
 pub mod mode {
-    /// The register map is watched by a checksum.
+    /// The register map is checked by a checksum.
     pub const REG_CRC_EN: u16 = 1 << 13;
-    /// What is sent is checked.
+    /// Received frames are checked.
     pub const RX_CRC_EN: u16 = 1 << 12;
     /// A reset has occurred; zero clears it.
     pub const RESET: u16 = 1 << 10;
     /// Words of 24 bits.
     pub const WLENGTH_24: u16 = 0b01 << 8;
-    /// A frame that stalls is given up.
+    /// A frame that stalls is aborted.
     pub const TIMEOUT: u16 = 1 << 4;
 }
 
-/// Commands, and what answers them in the next frame.
+/// Commands, and their answers in the next frame.
 pub mod command {
     use super::Register;
 
-    /// Nothing; answered by STATUS.
+    /// No operation; answered by STATUS.
     pub const NULL: u16 = 0x0000;
     /// Reset; a whole frame must be sent.
     pub const RESET: u16 = 0x0011;
-    /// Answers [`RESET`] when the chip is up again.
+    /// Answer to [`RESET`] when the chip is ready again.
     pub const RESET_DONE: u16 = 0xFF28;
     /// Stops the conversions; answered by itself.
     pub const STANDBY: u16 = 0x0022;
-    /// Starts them again; answered by itself.
+    /// Starts the conversions again; answered by itself.
     pub const WAKEUP: u16 = 0x0033;
     /// Locks the registers; answered by itself.
     pub const LOCK: u16 = 0x0555;
-    /// Unlocks them; answered by itself.
+    /// Unlocks the registers; answered by itself.
     pub const UNLOCK: u16 = 0x0655;
 
     /// Reads `count` registers. One is answered by its content, more by [`read_done`] and the
@@ -159,13 +159,13 @@ pub mod command {
         0x6000 | block(from, count)
     }
 
-    /// Answers a read of more than one register.
+    /// Answer to a read of more than one register.
     #[must_use]
     pub const fn read_done(from: Register, count: u16) -> u16 {
         0xE000 | block(from, count)
     }
 
-    /// Answers a write of `count` registers.
+    /// Answer to a write of `count` registers.
     #[must_use]
     pub const fn write_done(from: Register, count: u16) -> u16 {
         0x4000 | block(from, count)

@@ -2,19 +2,18 @@
 //!
 //! # Design
 //!
-//! The chip has no checksum. Each sample is therefore read together with what else the chip
-//! says: that the sample is new, and that range, filter and power are what was written. A line
-//! that is stuck, a chip that has reset itself (it then stands by, in another range) and a
-//! missing chip are seen by that; a single wrong bit in a count is not. Keep its wires short.
+//! The chip has no checksum. Each sample is therefore read together with the status bit of a new
+//! sample and the registers of range, filter and power. These detect a stuck line, a reset (after
+//! which the chip stands by, in another range) and a missing chip, but not a single wrong bit in a
+//! count: keep its wires short.
 //!
-//! It samples by its own clock unless it is given one. [`Clocking::External`] lets pulses at its
-//! SYNC pin say when, so that its samples belong to those of the other converters: lead their
-//! DRDY line there.
+//! The chip samples by its own clock, or with [`Clocking::External`] at pulses on its SYNC pin.
+//! Wire the other converters' DRDY line there, so that the samples belong to the same instants.
 
 use super::{Converter, Fault, Reading};
 use embedded_hal::spi::{MODE_0, Mode, Operation, SpiDevice};
 
-/// How the SPI bus must be set.
+/// Mode of the SPI bus.
 pub const SPI_MODE: Mode = MODE_0;
 /// Fastest clock of the SPI bus, Hz.
 pub const SPI_HZ_MAX: u32 = 10_000_000;
@@ -23,11 +22,11 @@ pub const CHANNELS: usize = 3;
 
 /// Addresses of registers.
 pub mod registers {
-    /// Maker: [`MAKER`].
+    /// Manufacturer: [`MAKER`].
     pub const DEVID_AD: u8 = 0x00;
     /// Device: [`DEVICE`].
     pub const PARTID: u8 = 0x02;
-    /// What the chip has to say.
+    /// Status: [`DATA_RDY`].
     pub const STATUS: u8 = 0x04;
     /// First of nine bytes: x, y, z, three each, 20 bits at the top.
     pub const XDATA3: u8 = 0x08;
@@ -35,26 +34,26 @@ pub mod registers {
     pub const OFFSET_X_H: u8 = 0x1E;
     /// Filters: the high-pass in the upper nibble, the sample rate in the lower one.
     pub const FILTER: u8 = 0x28;
-    /// Where the chip's clock and sampling come from.
+    /// Sources of the clock and of the sampling pulses.
     pub const SYNC: u8 = 0x2B;
     /// Range, and polarity of the interrupts.
     pub const RANGE: u8 = 0x2C;
     /// Stand-by, temperature, data ready.
     pub const POWER_CTL: u8 = 0x2D;
-    /// [`RESET_CODE`] resets.
+    /// Reset, by [`RESET_CODE`].
     pub const RESET: u8 = 0x2F;
 
-    /// What [`DEVID_AD`] says.
+    /// Content of [`DEVID_AD`].
     pub const MAKER: u8 = 0xAD;
-    /// What [`PARTID`] says.
+    /// Content of [`PARTID`].
     pub const DEVICE: u8 = 0xED;
-    /// Written to [`RESET`].
+    /// Value that resets the chip when written to [`RESET`].
     pub const RESET_CODE: u8 = 0x52;
     /// Bit of [`STATUS`]: there is a new sample.
     pub const DATA_RDY: u8 = 1;
     /// Bit of [`POWER_CTL`]: the chip stands by, as it does after a reset.
     pub const STANDBY: u8 = 1;
-    /// What [`RANGE`] holds after a reset, beside the range.
+    /// Content of [`RANGE`] after a reset, without the range.
     pub const RANGE_AFTER_RESET: u8 = 0x80;
 }
 
@@ -72,11 +71,11 @@ pub enum Range {
     G8 = 3,
 }
 
-/// What makes the chip sample.
+/// Source of the sampling pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Clocking {
-    /// Its own clock.
+    /// The chip's own clock.
     Internal = 0,
     /// Pulses at its SYNC pin; samples are interpolated to them.
     External = 2,
@@ -89,15 +88,15 @@ pub struct Configuration {
     pub range: Range,
     /// The sample rate of its filter is 4000 Hz halved that many times, up to 10.
     pub halvings: u8,
-    /// What makes it sample.
+    /// Source of the sampling pulses.
     pub clocking: Clocking,
-    /// Taken off each axis, in units of 16 counts.
+    /// Offsets subtracted from the axes, in units of 16 counts.
     pub offsets: [i16; CHANNELS],
 }
 
 impl Configuration {
-    /// 2.048 g, sampled when the SYNC pin says, with a filter for that many samples per second or
-    /// the next rate above.
+    /// 2.048 g, sampled at pulses on the SYNC pin, with the filter of the next rate at or above
+    /// `rate`, Hz.
     #[must_use]
     pub fn following(rate: f64) -> Self {
         let fits = |halvings: &u8| 4000.0 / f64::from(1_u16 << halvings) >= rate;
@@ -145,7 +144,7 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
         Self { spi, configuration }
     }
 
-    /// Other settings, which hold from the next [`Converter::prepare`] on.
+    /// Sets the settings of the next [`Converter::prepare`].
     pub const fn configure(&mut self, configuration: Configuration) {
         self.configuration = configuration;
     }
@@ -210,7 +209,7 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
     }
 
     fn prepare(&mut self) -> Result<(), Fault> {
-        /// What the chip takes to load its trim after a reset, well rounded up.
+        /// Time to load the trim after a reset, well rounded up.
         const RESET_NS: u32 = 1_000_000;
 
         self.write(at::RESET, at::RESET_CODE, RESET_NS)?;
