@@ -175,4 +175,19 @@ mod tests {
             assert!((e.measured(j) - share).abs() < 1e-15, "{j}");
         }
     }
+
+    #[test]
+    fn rounding_of_a_rotation_makes_no_equation() {
+        let row = |beside: f64| {
+            let mut rows = Matrix6::zeros();
+            rows[(0, 2)] = -2.0;
+            rows[(0, 4)] = beside;
+            Equations::spanned(&rows, 1)
+        };
+        // Rows are of length one, so the entries are halved.
+        assert_eq!(row(1.9e-13).measured(4), 0.0);
+        assert_eq!(row(-1.9e-13).measured(4), 0.0);
+        assert_eq!(row(2.1e-13).rows()[(0, 4)], 1.05e-13);
+        assert_eq!(row(1.9e-13).measured(2), 1.0);
+    }
 }

@@ -152,8 +152,8 @@ pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
     }
     // A motion that is taken for noise couples with the rotations by chance. The distance that
     // this amounts to has nothing to do with that which the other translations show.
-    let largest_arm = 10.0 * typical(&c.diagonal(), 0) / typical(&c.diagonal(), 3);
-    if point.norm_squared() > largest_arm {
+    let largest_square = 10.0 * typical(&c.diagonal(), 0) / typical(&c.diagonal(), 3);
+    if point.norm_squared() > largest_square {
         return Vector3::zeros();
     }
     point
@@ -286,6 +286,29 @@ mod tests {
                 assert!(translation(&beside) > translation(&centre));
             }
         }
+    }
+
+    /// A heave of the table that is taken for noise, and couples with a pitch by chance: a point
+    /// 45 m away would have the least of it, though the other translations are those of sensors
+    /// some decimetres apart.
+    #[test]
+    fn a_motion_that_couples_with_the_rotations_by_chance_moves_no_point() {
+        let coupled = |heave_and_pitch: f64| {
+            let mut noise =
+                Matrix6::from_diagonal(&Vector6::new(1e-6, 1e-6, 1.0, 1e-4, 1e-4, 1e-4));
+            noise[(2, 4)] = heave_and_pitch;
+            noise[(4, 2)] = heave_and_pitch;
+            least_translation(&noise)
+        };
+        // The point is E w x t over the sum of two variances of rotation, (c / 2e-4, 0, 0), and its
+        // square may be up to ten times 1e-6 / 1e-4: 0.316 m.
+        assert_eq!(coupled(0.9e-2), Vector3::zeros());
+        assert_eq!(coupled(0.64e-4), Vector3::zeros());
+        let near = coupled(0.62e-4);
+        assert!(
+            (near - Vector3::new(0.31, 0.0, 0.0)).norm() < 1e-12,
+            "{near}"
+        );
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! | file | does |
 //! | --- | --- |
 //! | `measurement` | the rows of B, equation (8) |
+//! | `weighed` | weights of the equations of a set |
 //! | `normal` | stacking (9), normal equations (10), observability |
 //! | `sets` | what masslines come in |
 //! | `derived` | CG, inertia about A and S with their error bars |
@@ -16,6 +17,7 @@ mod measurement;
 mod normal;
 mod sets;
 mod student;
+mod weighed;
 
 pub use derived::{Covariance, Estimate, InertiaEstimate};
 pub use measurement::{Measurement, measurement_matrix};

@@ -216,6 +216,27 @@ mod tests {
         assert_eq!(e.basis().row(1).norm(), 0.0);
     }
 
+    /// No noise is known of y, which moves half as far as x does: the direction is that of the
+    /// motion, and not the x axis along which there is noise.
+    #[test]
+    fn a_direction_holds_what_moves_with_it_where_no_noise_is_known() {
+        let mut moments = Matrix6::zeros();
+        for (i, j, moment) in [(0, 0, 1.0), (0, 1, 0.5), (1, 0, 0.5), (1, 1, 0.25)] {
+            moments[(i, j)] = moment;
+        }
+        let mut noise = Matrix6::zeros();
+        noise[(0, 0)] = 1e-4;
+        let e = Excitation::new(&moments, &noise);
+        assert_eq!(e.rank(), 1);
+        assert!((e.weakest() / 1e4 - 1.0).abs() < 1e-14, "{}", e.weakest());
+        // In units of the noise of x, whose standard deviation is 0.01.
+        let direction = e.basis().column(0) * e.basis()[(0, 0)].signum();
+        let expected = Vector6::new(0.01, 0.005, 0.0, 0.0, 0.0, 0.0);
+        assert!((direction - expected).norm() < 1e-16, "{direction}");
+        let moved = e.basis() * e.coordinates() * Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0);
+        assert!((moved - Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0)).norm() < 1e-14);
+    }
+
     #[test]
     fn what_is_excited_does_not_depend_on_the_reference_point() {
         let moments = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 10.0, 10.0, 10.0));
