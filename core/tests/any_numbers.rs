@@ -166,12 +166,11 @@ proptest! {
             a[j] = of_a;
             a[(j + 2) % 6] = 0.3 * of_a;
             let f = Vector6::from_fn(|i, _| body[i] * a[i] / of_a * of_f);
-            (a, f)
+            (a, f, Vector6::repeat(noise * noise))
         });
-        let Ok(mut masslines) = Masslines::exact(Vector3::zeros(), pairs) else { return Ok(()) };
-        for pair in &mut masslines.pairs {
-            pair.variance = Vector6::repeat(noise * noise);
-        }
+        let Ok(masslines) = Masslines::with_variances(Vector3::zeros(), pairs) else {
+            return Ok(());
+        };
         if let Ok(found) = identify(&[masslines], &Question::default()) {
             prop_assert!(finite(&all(&found)), "{found:?}");
         }

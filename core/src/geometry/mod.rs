@@ -17,13 +17,12 @@ mod run;
 
 pub use equations::Equations;
 pub use load_shares::LoadShares;
-pub(crate) use noise::move_accelerations;
-pub use noise::{
-    PackedNoise, ResultantNoise, accelerations_moved, forces_moved, least_translation,
-};
+pub use noise::{PackedNoise, ResultantNoise};
+pub(crate) use noise::{least_translation, move_accelerations};
 pub use placement::Placement;
 pub use reference::{resultants_at, transfer};
-pub use resultants::{AccelerationFit, ForceResultants, RESULTANTS, ResultantMap};
+use resultants::{AccelerationFit, ForceResultants};
+pub use resultants::{RESULTANTS, ResultantMap};
 pub use run::{RunGeometry, RunSensor};
 
 use nalgebra::{Matrix3, RowVector6, Vector3};

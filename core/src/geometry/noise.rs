@@ -130,7 +130,7 @@ impl ResultantNoise {
 /// its noise does to a rotation: a point of the body that does not depend on A, which is why
 /// estimators work there. Zero where there is no rotation.
 #[must_use]
-pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
+pub(crate) fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
     // With t' = t - s x w the power E|t'|² is least where (tr C_ww - C_ww) s = E w x t.
     let c = moments;
     let ww: Matrix3<f64> = c.fixed_view::<3, 3>(3, 3).into();
@@ -172,22 +172,6 @@ fn typical(variances: &Vector6<f64>, first: usize) -> f64 {
 
 /// A packed [`ResultantNoise`].
 pub type PackedNoise = [f32; 2 * TRIANGLE];
-
-/// A covariance of accelerations about a point `shift` (m) away.
-#[must_use]
-pub fn accelerations_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
-    let mut moved = *covariance;
-    move_accelerations(&mut moved, shift);
-    moved
-}
-
-/// A covariance of resultants about a point `shift` (m) away.
-#[must_use]
-pub fn forces_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
-    let mut moved = *covariance;
-    move_forces(&mut moved, shift);
-    moved
-}
 
 /// Moves a covariance of accelerations where it lies: `u_B = u_A - s x w` on both sides.
 pub(crate) fn move_accelerations(covariance: &mut Matrix6<f64>, shift: &Vector3<f64>) {

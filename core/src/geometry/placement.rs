@@ -62,7 +62,7 @@ impl Placement {
 
     /// An interface point in specimen coordinates.
     #[must_use]
-    pub fn point_in_specimen(&self, interface: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn point_in_specimen(&self, interface: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.tr_mul(&(interface - self.translation))
     }
 

@@ -65,20 +65,17 @@ impl RunGeometry {
         Ok(geometry)
     }
 
-    /// The resultants of those of these sensors that are load cells.
+    /// The equations of motion that those of these sensors complete which are load cells: what
+    /// [`Self::new`] finds of them, without the rest.
     ///
     /// # Errors
-    /// [`GeometryError::NoLoadCell`] if none is.
-    pub fn resultants(
+    /// [`GeometryError::NoLoadCell`] if none is, [`GeometryError::NotFinite`].
+    pub fn equations_of(
         sensors: impl Iterator<Item = RunSensor> + Clone,
         placement: &Placement,
         reference: &Vector3<f64>,
-    ) -> Result<ForceResultants, GeometryError> {
-        let cells = sensors.filter_map(|s| match s {
-            RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
-            RunSensor::Accelerometer(..) => None,
-        });
-        ForceResultants::new(cells, reference)
+    ) -> Result<Equations, GeometryError> {
+        Ok(*resultants(sensors, placement, reference)?.equations())
     }
 
     /// No sensors yet.
@@ -113,7 +110,7 @@ impl RunGeometry {
             RunSensor::LoadCell(_) => None,
         });
         let fit = AccelerationFit::new(accelerometers, reference)?;
-        let resultants = Self::resultants(sensors.clone(), placement, reference)?;
+        let resultants = resultants(sensors.clone(), placement, reference)?;
         self.map.clear();
         for sensor in sensors {
             let mut wide = [0.0; RESULTANTS];
@@ -137,4 +134,17 @@ impl RunGeometry {
         self.determined = core::array::from_fn(|j| fit.determined(j));
         Ok(())
     }
+}
+
+/// The resultants of those of these sensors that are load cells.
+fn resultants(
+    sensors: impl Iterator<Item = RunSensor> + Clone,
+    placement: &Placement,
+    reference: &Vector3<f64>,
+) -> Result<ForceResultants, GeometryError> {
+    let cells = sensors.filter_map(|s| match s {
+        RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
+        RunSensor::Accelerometer(..) => None,
+    });
+    ForceResultants::new(cells, reference)
 }

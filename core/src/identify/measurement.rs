@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector, Vector6};
 
 /// Six equations by ten unknowns.
-pub type Measurement = SMatrix<f64, 6, 10>;
+pub(crate) type Measurement = SMatrix<f64, 6, 10>;
 
 /// The ten unknowns of equation (6) or (7).
 pub(super) type Vector10 = SVector<f64, 10>;
@@ -15,7 +15,7 @@ pub(super) type Vector10 = SVector<f64, 10>;
 /// equation (6), where m, mx, my, mz take the first four places.
 #[must_use]
 #[rustfmt::skip]
-pub fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Measurement {
+pub(crate) fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Measurement {
     let [ax, ay, az, alpha, beta, gamma] = (*acceleration).into();
     let m = mass;
     Measurement::from_row_slice(&[

@@ -1,14 +1,14 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
+use super::IdentifyError;
 use super::measurement::{Measurement, Vector10};
 use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
-use super::{IdentifyError, MasslineSet};
 use crate::algebra::{
     half, inverse_lower, lower, multiply_left, multiply_right, not_negative, symmetric_eigen,
 };
 use crate::cells::seen;
 use crate::geometry::{resultants_at, transfer};
-use crate::masslines::EXCITED;
+use crate::masslines::{EXCITED, Masslines};
 use nalgebra::{ArrayStorage, SMatrix, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
@@ -176,9 +176,9 @@ impl Normal {
     /// Leaves `Σ Bᵀ var B` in `meat`: what the covariance comes from where equations are not
     /// weighted by their variance.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn stack<S: MasslineSet>(
+    fn stack<const PAIRS: usize>(
         &mut self,
-        sets: &[S],
+        sets: &[Masslines<PAIRS>],
         point: &Vector3<f64>,
         mass: f64,
         body: Option<&Vector10>,
@@ -186,9 +186,12 @@ impl Normal {
     ) {
         *self = Self::EMPTY;
         meat.fill(0.0);
-        let known = |set: &S| set.pairs().iter().all(|p| p.variance.max() > 0.0);
+        let known = |set: &Masslines<PAIRS>| set.pairs().iter().all(|p| p.variance.max() > 0.0);
         self.weighted = sets.iter().all(|s| s.equations().is_whitened() && known(s));
-        self.freedom = sets.iter().map(S::freedom).fold(f64::INFINITY, f64::min);
+        self.freedom = sets
+            .iter()
+            .map(Masslines::freedom)
+            .fold(f64::INFINITY, f64::min);
         for set in sets {
             let shift = point - set.reference();
             let t = transfer(&shift);
@@ -228,9 +231,9 @@ impl Normal {
 
     /// `N σ`, where N is what noise adds to the normal equations.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn pull<S: MasslineSet>(
+    fn pull<const PAIRS: usize>(
         &self,
-        sets: &[S],
+        sets: &[Masslines<PAIRS>],
         point: &Vector3<f64>,
         mass: f64,
         body: Option<&Vector10>,
@@ -274,8 +277,8 @@ fn scale(m: &mut Matrix10, d: &Vector10) {
 ///
 /// What noise turns directions by needs the body whose forces that are, so it is solved twice
 /// where there are such directions.
-pub(super) fn solve<S: MasslineSet>(
-    sets: &[S],
+pub(super) fn solve<const PAIRS: usize>(
+    sets: &[Masslines<PAIRS>],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
     space: &mut Workspace,
@@ -289,8 +292,8 @@ pub(super) fn solve<S: MasslineSet>(
 }
 
 /// As [`solve`], where the body is known that [`Weighed::new`] asks for.
-fn solve_with<S: MasslineSet>(
-    sets: &[S],
+fn solve_with<const PAIRS: usize>(
+    sets: &[Masslines<PAIRS>],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
     body: Option<&Vector10>,

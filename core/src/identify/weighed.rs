@@ -1,21 +1,20 @@
 //! The equations of a set of masslines about a point, and their weights.
 
 use super::measurement::{Measurement, Vector10, measurement_matrix};
-use super::sets::MasslineSet;
 use crate::algebra::{half, inverse_lower, lower, multiply_left};
 use crate::geometry::transfer;
-use crate::masslines::Massline;
+use crate::masslines::{Massline, Masslines};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Second moments by which noise turns the directions of a set: half of a line's noise along those
 /// that it does not excite, since real moments hold half of it.
-fn turn<S: MasslineSet>(set: &S) -> Matrix6<f64> {
+fn turn<const PAIRS: usize>(set: &Masslines<PAIRS>) -> Matrix6<f64> {
     (set.noise() - set.pull()) * (0.5 / set.lines().max(1.0))
 }
 
 /// What an excitation of a set is held against: the noise in its pairs, and by how much the
 /// rest of the noise turns the directions in which they were excited. That averages out.
-pub(super) fn floor<S: MasslineSet>(set: &S) -> Matrix6<f64> {
+pub(super) fn floor<const PAIRS: usize>(set: &Masslines<PAIRS>) -> Matrix6<f64> {
     set.pull() + turn(set)
 }
 
@@ -63,8 +62,8 @@ impl Weighed {
     /// that, and it is the same for all of them. With `body`, which is σ about that point, the forces that go with
     /// it are weighed like those that the lines leave.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    pub(super) fn new<S: MasslineSet>(
-        set: &S,
+    pub(super) fn new<const PAIRS: usize>(
+        set: &Masslines<PAIRS>,
         shift: &Vector3<f64>,
         mass: f64,
         body: Option<&Vector10>,
@@ -134,7 +133,7 @@ impl Weighed {
 }
 
 /// Whether noise turns the directions of a set: whether there are some that it does not excite.
-pub(super) fn is_turned<S: MasslineSet>(set: &S) -> bool {
+pub(super) fn is_turned<const PAIRS: usize>(set: &Masslines<PAIRS>) -> bool {
     // Of the noise, that is rounding.
     const NOTHING: f64 = 1e-9;
     let (noise, pull) = (set.noise(), set.pull());

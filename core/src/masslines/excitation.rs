@@ -122,6 +122,12 @@ impl Excitation {
         Self::new(moments, noise).rank
     }
 
+    /// The matrix that takes out of a vector of six all that is not along the excited directions.
+    #[must_use]
+    pub fn projector(&self) -> Matrix6<f64> {
+        self.basis * self.coordinates
+    }
+
     /// Number of excited directions.
     #[must_use]
     pub fn rank(&self) -> usize {
@@ -129,20 +135,17 @@ impl Excitation {
     }
 
     /// Power over noise of the weakest excited direction; infinite if there is none.
-    #[must_use]
-    pub fn weakest(&self) -> f64 {
+    pub(super) fn weakest(&self) -> f64 {
         self.weakest
     }
 
     /// Matrix whose first [`Self::rank`] columns turn coordinates into a vector of six.
-    #[must_use]
-    pub fn basis(&self) -> &Matrix6<f64> {
+    pub(super) fn basis(&self) -> &Matrix6<f64> {
         &self.basis
     }
 
     /// Matrix whose first [`Self::rank`] rows turn a vector of six into coordinates.
-    #[must_use]
-    pub fn coordinates(&self) -> &Matrix6<f64> {
+    pub(super) fn coordinates(&self) -> &Matrix6<f64> {
         &self.coordinates
     }
 }
@@ -182,8 +185,14 @@ fn whiten(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{accelerations_moved, transfer};
+    use crate::geometry::{move_accelerations, transfer};
     use nalgebra::Vector3;
+
+    fn accelerations_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
+        let mut moved = *covariance;
+        move_accelerations(&mut moved, shift);
+        moved
+    }
 
     fn translations() -> Matrix6<f64> {
         let mut m = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-6));
@@ -233,7 +242,7 @@ mod tests {
         let direction = e.basis().column(0) * e.basis()[(0, 0)].signum();
         let expected = Vector6::new(0.01, 0.005, 0.0, 0.0, 0.0, 0.0);
         assert!((direction - expected).norm() < 1e-16, "{direction}");
-        let moved = e.basis() * e.coordinates() * Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0);
+        let moved = e.projector() * Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0);
         assert!((moved - Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0)).norm() < 1e-14);
     }
 
@@ -257,7 +266,7 @@ mod tests {
             assert_eq!(e.rank(), 3, "{d} m");
             // The excited directions are the translations, at either point.
             let t = transfer(&shift);
-            let projector = e.basis() * e.coordinates();
+            let projector = e.projector();
             let translation = t * Vector6::new(0.3, -1.0, 0.7, 0.0, 0.0, 0.0);
             assert!(
                 (projector * translation - translation).norm() < 1e-9,

@@ -42,22 +42,22 @@ mod static_poses;
 mod synthesis;
 mod workspace;
 
-pub use apparent_mass::{ApparentMass, apparent_mass};
+pub use apparent_mass::ApparentMass;
 pub use averaging::MIN_LINES;
 pub use condense::{Bands, Condensed, EquationWeights, Method, condense, condense_into};
-pub use curve_fit::curve_fit;
+use curve_fit::curve_fit;
 pub use excitation::{EXCITED, Excitation};
-pub use fixed_modes::{FixedMode, MAX_FIXED_MODES, fixed_modes};
-pub use free_responses::free_responses;
-pub use free_system::{FreeModes, FreeSystem};
-pub use frequency_responses::frequency_responses;
-pub use lines::{
-    Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, Squares, lines_between,
-};
-pub use power_spectra::{Factorisation, power_spectra};
-pub use sine::{MIN_NEIGHBOURS, SineLines, SineRun};
+pub use fixed_modes::{FixedMode, fixed_modes};
+use free_responses::free_responses;
+pub use free_system::FreeModes;
+use free_system::FreeSystem;
+use frequency_responses::frequency_responses;
+pub use lines::{Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, lines_between};
+use lines::{Powers, Squares};
+use power_spectra::{Factorisation, power_spectra};
+pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
-pub use synthesis::synthesis;
+use synthesis::synthesis;
 pub use workspace::Workspace;
 
 use crate::geometry::{Equations, move_accelerations, resultants_at, transfer};
@@ -202,36 +202,54 @@ pub struct Massline {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     /// The reference point A, m.
-    pub reference: Vector3<f64>,
+    pub(crate) reference: Vector3<f64>,
     /// The combinations of the rows of `M a = f` that were measured.
-    pub equations: Equations,
+    pub(crate) equations: Equations,
     /// The pairs.
-    pub pairs: heapless::Vec<Massline, PAIRS>,
+    pub(crate) pairs: heapless::Vec<Massline, PAIRS>,
     /// Second moments that noise alone would give the accelerations of the pairs, were each
     /// direction as noisy as one line: an excitation that does not exceed them by
     /// [`EXCITED`] is none.
-    pub noise: Matrix6<f64>,
+    pub(crate) noise: Matrix6<f64>,
     /// Second moments that noise really adds to those of the pairs. They pull what the
     /// accelerations multiply towards zero.
-    pub pull: Matrix6<f64>,
+    pub(crate) pull: Matrix6<f64>,
     /// Independent lines (or poses) that went into each pair.
-    pub lines: f32,
+    pub(crate) lines: f32,
     /// Degrees of freedom of the variances of the pairs; infinite where they are known.
-    pub freedom: f32,
+    pub(crate) freedom: f32,
 }
 
 impl Masslines {
     /// Exact pairs, without noise: for a mass matrix that is known line by line.
     ///
     /// # Errors
-    /// [`MasslineError::TooManyPairs`].
+    /// [`MasslineError::TooManyPairs`], [`MasslineError::Singular`] for a number that is not
+    /// finite.
     pub fn exact(
         reference: Vector3<f64>,
         pairs: impl IntoIterator<Item = (Vector6<f64>, Vector6<f64>)>,
     ) -> Result<Self, MasslineError> {
+        let exact = |(acceleration, force)| (acceleration, force, Vector6::zeros());
+        Self::with_variances(reference, pairs.into_iter().map(exact))
+    }
+
+    /// Pairs of acceleration and force, each with the known variance of its six resultants, N²
+    /// and N² m².
+    ///
+    /// # Errors
+    /// [`MasslineError::TooManyPairs`], [`MasslineError::Singular`] for a number that is not
+    /// finite or a variance below zero.
+    pub fn with_variances(
+        reference: Vector3<f64>,
+        pairs: impl IntoIterator<Item = (Vector6<f64>, Vector6<f64>, Vector6<f64>)>,
+    ) -> Result<Self, MasslineError> {
         let mut set = Self::new(reference, Equations::all());
-        for (acceleration, force) in pairs {
-            set.push(acceleration, force, Vector6::zeros())?;
+        for (acceleration, force, variance) in pairs {
+            if variance.min() < 0.0 {
+                return Err(MasslineError::Singular);
+            }
+            set.push(acceleration, force, variance)?;
         }
         Ok(set)
     }
@@ -250,6 +268,44 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             lines: 1.0,
             freedom: f32::INFINITY,
         }
+    }
+
+    /// The reference point A, m.
+    #[must_use]
+    pub fn reference(&self) -> &Vector3<f64> {
+        &self.reference
+    }
+
+    /// The combinations of the rows of `M a = f` that were measured.
+    #[must_use]
+    pub fn equations(&self) -> &Equations {
+        &self.equations
+    }
+
+    /// The pairs.
+    #[must_use]
+    pub fn pairs(&self) -> &[Massline] {
+        &self.pairs
+    }
+
+    /// Second moments of noise that an excitation is held against.
+    pub(crate) fn noise(&self) -> &Matrix6<f64> {
+        &self.noise
+    }
+
+    /// Second moments of the noise in the pairs.
+    pub(crate) fn pull(&self) -> &Matrix6<f64> {
+        &self.pull
+    }
+
+    /// Independent lines (or poses) that went into each pair.
+    pub(crate) fn lines(&self) -> f64 {
+        f64::from(self.lines)
+    }
+
+    /// Degrees of freedom of the variances of the pairs.
+    pub(crate) fn freedom(&self) -> f64 {
+        f64::from(self.freedom)
     }
 
     pub(crate) fn push(

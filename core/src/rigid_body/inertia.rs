@@ -67,7 +67,7 @@ impl Inertia {
 
     /// The inertia of a point mass (kg) at `r` (m) about the origin of `r`.
     #[must_use]
-    pub fn of_point(mass: f64, r: &Vector3<f64>) -> Self {
+    pub(crate) fn of_point(mass: f64, r: &Vector3<f64>) -> Self {
         let (x, y, z) = (r.x, r.y, r.z);
         Self {
             xx: mass * (y * y + z * z),
@@ -81,7 +81,7 @@ impl Inertia {
 
     /// Parallel axes: from the CG to a point from which the CG lies at `r` (m).
     #[must_use]
-    pub fn about_point_off_cg(&self, mass: f64, r: &Vector3<f64>) -> Self {
+    pub(crate) fn about_point_off_cg(&self, mass: f64, r: &Vector3<f64>) -> Self {
         *self + Self::of_point(mass, r)
     }
 

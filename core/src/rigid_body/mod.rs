@@ -5,7 +5,8 @@ mod inertia;
 mod plausibility;
 
 pub use inertia::{Inertia, PrincipalInertia};
-pub use plausibility::{Bounded, Margin, Moments, Plausibility, Verdict, check};
+pub(crate) use plausibility::{Bounded, Moments, check};
+pub use plausibility::{Margin, Plausibility, Verdict};
 
 use crate::geometry::skew;
 use nalgebra::{Matrix6, Vector3};

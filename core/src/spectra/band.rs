@@ -116,7 +116,7 @@ impl LineRange {
     /// # Errors
     /// [`BandError::Ends`], or [`BandError::Beyond`] if the band would hold the next line
     /// before the first one (and above 0 Hz) or after the last one, if there were any.
-    pub fn between(
+    pub(crate) fn between(
         count: usize,
         frequency: impl Fn(usize) -> f64,
         [low, high]: [f64; 2],

@@ -25,7 +25,7 @@ pub use blocks::{BlockSettings, BlockSpectra, Blocks};
 pub use cross::CrossAverage;
 pub use drive::{DriveAverage, RunResponses};
 pub use fft::MAX_BLOCK_LENGTH;
-pub use history::{History, Rings};
+pub use history::Rings;
 pub use sum::Sum;
 pub use window::Window;
 

@@ -37,7 +37,7 @@ impl Sum {
     /// The sum as one `f32`.
     #[inline]
     #[must_use]
-    pub fn rounded(&self) -> f32 {
+    pub(crate) fn rounded(&self) -> f32 {
         self.sum
     }
 

@@ -60,7 +60,7 @@ fn runs_beyond_the_limit_are_refused_by_number() {
         ));
         // Those that sum moments over the runs have none.
         let all_six = condensed(Method::FreeResponses, lines, &bands, 80);
-        assert_eq!(all_six.unwrap().masslines.pairs.len(), 6);
+        assert_eq!(all_six.unwrap().masslines.pairs().len(), 6);
     });
     measured.first(24, |lines| {
         let bands = Bands::new(LineRange::all(40));

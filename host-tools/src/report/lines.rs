@@ -74,7 +74,7 @@ impl Excited {
         Self {
             components,
             rank: excitation.rank(),
-            projector: excitation.basis() * excitation.coordinates(),
+            projector: excitation.projector(),
             accelerations: real.diagonal(),
             forces: energy.ff.diagonal().map(|z| z.re),
         }
