@@ -316,7 +316,7 @@ mod on_chip {
         let mut work = [nothing; 256];
         let storage = HISTORY.take();
         let rings = settings.and_then(|s| Rings::new(s, 1 + RESULTANTS, storage));
-        let Ok(mut rings) = rings else {
+        let (Ok(lines), Ok(mut rings)) = (settings, rings) else {
             return (0, 0);
         };
         let mut complete = 0;
@@ -347,7 +347,7 @@ mod on_chip {
                     average.add_response(2 * pair, &drive, &b);
                 }
             }
-            let Ok(band) = LineRange::new(0..29, LINES) else {
+            let Ok(band) = lines.grid().within([0.5, 14.5]) else {
                 return;
             };
             for c in 0..RESULTANTS {

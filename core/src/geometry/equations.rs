@@ -120,7 +120,7 @@ impl Equations {
     /// orthonormal again, so that six measured resultants stay the six rows of
     /// equation (8) at every reference point, as the paper has it.
     #[must_use]
-    pub fn at(&self, shift: &Vector3<f64>) -> Self {
+    pub(crate) fn at(&self, shift: &Vector3<f64>) -> Self {
         let rows = self.rows * transfer(shift).transpose();
         if self.whitened {
             Self { rows, ..*self }

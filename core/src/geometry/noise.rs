@@ -21,7 +21,7 @@ const TRIANGLE: usize = 21;
 ///
 /// Units are those of the resultants squared. A sensor belongs to one half only, so there is
 /// no covariance between the halves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ResultantNoise {
     /// Of the six accelerations: (m/s²)², m/s² rad/s², (rad/s²)².
     pub acceleration: Matrix6<f64>,
@@ -31,7 +31,7 @@ pub struct ResultantNoise {
 
 impl ResultantNoise {
     /// No noise.
-    pub const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         acceleration: NO_MATRIX,
         force: NO_MATRIX,
     };
@@ -77,8 +77,8 @@ impl ResultantNoise {
     }
 
     /// The same noise about a point `shift = r_B - r_A` (m) away.
-    #[must_use]
-    pub fn at(&self, shift: &Vector3<f64>) -> Self {
+    #[cfg(test)]
+    pub(crate) fn at(&self, shift: &Vector3<f64>) -> Self {
         let mut moved = *self;
         moved.move_by(shift);
         moved

@@ -295,12 +295,6 @@ impl ResultantMap {
         self.insert(self.columns.len(), contribution)
     }
 
-    /// Number of channels.
-    #[must_use]
-    pub fn channels(&self) -> usize {
-        self.columns.len()
-    }
-
     /// One sample of all channels to the twelve resultants. Channels beyond the map,
     /// or missing from the sample, count as zero.
     #[must_use]

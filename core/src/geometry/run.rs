@@ -43,25 +43,8 @@ impl RunGeometry {
     where
         S: IntoIterator<Item = RunSensor, IntoIter: Clone>,
     {
-        Self::with_columns(sensors, placement, reference, |_| ())
-    }
-
-    /// The same, and shows each sensor's contribution to the resultants in double
-    /// precision, in the sensors' order.
-    ///
-    /// # Errors
-    /// Those of [`Self::new`].
-    pub fn with_columns<S>(
-        sensors: S,
-        placement: &Placement,
-        reference: &Vector3<f64>,
-        column: impl FnMut([f64; RESULTANTS]),
-    ) -> Result<Self, GeometryError>
-    where
-        S: IntoIterator<Item = RunSensor, IntoIter: Clone>,
-    {
         let mut geometry = Self::empty();
-        geometry.describe(sensors, placement, reference, column)?;
+        geometry.describe(sensors, placement, reference, |_| ())?;
         Ok(geometry)
     }
 
@@ -89,8 +72,9 @@ impl RunGeometry {
         }
     }
 
-    /// Does in place what [`Self::with_columns`] does: two kilobytes less of stack. After
-    /// an error this is no geometry of anything.
+    /// Does in place what [`Self::new`] does, with two kilobytes less of stack, and shows
+    /// `column` each sensor's contribution to the resultants in double precision, in the sensors'
+    /// order. After an error this is no geometry of anything.
     ///
     /// # Errors
     /// Those of [`Self::new`].

@@ -30,9 +30,19 @@ pub const EXCITED: f64 = 100.0;
 /// sensors within a hundredth of their distance from A leave 1e-5.
 const UNSEEN: f64 = 1e-6;
 
+/// The directions that runs excite: their number, and the matrix that takes out of a vector of six
+/// all that is not along them. `moments` are the summed real second moments `Σ a aᵀ`, `noise` is
+/// the covariance of the noise in them: a direction is excited if its power exceeds [`EXCITED`]
+/// times its noise. A direction without noise has no sensor that looks along it.
+#[must_use]
+pub fn excited_directions(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> (usize, Matrix6<f64>) {
+    let excitation = Excitation::new(moments, noise);
+    (excitation.rank(), excitation.projector())
+}
+
 /// The excited directions: a subspace of the six accelerations (or resultants).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Excitation {
+pub(super) struct Excitation {
     /// First [`Self::rank`] columns: directions, in the units of the vector.
     basis: Matrix6<f64>,
     /// First [`Self::rank`] rows: coordinates of a vector along them.
@@ -59,8 +69,7 @@ impl Excitation {
 
     /// Decides from the summed real second moments `Σ a aᵀ` and the covariance of the noise
     /// in them. A direction without noise has no sensor that looks along it.
-    #[must_use]
-    pub fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
+    pub(super) fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
         let mut excitation = Self::NONE;
         excitation.decide(moments, noise);
         excitation
@@ -124,13 +133,12 @@ impl Excitation {
 
     /// The matrix that takes out of a vector of six all that is not along the excited directions.
     #[must_use]
-    pub fn projector(&self) -> Matrix6<f64> {
+    pub(super) fn projector(&self) -> Matrix6<f64> {
         self.basis * self.coordinates
     }
 
     /// Number of excited directions.
-    #[must_use]
-    pub fn rank(&self) -> usize {
+    pub(super) fn rank(&self) -> usize {
         self.rank
     }
 

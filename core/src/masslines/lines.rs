@@ -12,23 +12,22 @@ use crate::spectra::{Average, BandError, CrossAverage, LineGrid, LineRange, RunR
 use nalgebra::{Complex, Matrix6, Vector6};
 
 /// A complex 6 x 6 matrix.
-pub type Complex6 = Matrix6<Complex<f64>>;
+pub(super) type Complex6 = Matrix6<Complex<f64>>;
 
 /// Second moments of accelerations and forces at one line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     /// `Σ a a*`, Hermitian.
-    pub aa: Complex6,
+    pub aa: Matrix6<Complex<f64>>,
     /// `Σ f a*`; its adjoint is the paper's G_AF.
-    pub fa: Complex6,
+    pub fa: Matrix6<Complex<f64>>,
     /// `Σ f f*`, the paper's G_FF, Hermitian.
-    pub ff: Complex6,
+    pub ff: Matrix6<Complex<f64>>,
 }
 
 impl Moments {
     /// Nothing yet.
-    #[must_use]
-    pub fn zero() -> Self {
+    pub(crate) fn zero() -> Self {
         Self {
             aa: Complex6::zeros(),
             fa: Complex6::zeros(),
@@ -296,7 +295,7 @@ fn add_squares_of_moments<L: Lines + ?Sized>(
     into.ff.zip_apply(&m.ff, |sum, z| *sum += z.re);
 }
 
-/// The lines of a band (Hz), both ends included: see [`LineRange::between`].
+/// The lines of a band (Hz), both ends included: see [`LineRange::among`].
 ///
 /// # Errors
 /// [`BandError`] if it is no band, or reaches beyond the lines.
@@ -437,7 +436,7 @@ pub struct CrossLines<'a, 's> {
 }
 
 /// Most runs that are read together, since what each leaves of the fit is kept beside it.
-pub const MAX_RUNS: usize = 24;
+pub(crate) const MAX_RUNS: usize = 24;
 
 impl<'a, 's> CrossLines<'a, 's> {
     /// Lines of finished cross-spectral averages. `band` are the kept lines over which

@@ -46,14 +46,15 @@ pub use apparent_mass::ApparentMass;
 pub use averaging::MIN_LINES;
 pub use condense::{Bands, Condensed, EquationWeights, Method, condense, condense_into};
 use curve_fit::curve_fit;
-pub use excitation::{EXCITED, Excitation};
+use excitation::Excitation;
+pub use excitation::{EXCITED, excited_directions};
 pub use fixed_modes::{FixedMode, fixed_modes};
 use free_responses::free_responses;
 pub use free_system::FreeModes;
 use free_system::FreeSystem;
 use frequency_responses::frequency_responses;
-pub use lines::{Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, lines_between};
-use lines::{Powers, Squares};
+use lines::{Complex6, MAX_RUNS, Powers, Squares};
+pub use lines::{CrossLines, DriveLines, Lines, Moments, lines_between};
 use power_spectra::{Factorisation, power_spectra};
 pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
@@ -64,7 +65,7 @@ use crate::geometry::{Equations, move_accelerations, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Most pairs in one set: one a direction, or with method a one a run.
-pub const MAX_PAIRS: usize = 24;
+pub(crate) const MAX_PAIRS: usize = 24;
 
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +76,7 @@ pub enum MasslineError {
     NoExcitation,
     /// No resultant is measured.
     NoResultant,
-    /// More pairs than the set has room for: [`MAX_PAIRS`], or what it was made with.
+    /// More pairs than the set has room for.
     TooManyPairs {
         /// Most pairs.
         limit: usize,
@@ -197,7 +198,7 @@ pub struct Massline {
     pub variance: Vector6<f64>,
 }
 
-/// Up to `PAIRS` masslines that share a reference point and the equations that hold for
+/// Up to `PAIRS` masslines (24 where nothing else is said) that share a reference point and the equations that hold for
 /// them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
@@ -271,8 +272,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
     }
 
     /// The reference point A, m.
-    #[must_use]
-    pub fn reference(&self) -> &Vector3<f64> {
+    pub(crate) fn reference(&self) -> &Vector3<f64> {
         &self.reference
     }
 
@@ -338,16 +338,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         self.pull = self.noise;
     }
 
-    /// The same masslines about another reference point (m): exact, nothing is
-    /// averaged again (figure 4).
-    #[must_use]
-    pub fn at(&self, reference: &Vector3<f64>) -> Self {
-        let mut moved = self.clone();
-        moved.move_by(&(reference - self.reference));
-        moved
-    }
-
-    /// Moves the reference point by `shift`, m.
+    /// Moves the reference point by `shift`, m: exact, nothing is averaged again (figure 4).
     pub(crate) fn move_by(&mut self, shift: &Vector3<f64>) {
         let t = transfer(shift);
         self.reference += shift;
@@ -358,5 +349,30 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             pair.acceleration = t * pair.acceleration;
             pair.force = resultants_at(shift, &pair.force);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigid_body::{Inertia, RigidBody};
+
+    #[test]
+    fn moving_masslines_is_exact() {
+        let body = RigidBody {
+            mass: 3.0,
+            centre_of_gravity: Vector3::new(0.1, -0.2, 0.3),
+            inertia: Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
+        };
+        let a = Vector6::new(1.0, -2.0, 0.5, 0.3, 0.7, -0.9);
+        let f = body.mass_matrix(&Vector3::zeros()) * a;
+        let there = Vector3::new(0.4, 0.7, -0.2);
+        let mut moved = Masslines::exact(Vector3::zeros(), [(a, f)]).unwrap();
+        moved.move_by(&there);
+        let pair = moved.pairs()[0];
+        assert_eq!(pair.acceleration, transfer(&there) * a);
+        assert_eq!(pair.force, resultants_at(&there, &f));
+        // A dozen roundings of numbers below ten.
+        assert!((body.mass_matrix(&there) * pair.acceleration - pair.force).norm() < 1e-14);
     }
 }

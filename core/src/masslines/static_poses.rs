@@ -67,7 +67,7 @@ impl StaticPoses {
 
     /// Poses so far.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.count as usize
     }
 

@@ -87,7 +87,7 @@ impl Inertia {
 
     /// The symmetric tensor as it stands in equation (1): products with a minus sign.
     #[must_use]
-    pub fn tensor(&self) -> Matrix3<f64> {
+    pub(crate) fn tensor(&self) -> Matrix3<f64> {
         Matrix3::new(
             self.xx, -self.xy, -self.xz, //
             -self.xy, self.yy, -self.yz, //
@@ -97,7 +97,7 @@ impl Inertia {
 
     /// Principal moments and axes.
     #[must_use]
-    pub fn principal(&self) -> PrincipalInertia {
+    pub(crate) fn principal(&self) -> PrincipalInertia {
         let mut vectors = Matrix3::zeros();
         let values = symmetric_eigen(&mut self.tensor(), &mut vectors);
         let moments = Vector3::new(values[2], values[1], values[0]);

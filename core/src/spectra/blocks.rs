@@ -103,8 +103,8 @@ impl BlockSettings {
     }
 
     /// By how much the samples are decimated before the transform.
-    #[must_use]
-    pub fn decimation(&self) -> usize {
+    #[cfg(test)]
+    fn decimation(&self) -> usize {
         1 << self.stages
     }
 
