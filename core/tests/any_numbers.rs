@@ -114,7 +114,7 @@ proptest! {
         let grid = LineGrid { first, count, spacing: rate };
         match grid.within([low, high]) {
             Ok(band) => {
-                prop_assert!(band.start() <= band.end() && band.end() <= count);
+                prop_assert!(band.indices().start <= band.indices().end && band.indices().end <= count);
                 prop_assert!(!(low.is_nan() || high.is_nan()));
             }
             Err(error) => prop_assert!(!error.to_string().is_empty()),
@@ -166,12 +166,11 @@ proptest! {
             a[j] = of_a;
             a[(j + 2) % 6] = 0.3 * of_a;
             let f = Vector6::from_fn(|i, _| body[i] * a[i] / of_a * of_f);
-            (a, f)
+            (a, f, Vector6::repeat(noise * noise))
         });
-        let Ok(mut masslines) = Masslines::exact(Vector3::zeros(), pairs) else { return Ok(()) };
-        for pair in &mut masslines.pairs {
-            pair.variance = Vector6::repeat(noise * noise);
-        }
+        let Ok(masslines) = Masslines::with_variances(Vector3::zeros(), pairs) else {
+            return Ok(());
+        };
         if let Ok(found) = identify(&[masslines], &Question::default()) {
             prop_assert!(finite(&all(&found)), "{found:?}");
         }
@@ -209,8 +208,7 @@ fn bands_that_end_beyond_all_numbers() {
     assert!(grid.within([1.0, 1e300]).is_err());
     assert!(grid.within([f64::INFINITY, f64::INFINITY]).is_err());
     assert_eq!(
-        grid.within([1.0, 30.2])
-            .map(|band| band.start()..band.end()),
+        grid.within([1.0, 30.2]).map(|band| band.indices()),
         Ok(1..60)
     );
     let endless = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [1.0, f64::INFINITY]);

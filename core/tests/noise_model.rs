@@ -1,7 +1,7 @@
 //! What the noise of a test may decide, and what it must not: the reference point changes no
 //! answer, an error bar is as long as the scatter, and what only noise moves has no number.
 
-use massline_core::geometry::{Equations, RESULTANTS, ResultantNoise, resultants_at, transfer};
+use massline_core::geometry::{Equations, RESULTANTS, ResultantNoise};
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
 use massline_core::masslines::{
     Bands, Condensed, MasslineError, Method, SineLines, SineRun, StaticPoses, condense,
@@ -11,6 +11,7 @@ use massline_core::spectra::LineRange;
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
 mod draws;
+mod moves;
 use draws::Draws;
 
 const LINES: usize = 40;
@@ -134,7 +135,7 @@ impl Test {
                 level * level * power(clean.iter().flat_map(|(a, _)| a.clone()).collect());
             let of_cells =
                 level * level * power(clean.iter().flat_map(|(_, f)| f.clone()).collect());
-            let mut noise = ResultantNoise::NONE;
+            let mut noise = ResultantNoise::default();
             let columns: Vec<[f64; RESULTANTS]> = accelerometers
                 .iter()
                 .map(|s| {
@@ -179,14 +180,16 @@ impl Test {
     /// The same test about another reference point.
     fn at(&self, reference: &Vector3<f64>) -> Self {
         let mut moved = self.clone();
-        let t = transfer(reference);
+        let t = moves::of_accelerations(reference);
+        let forces = moves::of_resultants(reference);
         for (run, noise) in moved.runs.iter_mut().zip(&mut moved.noise) {
-            *noise = noise.at(reference);
+            noise.acceleration = t * noise.acceleration * t.transpose();
+            noise.force = forces * noise.force * forces.transpose();
             for line in run {
                 let (real, imaginary) = (line.map(|z| z.re), line.map(|z| z.im));
                 let [real, imaginary] = [real, imaginary].map(|part| {
                     let a = t * Vector6::from_fn(|j, _| part[j]);
-                    let f = resultants_at(reference, &Vector6::from_fn(|j, _| part[6 + j]));
+                    let f = forces * Vector6::from_fn(|j, _| part[6 + j]);
                     [a, f]
                 });
                 for (j, z) in line.iter_mut().enumerate() {
@@ -388,7 +391,13 @@ fn a_rotation_tells_the_inertia_about_its_axis_and_with_the_mass_the_cg_beside_i
     let about_y = Vector6::new(0.0, 0.0, 0.0, 0.0, 3.0, 0.0);
     let origin = Vector3::zeros();
     let b = body();
-    let sigma = b.sigma(&origin);
+    let inertia = b.inertia_about(&origin).terms();
+    let moment = b.centre_of_gravity * b.mass;
+    let sigma: Vec<f64> = [b.mass]
+        .into_iter()
+        .chain(moment.iter().copied())
+        .chain(inertia)
+        .collect();
     // Θyy, Θxy and Θyz about A in the order xx, yy, zz, xy, xz, yz.
     let told = [1, 3, 5];
     // Sums of values, of their squares and of variances.

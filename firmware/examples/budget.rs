@@ -27,9 +27,11 @@ mod on_chip {
     use embedded_hal_bus::spi::AtomicDevice;
     use embedded_hal_bus::util::AtomicCell;
     use heapless::spsc::Queue;
-    use massline_core::geometry::ResultantMap;
+    use massline_core::geometry::{
+        Accelerometer, LoadCell, Mount, Placement, Quantity, RunGeometry, RunSensor,
+    };
     use massline_core::spectra::{
-        BlockSettings, Complex32, DriveAverage, History, LineRange, Sum, Window,
+        BlockSettings, Complex32, DriveAverage, LineRange, Rings, Sum, Window,
     };
     use massline_firmware::acquisition::{Acquisition, Sample};
     use massline_firmware::calibration::{Channel, Limits, Scale, Watch};
@@ -283,15 +285,23 @@ mod on_chip {
 
     /// Equations (4) and (5): 31 sensors to twelve resultants.
     fn resultants(timer: &TIM2) -> u32 {
-        let mut map = ResultantMap::new();
-        for k in 0..INPUTS - 1 {
-            let column = nalgebra::Vector6::repeat(0.1 + k as f64);
-            let pushed = match k % 3 {
-                0 => map.push_force(&column),
-                _ => map.push_acceleration(&column),
-            };
-            assert!(pushed.is_ok());
-        }
+        // A third load cells, at places and in directions that are no other's.
+        let sensors = (0..INPUTS - 1).filter_map(|k| {
+            let (x, y, z) = (0.1 * (k % 4) as f64, 0.1 * (k / 4) as f64, 0.01 * k as f64);
+            let (position, direction) = (Vector3::new(x, y, z), Vector3::new(y + 0.1, z, x - 0.2));
+            match k % 3 {
+                0 => LoadCell::new(position, direction, Quantity::Force)
+                    .map(RunSensor::LoadCell)
+                    .ok(),
+                _ => Accelerometer::new(position, direction, Mount::Interface)
+                    .map(|sensor| RunSensor::Accelerometer(sensor, 1.0))
+                    .ok(),
+            }
+        });
+        let geometry = RunGeometry::new(sensors, &Placement::default(), &Vector3::zeros());
+        let Ok(RunGeometry { map, .. }) = geometry else {
+            return 0;
+        };
         let sample: [f32; INPUTS - 1] = core::array::from_fn(|k| 0.1 * k as f32);
         cost(timer, |_| {
             black_box(map.apply(black_box(&sample)));
@@ -304,20 +314,20 @@ mod on_chip {
         let nothing = Complex32::new(0.0, 0.0);
         let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 50.0]);
         let mut work = [nothing; 256];
-        let history =
-            settings.and_then(|s| History::new(s, 1 + RESULTANTS, HISTORY.take(), &mut work));
-        let Ok(mut history) = history else {
+        let storage = HISTORY.take();
+        let rings = settings.and_then(|s| Rings::new(s, 1 + RESULTANTS, storage));
+        let (Ok(lines), Ok(mut rings)) = (settings, rings) else {
             return (0, 0);
         };
         let mut complete = 0;
         for number in 0..4096_u64 {
             let noise = |c: usize| (mix(number ^ (c as u64) << 40) >> 40) as f32;
-            complete += u32::from(history.push(&core::array::from_fn::<f32, 13, _>(noise)));
+            complete += u32::from(rings.push(storage, &core::array::from_fn::<f32, 13, _>(noise)));
         }
         let sample: [f32; 1 + RESULTANTS] = core::array::from_fn(|c| c as f32);
         // Whole periods of the decimation.
         let decimation = cost(timer, |_| {
-            history.push(black_box(&sample));
+            rings.push(storage, black_box(&sample));
         });
         let sums = SUMS.take();
         let (mut drive, mut a, mut b) = ([nothing; LINES], [nothing; LINES], [nothing; LINES]);
@@ -325,19 +335,19 @@ mod on_chip {
             let Ok(mut average) = DriveAverage::resume(LINES, RESULTANTS, sums, 8) else {
                 return;
             };
-            for pair in 0..history.pairs() {
+            for pair in 0..rings.pairs() {
                 if pair == 0 {
-                    history.transform(0, &mut drive, &mut b);
+                    rings.transform(0, storage, &mut work, &mut drive, &mut b);
                     average.add_drive(&drive);
                 } else {
-                    history.transform(pair, &mut a, &mut b);
+                    rings.transform(pair, storage, &mut work, &mut a, &mut b);
                     average.add_response(2 * pair - 1, &drive, &a);
                 }
                 if 2 * pair < RESULTANTS {
                     average.add_response(2 * pair, &drive, &b);
                 }
             }
-            let Ok(band) = LineRange::new(0..29, LINES) else {
+            let Ok(band) = lines.grid().within([0.5, 14.5]) else {
                 return;
             };
             for c in 0..RESULTANTS {

@@ -120,7 +120,7 @@ impl Equations {
     /// orthonormal again, so that six measured resultants stay the six rows of
     /// equation (8) at every reference point, as the paper has it.
     #[must_use]
-    pub fn at(&self, shift: &Vector3<f64>) -> Self {
+    pub(crate) fn at(&self, shift: &Vector3<f64>) -> Self {
         let rows = self.rows * transfer(shift).transpose();
         if self.whitened {
             Self { rows, ..*self }
@@ -174,5 +174,20 @@ mod tests {
         for (j, share) in [1.0, 0.0, 1.0, 0.0, 1.0, 0.0].into_iter().enumerate() {
             assert!((e.measured(j) - share).abs() < 1e-15, "{j}");
         }
+    }
+
+    #[test]
+    fn rounding_of_a_rotation_makes_no_equation() {
+        let row = |beside: f64| {
+            let mut rows = Matrix6::zeros();
+            rows[(0, 2)] = -2.0;
+            rows[(0, 4)] = beside;
+            Equations::spanned(&rows, 1)
+        };
+        // Rows are of length one, so the entries are halved.
+        assert_eq!(row(1.9e-13).measured(4), 0.0);
+        assert_eq!(row(-1.9e-13).measured(4), 0.0);
+        assert_eq!(row(2.1e-13).rows()[(0, 4)], 1.05e-13);
+        assert_eq!(row(1.9e-13).measured(2), 1.0);
     }
 }

@@ -17,13 +17,12 @@ mod run;
 
 pub use equations::Equations;
 pub use load_shares::LoadShares;
-pub(crate) use noise::move_accelerations;
-pub use noise::{
-    PackedNoise, ResultantNoise, accelerations_moved, forces_moved, least_translation,
-};
+pub use noise::{PackedNoise, ResultantNoise};
+pub(crate) use noise::{least_translation, move_accelerations};
 pub use placement::Placement;
-pub use reference::{resultants_at, transfer};
-pub use resultants::{AccelerationFit, ForceResultants, RESULTANTS, ResultantMap};
+pub(crate) use reference::{resultants_at, transfer};
+use resultants::{AccelerationFit, ForceResultants};
+pub use resultants::{RESULTANTS, ResultantMap};
 pub use run::{RunGeometry, RunSensor};
 
 use nalgebra::{Matrix3, RowVector6, Vector3};
@@ -222,6 +221,6 @@ fn force_row(r: &Vector3<f64>, d: &Vector3<f64>) -> RowVector6<f64> {
 
 /// The matrix with `skew(r) v = r × v`.
 #[must_use]
-pub fn skew(r: &Vector3<f64>) -> Matrix3<f64> {
+pub(crate) fn skew(r: &Vector3<f64>) -> Matrix3<f64> {
     r.cross_matrix()
 }

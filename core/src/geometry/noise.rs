@@ -21,7 +21,7 @@ const TRIANGLE: usize = 21;
 ///
 /// Units are those of the resultants squared. A sensor belongs to one half only, so there is
 /// no covariance between the halves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ResultantNoise {
     /// Of the six accelerations: (m/s²)², m/s² rad/s², (rad/s²)².
     pub acceleration: Matrix6<f64>,
@@ -31,7 +31,7 @@ pub struct ResultantNoise {
 
 impl ResultantNoise {
     /// No noise.
-    pub const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         acceleration: NO_MATRIX,
         force: NO_MATRIX,
     };
@@ -77,8 +77,8 @@ impl ResultantNoise {
     }
 
     /// The same noise about a point `shift = r_B - r_A` (m) away.
-    #[must_use]
-    pub fn at(&self, shift: &Vector3<f64>) -> Self {
+    #[cfg(test)]
+    pub(crate) fn at(&self, shift: &Vector3<f64>) -> Self {
         let mut moved = *self;
         moved.move_by(shift);
         moved
@@ -130,7 +130,7 @@ impl ResultantNoise {
 /// its noise does to a rotation: a point of the body that does not depend on A, which is why
 /// estimators work there. Zero where there is no rotation.
 #[must_use]
-pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
+pub(crate) fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
     // With t' = t - s x w the power E|t'|² is least where (tr C_ww - C_ww) s = E w x t.
     let c = moments;
     let ww: Matrix3<f64> = c.fixed_view::<3, 3>(3, 3).into();
@@ -152,8 +152,8 @@ pub fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
     }
     // A motion that is taken for noise couples with the rotations by chance. The distance that
     // this amounts to has nothing to do with that which the other translations show.
-    let largest_arm = 10.0 * typical(&c.diagonal(), 0) / typical(&c.diagonal(), 3);
-    if point.norm_squared() > largest_arm {
+    let largest_square = 10.0 * typical(&c.diagonal(), 0) / typical(&c.diagonal(), 3);
+    if point.norm_squared() > largest_square {
         return Vector3::zeros();
     }
     point
@@ -172,22 +172,6 @@ fn typical(variances: &Vector6<f64>, first: usize) -> f64 {
 
 /// A packed [`ResultantNoise`].
 pub type PackedNoise = [f32; 2 * TRIANGLE];
-
-/// A covariance of accelerations about a point `shift` (m) away.
-#[must_use]
-pub fn accelerations_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
-    let mut moved = *covariance;
-    move_accelerations(&mut moved, shift);
-    moved
-}
-
-/// A covariance of resultants about a point `shift` (m) away.
-#[must_use]
-pub fn forces_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
-    let mut moved = *covariance;
-    move_forces(&mut moved, shift);
-    moved
-}
 
 /// Moves a covariance of accelerations where it lies: `u_B = u_A - s x w` on both sides.
 pub(crate) fn move_accelerations(covariance: &mut Matrix6<f64>, shift: &Vector3<f64>) {
@@ -286,6 +270,29 @@ mod tests {
                 assert!(translation(&beside) > translation(&centre));
             }
         }
+    }
+
+    /// A heave of the table that is taken for noise, and couples with a pitch by chance: a point
+    /// 45 m away would have the least of it, though the other translations are those of sensors
+    /// some decimetres apart.
+    #[test]
+    fn a_motion_that_couples_with_the_rotations_by_chance_moves_no_point() {
+        let coupled = |heave_and_pitch: f64| {
+            let mut noise =
+                Matrix6::from_diagonal(&Vector6::new(1e-6, 1e-6, 1.0, 1e-4, 1e-4, 1e-4));
+            noise[(2, 4)] = heave_and_pitch;
+            noise[(4, 2)] = heave_and_pitch;
+            least_translation(&noise)
+        };
+        // The point is E w x t over the sum of two variances of rotation, (c / 2e-4, 0, 0), and its
+        // square may be up to ten times 1e-6 / 1e-4: 0.316 m.
+        assert_eq!(coupled(0.9e-2), Vector3::zeros());
+        assert_eq!(coupled(0.64e-4), Vector3::zeros());
+        let near = coupled(0.62e-4);
+        assert!(
+            (near - Vector3::new(0.31, 0.0, 0.0)).norm() < 1e-12,
+            "{near}"
+        );
     }
 
     #[test]

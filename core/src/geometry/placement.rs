@@ -54,15 +54,9 @@ impl Placement {
         self.rotation
     }
 
-    /// t, the specimen's origin in interface coordinates, m.
-    #[must_use]
-    pub fn translation(&self) -> Vector3<f64> {
-        self.translation
-    }
-
     /// An interface point in specimen coordinates.
     #[must_use]
-    pub fn point_in_specimen(&self, interface: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn point_in_specimen(&self, interface: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.tr_mul(&(interface - self.translation))
     }
 

@@ -8,7 +8,7 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 /// The translational part is equation (2), `u_B = [ I | -skew(shift) ] u_A`; a rigid
 /// body turns the same way everywhere, so the rotational part is the identity.
 #[must_use]
-pub fn transfer(shift: &Vector3<f64>) -> Matrix6<f64> {
+pub(crate) fn transfer(shift: &Vector3<f64>) -> Matrix6<f64> {
     let mut t = Matrix6::identity();
     t.fixed_view_mut::<3, 3>(0, 3).copy_from(&-skew(shift));
     t
@@ -19,7 +19,7 @@ pub fn transfer(shift: &Vector3<f64>) -> Matrix6<f64> {
 /// Virtual work fixes it: `a_B · f_B = a_A · f_A`, so `f_A = Tᵀ f_B`. The force stays,
 /// the moment loses `shift × force`.
 #[must_use]
-pub fn resultants_at(shift: &Vector3<f64>, f: &Vector6<f64>) -> Vector6<f64> {
+pub(crate) fn resultants_at(shift: &Vector3<f64>, f: &Vector6<f64>) -> Vector6<f64> {
     let force = Vector3::new(f[0], f[1], f[2]);
     let lost = shift.cross(&force);
     let mut moved = *f;

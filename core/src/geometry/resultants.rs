@@ -20,7 +20,7 @@ const RANK: f64 = 1e-10;
 /// accelerometer on a uniaxial table means translation along its axis, and what a
 /// plane set-up does not see is taken as zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AccelerationFit {
+pub(crate) struct AccelerationFit {
     reference: Vector3<f64>,
     /// (Xaᵀ W Xa)⁺ in the sense above.
     inverse: Matrix6<f64>,
@@ -137,7 +137,7 @@ fn pseudo_inverse(matrix: &Matrix3<f64>, scale: f64) -> (Matrix3<f64>, Matrix3<f
 /// of Xf, taken about the centre of the load cells, is a path without a load cell, and
 /// its equations are left out of (8).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ForceResultants {
+pub(crate) struct ForceResultants {
     reference: Vector3<f64>,
     equations: Equations,
 }
@@ -240,7 +240,7 @@ pub struct ResultantMap {
 impl ResultantMap {
     /// An empty map; channels are added in the order of the samples.
     #[must_use]
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             columns: heapless::Vec::new(),
             accelerometers: 0,
@@ -248,7 +248,7 @@ impl ResultantMap {
     }
 
     /// Forgets all channels.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.columns.clear();
         self.accelerometers = 0;
     }
@@ -278,7 +278,10 @@ impl ResultantMap {
     /// # Errors
     /// [`GeometryError::TooManyChannels`]; [`GeometryError::NotFinite`] of a contribution that
     /// is not finite in `f32`.
-    pub fn push_acceleration(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
+    pub(crate) fn push_acceleration(
+        &mut self,
+        contribution: &Vector6<f64>,
+    ) -> Result<(), GeometryError> {
         self.insert(self.accelerometers.into(), contribution)?;
         self.accelerometers += 1;
         Ok(())
@@ -288,14 +291,8 @@ impl ResultantMap {
     ///
     /// # Errors
     /// Those of [`Self::push_acceleration`].
-    pub fn push_force(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
+    pub(crate) fn push_force(&mut self, contribution: &Vector6<f64>) -> Result<(), GeometryError> {
         self.insert(self.columns.len(), contribution)
-    }
-
-    /// Number of channels.
-    #[must_use]
-    pub fn channels(&self) -> usize {
-        self.columns.len()
     }
 
     /// One sample of all channels to the twelve resultants. Channels beyond the map,
@@ -316,7 +313,7 @@ impl ResultantMap {
     /// power `P_j / Σc_j²` that any resultant j shows (Cauchy and Schwarz); four epsilons
     /// of amplitude cover coefficient, product and sum.
     #[must_use]
-    pub fn rounding_power(&self, power: &[f64; RESULTANTS]) -> [f64; RESULTANTS] {
+    pub(crate) fn rounding_power(&self, power: &[f64; RESULTANTS]) -> [f64; RESULTANTS] {
         const AMPLITUDE: f64 = 4.0 * f32::EPSILON as f64;
         let gains: [f64; RESULTANTS] = core::array::from_fn(|j| {
             let (accelerometers, cells) = self.halves();
@@ -347,7 +344,7 @@ impl ResultantMap {
     /// alike, each is scaled by what the powers it takes part in ask for (the iteration of
     /// Richardson and Lucy), so that no sensor is noisier than the powers need it to be.
     #[must_use]
-    pub fn noise(&self, powers: &[f64; RESULTANTS]) -> ResultantNoise {
+    pub(crate) fn noise(&self, powers: &[f64; RESULTANTS]) -> ResultantNoise {
         let (accelerometers, cells) = self.halves();
         let half = |at: usize| core::array::from_fn(|j| powers[at + j]);
         ResultantNoise {

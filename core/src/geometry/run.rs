@@ -43,42 +43,22 @@ impl RunGeometry {
     where
         S: IntoIterator<Item = RunSensor, IntoIter: Clone>,
     {
-        Self::with_columns(sensors, placement, reference, |_| ())
-    }
-
-    /// The same, and shows each sensor's contribution to the resultants in double
-    /// precision, in the sensors' order.
-    ///
-    /// # Errors
-    /// Those of [`Self::new`].
-    pub fn with_columns<S>(
-        sensors: S,
-        placement: &Placement,
-        reference: &Vector3<f64>,
-        column: impl FnMut([f64; RESULTANTS]),
-    ) -> Result<Self, GeometryError>
-    where
-        S: IntoIterator<Item = RunSensor, IntoIter: Clone>,
-    {
         let mut geometry = Self::empty();
-        geometry.describe(sensors, placement, reference, column)?;
+        geometry.describe(sensors, placement, reference, |_| ())?;
         Ok(geometry)
     }
 
-    /// The resultants of those of these sensors that are load cells.
+    /// The equations of motion that those of these sensors complete which are load cells: what
+    /// [`Self::new`] finds of them, without the rest.
     ///
     /// # Errors
-    /// [`GeometryError::NoLoadCell`] if none is.
-    pub fn resultants(
+    /// [`GeometryError::NoLoadCell`] if none is, [`GeometryError::NotFinite`].
+    pub fn equations_of(
         sensors: impl Iterator<Item = RunSensor> + Clone,
         placement: &Placement,
         reference: &Vector3<f64>,
-    ) -> Result<ForceResultants, GeometryError> {
-        let cells = sensors.filter_map(|s| match s {
-            RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
-            RunSensor::Accelerometer(..) => None,
-        });
-        ForceResultants::new(cells, reference)
+    ) -> Result<Equations, GeometryError> {
+        Ok(*resultants(sensors, placement, reference)?.equations())
     }
 
     /// No sensors yet.
@@ -92,8 +72,9 @@ impl RunGeometry {
         }
     }
 
-    /// Does in place what [`Self::with_columns`] does: two kilobytes less of stack. After
-    /// an error this is no geometry of anything.
+    /// Does in place what [`Self::new`] does, with two kilobytes less of stack, and shows
+    /// `column` each sensor's contribution to the resultants in double precision, in the sensors'
+    /// order. After an error this is no geometry of anything.
     ///
     /// # Errors
     /// Those of [`Self::new`].
@@ -113,7 +94,7 @@ impl RunGeometry {
             RunSensor::LoadCell(_) => None,
         });
         let fit = AccelerationFit::new(accelerometers, reference)?;
-        let resultants = Self::resultants(sensors.clone(), placement, reference)?;
+        let resultants = resultants(sensors.clone(), placement, reference)?;
         self.map.clear();
         for sensor in sensors {
             let mut wide = [0.0; RESULTANTS];
@@ -137,4 +118,17 @@ impl RunGeometry {
         self.determined = core::array::from_fn(|j| fit.determined(j));
         Ok(())
     }
+}
+
+/// The resultants of those of these sensors that are load cells.
+fn resultants(
+    sensors: impl Iterator<Item = RunSensor> + Clone,
+    placement: &Placement,
+    reference: &Vector3<f64>,
+) -> Result<ForceResultants, GeometryError> {
+    let cells = sensors.filter_map(|s| match s {
+        RunSensor::LoadCell(cell) => Some(placement.load_cell(&cell)),
+        RunSensor::Accelerometer(..) => None,
+    });
+    ForceResultants::new(cells, reference)
 }

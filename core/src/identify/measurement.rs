@@ -1,9 +1,12 @@
 //! Equation (8): the measurement matrix B of one acceleration vector.
 
-use nalgebra::{SMatrix, Vector6};
+use nalgebra::{SMatrix, SVector, Vector6};
 
 /// Six equations by ten unknowns.
-pub type Measurement = SMatrix<f64, 6, 10>;
+pub(crate) type Measurement = SMatrix<f64, 6, 10>;
+
+/// The ten unknowns of equation (6) or (7).
+pub(super) type Vector10 = SVector<f64, 10>;
 
 /// The rows of B for one acceleration vector about A, equation (8).
 ///
@@ -12,7 +15,7 @@ pub type Measurement = SMatrix<f64, 6, 10>;
 /// equation (6), where m, mx, my, mz take the first four places.
 #[must_use]
 #[rustfmt::skip]
-pub fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Measurement {
+pub(crate) fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Measurement {
     let [ax, ay, az, alpha, beta, gamma] = (*acceleration).into();
     let m = mass;
     Measurement::from_row_slice(&[
@@ -30,7 +33,7 @@ pub fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Measurement
 mod tests {
     use super::*;
     use crate::rigid_body::{Inertia, RigidBody};
-    use nalgebra::{SVector, Vector3};
+    use nalgebra::Vector3;
 
     #[test]
     fn equation_8_is_equation_1_rearranged() {

@@ -3,8 +3,8 @@
 //! | file | does |
 //! | --- | --- |
 //! | `measurement` | the rows of B, equation (8) |
+//! | `weighed` | weights of the equations of a set |
 //! | `normal` | stacking (9), normal equations (10), observability |
-//! | `sets` | what masslines come in |
 //! | `derived` | CG, inertia about A and S with their error bars |
 //! | `student` | 95 % intervals for the degrees of freedom behind the error bars |
 //!
@@ -14,17 +14,16 @@
 mod derived;
 mod measurement;
 mod normal;
-mod sets;
 mod student;
+mod weighed;
 
 pub use derived::{Covariance, Estimate, InertiaEstimate};
-pub use measurement::{Measurement, measurement_matrix};
 pub use normal::Workspace;
-pub use sets::MasslineSet;
-pub use student::{beyond_chance, half_width_95};
+pub use student::half_width_95;
 
 use crate::cells::seen;
 use crate::geometry::least_translation;
+use crate::masslines::Masslines;
 use crate::rigid_body::{
     Bounded, Inertia, Moments, Parameter, Plausibility, PrincipalInertia, check,
 };
@@ -187,8 +186,8 @@ impl Workspace {
 ///
 /// # Errors
 /// [`IdentifyError`].
-pub fn identify<S: MasslineSet>(
-    masslines: &[S],
+pub fn identify<const PAIRS: usize>(
+    masslines: &[Masslines<PAIRS>],
     question: &Question,
 ) -> Result<Identification, IdentifyError> {
     identify_in(masslines, question, &mut { Workspace::EMPTY })
@@ -198,8 +197,8 @@ pub fn identify<S: MasslineSet>(
 ///
 /// # Errors
 /// [`IdentifyError`].
-pub fn identify_in<S: MasslineSet>(
-    masslines: &[S],
+pub fn identify_in<const PAIRS: usize>(
+    masslines: &[Masslines<PAIRS>],
     question: &Question,
     space: &mut Workspace,
 ) -> Result<Identification, IdentifyError> {

@@ -1,13 +1,15 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
-use super::{IdentifyError, MasslineSet, Measurement, measurement_matrix};
+use super::IdentifyError;
+use super::measurement::{Measurement, Vector10};
+use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
 use crate::algebra::{
     half, inverse_lower, lower, multiply_left, multiply_right, not_negative, symmetric_eigen,
 };
 use crate::cells::seen;
 use crate::geometry::{resultants_at, transfer};
-use crate::masslines::{EXCITED, Massline};
-use nalgebra::{ArrayStorage, Matrix6, SMatrix, SVector, Vector3, Vector6};
+use crate::masslines::{EXCITED, Masslines};
+use nalgebra::{ArrayStorage, SMatrix, Vector3, Vector6};
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
 ///
@@ -32,7 +34,6 @@ const SINGLE: f64 = 1e-6;
 const NEVER_SEEN: f64 = 1e100;
 
 type Matrix10 = SMatrix<f64, 10, 10>;
-type Vector10 = SVector<f64, 10>;
 
 const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
 const NO_VECTOR: Vector10 = Vector10::from_array_storage(ArrayStorage([[0.0; 10]]));
@@ -94,33 +95,6 @@ impl Solved {
     }
 }
 
-/// Second moments by which noise turns the directions of a set: half of a line's noise along those
-/// that it does not excite, since real moments hold half of it.
-fn turn<S: MasslineSet>(set: &S) -> Matrix6<f64> {
-    (set.noise() - set.pull()) * (0.5 / set.lines().max(1.0))
-}
-
-/// What an excitation of a set is held against: the noise in its pairs, and by how much the
-/// rest of the noise turns the directions in which they were excited. That averages out.
-fn floor<S: MasslineSet>(set: &S) -> Matrix6<f64> {
-    set.pull() + turn(set)
-}
-
-const ONES: Vector6<f64> = Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
-
-/// Weights of the equations of a pair: inverse variances, none far above the others.
-fn weights(variance: &Vector6<f64>) -> Vector6<f64> {
-    const SMALLEST: f64 = 1e-6;
-    let largest = variance.max();
-    variance.map(|v| {
-        if largest > 0.0 {
-            1.0 / v.max(SMALLEST * largest)
-        } else {
-            0.0
-        }
-    })
-}
-
 /// Adds `Bᵀ diag(weights) B`.
 fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
     for i in 0..10 {
@@ -134,105 +108,6 @@ fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
                 sum[(j, i)] += entry;
             }
         }
-    }
-}
-
-/// The measurement matrix of an acceleration in the equations `e`.
-#[inline(never)] // One matrix on the caller's stack.
-fn measured(e: &Matrix6<f64>, acceleration: &Vector6<f64>, mass: f64) -> Measurement {
-    let mut b = measurement_matrix(acceleration, mass);
-    for mut column in b.column_iter_mut() {
-        let product = e * &column;
-        column.copy_from(&product);
-    }
-    b
-}
-
-/// The equations of a set about a point, and how they are weighed.
-struct Weighed {
-    /// The matrix in front of `M a - f`.
-    rows: Matrix6<f64>,
-    count: usize,
-    /// Mean variance of the equations as the set has them; the rows take it, and what noise turns
-    /// the set's directions by, to one. Zero where the variances are the set's own.
-    mean: f64,
-    /// What of the variance one the set's own is, by row.
-    shares: Vector6<f64>,
-}
-
-impl Weighed {
-    /// About a point that is `shift` (m) away from the set's. The noise along the directions that
-    /// a set does not excite turns those that it does, see [`turn`]. No scatter of the lines shows
-    /// that, and it is the same for all of them. With `body`, which is σ about that point, the forces that go with
-    /// it are weighed like those that the lines leave.
-    #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn new<S: MasslineSet>(
-        set: &S,
-        shift: &Vector3<f64>,
-        mass: f64,
-        body: Option<&Vector10>,
-    ) -> Self {
-        // Of the variances, that is rounding.
-        const NOTHING: f64 = 1e-9;
-        let equations = set.equations().at(shift);
-        let mut weighed = Self {
-            rows: *equations.rows(),
-            count: equations.count(),
-            mean: 0.0,
-            shares: ONES,
-        };
-        let Some(body) = body else {
-            return weighed;
-        };
-        let mut turned = turn(set);
-        let columns = transfer(shift) * half(&turned);
-        turned.fill(0.0);
-        for column in columns.column_iter() {
-            let b = measured(&weighed.rows, &column.into_owned(), mass);
-            let force = b * body;
-            turned.ger(1.0, &force, &force, 1.0);
-        }
-        let pairs = set.pairs();
-        let mean = pairs.iter().map(|pair| pair.variance.sum()).sum::<f64>()
-            / (pairs.len() * weighed.count).max(1) as f64;
-        let most = turned.diagonal().max();
-        if !(most > NOTHING * mean && most.is_finite() && mean > 0.0) {
-            return weighed;
-        }
-        for j in 0..weighed.count.min(6) {
-            turned[(j, j)] += mean;
-        }
-        if lower(&mut turned, weighed.count).is_some() {
-            inverse_lower(&mut turned, weighed.count);
-            multiply_left(&turned, &mut weighed.rows);
-            weighed.mean = mean;
-            weighed.shares = turned.component_mul(&turned).column_sum() * mean;
-        }
-        weighed
-    }
-
-    /// Variances of the equations of a pair.
-    fn variance(&self, pair: &Massline) -> Vector6<f64> {
-        if self.mean > 0.0 {
-            // Runs that differ in their noise differ in the share of it.
-            let ratio = pair.variance.sum() / (self.count as f64 * self.mean);
-            let mut variance = self.shares.map(|share| 1.0 + share * (ratio - 1.0));
-            for unused in variance.iter_mut().skip(self.count) {
-                *unused = 0.0;
-            }
-            variance
-        } else {
-            pair.variance
-        }
-    }
-
-    /// Weights of the equations, mean over the pairs of their set.
-    fn mean_weights(&self, pairs: &[Massline]) -> Vector6<f64> {
-        let mut mean = Vector6::zeros();
-        for pair in pairs {
-            mean += weights(&self.variance(pair));
-        }
-        mean / (pairs.len() as f64).max(1.0)
     }
 }
 
@@ -301,9 +176,9 @@ impl Normal {
     /// Leaves `Σ Bᵀ var B` in `meat`: what the covariance comes from where equations are not
     /// weighted by their variance.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn stack<S: MasslineSet>(
+    fn stack<const PAIRS: usize>(
         &mut self,
-        sets: &[S],
+        sets: &[Masslines<PAIRS>],
         point: &Vector3<f64>,
         mass: f64,
         body: Option<&Vector10>,
@@ -311,9 +186,12 @@ impl Normal {
     ) {
         *self = Self::EMPTY;
         meat.fill(0.0);
-        let known = |set: &S| set.pairs().iter().all(|p| p.variance.max() > 0.0);
+        let known = |set: &Masslines<PAIRS>| set.pairs().iter().all(|p| p.variance.max() > 0.0);
         self.weighted = sets.iter().all(|s| s.equations().is_whitened() && known(s));
-        self.freedom = sets.iter().map(S::freedom).fold(f64::INFINITY, f64::min);
+        self.freedom = sets
+            .iter()
+            .map(Masslines::freedom)
+            .fold(f64::INFINITY, f64::min);
         for set in sets {
             let shift = point - set.reference();
             let t = transfer(&shift);
@@ -353,9 +231,9 @@ impl Normal {
 
     /// `N σ`, where N is what noise adds to the normal equations.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn pull<S: MasslineSet>(
+    fn pull<const PAIRS: usize>(
         &self,
-        sets: &[S],
+        sets: &[Masslines<PAIRS>],
         point: &Vector3<f64>,
         mass: f64,
         body: Option<&Vector10>,
@@ -399,8 +277,8 @@ fn scale(m: &mut Matrix10, d: &Vector10) {
 ///
 /// What noise turns directions by needs the body whose forces that are, so it is solved twice
 /// where there are such directions.
-pub(super) fn solve<S: MasslineSet>(
-    sets: &[S],
+pub(super) fn solve<const PAIRS: usize>(
+    sets: &[Masslines<PAIRS>],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
     space: &mut Workspace,
@@ -413,17 +291,9 @@ pub(super) fn solve<S: MasslineSet>(
     Ok(())
 }
 
-/// Whether noise turns the directions of a set: whether there are some that it does not excite.
-fn is_turned<S: MasslineSet>(set: &S) -> bool {
-    // Of the noise, that is rounding.
-    const NOTHING: f64 = 1e-9;
-    let (noise, pull) = (set.noise(), set.pull());
-    (0..6).any(|j| noise[(j, j)] - pull[(j, j)] > NOTHING * noise[(j, j)])
-}
-
 /// As [`solve`], where the body is known that [`Weighed::new`] asks for.
-fn solve_with<S: MasslineSet>(
-    sets: &[S],
+fn solve_with<const PAIRS: usize>(
+    sets: &[Masslines<PAIRS>],
     point: &Vector3<f64>,
     known_mass: Option<f64>,
     body: Option<&Vector10>,

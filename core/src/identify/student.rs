@@ -1,7 +1,7 @@
 //! Student's quantile: half of an interval, in standard deviations, where the standard
 //! deviation itself was estimated with so many degrees of freedom.
 //!
-//! Two probabilities are needed and no other, so each is a Chebyshev series in the
+//! One probability is needed and no other, so the quantile is a Chebyshev series in the
 //! reciprocal of the degrees of freedom, which runs from 0 (noise known) to 1: a dozen
 //! multiplications that round alike everywhere, in place of an incomplete beta function.
 //! The coefficients were computed with 30 digits from the function itself at the nodes of
@@ -23,34 +23,12 @@ const NINETY_FIVE: [f64; 12] = [
     -1.538_208_216_894_112e-8,
 ];
 
-/// Of the logarithm of the half width that chance leaves once in 10⁹ times; good to
-/// 0.2 % of the width, which is enough for a limit.
-const BILLIONTH: [f64; 10] = [
-    10.638_890_764,
-    9.399_569_608_18,
-    0.329_841_977_879,
-    -0.139_797_662_158,
-    0.062_213_561_342_4,
-    -0.026_734_217_602_5,
-    0.010_266_240_434_4,
-    -0.003_069_672_448_3,
-    0.000_398_066_450_551,
-    0.000_195_183_189_087,
-];
-
 /// Half of a two-sided 95 % interval in standard deviations, for `freedom` degrees of
 /// freedom; infinitely many give the normal distribution's 1.96. Below one there is no
 /// interval, and the half width is infinite.
 #[must_use]
 pub fn half_width_95(freedom: f64) -> f64 {
     of_reciprocal(freedom).map_or(f64::INFINITY, |u| series(&NINETY_FIVE, u))
-}
-
-/// The number of standard deviations that chance exceeds, on either side, once in 10⁹
-/// times: 6.1 for infinitely many degrees of freedom, 32 for eight. Infinite below one.
-#[must_use]
-pub fn beyond_chance(freedom: f64) -> f64 {
-    of_reciprocal(freedom).map_or(f64::INFINITY, |u| libm::exp(series(&BILLIONTH, u)))
 }
 
 /// The reciprocal of at least one degree of freedom.
@@ -95,27 +73,11 @@ mod tests {
         (f64::INFINITY, 1.959_963_984_540_054),
     ];
 
-    /// `scipy.stats.t.isf(0.5e-9, freedom)` of scipy 1.17.1.
-    const SCIPY_BILLIONTH: [(f64, f64); 8] = [
-        (1.0, 636_619_772.367_581_4),
-        (2.0, 31_622.776_577_966_713),
-        (3.0, 1_301.637_167_292_691_7),
-        (5.0, 113.655_051_076_412_52),
-        (8.0, 31.961_534_475_128_836),
-        (20.0, 10.701_394_422_413_742),
-        (60.0, 7.233_298_449_014_585),
-        (200.0, 6.414_498_025_649_145),
-    ];
-
     #[test]
     fn quantiles_are_those_of_scipy() {
         for (freedom, expected) in SCIPY_95 {
             let error = half_width_95(freedom) / expected - 1.0;
             assert!(error.abs() < 1e-8, "{freedom}: {error:e}");
-        }
-        for (freedom, expected) in SCIPY_BILLIONTH {
-            let error = beyond_chance(freedom) / expected - 1.0;
-            assert!(error.abs() < 3e-3, "{freedom}: {error:e}");
         }
     }
 
@@ -123,7 +85,6 @@ mod tests {
     fn what_is_no_number_of_degrees_gives_no_interval() {
         for freedom in [0.999, 0.0, -1.0, f64::NEG_INFINITY, f64::NAN] {
             assert_eq!(half_width_95(freedom), f64::INFINITY);
-            assert_eq!(beyond_chance(freedom), f64::INFINITY);
         }
     }
 }

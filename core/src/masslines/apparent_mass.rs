@@ -12,7 +12,7 @@
 //! into the regression as unknowns of their own and are eliminated from it again.
 
 use super::averaging::MIN_LINES;
-use super::lines::{add_scaled, indices, two_a_line};
+use super::lines::{Internals, add_scaled, indices, two_a_line};
 use super::moved::Moved;
 use super::regression::{MAX_TERMS, Regression, Solution};
 use super::residuals::Residuals;
@@ -88,28 +88,16 @@ impl ApparentMass {
     }
 }
 
-/// Condenses the lines `band` to masslines, which are added to `set` about its reference
-/// point. The lines `fit` serve to find the poles. The fit is left in `space`; `work` holds
-/// two elements per line.
+/// Condenses the lines `band` to masslines, which are added to `set` about its reference point, from
+/// which that of the lines lies `-shift` (m) away. The lines `fit` serve to find the poles. The fit
+/// is left in `space`; `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured, and among
 /// them [`MasslineError::OtherLines`], [`MasslineError::Work`] and
 /// [`MasslineError::TooManyRuns`].
-pub fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
-    lines: &L,
-    band: LineRange,
-    fit: LineRange,
-    set: &mut Masslines<PAIRS>,
-    space: &mut Workspace,
-    work: &mut [Complex<f64>],
-) -> Result<(), MasslineError> {
-    apparent_mass_at(lines, &Vector3::zeros(), band, fit, set, space, work)
-}
-
-/// As [`apparent_mass`], of lines about a point from which that of `set` lies `shift` (m) away.
 #[inline(never)] // One method's working memory at a time.
-pub(super) fn apparent_mass_at<L: Lines + ?Sized, const PAIRS: usize>(
+pub(super) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     given: &L,
     shift: &Vector3<f64>,
     band: LineRange,

@@ -1,5 +1,6 @@
 //! Averages over the lines of a band, and what the scatter of the lines says about them.
 
+use super::lines::add_squares;
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Squares};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
 use crate::cells::{cells, seen};
@@ -104,7 +105,7 @@ impl RealMoments {
         let mut total = Self::EMPTY;
         for run in 0..lines.runs() {
             for line in band.clone() {
-                lines.add_squares(run, line, 1.0, &mut total.squares);
+                add_squares(lines, run, line, 1.0, &mut total.squares);
             }
         }
         add_noise_of_runs(lines, band.len(), &mut total.noise);

@@ -1,6 +1,6 @@
 //! One door to all methods: averaged lines in, masslines out.
 
-use super::apparent_mass::apparent_mass_at;
+use super::apparent_mass::apparent_mass;
 use super::averaging::noise_of_runs;
 use super::moved::Moved;
 use super::workspace::Found;
@@ -219,7 +219,7 @@ fn condense_there<L: Lines + ?Sized, const PAIRS: usize>(
     let (modes, weights) = (bands.modes, bands.equations);
     let lines = &Moved::new(given, shift);
     match method {
-        Method::ApparentMass => apparent_mass_at(given, shift, band, fit, set, space, work),
+        Method::ApparentMass => apparent_mass(given, shift, band, fit, set, space, work),
         Method::FrequencyResponses => frequency_responses(lines, band, weights, set),
         Method::PowerSpectra => power_spectra(lines, band, Factorisation::None, weights, set),
         Method::PowerSpectraCholesky => {

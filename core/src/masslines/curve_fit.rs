@@ -18,7 +18,7 @@ use nalgebra::{Complex, Vector6};
     clippy::too_many_arguments,
     reason = "all that a method works on, and in"
 )]
-pub fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
+pub(crate) fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
     fit: LineRange,

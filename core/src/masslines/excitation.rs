@@ -30,9 +30,19 @@ pub const EXCITED: f64 = 100.0;
 /// sensors within a hundredth of their distance from A leave 1e-5.
 const UNSEEN: f64 = 1e-6;
 
+/// The directions that runs excite: their number, and the matrix that takes out of a vector of six
+/// all that is not along them. `moments` are the summed real second moments `Σ a aᵀ`, `noise` is
+/// the covariance of the noise in them: a direction is excited if its power exceeds [`EXCITED`]
+/// times its noise. A direction without noise has no sensor that looks along it.
+#[must_use]
+pub fn excited_directions(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> (usize, Matrix6<f64>) {
+    let excitation = Excitation::new(moments, noise);
+    (excitation.rank(), excitation.projector())
+}
+
 /// The excited directions: a subspace of the six accelerations (or resultants).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Excitation {
+pub(super) struct Excitation {
     /// First [`Self::rank`] columns: directions, in the units of the vector.
     basis: Matrix6<f64>,
     /// First [`Self::rank`] rows: coordinates of a vector along them.
@@ -59,8 +69,7 @@ impl Excitation {
 
     /// Decides from the summed real second moments `Σ a aᵀ` and the covariance of the noise
     /// in them. A direction without noise has no sensor that looks along it.
-    #[must_use]
-    pub fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
+    pub(super) fn new(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> Self {
         let mut excitation = Self::NONE;
         excitation.decide(moments, noise);
         excitation
@@ -122,27 +131,29 @@ impl Excitation {
         Self::new(moments, noise).rank
     }
 
-    /// Number of excited directions.
+    /// The matrix that takes out of a vector of six all that is not along the excited directions.
     #[must_use]
-    pub fn rank(&self) -> usize {
+    pub(super) fn projector(&self) -> Matrix6<f64> {
+        self.basis * self.coordinates
+    }
+
+    /// Number of excited directions.
+    pub(super) fn rank(&self) -> usize {
         self.rank
     }
 
     /// Power over noise of the weakest excited direction; infinite if there is none.
-    #[must_use]
-    pub fn weakest(&self) -> f64 {
+    pub(super) fn weakest(&self) -> f64 {
         self.weakest
     }
 
     /// Matrix whose first [`Self::rank`] columns turn coordinates into a vector of six.
-    #[must_use]
-    pub fn basis(&self) -> &Matrix6<f64> {
+    pub(super) fn basis(&self) -> &Matrix6<f64> {
         &self.basis
     }
 
     /// Matrix whose first [`Self::rank`] rows turn a vector of six into coordinates.
-    #[must_use]
-    pub fn coordinates(&self) -> &Matrix6<f64> {
+    pub(super) fn coordinates(&self) -> &Matrix6<f64> {
         &self.coordinates
     }
 }
@@ -182,8 +193,14 @@ fn whiten(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{accelerations_moved, transfer};
+    use crate::geometry::{move_accelerations, transfer};
     use nalgebra::Vector3;
+
+    fn accelerations_moved(covariance: &Matrix6<f64>, shift: &Vector3<f64>) -> Matrix6<f64> {
+        let mut moved = *covariance;
+        move_accelerations(&mut moved, shift);
+        moved
+    }
 
     fn translations() -> Matrix6<f64> {
         let mut m = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-6));
@@ -216,6 +233,27 @@ mod tests {
         assert_eq!(e.basis().row(1).norm(), 0.0);
     }
 
+    /// No noise is known of y, which moves half as far as x does: the direction is that of the
+    /// motion, and not the x axis along which there is noise.
+    #[test]
+    fn a_direction_holds_what_moves_with_it_where_no_noise_is_known() {
+        let mut moments = Matrix6::zeros();
+        for (i, j, moment) in [(0, 0, 1.0), (0, 1, 0.5), (1, 0, 0.5), (1, 1, 0.25)] {
+            moments[(i, j)] = moment;
+        }
+        let mut noise = Matrix6::zeros();
+        noise[(0, 0)] = 1e-4;
+        let e = Excitation::new(&moments, &noise);
+        assert_eq!(e.rank(), 1);
+        assert!((e.weakest() / 1e4 - 1.0).abs() < 1e-14, "{}", e.weakest());
+        // In units of the noise of x, whose standard deviation is 0.01.
+        let direction = e.basis().column(0) * e.basis()[(0, 0)].signum();
+        let expected = Vector6::new(0.01, 0.005, 0.0, 0.0, 0.0, 0.0);
+        assert!((direction - expected).norm() < 1e-16, "{direction}");
+        let moved = e.projector() * Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0);
+        assert!((moved - Vector6::new(1.0, 0.5, 0.0, 0.0, 0.0, 0.0)).norm() < 1e-14);
+    }
+
     #[test]
     fn what_is_excited_does_not_depend_on_the_reference_point() {
         let moments = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 10.0, 10.0, 10.0));
@@ -236,7 +274,7 @@ mod tests {
             assert_eq!(e.rank(), 3, "{d} m");
             // The excited directions are the translations, at either point.
             let t = transfer(&shift);
-            let projector = e.basis() * e.coordinates();
+            let projector = e.projector();
             let translation = t * Vector6::new(0.3, -1.0, 0.7, 0.0, 0.0, 0.0);
             assert!(
                 (projector * translation - translation).norm() < 1e-9,

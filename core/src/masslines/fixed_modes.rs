@@ -21,7 +21,7 @@ use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
 
 /// Most modes of the fixed structure: behind each pole up to three.
-pub const MAX_FIXED_MODES: usize = CLOSE * MAX_MODES;
+pub(crate) const MAX_FIXED_MODES: usize = CLOSE * MAX_MODES;
 
 /// A mode of the structure on a fixed interface.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -14,7 +14,7 @@ use crate::spectra::LineRange;
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`].
 #[inline(never)] // One method's working memory at a time.
-pub fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
+pub(crate) fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
     squared: bool,

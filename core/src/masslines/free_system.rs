@@ -10,7 +10,7 @@
 
 use super::averaging::{LinePair, RealMoments, noise_of_runs};
 use super::excitation::IDENTITY;
-use super::lines::{Squares, add_scaled, indices, two_a_line};
+use super::lines::{Squares, add_scaled, add_squares, indices, two_a_line};
 use super::regression::between;
 use super::{
     Complex6, EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments, Workspace,
@@ -30,7 +30,7 @@ const TERMS: usize = 2 + 2 * MAX_MODES;
 
 /// Accelerations of A per unit interface force, line by line.
 #[derive(Debug)]
-pub struct FreeSystem<'l, L: ?Sized> {
+pub(super) struct FreeSystem<'l, L: ?Sized> {
     lines: &'l L,
     equations: Equations,
     /// Inverse root powers of the measured resultants: equilibration of G_FF.
@@ -45,24 +45,6 @@ pub struct FreeSystem<'l, L: ?Sized> {
 }
 
 impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
-    /// The free system behind `lines`, whose band serves to judge the excitation. `weights`
-    /// tells for which forces it gives pairs: unit forces, or those in which the noise of one
-    /// pair is not that of another.
-    ///
-    /// # Errors
-    /// [`MasslineError::TooFewRuns`] unless all measured resultants were excited
-    /// independently, [`MasslineError::OtherLines`].
-    pub fn new(
-        lines: &'l L,
-        band: LineRange,
-        equations: &Equations,
-        weights: EquationWeights,
-    ) -> Result<Self, MasslineError> {
-        let mut system = Self::of(lines, equations);
-        system.look_at(band, weights)?;
-        Ok(system)
-    }
-
     /// The free system before anything is known of it but its load cells.
     pub(super) fn of(lines: &'l L, equations: &Equations) -> Self {
         Self {
@@ -76,7 +58,12 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         }
     }
 
-    /// Judges the excitation by the lines of the band, see [`Self::new`].
+    /// Judges the excitation by the lines of the band. `weights` tells for which forces there are
+    /// pairs: unit forces, or those in which the noise of one pair is not that of another.
+    ///
+    /// # Errors
+    /// [`MasslineError::TooFewRuns`] unless all measured resultants were excited
+    /// independently, [`MasslineError::OtherLines`].
     #[inline(never)] // Its sums are off the stack when the caller goes on.
     pub(super) fn look_at(
         &mut self,
@@ -118,7 +105,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         for run in 0..lines.runs() {
             let mut squares = Squares::zero();
             for line in band.clone() {
-                lines.add_squares(run, line, 1.0, &mut squares);
+                add_squares(lines, run, line, 1.0, &mut squares);
             }
             total.squares.add(&squares, 1.0);
             let noise = lines.noise(run);
@@ -173,7 +160,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
 
     /// Number of interface forces, and of columns of H.
     #[must_use]
-    pub fn forces(&self) -> usize {
+    pub(super) fn forces(&self) -> usize {
         self.equations.count()
     }
 
@@ -236,13 +223,6 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     ///
     /// # Errors
     /// [`MasslineError::Singular`] if the forces of this line depend on each other.
-    pub fn response(&self, line: usize) -> Result<Complex6, MasslineError> {
-        let mut h = Complex6::zeros();
-        self.response_into(line, &mut h)?;
-        Ok(h)
-    }
-
-    /// [`Self::response`], where it is wanted.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     pub(super) fn response_into(&self, line: usize, h: &mut Complex6) -> Result<(), MasslineError> {
         let mut m = Moments::zero();
@@ -268,7 +248,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
     ///
     /// # Errors
     /// [`MasslineError::NoMode`] if there is none in the lines, [`MasslineError::Work`].
-    pub fn modes(
+    pub(super) fn modes(
         &self,
         fit: LineRange,
         limit: usize,
@@ -396,15 +376,15 @@ pub struct FreeModes {
     /// Poles, ascending.
     pub poles: heapless::Vec<Pole, MAX_MODES>,
     /// The rigid body's share: what remains of H at ω = 0, m/s² per N and so on.
-    pub constant: Matrix6<f64>,
+    pub(super) constant: Matrix6<f64>,
     /// Residue of each pole: H holds `(residue + quadrature jω/ω_r) D_r(ω)`.
-    pub residues: [Matrix6<f64>; MAX_MODES],
+    pub(super) residues: [Matrix6<f64>; MAX_MODES],
     /// Quadrature of each residue, zero where damping does not couple the modes.
-    pub quadratures: [Matrix6<f64>; MAX_MODES],
+    pub(super) quadratures: [Matrix6<f64>; MAX_MODES],
     /// Share of all modes above, per (ω / unit)².
     upper: Matrix6<f64>,
     /// Variance of each entry of the constant.
-    pub constant_variance: Matrix6<f64>,
+    pub(super) constant_variance: Matrix6<f64>,
     /// Frequency at which the upper term is one, Hz.
     unit: f64,
 }
@@ -494,13 +474,6 @@ impl FreeModes {
         phi
     }
 
-    /// The elastic part of H at `frequency` Hz.
-    #[must_use]
-    pub fn elastic(&self, frequency: f64) -> Complex6 {
-        let phi = self.basis(frequency);
-        Complex6::from_fn(|i, j| self.elastic_entry(&phi, i, j))
-    }
-
     /// One entry of the elastic part, from the functions of frequency.
     fn elastic_entry(&self, phi: &[Complex<f64>; TERMS], i: usize, j: usize) -> Complex<f64> {
         let residues = self.residues.iter().zip(&self.quadratures);
@@ -520,13 +493,5 @@ impl FreeModes {
                 h[(i, j)] -= self.elastic_entry(&phi, i, j);
             }
         }
-    }
-
-    /// The whole of H at `frequency` Hz.
-    #[must_use]
-    pub fn at(&self, frequency: f64) -> Complex6 {
-        let mut h = self.elastic(frequency);
-        h.zip_apply(&self.constant, |z, x| *z += Complex::new(x, 0.0));
-        h
     }
 }

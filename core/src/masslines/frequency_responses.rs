@@ -1,7 +1,7 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
 use super::averaging::{Trend, noise_of_runs};
-use super::lines::{add_scaled, indices};
+use super::lines::{add_powers, add_scaled, indices};
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Powers};
 use crate::cells::seen;
 use crate::spectra::LineRange;
@@ -19,7 +19,7 @@ use nalgebra::{Complex, Matrix6};
 /// [`MasslineError`] if the band is too short, nothing is excited or measured, or the
 /// runs have no common reference.
 #[inline(never)] // One method's working memory at a time.
-pub fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
+pub(crate) fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
     equations: EquationWeights,
@@ -81,7 +81,7 @@ fn look_at<L: Lines + ?Sized, const PAIRS: usize>(
             if lines.pair(run, line).is_none() {
                 return Err(MasslineError::NoReference);
             }
-            lines.add_powers(run, line, 1.0, &mut powers);
+            add_powers(lines, run, line, 1.0, &mut powers);
         }
         let leader = powers.aa.diagonal().component_mul(&units).imax();
         // More runs than pairs are refused below.

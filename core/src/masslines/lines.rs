@@ -12,23 +12,22 @@ use crate::spectra::{Average, BandError, CrossAverage, LineGrid, LineRange, RunR
 use nalgebra::{Complex, Matrix6, Vector6};
 
 /// A complex 6 x 6 matrix.
-pub type Complex6 = Matrix6<Complex<f64>>;
+pub(super) type Complex6 = Matrix6<Complex<f64>>;
 
 /// Second moments of accelerations and forces at one line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     /// `Σ a a*`, Hermitian.
-    pub aa: Complex6,
+    pub aa: Matrix6<Complex<f64>>,
     /// `Σ f a*`; its adjoint is the paper's G_AF.
-    pub fa: Complex6,
+    pub fa: Matrix6<Complex<f64>>,
     /// `Σ f f*`, the paper's G_FF, Hermitian.
-    pub ff: Complex6,
+    pub ff: Matrix6<Complex<f64>>,
 }
 
 impl Moments {
     /// Nothing yet.
-    #[must_use]
-    pub fn zero() -> Self {
+    pub(crate) fn zero() -> Self {
         Self {
             aa: Complex6::zeros(),
             fa: Complex6::zeros(),
@@ -37,7 +36,12 @@ impl Moments {
     }
 
     /// Adds one pair of amplitudes with a weight.
-    pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
+    pub(crate) fn add_pair(
+        &mut self,
+        a: &Vector6<Complex<f64>>,
+        f: &Vector6<Complex<f64>>,
+        weight: f64,
+    ) {
         self.add_accelerations(a, f, weight);
         for j in 0..6 {
             let fj = f[j].conj() * weight;
@@ -52,7 +56,7 @@ impl Moments {
 
     /// Adds one pair of amplitudes with a weight, but only the real part of `f f*`: what a
     /// regression needs of it.
-    pub fn add_real_pair(
+    pub(crate) fn add_real_pair(
         &mut self,
         a: &Vector6<Complex<f64>>,
         f: &Vector6<Complex<f64>>,
@@ -96,7 +100,7 @@ fn real_product(x: Complex<f64>, y: Complex<f64>) -> f64 {
 /// How strong accelerations and forces are: what the excitation is judged by, for a quarter
 /// of the work that [`Moments`] take.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Powers {
+pub(crate) struct Powers {
     /// `Re Σ a a*`.
     pub aa: Matrix6<f64>,
     /// Diagonal of `Σ f f*`.
@@ -115,7 +119,12 @@ impl Powers {
 
     /// Adds one pair of amplitudes with a weight: to the last bit what
     /// [`Moments::add_pair`] adds to the same numbers.
-    pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
+    pub(crate) fn add_pair(
+        &mut self,
+        a: &Vector6<Complex<f64>>,
+        f: &Vector6<Complex<f64>>,
+        weight: f64,
+    ) {
         for j in 0..6 {
             let (aj, fj) = (a[j].conj() * weight, f[j].conj() * weight);
             self.ff[j] += real_product(f[j], fj);
@@ -130,7 +139,7 @@ impl Powers {
 /// Real parts of the second moments of accelerations and of forces: what averages of power
 /// spectra are judged by, for a third of the work that [`Moments`] take.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Squares {
+pub(crate) struct Squares {
     /// `Re Σ a a*`.
     pub aa: Matrix6<f64>,
     /// `Re Σ f f*`.
@@ -148,13 +157,18 @@ impl Squares {
     }
 
     /// Adds one pair of amplitudes with a weight.
-    pub fn add_pair(&mut self, a: &Vector6<Complex<f64>>, f: &Vector6<Complex<f64>>, weight: f64) {
+    pub(crate) fn add_pair(
+        &mut self,
+        a: &Vector6<Complex<f64>>,
+        f: &Vector6<Complex<f64>>,
+        weight: f64,
+    ) {
         add_square(&mut self.aa, a, weight);
         add_square(&mut self.ff, f, weight);
     }
 
     /// Adds `weight` times others.
-    pub fn add(&mut self, other: &Self, weight: f64) {
+    pub(crate) fn add(&mut self, other: &Self, weight: f64) {
         add_scaled(&mut self.aa, &other.aa, weight);
         add_scaled(&mut self.ff, &other.ff, weight);
     }
@@ -183,8 +197,8 @@ pub(super) fn add_scaled(sum: &mut Matrix6<f64>, other: &Matrix6<f64>, weight: f
 pub type Amplitudes = (Vector6<Complex<f64>>, Vector6<Complex<f64>>);
 
 /// Averaged spectra of one or more runs that share a reference point, a frame and the
-/// equations their load cells complete.
-pub trait Lines {
+/// equations their load cells complete: [`DriveLines`], [`CrossLines`] and [`super::SineLines`].
+pub trait Lines: Internals {
     /// Number of lines.
     fn count(&self) -> usize;
     /// Frequency of a line, Hz, ascending.
@@ -193,31 +207,18 @@ pub trait Lines {
     fn runs(&self) -> usize;
     /// Adds the moments of one run at one line, times `weight`.
     fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments);
-    /// As [`Self::add_moments`], but of `Σ f f*` only the real part needs to be added: all that
-    /// a regression reads.
-    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-        self.add_moments(run, line, weight, into);
-    }
-    /// Adds the powers of one run at one line, times `weight`.
-    fn add_powers(&self, run: usize, line: usize, weight: f64, into: &mut Powers) {
-        if let Some((a, f)) = self.pair(run, line) {
-            into.add_pair(&a, &f, weight * self.pair_weight(run, line));
-        } else {
-            add_powers_of_moments(self, run, line, weight, into);
-        }
-    }
-    /// Adds the squares of one run at one line, times `weight`.
-    fn add_squares(&self, run: usize, line: usize, weight: f64, into: &mut Squares) {
-        if let Some((a, f)) = self.pair(run, line) {
-            into.add_pair(&a, &f, weight * self.pair_weight(run, line));
-        } else {
-            add_squares_of_moments(self, run, line, weight, into);
-        }
-    }
     /// Covariance of the noise per line that `Σ a a*` and `Σ f f*` of a run contain, mean over
     /// the averaging band, about the reference point.
     fn noise(&self, run: usize) -> ResultantNoise;
-    /// Whether the noise of the runs can be told at all.
+}
+
+/// The part of [`Lines`] that only the estimators read; it keeps that trait to the kinds of lines
+/// of this crate.
+pub trait Internals {
+    /// As [`Lines::add_moments`], but of `Σ f f*` only the real part needs to be added: all that
+    /// a regression reads.
+    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments);
+    /// Refuses runs that have too few blocks to tell their noise.
     ///
     /// # Errors
     /// [`MasslineError::TooFewBlocks`].
@@ -230,9 +231,39 @@ pub trait Lines {
     fn correlation(&self) -> f64;
     /// The single pair of amplitudes of a run at a line, if it was referred to a drive.
     fn pair(&self, run: usize, line: usize) -> Option<Amplitudes>;
-    /// What the squares of that pair enter the moments with.
+    /// Factor with which the squares of that pair enter the moments.
     fn pair_weight(&self, _run: usize, _line: usize) -> f64 {
         1.0
+    }
+}
+
+/// Adds the powers of one run at one line, times `weight`.
+pub(super) fn add_powers<L: Lines + ?Sized>(
+    lines: &L,
+    run: usize,
+    line: usize,
+    weight: f64,
+    into: &mut Powers,
+) {
+    if let Some((a, f)) = lines.pair(run, line) {
+        into.add_pair(&a, &f, weight * lines.pair_weight(run, line));
+    } else {
+        add_powers_of_moments(lines, run, line, weight, into);
+    }
+}
+
+/// Adds the squares of one run at one line, times `weight`.
+pub(super) fn add_squares<L: Lines + ?Sized>(
+    lines: &L,
+    run: usize,
+    line: usize,
+    weight: f64,
+    into: &mut Squares,
+) {
+    if let Some((a, f)) = lines.pair(run, line) {
+        into.add_pair(&a, &f, weight * lines.pair_weight(run, line));
+    } else {
+        add_squares_of_moments(lines, run, line, weight, into);
     }
 }
 
@@ -264,7 +295,7 @@ fn add_squares_of_moments<L: Lines + ?Sized>(
     into.ff.zip_apply(&m.ff, |sum, z| *sum += z.re);
 }
 
-/// The lines of a band (Hz), both ends included: see [`LineRange::between`].
+/// The lines of a band (Hz), both ends included: see [`LineRange::among`].
 ///
 /// # Errors
 /// [`BandError`] if it is no band, or reaches beyond the lines.
@@ -351,15 +382,17 @@ impl Lines for DriveLines<'_> {
         }
     }
 
+    fn noise(&self, run: usize) -> ResultantNoise {
+        let run = self.runs.get(run);
+        run.map_or(ResultantNoise::NONE, |r| ResultantNoise::unpacked(&r.noise))
+    }
+}
+
+impl Internals for DriveLines<'_> {
     fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
         if let Some((a, f)) = self.pair(run, line) {
             into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
         }
-    }
-
-    fn noise(&self, run: usize) -> ResultantNoise {
-        let run = self.runs.get(run);
-        run.map_or(ResultantNoise::NONE, |r| ResultantNoise::unpacked(&r.noise))
     }
 
     /// A single block is explained by its drive to the last digit.
@@ -396,12 +429,14 @@ pub struct CrossLines<'a, 's> {
     runs: &'a [CrossAverage<'s>],
     grid: LineGrid,
     noise: heapless::Vec<ResultantNoise, MAX_RUNS>,
+    /// `true` if the noise was stated by the caller, so that blocks need not tell it.
+    stated: bool,
     line_correlation: f64,
     block_correlation: f64,
 }
 
 /// Most runs that are read together, since what each leaves of the fit is kept beside it.
-pub const MAX_RUNS: usize = 24;
+pub(crate) const MAX_RUNS: usize = 24;
 
 impl<'a, 's> CrossLines<'a, 's> {
     /// Lines of finished cross-spectral averages. `band` are the kept lines over which
@@ -433,6 +468,7 @@ impl<'a, 's> CrossLines<'a, 's> {
             runs,
             grid,
             noise: heapless::Vec::new(),
+            stated: false,
             line_correlation: window.line_correlation(),
             block_correlation: window.block_correlation(hop),
         };
@@ -447,6 +483,17 @@ impl<'a, 's> CrossLines<'a, 's> {
                 })?;
         }
         Ok(lines)
+    }
+
+    /// The same lines with the stated noise of each run, as [`Lines::noise`] has it, where a run
+    /// has too few blocks to tell its own and the noise of every run is stated.
+    #[must_use]
+    pub fn or_stated(mut self, noise: &[ResultantNoise]) -> Self {
+        if self.check().is_err() && noise.len() == self.noise.len() {
+            self.noise.copy_from_slice(noise);
+            self.stated = true;
+        }
+        self
     }
 
     /// Independent blocks that were averaged in a run.
@@ -517,10 +564,19 @@ impl Lines for CrossLines<'_, '_> {
     fn noise(&self, run: usize) -> ResultantNoise {
         self.noise.get(run).copied().unwrap_or(ResultantNoise::NONE)
     }
+}
+
+impl Internals for CrossLines<'_, '_> {
+    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+        self.add_moments(run, line, weight, into);
+    }
 
     /// Six channels explain all of six others in as many blocks. One independent block more
     /// tells the noise at some tens of lines together.
     fn check(&self) -> Result<(), MasslineError> {
+        if self.stated {
+            return Ok(());
+        }
         let needed = EXPLAINING + 1.0;
         for run in 0..self.runs.len() {
             if self.independent_blocks(run) < needed {

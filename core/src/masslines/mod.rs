@@ -42,29 +42,30 @@ mod static_poses;
 mod synthesis;
 mod workspace;
 
-pub use apparent_mass::{ApparentMass, apparent_mass};
+pub use apparent_mass::ApparentMass;
 pub use averaging::MIN_LINES;
 pub use condense::{Bands, Condensed, EquationWeights, Method, condense, condense_into};
-pub use curve_fit::curve_fit;
-pub use excitation::{EXCITED, Excitation};
-pub use fixed_modes::{FixedMode, MAX_FIXED_MODES, fixed_modes};
-pub use free_responses::free_responses;
-pub use free_system::{FreeModes, FreeSystem};
-pub use frequency_responses::frequency_responses;
-pub use lines::{
-    Complex6, CrossLines, DriveLines, Lines, MAX_RUNS, Moments, Powers, Squares, lines_between,
-};
-pub use power_spectra::{Factorisation, power_spectra};
-pub use sine::{MIN_NEIGHBOURS, SineLines, SineRun};
+use curve_fit::curve_fit;
+use excitation::Excitation;
+pub use excitation::{EXCITED, excited_directions};
+pub use fixed_modes::{FixedMode, fixed_modes};
+use free_responses::free_responses;
+pub use free_system::FreeModes;
+use free_system::FreeSystem;
+use frequency_responses::frequency_responses;
+use lines::{Complex6, MAX_RUNS, Powers, Squares};
+pub use lines::{CrossLines, DriveLines, Lines, Moments, lines_between};
+use power_spectra::{Factorisation, power_spectra};
+pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
-pub use synthesis::synthesis;
+use synthesis::synthesis;
 pub use workspace::Workspace;
 
 use crate::geometry::{Equations, move_accelerations, resultants_at, transfer};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Most pairs in one set: one a direction, or with method a one a run.
-pub const MAX_PAIRS: usize = 24;
+pub(crate) const MAX_PAIRS: usize = 24;
 
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +76,7 @@ pub enum MasslineError {
     NoExcitation,
     /// No resultant is measured.
     NoResultant,
-    /// More pairs than the set has room for: [`MAX_PAIRS`], or what it was made with.
+    /// More pairs than the set has room for.
     TooManyPairs {
         /// Most pairs.
         limit: usize,
@@ -197,41 +198,59 @@ pub struct Massline {
     pub variance: Vector6<f64>,
 }
 
-/// Up to `PAIRS` masslines that share a reference point and the equations that hold for
+/// Up to `PAIRS` masslines (24 where nothing else is said) that share a reference point and the equations that hold for
 /// them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     /// The reference point A, m.
-    pub reference: Vector3<f64>,
+    pub(crate) reference: Vector3<f64>,
     /// The combinations of the rows of `M a = f` that were measured.
-    pub equations: Equations,
+    pub(crate) equations: Equations,
     /// The pairs.
-    pub pairs: heapless::Vec<Massline, PAIRS>,
+    pub(crate) pairs: heapless::Vec<Massline, PAIRS>,
     /// Second moments that noise alone would give the accelerations of the pairs, were each
     /// direction as noisy as one line: an excitation that does not exceed them by
     /// [`EXCITED`] is none.
-    pub noise: Matrix6<f64>,
+    pub(crate) noise: Matrix6<f64>,
     /// Second moments that noise really adds to those of the pairs. They pull what the
     /// accelerations multiply towards zero.
-    pub pull: Matrix6<f64>,
+    pub(crate) pull: Matrix6<f64>,
     /// Independent lines (or poses) that went into each pair.
-    pub lines: f32,
+    pub(crate) lines: f32,
     /// Degrees of freedom of the variances of the pairs; infinite where they are known.
-    pub freedom: f32,
+    pub(crate) freedom: f32,
 }
 
 impl Masslines {
     /// Exact pairs, without noise: for a mass matrix that is known line by line.
     ///
     /// # Errors
-    /// [`MasslineError::TooManyPairs`].
+    /// [`MasslineError::TooManyPairs`], [`MasslineError::Singular`] for a number that is not
+    /// finite.
     pub fn exact(
         reference: Vector3<f64>,
         pairs: impl IntoIterator<Item = (Vector6<f64>, Vector6<f64>)>,
     ) -> Result<Self, MasslineError> {
+        let exact = |(acceleration, force)| (acceleration, force, Vector6::zeros());
+        Self::with_variances(reference, pairs.into_iter().map(exact))
+    }
+
+    /// Pairs of acceleration and force, each with the known variance of its six resultants, N²
+    /// and N² m².
+    ///
+    /// # Errors
+    /// [`MasslineError::TooManyPairs`], [`MasslineError::Singular`] for a number that is not
+    /// finite or a variance below zero.
+    pub fn with_variances(
+        reference: Vector3<f64>,
+        pairs: impl IntoIterator<Item = (Vector6<f64>, Vector6<f64>, Vector6<f64>)>,
+    ) -> Result<Self, MasslineError> {
         let mut set = Self::new(reference, Equations::all());
-        for (acceleration, force) in pairs {
-            set.push(acceleration, force, Vector6::zeros())?;
+        for (acceleration, force, variance) in pairs {
+            if variance.min() < 0.0 {
+                return Err(MasslineError::Singular);
+            }
+            set.push(acceleration, force, variance)?;
         }
         Ok(set)
     }
@@ -250,6 +269,43 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             lines: 1.0,
             freedom: f32::INFINITY,
         }
+    }
+
+    /// The reference point A, m.
+    pub(crate) fn reference(&self) -> &Vector3<f64> {
+        &self.reference
+    }
+
+    /// The combinations of the rows of `M a = f` that were measured.
+    #[must_use]
+    pub fn equations(&self) -> &Equations {
+        &self.equations
+    }
+
+    /// The pairs.
+    #[must_use]
+    pub fn pairs(&self) -> &[Massline] {
+        &self.pairs
+    }
+
+    /// Second moments of noise that an excitation is held against.
+    pub(crate) fn noise(&self) -> &Matrix6<f64> {
+        &self.noise
+    }
+
+    /// Second moments of the noise in the pairs.
+    pub(crate) fn pull(&self) -> &Matrix6<f64> {
+        &self.pull
+    }
+
+    /// Independent lines (or poses) that went into each pair.
+    pub(crate) fn lines(&self) -> f64 {
+        f64::from(self.lines)
+    }
+
+    /// Degrees of freedom of the variances of the pairs.
+    pub(crate) fn freedom(&self) -> f64 {
+        f64::from(self.freedom)
     }
 
     pub(crate) fn push(
@@ -282,16 +338,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
         self.pull = self.noise;
     }
 
-    /// The same masslines about another reference point (m): exact, nothing is
-    /// averaged again (figure 4).
-    #[must_use]
-    pub fn at(&self, reference: &Vector3<f64>) -> Self {
-        let mut moved = self.clone();
-        moved.move_by(&(reference - self.reference));
-        moved
-    }
-
-    /// Moves the reference point by `shift`, m.
+    /// Moves the reference point by `shift`, m: exact, nothing is averaged again (figure 4).
     pub(crate) fn move_by(&mut self, shift: &Vector3<f64>) {
         let t = transfer(shift);
         self.reference += shift;
@@ -302,5 +349,30 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
             pair.acceleration = t * pair.acceleration;
             pair.force = resultants_at(shift, &pair.force);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigid_body::{Inertia, RigidBody};
+
+    #[test]
+    fn moving_masslines_is_exact() {
+        let body = RigidBody {
+            mass: 3.0,
+            centre_of_gravity: Vector3::new(0.1, -0.2, 0.3),
+            inertia: Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
+        };
+        let a = Vector6::new(1.0, -2.0, 0.5, 0.3, 0.7, -0.9);
+        let f = body.mass_matrix(&Vector3::zeros()) * a;
+        let there = Vector3::new(0.4, 0.7, -0.2);
+        let mut moved = Masslines::exact(Vector3::zeros(), [(a, f)]).unwrap();
+        moved.move_by(&there);
+        let pair = moved.pairs()[0];
+        assert_eq!(pair.acceleration, transfer(&there) * a);
+        assert_eq!(pair.force, resultants_at(&there, &f));
+        // A dozen roundings of numbers below ten.
+        assert!((body.mass_matrix(&there) * pair.acceleration - pair.force).norm() < 1e-14);
     }
 }

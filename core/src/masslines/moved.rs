@@ -1,6 +1,6 @@
 //! Averaged lines about another reference point: exact, nothing is averaged again.
 
-use super::lines::{Amplitudes, Lines};
+use super::lines::{Amplitudes, Internals, Lines};
 use super::regression::between;
 use super::{MasslineError, Moments};
 use crate::geometry::{ResultantNoise, transfer};
@@ -69,18 +69,20 @@ impl<L: Lines + ?Sized> Lines for Moved<'_, L> {
         }
     }
 
+    fn noise(&self, run: usize) -> ResultantNoise {
+        let mut noise = self.lines.noise(run);
+        noise.move_by(&self.shift);
+        noise
+    }
+}
+
+impl<L: Lines + ?Sized> Internals for Moved<'_, L> {
     fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
         if let Some((a, f)) = self.pair(run, line) {
             into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
         } else {
             self.add_moved(run, line, weight, into);
         }
-    }
-
-    fn noise(&self, run: usize) -> ResultantNoise {
-        let mut noise = self.lines.noise(run);
-        noise.move_by(&self.shift);
-        noise
     }
 
     fn check(&self) -> Result<(), MasslineError> {

@@ -2,7 +2,7 @@
 
 use super::averaging::{RealMoments, Trend};
 use super::excitation::IDENTITY;
-use super::lines::{Squares, add_scaled, indices};
+use super::lines::{Squares, add_scaled, add_squares, indices};
 use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use crate::cells::seen;
@@ -14,7 +14,7 @@ const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 
 
 /// What is done with the band averages of the power spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Factorisation {
+pub(crate) enum Factorisation {
     /// The columns of `Re G_AF` and `Re G_FF` are the pairs. Only for structures whose
     /// first modes are negligible.
     None,
@@ -32,7 +32,7 @@ pub enum Factorisation {
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
 #[inline(never)] // One method's working memory at a time.
-pub fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
+pub(crate) fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
     factorisation: Factorisation,
@@ -109,7 +109,7 @@ fn noise_of_pairs<L: Lines + ?Sized>(
     for run in 0..lines.runs() {
         let mut squares = Squares::zero();
         for line in band.clone() {
-            lines.add_squares(run, line, 1.0 / band.len() as f64, &mut squares);
+            add_squares(lines, run, line, 1.0 / band.len() as f64, &mut squares);
         }
         let powers = columns.clone().map(|c| c.dot(&(squares.ff * c)));
         add_scaled(&mut noise, &lines.noise(run).acceleration, powers.sum());

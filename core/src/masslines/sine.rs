@@ -1,7 +1,7 @@
 //! Frequency responses given line by line: stepped sine tests, or any other source.
 
 use super::Moments;
-use super::lines::{Amplitudes, Lines};
+use super::lines::{Amplitudes, Internals, Lines};
 use crate::geometry::{RESULTANTS, ResultantNoise};
 use crate::spectra::listed;
 use nalgebra::{Complex, Vector6};
@@ -16,7 +16,7 @@ pub struct SineRun<'a> {
 }
 
 /// Fewest lines whose misfit tells noise.
-pub const MIN_NEIGHBOURS: usize = 5;
+const MIN_NEIGHBOURS: usize = 5;
 
 impl SineRun<'_> {
     /// The noise of responses that nobody repeated: by how much each line misses the cubic
@@ -25,7 +25,7 @@ impl SineRun<'_> {
     /// larger, not smaller.
     ///
     /// `responses` and `frequencies` (Hz, ascending) are those of the averaging band. `None`
-    /// below [`MIN_NEIGHBOURS`] lines.
+    /// below five lines.
     #[must_use]
     pub fn noise_of_neighbours(
         frequencies: &[f64],
@@ -113,6 +113,12 @@ impl Lines for SineLines<'_> {
 
     fn noise(&self, run: usize) -> ResultantNoise {
         self.runs.get(run).map_or(ResultantNoise::NONE, |r| r.noise)
+    }
+}
+
+impl Internals for SineLines<'_> {
+    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
+        self.add_moments(run, line, weight, into);
     }
 
     fn equations_per_line(&self, _run: usize) -> f64 {

@@ -67,7 +67,7 @@ impl StaticPoses {
 
     /// Poses so far.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.count as usize
     }
 
@@ -140,5 +140,48 @@ impl StaticPoses {
 impl Default for StaticPoses {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body of 2 kg at A, put down in so many ways.
+    fn put_down(poses: usize) -> Result<StaticFit, MasslineError> {
+        const DIRECTIONS: [[f64; 3]; 5] = [
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [-0.6, 0.8, 0.0],
+            [0.0, -0.6, 0.8],
+        ];
+        let mut all = StaticPoses::new();
+        for [x, y, z] in DIRECTIONS.into_iter().take(poses) {
+            let gravity = Vector6::new(x, y, z, 0.0, 0.0, 0.0) * 9.81;
+            all.add(&gravity, &(gravity * 2.0));
+        }
+        let noise = Matrix6::identity() * 1e-6;
+        all.masslines(Vector3::zeros(), &Equations::all(), &noise, None)
+    }
+
+    /// Three directions and an offset are four unknowns of each resultant: the fifth pose is the
+    /// first that tells noise.
+    #[test]
+    fn as_many_poses_as_unknowns_are_refused() {
+        let refusal = MasslineError::TooFewPoses {
+            needed: 5,
+            found: 4,
+        };
+        assert_eq!(put_down(4), Err(refusal));
+        let fit = put_down(5).unwrap();
+        assert_eq!((fit.poses, fit.excited), (5, 3));
+        // Two directions are seen in three poses, and need one more.
+        let refusal = MasslineError::TooFewPoses {
+            needed: 4,
+            found: 3,
+        };
+        assert_eq!(put_down(3), Err(refusal));
+        assert_eq!(put_down(1), Err(MasslineError::NoExcitation));
     }
 }

@@ -19,7 +19,7 @@ use nalgebra::Complex;
     clippy::too_many_arguments,
     reason = "all that a method works on, and in"
 )]
-pub fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
+pub(crate) fn synthesis<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
     band: LineRange,
     fit: LineRange,

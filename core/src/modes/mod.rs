@@ -8,8 +8,8 @@
 mod poles;
 mod trace;
 
-pub use poles::{PoleSearch, Residues, find_poles};
-pub use trace::Trace;
+pub(crate) use poles::{PoleSearch, Residues, find_poles};
+pub(crate) use trace::Trace;
 
 use nalgebra::Complex;
 

@@ -19,7 +19,7 @@ type Parameters = SVector<f64, UNKNOWNS>;
 
 /// What is known of the residues beforehand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Residues {
+pub(crate) enum Residues {
     /// Positive, as in a power-like scalar of the apparent mass: no two modes cancel.
     Positive,
     /// Of either sign and phase, as in the free structure: damping couples its modes even
@@ -29,7 +29,7 @@ pub enum Residues {
 
 /// What poles are looked for in: too large for the stack of a small chip, so it is lent.
 #[derive(Clone, Debug)]
-pub struct PoleSearch {
+pub(crate) struct PoleSearch {
     normal: Normal,
     /// With Levenberg's and Marquardt's term, and then its factor.
     damped: Normal,
@@ -47,7 +47,7 @@ impl PoleSearch {
 /// `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones;
 /// none if no peak rises above what the lines scatter by.
 #[must_use]
-pub fn find_poles(
+pub(crate) fn find_poles(
     trace: &Trace<'_>,
     residues: Residues,
     frequency: &dyn Fn(usize) -> f64,

@@ -5,7 +5,7 @@ use nalgebra::Complex;
 /// A scalar function in which the poles are looked for, and how far each line is to be
 /// trusted.
 #[derive(Clone, Copy, Debug)]
-pub struct Trace<'w> {
+pub(crate) struct Trace<'w> {
     values: &'w [Complex<f64>],
     /// Weights in the real parts.
     weights: &'w [Complex<f64>],
@@ -48,12 +48,6 @@ impl<'w> Trace<'w> {
     #[must_use]
     pub fn len(&self) -> usize {
         self.values.len()
-    }
-
-    /// Whether there is no line.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
     }
 
     /// Value at a line, zero beyond the last.

@@ -67,7 +67,7 @@ impl Inertia {
 
     /// The inertia of a point mass (kg) at `r` (m) about the origin of `r`.
     #[must_use]
-    pub fn of_point(mass: f64, r: &Vector3<f64>) -> Self {
+    pub(crate) fn of_point(mass: f64, r: &Vector3<f64>) -> Self {
         let (x, y, z) = (r.x, r.y, r.z);
         Self {
             xx: mass * (y * y + z * z),
@@ -81,13 +81,13 @@ impl Inertia {
 
     /// Parallel axes: from the CG to a point from which the CG lies at `r` (m).
     #[must_use]
-    pub fn about_point_off_cg(&self, mass: f64, r: &Vector3<f64>) -> Self {
+    pub(crate) fn about_point_off_cg(&self, mass: f64, r: &Vector3<f64>) -> Self {
         *self + Self::of_point(mass, r)
     }
 
     /// The symmetric tensor as it stands in equation (1): products with a minus sign.
     #[must_use]
-    pub fn tensor(&self) -> Matrix3<f64> {
+    pub(crate) fn tensor(&self) -> Matrix3<f64> {
         Matrix3::new(
             self.xx, -self.xy, -self.xz, //
             -self.xy, self.yy, -self.yz, //
@@ -97,7 +97,7 @@ impl Inertia {
 
     /// Principal moments and axes.
     #[must_use]
-    pub fn principal(&self) -> PrincipalInertia {
+    pub(crate) fn principal(&self) -> PrincipalInertia {
         let mut vectors = Matrix3::zeros();
         let values = symmetric_eigen(&mut self.tensor(), &mut vectors);
         let moments = Vector3::new(values[2], values[1], values[0]);

@@ -5,7 +5,8 @@ mod inertia;
 mod plausibility;
 
 pub use inertia::{Inertia, PrincipalInertia};
-pub use plausibility::{Bounded, Margin, Moments, Plausibility, Verdict, check};
+pub(crate) use plausibility::{Bounded, Moments, check};
+pub use plausibility::{Margin, Plausibility, Verdict};
 
 use crate::geometry::skew;
 use nalgebra::{Matrix6, Vector3};
@@ -38,7 +39,7 @@ pub enum Parameter {
 
 impl Parameter {
     /// All ten in their fixed order.
-    pub const ALL: [Self; 10] = [
+    pub(crate) const ALL: [Self; 10] = [
         Self::Mass,
         Self::FirstMomentX,
         Self::FirstMomentY,
@@ -101,26 +102,11 @@ impl RigidBody {
     }
 
     /// The ten parameters of equation (6) about A: m, m r and the inertia about A.
-    #[must_use]
-    pub fn sigma(&self, reference: &Vector3<f64>) -> [f64; 10] {
+    #[cfg(test)]
+    pub(crate) fn sigma(&self, reference: &Vector3<f64>) -> [f64; 10] {
         let r = (self.centre_of_gravity - reference) * self.mass;
         let i = self.inertia_about(reference);
         [self.mass, r.x, r.y, r.z, i.xx, i.yy, i.zz, i.xy, i.xz, i.yz]
-    }
-
-    /// Two bodies fixed to each other.
-    #[must_use]
-    pub fn joined(&self, other: &Self) -> Self {
-        let mass = self.mass + other.mass;
-        let centre_of_gravity =
-            (self.centre_of_gravity * self.mass + other.centre_of_gravity * other.mass) / mass;
-        let inertia =
-            self.inertia_about(&centre_of_gravity) + other.inertia_about(&centre_of_gravity);
-        Self {
-            mass,
-            centre_of_gravity,
-            inertia,
-        }
     }
 }
 
@@ -164,18 +150,5 @@ mod tests {
         let at_b = body().mass_matrix(&b) * (transfer(&shift) * acceleration);
         // Numbers of order 10 after a dozen operations.
         assert!((resultants_at(&shift, &at_a) - at_b).norm() < 1e-14);
-    }
-
-    #[test]
-    fn point_masses_join_as_points() {
-        let at = |x: f64| RigidBody {
-            mass: 2.0,
-            centre_of_gravity: Vector3::new(x, 0.0, 0.0),
-            inertia: Inertia::default(),
-        };
-        let dumbbell = at(-1.0).joined(&at(1.0));
-        assert_eq!(dumbbell.centre_of_gravity, Vector3::zeros());
-        assert_eq!(dumbbell.inertia.yy, 4.0);
-        assert_eq!(dumbbell.inertia.xx, 0.0);
     }
 }

@@ -8,7 +8,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// A number and half of its 95 % interval, in the same unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounded {
+pub(crate) struct Bounded {
     /// The number.
     pub value: f64,
     /// Half of its 95 % interval; zero for an exact number.
@@ -121,7 +121,7 @@ impl Plausibility {
 
 /// Moments of inertia about S, as far as they are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Moments<'a> {
+pub(crate) enum Moments<'a> {
     /// All six terms are known, hence principal moments.
     Principal(&'a PrincipalInertia),
     /// Those about x, y and z that are observable, kg m².
@@ -133,7 +133,7 @@ pub enum Moments<'a> {
 /// `half_width` gives half of the 95 % interval of a weighted sum of the six terms of inertia
 /// about S (xx, yy, zz, xy, xz, yz), kg m²; it is asked for principal moments only.
 #[must_use]
-pub fn check(
+pub(crate) fn check(
     mass: Option<Bounded>,
     moments: &Moments<'_>,
     half_width: impl Fn(&[f64; 6]) -> f64,

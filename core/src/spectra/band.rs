@@ -75,9 +75,6 @@ impl core::fmt::Display for BandError {
 impl core::error::Error for BandError {}
 
 impl LineRange {
-    /// No line out of none.
-    pub const NONE: Self = Self::all(0);
-
     /// All of `count` lines, of which there are never as many as 2³².
     #[must_use]
     pub const fn all(count: usize) -> Self {
@@ -97,7 +94,7 @@ impl LineRange {
     ///
     /// # Errors
     /// [`BandError::Indices`] if it does not lie within them.
-    pub const fn new(range: Range<usize>, count: usize) -> Result<Self, BandError> {
+    pub(crate) const fn new(range: Range<usize>, count: usize) -> Result<Self, BandError> {
         let Range { start, end } = range;
         if start > end || end > count || count > u32::MAX as usize {
             return Err(BandError::Indices { start, end, count });
@@ -116,7 +113,7 @@ impl LineRange {
     /// # Errors
     /// [`BandError::Ends`], or [`BandError::Beyond`] if the band would hold the next line
     /// before the first one (and above 0 Hz) or after the last one, if there were any.
-    pub fn between(
+    pub(crate) fn between(
         count: usize,
         frequency: impl Fn(usize) -> f64,
         [low, high]: [f64; 2],
@@ -153,34 +150,26 @@ impl LineRange {
         Self::new(start.min(end)..end, count)
     }
 
-    /// [`Self::between`] of lines that are listed, Hz, ascending.
+    /// The lines from `low` to `high` Hz, both ends included, out of those at `frequencies`, Hz,
+    /// ascending. The range is empty where the band lies between two lines.
     ///
     /// # Errors
-    /// As [`Self::between`].
+    /// [`BandError::Ends`], or [`BandError::Beyond`] if the band would hold the next line
+    /// before the first one (and above 0 Hz) or after the last one, if there were any.
     pub fn among(frequencies: &[f64], band: [f64; 2]) -> Result<Self, BandError> {
         Self::between(frequencies.len(), |line| listed(frequencies, line), band)
     }
 
     /// First line.
     #[must_use]
-    pub const fn start(&self) -> usize {
+    pub(crate) const fn start(&self) -> usize {
         self.start as usize
     }
 
     /// One beyond the last line.
     #[must_use]
-    pub const fn end(&self) -> usize {
+    pub(crate) const fn end(&self) -> usize {
         self.end as usize
-    }
-
-    /// Last line; the first one where the range is empty.
-    #[must_use]
-    pub const fn last(&self) -> usize {
-        if self.end > self.start {
-            self.end() - 1
-        } else {
-            self.start()
-        }
     }
 
     /// Number of lines.
@@ -197,7 +186,7 @@ impl LineRange {
 
     /// Number of lines that they were chosen from.
     #[must_use]
-    pub const fn count(&self) -> usize {
+    pub(crate) const fn count(&self) -> usize {
         self.count as usize
     }
 
@@ -258,7 +247,7 @@ mod tests {
     fn a_band_includes_both_of_its_ends() {
         let band = LineRange::between(60, halves, [0.5, 14.5]).unwrap();
         assert_eq!(band.indices(), 0..29);
-        assert_eq!((halves(band.last()), band.count()), (14.5, 60));
+        assert_eq!((halves(band.end() - 1), band.count()), (14.5, 60));
         // Ends that miss their lines by rounding, and a band that lies between two lines.
         let rounded = LineRange::between(60, halves, [0.5 + 1e-12, 14.5 - 1e-12]);
         assert_eq!(rounded.unwrap(), band);

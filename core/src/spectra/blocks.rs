@@ -2,7 +2,7 @@
 
 use super::decimate::{MAX_STAGES, USABLE, settling, state_len};
 use super::fft::supported;
-use super::history::History;
+use super::history::Rings;
 use super::{BandError, Complex32, LineGrid, SpectraError, Window};
 
 /// How a stream is cut and transformed.
@@ -12,7 +12,6 @@ pub struct BlockSettings {
     hop: usize,
     window: Window,
     grid: LineGrid,
-    remove_mean: bool,
     /// Decimations by two before the transform.
     stages: usize,
 }
@@ -78,7 +77,6 @@ impl BlockSettings {
                 count: last - first + 1,
                 spacing,
             },
-            remove_mean: true,
             stages: stages(block_length, last),
         }
         .with_whole_hop())
@@ -104,13 +102,9 @@ impl BlockSettings {
         self.stages
     }
 
-    pub(super) fn removes_mean(&self) -> bool {
-        self.remove_mean
-    }
-
     /// By how much the samples are decimated before the transform.
-    #[must_use]
-    pub fn decimation(&self) -> usize {
+    #[cfg(test)]
+    fn decimation(&self) -> usize {
         1 << self.stages
     }
 
@@ -118,15 +112,6 @@ impl BlockSettings {
     #[must_use]
     pub fn transform_length(&self) -> usize {
         self.block_length >> self.stages
-    }
-
-    /// The same blocks with their means left in.
-    #[must_use]
-    pub fn keep_mean(self) -> Self {
-        Self {
-            remove_mean: false,
-            ..self
-        }
     }
 
     /// Samples per block.
@@ -201,7 +186,9 @@ impl<'a> BlockSpectra<'a> {
 /// Blocks of all channels out of a stream, each transformed as soon as it is complete.
 #[derive(Debug)]
 pub struct Blocks<'s> {
-    history: History<'s>,
+    rings: Rings,
+    history: &'s mut [f32],
+    work: &'s mut [Complex32],
     lines: &'s mut [Complex32],
 }
 
@@ -221,33 +208,33 @@ impl<'s> Blocks<'s> {
         lines: &'s mut [Complex32],
     ) -> Result<Self, SpectraError> {
         enough(lines.len(), settings.lines_len(channels))?;
-        let history = History::new(settings, channels, history, work)?;
-        Ok(Self { history, lines })
-    }
-
-    /// The settings.
-    #[must_use]
-    pub fn settings(&self) -> &BlockSettings {
-        self.history.settings()
+        enough(work.len(), settings.transform_length())?;
+        let rings = Rings::new(settings, channels, history)?;
+        Ok(Self {
+            rings,
+            history,
+            work,
+            lines,
+        })
     }
 
     /// Forgets the history: the next block starts with the next sample. To be called
     /// where samples were lost, so that no block straddles the gap.
     pub fn restart(&mut self) {
-        self.history.restart();
+        self.rings.restart(self.history);
     }
 
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero.
     /// Returns the spectra whenever a block is complete.
     pub fn push(&mut self, sample: &[f32]) -> Option<BlockSpectra<'_>> {
-        if !self.history.push(sample) {
+        if !self.rings.push(self.history, sample) {
             return None;
         }
-        let count = self.settings().grid().count;
+        let count = self.rings.settings().grid().count;
         let pairs = self.lines.chunks_mut(2 * count).enumerate();
-        for (pair, lines) in pairs.take(self.history.pairs()) {
+        for (pair, lines) in pairs.take(self.rings.pairs()) {
             let (a, b) = lines.split_at_mut(count.min(lines.len()));
-            self.history.transform(pair, a, b);
+            self.rings.transform(pair, self.history, self.work, a, b);
         }
         Some(BlockSpectra {
             lines: self.lines,

@@ -10,7 +10,6 @@ const SUMS_PER_LINE: usize = RESULTANTS * RESULTANTS;
 #[derive(Debug)]
 pub struct CrossAverage<'s> {
     sums: &'s mut [Sum],
-    lines: usize,
     blocks: u32,
 }
 
@@ -26,8 +25,8 @@ impl<'s> CrossAverage<'s> {
     /// # Errors
     /// [`SpectraError::Storage`] if it is too small.
     pub fn new(settings: &BlockSettings, storage: &'s mut [Sum]) -> Result<Self, SpectraError> {
-        let mut average = Self::resume(settings, storage, 0)?;
-        average.clear();
+        let average = Self::resume(settings, storage, 0)?;
+        average.sums.fill(Sum::ZERO);
         Ok(average)
     }
 
@@ -45,17 +44,7 @@ impl<'s> CrossAverage<'s> {
         let sums = storage
             .get_mut(..needed)
             .ok_or(SpectraError::Storage { needed, given })?;
-        Ok(Self {
-            sums,
-            lines: settings.grid().count,
-            blocks,
-        })
-    }
-
-    /// Number of lines.
-    #[must_use]
-    pub fn lines(&self) -> usize {
-        self.lines
+        Ok(Self { sums, blocks })
     }
 
     /// G_ij at line `k`, summed over the blocks: real and imaginary part of `x_i x_j*`.
@@ -104,11 +93,6 @@ impl Average for CrossAverage<'_> {
 
     fn blocks(&self) -> u32 {
         self.blocks
-    }
-
-    fn clear(&mut self) {
-        self.sums.fill(Sum::ZERO);
-        self.blocks = 0;
     }
 }
 

@@ -41,8 +41,8 @@ impl<'s> DriveAverage<'s> {
         channels: usize,
         storage: &'s mut [Sum],
     ) -> Result<Self, SpectraError> {
-        let mut average = Self::resume(settings.grid().count, channels, storage, 0)?;
-        average.clear();
+        let average = Self::resume(settings.grid().count, channels, storage, 0)?;
+        average.sums.fill(Sum::ZERO);
         Ok(average)
     }
 
@@ -177,11 +177,6 @@ impl Average for DriveAverage<'_> {
 
     fn blocks(&self) -> u32 {
         self.blocks
-    }
-
-    fn clear(&mut self) {
-        self.sums.fill(Sum::ZERO);
-        self.blocks = 0;
     }
 }
 

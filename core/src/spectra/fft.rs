@@ -3,7 +3,7 @@
 use microfft::{Complex32, complex};
 
 /// Longest block. Beyond 1024 samples the tables need the feature `long-blocks`.
-pub const MAX_BLOCK_LENGTH: usize = if cfg!(feature = "long-blocks") {
+pub(crate) const MAX_BLOCK_LENGTH: usize = if cfg!(feature = "long-blocks") {
     32768
 } else {
     1024

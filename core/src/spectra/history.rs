@@ -6,69 +6,9 @@ use super::fft::transform;
 use super::{Complex32, SpectraError};
 use crate::cells::seen;
 
-/// The last block's worth of samples of every channel, and the machinery to transform two
-/// of them at a time: for a chip that has no room for the lines of all channels at once.
-/// Elsewhere use [`super::Blocks`].
-#[derive(Debug)]
-pub struct History<'s> {
-    rings: Rings,
-    storage: &'s mut [f32],
-    work: &'s mut [Complex32],
-}
-
-impl<'s> History<'s> {
-    /// The history of `channels` channels in lent storage: `storage` of
-    /// [`BlockSettings::history_len`], `work` of one transform length.
-    ///
-    /// # Errors
-    /// [`SpectraError::Storage`] if one of them is too small.
-    pub fn new(
-        settings: BlockSettings,
-        channels: usize,
-        storage: &'s mut [f32],
-        work: &'s mut [Complex32],
-    ) -> Result<Self, SpectraError> {
-        enough(work.len(), settings.transform_length())?;
-        let rings = Rings::new(settings, channels, storage)?;
-        Ok(Self {
-            rings,
-            storage,
-            work,
-        })
-    }
-
-    /// The settings.
-    #[must_use]
-    pub fn settings(&self) -> &BlockSettings {
-        &self.rings.settings
-    }
-
-    /// Pairs of channels; the last one may be half empty.
-    #[must_use]
-    pub fn pairs(&self) -> usize {
-        self.rings.pairs()
-    }
-
-    /// Forgets all samples: the next block starts with the next one.
-    pub fn restart(&mut self) {
-        self.rings.restart(self.storage);
-    }
-
-    /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
-    /// whenever a block is complete: it can be transformed until the next sample comes.
-    pub fn push(&mut self, sample: &[f32]) -> bool {
-        self.rings.push(self.storage, sample)
-    }
-
-    /// The kept lines of channels `2 pair` and `2 pair + 1`: they travel as real and
-    /// imaginary part of one complex transform.
-    pub fn transform(&mut self, pair: usize, a: &mut [Complex32], b: &mut [Complex32]) {
-        self.rings.transform(pair, self.storage, self.work, a, b);
-    }
-}
-
-/// Where a [`History`] stands, without its storage: for whoever owns that, and lends it
-/// anew with each sample. It must always be the same.
+/// The last block's worth of samples of every channel, in storage that its owner lends anew with
+/// each sample, always the same: for a chip that has no room for the lines of all channels at
+/// once. Elsewhere use [`super::Blocks`].
 #[derive(Debug)]
 pub struct Rings {
     settings: BlockSettings,
@@ -124,8 +64,14 @@ impl Rings {
         self.missing = self.settings.transform_length();
     }
 
-    /// Does what [`History::push`] does. With less storage than there was at the beginning
-    /// it takes nothing.
+    /// The settings.
+    pub(super) fn settings(&self) -> &BlockSettings {
+        &self.settings
+    }
+
+    /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
+    /// whenever a block is complete: it can be transformed until the next sample comes. With
+    /// less storage than there was at the beginning it takes nothing.
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
         let kept = self.phase.yields() && self.settling == 0;
@@ -155,7 +101,8 @@ impl Rings {
         true
     }
 
-    /// Does what [`History::transform`] does, in `work` of one transform length at least.
+    /// The kept lines of channels `2 pair` and `2 pair + 1`: they travel as real and
+    /// imaginary part of one complex transform, in `work` of one transform length at least.
     pub fn transform(
         &self,
         pair: usize,
@@ -218,9 +165,6 @@ impl BlockSettings {
     /// The plain mean would let a strong resonance leak in, unwindowed, and leave it in
     /// the lowest lines.
     fn remove_mean(&self, z: &mut [Complex32]) {
-        if !self.removes_mean() {
-            return;
-        }
         let n = self.transform_length();
         let mut others = Complex32::new(0.0, 0.0);
         let mut sign = -1.0;
@@ -285,13 +229,13 @@ mod tests {
         let settings = BlockSettings::new(256, 0.5, Window::Hann, 256.0, [1.0, 40.0]).unwrap();
         let mut storage = [0.0; 4096];
         let mut work = [NOTHING; 256];
-        let mut history = History::new(settings, 2, &mut storage, &mut work).unwrap();
+        let mut rings = Rings::new(settings, 2, &mut storage).unwrap();
         let (mut a, mut b) = ([NOTHING; 40], [NOTHING; 40]);
         for n in 0..100_000_u32 {
             let x = (n.wrapping_mul(0x9E37_79B1) >> 8) as f32 / (1 << 24) as f32 - 0.5;
             let y = (n.wrapping_mul(0x85EB_CA77) >> 8) as f32 / (1 << 24) as f32 - 0.5;
-            if history.push(&[beside * x, y]) {
-                history.transform(0, &mut a, &mut b);
+            if rings.push(&mut storage, &[beside * x, y]) {
+                rings.transform(0, &storage, &mut work, &mut a, &mut b);
                 return b;
             }
         }

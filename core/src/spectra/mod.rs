@@ -24,8 +24,8 @@ pub use band::{BandError, LineRange};
 pub use blocks::{BlockSettings, BlockSpectra, Blocks};
 pub use cross::CrossAverage;
 pub use drive::{DriveAverage, RunResponses};
-pub use fft::MAX_BLOCK_LENGTH;
-pub use history::{History, Rings};
+pub(crate) use fft::MAX_BLOCK_LENGTH;
+pub use history::Rings;
 pub use sum::Sum;
 pub use window::Window;
 
@@ -34,7 +34,8 @@ pub use microfft::Complex32;
 /// What makes spectral settings unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpectraError {
-    /// The block length is not a power of two in 16 to [`MAX_BLOCK_LENGTH`].
+    /// The block length is not a power of two in 16 to 1024, or to 32768 with the feature
+    /// `long-blocks`.
     BlockLength(usize),
     /// The sample rate is not above zero, not finite, or too small to divide, Hz.
     SampleRate(f64),
@@ -121,7 +122,13 @@ impl LineGrid {
         (self.first as f64 + k as f64) * self.spacing
     }
 
-    /// Kept lines of a band (Hz), both ends included: see [`LineRange::between`].
+    /// Frequencies of the first and the last line of `band`, Hz.
+    #[must_use]
+    pub fn ends(&self, band: LineRange) -> [f64; 2] {
+        [band.start(), band.end().max(1) - 1].map(|line| self.frequency(line))
+    }
+
+    /// Kept lines of a band (Hz), both ends included: see [`LineRange::among`].
     ///
     /// # Errors
     /// [`BandError`] if it is no band, or reaches beyond the kept lines.
@@ -136,6 +143,4 @@ pub trait Average {
     fn add(&mut self, block: &BlockSpectra<'_>);
     /// Number of blocks added.
     fn blocks(&self) -> u32;
-    /// Forgets all blocks.
-    fn clear(&mut self);
 }

@@ -27,7 +27,7 @@ impl Sum {
 
     /// Adds a term.
     #[inline]
-    pub fn add(&mut self, term: f32) {
+    pub(crate) fn add(&mut self, term: f32) {
         let corrected = term - self.carry;
         let next = self.sum + corrected;
         self.carry = (next - self.sum) - corrected;
@@ -37,14 +37,14 @@ impl Sum {
     /// The sum as one `f32`.
     #[inline]
     #[must_use]
-    pub fn rounded(&self) -> f32 {
+    pub(crate) fn rounded(&self) -> f32 {
         self.sum
     }
 
     /// The sum with its carry, which only `f64` can hold.
     #[inline]
     #[must_use]
-    pub fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         f64::from(self.sum) - f64::from(self.carry)
     }
 }

@@ -25,7 +25,7 @@ pub enum Window {
 impl Window {
     /// Magnitudes c₀, c₁, … of the cosine terms.
     #[must_use]
-    pub const fn coefficients(self) -> &'static [f32] {
+    pub(crate) const fn coefficients(self) -> &'static [f32] {
         match self {
             Self::Rectangular => &[1.0],
             Self::Hann => &[0.5, 0.5],
@@ -50,7 +50,7 @@ impl Window {
 
     /// Value at phase `t`, 0 to 1 over the block.
     #[must_use]
-    pub fn value(self, t: f64) -> f64 {
+    pub(crate) fn value(self, t: f64) -> f64 {
         let mut sign = 1.0;
         let mut w = 0.0;
         for (i, &c) in self.coefficients().iter().enumerate() {
@@ -62,7 +62,7 @@ impl Window {
 
     /// Mean of w², the factor of a windowed auto power.
     #[must_use]
-    pub fn power(self) -> f64 {
+    pub(crate) fn power(self) -> f64 {
         self.mean(|w, _| w * w, 0.0)
     }
 
@@ -74,7 +74,7 @@ impl Window {
     /// square of that of white noise under w², and the squares sum to this ratio
     /// (Parseval). 35/18 = 1.94 for Hann, whatever the overlap.
     #[must_use]
-    pub fn line_correlation(self) -> f64 {
+    pub(crate) fn line_correlation(self) -> f64 {
         let power = self.power();
         self.mean(|w, _| w * w * w * w, 0.0) / (power * power)
     }

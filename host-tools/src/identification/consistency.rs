@@ -86,17 +86,17 @@ fn exceeded(ratio: f64, surplus: f64, freedom: f64) -> f64 {
 /// equations do not carry the weights of their noise, and where nothing is left.
 fn surplus(i: &Identification, ratio: f64, sets: &[Masslines]) -> Option<f64> {
     let weighted = sets.iter().all(|set| {
-        set.equations.is_whitened() && set.pairs.iter().all(|pair| pair.variance.max() > 0.0)
+        set.equations().is_whitened() && set.pairs().iter().all(|pair| pair.variance.max() > 0.0)
     });
     if !weighted || ratio <= 0.0 {
         return None;
     }
     let (mut squares, mut rows) = (0.0, 0.0);
     for set in sets {
-        for pair in &set.pairs {
-            let force: Vector6<f64> = set.equations.rows() * pair.force;
+        for pair in set.pairs() {
+            let force: Vector6<f64> = set.equations().rows() * pair.force;
             squares += force.dot(&force.component_mul(&weights(&pair.variance)));
-            rows += set.equations.count() as f64;
+            rows += set.equations().count() as f64;
         }
     }
     let surplus = (i.misfit * i.misfit * squares / ratio).round();

@@ -205,11 +205,6 @@ impl Average for DrivesAverage {
     fn blocks(&self) -> u32 {
         self.blocks
     }
-
-    fn clear(&mut self) {
-        self.sums.fill(Complex::default());
-        self.blocks = 0;
-    }
 }
 
 impl Parts {

@@ -166,12 +166,13 @@ impl RunGeometry {
             scales.push(entry.scale);
         }
         let mut columns: Vec<[f64; RESULTANTS]> = Vec::new();
-        let geometry =
-            geometry::RunGeometry::with_columns(sensors, &placement, &reference, |column| {
-                let scale = scales[columns.len()];
-                columns.push(column.map(|x| x * scale));
-            });
-        let geometry = geometry.map_err(wrong)?;
+        let mut geometry = geometry::RunGeometry::empty();
+        let column = |column: [f64; RESULTANTS]| {
+            let scale = scales[columns.len()];
+            columns.push(column.map(|x| x * scale));
+        };
+        let described = geometry.describe(sensors, &placement, &reference, column);
+        described.map_err(wrong)?;
         Ok(Self {
             reference,
             channels,

@@ -1,10 +1,8 @@
 //! Runs that share their equations and their way of averaging, read together as lines.
 
 use super::{MeasuredRun, MeasuredSine, Measurement, RunGeometry, Spectra, WINDOW};
-use massline_core::geometry::ResultantNoise;
-use massline_core::masslines::{CrossLines, DriveLines, Lines, MasslineError, Moments, SineLines};
+use massline_core::masslines::{CrossLines, DriveLines, Lines, MasslineError, SineLines};
 use massline_core::spectra::{CrossAverage, LineRange, RunResponses, Sum};
-use nalgebra::{Complex, Vector6};
 
 /// Runs that condense together: alike in their equations and in what they are referred to.
 pub struct Group<'a> {
@@ -48,52 +46,6 @@ impl Measurement {
             hop: self.hop,
             band: self.band,
         }
-    }
-}
-
-/// Complex accelerations, or forces.
-type Amplitude = Vector6<Complex<f64>>;
-
-/// Runs without a drive that have too few blocks to tell their noise, which is stated instead.
-struct StatedLines<'a, 's> {
-    lines: CrossLines<'a, 's>,
-    stated: Vec<ResultantNoise>,
-}
-
-impl Lines for StatedLines<'_, '_> {
-    fn count(&self) -> usize {
-        self.lines.count()
-    }
-
-    fn frequency(&self, line: usize) -> f64 {
-        self.lines.frequency(line)
-    }
-
-    fn runs(&self) -> usize {
-        self.lines.runs()
-    }
-
-    fn add_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-        self.lines.add_moments(run, line, weight, into);
-    }
-
-    fn noise(&self, run: usize) -> ResultantNoise {
-        self.stated
-            .get(run)
-            .copied()
-            .unwrap_or(ResultantNoise::NONE)
-    }
-
-    fn equations_per_line(&self, run: usize) -> f64 {
-        self.lines.equations_per_line(run)
-    }
-
-    fn correlation(&self) -> f64 {
-        self.lines.correlation()
-    }
-
-    fn pair(&self, run: usize, line: usize) -> Option<(Amplitude, Amplitude)> {
-        self.lines.pair(run, line)
     }
 }
 
@@ -199,11 +151,7 @@ impl<'a> Group<'a> {
         let lines = CrossLines::new(&averages, grid, self.band, WINDOW, hop, &maps);
         Some(lines.map(|lines| {
             let stated: Vec<_> = runs.iter().filter_map(|run| run.stated_noise()).collect();
-            if lines.check().is_err() && stated.len() == runs.len() {
-                look(&StatedLines { lines, stated })
-            } else {
-                look(&lines)
-            }
+            look(&lines.or_stated(&stated))
         }))
     }
 }

@@ -99,7 +99,7 @@ pub fn measure_first(
         sines: Vec::new(),
         poses: Vec::new(),
         grid: None,
-        band: LineRange::NONE,
+        band: LineRange::all(0),
         hop: 0.5,
         noise: Vec::new(),
         warnings: Vec::new(),
@@ -164,7 +164,10 @@ pub fn measure_first(
         measurement.grid = Some(settings.grid());
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;
         // All random runs have one band, which the first of them was asked for.
-        measurement.band = measurement.runs.first().map_or(LineRange::NONE, |r| r.band);
+        measurement.band = measurement
+            .runs
+            .first()
+            .map_or(LineRange::all(0), |r| r.band);
     }
     let random = measurement.runs.iter().map(MeasuredRun::noise_origin);
     measurement.noise = random.collect();

@@ -79,7 +79,7 @@ impl Stated {
     /// Of the sensors that count in this geometry. Says which ones lack a `noise` that others of
     /// their half have.
     pub(super) fn of(setup: &Setup, geometry: &RunGeometry, warnings: &mut Vec<String>) -> Self {
-        let mut noise = ResultantNoise::NONE;
+        let mut noise = ResultantNoise::default();
         let sensors = setup.accelerometers.len();
         let mut whole = [false; 2];
         for (half, kind) in ["accelerometers", "load cells"].into_iter().enumerate() {
@@ -127,7 +127,7 @@ pub(super) fn settle(
     let mut origins = Vec::new();
     for (run, repeated) in sines.iter_mut().zip(repeated) {
         let stated = Stated::of(setup, &run.geometry, warnings);
-        let mut noise = ResultantNoise::NONE;
+        let mut noise = ResultantNoise::default();
         let mut origin = [NoiseOrigin::Assumed; 2];
         for (half, origin) in origin.iter_mut().enumerate() {
             let (from, source) = if stated.whole[half] {
@@ -179,7 +179,7 @@ fn repeats(run: &MeasuredSine, all: &[MeasuredSine]) -> Option<ResultantNoise> {
         |other: &&MeasuredSine| other.name == *first || other.repeats.as_ref() == Some(first);
     let members: Vec<&MeasuredSine> = all.iter().filter(same).collect();
     let freedom = members.len().checked_sub(1).filter(|n| *n > 0)?;
-    let mut noise = ResultantNoise::NONE;
+    let mut noise = ResultantNoise::default();
     for (channel, column) in run.geometry.columns.iter().enumerate() {
         let (mut squares, mut lines) = (0.0, 0.0);
         for line in run.band {

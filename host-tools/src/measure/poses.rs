@@ -93,7 +93,7 @@ pub(super) fn read(
     let used = used(setup, &geometry);
     let resolution = (RESOLUTION * largest).powi(2);
     let stated = Stated::of(setup, &geometry, warnings);
-    let mut noise = ResultantNoise::NONE;
+    let mut noise = ResultantNoise::default();
     let mut with = |variance: f64| {
         for (k, scale, _) in &used {
             noise.add_sensor(&geometry.columns[*k], variance / (scale * scale));

@@ -127,7 +127,7 @@ impl MeasuredRun {
         let grid = self.settings.grid();
         let rate = grid.spacing * self.settings.block_length() as f64;
         let of_sums = f64::from(self.blocks) / (self.settings.density() * 0.5 * rate);
-        let mut noise = ResultantNoise::NONE;
+        let mut noise = ResultantNoise::default();
         noise.add(self.stated.as_ref()?, of_sums);
         Some(noise)
     }

@@ -36,7 +36,7 @@ pub(crate) fn measure_samples(
         sines: Vec::new(),
         poses: Vec::new(),
         grid: None,
-        band: LineRange::NONE,
+        band: LineRange::all(0),
         hop: 0.5,
         noise: Vec::new(),
         warnings: Vec::new(),

@@ -86,16 +86,16 @@ pub(super) fn read(
         responses: Vec::new(),
         readings: Vec::new(),
         sensors: Vec::new(),
-        band: LineRange::NONE,
-        noise: ResultantNoise::NONE,
+        band: LineRange::all(0),
+        noise: ResultantNoise::default(),
         neighbours: None,
-        resolution: ResultantNoise::NONE,
+        resolution: ResultantNoise::default(),
         repeats: run.repeats.clone(),
         preamble: recording.preamble().clone(),
         fingerprint: 0,
     };
     let mut hash = DefaultHasher::new();
-    let mut resolution = ResultantNoise::NONE;
+    let mut resolution = ResultantNoise::default();
     let mut row = vec![0.0; columns.len()];
     while recording.next_row_f64(|i, x| row[i] = x)? {
         let frequency = row[0];
@@ -134,7 +134,7 @@ pub(super) fn read(
     let lines = measured.frequencies.len().max(1) as f64;
     let band = LineRange::among(&measured.frequencies, processing.averaging_band);
     measured.band = band.map_err(|why| MeasureError::band(&file, "averaging_band", why))?;
-    let band = measured.band.start()..measured.band.end();
+    let band = measured.band.indices();
     measured.neighbours = SineRun::noise_of_neighbours(
         &measured.frequencies[band.clone()],
         &measured.responses[band],

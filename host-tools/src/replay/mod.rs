@@ -372,7 +372,11 @@ impl Replay<'_, '_> {
             count: grid.count as u32,
             spacing: grid.spacing.into(),
             hop: self.settings.hop() as u32,
-            band: [measurement.band.start(), measurement.band.end()].map(|line| line as u32),
+            band: [
+                measurement.band.indices().start,
+                measurement.band.indices().end,
+            ]
+            .map(|line| line as u32),
         };
         let mut comparison = Comparison::default();
         // One that goes on has compared them when it began.

@@ -28,7 +28,8 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
     let mut html = String::new();
     for group in &groups {
         let Ok((band, top)) = group.read(None, |lines| {
-            let band = [group.band.start(), group.band.last()].map(|line| lines.frequency(line));
+            let band = group.band.indices();
+            let band = [band.start, band.end.saturating_sub(1)].map(|line| lines.frequency(line));
             (band, lines.frequency(lines.count().saturating_sub(1)))
         }) else {
             continue;

@@ -33,7 +33,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
     let rotation = domain(runs, seen.iter().copied().filter(|j| *j >= 3));
     let band = answer.measurement.band;
     let span = Span {
-        x: [grid.frequency(band.start()), grid.frequency(band.last())],
+        x: grid.ends(band),
         label: String::new(),
     };
     let charts = seen.iter().map(|&j| {

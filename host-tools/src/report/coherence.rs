@@ -116,7 +116,7 @@ fn chart(
         Axis::new("γ²", Mapping::Nines, domain),
     );
     chart.spans.push(Span {
-        x: [grid.frequency(band.start()), grid.frequency(band.last())],
+        x: grid.ends(band),
         label: String::new(),
     });
     for kind in curves {
@@ -284,7 +284,7 @@ fn multiple_coherence(run: &MeasuredRun, answer: &Answer) -> Vec<[f64; 6]> {
         let excited = Excited::new(lines, answer.measurement.band);
         (0..lines.count())
             .map(|line| {
-                let mut m = Moments::zero();
+                let mut m = Moments::default();
                 lines.add_moments(0, line, 1.0, &mut m);
                 let quotient = super::response::quotient(&m, &excited.components);
                 core::array::from_fn(|i| {

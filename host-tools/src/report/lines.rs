@@ -3,7 +3,7 @@
 
 use crate::identification::Answer;
 use crate::measure::{Group, RunGeometry};
-use massline_core::masslines::{ApparentMass, Excitation, Lines, Moments};
+use massline_core::masslines::{ApparentMass, Lines, Moments, excited_directions};
 use massline_core::spectra::LineRange;
 use nalgebra::{Matrix6, Vector6};
 
@@ -57,7 +57,7 @@ pub(super) struct Excited {
 
 impl Excited {
     pub fn new(lines: &dyn Lines, band: LineRange) -> Self {
-        let mut energy = Moments::zero();
+        let mut energy = Moments::default();
         let mut noise = Matrix6::zeros();
         for run in 0..lines.runs() {
             noise += lines.noise(run).acceleration * band.len() as f64;
@@ -70,11 +70,11 @@ impl Excited {
             let noise = noise[(j, j)];
             noise > 0.0 && real[(j, j)] > ABOVE_NOISE * noise
         });
-        let excitation = Excitation::new(&real, &noise);
+        let (rank, projector) = excited_directions(&real, &noise);
         Self {
             components,
-            rank: excitation.rank(),
-            projector: excitation.basis() * excitation.coordinates(),
+            rank,
+            projector,
             accelerations: real.diagonal(),
             forces: energy.ff.diagonal().map(|z| z.re),
         }

@@ -9,8 +9,11 @@ use super::rigid;
 use super::scales::lever;
 use crate::identification::Answer;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
-use massline_core::masslines::{ApparentMass, Complex6, Lines, Moments};
+use massline_core::masslines::{ApparentMass, Lines, Moments};
 use nalgebra::{Complex, Matrix6};
+
+/// A complex 6 x 6 matrix.
+type Complex6 = Matrix6<Complex<f64>>;
 
 /// A frequency, Hz, and a complex ratio of force to acceleration.
 pub(super) type Point = (f64, Complex<f64>);
@@ -87,7 +90,7 @@ fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Opt
     let places = places(&excited.components, &forces);
     let mut measured: Vec<Vec<Point>> = vec![Vec::with_capacity(lines.count()); places.len()];
     for line in 0..lines.count() {
-        let mut moments = Moments::zero();
+        let mut moments = Moments::default();
         for run in 0..lines.runs() {
             lines.add_moments(run, line, 1.0, &mut moments);
         }
@@ -236,7 +239,7 @@ fn ratios(
         })
         .collect();
     for line in 0..lines.count() {
-        let mut m = Moments::zero();
+        let mut m = Moments::default();
         lines.add_moments(0, line, 1.0, &mut m);
         let power = m.aa[(d, d)].re;
         if power.is_nan() || power <= 0.0 {

@@ -133,7 +133,7 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
     if let (Some(grid), Some(run)) = (m.grid, m.runs.first()) {
         let block = run.settings().block_length();
         let rate = grid.spacing * block as f64;
-        let [low, high] = [m.band.start(), m.band.last()].map(|k| grid.frequency(k));
+        let [low, high] = grid.ends(m.band);
         rows.push(("Sample rate", with_unit(&exact(round(rate)), "Hz")));
         rows.push((
             "Blocks",

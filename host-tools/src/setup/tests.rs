@@ -167,7 +167,7 @@ fn lines_of_a_band() {
     let lines = |band, rate| {
         let spectrum = processing.spectrum(rate);
         let band = spectrum.within(band).unwrap();
-        spectrum.first + band.start()..spectrum.first + band.end()
+        spectrum.first + band.indices().start..spectrum.first + band.indices().end
     };
     assert_eq!(lines([0.5, 14.5], 512.0), 1..30);
     assert_eq!(lines([0.0, 14.4], 512.0), 1..29);

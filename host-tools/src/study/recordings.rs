@@ -208,7 +208,7 @@ impl Averaged {
             grid: recordings.settings.grid(),
             responses: &self.responses,
             drive: &self.drive,
-            noise: noise.map_or_else(|| ResultantNoise::NONE.packed(), |(_, noise)| *noise),
+            noise: noise.map_or_else(|| ResultantNoise::default().packed(), |(_, noise)| *noise),
             blocks: self.blocks,
         }
     }

@@ -110,7 +110,7 @@ impl Responses {
                 let geometry = RunGeometry::new(&twin.setup, number, &accelerations)?;
                 let lines: Vec<[Complex<f64>; RESULTANTS]> =
                     run.iter().map(|line| resultants(&geometry, line)).collect();
-                let mut noise = ResultantNoise::NONE;
+                let mut noise = ResultantNoise::default();
                 for (column, variance) in geometry.columns.iter().zip(&self.variance) {
                     noise.add_sensor(column, *variance);
                 }

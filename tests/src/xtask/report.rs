@@ -135,7 +135,7 @@ impl<W: Write> Report<W> {
 
     /// Writes a text; a closed pipe (`| head`) does not stop the tests.
     fn show(&mut self, text: std::fmt::Arguments<'_>) {
-        let _ = self.out.write_fmt(what).and_then(|()| self.out.flush());
+        let _ = self.out.write_fmt(text).and_then(|()| self.out.flush());
     }
 }
 

@@ -123,7 +123,10 @@ impl Lines {
             count: grid.count as u32,
             spacing: Exact(grid.spacing),
             hop: self.settings.hop() as u32,
-            band: [self.band.start() as u32, self.band.end() as u32],
+            band: [
+                self.band.indices().start as u32,
+                self.band.indices().end as u32,
+            ],
         }
     }
 }

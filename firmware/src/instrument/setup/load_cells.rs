@@ -60,8 +60,8 @@ impl LoadCells {
     #[inline(never)] // One step's matrices at a time.
     fn equations_of(&self, placement: &Placement) -> Equations {
         let sensors = self.cells.iter().map(|cell| RunSensor::LoadCell(*cell));
-        let resultants = RunGeometry::resultants(sensors, placement, &self.reference);
-        resultants.map_or(Equations::none(), |r| *r.equations())
+        let equations = RunGeometry::equations_of(sensors, placement, &self.reference);
+        equations.unwrap_or(Equations::none())
     }
 }
 

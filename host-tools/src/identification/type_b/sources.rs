@@ -157,7 +157,7 @@ mod tests {
             sines: Vec::new(),
             poses: Vec::new(),
             grid: None,
-            band: LineRange::NONE,
+            band: LineRange::all(0),
             hop: 0.5,
             noise: Vec::new(),
             warnings: Vec::new(),
