@@ -106,7 +106,7 @@ impl<W: Write> Report<W> {
                 self.failed.push(step.name);
                 let remedy = error.remedy().unwrap_or(step.remedy);
                 self.show(format_args!(
-                    "\n{error}\n\nstep {} failed. What to do: {remedy}.\n\n",
+                    "\n{error}\n\nstep {} failed. Remedy: {remedy}.\n\n",
                     step.name
                 ));
             }
@@ -135,7 +135,7 @@ impl<W: Write> Report<W> {
 
     /// Writes a text; a closed pipe (`| head`) does not stop the tests.
     fn show(&mut self, text: std::fmt::Arguments<'_>) {
-        let _ = self.out.write_fmt(what).and_then(|()| self.out.flush());
+        let _ = self.out.write_fmt(text).and_then(|()| self.out.flush());
     }
 }
 
@@ -180,7 +180,7 @@ mod tests {
         for part in [
             "lints           FAILED     1.2 s\n",
             "a.rs: line 3 is bad\n",
-            "step lints failed. What to do: ",
+            "step lints failed. Remedy: ",
             "0 passed, 1 FAILED (lints) in 2 s\n",
             "again: cargo xtask test --only lints\n",
         ] {
