@@ -53,7 +53,7 @@ fn four_hours_keep_count_in_the_same_memory() {
     let mut injector = Injector::new(1e-4, 11);
 
     let (mut first, mut last, mut pages) = (None, 0, None);
-    let (mut taken, mut good, mut missing) = (0_u64, 0_u64, 0_u64);
+    let (mut samples, mut good, mut missing) = (0_u64, 0_u64, 0_u64);
     let end = SECONDS * u64::from(CLOCK_HZ);
     loop {
         let edge = rig.borrow_mut().wait();
@@ -62,10 +62,10 @@ fn four_hours_keep_count_in_the_same_memory() {
         let start = *first.get_or_insert(edge.cycle);
         missing += sample.number.saturating_sub(last + 1);
         last = sample.number;
-        taken += 1;
+        samples += 1;
         good += u64::from(sample.health.iter().all(|h| h.is_good()));
         // By then all memory has been touched.
-        if taken == 10 * RATE {
+        if samples == 10 * RATE {
             pages = resident_pages();
         }
         if edge.cycle - start >= end {
@@ -78,7 +78,7 @@ fn four_hours_keep_count_in_the_same_memory() {
     // The last edge is that of the first sample at or after the end; restarts have moved the
     // grid by less than half a period.
     assert!(last.abs_diff(SECONDS * RATE) <= 1, "{last}");
-    assert_eq!(taken + missing, last + 1, "each number once, or missing");
+    assert_eq!(samples + missing, last + 1, "each number once, or missing");
     let faults: u64 = injector.kinds().iter().map(|&n| u64::from(n)).sum();
     assert!(faults > SECONDS * RATE / 5000, "{faults}");
     let bad = last + 1 - good;

@@ -185,7 +185,7 @@ fn all_inputs_of_a_sample_come_under_one_number() {
     // One input of each chip at a gain of 128, which 1 mV and more than 9 mV would overdrive.
     tasks.start(&plan(&wired(&[14, 16, 32]))).unwrap();
     (0..FIRST).for_each(|_| assert!(!tasks.edge()));
-    for taken in FIRST..200 {
+    for expected in FIRST..200 {
         assert!(tasks.edge());
         let RawFrame {
             number,
@@ -193,7 +193,7 @@ fn all_inputs_of_a_sample_come_under_one_number() {
             health,
             ..
         } = tasks.frames.dequeue().unwrap();
-        assert_eq!(number, taken);
+        assert_eq!(number, expected);
         for input in 0..INPUTS {
             assert_eq!(
                 health[input],
@@ -218,16 +218,16 @@ fn a_missing_chip_is_left_out_unless_it_is_in_use() {
     }
     tasks.adxl.borrow_mut().stuck = Some(false);
     tasks.start(&plan(&wired(&[0, 17]))).unwrap();
-    let mut taken = FIRST;
-    while taken < 500 {
+    let mut expected = FIRST;
+    while expected < 500 {
         // Converters that are left out have edges, too, at a rate of their own.
         tasks.edge();
         let Some(frame) = tasks.frames.dequeue() else {
             continue;
         };
         let RawFrame { number, health, .. } = frame;
-        assert_eq!(number, taken);
-        taken += 1;
+        assert_eq!(number, expected);
+        expected += 1;
         for (input, health) in health.iter().enumerate() {
             let expected = match input / 8 {
                 1 | 3 | 4 => Health::MISSING,

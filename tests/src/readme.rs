@@ -38,7 +38,7 @@ pub fn compare(name: &str, found: &str) -> Result<(), String> {
     let [_, shown, _] = parts_of(&text, name)?;
     differ(shown, found).map_or(Ok(()), |(ours, theirs)| {
         Err(format!(
-            "the README says {ours:?}, the firmware {theirs:?}. If that is right, run this again \
+            "the README has {ours:?}, the firmware {theirs:?}. If that is right, run this again \
              with {ACCEPT}=1 and commit the file.\n{found}"
         ))
     })
@@ -93,10 +93,10 @@ fn differ<'t>(shown: &'t str, found: &'t str) -> Option<(&'t str, &'t str)> {
         let (words, numbers) = parts(ours);
         let (their_words, their_numbers) = parts(theirs);
         let close = |(a, b): (&f64, &f64)| a == b || (a / b - 1.0).abs() < CLOSE;
-        let alike = words == their_words
+        let is_close = words == their_words
             && numbers.len() == their_numbers.len()
             && numbers.iter().zip(&their_numbers).all(close);
-        if !alike {
+        if !is_close {
             return Some((ours, theirs));
         }
     }

@@ -10,7 +10,7 @@ use massline::simulate::Options;
 use massline_core::masslines::Method;
 use tempfile::TempDir;
 
-fn ask(setup: &Setup, method: Option<Method>) -> Result<Vec<String>, AnswerError> {
+fn warnings_of(setup: &Setup, method: Option<Method>) -> Result<Vec<String>, AnswerError> {
     let choice = Choice {
         method,
         ..Choice::default()
@@ -25,7 +25,7 @@ fn error_of(change: impl FnOnce(&mut [Responses; 3])) -> String {
     let mut responses = fork::responses();
     change(&mut responses);
     let setup = fork::sine(folder.path(), &responses);
-    let error = ask(&setup, None).unwrap_err();
+    let error = warnings_of(&setup, None).unwrap_err();
     assert_eq!(error.exit_code(), 2, "unusable input: {error}");
     error.to_string()
 }
@@ -41,16 +41,16 @@ fn with_bands(averaging: [f64; 2], mode: Option<[f64; 2]>) -> (Setup, TempDir) {
 }
 
 #[track_caller]
-fn says(text: &str, words: &[&str]) {
+fn assert_contains(text: &str, words: &[&str]) {
     for word in words {
         assert!(text.contains(word), "«{word}» is not in: {text}");
     }
 }
 
 #[track_caller]
-fn one_says(warnings: &[String], words: &[&str]) {
+fn assert_one_contains(warnings: &[String], words: &[&str]) {
     let found = warnings.iter().any(|w| words.iter().all(|x| w.contains(x)));
-    assert!(found, "no warning says {words:?}: {warnings:#?}");
+    assert!(found, "no warning has {words:?}: {warnings:#?}");
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn a_repeated_frequency_is_an_error_with_its_line() {
         runs[1].rows.insert(10, again);
     });
     // The header is line 1, so the eleventh row is line 12.
-    says(
+    assert_contains(
         &text,
         &["lateral-Z.csv, line 12", "5 Hz after 5 Hz", "each once"],
     );
@@ -69,7 +69,7 @@ fn a_repeated_frequency_is_an_error_with_its_line() {
 #[test]
 fn frequencies_out_of_order_are_an_error() {
     let text = error_of(|runs| runs[0].rows.swap(3, 4));
-    says(&text, &["lateral-X.csv, line 6", "must ascend"]);
+    assert_contains(&text, &["lateral-X.csv, line 6", "must ascend"]);
 }
 
 #[test]
@@ -77,21 +77,21 @@ fn a_frequency_that_one_run_lacks_is_an_error() {
     let text = error_of(|runs| {
         runs[2].rows.remove(20);
     });
-    says(
+    assert_contains(
         &text,
         &["rotation-about-Y.csv", "10.5 Hz", "the same frequencies"],
     );
     let text = error_of(|runs| {
         runs[1].rows.pop();
     });
-    says(&text, &["lateral-Z.csv", "200 Hz"]);
+    assert_contains(&text, &["lateral-Z.csv", "200 Hz"]);
 }
 
 #[test]
 fn a_band_without_lines_is_an_error() {
     let (setup, _folder) = with_bands([0.1, 0.4], Some([28.0, 50.0]));
-    let error = ask(&setup, None).unwrap_err();
-    says(&error.to_string(), &["line"]);
+    let error = warnings_of(&setup, None).unwrap_err();
+    assert_contains(&error.to_string(), &["line"]);
 }
 
 #[test]
@@ -101,23 +101,23 @@ fn methods_that_fit_modes_name_themselves_where_there_is_none() {
         (Method::CurveFit, "method d:"),
         (Method::Synthesis, "method e:"),
     ] {
-        let error = ask(&setup, Some(method)).unwrap_err();
+        let error = warnings_of(&setup, Some(method)).unwrap_err();
         assert_eq!(error.exit_code(), 1, "the data do not allow an answer");
         let text = error.to_string();
-        says(
+        assert_contains(
             &text,
             &[name, "no elastic mode", "`mode_band`", "c-squared"],
         );
     }
     // The recommended method answers without modes, with a warning.
-    let warnings = ask(&setup, None).unwrap();
-    one_says(
+    let warnings = warnings_of(&setup, None).unwrap();
+    assert_one_contains(
         &warnings,
         &["apparent-mass", "no elastic mode", "25 Hz", "ω²"],
     );
     // Without a `mode_band` there is no advice to give one.
     let (setup, _folder) = with_bands([0.5, 14.5], None);
-    let warnings = ask(&setup, None).unwrap();
+    let warnings = warnings_of(&setup, None).unwrap();
     assert!(!warnings.iter().any(|w| w.contains("expects one")));
 }
 
@@ -125,13 +125,13 @@ fn methods_that_fit_modes_name_themselves_where_there_is_none() {
 #[test]
 fn a_mode_just_beyond_the_lines_is_noticed() {
     let (setup, _folder) = with_bands([0.5, 14.5], Some([28.0, 200.0]));
-    let warnings = ask(&setup, None).unwrap();
-    one_says(
+    let warnings = warnings_of(&setup, None).unwrap();
+    assert_one_contains(
         &warnings,
         &["modal analysis", "beyond the last line", "effective masses"],
     );
     let (setup, _folder) = with_bands([0.5, 14.5], Some([28.0, 50.0]));
-    let warnings = ask(&setup, None).unwrap();
+    let warnings = warnings_of(&setup, None).unwrap();
     assert!(!warnings.iter().any(|w| w.contains("modal analysis")));
 }
 
@@ -155,11 +155,11 @@ fn two_modes_closer_than_the_lines_come_apart_or_are_noticed() {
     let modes = Session::new(&bench.setup).fixed_modes(&mut |_| ()).unwrap();
     let close = modes.iter().map(|mode| mode.pole.frequency);
     let close = close.filter(|f| (37.0..38.2).contains(f)).count();
-    let warnings = ask(&bench.setup, None).unwrap();
-    let said = warnings
+    let warnings = warnings_of(&bench.setup, None).unwrap();
+    let is_noticed = warnings
         .iter()
         .any(|w| w.contains("two modes lie closer than the lines"));
-    assert!(close == 2 || said, "{close} modes, and {warnings:?}");
+    assert!(close == 2 || is_noticed, "{close} modes, and {warnings:?}");
 }
 
 #[test]
@@ -173,11 +173,11 @@ fn methods_of_the_free_system_say_how_many_runs_they_lack() {
         Method::CurveFit,
         Method::Synthesis,
     ] {
-        let error = ask(&setup, Some(method)).unwrap_err();
+        let error = warnings_of(&setup, Some(method)).unwrap_err();
         assert_eq!(error.exit_code(), 1);
         let name = format!("method {}:", method.name());
         let text = error.to_string();
-        says(&text, &[&name, "needs 3 independent runs", "found 2"]);
+        assert_contains(&text, &[&name, "needs 3 independent runs", "found 2"]);
     }
     // The others answer for the parameters that two runs determine, and name the missing ones.
     for method in [
@@ -185,7 +185,7 @@ fn methods_of_the_free_system_say_how_many_runs_they_lack() {
         Method::PowerSpectraCholesky,
         Method::ApparentMass,
     ] {
-        let warnings = ask(&setup, Some(method)).unwrap();
-        one_says(&warnings, &["not observable"]);
+        let warnings = warnings_of(&setup, Some(method)).unwrap();
+        assert_one_contains(&warnings, &["not observable"]);
     }
 }

@@ -168,7 +168,7 @@ impl Machine {
     }
 
     fn passes(&self) -> String {
-        let (passed, text) = said(&self.test("qemu").output().unwrap());
+        let (passed, text) = outcome(&self.test("qemu").output().unwrap());
         assert!(passed, "{text}");
         text
     }
@@ -181,7 +181,7 @@ fn which(program: &str) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-fn said(output: &Output) -> (bool, String) {
+fn outcome(output: &Output) -> (bool, String) {
     let text = [output.stdout.as_slice(), &output.stderr].concat();
     (output.status.success(), String::from_utf8(text).unwrap())
 }
@@ -228,10 +228,10 @@ fn a_machines_own_emulator_and_a_named_one_come_first() {
     };
     let other = machine.program("other", "#!/bin/sh\necho the named one\n");
     let named = machine.test("qemu").env("MASSLINE_QEMU", &other).output();
-    assert!(said(&named.unwrap()).1.contains("the named one"));
+    assert!(outcome(&named.unwrap()).1.contains("the named one"));
     // A named emulator that does not exist is not replaced.
     let named = machine.test("qemu").env("MASSLINE_QEMU", "/none").output();
-    let (passed, text) = said(&named.unwrap());
+    let (passed, text) = outcome(&named.unwrap());
     assert!(
         !passed && text.contains("/none --version\ncannot be started"),
         "{text}"
@@ -290,7 +290,7 @@ fn an_emulator_that_does_not_run_any_more_is_fetched_anew() {
     // A folder stays as long as it cannot be fetched again, so that its owner can see the error.
     fs::remove_file(&data).unwrap();
     fs::remove_dir_all(machine.at("repository")).unwrap();
-    let (passed, text) = said(&machine.test("qemu").output().unwrap());
+    let (passed, text) = outcome(&machine.test("qemu").output().unwrap());
     assert!(!passed);
     for part in [
         "an emulator of the chip is missing",
@@ -311,7 +311,7 @@ fn a_damaged_package_is_refused() {
         "repository/qemu-system-common_7_all.deb",
         "nothing of the kind",
     );
-    let (passed, text) = said(&machine.test("qemu").output().unwrap());
+    let (passed, text) = outcome(&machine.test("qemu").output().unwrap());
     assert!(!passed && text.contains("qemu-system-common"), "{text}");
     assert_eq!(entries(&machine.at("my target/debian")), ["lock"]);
 }
@@ -327,7 +327,7 @@ fn two_commands_at_once_both_find_an_emulator() {
         command.stdout(piped()).stderr(piped()).spawn().unwrap()
     };
     for child in [spawn(), spawn(), spawn()] {
-        let (passed, text) = said(&child.wait_with_output().unwrap());
+        let (passed, text) = outcome(&child.wait_with_output().unwrap());
         assert!(passed, "{text}");
     }
     assert_eq!(entries(&machine.at("my target/debian")), ["lock", "qemu"]);
@@ -353,7 +353,7 @@ fn advisories_are_reported_as_checked_only_if_they_were() {
             ),
         );
         let output = machine.test("advisories").env("CARGO", cargo).output();
-        let (passed, text) = said(&output.unwrap());
+        let (passed, text) = outcome(&output.unwrap());
         assert_eq!(passed, passes, "{text}");
         assert!(text.contains(note), "{note} is not in {text}");
         assert_eq!(text.contains("1 passed"), note == "ok", "{text}");

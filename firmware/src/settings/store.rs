@@ -58,7 +58,7 @@ impl core::fmt::Display for StoreError {
             Self::Room => f.write_str("there is no room for the settings"),
             Self::Layout(LayoutError::Newer { found }) => write!(
                 f,
-                "settings of version {found} come from a later firmware, this one knows {}",
+                "settings of version {found} come from a later firmware; the latest known here is {}",
                 layout::VERSION
             ),
             Self::Layout(LayoutError::Malformed) => {

@@ -130,7 +130,7 @@ impl<D: AsRef<[Vec<f32>]>> Chain<D> {
 
     /// Has the acquisition count anew.
     pub fn forget_faults(&mut self) {
-        self.acquisition.forget_faults();
+        self.acquisition.clear_faults();
     }
 }
 

@@ -118,7 +118,7 @@ pub(super) struct Mischief {
 
 impl Mischief {
     /// To be called between two samples.
-    pub(super) fn inflict<D: AsRef<[Vec<f32>]>>(&mut self, rig: &mut Rig<Sensors<D>, CHIPS>) {
+    pub(super) fn inject<D: AsRef<[Vec<f32>]>>(&mut self, rig: &mut Rig<Sensors<D>, CHIPS>) {
         let now = rig.cycle();
         if let Some((chip, until)) = self.stuck {
             if now < until {

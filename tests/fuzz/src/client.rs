@@ -145,7 +145,7 @@ impl Port for Answering<'_, '_> {
         let mut receiver = Receiver::<ToBox>::new(&mut buffer);
         while let Some(received) = receiver.next(&mut rest) {
             let Received::Message(header, request) = received else {
-                panic!("this client says {received:?}");
+                panic!("the client sent {received:?}");
             };
             self.answer(header.request, &request);
         }
@@ -234,11 +234,11 @@ pub fn run(bytes: &[u8]) {
             Ok(format!("{info:?}"))
         })()
         .map_err(|error: massline::device::ClientError| error.to_string()),
-        1 => shown(client.wired_inputs(4)),
-        2 => shown(client.selftest()),
+        1 => displayed(client.wired_inputs(4)),
+        2 => displayed(client.selftest()),
         3 => {
-            let stopped = shown(client.stop());
-            shown(client.summary(0)).and(stopped)
+            let stopped = displayed(client.stop());
+            displayed(client.summary(0)).and(stopped)
         }
         4 => stream(&mut client),
         5 => record(&mut client, inputs),
@@ -249,7 +249,7 @@ pub fn run(bytes: &[u8]) {
                 assert!(!format!("{snapshot:?}").is_empty());
                 looks < LOOKS
             });
-            shown(shown)
+            displayed(shown)
         }
         _ => test(&mut client, &inputs),
     };
@@ -260,7 +260,9 @@ pub fn run(bytes: &[u8]) {
     assert!(link.resent <= link.sent && !format!("{link:?}").is_empty());
 }
 
-fn told<T: std::fmt::Debug, E: std::error::Error>(result: Result<T, E>) -> Result<String, String> {
+fn displayed<T: std::fmt::Debug, E: std::error::Error>(
+    result: Result<T, E>,
+) -> Result<String, String> {
     result
         .map(|found| format!("{found:?}"))
         .map_err(|error| error.to_string())

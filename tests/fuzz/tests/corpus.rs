@@ -20,7 +20,7 @@ fn every_input_of_the_corpora_passes() {
         for entry in fs::read_dir(folder(target)).unwrap() {
             let path = entry.unwrap().path();
             let bytes = fs::read(&path).unwrap();
-            // What fails is named in the output of a failed test.
+            // The output of a failed test names the input.
             println!("{}", path.display());
             run(&bytes);
             sizes.push(bytes.len() as u64);

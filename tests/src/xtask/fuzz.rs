@@ -240,7 +240,7 @@ impl Programs {
         targets: &[&'static str],
         seconds: u64,
         jobs: usize,
-        tell: &(dyn Fn(&Outcome) + Sync),
+        report: &(dyn Fn(&Outcome) + Sync),
     ) -> Result<Vec<Outcome>, StepError> {
         let left = Mutex::new(targets.iter().enumerate());
         let done = Mutex::new(Vec::new());
@@ -251,7 +251,7 @@ impl Programs {
                     while let Some((number, target)) = next() {
                         let outcome = self.run(target, seconds);
                         if let Ok(outcome) = &outcome {
-                            tell(outcome);
+                            report(outcome);
                         }
                         if let Ok(mut done) = done.lock() {
                             done.push((number, outcome));
@@ -373,7 +373,7 @@ fn finding(output: &str) -> Option<(PathBuf, String)> {
         .rev()
         .find_map(|line| line.split_once("Test unit written to "));
     let place = PathBuf::from(written?.1.trim());
-    let said = |line: &&str| {
+    let is_message = |line: &&str| {
         line.contains("panicked at")
             || line.contains("ERROR: libFuzzer")
             || line.contains("SUMMARY")
@@ -381,7 +381,7 @@ fn finding(output: &str) -> Option<(PathBuf, String)> {
     let mut words = String::new();
     let mut lines = output.lines();
     while let Some(line) = lines.next() {
-        if said(&line) {
+        if is_message(&line) {
             words += line;
             words.push('\n');
             if line.contains("panicked at") {
@@ -507,10 +507,10 @@ stat::average_exec_per_sec:     506
             text.ends_with("| wire | 1,234,567 | 2 | 3 | 60 | 1 |"),
             "{text}"
         );
-        let told = findings(&[outcome]);
+        let text = findings(&[outcome]);
         assert!(
-            told.contains("cargo xtask fuzz wire --repeat x/crash"),
-            "{told}"
+            text.contains("cargo xtask fuzz wire --repeat x/crash"),
+            "{text}"
         );
         assert_eq!([7, 1000, 999_999].map(grouped), ["7", "1,000", "999,999"]);
     }

@@ -74,12 +74,12 @@ impl fmt::Display for StepError {
                 output,
             } => write!(f, "{command}\n{}\n{status}", output.trim_end()),
             Self::Answer { command, expected } => {
-                write!(f, "{command}\nended well but did not say {expected}")
+                write!(f, "{command}\nsucceeded without printing {expected}")
             }
             Self::Missing { what, tried, .. } => {
                 write!(f, "{what} is missing\n{}", tried.trim_end())
             }
-            Self::Finding(told) => f.write_str(told.trim()),
+            Self::Finding(text) => f.write_str(text.trim()),
             Self::File { path, problem } => write!(f, "{path}: {problem}"),
         }
     }

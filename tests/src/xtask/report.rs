@@ -106,7 +106,7 @@ impl<W: Write> Report<W> {
                 self.failed.push(step.name);
                 let remedy = error.remedy().unwrap_or(step.remedy);
                 self.show(format_args!(
-                    "\n{error}\n\nstep {} failed. What to do: {remedy}.\n\n",
+                    "\n{error}\n\nstep {} failed. Remedy: {remedy}.\n\n",
                     step.name
                 ));
             }
@@ -180,7 +180,7 @@ mod tests {
         for part in [
             "lints           FAILED     1.2 s\n",
             "a.rs: line 3 is bad\n",
-            "step lints failed. What to do: ",
+            "step lints failed. Remedy: ",
             "0 passed, 1 FAILED (lints) in 2 s\n",
             "again: cargo xtask test --only lints\n",
         ] {

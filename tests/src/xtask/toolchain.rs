@@ -248,8 +248,9 @@ fn has_target() -> bool {
 }
 
 fn version(rustc: impl AsRef<OsStr>) -> String {
-    let said = process::answer(Command::new(rustc).arg("--version")).unwrap_or_default();
-    said.split_whitespace()
+    let version = process::answer(Command::new(rustc).arg("--version")).unwrap_or_default();
+    version
+        .split_whitespace()
         .nth(1)
         .unwrap_or("of unknown version")
         .to_owned()

@@ -95,14 +95,14 @@ fn ten_thousand_frames_under_abuse() {
         stream.extend(damage(frame, &mut random));
     }
 
-    let mut taken = Vec::new();
+    let mut received = Vec::new();
     let mut answered = HashSet::new();
     let (mut duplicates, mut broken) = (0, 0);
     for piece in stream.split(|&byte| byte == 0).filter(|p| !p.is_empty()) {
         match sent.get(piece) {
             None => broken += 1,
             Some(&(_, id)) if !answered.insert(id) => duplicates += 1,
-            Some(&frame) => taken.push(frame),
+            Some(&frame) => received.push(frame),
         }
     }
     // A garbled piece with a right checksum by chance would give a reply too many; about 1500
@@ -112,7 +112,7 @@ fn ten_thousand_frames_under_abuse() {
     talk.send(&[0]);
     let (last, frame) = talk.frame(&Request::Ping(Ping { stamp: 0 }));
     talk.send(&frame);
-    let mut expected = taken.iter().map(|&(_, id)| id).chain([last]);
+    let mut expected = received.iter().map(|&(_, id)| id).chain([last]);
     talk.wait(|id, message| {
         let FromBox::Reply(Reply::Pong(_)) = message else {
             panic!("{message:?}");
@@ -132,10 +132,10 @@ fn ten_thousand_frames_under_abuse() {
     let others = 3;
     assert_eq!(
         after.frames - before.frames,
-        taken.len() as u32 + others,
+        received.len() as u32 + others,
         "{after:?}"
     );
-    assert_eq!(after.lost - before.lost, (FRAMES - taken.len()) as u64);
+    assert_eq!(after.lost - before.lost, (FRAMES - received.len()) as u64);
     assert_eq!(after.duplicates, duplicates);
     assert_eq!(
         after.bad_crc + after.bad_cobs + after.oversize + after.truncated,

@@ -135,7 +135,7 @@ pub fn set_up(
     pieces(accelerations, sample_rate, averaging_band, |request| {
         talk.done(request);
     });
-    let grid: Grid = talk.ask(&Request::EndSetup, |reply| match reply {
+    let grid: Grid = talk.exchange(&Request::EndSetup, |reply| match reply {
         Reply::Grid(grid) => *grid,
         other => panic!("{other:?}"),
     });
@@ -178,7 +178,7 @@ fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
         fit_band: None,
         runs: 0,
     };
-    talk.ask(&Request::Identify(question), |reply| match reply {
+    talk.exchange(&Request::Identify(question), |reply| match reply {
         Reply::Identified(found) => {
             assert!(found.answer.mass.is_some(), "{:?}", found.answer);
             found.ticks
@@ -198,7 +198,7 @@ fn all_at_once(talk: &mut Talk) {
     }));
     identify(talk, Method::CurveFit, ITERATIVE);
     talk.done(&Request::Subscribe(Subscription::default()));
-    talk.ask(&Request::SaveSettings, |reply| {
+    talk.exchange(&Request::SaveSettings, |reply| {
         assert!(matches!(reply, Reply::Saved(_)), "{reply:?}");
     });
 }
@@ -212,11 +212,11 @@ fn stack(talk: &mut Talk) -> Telemetry {
         })
     };
     talk.done(&subscribe(150));
-    let mut told = 0;
+    let mut seen = 0;
     let telemetry = talk.event(|event| match event {
         Event::Telemetry(telemetry) => {
-            told += 1;
-            (told == 3).then_some(*telemetry)
+            seen += 1;
+            (seen == 3).then_some(*telemetry)
         }
         _ => None,
     });
@@ -248,13 +248,13 @@ fn find_out() -> Found {
     let mut block = 0;
     let mut methods: Vec<(Method, [u64; 2])> = Vec::new();
     for (column, band) in [[1.0, 20.0], [0.5, 48.0]].into_iter().enumerate() {
-        for (accelerations, asked) in [
+        for (accelerations, group) in [
             (Accelerations::Interface, &METHODS[..1]),
             (Accelerations::All, &METHODS[1..]),
         ] {
             set_up(&mut talk, accelerations, 512.0, band);
             block = block.max(measure(&mut talk));
-            for &method in asked {
+            for &method in group {
                 let cost = identify(&mut talk, method, Procedure::Direct);
                 // For the depth of the stack.
                 identify(&mut talk, method, ITERATIVE);

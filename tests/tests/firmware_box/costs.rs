@@ -239,7 +239,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
             (BLOCKS_64, dense(64, [8.0, 224.0])),
         ] {
             send_pieces(talk, &setup);
-            talk.ask(&Request::EndSetup, |reply| {
+            talk.exchange(&Request::EndSetup, |reply| {
                 assert!(matches!(reply, Reply::Grid(_)), "{reply:?}");
             });
             talk.done(&start(Source::Host, None));
@@ -262,7 +262,7 @@ fn measure(talk: &mut Talk) -> Vec<(&'static str, u64)> {
             };
             // Blocks are complete once the first one is full.
             for n in 0..3 {
-                talk.ask(&message(n), |reply| {
+                talk.exchange(&message(n), |reply| {
                     assert!(matches!(reply, Reply::Progress(_)))
                 });
             }

@@ -32,30 +32,33 @@ fn a_panic_is_reported_after_the_reset_until_it_is_cleared() {
         ..FaultCounters::default()
     };
     for _ in 0..2 {
-        let (reset, resets, words, faults) = failures(&mut talk);
+        let (reset, resets, message, faults) = failures(&mut talk);
         assert_eq!((reset, resets, faults), (ResetReason::Panic, 1, counted));
-        let words = words.expect("a panic has last words");
-        let place = words.strip_suffix(": provoked by the host");
+        let message = message.expect("a panic has a message");
+        let place = message.strip_suffix(": provoked by the host");
         let line = place.and_then(|place| place.strip_prefix("firmware/src/services.rs:"));
         assert!(
             line.is_some_and(|line| line.parse::<u32>().is_ok()),
-            "{words}"
+            "{message}"
         );
     }
     // A restart does not clear it.
     talk.done(&Request::Reboot);
     let started = talk.started();
     assert_eq!((started.reset, started.resets), (ResetReason::Request, 2));
-    let (reset, resets, words, faults) = failures(&mut talk);
+    let (reset, resets, message, faults) = failures(&mut talk);
     assert_eq!((reset, resets, faults), (ResetReason::Request, 2, counted));
-    assert!(words.is_some());
+    assert!(message.is_some());
     talk.done(&Request::ForgetFaults);
-    let (_, _, words, faults) = failures(&mut talk);
-    assert_eq!((words, faults), (None, FaultCounters::default()));
+    let (_, _, message, faults) = failures(&mut talk);
+    assert_eq!((message, faults), (None, FaultCounters::default()));
     talk.done(&Request::Reboot);
     talk.started();
-    let (_, resets, words, faults) = failures(&mut talk);
-    assert_eq!((resets, words, faults), (3, None, FaultCounters::default()));
+    let (_, resets, message, faults) = failures(&mut talk);
+    assert_eq!(
+        (resets, message, faults),
+        (3, None, FaultCounters::default())
+    );
 }
 
 #[test]
@@ -63,11 +66,14 @@ fn a_panic_is_reported_after_the_reset_until_it_is_cleared() {
 fn an_overflow_of_the_stack_runs_into_its_guard() {
     let mut talk = Talk::boot();
     provoke(&mut talk, Provoke::StackOverflow);
-    let (reset, _, words, faults) = failures(&mut talk);
+    let (reset, _, message, faults) = failures(&mut talk);
     assert_eq!(reset, ResetReason::StackOverflow);
     assert_eq!(faults.stack_overflow, 1);
-    let words = words.expect("an overflow has last words");
-    assert!(words.ends_with("the stack ends at 0x20000000"), "{words}");
+    let message = message.expect("an overflow has a message");
+    assert!(
+        message.ends_with("the stack ends at 0x20000000"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -78,8 +84,8 @@ fn the_watchdog_resets_after_a_hanging_task_and_names_it() {
     // Tasks of higher priority continue.
     talk.hello(|info| assert_eq!(info.reset, ResetReason::PowerOn));
     talk.started();
-    let (reset, _, words, faults) = failures(&mut talk);
+    let (reset, _, message, faults) = failures(&mut talk);
     assert_eq!(reset, ResetReason::Watchdog);
     assert_eq!(faults.watchdog, 1);
-    assert_eq!(words.as_deref(), Some("task block did not check in"));
+    assert_eq!(message.as_deref(), Some("task block did not check in"));
 }

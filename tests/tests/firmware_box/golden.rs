@@ -16,7 +16,7 @@ pub fn compare(name: &str, found: &str) {
     let expected = fs::read_to_string(&path).unwrap_or_default();
     assert!(
         found == expected,
-        "{} is not what the box says now. If the new text is right, run this again with \
+        "{} differs from the box's output. If the new text is right, run this again with \
          {ACCEPT}=1 and commit the file.\nexpected:\n{expected}\nfound:\n{found}",
         path.display()
     );

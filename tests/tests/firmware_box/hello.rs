@@ -16,14 +16,14 @@ fn text(info: &Info<'_>) -> String {
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn the_answer_to_a_hello_is_golden() {
     let mut talk = Talk::boot();
-    let said = talk.hello(|info| {
+    let text = talk.hello(|info| {
         text(&Info {
             build: "(build)",
             version: "(version)",
             ..*info
         })
     });
-    golden::compare("hello.txt", &said);
+    golden::compare("hello.txt", &text);
 }
 
 #[test]

@@ -1,6 +1,6 @@
-//! A host that means harm, against the firmware: a run of the inputs goes on beside whatever
-//! frames it sends, short of those that are documented to end one, and finds what the same samples
-//! give an instrument on this machine that nobody disturbs, to the last bit.
+//! A hostile host against the firmware: a run of the inputs continues under any frames but those
+//! that are documented to end it, and has the same results, to the last bit, as an instrument on
+//! this machine with the same samples and no other frames.
 //!
 //! The emulated port takes some 20 kB/s, so that the short form sends a few thousand frames. The
 //! long one, after `cargo xtask test --only firmware` has built the ELF (a quarter of an hour):
@@ -124,14 +124,14 @@ fn attack(talk: &mut Talk, frames: u64) {
 }
 
 fn status(talk: &mut Talk) -> Status {
-    talk.ask(&Request::Status, |reply| match reply {
+    talk.exchange(&Request::Status, |reply| match reply {
         Reply::Status(status) => *status,
         other => panic!("{other:?}"),
     })
 }
 
 fn stop(talk: &mut Talk) -> Summary {
-    talk.ask(&Request::Stop, |reply| match reply {
+    talk.exchange(&Request::Stop, |reply| match reply {
         Reply::Summary(summary) => *summary,
         other => panic!("{other:?}"),
     })
@@ -145,7 +145,7 @@ fn lines(talk: &mut Talk) -> Vec<Line> {
             first: all.len() as u16,
             count: Lines::FIT as u16,
         };
-        let more = talk.ask(&Request::ReadLines(read), |reply| match reply {
+        let more = talk.exchange(&Request::ReadLines(read), |reply| match reply {
             Reply::Lines(lines) => Some(lines.lines.iter().collect::<Vec<_>>()),
             Reply::Error(refused) => {
                 assert!(matches!(refused.problem, Problem::Index { .. }));

@@ -172,7 +172,7 @@ fn a_box_without_converters_reports_it() {
     let mut talk = boot();
     wire(&mut talk);
     set_up(&mut talk, Accelerations::Interface, RATE, [1.0, 20.0]);
-    let problem = talk.ask(&start(), |reply| match reply {
+    let problem = talk.exchange(&start(), |reply| match reply {
         Reply::Error(refused) => refused.problem,
         other => panic!("{other:?}"),
     });

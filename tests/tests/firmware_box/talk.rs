@@ -114,21 +114,21 @@ impl Talk {
     }
 
     /// Sends a request and waits for its reply.
-    pub fn ask<T>(&mut self, request: &Request<'_>, pick: impl Fn(&Reply<'_>) -> T) -> T {
+    pub fn exchange<T>(&mut self, request: &Request<'_>, pick: impl Fn(&Reply<'_>) -> T) -> T {
         let id = self.request(request);
         self.reply(id, pick)
     }
 
     /// Sends a request and waits for [`Reply::Done`].
     pub fn done(&mut self, request: &Request<'_>) {
-        self.ask(request, |reply| {
+        self.exchange(request, |reply| {
             assert_eq!(*reply, Reply::Done, "{request:?}")
         });
     }
 
     /// Sends a hello and reads its answer.
     pub fn hello<T>(&mut self, look: impl Fn(&Info<'_>) -> T) -> T {
-        self.ask(&Request::Hello, |reply| match reply {
+        self.exchange(&Request::Hello, |reply| match reply {
             Reply::Info(info) => look(info),
             other => panic!("{other:?}"),
         })

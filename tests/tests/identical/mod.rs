@@ -47,8 +47,8 @@ pub fn assert_identical(outcome: &Outcome) {
 pub fn assert_complete(outcome: &Outcome, blocks: u32) {
     for run in outcome.bases.iter().flat_map(|b| &b.runs) {
         assert_eq!(run.blocks, blocks);
-        // Samples, missing, blocks, rejected and why, number of lines; the drive and two parts of
-        // twelve resultants a line; the noise of twelve and whether there is any.
+        // Samples, missing, blocks, rejected with reasons, number of lines; the drive and two parts
+        // of twelve resultants a line; the noise of twelve, and its flag.
         assert_eq!(run.comparison.numbers, 6 + 25 * run.lines + 13);
     }
 }

@@ -1,4 +1,4 @@
-//! Has libFuzzer look for inputs that break [`massline_fuzz::client`].
+//! Searches with libFuzzer for inputs that make this target fail: [`massline_fuzz::client`].
 
 #![no_main]
 

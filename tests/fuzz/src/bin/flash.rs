@@ -1,4 +1,4 @@
-//! Has libFuzzer look for inputs that break [`massline_fuzz::flash`].
+//! Searches with libFuzzer for inputs that make this target fail: [`massline_fuzz::flash`].
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Has libFuzzer look for inputs that break [`massline_fuzz::wire`].
+//! Searches with libFuzzer for inputs that make this target fail: [`massline_fuzz::wire`].
 
 #![no_main]
 
