@@ -47,6 +47,9 @@ pub const LISTED_FAULTS: usize = 10_000;
 /// Most bytes of a set-up, a model, a file of inputs or of the truth of a simulation. As a set-up
 /// of [`SENSORS`] sensors and [`RUNS`] runs it has three hundred thousand.
 pub const DOCUMENT: u64 = 1 << 20;
+/// Most bytes of a result document. With [`RUNS`] runs of [`SENSORS`] calibrated channels it has
+/// some twenty million.
+pub const RESULT: u64 = 64 << 20;
 /// Longest that a set-up that comes through a pipe may take.
 pub const PIPE: Duration = Duration::from_secs(30);
 /// Most sensors of a set-up: as many channels as the core takes.
@@ -131,6 +134,11 @@ pub fn table() -> Vec<[String; 3]> {
         row(
             "size of a set-up, a model, a file of inputs or of the truth",
             mega(DOCUMENT),
+            "the command ends",
+        ),
+        row(
+            "size of a result document",
+            mega(RESULT),
             "the command ends",
         ),
         row(

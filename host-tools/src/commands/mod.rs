@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod demo;
+pub mod export;
 pub mod flash;
 pub mod identify;
 pub mod replay;
@@ -17,7 +18,7 @@ mod table;
 
 pub use interrupt::Interrupt;
 pub use progress::{Bar, Spinner, Ticker};
-pub use table::{Heading, print_answer, print_numbers};
+pub use table::print_numbers;
 
 use crate::cli::Verbosity;
 use crate::printable::{printable, printable_json, printable_lines};

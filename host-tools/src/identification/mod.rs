@@ -81,6 +81,12 @@ pub struct Answer {
     pub warnings: Vec<String>,
 }
 
+/// Name and description of what gives the masslines where every run is static.
+pub(crate) const STATIC_POSES: (&str, &str) = (
+    "static-poses",
+    "static poses, specific force in place of acceleration",
+);
+
 impl Answer {
     /// Whether any run shook the table; otherwise all of them are static poses.
     #[must_use]
@@ -94,17 +100,7 @@ impl Answer {
         if self.is_dynamic() {
             self.method.name()
         } else {
-            "static-poses"
-        }
-    }
-
-    /// What gave the masslines, in words.
-    #[must_use]
-    pub fn method_description(&self) -> &'static str {
-        if self.is_dynamic() {
-            self.method.description()
-        } else {
-            "static poses, specific force in place of acceleration"
+            STATIC_POSES.0
         }
     }
 

@@ -26,7 +26,7 @@ pub use noise::{NoiseOrigin, RunNoise};
 pub use poses::MeasuredPoses;
 pub(crate) use random::settings_at;
 pub use random::{MeasuredRun, Spectra, block_settings};
-pub use rejected::Rejected;
+pub use rejected::{Rejected, blocks_by_word};
 pub(crate) use samples::{Samples, measure_samples};
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};

@@ -8,6 +8,7 @@ use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, To
 use super::response::{Entries, Entry, entries};
 use super::scales::axis_factor;
 use crate::identification::Answer;
+use crate::result::ResultDocument;
 use massline_core::masslines::ApparentMass;
 use std::fmt::Write;
 
@@ -23,7 +24,7 @@ struct View<'a> {
 }
 
 /// The section, or `None` without spectra.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
+pub(super) fn section(answer: &Answer, result: &ResultDocument) -> Option<Section> {
     let groups = fitted(answer);
     let mut html = String::new();
     for group in &groups {
@@ -39,7 +40,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
             fit: group.fit,
             interface_only: answer.method.interface_only(),
         };
-        let entries = entries(group, answer);
+        let entries = entries(group, result);
         if groups.len() > 1 {
             let names: Vec<String> = group.names().into_iter().map(escape).collect();
             let runs = if names.len() == 1 { "Run" } else { "Runs" };

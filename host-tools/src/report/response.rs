@@ -7,7 +7,7 @@
 use super::lines::{Excited, Fitted, comparable, determined_accelerations, measured_forces};
 use super::rigid;
 use super::scales::lever;
-use crate::identification::Answer;
+use crate::result::ResultDocument;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::{ApparentMass, Complex6, Lines, Moments};
 use nalgebra::{Complex, Matrix6};
@@ -51,8 +51,8 @@ const FIT_POINTS: usize = 600;
 const FAINT: f64 = 1e-4;
 
 /// Entries of one group.
-pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
-    let solved = group.read(None, |lines| matrix_entries(group, lines, answer));
+pub(super) fn entries(group: &Fitted<'_>, result: &ResultDocument) -> Entries {
+    let solved = group.read(None, |lines| matrix_entries(group, lines, result));
     if let Ok(Some(list)) = solved {
         return Entries {
             solved: true,
@@ -61,12 +61,11 @@ pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
         };
     }
     let projector = group.read(None, |lines| Excited::new(lines, group.band).projector);
-    let rigid =
-        rigid::matrix(&answer.identification) * projector.unwrap_or_else(|_| Matrix6::identity());
+    let rigid = rigid::matrix(result) * projector.unwrap_or_else(|_| Matrix6::identity());
     let names = group.names();
     let mut list = Vec::new();
     for (k, name) in names.iter().enumerate().take(MOST_RUNS) {
-        let ratios = group.read(Some(k), |lines| ratios(group, name, lines, &rigid, answer));
+        let ratios = group.read(Some(k), |lines| ratios(group, name, lines, &rigid, result));
         list.extend(ratios.into_iter().flatten());
     }
     Entries {
@@ -77,7 +76,11 @@ pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
 }
 
 /// The upper triangle of M, if the runs determine it line by line.
-fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
+fn matrix_entries(
+    group: &Fitted<'_>,
+    lines: &dyn Lines,
+    result: &ResultDocument,
+) -> Option<Vec<Entry>> {
     let excited = Excited::new(lines, group.band);
     let count = excited.count();
     if count == 0 || excited.rank != count || (group.is_paired() && lines.runs() < count) {
@@ -114,8 +117,7 @@ fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Opt
         direct: i == j,
         measured,
         fit: group.fit.map_or_else(Vec::new, |fit| curve(fit, top, i, j)),
-        rigid: rigid::entry(&answer.identification, i, j)
-            .map_or_else(Vec::new, |v| vec![[0.0, v], [top, v]]),
+        rigid: rigid::entry(result, i, j).map_or_else(Vec::new, |v| vec![[0.0, v], [top, v]]),
     };
     Some(places.into_iter().zip(measured).map(entry).collect())
 }
@@ -204,9 +206,9 @@ fn ratios(
     name: &str,
     lines: &dyn Lines,
     rigid: &Matrix6<f64>,
-    answer: &Answer,
+    result: &ResultDocument,
 ) -> Vec<Entry> {
-    let lever = lever(&answer.identification);
+    let lever = lever(result);
     let excited = Excited::new(lines, group.band);
     let accelerations = comparable(&excited.accelerations, lever, false);
     let determined = determined_accelerations(group.geometry());

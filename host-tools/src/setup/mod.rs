@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use document::{Section, Source, nearest, quoted};
 pub use error::{BandError, DocumentError, Place, SetupError};
-pub(crate) use file::read as read_document;
+pub(crate) use file::{read as read_document, read_of as read_document_of};
 pub(crate) use parse::unit;
 pub use uncertainty::{Defaults, Uncertainty};
 

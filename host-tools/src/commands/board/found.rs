@@ -3,11 +3,11 @@
 use super::columns::{self, Wanted};
 use crate::box_runs::{BoxRunError, BoxTest, Found};
 use crate::cli::Verbosity;
-use crate::commands::{Failure, Heading, print_json, print_numbers, refuse, warn};
+use crate::commands::{Failure, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
 use crate::identification::{notice_numbers, recommended};
 use crate::inputs::InputEntry;
-use crate::replay::DeviceEntry;
+use crate::result::{DeviceEntry, ResultDocument};
 use crate::rig::Shaker;
 use crate::setup::Setup;
 use anstyle::Style;
@@ -82,20 +82,20 @@ impl Asked {
     ) -> Result<(), Failure> {
         let found = test.identify(client, self.iterative)?;
         let why = self.method.is_none().then(|| recommended(setup).1);
-        let warnings = warnings(&found);
-        let refused = found.refused();
+        let result = ResultDocument {
+            warnings: warnings(&found),
+            device: Some(DeviceEntry::from(test.device())),
+            ..found.document(&setup.title, why)
+        };
         if self.json {
-            let mut document = found.document(&setup.title, why);
-            document.warnings = warnings;
-            document.device = Some(DeviceEntry::from(test.device()));
-            print_json(&document)?;
-            return refuse(refused.as_deref());
+            print_json(&result)?;
+        } else {
+            warn(&result.warnings, verbosity);
+            if result.refused.is_none() || self.anyway {
+                print(&result, found.seconds).map_err(|e| Failure::stdout(&e))?;
+            }
         }
-        warn(&warnings, verbosity);
-        if refused.is_none() || self.anyway {
-            print(&setup.title, &found, test, why).map_err(|e| Failure::stdout(&e))?;
-        }
-        refuse(refused.as_deref())
+        refuse(result.refused.as_deref())
     }
 }
 
@@ -127,26 +127,16 @@ fn warnings(found: &Found) -> Vec<String> {
     warnings
 }
 
-fn print(
-    title: &str,
-    found: &Found,
-    test: &BoxTest<'_>,
-    why: Option<&'static str>,
-) -> std::io::Result<()> {
+fn print(result: &ResultDocument, seconds: f64) -> std::io::Result<()> {
     let mut out = anstream::stdout();
-    let heading = Heading {
-        title,
-        method: found.method.description(),
-        procedure: found.answer.question.procedure.into(),
-        why,
-        type_b: None,
-    };
-    print_numbers(&mut out, &heading, &found.identification, None)?;
-    let dim = Style::new().dimmed();
-    let device = test.device();
-    writeln!(
-        out,
-        "{dim}identified by the box ({} {}) in {:.2} s{dim:#}",
-        device.firmware, device.version, found.seconds
-    )
+    print_numbers(&mut out, result, None)?;
+    if let Some(device) = &result.device {
+        let dim = Style::new().dimmed();
+        writeln!(
+            out,
+            "{dim}identified by the box ({} {}) in {seconds:.2} s{dim:#}",
+            device.firmware, device.version
+        )?;
+    }
+    Ok(())
 }
