@@ -22,7 +22,7 @@ struct Cli {
     verbosity: Verbosity,
 }
 
-/// How much is said on stderr.
+/// Amount of progress and warnings on stderr.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Verbosity {
     /// No progress and no warnings

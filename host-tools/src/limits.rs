@@ -29,7 +29,7 @@ pub const SILENCE: Duration = Duration::from_secs(5);
 /// Longest that a recording, a run or a look at the levels that was asked for N seconds may take,
 /// by this computer's clock: `OVERTIME[0]` N + `OVERTIME[1]` seconds.
 pub const OVERTIME: [f64; 2] = [2.0, 30.0];
-/// How often a request is sent before the box counts as silent.
+/// Times that a request is sent before the box counts as silent.
 pub const ATTEMPTS: u32 = 8;
 /// Longest that a box on a serial port may work at one request. An identification takes it up to
 /// 723 million instructions, the self-test fewer: five seconds at its usual clock.

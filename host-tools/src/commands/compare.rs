@@ -13,7 +13,7 @@ use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
 use std::io::Write;
 
-/// How the methods are shown.
+/// Options of the display.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Options {
     /// As a document.

@@ -36,7 +36,7 @@ struct Document {
     truth: Truth,
 }
 
-/// How the fork is shaken.
+/// Options of the simulation of the fork.
 pub(crate) fn options() -> Options {
     Options {
         noise: Some(NOISE),
@@ -45,7 +45,7 @@ pub(crate) fn options() -> Options {
     }
 }
 
-/// What a demonstration has left in its folder, and found.
+/// Files and result of a demonstration.
 pub(crate) struct Left {
     path: PathBuf,
     html: PathBuf,
@@ -92,7 +92,6 @@ pub(crate) fn leave(
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let left = leave(&arguments.out, &options(), arguments.force, verbosity)?;
     let Left {
         path,
         html,
@@ -100,7 +99,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         truth,
         answer,
         result,
-    } = left;
+    } = leave(&arguments.out, &options(), arguments.force, verbosity)?;
     if arguments.json {
         let refused = result.refused.clone();
         print_json(&Document { result, truth })?;

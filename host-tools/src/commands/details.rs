@@ -1,4 +1,4 @@
-//! What `--verbose` adds: what was read, averaged and fitted.
+//! Details of `--verbose`: samples, blocks, lines and fits.
 
 use crate::cli::Verbosity;
 use crate::format::plain;

@@ -1,5 +1,6 @@
 //! `massline identify`: recordings to ten numbers.
 
+use super::procedure::Procedure;
 use super::{Bar, Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice, OnProgress, Session};
@@ -19,18 +20,11 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
-    /// How masslines are found; the recommended method if absent
+    /// Method that finds the masslines; the recommended one if absent
     #[arg(long, value_parser = parse_method, value_name = "NAME|all")]
     method: Option<Wanted>,
-    /// Move the reference point to the centre of gravity until both coincide
-    #[arg(long, overrides_with = "direct")]
-    iterative: bool,
-    /// Solve once at the given reference point (default)
-    #[arg(long, overrides_with = "iterative")]
-    direct: bool,
-    /// Weigh all accelerometers alike
-    #[arg(long)]
-    no_weights: bool,
+    #[command(flatten)]
+    procedure: Procedure,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
@@ -82,8 +76,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             Some(Wanted::One(method)) => Some(method),
             _ => None,
         },
-        iterative: arguments.iterative,
-        weighted: !arguments.no_weights,
+        iterative: arguments.procedure.iterative,
+        weighted: arguments.procedure.weighted(),
     };
     if arguments.method == Some(Wanted::All) {
         if arguments.report.is_some() {

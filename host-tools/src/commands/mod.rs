@@ -13,6 +13,7 @@ mod compare;
 mod details;
 mod device;
 mod interrupt;
+mod procedure;
 mod progress;
 mod table;
 
@@ -32,7 +33,7 @@ use std::process::ExitCode;
 pub struct Failure {
     /// 1: the data do not allow an answer. 2: wrong usage or unreadable input.
     pub code: u8,
-    /// What is wrong, where, and what to do: text that shows as it stands.
+    /// Error, place and advice: text that shows as it stands.
     pub message: String,
 }
 

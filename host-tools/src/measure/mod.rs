@@ -56,16 +56,32 @@ pub struct Measurement {
     pub sines: Vec<MeasuredSine>,
     /// Static runs, in the order of the setup.
     pub poses: Vec<MeasuredPoses>,
-    /// Where the lines lie; `None` if all runs are static.
+    /// Frequencies of the lines; `None` if all runs are static.
     pub grid: Option<LineGrid>,
     /// The averaging band, as indices into the kept lines.
     pub band: LineRange,
     /// Blocks' hop over their length.
     pub hop: f64,
-    /// Where the noise of each run comes from: random ones, stepped sines, static ones.
+    /// Source of the noise of each run: random ones, stepped sines, static ones.
     pub noise: Vec<RunNoise>,
-    /// What the user should know.
+    /// Warnings to the user.
     pub warnings: Vec<String>,
+}
+
+impl Default for Measurement {
+    /// A measurement without any run.
+    fn default() -> Self {
+        Self {
+            runs: Vec::new(),
+            sines: Vec::new(),
+            poses: Vec::new(),
+            grid: None,
+            band: LineRange::NONE,
+            hop: 0.5,
+            noise: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// The window of all random runs.
@@ -94,16 +110,7 @@ pub fn measure_first(
     limit: Option<u64>,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Measurement, MeasureError> {
-    let mut measurement = Measurement {
-        runs: Vec::new(),
-        sines: Vec::new(),
-        poses: Vec::new(),
-        grid: None,
-        band: LineRange::NONE,
-        hop: 0.5,
-        noise: Vec::new(),
-        warnings: Vec::new(),
-    };
+    let mut measurement = Measurement::default();
     let mut settings: Option<BlockSettings> = None;
     let mut health = Vec::new();
     let mut fingerprints: HashMap<u64, String> = HashMap::new();

@@ -5,7 +5,7 @@ use massline_core::spectra::BlockSettings;
 use massline_firmware::wire::Health;
 use std::collections::BTreeMap;
 
-/// What was left out of an average, and why.
+/// Blocks and samples that were left out of an average, by fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rejected {
     /// Blocks that hold a faulty sample, also by way of a filter's memory.
@@ -84,7 +84,7 @@ impl Gate {
         }
     }
 
-    /// Whether the block that ends with the sample noted last may be averaged.
+    /// `true` if the block that ends with the sample noted last may be averaged.
     pub(super) fn admits(&mut self) -> bool {
         let first = self.rows.saturating_sub(self.support);
         if self.unnamed <= first {

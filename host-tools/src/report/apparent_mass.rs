@@ -12,14 +12,14 @@ use crate::result::ResultDocument;
 use massline_core::masslines::ApparentMass;
 use std::fmt::Write;
 
-/// What every panel of the section needs to know.
+/// Data of all panels of the section.
 struct View<'a> {
     /// Averaging band, Hz.
     band: [f64; 2],
     /// Highest kept line, Hz.
     top: f64,
     fit: Option<&'a ApparentMass>,
-    /// Whether the acceleration comes from the interface alone.
+    /// `true` if the acceleration comes from the interface alone.
     interface_only: bool,
 }
 

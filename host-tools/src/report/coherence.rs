@@ -22,7 +22,7 @@ const EXCITED: f64 = 1e-2;
 const FEW: usize = 4;
 /// More runs than this are not drawn.
 const MOST_RUNS: usize = 12;
-/// What is nearer to one than this is drawn there.
+/// Largest coherence that is drawn; higher ones are drawn there.
 const NEAREST: f64 = 1.0 - 1e-7;
 
 /// Coherences of some components of a run, line by line.

@@ -17,12 +17,12 @@ pub(super) type Point = (f64, Complex<f64>);
 
 /// One panel's data.
 pub(super) struct Entry {
-    /// What it is for a rigid body, such as `m z`, or which force per which acceleration.
+    /// Symbol of the entry for a rigid body, such as `m z`, or the force and the acceleration.
     pub title: String,
     /// Which force per which acceleration, or in which run.
     pub detail: String,
     pub unit: &'static str,
-    /// Whether force and acceleration belong to the same direction.
+    /// `true` if force and acceleration belong to the same direction.
     pub direct: bool,
     /// Line by line.
     pub measured: Vec<Point>,
@@ -30,13 +30,13 @@ pub(super) struct Entry {
     pub elastic: Vec<f64>,
     /// The fit, at as many frequencies as it takes to draw it.
     pub fit: Vec<Point>,
-    /// What the identified rigid body has in its place, over frequency.
+    /// The entry of the identified rigid body over frequency.
     pub rigid: Vec<[f64; 2]>,
 }
 
 /// The entries of a group of runs.
 pub(super) struct Entries {
-    /// Whether they are entries of the matrix, or ratios of single runs.
+    /// `true` for entries of the matrix, `false` for ratios of single runs.
     pub solved: bool,
     pub list: Vec<Entry>,
     /// Runs of the group that were left out because there are so many.

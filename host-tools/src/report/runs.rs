@@ -22,7 +22,7 @@ pub(super) fn section(setup: &Setup, answer: &Answer, result: &ResultDocument) -
     Section::new("runs", "Runs, channels, processing", html)
 }
 
-/// How to read the error bars.
+/// The section that explains the error bars.
 pub(super) fn reading(answer: &Answer) -> Section {
     let random = !answer.measurement.runs.is_empty();
     let sine = !answer.measurement.sines.is_empty();

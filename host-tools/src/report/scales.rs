@@ -38,7 +38,7 @@ impl Unit {
     }
 }
 
-/// What errors and error bars are shares of, on the terminal as in the report.
+/// References of errors and error bars in per cent, on the terminal as in the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Natural {
     /// The whole mass, kg.
@@ -78,7 +78,7 @@ impl Natural {
     }
 }
 
-/// What errors of inertia about a point are shares of: the largest true moment about it, or
+/// Reference of errors of inertia about a point: the largest true moment about it, or
 /// the largest of those found, kg m².
 pub(crate) fn largest_moment(
     terms: &InertiaTerms,

@@ -81,7 +81,7 @@ fn check(html: &str, class: &str) -> usize {
     page.descendants().filter(has).count()
 }
 
-/// What was measured, to be spoilt.
+/// The measurement of an answer, to be spoilt.
 fn measured(answer: &mut Answer) -> &mut Measurement {
     std::rc::Rc::get_mut(&mut answer.measurement).unwrap()
 }

@@ -151,7 +151,7 @@ fn sentence(result: &ResultDocument, natural: &Natural, truth: Option<&TrueBody>
     refused + &text
 }
 
-/// How many of the known true values lie in their 95\u{202f}% intervals.
+/// A sentence that counts the known true values within their 95\u{202f}% intervals.
 fn covered(result: &ResultDocument, truth: &TrueBody) -> String {
     let mut pairs = vec![(&result.mass, truth.mass)];
     pairs.extend(result.centre_of_gravity.iter().zip(truth.centre_of_gravity));

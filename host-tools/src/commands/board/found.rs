@@ -1,8 +1,9 @@
-//! What the box has found, on a terminal or as a document.
+//! The box's answer, on a terminal or as a document.
 
 use super::columns::{self, Wanted};
 use crate::box_runs::{BoxRunError, BoxTest, Found};
 use crate::cli::Verbosity;
+use crate::commands::procedure::Procedure;
 use crate::commands::{Failure, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
 use crate::identification::{notice_numbers, recommended};
@@ -14,21 +15,14 @@ use anstyle::Style;
 use massline_core::masslines::Method;
 use std::io::Write;
 
-/// What is asked of the box.
+/// Question to the box.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Asked {
-    /// How masslines are found; the recommended method if absent
+    /// Method that finds the masslines; the recommended one if absent
     #[arg(long, value_parser = parse_method, value_name = "NAME")]
     method: Option<Method>,
-    /// Move the reference point to the centre of gravity until both coincide
-    #[arg(long, overrides_with = "direct")]
-    iterative: bool,
-    /// Solve once at the given reference point (default)
-    #[arg(long, overrides_with = "iterative")]
-    direct: bool,
-    /// Weigh all accelerometers alike
-    #[arg(long)]
-    no_weights: bool,
+    #[command(flatten)]
+    procedure: Procedure,
     /// Which input reads which channel: drive=1,a1=2, or a file of inputs; by the sensors'
     /// serial numbers if absent
     #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
@@ -68,7 +62,7 @@ impl Asked {
             name(&mut wired, shaker);
         }
         let method = self.method.unwrap_or_else(|| recommended(setup).0);
-        let weighted = !self.no_weights;
+        let weighted = self.procedure.weighted();
         Ok(BoxTest::new(client, setup, &wired, method, weighted)?)
     }
 
@@ -80,7 +74,7 @@ impl Asked {
         setup: &Setup,
         verbosity: Verbosity,
     ) -> Result<(), Failure> {
-        let found = test.identify(client, self.iterative)?;
+        let found = test.identify(client, self.procedure.iterative)?;
         let why = self.method.is_none().then(|| recommended(setup).1);
         let result = ResultDocument {
             warnings: warnings(&found),
@@ -106,7 +100,7 @@ fn name(wired: &mut [InputEntry], shaker: &Shaker) {
     }
 }
 
-/// What the user should know of an answer.
+/// Warnings about an answer.
 fn warnings(found: &Found) -> Vec<String> {
     let mut warnings = Vec::new();
     if !found.unmeasured.is_empty() {

@@ -101,7 +101,7 @@ const TEST: [&str; 5] = [
     "rotation-y.csv",
 ];
 
-/// Whether all recordings can be read to their ends, each as the one that the setup means.
+/// Reads all recordings to their ends, each as the one that the setup means.
 fn read_all(folder: &Path) -> Result<(), RecordingError> {
     let setup = Setup::read(&folder.join("setup.toml")).unwrap();
     for run in &setup.runs {

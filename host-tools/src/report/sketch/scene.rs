@@ -1,4 +1,4 @@
-//! What there is to draw, in metres and in the frame of the results.
+//! The objects that are drawn, in metres and in the frame of the results.
 
 use crate::report::TrueBody;
 use crate::result::{Number, ResultDocument};
@@ -6,7 +6,7 @@ use crate::setup::{self, Setup};
 use massline_core::geometry::{Accelerometer, LoadCell, Mount, Placement, Quantity};
 use nalgebra::{Matrix3, Vector3};
 
-/// What sits at a spot.
+/// Kind of the sensors at a spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     LoadCell,
