@@ -1,6 +1,8 @@
 //! The command line: one file a command, in [`crate::commands`].
 
-use crate::commands::{self, Failure, board, demo, flash, identify, replay, simulate, study};
+use crate::commands::{
+    self, Failure, board, demo, export, flash, identify, replay, simulate, study,
+};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -20,7 +22,7 @@ struct Cli {
     verbosity: Verbosity,
 }
 
-/// How much is said on stderr.
+/// Amount of progress and warnings on stderr.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Verbosity {
     /// No progress and no warnings
@@ -35,6 +37,7 @@ pub struct Verbosity {
 enum Command {
     Demo(demo::Arguments),
     Identify(identify::Arguments),
+    Export(export::Arguments),
     Simulate(simulate::Arguments),
     Study(study::Arguments),
     Replay(replay::Arguments),
@@ -71,6 +74,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Command::Demo(a) => demo::run(&a, verbosity),
         Command::Identify(a) => identify::run(&a, verbosity),
+        Command::Export(a) => export::run(&a, verbosity),
         Command::Simulate(a) => simulate::run(&a, verbosity),
         Command::Study(a) => study::run(&a, verbosity),
         Command::Replay(a) => replay::run(&a, verbosity),

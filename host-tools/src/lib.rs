@@ -5,6 +5,7 @@ pub mod box_runs;
 pub mod cli;
 pub mod commands;
 pub mod device;
+pub mod export;
 pub mod format;
 pub mod identification;
 pub mod inputs;

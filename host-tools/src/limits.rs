@@ -29,7 +29,7 @@ pub const SILENCE: Duration = Duration::from_secs(5);
 /// Longest that a recording, a run or a look at the levels that was asked for N seconds may take,
 /// by this computer's clock: `OVERTIME[0]` N + `OVERTIME[1]` seconds.
 pub const OVERTIME: [f64; 2] = [2.0, 30.0];
-/// How often a request is sent before the box counts as silent.
+/// Times that a request is sent before the box counts as silent.
 pub const ATTEMPTS: u32 = 8;
 /// Longest that a box on a serial port may work at one request. An identification takes it up to
 /// 723 million instructions, the self-test fewer: five seconds at its usual clock.
@@ -47,6 +47,9 @@ pub const LISTED_FAULTS: usize = 10_000;
 /// Most bytes of a set-up, a model, a file of inputs or of the truth of a simulation. As a set-up
 /// of [`SENSORS`] sensors and [`RUNS`] runs it has three hundred thousand.
 pub const DOCUMENT: u64 = 1 << 20;
+/// Most bytes of a result document. With [`RUNS`] runs of [`SENSORS`] calibrated channels it has
+/// some twenty million.
+pub const RESULT: u64 = 64 << 20;
 /// Longest that a set-up that comes through a pipe may take.
 pub const PIPE: Duration = Duration::from_secs(30);
 /// Most sensors of a set-up: as many channels as the core takes.
@@ -131,6 +134,11 @@ pub fn table() -> Vec<[String; 3]> {
         row(
             "size of a set-up, a model, a file of inputs or of the truth",
             mega(DOCUMENT),
+            "the command ends",
+        ),
+        row(
+            "size of a result document",
+            mega(RESULT),
             "the command ends",
         ),
         row(

@@ -15,7 +15,7 @@ pub struct Modal {
     /// Modes of the free structure; empty unless the runs excite every measured resultant
     /// independently.
     pub free: Vec<FreeShape>,
-    /// What the user should know.
+    /// Warnings to the user.
     pub warnings: Vec<String>,
 }
 
@@ -28,7 +28,7 @@ pub struct FixedShape {
     pub shape: Option<Vec<f64>>,
     /// Modal mass for that scaling, kg.
     pub modal_mass: Option<f64>,
-    /// Whether no accelerometer sees the mode, so that it has neither shape nor modal mass.
+    /// `true` if no accelerometer sees the mode, so that it has neither shape nor modal mass.
     pub unseen: bool,
 }
 
@@ -102,7 +102,7 @@ fn with_shapes(survey: &Survey, modes: Vec<FixedMode>) -> Vec<FixedShape> {
         .collect()
 }
 
-/// How far a mode of unit modal mass deflects the accelerometers, 1/√kg.
+/// Deflection of the accelerometers by a mode of unit modal mass, 1/√kg.
 struct Deflection {
     shape: DVector<f64>,
     /// The largest, and what it may be wrong by.
@@ -112,7 +112,7 @@ struct Deflection {
     row: f64,
 }
 
-/// How many times its standard deviation a largest deflection must be: a modal mass goes with
+/// Smallest ratio of a largest deflection to its standard deviation: a modal mass goes with
 /// its square, so it is known to a fifth then.
 const SURE: f64 = 10.0;
 /// Least part that a mode has in the transmissibility at its resonance: what is smaller may as
@@ -120,7 +120,7 @@ const SURE: f64 = 10.0;
 const LEAST_PART: f64 = 0.01;
 
 impl Deflection {
-    /// Whether an accelerometer sees the mode: otherwise its modal mass for a deflection of one
+    /// `true` if an accelerometer sees the mode: otherwise its modal mass for a deflection of one
     /// there is any large number.
     fn is_seen(&self, mode: &FixedMode) -> bool {
         let at_resonance = self.largest * self.row / (2.0 * mode.pole.damping);
@@ -177,7 +177,7 @@ fn deflection(
     })
 }
 
-/// Whether a row lies far enough from the span of others.
+/// `true` if a row lies far enough from the span of others.
 fn independent(rows: &[DVector<f64>], row: &DVector<f64>) -> bool {
     let mut left = row.clone();
     for _ in 0..2 {

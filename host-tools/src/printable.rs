@@ -8,7 +8,7 @@
 
 use std::borrow::Cow;
 
-/// Whether a character steers a terminal or the order of the characters around it in place of
+/// `true` if a character steers a terminal or the order of the characters around it in place of
 /// being shown: the control characters of ASCII and of Unicode's first page, line and paragraph
 /// separators, marks and overrides of the direction of writing, spaces of no width, and tags. The
 /// joiners that some scripts write words with are none of them.

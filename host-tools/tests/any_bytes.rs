@@ -4,6 +4,8 @@
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use massline::identification::{Choice, answer};
+use massline::report::render;
+use massline::result::ResultDocument;
 use massline::setup::Setup;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -170,7 +172,10 @@ fn identify(setup: &[u8], one: &[u8], two: &[u8]) -> Result<(), String> {
             ..Choice::default()
         };
         match answer(&setup, &choice, &mut |_| ()) {
-            Ok(answer) => drop(massline::report::render(&setup, &answer, None)),
+            Ok(answer) => {
+                let result = ResultDocument::new(&setup, &answer);
+                drop(render(&setup, &answer, &result, None));
+            }
             Err(error) => assert!(!error.to_string().is_empty()),
         }
     }

@@ -206,6 +206,115 @@ fn of_two_procedures_the_last_one_counts() {
 }
 
 #[test]
+fn a_result_is_exported_to_every_form() {
+    let bench = Bench::fork();
+    let document = bench.identify(&["--json"]).stdout;
+    let bench = bench.write("result.json", &document);
+    let export = |more: &[&str]| {
+        let arguments = ["export", "result.json", "--to"].iter().chain(more);
+        massline(bench.path(), arguments)
+    };
+    let same = export(&["json"]);
+    assert_eq!(same.code, Some(0), "{}", same.stderr);
+    assert_eq!(same.stdout, document);
+    assert_eq!(same.stderr, "");
+
+    let table = export(&["csv"]).stdout;
+    let mut rows = csv::Reader::from_reader(table.as_bytes());
+    let rows: Vec<BTreeMap<String, String>> = rows.deserialize().map(Result::unwrap).collect();
+    // Mass, Δ, three coordinates, six terms about A, six about S.
+    assert_eq!(rows.len(), 17);
+    let document: serde_json::Value = serde_json::from_str(&document).unwrap();
+    for row in &rows {
+        let mut number = &document;
+        for key in row["parameter"].split('.') {
+            number = match ["x", "y", "z"].iter().position(|axis| *axis == key) {
+                Some(axis) => &number[axis],
+                None => &number[key],
+            };
+        }
+        for (column, key) in [
+            ("value", "value"),
+            ("std", "std"),
+            ("interval_95", "interval"),
+        ] {
+            let text = &row[column];
+            let found: Option<f64> = (!text.is_empty()).then(|| text.parse().unwrap());
+            assert_eq!(found, number[key].as_f64(), "{row:?}");
+        }
+        let status = ["not observable", "ok"][usize::from(number["observable"].as_bool().unwrap())];
+        assert_eq!(row["status"], status, "{row:?}");
+    }
+    let row = rows.iter().find(|row| row["parameter"] == "inertia_cg.yy");
+    let row = row.unwrap();
+    assert_eq!((&*row["unit"], &*row["point"]), ("kg m²", "S"));
+    let centre = document["centre_of_gravity"][2]["value"].as_f64();
+    assert_eq!(row["point_z_m"].parse().ok(), centre);
+
+    let written = export(&["csv", "--out", "out/result.csv"]);
+    assert_eq!(
+        (written.code, &*written.stdout),
+        (Some(0), ""),
+        "{}",
+        written.stderr
+    );
+    assert_eq!(
+        std::fs::read_to_string(bench.file("out/result.csv")).unwrap(),
+        table
+    );
+    let again = export(&["csv", "--out", "out/result.csv"]);
+    assert_eq!(again.code, Some(2));
+    assert!(again.stderr.contains("--force"), "{}", again.stderr);
+    assert_eq!(
+        export(&["csv", "--out", "out/result.csv", "--force"]).code,
+        Some(0)
+    );
+    let own = export(&["csv", "--out", "result.json", "--force"]);
+    assert_eq!(own.code, Some(2), "an input is never written over");
+}
+
+#[test]
+fn what_is_no_result_is_not_exported() {
+    let bench = Bench::fork().write("result.json", "{\n  \"schema\": 3\n}");
+    let export = |file: &str, more: &[&str]| {
+        let finished = massline(bench.path(), ["export", file].iter().chain(more));
+        assert_eq!(finished.stdout, "");
+        (finished.code, finished.stderr)
+    };
+    for (file, words) in [
+        ("result.json", "result.json, line 2, column"),
+        ("setup.toml", "setup.toml, line 1, column"),
+        ("truth.json", "`schema` is \"massline/truth/1\""),
+        ("nowhere.json", "nowhere.json: cannot be read"),
+        (".", ".: cannot be read"),
+    ] {
+        let (code, stderr) = export(file, &["--to", "csv", "--out", "x.csv"]);
+        assert_eq!(code, Some(2), "{stderr}");
+        assert!(stderr.contains(words), "{stderr}");
+        assert!(!bench.file("x.csv").exists());
+    }
+    let (code, stderr) = export("result.json", &["--to", "doc"]);
+    assert_eq!(code, Some(2));
+    assert!(stderr.contains("json, csv"), "{stderr}");
+}
+
+/// A mass that is stated as a tenth of the true one contradicts the data.
+#[test]
+fn refused_numbers_are_exported_on_demand_only() {
+    let bench = Bench::fork().setup("known_mass = 0.63", "known_mass = 0.063");
+    let document = bench.identify(&["--json"]);
+    assert_eq!(document.code, Some(1), "{}", document.stderr);
+    let bench = bench.write("result.json", document.stdout);
+    let arguments = ["export", "result.json", "--to", "csv"];
+    let refused = massline(bench.path(), arguments);
+    assert_eq!((refused.code, &*refused.stdout), (Some(1), ""));
+    let anyway = massline(bench.path(), arguments.iter().chain(&["--anyway"]));
+    assert_eq!(anyway.code, Some(1), "{}", anyway.stderr);
+    assert!(anyway.stdout.contains(",refused\n"), "{}", anyway.stdout);
+    assert!(!anyway.stdout.contains(",ok\n"), "{}", anyway.stdout);
+}
+
+#[test]
 fn places_that_cannot_be_written_are_named() {
     let bench = Bench::fork().write("file", "");
     let finished = bench.identify(&["--report", "file/report.html"]);

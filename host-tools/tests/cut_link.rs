@@ -5,24 +5,22 @@
 //! has to be made up for; what is cut has to be said, in time, and what was recorded before is a
 //! whole recording.
 
+mod bench;
+
+use bench::one_run::{self, OneRun};
 use massline::acquire::{self, Ending};
-use massline::box_runs::{BoxRunError, BoxTest, Ended, Measuring, Operator, Progress, Stage};
 use massline::device::{
     Client, ClientMemory, Cut, CutLine, HostBox, HostBoxMemory, Place, Port, PortError,
 };
-use massline::inputs::InputEntry;
 use massline::limits;
 use massline::recording::Recording;
 use massline::replay;
 use massline::rig::{Inputs, Troubles};
-use massline::setup::Setup;
-use massline::simulate::{Model, Options, simulate};
 use massline_core::masslines::Method;
 use massline_firmware::wire::{Reply, Request, Setting, SettingKey};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
 
 /// The line, waited for as one to a box on a serial port is. The box in this program has its
 /// clients wait until it has nothing more to say, which is never while its inputs run.
@@ -56,44 +54,14 @@ impl Port for Line<'_> {
 
 type Link<'c, 'm> = Client<'c, Line<'m>>;
 
-/// The fork's test of a few seconds, and its inputs.
-struct Fork {
-    folder: TempDir,
-    setup: Setup,
-}
-
-fn fork() -> Fork {
-    let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        duration: Some(4.0),
-        ..Options::default()
-    };
-    let mut model = Model::fork().unwrap();
-    model.runs.truncate(1);
-    let simulation = simulate(&model, &options, &mut |_| ()).unwrap();
-    let setup = Setup::read(&simulation.write(folder.path()).unwrap()).unwrap();
-    Fork { folder, setup }
-}
-
 fn inputs() -> Inputs {
     Inputs::fork(Troubles::default()).unwrap()
 }
 
-fn wired() -> Vec<InputEntry> {
-    let inputs = inputs();
-    let known = inputs.certificates().into_iter().zip(inputs.channels());
-    let entry = |(input, (certificate, name)): (u8, (_, &String))| InputEntry {
-        input,
-        channel: Some(name.clone()),
-        certificate,
-    };
-    (0..).zip(known).map(entry).collect()
-}
-
-/// What became of a conversation: a word, or the error's text.
+/// Outcome of a conversation: nothing, or the error's text.
 type Talked = Result<(), String>;
 
-/// Has a conversation over a line that is cut; what passed, and what became of it.
+/// Has a conversation over a line that is cut; the frames and bytes that passed, and its outcome.
 fn talk(
     talk: &(dyn Fn(&mut Link<'_, '_>, &Path) -> Talked + Sync),
     inputs: &Inputs,
@@ -209,7 +177,7 @@ fn settings_that_are_read_changed_and_kept() {
 
 #[test]
 fn a_recording() {
-    let inputs = wired()[..3].to_vec();
+    let inputs = one_run::wired(&inputs())[..3].to_vec();
     // The box in this program samples as fast as it computes: behind the 23 frames that half a
     // second and its questions take it sends others, until the end is noticed.
     at_every_frame(0, &|client, folder| {
@@ -247,7 +215,7 @@ fn a_recording() {
 
 #[test]
 fn levels() {
-    let inputs = wired()[..3].to_vec();
+    let inputs = one_run::wired(&inputs())[..3].to_vec();
     // As a recording.
     at_every_frame(0, &|client, _| {
         let mut seen = 0;
@@ -261,33 +229,11 @@ fn levels() {
     });
 }
 
-/// Shakes without being asked.
-struct Hand;
-
-impl Operator for Hand {
-    fn shake(&mut self, _: &Stage<'_>) -> Result<(), BoxRunError> {
-        Ok(())
-    }
-
-    fn watch(&mut self, _: &Stage<'_>, _: &Progress) -> bool {
-        true
-    }
-
-    fn ended(&mut self, _: &Stage<'_>, _: &Ended) {}
-}
-
 #[test]
 fn a_test_on_the_box() {
-    let (fork, wired) = (fork(), wired());
+    let (fork, wired) = (OneRun::simulate(4.0), one_run::wired(&inputs()));
     at_every_frame(1, &|client, _| {
-        let method = Method::ApparentMass;
-        let test = BoxTest::new(client, &fork.setup, &wired, method, true).map_err(text)?;
-        test.load(client).map_err(text)?;
-        let order = Measuring {
-            runs: vec![0],
-            seconds: Some(6.0),
-        };
-        test.measure(client, &order, &mut Hand).map_err(text)?;
+        let test = one_run::measured(client, &fork.setup, &wired).map_err(text)?;
         let found = test.identify(client, false).map_err(text)?;
         assert_eq!(found.runs.len(), 1);
         Ok(())
@@ -297,7 +243,7 @@ fn a_test_on_the_box() {
 
 #[test]
 fn a_replay() {
-    let fork = fork();
+    let fork = OneRun::simulate(4.0);
     let order = replay::Order {
         methods: vec![Method::ApparentMass],
         iterative: false,

@@ -27,7 +27,7 @@ pub enum AcquireError {
         limits::LONGEST_GAP
     )]
     Gap {
-        /// How many.
+        /// Number of missing samples.
         missing: u64,
         /// By the rate that the converters are set to, s.
         seconds: f64,
@@ -48,7 +48,7 @@ pub enum AcquireError {
     Lead {
         /// Samples since the first one that came.
         samples: u64,
-        /// How long they take at the rate, s.
+        /// Duration of the samples at their nominal rate, s.
         nominal: f64,
         /// Of the settings, Hz.
         rate: f64,
@@ -60,7 +60,7 @@ pub enum AcquireError {
         "{wanted} s were asked for, and after {seconds:.0} s they have not come: the converters sample more slowly than their settings say, or the link loses most of it; look at `massline board settings` and `massline board info`"
     )]
     Overtime {
-        /// What was asked for, s of samples.
+        /// Length that was asked for, s of samples.
         wanted: f64,
         /// Time since the first samples came, s.
         seconds: f64,

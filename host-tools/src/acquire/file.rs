@@ -1,6 +1,6 @@
 //! A recording while it grows.
 //!
-//! What stands above a recording's header is known at its end only, the true sample rate for
+//! The preamble above a recording's header is known at its end only, the true sample rate for
 //! one. So rows go to a file beside it, whose name ends in `.part`; at the end the preamble and
 //! they become the recording, which is in its place as a whole or not at all. If this program
 //! dies before, the rows are there: a recording without a preamble. Those that were flushed are
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// A recording while it grows.
 pub(super) struct Growing {
     file: PathBuf,
-    /// Whether a file of that name may be replaced.
+    /// `true` if a file of that name may be replaced.
     replace: bool,
     part: Part,
     line: String,
@@ -68,7 +68,7 @@ impl Growing {
         begun.map(|()| growing)
     }
 
-    /// Where the rows of an earlier recording are now that were in the way.
+    /// New path of the rows of an earlier recording that were in the way.
     pub(super) fn set_aside(&self) -> Option<&Path> {
         self.part.set_aside()
     }

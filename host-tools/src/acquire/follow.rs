@@ -11,10 +11,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// How often it is looked whether all is well.
+/// Time between two checks of link and receiver.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Who takes what comes.
+/// Receiver of samples and events.
 pub(super) trait Taker {
     /// Takes an event that came at a time, s. Whether it had samples.
     fn take(&mut self, event: &Event<'_>, seconds: f64) -> Result<bool, AcquireError>;
@@ -22,11 +22,11 @@ pub(super) trait Taker {
     /// Takes a fault of the box.
     fn fault(&mut self, fault: &Fault);
 
-    /// Whether it has all it wants.
+    /// `true` if it needs no more samples.
     fn is_done(&self) -> bool;
 }
 
-/// What is followed.
+/// Stream that is followed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Course {
     /// The rate that the converters are set to, Hz.
@@ -35,11 +35,11 @@ pub(super) struct Course {
     pub(super) seconds: Option<f64>,
 }
 
-/// What has become of it.
+/// State of a stream.
 struct Fate {
     problem: Option<AcquireError>,
     pace: Pace,
-    /// Whether samples have come since somebody looked.
+    /// `true` if samples have come since the last check.
     came: bool,
 }
 

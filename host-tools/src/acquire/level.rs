@@ -4,7 +4,7 @@ use super::Row;
 use crate::inputs::InputEntry;
 use massline_firmware::wire::Health;
 
-/// What a channel was like over some samples.
+/// Level of a channel over some samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level {
     /// Name of the channel.
@@ -13,7 +13,7 @@ pub struct Level {
     pub mean: f64,
     /// Largest distance from zero, SI.
     pub peak: f64,
-    /// Where it is overloaded, SI.
+    /// Reading at which the channel is overloaded, SI.
     pub range: f64,
     /// All faults that were seen.
     pub health: Health,

@@ -1,4 +1,4 @@
-//! Whether samples come as fast as the box's rate says.
+//! Check that samples come at the rate that the box states.
 
 use super::AcquireError;
 use crate::limits;

@@ -13,20 +13,20 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// What is to be recorded.
+/// A recording that is to be made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Order {
     /// The inputs, each with the name of its column.
     pub inputs: Vec<InputEntry>,
     /// For how long, s; `None`: until it is stopped.
     pub seconds: Option<f64>,
-    /// Where to, `.csv` or `.csv.gz`.
+    /// The file to write, `.csv` or `.csv.gz`.
     pub file: PathBuf,
-    /// Whether a file of that name may be replaced.
+    /// `true` if a file of that name may be replaced.
     pub replace: bool,
 }
 
-/// How far a recording is.
+/// Progress of a recording.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
     /// Seconds recorded.
@@ -83,7 +83,7 @@ pub struct Recorded {
     pub lost: u64,
     /// Why it ended.
     pub ending: Ending,
-    /// Where the rows of an earlier recording are now that a killed program had left in the way.
+    /// New path of the rows of an earlier recording that a killed program had left in the way.
     pub set_aside: Option<PathBuf>,
     /// A file of the same rows that could not be removed.
     pub left_over: Option<PathBuf>,

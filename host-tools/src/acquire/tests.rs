@@ -22,7 +22,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const RATE: f64 = 512.0;
 
@@ -53,7 +53,7 @@ fn these(inputs: &Inputs, numbers: &[u8]) -> Vec<InputEntry> {
 /// SI and faults of the chosen inputs, by number, for so many seconds.
 type Truth = BTreeMap<u64, (Vec<f32>, Vec<Health>)>;
 
-/// What the models do when the box starts them for the first time, with every sample that the
+/// The models after the box has started them for the first time, with every sample that the
 /// acquisition delivers.
 fn truth(inputs: &Inputs, chosen: &[InputEntry], seconds: f64) -> Truth {
     let gains: Vec<u8> = inputs.certificates().iter().map(|c| c.gain()).collect();
@@ -107,6 +107,72 @@ fn faults_of_the_box_are_told_and_counted() {
     assert_eq!(counts, [("converter", 1), ("overrun", 2)]);
     let text = fault_text(&recorded.box_faults[2]);
     assert!(text.contains("converter 2 does not answer"), "{text}");
+}
+
+/// A line that loses one of the frames to the box.
+struct Losing<P> {
+    inner: P,
+    /// Number of the frame that is lost, from one.
+    lost: u32,
+    sent: u32,
+}
+
+impl<P: Port> Port for Losing<P> {
+    fn name(&self) -> String {
+        self.inner.name()
+    }
+
+    fn send(&mut self, frame: &[u8]) -> Result<(), PortError> {
+        self.sent += 1;
+        if self.sent == self.lost {
+            return Ok(());
+        }
+        self.inner.send(frame)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
+        self.inner.receive(into, timeout)
+    }
+
+    fn patience(&self) -> Duration {
+        self.inner.patience()
+    }
+
+    fn longest_work(&self) -> Duration {
+        self.inner.longest_work()
+    }
+
+    fn seconds(&self) -> f64 {
+        self.inner.seconds()
+    }
+}
+
+/// The request that ends the samples is the third, after the one for the rate and the one that
+/// begins them. While it is waited for, samples come without end, as fast as they are computed.
+#[test]
+fn the_request_that_ends_the_samples_is_sent_again_when_it_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = fork(&[], 1);
+    let chosen = chosen(&inputs);
+    let order = order(&chosen, 5.0, &folder.path().join("x.csv"));
+    let mut own = HostBoxMemory::new();
+    let line = Losing {
+        inner: HostBox::with_inputs(&mut own, 1, inputs),
+        lost: 3,
+        sent: 0,
+    };
+    let patience = line.patience();
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(line, &mut memory);
+    let since = Instant::now();
+    let recorded = record(&mut client, &order, &mut |_| true).unwrap();
+    assert_eq!(client.link().resent, 1);
+    assert_eq!(client.port().sent, 4);
+    assert_eq!(recorded.samples, (5.0 * RATE) as u64);
+    // One wait, and not the hour that the box's longest work may take; on a busy machine some
+    // more than the wait.
+    let waited = since.elapsed();
+    assert!(waited >= patience && waited < 12 * patience, "{waited:?}");
 }
 
 fn order(inputs: &[InputEntry], seconds: f64, file: &Path) -> Order {
@@ -383,7 +449,7 @@ fn levels_are_those_of_the_samples() {
     assert!(health.contains(Health::OPEN));
 }
 
-/// What the box says of a run from its own inputs has to be what its samples say here.
+/// The box's summary of a run from its own inputs equals the one computed here from its samples.
 #[test]
 fn a_run_from_the_inputs_counts_what_was_recorded() {
     let folder = tempfile::tempdir().unwrap();

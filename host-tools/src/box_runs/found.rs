@@ -1,6 +1,7 @@
 //! The box's answer in this program's own types.
 
 use crate::identification::{Consistency, Judged, refusal};
+use crate::measure::blocks_by_word;
 use crate::recording::{Traceability, TrueRate};
 use crate::result::{Origin, ResultDocument, RunQuality};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
@@ -55,6 +56,22 @@ impl StoredRun {
             clock: "box".to_owned(),
         })
     }
+
+    /// Samples and blocks of the run, for the result document.
+    fn quality(&self) -> RunQuality {
+        let s = &self.summary;
+        RunQuality {
+            run: self.name.clone(),
+            samples: s.samples,
+            blocks: s.blocks,
+            rejected: s.rejected,
+            rejected_by: blocks_by_word(s.rejected_by),
+            faulty_samples: None,
+            missing_samples: s.missing,
+            true_sample_rate: self.sample_rate(),
+            calibration: self.calibration.clone(),
+        }
+    }
 }
 
 impl Found {
@@ -86,7 +103,7 @@ impl Found {
         };
         ResultDocument {
             refused: self.refused(),
-            runs: self.runs.iter().map(RunQuality::of_stored).collect(),
+            runs: self.runs.iter().map(StoredRun::quality).collect(),
             ..ResultDocument::of_numbers(&origin, &self.identification)
         }
     }

@@ -5,15 +5,15 @@ use super::table::{Row, rows};
 use super::{Failure, print_json, refuse, warn};
 use crate::cli::Verbosity;
 use crate::format::{significant, with_std};
-use crate::identification::{Answer, Choice, Session, recommended};
-use crate::result::{ComparisonDocument, FailedMethod, ResultDocument};
+use crate::identification::{Choice, Session, recommended};
+use crate::result::{COMPARISON_SCHEMA, ComparisonDocument, FailedMethod, ResultDocument};
 use crate::setup::Setup;
 use crate::simulate::Truth;
 use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
 use std::io::Write;
 
-/// How the methods are shown.
+/// Options of the display.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Options {
     /// As a document.
@@ -37,7 +37,7 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let (best, because) = recommended(setup);
     let mut session = Session::new(setup).with_type_b();
-    let mut answers = Vec::new();
+    let mut results: Vec<(Method, ResultDocument)> = Vec::new();
     let mut failed = Vec::new();
     let mut code = 1;
     reading(verbosity, |progress| {
@@ -47,11 +47,11 @@ pub(super) fn run(
                 ..*choice
             };
             match session.answer(&choice, progress) {
-                Ok(answer) => answers.push(answer),
+                Ok(answer) => results.push((method, ResultDocument::new(setup, &answer))),
                 Err(e) => {
                     code = e.exit_code();
                     failed.push(FailedMethod {
-                        method: method.name(),
+                        method: method.name().to_owned(),
                         reason: e.to_string(),
                     });
                 }
@@ -59,7 +59,7 @@ pub(super) fn run(
         }
         Ok(())
     })?;
-    if answers.is_empty() {
+    if results.is_empty() {
         let reason = failed.swap_remove(0).reason;
         return Err(Failure {
             code,
@@ -67,40 +67,41 @@ pub(super) fn run(
         });
     }
     // The recommended method has the last word, or what is left where it gives no answer.
-    let judge = answers.iter().find(|a| a.method == best);
+    let judge = results.iter().find(|(method, _)| *method == best);
     let refused = judge.map_or_else(
-        || answers.iter().find_map(|a| a.refused.clone()),
-        |judge| judge.refused.clone(),
+        || {
+            results
+                .iter()
+                .find_map(|(_, result)| result.refused.clone())
+        },
+        |(_, result)| result.refused.clone(),
     );
     if options.json {
         print_json(&ComparisonDocument {
-            schema: "massline/comparison/1",
+            schema: COMPARISON_SCHEMA.to_owned(),
             title: setup.title.clone(),
-            recommended: best.name(),
-            recommended_because: because,
-            results: answers
-                .iter()
-                .map(|a| ResultDocument::new(setup, a))
-                .collect(),
+            recommended: best.name().to_owned(),
+            recommended_because: because.to_owned(),
+            results: results.into_iter().map(|(_, result)| result).collect(),
             failed,
         })?;
         return refuse(refused.as_deref());
     }
     if !options.anyway {
-        answers.retain(|answer| {
-            if let Some(reason) = &answer.refused {
+        results.retain(|(method, result)| {
+            if let Some(reason) = &result.refused {
                 failed.push(FailedMethod {
-                    method: answer.method.name(),
+                    method: method.name().to_owned(),
                     reason: format!("refused: {reason}"),
                 });
             }
-            answer.refused.is_none()
+            result.refused.is_none()
         });
     }
-    if let Some(first) = answers.first() {
+    if let Some((_, first)) = results.first() {
         warn(&first.warnings, verbosity);
     }
-    print(&setup.title, best, because, &answers, &failed, truth)
+    print(&setup.title, best, because, &results, &failed, truth)
         .map_err(|e| Failure::stdout(&e))?;
     refuse(refused.as_deref())
 }
@@ -112,7 +113,7 @@ fn print(
     title: &str,
     best: Method,
     because: &str,
-    answers: &[Answer],
+    results: &[(Method, ResultDocument)],
     failed: &[FailedMethod],
     truth: Option<&Truth>,
 ) -> std::io::Result<()> {
@@ -123,21 +124,21 @@ fn print(
         out,
         "{dim}values with half of their 95 % intervals; * recommended: {because}{dim:#}"
     )?;
-    let tables: Vec<Vec<Row>> = answers
+    let tables: Vec<Vec<Row<'_>>> = results
         .iter()
-        .map(|a| rows(&a.identification, a.type_b.as_ref(), truth))
+        .map(|(_, result)| rows(result, truth))
         .collect();
     // Terminals are narrow: four methods beside each other at most.
-    for (answers, tables) in answers.chunks(4).zip(tables.chunks(4)) {
+    for (results, tables) in results.chunks(4).zip(tables.chunks(4)) {
         writeln!(out)?;
         write!(out, "{bold}{:<18}", "")?;
-        for answer in answers {
-            let star = if answer.method == best { "*" } else { " " };
-            write!(out, "{:>WIDTH$}", format!("{}{star}", answer.method.name()))?;
+        for (method, _) in results {
+            let star = if *method == best { "*" } else { " " };
+            write!(out, "{:>WIDTH$}", format!("{}{star}", method.name()))?;
         }
         writeln!(out, "{bold:#}")?;
         for i in 0..tables[0].len() {
-            if tables.iter().any(|t| t[i].estimate.is_some()) {
+            if tables.iter().any(|t| t[i].number.value.is_some()) {
                 print_line(&mut out, tables, i)?;
             }
         }
@@ -152,7 +153,7 @@ fn print(
     Ok(())
 }
 
-fn print_line(out: &mut impl Write, tables: &[Vec<Row>], i: usize) -> std::io::Result<()> {
+fn print_line(out: &mut impl Write, tables: &[Vec<Row<'_>>], i: usize) -> std::io::Result<()> {
     let row = &tables[0][i];
     let unit = if row.unit.is_empty() { "" } else { ", " };
     write!(
@@ -161,11 +162,12 @@ fn print_line(out: &mut impl Write, tables: &[Vec<Row>], i: usize) -> std::io::R
         format!("{}{}{unit}{}", row.name, row.group, row.unit)
     )?;
     for table in tables {
-        let text = table[i].estimate.map_or_else(
+        let number = table[i].number;
+        let text = number.value.map_or_else(
             || "-".to_owned(),
-            |e| {
-                let half = table[i].half_width * row.scale;
-                let (value, half) = with_std(e.value * row.scale, half);
+            |value| {
+                let half = number.half_width() * row.scale;
+                let (value, half) = with_std(value * row.scale, half);
                 format!("{value} ±{half}")
             },
         );

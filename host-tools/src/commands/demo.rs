@@ -36,7 +36,7 @@ struct Document {
     truth: Truth,
 }
 
-/// How the fork is shaken.
+/// Options of the simulation of the fork.
 pub(crate) fn options() -> Options {
     Options {
         noise: Some(NOISE),
@@ -45,13 +45,14 @@ pub(crate) fn options() -> Options {
     }
 }
 
-/// What a demonstration has left in its folder, and found.
+/// Files and result of a demonstration.
 pub(crate) struct Left {
     path: PathBuf,
     html: PathBuf,
     setup: Setup,
     truth: Truth,
     answer: Answer,
+    result: ResultDocument,
 }
 
 /// Simulates, identifies and reports into a folder.
@@ -73,7 +74,8 @@ pub(crate) fn leave(
     let truth = simulation.truth;
     let setup = Setup::read(&path).map_err(Failure::input)?;
     let answer = identify::with_progress(&setup, &Choice::default(), verbosity)?;
-    let page = report::render(&setup, &answer, Some(&true_body(&truth)));
+    let result = ResultDocument::new(&setup, &answer);
+    let page = report::render(&setup, &answer, &result, Some(&true_body(&truth)));
     output::write(&html, page.as_bytes())?;
     Ok(Left {
         path,
@@ -81,6 +83,7 @@ pub(crate) fn leave(
         setup,
         truth,
         answer,
+        result,
     })
 }
 
@@ -89,22 +92,22 @@ pub(crate) fn leave(
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let left = leave(&arguments.out, &options(), arguments.force, verbosity)?;
     let Left {
         path,
         html,
         setup,
         truth,
         answer,
-    } = left;
-    let result = ResultDocument::new(&setup, &answer);
+        result,
+    } = leave(&arguments.out, &options(), arguments.force, verbosity)?;
     if arguments.json {
+        let refused = result.refused.clone();
         print_json(&Document { result, truth })?;
-        return refuse(answer.refused.as_deref());
+        return refuse(refused.as_deref());
     }
-    warn(&answer.warnings, verbosity);
-    details::show(&setup, &answer, verbosity);
-    identify::show(&setup.title, &answer, Some(&truth))?;
+    warn(&result.warnings, verbosity);
+    details::show(&setup, &answer, &result, verbosity);
+    identify::show(&result, Some(&truth))?;
     if !verbosity.quiet {
         eprintln!();
         eprintln!("report:  {}", html.display());
@@ -113,5 +116,5 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             path.display()
         );
     }
-    refuse(answer.refused.as_deref())
+    refuse(result.refused.as_deref())
 }

@@ -1,26 +1,27 @@
-//! What `--verbose` adds: what was read, averaged and fitted.
+//! Details of `--verbose`: samples, blocks, lines and fits.
 
 use crate::cli::Verbosity;
 use crate::format::plain;
 use crate::identification::Answer;
+use crate::result::ResultDocument;
 use crate::setup::Setup;
 use anstyle::Style;
 use std::io::Write;
 
 /// Says on stderr what an answer was made of, if the user wants to know.
-pub(super) fn show(setup: &Setup, answer: &Answer, verbosity: Verbosity) {
+pub(super) fn show(setup: &Setup, answer: &Answer, result: &ResultDocument, verbosity: Verbosity) {
     if !verbosity.verbose {
         return;
     }
     let dim = Style::new().dimmed();
     let mut err = anstream::stderr();
-    for line in lines(setup, answer) {
+    for line in lines(setup, answer, result) {
         // Details that cannot be shown are no reason to withhold the result.
         let _ = writeln!(err, "{dim}{line}{dim:#}");
     }
 }
 
-fn lines(setup: &Setup, answer: &Answer) -> Vec<String> {
+fn lines(setup: &Setup, answer: &Answer, result: &ResultDocument) -> Vec<String> {
     let mut lines = Vec::new();
     let m = &answer.measurement;
     for run in &m.runs {
@@ -78,17 +79,16 @@ fn lines(setup: &Setup, answer: &Answer) -> Vec<String> {
             fit.excited
         ));
     }
-    let i = &answer.identification;
     lines.push(format!(
         "normal equations: condition number {} after scaling of the columns; {} step(s)",
-        plain(i.condition_number, 3),
-        i.iterations
+        plain(result.condition_number, 3),
+        result.iterations
     ));
-    if let Some(ratio) = i.consistency {
+    if let Some(ratio) = result.consistency {
         lines.push(format!(
             "residual: {} times what the noise explains, {} % of the forces",
             plain(ratio.sqrt(), 3),
-            plain(100.0 * i.misfit, 2)
+            plain(100.0 * result.misfit, 2)
         ));
     }
     lines

@@ -10,7 +10,7 @@ use clap::ArgGroup;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Where the box is: exactly one of three places.
+/// Place of the box: exactly one of three.
 #[derive(Clone, Debug, clap::Args)]
 #[command(group = ArgGroup::new("box").required(true).args(["port", "emulator", "host"]))]
 pub struct Device {
@@ -31,13 +31,13 @@ pub struct Device {
     elf: Option<PathBuf>,
 }
 
-/// How long the emulator may take to boot, which is half a second on an idle machine.
+/// Longest that the emulator may take to boot, which is half a second on an idle machine.
 const BOOT: Duration = Duration::from_secs(20);
-/// How often it is looked whether it has.
+/// Time between two checks of that.
 const LOOK: Duration = Duration::from_millis(100);
 
 impl Device {
-    /// Whether ticks of the box's clock are true: an emulator's are not.
+    /// `true` if ticks of the box's clock are true: an emulator's are not.
     pub const fn keeps_time(&self) -> bool {
         !self.emulator
     }

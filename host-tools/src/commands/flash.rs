@@ -60,7 +60,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What probe-rs is asked, in turn: to write and compare, then to start what was written.
+/// Calls of probe-rs in turn: to write and compare, then to start the firmware.
 fn steps(arguments: &Arguments, elf: &Path, verbosity: Verbosity) -> [Vec<OsString>; 2] {
     let mut common = vec!["--chip".into(), OsString::from(&arguments.chip)];
     if let Some(probe) = &arguments.probe {

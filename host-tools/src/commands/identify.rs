@@ -1,6 +1,7 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::{Bar, Failure, compare, details, print_answer, print_json, refuse, true_body, warn};
+use super::procedure::Procedure;
+use super::{Bar, Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
 use crate::cli::Verbosity;
 use crate::identification::{Answer, Choice, OnProgress, Session};
 use crate::output::{self, Existing};
@@ -19,18 +20,11 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
-    /// How masslines are found; the recommended method if absent
+    /// Method that finds the masslines; the recommended one if absent
     #[arg(long, value_parser = parse_method, value_name = "NAME|all")]
     method: Option<Wanted>,
-    /// Move the reference point to the centre of gravity until both coincide
-    #[arg(long, overrides_with = "direct")]
-    iterative: bool,
-    /// Solve once at the given reference point (default)
-    #[arg(long, overrides_with = "iterative")]
-    direct: bool,
-    /// Weigh all accelerometers alike
-    #[arg(long)]
-    no_weights: bool,
+    #[command(flatten)]
+    procedure: Procedure,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
@@ -82,8 +76,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             Some(Wanted::One(method)) => Some(method),
             _ => None,
         },
-        iterative: arguments.iterative,
-        weighted: !arguments.no_weights,
+        iterative: arguments.procedure.iterative,
+        weighted: arguments.procedure.weighted(),
     };
     if arguments.method == Some(Wanted::All) {
         if arguments.report.is_some() {
@@ -106,26 +100,27 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         output::check(path, inputs, existing)?;
     }
     let answer = with_progress(&setup, &choice, verbosity)?;
+    let result = ResultDocument::new(&setup, &answer);
     if let Some(path) = &arguments.report {
         let truth = truth.as_ref().map(true_body);
-        let page = report::render(&setup, &answer, truth.as_ref());
+        let page = report::render(&setup, &answer, &result, truth.as_ref());
         output::write(path, page.as_bytes())?;
     }
     if arguments.json {
-        print_json(&ResultDocument::new(&setup, &answer))?;
-        return refuse(answer.refused.as_deref());
+        print_json(&result)?;
+        return refuse(result.refused.as_deref());
     }
-    warn(&answer.warnings, verbosity);
-    details::show(&setup, &answer, verbosity);
-    if answer.refused.is_none() || arguments.anyway {
-        show(&setup.title, &answer, truth.as_ref())?;
+    warn(&result.warnings, verbosity);
+    details::show(&setup, &answer, &result, verbosity);
+    if result.refused.is_none() || arguments.anyway {
+        show(&result, truth.as_ref())?;
     }
     if let Some(path) = &arguments.report
         && !verbosity.quiet
     {
         eprintln!("report: {}", path.display());
     }
-    refuse(answer.refused.as_deref())
+    refuse(result.refused.as_deref())
 }
 
 /// The answer to a setup, with a bar on the terminal meanwhile.
@@ -152,8 +147,8 @@ pub(super) fn reading<T>(
     work(&mut |p| bar.set((p.run as f64 + p.share) / p.runs as f64, p.name))
 }
 
-pub(super) fn show(title: &str, answer: &Answer, truth: Option<&Truth>) -> Result<(), Failure> {
-    print_answer(&mut anstream::stdout(), title, answer, truth).map_err(|e| Failure::stdout(&e))
+pub(super) fn show(result: &ResultDocument, truth: Option<&Truth>) -> Result<(), Failure> {
+    print_numbers(&mut anstream::stdout(), result, truth).map_err(|e| Failure::stdout(&e))
 }
 
 fn read_truth(path: &Path) -> Result<Truth, Failure> {

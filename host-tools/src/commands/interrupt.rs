@@ -4,10 +4,10 @@ use super::Failure;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What shells call a command that was ended by Ctrl-C.
+/// Exit code of a command that was ended by Ctrl-C.
 const INTERRUPTED: i32 = 130;
 
-/// Whether the user has pressed Ctrl-C.
+/// State of Ctrl-C.
 #[derive(Clone, Debug)]
 pub struct Interrupt {
     pressed: Arc<AtomicBool>,
@@ -35,7 +35,7 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// Whether it was pressed.
+    /// `true` if it was pressed.
     #[must_use]
     pub fn is_pressed(&self) -> bool {
         self.pressed.load(Ordering::Relaxed)

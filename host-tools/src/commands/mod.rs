@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod demo;
+pub mod export;
 pub mod flash;
 pub mod identify;
 pub mod replay;
@@ -12,12 +13,13 @@ mod compare;
 mod details;
 mod device;
 mod interrupt;
+mod procedure;
 mod progress;
 mod table;
 
 pub use interrupt::Interrupt;
 pub use progress::{Bar, Spinner, Ticker};
-pub use table::{Heading, print_answer, print_numbers};
+pub use table::print_numbers;
 
 use crate::cli::Verbosity;
 use crate::printable::{printable, printable_json, printable_lines};
@@ -31,7 +33,7 @@ use std::process::ExitCode;
 pub struct Failure {
     /// 1: the data do not allow an answer. 2: wrong usage or unreadable input.
     pub code: u8,
-    /// What is wrong, where, and what to do: text that shows as it stands.
+    /// Error, place and advice: text that shows as it stands.
     pub message: String,
 }
 

@@ -4,6 +4,26 @@ use crate::cli::Verbosity;
 use crate::printable::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+/// A progress bar headed `prefix`; invisible if quiet or stderr is no terminal.
+fn begin(
+    steps: Option<u64>,
+    template: &str,
+    prefix: &'static str,
+    verbosity: Verbosity,
+) -> ProgressBar {
+    let target = if verbosity.quiet {
+        ProgressDrawTarget::hidden()
+    } else {
+        ProgressDrawTarget::stderr()
+    };
+    let bar = ProgressBar::with_draw_target(steps, target);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("━╸─"));
+    }
+    bar.set_prefix(prefix);
+    bar
+}
+
 /// A bar from 0 to 1 with a word on what is being done.
 pub struct Bar {
     bar: ProgressBar,
@@ -16,18 +36,8 @@ impl Bar {
     /// A bar headed `verb`; invisible if quiet or stderr is no terminal.
     #[must_use]
     pub fn new(verb: &'static str, verbosity: Verbosity) -> Self {
-        let target = if verbosity.quiet {
-            ProgressDrawTarget::hidden()
-        } else {
-            ProgressDrawTarget::stderr()
-        };
-        let bar = ProgressBar::with_draw_target(Some(STEPS), target);
-        if let Ok(style) =
-            ProgressStyle::with_template("{prefix:>12} {bar:30} {percent:>3} %  {wide_msg}")
-        {
-            bar.set_style(style.progress_chars("━╸─"));
-        }
-        bar.set_prefix(verb);
+        let template = "{prefix:>12} {bar:30} {percent:>3} %  {wide_msg}";
+        let bar = begin(Some(STEPS), template, verb, verbosity);
         Self { bar }
     }
 
@@ -54,16 +64,7 @@ impl Spinner {
     /// A spinner that says `what`; invisible if quiet or stderr is no terminal.
     #[must_use]
     pub fn new(what: &'static str, verbosity: Verbosity) -> Self {
-        let target = if verbosity.quiet {
-            ProgressDrawTarget::hidden()
-        } else {
-            ProgressDrawTarget::stderr()
-        };
-        let bar = ProgressBar::with_draw_target(None, target);
-        if let Ok(style) = ProgressStyle::with_template("{prefix:>12} {spinner} {elapsed}") {
-            bar.set_style(style);
-        }
-        bar.set_prefix(what);
+        let bar = begin(None, "{prefix:>12} {spinner} {elapsed}", what, verbosity);
         bar.enable_steady_tick(std::time::Duration::from_millis(100));
         Self { bar }
     }
@@ -84,16 +85,7 @@ impl Ticker {
     /// A line headed `verb`; invisible if quiet or stderr is no terminal.
     #[must_use]
     pub fn new(verb: &'static str, verbosity: Verbosity) -> Self {
-        let target = if verbosity.quiet {
-            ProgressDrawTarget::hidden()
-        } else {
-            ProgressDrawTarget::stderr()
-        };
-        let bar = ProgressBar::with_draw_target(None, target);
-        if let Ok(style) = ProgressStyle::with_template("{prefix:>12} {wide_msg}") {
-            bar.set_style(style);
-        }
-        bar.set_prefix(verb);
+        let bar = begin(None, "{prefix:>12} {wide_msg}", verb, verbosity);
         Self { bar }
     }
 

@@ -1,6 +1,7 @@
 //! `massline replay`: recordings through the box, compared by bits with this machine.
 
 use super::device::Device;
+use super::procedure::Procedure;
 use super::{Bar, Failure, print_json, warn};
 use crate::cli::Verbosity;
 use crate::device::{Client, Port};
@@ -28,15 +29,8 @@ pub struct Arguments {
     /// Methods to identify by, with commas; the recommended one if absent
     #[arg(long, value_name = "NAMES|all", value_parser = parse_methods)]
     method: Option<Wanted>,
-    /// Move the reference point to the centre of gravity until both coincide
-    #[arg(long, overrides_with = "direct")]
-    iterative: bool,
-    /// Solve once at the given reference point (default)
-    #[arg(long, overrides_with = "iterative")]
-    direct: bool,
-    /// Weigh all accelerometers alike
-    #[arg(long)]
-    no_weights: bool,
+    #[command(flatten)]
+    procedure: Procedure,
     /// Send only this many blocks of each run
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..))]
     blocks: Option<u32>,
@@ -92,8 +86,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let mut outcome = arguments.device.talk(|client| {
         let order = Order {
             methods: methods(arguments.method.as_ref(), &setup, client)?,
-            iterative: arguments.iterative,
-            weighted: !arguments.no_weights,
+            iterative: arguments.procedure.iterative,
+            weighted: arguments.procedure.weighted(),
             blocks: arguments.blocks,
             flip,
             resume: arguments.resume,
@@ -224,8 +218,8 @@ fn about(run: &RunOutcome) -> String {
     format!("{}: {} blocks, {} lines", run.name, run.blocks, run.lines)
 }
 
-/// What became of the samples that the recordings call faulty; a run that was measured in
-/// several ways is told once.
+/// Notes on the samples that the recordings call faulty; a run that was measured in
+/// several ways is noted once.
 fn faults(outcome: &Outcome) -> Vec<String> {
     let runs = outcome.bases.first().map_or(&[][..], |base| &base.runs);
     let faulty = runs.iter().filter(|run| run.faulty > 0);

@@ -6,7 +6,7 @@
 //! Fisher's F with these two numbers of degrees of freedom, and as χ² over its degrees of
 //! freedom where the noise counts as known.
 //!
-//! Where equations do not carry the weights of their noise (some set-ups of methods a to e), and
+//! If equations do not carry the weights of their noise (some set-ups of methods a to e), and
 //! of static poses, whose residuals are too few to tell how they correlate, the sum is one of
 //! unequal squares. Of all such sums with one mean, a single square has the
 //! heaviest tail, so that one degree of freedom bounds the probability.
@@ -24,7 +24,7 @@ pub const WARNED: f64 = 1e-3;
 /// Probability below which numbers are refused, where what is left is not small besides.
 pub const REFUSED: f64 = 1e-9;
 
-/// What a rigid body leaves, compared with what noise leaves.
+/// Residual of the rigid body, compared with that of noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Consistency {
     /// Power that is left over power that noise leaves: about one when all is well.

@@ -16,9 +16,9 @@ pub enum AnswerError {
     Masslines {
         /// Whose needs are not met, such as `method e`.
         method: String,
-        /// What is wrong.
+        /// Reason.
         source: MasslineError,
-        /// What to do.
+        /// Advice to the user.
         advice: &'static str,
     },
     /// A band that reaches beyond the lines.
@@ -26,7 +26,7 @@ pub enum AnswerError {
     Band {
         /// The band's key in the setup.
         key: &'static str,
-        /// What is wrong.
+        /// Reason.
         source: BandError,
     },
     /// Drives were named that explain little of what moves.
@@ -48,9 +48,9 @@ pub enum AnswerError {
     /// The masslines do not give an answer.
     #[error("{source}; {advice}")]
     Identify {
-        /// What is wrong.
+        /// Reason.
         source: IdentifyError,
-        /// What to do.
+        /// Advice to the user.
         advice: &'static str,
     },
 }
@@ -109,7 +109,7 @@ fn list(names: &[&str]) -> String {
 }
 
 impl AnswerError {
-    /// What `method`, named in words, lacks.
+    /// The error of `method`, named in words, that lacks data.
     pub(super) fn lacking(method: &str, source: MasslineError) -> Self {
         let advice = match source {
             MasslineError::TooFewLines(_) => {

@@ -23,14 +23,14 @@ use massline_core::identify::{self, Covariance, Identification, Procedure, Quest
 use massline_core::masslines::{ApparentMass, FixedMode, FreeModes, Masslines, Method};
 use std::rc::Rc;
 
-/// What the user chose.
+/// Choices of the user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// `None`: the recommended one.
     pub method: Option<Method>,
-    /// Whether the reference point is iterated to the CG.
+    /// `true` if the reference point is iterated to the CG.
     pub iterative: bool,
-    /// Whether weights of the accelerometers are used.
+    /// `true` if weights of the accelerometers are used.
     pub weighted: bool,
 }
 
@@ -58,10 +58,10 @@ pub struct Answer {
     pub identification: Identification,
     /// Covariance of mass (or Δ), CG and inertia about S.
     pub covariance: Covariance,
-    /// Whether a rigid body explains the data, as a test; `None` where there are no more equations
-    /// than unknowns.
+    /// Test of the hypothesis that a rigid body explains the data; `None` where there are no more
+    /// equations than unknowns.
     pub consistency: Option<Consistency>,
-    /// What the numbers owe to errors of calibrations, places and directions, where the setup or
+    /// Type B uncertainty from errors of calibrations, positions and directions, where the setup or
     /// certificates state any and the session was asked for it.
     pub type_b: Option<TypeB>,
     /// Why the numbers must not be believed, and what to do, where the data contradict them.
@@ -77,12 +77,18 @@ pub struct Answer {
     pub modal: Option<Modal>,
     /// Constant offsets of the six resultants of each static run, N and N m.
     pub offsets: Vec<(String, [f64; 6])>,
-    /// What the user should know.
+    /// Warnings to the user.
     pub warnings: Vec<String>,
 }
 
+/// Name and description of what gives the masslines where every run is static.
+pub(crate) const STATIC_POSES: (&str, &str) = (
+    "static-poses",
+    "static poses, specific force in place of acceleration",
+);
+
 impl Answer {
-    /// Whether any run shook the table; otherwise all of them are static poses.
+    /// `true` if any run shook the table; otherwise all of them are static poses.
     #[must_use]
     pub fn is_dynamic(&self) -> bool {
         !(self.measurement.runs.is_empty() && self.measurement.sines.is_empty())
@@ -94,21 +100,11 @@ impl Answer {
         if self.is_dynamic() {
             self.method.name()
         } else {
-            "static-poses"
+            STATIC_POSES.0
         }
     }
 
-    /// What gave the masslines, in words.
-    #[must_use]
-    pub fn method_description(&self) -> &'static str {
-        if self.is_dynamic() {
-            self.method.description()
-        } else {
-            "static poses, specific force in place of acceleration"
-        }
-    }
-
-    /// Whether accelerometer weights were used.
+    /// `true` if accelerometer weights were used.
     #[must_use]
     pub fn weighted(&self) -> bool {
         self.weights.is_some()
@@ -373,7 +369,7 @@ impl<'s> Session<'s> {
     }
 }
 
-/// What averages give: the numbers, and what they were made of.
+/// The numbers from averages, and the fits behind them.
 pub(crate) struct Found {
     pub(crate) identification: Identification,
     pub(crate) covariance: Covariance,
@@ -420,7 +416,7 @@ fn identify_from(
     })
 }
 
-/// What an answer is judged by.
+/// Grounds on which an answer is refused or warned of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Judged<'a> {
     pub(crate) identification: &'a Identification,

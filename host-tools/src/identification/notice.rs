@@ -1,4 +1,4 @@
-//! What the numbers themselves say about the test.
+//! Warnings that follow from the numbers.
 
 use super::refusal::{notice_weighed, refusal};
 use super::{Judged, WARNED};
@@ -67,7 +67,7 @@ pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
     }
 }
 
-/// How seldom something of this probability happens, in words.
+/// A probability in words: one in so many.
 fn one_in(probability: f64) -> String {
     let decades = -probability.max(1e-300).log10();
     if decades < 6.0 {

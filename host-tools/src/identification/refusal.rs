@@ -92,7 +92,7 @@ fn impossible(i: &Identification) -> Option<String> {
     })
 }
 
-/// What the mass on the scales and the one in the data say of each other.
+/// Contradiction between the weighed mass and the mass in the data.
 fn against_weighed(judged: &Judged<'_>) -> Option<(f64, String)> {
     let i = judged.identification;
     let (mass_weighed, delta) = (i.mass?.value, i.indicator?);
@@ -126,7 +126,7 @@ fn weighed(judged: &Judged<'_>) -> Option<String> {
     })
 }
 
-/// What should be known of a weighed mass that is not refused.
+/// A warning about a weighed mass that is not refused.
 pub(super) fn notice_weighed(judged: &Judged<'_>) -> Option<String> {
     let (widths, text) = against_weighed(judged)?;
     (widths > NOTED).then(|| {

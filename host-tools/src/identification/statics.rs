@@ -68,7 +68,7 @@ fn at_rest(identification: &Identification) -> RigidBody {
     }
 }
 
-/// What the load cells read besides `M (a - g)`.
+/// Offsets of the load cells: the part of their readings that is not `M (a - g)`.
 fn offsets(identification: &Identification, fit: &StaticFit) -> [f64; 6] {
     let matrix = at_rest(identification).mass_matrix(&identification.reference);
     let left: Vector6<f64> = fit.mean_force - matrix * fit.mean_acceleration;

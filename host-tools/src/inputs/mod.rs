@@ -1,4 +1,4 @@
-//! What is wired to a box's inputs, as a file: sensors with their calibrations, written once
+//! Sensors that are wired to a box's inputs, as a file: with their calibrations, written once
 //! and kept with the certificates.
 //!
 //! ```toml
@@ -32,7 +32,7 @@ pub struct InputEntry {
     pub input: u8,
     /// Name of the column in recordings.
     pub channel: Option<String>,
-    /// What is wired to it.
+    /// Certificate of the sensor that is wired to it.
     pub certificate: Certificate,
 }
 
@@ -56,7 +56,7 @@ impl InputEntry {
         self.certificate.input(self.input)
     }
 
-    /// Whether anything is wired to it.
+    /// `true` if a sensor is wired to it.
     #[must_use]
     pub fn is_used(&self) -> bool {
         self.certificate.circuit() != Circuit::Unused

@@ -11,7 +11,7 @@ const SUPPLY: f64 = 3.3;
 /// Most inputs of a box: their numbers go over the link as a byte.
 const MOST: usize = 256;
 
-/// What a circuit is in the file.
+/// Words for the circuits in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Unused,
@@ -122,8 +122,8 @@ fn input(section: &Section<'_>) -> Result<InputEntry, DocumentError> {
     })
 }
 
-/// What follows from the data sheet, or nothing but the circuit where `per_count` is given in
-/// its place.
+/// Calibration that follows from the data sheet, or the circuit alone where `per_count` is given
+/// in its place.
 fn preset(section: &Section<'_>, kind: Kind) -> Result<Preset, DocumentError> {
     let sheet: &[&'static str] = match kind {
         Kind::Unused | Kind::Digital | Kind::Adxl355 => &[],
@@ -233,7 +233,7 @@ fn date(section: &Section<'_>) -> Result<Option<Date>, DocumentError> {
     Err(section.unexpected("calibrated", format!("\"{}\"", quoted(&text)), expected))
 }
 
-/// What the box would refuse, in the words of the file.
+/// The box's reason to refuse a certificate, in the words of the file.
 fn refused(section: &Section<'_>, input: &Input<'_>, problem: &Problem) -> DocumentError {
     let expected = |text: &str| text.to_owned();
     let (key, found, expected) = match problem {

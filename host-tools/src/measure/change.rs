@@ -1,4 +1,4 @@
-//! How the resultants of a run change with what is said of its sensors.
+//! Change of the resultants of a run by changes of its sensors.
 //!
 //! # Design
 //!
@@ -33,7 +33,7 @@ pub(crate) enum Change {
 }
 
 impl RunGeometry {
-    /// What the change adds to [`RunGeometry::columns`] in run `number` of the setup.
+    /// Difference that the change makes to [`RunGeometry::columns`] in run `number` of the setup.
     ///
     /// # Errors
     /// [`GeometryError`] for a setup that has no geometry.
@@ -220,7 +220,7 @@ mod tests {
         }
     }
 
-    /// What a plane set-up does not see stays unseen when a sensor is turned out of the plane.
+    /// A component that a plane set-up does not see stays unseen when a sensor is turned out of the plane.
     #[test]
     fn no_direction_is_seen_of_a_sudden() {
         let mut text = String::from("[processing]\naveraging_band = [2, 20]\n");

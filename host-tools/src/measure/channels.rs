@@ -15,7 +15,7 @@ use massline_core::masslines::StaticPoses;
 use massline_core::spectra::{Complex32, CrossAverage, Sum};
 use nalgebra::{Complex, DMatrix, Vector6};
 
-/// What every channel shows in all runs of a measurement, in recorded units.
+/// Spectra of every channel in all runs of a measurement, in recorded units.
 pub(crate) struct Channels {
     /// In the order of [`Measurement::runs`].
     runs: Vec<OfRun>,

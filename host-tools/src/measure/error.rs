@@ -1,12 +1,12 @@
-//! What keeps recordings from becoming spectra.
+//! Errors on the way from recordings to spectra.
 
 use super::Rejected;
-use crate::recording::RecordingError;
+use crate::recording::{Place, RecordingError};
 use massline_core::geometry::GeometryError;
 use massline_core::spectra::{BandError, SpectraError};
 use std::path::{Path, PathBuf};
 
-/// What keeps recordings from becoming spectra: where, what, and what to do about it.
+/// Error on the way from recordings to spectra, with its place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum MeasureError {
     /// A recording that cannot be read.
@@ -17,7 +17,7 @@ pub enum MeasureError {
     Geometry {
         /// Name of the run.
         run: String,
-        /// What is wrong.
+        /// Reason.
         source: GeometryError,
     },
     /// The apparent mass needs accelerometers on the interface.
@@ -33,7 +33,7 @@ pub enum MeasureError {
     Spectra {
         /// The recording.
         file: PathBuf,
-        /// What is wrong.
+        /// Reason.
         source: SpectraError,
     },
     /// A band that the spectrum does not hold.
@@ -41,7 +41,7 @@ pub enum MeasureError {
     Band {
         /// The recording.
         file: PathBuf,
-        /// What is wrong and what would fit.
+        /// Reason, and the bands that would fit.
         reason: String,
     },
     /// A random run without `[processing]`.
@@ -109,7 +109,7 @@ pub enum MeasureError {
         file: PathBuf,
         /// The channel.
         channel: String,
-        /// What it reads.
+        /// Its reading.
         reading: f32,
     },
     /// A drive that never moves.
@@ -119,7 +119,7 @@ pub enum MeasureError {
         file: PathBuf,
         /// The channel.
         channel: String,
-        /// What it reads.
+        /// Its reading.
         reading: f32,
     },
     /// A channel at its stop.
@@ -145,12 +145,12 @@ pub enum MeasureError {
         second: String,
     },
     /// Frequencies that do not ascend.
-    #[error("{}, line {line}: {found} Hz after {before} Hz; frequencies must ascend, each once: sort the rows and take out repeated ones", file.display())]
+    #[error("{}, {place}: {found} Hz after {before} Hz; frequencies must ascend, each once: sort the rows and take out repeated ones", file.display())]
     FrequencyOrder {
         /// The recording.
         file: PathBuf,
-        /// Line, counted from one.
-        line: u64,
+        /// Place of the row.
+        place: Place,
         /// The frequency found, Hz.
         found: f64,
         /// The one before it, Hz.
@@ -175,8 +175,8 @@ impl MeasureError {
         }
     }
 
-    /// Whether the input could be read but does not allow an answer (exit code 1), rather
-    /// than being unusable input (exit code 2).
+    /// `true` if the input could be read but does not allow an answer (exit code 1), `false` if it
+    /// is unusable (exit code 2).
     #[must_use]
     pub fn is_data(&self) -> bool {
         matches!(

@@ -67,7 +67,7 @@ pub(crate) fn channel_names<'a>(setup: &'a Setup, run: &'a Run) -> Vec<&'a str> 
 /// Share from which a component counts as told in full: what rounding leaves of one.
 const WHOLE: f64 = 1.0 - 1e-6;
 
-/// What a channel measures and which way it looks.
+/// Quantity and direction of a channel.
 #[derive(Clone, Copy)]
 pub(super) struct Axis<'a> {
     pub(super) channel: &'a str,
@@ -76,7 +76,7 @@ pub(super) struct Axis<'a> {
 }
 
 impl Axis<'_> {
-    /// Whether both would see the same motion, or load, to at least one half.
+    /// `true` if both see the same motion, or load, to at least one half.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
         self.kind == other.kind
             && self.channel != other.channel

@@ -83,7 +83,7 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Whether each run is a single pair of acceleration and force at every line.
+    /// `true` if each run is a single pair of acceleration and force at every line.
     #[must_use]
     pub fn is_paired(&self) -> bool {
         match &self.members {

@@ -26,7 +26,7 @@ pub use noise::{NoiseOrigin, RunNoise};
 pub use poses::MeasuredPoses;
 pub(crate) use random::settings_at;
 pub use random::{MeasuredRun, Spectra, block_settings};
-pub use rejected::Rejected;
+pub use rejected::{Rejected, blocks_by_word};
 pub(crate) use samples::{Samples, measure_samples};
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
@@ -56,16 +56,32 @@ pub struct Measurement {
     pub sines: Vec<MeasuredSine>,
     /// Static runs, in the order of the setup.
     pub poses: Vec<MeasuredPoses>,
-    /// Where the lines lie; `None` if all runs are static.
+    /// Frequencies of the lines; `None` if all runs are static.
     pub grid: Option<LineGrid>,
     /// The averaging band, as indices into the kept lines.
     pub band: LineRange,
     /// Blocks' hop over their length.
     pub hop: f64,
-    /// Where the noise of each run comes from: random ones, stepped sines, static ones.
+    /// Source of the noise of each run: random ones, stepped sines, static ones.
     pub noise: Vec<RunNoise>,
-    /// What the user should know.
+    /// Warnings to the user.
     pub warnings: Vec<String>,
+}
+
+impl Default for Measurement {
+    /// A measurement without any run.
+    fn default() -> Self {
+        Self {
+            runs: Vec::new(),
+            sines: Vec::new(),
+            poses: Vec::new(),
+            grid: None,
+            band: LineRange::all(0),
+            hop: 0.5,
+            noise: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// The window of all random runs.
@@ -94,16 +110,7 @@ pub fn measure_first(
     limit: Option<u64>,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Measurement, MeasureError> {
-    let mut measurement = Measurement {
-        runs: Vec::new(),
-        sines: Vec::new(),
-        poses: Vec::new(),
-        grid: None,
-        band: LineRange::all(0),
-        hop: 0.5,
-        noise: Vec::new(),
-        warnings: Vec::new(),
-    };
+    let mut measurement = Measurement::default();
     let mut settings: Option<BlockSettings> = None;
     let mut health = Vec::new();
     let mut fingerprints: HashMap<u64, String> = HashMap::new();

@@ -1,4 +1,4 @@
-//! Where the noise of a run comes from, and how it is found where spectra do not tell it.
+//! Sources of the noise of a run, and its estimation where spectra do not tell it.
 //!
 //! # Design
 //!
@@ -21,7 +21,7 @@ use crate::setup::Setup;
 use massline_core::geometry::ResultantNoise;
 use nalgebra::Complex;
 
-/// Where the noise of one half of a run's resultants comes from.
+/// Source of the noise of the accelerations or of the forces of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseOrigin {
     /// Averaged spectra.
@@ -32,7 +32,7 @@ pub enum NoiseOrigin {
     Repeats,
     /// The misfit of neighbouring lines.
     Neighbours,
-    /// What a rigid set of sensors, or a rigid body, leaves.
+    /// Residual of a rigid set of sensors, or of a rigid body.
     Residual,
     /// A resolution that nothing in the data speaks for.
     Assumed,
@@ -53,7 +53,7 @@ impl NoiseOrigin {
     }
 }
 
-/// Where the noise of a run comes from.
+/// Source of the noise of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunNoise {
     /// Name of the run.
@@ -71,7 +71,7 @@ pub(super) const RESOLUTION: f64 = 1e-6;
 /// The noise that the setup states of a run's sensors, by halves.
 pub(super) struct Stated {
     pub(super) noise: ResultantNoise,
-    /// Whether every sensor of accelerations, of forces states its own.
+    /// `true` if every sensor of accelerations, of forces states its own.
     pub(super) whole: [bool; 2],
 }
 
@@ -164,7 +164,7 @@ pub(super) fn settle(
     origins
 }
 
-/// What is said of a run whose noise is assumed.
+/// The warning about a run whose noise is assumed.
 pub(super) fn assumed(run: &str, why: &str, advice: &str) -> String {
     format!(
         "run \"{run}\": {why}; a relative resolution of {RESOLUTION:.0e} is assumed, and what is observable and the error bars rest on that assumption. State the sensors' `noise`, or {advice}"

@@ -21,13 +21,13 @@ pub struct MeasuredPoses {
     pub poses: StaticPoses,
     /// Covariance of the noise of the specific force in one pose, about A.
     pub noise: Matrix6<f64>,
-    /// Where that comes from.
+    /// Source of the noise.
     pub origin: RunNoise,
     /// Every pose: specific force and resultants at A.
     pub rows: Vec<(Vector6<f64>, Vector6<f64>)>,
     /// The channels' readings in recorded units, pose by pose.
     pub(crate) readings: Vec<Vec<f32>>,
-    /// What the recording says of itself.
+    /// Calibrations that the recording states.
     pub preamble: Preamble,
     pub(super) fingerprint: u64,
 }

@@ -64,9 +64,9 @@ pub struct MeasuredRun {
     pub samples: u64,
     /// Lines of the averaging band.
     pub band: LineRange,
-    /// What was left out of the average.
+    /// Blocks and samples that were left out of the average.
     pub rejected: Rejected,
-    /// What the recording says of itself.
+    /// True sample rate and calibrations that the recording states.
     pub preamble: Preamble,
     /// State of each channel.
     pub health: Vec<ChannelHealth>,
@@ -98,7 +98,7 @@ impl MeasuredRun {
         }
     }
 
-    /// Where its noise comes from.
+    /// Source of its noise.
     pub(super) fn noise_origin(&self) -> RunNoise {
         let driven = matches!(self.spectra, Spectra::Drive { .. });
         let origin = if !driven && self.stated.is_some() && self.tells_too_little() {
@@ -113,7 +113,7 @@ impl MeasuredRun {
         }
     }
 
-    /// Whether a run without a drive has too few blocks to tell its noise: six channels explain
+    /// `true` if a run without a drive has too few blocks to tell its noise: six channels explain
     /// six others in as many independent blocks.
     pub(super) fn tells_too_little(&self) -> bool {
         let hop = self.settings.hop() as f64 / self.settings.block_length() as f64;
@@ -346,7 +346,7 @@ fn parts_of_drives(
     Ok(averaged)
 }
 
-/// What is known of a run whose drives may explain little of it.
+/// A run whose drives may explain little of it.
 struct Told<'a> {
     setup: &'a Setup,
     run: &'a Run,

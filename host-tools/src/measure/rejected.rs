@@ -3,8 +3,9 @@
 use crate::recording::fault_words;
 use massline_core::spectra::BlockSettings;
 use massline_firmware::wire::Health;
+use std::collections::BTreeMap;
 
-/// What was left out of an average, and why.
+/// Blocks and samples that were left out of an average, by fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rejected {
     /// Blocks that hold a faulty sample, also by way of a filter's memory.
@@ -18,6 +19,12 @@ pub struct Rejected {
 }
 
 impl Rejected {
+    /// Blocks left out for each fault that occurred, by its word.
+    #[must_use]
+    pub fn by_word(&self) -> BTreeMap<String, u32> {
+        blocks_by_word(self.by_fault)
+    }
+
     /// The faults in words with their blocks, most frequent first: `checksum (4), missing (1)`.
     #[must_use]
     pub fn reasons(&self) -> String {
@@ -29,6 +36,14 @@ impl Rejected {
             .map(|(blocks, word)| format!("{word} ({blocks})"));
         words.collect::<Vec<_>>().join(", ")
     }
+}
+
+/// Blocks for each fault that occurred, by its word; `by_fault` is in the order of [`Health`]'s
+/// bits.
+#[must_use]
+pub fn blocks_by_word(by_fault: [u32; Health::KINDS]) -> BTreeMap<String, u32> {
+    let words = fault_words().into_iter().map(str::to_owned).zip(by_fault);
+    words.filter(|(_, blocks)| *blocks > 0).collect()
 }
 
 /// Watches which blocks hold a faulty sample.
@@ -69,7 +84,7 @@ impl Gate {
         }
     }
 
-    /// Whether the block that ends with the sample noted last may be averaged.
+    /// `true` if the block that ends with the sample noted last may be averaged.
     pub(super) fn admits(&mut self) -> bool {
         let first = self.rows.saturating_sub(self.support);
         if self.unnamed <= first {

@@ -31,16 +31,7 @@ pub(crate) fn measure_samples(
     accelerations: &Accelerations,
     runs: &[Samples<'_>],
 ) -> Result<Measurement, MeasureError> {
-    let mut measurement = Measurement {
-        runs: Vec::with_capacity(runs.len()),
-        sines: Vec::new(),
-        poses: Vec::new(),
-        grid: None,
-        band: LineRange::all(0),
-        hop: 0.5,
-        noise: Vec::new(),
-        warnings: Vec::new(),
-    };
+    let mut measurement = Measurement::default();
     for (number, (run, samples)) in setup.runs.iter().zip(runs).enumerate() {
         let geometry = RunGeometry::new(setup, number, accelerations)?;
         let processing = setup.processing.as_ref();

@@ -18,7 +18,7 @@ use crate::recording::{ChannelHealth, Complaint};
 use crate::setup::{Run, Setup};
 use std::collections::BTreeSet;
 
-/// What was seen of each run's channels, in the order of [`channel_names`].
+/// State of each run's channels, in the order of [`channel_names`].
 pub(super) type Seen<'s> = Vec<(&'s Run, Vec<ChannelHealth>)>;
 
 /// Refuses dead and clipped channels, and notes those that rest.
@@ -98,7 +98,7 @@ fn dead(health: &ChannelHealth) -> bool {
     health.complaint() == Some(Complaint::Dead)
 }
 
-/// Whether a channel moves in any run.
+/// `true` if a channel moves in any run.
 fn moves(setup: &Setup, seen: &Seen<'_>, channel: &str) -> bool {
     seen.iter().any(|(run, channels)| {
         let names = channel_names(setup, run);
@@ -107,7 +107,7 @@ fn moves(setup: &Setup, seen: &Seen<'_>, channel: &str) -> bool {
     })
 }
 
-/// Whether others that look the same way rest too, all of them.
+/// `true` if all others that look the same way rest too.
 fn rests(setup: &Setup, seen: &Seen<'_>, axes: &[Axis<'_>], axis: &Axis<'_>) -> bool {
     let mut witnesses = axes
         .iter()

@@ -38,7 +38,7 @@ pub struct MeasuredSine {
     pub(super) resolution: ResultantNoise,
     /// The run that this one repeats.
     pub(super) repeats: Option<String>,
-    /// What the recording says of itself.
+    /// True sample rate and calibrations that the recording states.
     pub preamble: Preamble,
     pub(super) fingerprint: u64,
 }
@@ -103,7 +103,7 @@ pub(super) fn read(
         if frequency <= last {
             return Err(MeasureError::FrequencyOrder {
                 file,
-                line: recording.line(),
+                place: recording.place(),
                 found: frequency,
                 before: last,
             });

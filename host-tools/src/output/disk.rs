@@ -18,7 +18,7 @@ pub(crate) enum Operation {
     Write,
     /// A file's permissions and owner.
     Permit,
-    /// What was written goes to the disk.
+    /// Bytes that were written go to the disk.
     Sync,
     /// A file under another name.
     Rename,
@@ -70,7 +70,7 @@ pub(super) fn create_new(path: &Path) -> io::Result<Handle> {
     })
 }
 
-/// Whether a program has the file in use; `None` where the system does not tell.
+/// `true` if a program has the file in use; `None` where the system does not tell.
 pub(super) fn is_in_use(path: &Path) -> Option<bool> {
     #[cfg(unix)]
     {
@@ -132,7 +132,7 @@ pub(super) fn sync_folder(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether the disk failed, rather than the system having no such operation.
+/// `true` if the disk failed, `false` if the system has no such operation.
 fn is_failure(error: &io::Error) -> bool {
     use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     !matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported)
@@ -174,7 +174,7 @@ impl Handle {
         self.file.set_permissions(old.permissions())
     }
 
-    /// What has been written, from its beginning.
+    /// The bytes that have been written, from the beginning.
     pub(super) fn reread(&self) -> io::Result<File> {
         use io::Seek;
         let mut file = self.file.try_clone()?;

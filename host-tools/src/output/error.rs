@@ -46,9 +46,9 @@ pub enum OutputError {
     Unfinished {
         /// The rows.
         part: PathBuf,
-        /// What they were to become.
+        /// The file that they were to become.
         file: PathBuf,
-        /// How many there are.
+        /// Number of bytes.
         bytes: u64,
     },
     /// Another program is at it.
@@ -80,7 +80,7 @@ impl OutputError {
     }
 }
 
-/// What to do about a refusal of the file system.
+/// Advice on a refusal of the file system.
 pub(crate) fn advice(source: &io::Error) -> &'static str {
     use io::ErrorKind as Kind;
     match source.kind() {

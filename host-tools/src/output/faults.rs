@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What happens at the n-th operation.
+/// Fault at the n-th operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fault {
     /// The disk is full and stays so: nothing is made or written any more, but renamed and
@@ -32,7 +32,7 @@ thread_local! {
     static PLAN: RefCell<Option<Plan>> = const { RefCell::new(None) };
 }
 
-/// What was done under a plan: what came of it, and the operations in turn.
+/// Operations under a plan in turn, and the result.
 pub(crate) struct Done<T> {
     pub(crate) value: T,
     pub(crate) seen: Vec<(Operation, PathBuf)>,

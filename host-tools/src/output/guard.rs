@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-/// What may be done to a file that is there already.
+/// Permission to replace a file that is there already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Existing {
     /// It may be replaced: the user said so.
@@ -21,17 +21,17 @@ pub(crate) enum Existing {
 }
 
 impl Existing {
-    /// What `--force` makes of it.
+    /// [`Existing::Replace`] with `--force`, else unchanged.
     pub(crate) const fn or_force(self, force: bool) -> Self {
         if force { Self::Replace } else { self }
     }
 }
 
-/// Where reports say that this program made them: among their first bytes.
+/// First bytes of a report, among which the mark of this program stands.
 const REPORT_HEAD: usize = 1024;
 
-/// Whether a file may be written: it is none of `inputs`, under whatever name, and nothing
-/// stands there that has to stay. Asked before the work is done that it is the result of.
+/// Checks that a file may be written: it is none of `inputs`, under whatever name, and no file
+/// is there that has to stay. To be called before the work that the file is the result of.
 ///
 /// # Errors
 /// [`OutputError::Input`], [`OutputError::Present`].
@@ -66,7 +66,7 @@ pub(crate) fn check<'i>(
     Ok(())
 }
 
-/// Whether a file is a report that this program made.
+/// `true` if a file is a report that this program made.
 fn is_report(file: &Path) -> bool {
     // A pipe would wait for somebody to write.
     if !fs::metadata(file).is_ok_and(|found| found.is_file()) {
@@ -78,7 +78,7 @@ fn is_report(file: &Path) -> bool {
     read.is_ok() && head.windows(mark.len()).any(|bytes| bytes == mark)
 }
 
-/// Whether two paths lead to one regular file, by symbolic or by hard links.
+/// `true` if two paths lead to one regular file, by symbolic or by hard links.
 fn same_file(a: &Path, b: &Path) -> bool {
     let (Ok(of_a), Ok(of_b)) = (fs::metadata(a), fs::metadata(b)) else {
         return false;

@@ -44,7 +44,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// How the name of a file ends that is not in its place yet.
+/// Ending of the name of a file that is not in its place yet.
 const UNFINISHED: &str = ".massline-tmp";
 /// Bytes that are handed to the system at a time.
 const BUFFER: usize = 64 << 10;
@@ -75,7 +75,7 @@ enum To {
         rows: BufWriter<Handle>,
         beside: Beside,
     },
-    /// What is written directly.
+    /// A device, pipe or stream, which is written directly.
     Stream(Box<dyn Write>),
 }
 
@@ -213,7 +213,7 @@ fn begin(target: &Path) -> io::Result<(Handle, PathBuf)> {
     Err(last)
 }
 
-/// How the names of files beside a place begin. Names have an end: file systems take 255 bytes.
+/// Beginning of the names of files beside a place. It is cut: file systems take 255 bytes.
 fn prefix(target: &Path) -> String {
     const LONGEST: usize = 50;
     let name = target.file_name().unwrap_or_default().to_string_lossy();

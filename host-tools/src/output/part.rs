@@ -12,7 +12,7 @@ use super::{OutputError, TRIES};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// How the name of a recording ends that grows.
+/// Ending of the name of a recording that grows.
 const GROWING: &str = "part";
 
 /// Rows of a recording that grows.
@@ -22,7 +22,7 @@ pub(crate) struct Part {
     set_aside: Option<PathBuf>,
 }
 
-/// Where the rows of a recording are while it grows.
+/// Path of the rows of a recording while it grows.
 pub(crate) fn part_of(file: &Path) -> PathBuf {
     let mut part = file.as_os_str().to_owned();
     part.push(".");
@@ -81,12 +81,12 @@ impl Part {
         })
     }
 
-    /// Where the rows are.
+    /// Path of the rows.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Where the rows of an earlier recording are now that were in the way.
+    /// New path of the rows of an earlier recording that were in the way.
     pub(crate) fn set_aside(&self) -> Option<&Path> {
         self.set_aside.as_deref()
     }

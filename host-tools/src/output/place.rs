@@ -1,26 +1,26 @@
-//! Where a path leads that is to be written.
+//! Target of a path that is to be written.
 
 use std::fs::{self, Metadata, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Where a path leads.
+/// Target of a path.
 pub(super) enum Place {
     /// A regular file, or nothing yet.
     File {
         /// Behind all links.
         target: PathBuf,
-        /// What is known of it, if it is there.
+        /// Metadata of the file that is there already.
         old: Option<Metadata>,
     },
-    /// What takes bytes and keeps none: written directly.
+    /// A device, pipe or stream, which is written directly.
     Stream(Box<dyn Write>),
 }
 
 /// More links than any system follows.
 const MOST_LINKS: u32 = 40;
 
-/// What stands at the end of all links.
+/// File at the end of all links.
 pub(super) enum End {
     /// Nothing, but a file could.
     Nothing(PathBuf),
@@ -93,13 +93,13 @@ fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
 }
 
-/// Whether there is a name that a file could have.
+/// `true` if the path ends in a name that a file could have.
 fn is_named(path: &Path) -> bool {
     let text = path.as_os_str().as_encoded_bytes();
     path.file_name().is_some() && !text.ends_with(b"/")
 }
 
-/// Whether a folder is that of a process's descriptors.
+/// `true` if a folder is that of a process's descriptors.
 fn is_descriptors(folder: &Path) -> bool {
     let linux = folder.starts_with("/proc") && folder.ends_with("fd");
     linux || folder == Path::new("/dev/fd")

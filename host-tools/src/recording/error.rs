@@ -1,11 +1,19 @@
-//! What can be wrong with a recording.
+//! Errors of recordings.
 
-use super::Checksum;
+use super::{Checksum, Place};
 use crate::format::plain;
 use crate::limits;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// What can be wrong with a recording: where, what, and what to do about it.
+/// A file with a place in it, where there is one.
+fn at(file: &Path, place: Option<Place>) -> String {
+    match place {
+        Some(place) => format!("{}, {place}", file.display()),
+        None => file.display().to_string(),
+    }
+}
+
+/// Error of a recording, with its place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The file cannot be opened or read.
@@ -23,12 +31,12 @@ pub enum RecordingError {
         file: PathBuf,
     },
     /// A row that no recording has.
-    #[error("{}, line {line}: a row of more than {} MiB; this is no recording, or its line ends are lost: export it again", file.display(), limits::ROW >> 20)]
+    #[error("{}, {place}: a row of more than {} MiB; this is no recording, or its line ends are lost: export it again", file.display(), limits::ROW >> 20)]
     RowTooLong {
         /// The file.
         file: PathBuf,
         /// The line at which it begins, or the line within it that was reached.
-        line: u64,
+        place: Place,
     },
     /// A header that no recording has.
     #[error("{}, line 1: {found} columns, at most {} can be read; export fewer channels, or the file in parts", file.display(), limits::COLUMNS)]
@@ -39,12 +47,12 @@ pub enum RecordingError {
         found: usize,
     },
     /// Damaged in the middle: a broken gzip stream, or no text.
-    #[error("{}, line {line}: the file breaks off or is damaged: {reason}; copy or export it again", file.display())]
+    #[error("{}, {place}: the file breaks off or is damaged: {reason}; copy or export it again", file.display())]
     Damaged {
         /// The file.
         file: PathBuf,
-        /// The line before which reading stopped.
-        line: u64,
+        /// The place before which reading stopped.
+        place: Place,
         /// The reader's reason.
         reason: String,
     },
@@ -65,7 +73,7 @@ pub enum RecordingError {
     NoText {
         /// The file.
         file: PathBuf,
-        /// What it may be, and what to do.
+        /// Probable kind of the file, and what to do.
         advice: &'static str,
     },
     /// Columns between something else than commas.
@@ -73,7 +81,7 @@ pub enum RecordingError {
     OtherSeparator {
         /// The file.
         file: PathBuf,
-        /// What separates them.
+        /// The separator that was found.
         found: &'static str,
     },
     /// Numbers from the first line on.
@@ -85,20 +93,24 @@ pub enum RecordingError {
         found: String,
     },
     /// A channel the setup names is not there.
-    #[error("{}, line 1: there is no channel `{channel}`; {hint}", file.display())]
+    #[error("{}: there is no channel `{channel}`; {hint}", at(file, *place))]
     MissingChannel {
         /// The file.
         file: PathBuf,
+        /// Place of the names, where they have one.
+        place: Option<Place>,
         /// The channel asked for.
         channel: String,
         /// The nearest name, or all of them.
         hint: String,
     },
     /// Two columns of one name.
-    #[error("{}, line 1: channel `{channel}` stands there twice, in columns {first} and {second}; rename one", file.display())]
+    #[error("{}: channel `{channel}` stands there twice, in columns {first} and {second}; rename one", at(file, *place))]
     DuplicateChannel {
         /// The file.
         file: PathBuf,
+        /// Place of the names, where they have one.
+        place: Option<Place>,
         /// The name.
         channel: String,
         /// Columns, counted from one.
@@ -107,49 +119,49 @@ pub enum RecordingError {
         second: usize,
     },
     /// Text where a number should be.
-    #[error("{}, line {line}, channel `{channel}`: `{found}` is not a number; write it with a decimal point, or cut the recording before this line", file.display())]
+    #[error("{}, {place}, channel `{channel}`: `{found}` is not a number; write it with a decimal point, or cut the recording before this line", file.display())]
     NotANumber {
         /// The file.
         file: PathBuf,
-        /// Line, counted from one.
-        line: u64,
+        /// Place of the sample.
+        place: Place,
         /// The channel.
         channel: String,
-        /// What stands there.
+        /// The text that was found.
         found: String,
     },
     /// NaN, infinity, or more than single precision holds.
-    #[error("{}, line {line}, channel `{channel}`: {found} is not a finite reading; cut the recording before it, or record again", file.display())]
+    #[error("{}, {place}, channel `{channel}`: {found} is not a finite reading; cut the recording before it, or record again", file.display())]
     NotFinite {
         /// The file.
         file: PathBuf,
-        /// Line, counted from one.
-        line: u64,
+        /// Place of the sample.
+        place: Place,
         /// The channel.
         channel: String,
-        /// What stands there.
+        /// The text that was found.
         found: String,
     },
     /// A row with too few or too many fields.
-    #[error("{}, line {line}: {found} fields where the header has {expected}; the row is cut or a channel is lost: cut the recording before this line, or export it again", file.display())]
+    #[error("{}, {place}: {found} fields where the header has {expected}; the row is cut or a channel is lost: cut the recording before this line, or export it again", file.display())]
     RowLength {
         /// The file.
         file: PathBuf,
-        /// Line, counted from one.
-        line: u64,
+        /// Place of the sample.
+        place: Place,
         /// Fields found.
         found: usize,
         /// Fields of the header.
         expected: usize,
     },
-    /// What the recording says of its sample rate contradicts the stated one.
+    /// The recording's own sample rate contradicts the stated one.
     #[error("{}: {place} says {} samples per second, the setup says {}; correct `sample_rate` in [processing], or leave it out", file.display(), plain(*found, 6), plain(*stated, 6))]
     WrongRate {
         /// The file.
         file: PathBuf,
-        /// Where the recording says it.
+        /// Part of the recording that states it.
         place: &'static str,
-        /// What it says, Hz.
+        /// The recording's own rate, Hz.
         found: f64,
         /// From the setup, Hz.
         stated: f64,
@@ -161,24 +173,24 @@ pub enum RecordingError {
         file: PathBuf,
     },
     /// Time does not go on evenly: samples are missing or doubled.
-    #[error("{}, line {line}: time is {found} s where {expected:.6} s was due; samples are missing or doubled before this line: cut the recording there, or record again", file.display())]
+    #[error("{}, {place}: time is {found} s where {expected:.6} s was due; samples are missing or doubled before this line: cut the recording there, or record again", file.display())]
     TimeJump {
         /// The file.
         file: PathBuf,
-        /// Line, counted from one.
-        line: u64,
+        /// Place of the sample.
+        place: Place,
         /// The time found, s.
         found: f64,
         /// The time expected, s.
         expected: f64,
     },
     /// A word in the column `health` that names no fault.
-    #[error("{}, line {line}, column `health`: `{found}` is no fault; it may be {}, several joined by +, or nothing for a good sample", file.display(), crate::recording::fault_words().join(", "))]
+    #[error("{}, {place}, column `health`: `{found}` is no fault; it may be {}, several joined by +, or nothing for a good sample", file.display(), crate::recording::fault_words().join(", "))]
     NoFault {
         /// The file.
         file: PathBuf,
-        /// Line, counted from one.
-        line: u64,
+        /// Place of the sample.
+        place: Place,
         /// The word.
         found: String,
     },
@@ -187,7 +199,7 @@ pub enum RecordingError {
     Preamble {
         /// The file.
         file: PathBuf,
-        /// What is wrong.
+        /// Reason of the reader.
         reason: String,
     },
     /// Another recording than the setup was written with.
@@ -195,9 +207,9 @@ pub enum RecordingError {
     OtherRecording {
         /// The file.
         file: PathBuf,
-        /// What the setup says of it.
+        /// Checksum that the setup states.
         expected: Checksum,
-        /// What it is.
+        /// Checksum of the file.
         found: Checksum,
     },
 }

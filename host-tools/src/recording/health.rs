@@ -18,7 +18,7 @@ pub struct ChannelHealth {
     pub next_to_limit: u64,
 }
 
-/// What is wrong with a channel.
+/// Fault of a channel, seen from its readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Complaint {
     /// Every sample is the same.
@@ -33,7 +33,7 @@ pub enum Complaint {
 }
 
 impl ChannelHealth {
-    /// What is wrong with this channel, if anything.
+    /// The fault of this channel, if it has one.
     ///
     /// An extreme of a random signal is rare by nature; even a coarse converter hits it
     /// once or twice. Four times, and two of them in a row, is an amplifier at its stop.

@@ -1,5 +1,5 @@
-//! What a recording says of itself above its header: how it came about, and what its numbers
-//! rest on.
+//! The preamble of a recording above its header: its true sample rate and the calibrations of
+//! its channels.
 //!
 //! Lines that begin with `#`, which other programs skip. The first one is
 //! `# massline recording 1`, the rest is TOML behind the `#`:
@@ -27,7 +27,7 @@ const TITLE: &str = "# massline recording 1";
 /// Longest preamble, bytes: a thousand channels' worth. What is longer is none.
 const LONGEST: usize = 256 << 10;
 
-/// What a recording says of itself.
+/// True sample rate and calibrations that a recording states.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Preamble {
     /// The true sample rate, where it was measured.
@@ -48,13 +48,13 @@ pub struct TrueRate {
     pub clock: String,
 }
 
-/// What the sensitivity of a channel rests on.
+/// Calibration of a channel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Traceability {
     /// Serial number of the sensor.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub serial: String,
-    /// Who calibrated it, or the certificate's number.
+    /// Calibration laboratory or number of the certificate.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub certificate: String,
     /// Day of the calibration, year-month-day.
@@ -66,7 +66,7 @@ pub struct Traceability {
 }
 
 impl Preamble {
-    /// Whether it says nothing.
+    /// `true` if it states nothing.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()

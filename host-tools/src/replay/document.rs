@@ -2,6 +2,7 @@
 
 use super::{Comparison, Outcome};
 use crate::device::BoxInfo;
+use crate::result::DeviceEntry;
 use serde::Serialize;
 
 /// Version of the document's form.
@@ -25,19 +26,6 @@ pub struct ReplayDocument {
     pub compared: Vec<ComparisonEntry>,
     /// What the link went through.
     pub link: LinkEntry,
-}
-
-/// Who was asked.
-#[derive(Clone, Debug, Serialize)]
-pub struct DeviceEntry {
-    /// The firmware's name.
-    pub firmware: String,
-    /// Its version.
-    pub version: String,
-    /// What it was built from.
-    pub build: String,
-    /// The chip.
-    pub chip: String,
 }
 
 impl From<&BoxInfo> for DeviceEntry {

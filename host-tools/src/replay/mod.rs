@@ -27,7 +27,7 @@ pub(crate) mod plan;
 pub(crate) mod transfer;
 
 pub use compare::{Comparison, Difference, Found};
-pub use document::{ComparisonEntry, DeviceEntry, LinkEntry, ReplayDocument, SCHEMA};
+pub use document::{ComparisonEntry, LinkEntry, ReplayDocument, SCHEMA};
 pub use error::ReplayError;
 pub use flip::Flip;
 pub use outcome::{AnswerOutcome, BaseOutcome, Outcome, RunOutcome};

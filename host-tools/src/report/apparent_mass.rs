@@ -8,22 +8,23 @@ use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, To
 use super::response::{Entries, Entry, entries};
 use super::scales::axis_factor;
 use crate::identification::Answer;
+use crate::result::ResultDocument;
 use massline_core::masslines::ApparentMass;
 use std::fmt::Write;
 
-/// What every panel of the section needs to know.
+/// Data of all panels of the section.
 struct View<'a> {
     /// Averaging band, Hz.
     band: [f64; 2],
     /// Highest kept line, Hz.
     top: f64,
     fit: Option<&'a ApparentMass>,
-    /// Whether the acceleration comes from the interface alone.
+    /// `true` if the acceleration comes from the interface alone.
     interface_only: bool,
 }
 
 /// The section, or `None` without spectra.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
+pub(super) fn section(answer: &Answer, result: &ResultDocument) -> Option<Section> {
     let groups = fitted(answer);
     let mut html = String::new();
     for group in &groups {
@@ -40,7 +41,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
             fit: group.fit,
             interface_only: answer.method.interface_only(),
         };
-        let entries = entries(group, answer);
+        let entries = entries(group, result);
         if groups.len() > 1 {
             let names: Vec<String> = group.names().into_iter().map(escape).collect();
             let runs = if names.len() == 1 { "Run" } else { "Runs" };

@@ -1,18 +1,16 @@
-//! The section on uncertainty: what noise and what stated errors of sensors contribute.
+//! The section on uncertainty: the shares of noise and of stated errors of sensors.
 
 use super::markup::escape;
 use super::number::{significant, uncertain, with_unit};
 use super::page::Section;
 use super::scales::Unit;
 use super::table::TERMS;
-use crate::identification::{Answer, estimates, number};
+use crate::result::{Number, ResultDocument};
 use std::fmt::Write;
 
 /// The section, or `None` where neither setup nor certificates state an uncertainty.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
-    let type_b = answer.type_b.as_ref()?;
-    let i = &answer.identification;
-    let all = estimates(i);
+pub(super) fn section(result: &ResultDocument) -> Option<Section> {
+    result.covariance_type_b.as_ref()?;
     let mut html = String::from(
         "<p>Type A is what scatters from sample to sample, type B what the setup and the \
          certificates state of calibrations, positions and directions; it would be the same in \
@@ -23,45 +21,41 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
          <th scope=\"col\" class=\"num\">Value ± 95\u{202f}% interval of both</th><th></th>\
          <th scope=\"col\">Most of type B comes from</th></tr></thead><tbody>",
     );
-    let largest = |first: usize| {
-        let terms = all[first..first + 6].iter().flatten();
-        terms.map(|e| e.value.abs()).fold(0.0, f64::max)
-    };
-    let mut rows: Vec<(usize, String, Unit)> = vec![match i.indicator {
-        Some(_) => (number::INDICATOR, "Δ".to_owned(), Unit::ONE),
+    let mut rows: Vec<(&Number, String, Unit)> = vec![match &result.indicator {
+        Some(indicator) => (indicator, "Δ".to_owned(), Unit::ONE),
         None => {
-            let unit = Unit::of_mass(i.mass.map_or(1.0, |m| m.value));
-            (number::MASS, "m".to_owned(), unit)
+            let unit = Unit::of_mass(result.mass.value.unwrap_or(1.0));
+            (&result.mass, "m".to_owned(), unit)
         }
     }];
-    for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
-        rows.push((number::CENTRE + k, name.to_owned(), Unit::MILLIMETRE));
+    for (number, name) in result.centre_of_gravity.iter().zip(["x", "y", "z"]) {
+        rows.push((number, name.to_owned(), Unit::MILLIMETRE));
     }
-    for (first, point) in [(number::INERTIA_REFERENCE, "A"), (number::INERTIA_CG, "S")] {
-        let unit = Unit::of_inertia(largest(first));
-        for (k, term) in TERMS.into_iter().enumerate() {
-            rows.push((first + k, format!("Θ<sub>{term}</sub> about {point}"), unit));
+    for (terms, point) in [(&result.inertia_reference, "A"), (&result.inertia_cg, "S")] {
+        let unit = Unit::of_inertia(terms.largest());
+        for (number, term) in terms.terms().into_iter().zip(TERMS) {
+            rows.push((number, format!("Θ<sub>{term}</sub> about {point}"), unit));
         }
     }
-    for (place, symbol, unit) in rows {
-        let Some(e) = all[place] else { continue };
-        let Some(both) = type_b.combined(place, &e, i.freedom) else {
+    for (number, symbol, unit) in rows {
+        let (Some(e), Some(type_b), Some(both)) =
+            (number.estimate(), &number.type_b, &number.combined)
+        else {
             continue;
         };
-        let source = type_b
-            .dominant(place)
-            .map_or(String::new(), |(source, share)| {
-                let share = with_unit(&significant(100.0 * share, 2), "%");
-                format!("{} ({share} of its variance)", escape(source))
-            });
+        let source = type_b.source.as_ref().zip(type_b.share);
+        let source = source.map_or(String::new(), |(source, share)| {
+            let share = with_unit(&significant(100.0 * share, 2), "%");
+            format!("{} ({share} of its variance)", escape(source))
+        });
         let _ = write!(
             html,
             "<tr><th scope=\"row\"><i>{symbol}</i></th><td class=\"num\">{}</td>\
              <td class=\"num\">{}</td><td class=\"num value\">{}</td><td class=\"unit\">{}</td>\
              <td>{source}</td></tr>",
             significant(e.std / unit.si, 2),
-            significant(both.type_b / unit.si, 2),
-            uncertain(e.value / unit.si, both.interval / unit.si),
+            significant(type_b.std / unit.si, 2),
+            uncertain(e.value / unit.si, both.half_width() / unit.si),
             unit.symbol,
         );
     }

@@ -8,6 +8,7 @@ use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Series, Span, Tone, le
 use super::scales::lever;
 use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
+use crate::result::ResultDocument;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::Moments;
 use massline_core::spectra::{LineGrid, LineRange};
@@ -21,7 +22,7 @@ const EXCITED: f64 = 1e-2;
 const FEW: usize = 4;
 /// More runs than this are not drawn.
 const MOST_RUNS: usize = 12;
-/// What is nearer to one than this is drawn there.
+/// Largest coherence that is drawn; higher ones are drawn there.
 const NEAREST: f64 = 1.0 - 1e-7;
 
 /// Coherences of some components of a run, line by line.
@@ -34,7 +35,7 @@ struct Curves {
 }
 
 /// The section, or `None` without random runs.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
+pub(super) fn section(answer: &Answer, result: &ResultDocument) -> Option<Section> {
     let grid = answer.measurement.grid?;
     if answer.measurement.runs.is_empty() {
         return None;
@@ -45,7 +46,7 @@ pub(super) fn section(answer: &Answer) -> Option<Section> {
         .runs
         .iter()
         .take(MOST_RUNS)
-        .map(|run| (run, curves(run, answer)))
+        .map(|run| (run, curves(run, answer, result)))
         .collect();
     let mut extent = Extent::new(Mapping::Nines);
     for (_, values) in all(&runs).flat_map(|c| &c.components) {
@@ -197,8 +198,8 @@ fn near_one(value: f64) -> String {
     }
 }
 
-fn curves(run: &MeasuredRun, answer: &Answer) -> Vec<Curves> {
-    let lever = lever(&answer.identification);
+fn curves(run: &MeasuredRun, answer: &Answer, result: &ResultDocument) -> Vec<Curves> {
+    let lever = lever(result);
     let band = answer.measurement.band;
     let determined = determined_accelerations(&run.geometry);
     let forces = measured_forces(&run.geometry);

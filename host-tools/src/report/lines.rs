@@ -11,7 +11,7 @@ use nalgebra::{Matrix6, Vector6};
 pub(super) struct Fitted<'a> {
     /// The runs.
     pub group: Group<'a>,
-    /// What the apparent mass was fitted with.
+    /// The fit of the apparent mass.
     pub fit: Option<&'a ApparentMass>,
 }
 

@@ -43,27 +43,33 @@ mod verdict;
 pub use truth::TrueBody;
 
 use crate::identification::Answer;
+use crate::result::ResultDocument;
 use crate::setup::Setup;
 use page::Section;
 
-/// The report of an answer as an HTML page; `truth` is what should have come out, where
-/// that is known.
+/// The report of a result as an HTML page: its numbers are those of `result`, its plots those of
+/// the spectra in `answer`; `truth` are the true properties, where they are known.
 #[must_use]
-pub fn render(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
-    let ten = Section::new("ten", "The ten numbers", table::table(answer, truth));
+pub fn render(
+    setup: &Setup,
+    answer: &Answer,
+    result: &ResultDocument,
+    truth: Option<&TrueBody>,
+) -> String {
+    let ten = Section::new("ten", "The ten numbers", table::table(result, truth));
     let mut sections = vec![ten];
-    sections.extend(budget::section(answer));
-    sections.extend(apparent_mass::section(answer));
-    sections.extend(modes::section(answer));
-    sections.extend(poses::section(answer));
-    sections.extend(coherence::section(answer));
+    sections.extend(budget::section(result));
+    sections.extend(apparent_mass::section(answer, result));
+    sections.extend(modes::section(result));
+    sections.extend(poses::section(answer, result));
+    sections.extend(coherence::section(answer, result));
     sections.extend(base_spectra::section(answer));
-    sections.push(sketch::section(setup, answer, truth));
-    sections.push(runs::section(setup, answer));
+    sections.push(sketch::section(setup, result, truth));
+    sections.push(runs::section(setup, answer, result));
     sections.push(runs::reading(answer));
     page::page(
         verdict::title(setup),
-        &verdict::header(setup, answer, truth),
+        &verdict::header(setup, answer, result, truth),
         &sections,
         &format!("Made by massline {}.", env!("CARGO_PKG_VERSION")),
     )

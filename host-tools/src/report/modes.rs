@@ -2,35 +2,32 @@
 
 use super::number::{fixed, significant, with_unit};
 use super::page::Section;
-use super::rigid;
-use crate::identification::Answer;
-use crate::modal::{FixedShape, FreeShape};
+use crate::result::{FixedModeDocument, FreeModeDocument, ResultDocument};
 use std::fmt::Write;
 
 /// The section, or `None` where nobody asked for modes or none was found.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
-    let modal = answer.modal.as_ref()?;
-    if modal.fixed.is_empty() && modal.free.is_empty() {
+pub(super) fn section(result: &ResultDocument) -> Option<Section> {
+    let (fixed, free) = (&result.fixed_modes, &result.free_modes);
+    if fixed.is_empty() && free.is_empty() {
         return None;
     }
     let mut html = String::new();
-    if !modal.fixed.is_empty() {
-        html.push_str(&fixed_modes(&modal.fixed, answer));
+    if !fixed.is_empty() {
+        html.push_str(&fixed_modes(fixed));
     }
-    if !modal.free.is_empty() {
-        html.push_str(&free_modes(&modal.free));
+    if !free.is_empty() {
+        html.push_str(&free_modes(free));
     }
     Some(Section::new("modes", "Modes", html))
 }
 
 /// Frequencies, damping and what share of the rigid body each mode moves.
-fn fixed_modes(modes: &[FixedShape], answer: &Answer) -> String {
-    let whole = rigid::matrix(&answer.identification);
-    let share = |mode: &FixedShape, j: usize| {
-        let share = mode.mode.effective_mass[(j, j)] / whole[(j, j)];
-        (whole[(j, j)] > 0.0 && share.is_finite()).then_some(share)
+fn fixed_modes(modes: &[FixedModeDocument]) -> String {
+    // The share of a mass or inertia that is not positive means nothing.
+    let share = |mode: &FixedModeDocument, j: usize| {
+        mode.effective_mass_share[j].filter(|share| share.is_finite() && *share > 0.0)
     };
-    let seen = |j: &usize| modes.iter().any(|m| share(m, *j).is_some_and(|s| s > 0.0));
+    let seen = |j: &usize| modes.iter().any(|m| share(m, *j).is_some());
     let along: Vec<usize> = (0..3).filter(seen).collect();
     let about: Vec<usize> = (3..6).filter(seen).collect();
     let with_mass = modes.iter().any(|m| m.modal_mass.is_some());
@@ -62,12 +59,11 @@ fn fixed_modes(modes: &[FixedShape], answer: &Answer) -> String {
     html.push_str("</tr></thead><tbody>");
     let percent = |share: f64| with_unit(&fixed(100.0 * share, 1), "%");
     for mode in modes {
-        let pole = mode.mode.pole;
         let _ = write!(
             html,
             "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td>",
-            fixed(pole.frequency, 2),
-            fixed(100.0 * pole.damping, 2)
+            fixed(mode.frequency, 2),
+            fixed(100.0 * mode.damping, 2)
         );
         for j in along.iter().chain(&about) {
             let text = share(mode, *j).map_or_else(String::new, percent);
@@ -79,11 +75,7 @@ fn fixed_modes(modes: &[FixedShape], answer: &Answer) -> String {
                 .map_or_else(String::new, |m| significant(m, 3));
             let _ = write!(html, "<td class=\"num\">{text}</td>");
         }
-        let _ = write!(
-            html,
-            "<td class=\"num\">{}</td></tr>",
-            percent(mode.mode.rank_one)
-        );
+        let _ = write!(html, "<td class=\"num\">{}</td></tr>", percent(mode.purity));
     }
     if modes.len() > 1 && !(along.is_empty() && about.is_empty()) {
         html.push_str("<tr><th scope=\"row\" colspan=\"2\">Together</th>");
@@ -104,7 +96,7 @@ fn fixed_modes(modes: &[FixedShape], answer: &Answer) -> String {
     html
 }
 
-fn free_modes(modes: &[FreeShape]) -> String {
+fn free_modes(modes: &[FreeModeDocument]) -> String {
     let mut html = String::from(
         "<h3>Of the free structure</h3><div class=\"wide\"><table class=\"plain\"><thead><tr>\
          <th scope=\"col\" class=\"num\">Frequency, Hz</th>\
@@ -114,8 +106,8 @@ fn free_modes(modes: &[FreeShape]) -> String {
         let _ = write!(
             html,
             "<tr><td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
-            fixed(mode.pole.frequency, 2),
-            fixed(100.0 * mode.pole.damping, 2)
+            fixed(mode.frequency, 2),
+            fixed(100.0 * mode.damping, 2)
         );
     }
     html.push_str("</tbody></table></div>");

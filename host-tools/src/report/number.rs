@@ -4,7 +4,7 @@
 pub const MINUS: char = '\u{2212}';
 /// Between digits, and between a number and its unit: narrow, and no line breaks there.
 pub const THIN: char = '\u{202f}';
-/// What stands for a number that is none.
+/// Text in place of a number that is not finite.
 pub const NO_NUMBER: &str = "–";
 
 /// Outside these powers of ten a number is written with an exponent.

@@ -12,11 +12,11 @@ pub(crate) const MADE_BY: &str = "<meta name=\"generator\" content=\"massline\"/
 /// A part of the page with a heading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
-    /// Where links lead.
+    /// Target of links.
     pub id: &'static str,
     /// Its heading, plain text.
     pub heading: &'static str,
-    /// What it says, HTML.
+    /// Content, HTML.
     pub html: String,
 }
 

@@ -9,6 +9,7 @@ use super::rigid;
 use super::scales::axis_factor;
 use crate::identification::Answer;
 use crate::measure::MeasuredPoses;
+use crate::result::ResultDocument;
 use massline_core::geometry::RESULTANT_NAMES;
 use nalgebra::{Matrix6, Vector6};
 use std::fmt::Write;
@@ -33,17 +34,17 @@ impl Compared<'_> {
 }
 
 /// The section, or `None` without static runs.
-pub(super) fn section(answer: &Answer) -> Option<Section> {
+pub(super) fn section(answer: &Answer, result: &ResultDocument) -> Option<Section> {
     if answer.measurement.poses.is_empty() {
         return None;
     }
     let mut html = String::new();
     for run in &answer.measurement.poses {
-        let offsets = answer.offsets.iter().find(|(name, _)| *name == run.name);
+        let offsets = result.offsets.iter().find(|of| of.run == run.name);
         let compared = Compared {
             run,
-            matrix: rigid::matrix(&answer.identification),
-            offsets: offsets.map_or_else(Vector6::zeros, |(_, o)| Vector6::from(*o)),
+            matrix: rigid::matrix(result),
+            offsets: offsets.map_or_else(Vector6::zeros, |of| Vector6::from(of.resultants)),
             measured: core::array::from_fn(|i| run.geometry.equations.measured(i) > lines::WHOLE),
         };
         html.push_str(&one(&compared));

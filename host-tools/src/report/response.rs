@@ -7,7 +7,7 @@
 use super::lines::{Excited, Fitted, comparable, determined_accelerations, measured_forces};
 use super::rigid;
 use super::scales::lever;
-use crate::identification::Answer;
+use crate::result::ResultDocument;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
 use massline_core::masslines::{ApparentMass, Lines, Moments};
 use nalgebra::{Complex, Matrix6};
@@ -20,12 +20,12 @@ pub(super) type Point = (f64, Complex<f64>);
 
 /// One panel's data.
 pub(super) struct Entry {
-    /// What it is for a rigid body, such as `m z`, or which force per which acceleration.
+    /// Symbol of the entry for a rigid body, such as `m z`, or the force and the acceleration.
     pub title: String,
     /// Which force per which acceleration, or in which run.
     pub detail: String,
     pub unit: &'static str,
-    /// Whether force and acceleration belong to the same direction.
+    /// `true` if force and acceleration belong to the same direction.
     pub direct: bool,
     /// Line by line.
     pub measured: Vec<Point>,
@@ -33,13 +33,13 @@ pub(super) struct Entry {
     pub elastic: Vec<f64>,
     /// The fit, at as many frequencies as it takes to draw it.
     pub fit: Vec<Point>,
-    /// What the identified rigid body has in its place, over frequency.
+    /// The entry of the identified rigid body over frequency.
     pub rigid: Vec<[f64; 2]>,
 }
 
 /// The entries of a group of runs.
 pub(super) struct Entries {
-    /// Whether they are entries of the matrix, or ratios of single runs.
+    /// `true` for entries of the matrix, `false` for ratios of single runs.
     pub solved: bool,
     pub list: Vec<Entry>,
     /// Runs of the group that were left out because there are so many.
@@ -54,8 +54,8 @@ const FIT_POINTS: usize = 600;
 const FAINT: f64 = 1e-4;
 
 /// Entries of one group.
-pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
-    let solved = group.read(None, |lines| matrix_entries(group, lines, answer));
+pub(super) fn entries(group: &Fitted<'_>, result: &ResultDocument) -> Entries {
+    let solved = group.read(None, |lines| matrix_entries(group, lines, result));
     if let Ok(Some(list)) = solved {
         return Entries {
             solved: true,
@@ -64,12 +64,11 @@ pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
         };
     }
     let projector = group.read(None, |lines| Excited::new(lines, group.band).projector);
-    let rigid =
-        rigid::matrix(&answer.identification) * projector.unwrap_or_else(|_| Matrix6::identity());
+    let rigid = rigid::matrix(result) * projector.unwrap_or_else(|_| Matrix6::identity());
     let names = group.names();
     let mut list = Vec::new();
     for (k, name) in names.iter().enumerate().take(MOST_RUNS) {
-        let ratios = group.read(Some(k), |lines| ratios(group, name, lines, &rigid, answer));
+        let ratios = group.read(Some(k), |lines| ratios(group, name, lines, &rigid, result));
         list.extend(ratios.into_iter().flatten());
     }
     Entries {
@@ -80,7 +79,11 @@ pub(super) fn entries(group: &Fitted<'_>, answer: &Answer) -> Entries {
 }
 
 /// The upper triangle of M, if the runs determine it line by line.
-fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Option<Vec<Entry>> {
+fn matrix_entries(
+    group: &Fitted<'_>,
+    lines: &dyn Lines,
+    result: &ResultDocument,
+) -> Option<Vec<Entry>> {
     let excited = Excited::new(lines, group.band);
     let count = excited.count();
     if count == 0 || excited.rank != count || (group.is_paired() && lines.runs() < count) {
@@ -117,8 +120,7 @@ fn matrix_entries(group: &Fitted<'_>, lines: &dyn Lines, answer: &Answer) -> Opt
         direct: i == j,
         measured,
         fit: group.fit.map_or_else(Vec::new, |fit| curve(fit, top, i, j)),
-        rigid: rigid::entry(&answer.identification, i, j)
-            .map_or_else(Vec::new, |v| vec![[0.0, v], [top, v]]),
+        rigid: rigid::entry(result, i, j).map_or_else(Vec::new, |v| vec![[0.0, v], [top, v]]),
     };
     Some(places.into_iter().zip(measured).map(entry).collect())
 }
@@ -207,9 +209,9 @@ fn ratios(
     name: &str,
     lines: &dyn Lines,
     rigid: &Matrix6<f64>,
-    answer: &Answer,
+    result: &ResultDocument,
 ) -> Vec<Entry> {
-    let lever = lever(&answer.identification);
+    let lever = lever(result);
     let excited = Excited::new(lines, group.band);
     let accelerations = comparable(&excited.accelerations, lever, false);
     let determined = determined_accelerations(group.geometry());

@@ -1,9 +1,9 @@
 //! The identified body as the mass matrix of equation (1), as far as it is known.
 
-use massline_core::identify::{Estimate, Identification};
+use crate::result::ResultDocument;
 use nalgebra::Matrix6;
 
-/// What stands at row i, column j of equation (1).
+/// Symbols of the entries of equation (1).
 pub(super) const SYMBOLS: [[&str; 6]; 6] = [
     ["m", "", "", "", "m z", "−m y"],
     ["", "m", "", "−m z", "", "m x"],
@@ -23,13 +23,13 @@ pub(super) fn unit(row: usize, column: usize) -> &'static str {
 }
 
 /// One entry about the reference point; `None` where a term of it is not observable.
-pub(super) fn entry(i: &Identification, row: usize, column: usize) -> Option<f64> {
-    let value = |e: Option<Estimate>| e.map(|e| e.value);
-    let mass = value(i.mass)?;
+pub(super) fn entry(result: &ResultDocument, row: usize, column: usize) -> Option<f64> {
+    let mass = result.mass.value?;
     let first = |axis: usize| {
-        let s = value(i.centre_of_gravity[axis])?;
-        Some(mass * (s - i.reference[axis]))
+        let s = result.centre_of_gravity[axis].value?;
+        Some(mass * (s - result.reference_point[axis]))
     };
+    let inertia = result.inertia_reference.terms().map(|t| t.value);
     let (row, column) = (row.min(column), row.max(column));
     match (row, column) {
         (0, 0) | (1, 1) | (2, 2) => Some(mass),
@@ -39,16 +39,16 @@ pub(super) fn entry(i: &Identification, row: usize, column: usize) -> Option<f64
         (1, 5) => first(0),
         (2, 3) => first(1),
         (2, 4) => first(0).map(|v| -v),
-        (3, 3) | (4, 4) | (5, 5) => value(i.inertia_reference[row - 3]),
-        (3, 4) => value(i.inertia_reference[3]).map(|v| -v),
-        (3, 5) => value(i.inertia_reference[4]).map(|v| -v),
-        (4, 5) => value(i.inertia_reference[5]).map(|v| -v),
+        (3, 3) | (4, 4) | (5, 5) => inertia[row - 3],
+        (3, 4) => inertia[3].map(|v| -v),
+        (3, 5) => inertia[4].map(|v| -v),
+        (4, 5) => inertia[5].map(|v| -v),
         _ => Some(0.0),
     }
 }
 
 /// The whole matrix with zeros for what is not observable: a term is unobservable where
 /// nothing multiplies it.
-pub(super) fn matrix(i: &Identification) -> Matrix6<f64> {
-    Matrix6::from_fn(|row, column| entry(i, row, column).unwrap_or(0.0))
+pub(super) fn matrix(result: &ResultDocument) -> Matrix6<f64> {
+    Matrix6::from_fn(|row, column| entry(result, row, column).unwrap_or(0.0))
 }

@@ -7,21 +7,22 @@ use super::page::Section;
 use super::traceability;
 use crate::identification::Answer;
 use crate::measure::WINDOW;
+use crate::result::ResultDocument;
 use crate::setup::{Run, Setup};
 use massline_core::spectra::Window;
 use std::fmt::Write;
 
 /// The section.
-pub(super) fn section(setup: &Setup, answer: &Answer) -> Section {
+pub(super) fn section(setup: &Setup, answer: &Answer, result: &ResultDocument) -> Section {
     let mut html = runs(setup, answer);
-    html.push_str(&processing(setup, answer));
+    html.push_str(&processing(setup, answer, result));
     html.push_str("<h3>Channels</h3><p class=\"small\">Interface and structure: accelerometers fixed to the table or adapter, and to the specimen.</p>");
     html.push_str(&channels::table(setup, answer));
     html.push_str(&traceability::table(&answer.measurement.runs));
     Section::new("runs", "Runs, channels, processing", html)
 }
 
-/// How to read the error bars.
+/// The section that explains the error bars.
 pub(super) fn reading(answer: &Answer) -> Section {
     let random = !answer.measurement.runs.is_empty();
     let sine = !answer.measurement.sines.is_empty();
@@ -126,8 +127,7 @@ fn drives(run: &Run) -> String {
     }
 }
 
-fn processing(setup: &Setup, answer: &Answer) -> String {
-    let i = &answer.identification;
+fn processing(setup: &Setup, answer: &Answer, result: &ResultDocument) -> String {
     let m = &answer.measurement;
     let mut rows: Vec<(&str, String)> = Vec::new();
     if let (Some(grid), Some(run)) = (m.grid, m.runs.first()) {
@@ -180,12 +180,12 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
         "Condition number",
         format!(
             "{} of the equilibrated normal equations",
-            significant(i.condition_number, 3)
+            significant(result.condition_number, 3)
         ),
     ));
     rows.push((
         "Consistency",
-        i.consistency.map_or_else(
+        result.consistency.map_or_else(
             || "not determined: there are no more equations than unknowns".to_owned(),
             |c| {
                 format!(
@@ -199,8 +199,12 @@ fn processing(setup: &Setup, answer: &Answer) -> String {
         "Iterations",
         format!(
             "{}{}",
-            i.iterations,
-            if i.iterations == 1 { ", direct" } else { "" }
+            result.iterations,
+            if result.iterations == 1 {
+                ", direct"
+            } else {
+                ""
+            }
         ),
     ));
     for fit in &answer.fits {

@@ -1,7 +1,7 @@
 //! Units that suit the numbers, and what an error is a percentage of.
 
 use super::TrueBody;
-use massline_core::identify::{Estimate, Identification, InertiaEstimate};
+use crate::result::{InertiaTerms, ResultDocument};
 
 /// A unit and how much of the SI unit it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +38,7 @@ impl Unit {
     }
 }
 
-/// What errors and error bars are shares of, on the terminal as in the report.
+/// References of errors and error bars in per cent, on the terminal as in the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Natural {
     /// The whole mass, kg.
@@ -52,22 +52,21 @@ pub(crate) struct Natural {
 
 impl Natural {
     /// The truth's where it has them, else those of the answer.
-    pub fn new(i: &Identification, truth: Option<&TrueBody>) -> Self {
-        let value = |e: &Option<Estimate>| e.map(|e| e.value);
+    pub fn new(result: &ResultDocument, truth: Option<&TrueBody>) -> Self {
         let positive = |x: &f64| x.is_finite() && *x > 0.0;
         let largest = |terms: &mut dyn Iterator<Item = Option<f64>>| {
             terms.flatten().filter(positive).reduce(f64::max)
         };
         let mass = truth
             .and_then(|t| t.mass)
-            .or(value(&i.mass))
+            .or(result.mass.value)
             .filter(positive);
         let inertia = truth
             .and_then(|t| largest(&mut t.inertia_cg[..3].iter().copied()))
-            .or(largest(&mut i.inertia_cg[..3].iter().map(value)));
+            .or(largest(&mut result.inertia_cg.moments()));
         let length = mass.zip(inertia).map(|(m, t)| (t / m).sqrt()).or_else(|| {
-            let known = i.centre_of_gravity.iter().enumerate();
-            let known = known.filter_map(|(axis, e)| Some(e.as_ref()?.value - i.reference[axis]));
+            let known = result.centre_of_gravity.iter().zip(result.reference_point);
+            let known = known.filter_map(|(number, a)| Some(number.value? - a));
             let distance = known.map(|d| d * d).sum::<f64>().sqrt();
             Some(distance).filter(positive)
         });
@@ -79,15 +78,15 @@ impl Natural {
     }
 }
 
-/// What errors of inertia about a point are shares of: the largest true moment about it, or
+/// Reference of errors of inertia about a point: the largest true moment about it, or
 /// the largest of those found, kg m².
 pub(crate) fn largest_moment(
-    terms: &InertiaEstimate,
+    terms: &InertiaTerms,
     truth: Option<&[Option<f64>; 6]>,
 ) -> Option<f64> {
     let positive = |t: &f64| t.is_finite() && *t > 0.0;
     let true_moments = truth.iter().flat_map(|t| &t[..3]).flatten().copied();
-    let found = terms[..3].iter().flatten().map(|e| e.value.abs());
+    let found = terms.moments().flatten().map(f64::abs);
     true_moments
         .filter(positive)
         .reduce(f64::max)
@@ -96,14 +95,11 @@ pub(crate) fn largest_moment(
 
 /// A length that makes rotations comparable with translations: the radius of gyration
 /// about the reference point as far as it is known, else a tenth of a metre.
-pub(super) fn lever(i: &Identification) -> f64 {
-    let largest = i.inertia_reference[..3]
-        .iter()
-        .flatten()
-        .map(|e| e.value)
-        .fold(0.0, f64::max);
-    match i.mass {
-        Some(m) if m.value > 0.0 && largest > 0.0 => (largest / m.value).sqrt(),
+pub(super) fn lever(result: &ResultDocument) -> f64 {
+    let moments = result.inertia_reference.moments().flatten();
+    let largest = moments.fold(0.0, f64::max);
+    match result.mass.value {
+        Some(mass) if mass > 0.0 && largest > 0.0 => (largest / mass).sqrt(),
         _ => 0.1,
     }
 }

@@ -5,31 +5,29 @@ use super::markup::escape;
 use super::number::{self, decimals_of, fixed, significant, uncertain, with_unit};
 use super::plot::{Anchor, Svg};
 use super::scales::{Natural, Unit, largest_moment};
-use crate::identification::Answer;
-use massline_core::identify::{Estimate, InertiaEstimate};
+use crate::result::{InertiaTerms, Number, ResultDocument};
+use massline_core::identify::Estimate;
 use std::fmt::Write;
 
 /// The six terms of inertia, in their fixed order.
 pub(super) const TERMS: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
 
-struct Row {
+struct Row<'a> {
     symbol: String,
-    /// What the symbol means, in words.
+    /// Meaning of the symbol.
     words: &'static str,
-    estimate: Option<Estimate>,
-    /// Half of its 95\u{202f}% interval, SI.
-    half_width: f64,
+    number: &'a Number,
     truth: Option<f64>,
-    /// What its error is a share of, SI.
+    /// Reference of its error in per cent, SI.
     whole: Option<f64>,
     unit: Unit,
-    /// What to say behind the number.
+    /// Remark behind the number.
     remark: &'static str,
 }
 
 /// The whole table.
-pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
-    let groups = groups(answer, truth);
+pub(super) fn table(result: &ResultDocument, truth: Option<&TrueBody>) -> String {
+    let groups = groups(result, truth);
     let widest = groups
         .iter()
         .flat_map(|(_, rows)| rows)
@@ -73,31 +71,28 @@ pub(super) fn table(answer: &Answer, truth: Option<&TrueBody>) -> String {
         html.push_str("</tbody>");
     }
     html.push_str("</table></div>");
-    html.push_str(&footnote(answer, truth));
+    html.push_str(&footnote(result, truth));
     html
 }
 
-fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> {
-    let i = &answer.identification;
-    let natural = Natural::new(i, truth);
-    let known = i.indicator.is_some() || i.mass.is_some_and(|m| m.std == 0.0);
+fn groups<'a>(result: &'a ResultDocument, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row<'a>>)> {
+    let natural = Natural::new(result, truth);
+    let known = result.indicator.is_some() || result.mass.std == Some(0.0);
     let mass = Row {
         symbol: "m".to_owned(),
         words: "overall mass",
-        estimate: i.mass,
-        half_width: 0.0,
+        number: &result.mass,
         truth: truth.and_then(|t| t.mass),
         whole: natural.mass,
-        unit: Unit::of_mass(i.mass.map_or(1.0, |m| m.value)),
+        unit: Unit::of_mass(result.mass.value.unwrap_or(1.0)),
         remark: if known { "weighed" } else { "" },
     };
     let mut masses = vec![mass];
-    if known {
+    if let Some(indicator) = &result.indicator {
         masses.push(Row {
             symbol: "Δ".to_owned(),
             words: "indicator, ideally 1",
-            estimate: i.indicator,
-            half_width: 0.0,
+            number: indicator,
             truth: truth.map(|_| 1.0),
             whole: Some(1.0),
             unit: Unit::ONE,
@@ -110,31 +105,26 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
         .map(|(axis, name)| Row {
             symbol: name.to_owned(),
             words: "centre of gravity S",
-            estimate: i.centre_of_gravity[axis],
-            half_width: 0.0,
+            number: &result.centre_of_gravity[axis],
             truth: truth.and_then(|t| t.centre_of_gravity[axis]),
             whole: natural.length,
             unit: Unit::MILLIMETRE,
             remark: "",
         });
-    let inertia = |terms: &InertiaEstimate, truths: Option<&[Option<f64>; 6]>| {
-        let largest = |moments: &[Option<Estimate>]| {
-            let sizes = moments.iter().flatten().map(|e| e.value.abs());
-            sizes.fold(0.0, f64::max)
-        };
+    let inertia = |terms: &'a InertiaTerms, truths: Option<&[Option<f64>; 6]>| {
         let true_terms = truths.iter().flat_map(|t| t.iter()).flatten();
-        let unit = Unit::of_inertia(true_terms.fold(largest(terms), |a, t| a.max(t.abs())));
+        let unit = Unit::of_inertia(true_terms.fold(terms.largest(), |a, t| a.max(t.abs())));
         let moment = largest_moment(terms, truths);
-        (0..6)
-            .map(|t| Row {
+        let numbers = terms.terms().into_iter().enumerate();
+        numbers
+            .map(|(t, number)| Row {
                 symbol: format!("Θ<sub>{}</sub>", TERMS[t]),
                 words: if t < 3 {
                     "moment of inertia"
                 } else {
                     "product of inertia"
                 },
-                estimate: terms[t],
-                half_width: 0.0,
+                number,
                 truth: truths.and_then(|truths| truths[t]),
                 whole: moment,
                 unit,
@@ -142,8 +132,7 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
             })
             .collect()
     };
-    let r = i.reference;
-    let point = [r.x, r.y, r.z].map(|x| number::exact(x * 1e3));
+    let point = result.reference_point.map(|x| number::exact(x * 1e3));
     let mut groups = vec![
         ("Mass".to_owned(), masses),
         ("Centre of gravity S".to_owned(), centre.collect()),
@@ -152,35 +141,37 @@ fn groups(answer: &Answer, truth: Option<&TrueBody>) -> Vec<(String, Vec<Row>)> 
                 "Inertia about the reference point A = ({}) mm",
                 point.join(", ")
             ),
-            inertia(&i.inertia_reference, truth.map(|t| &t.inertia_reference)),
+            inertia(
+                &result.inertia_reference,
+                truth.map(|t| &t.inertia_reference),
+            ),
         ),
         (
             "Inertia about the centre of gravity S".to_owned(),
-            inertia(&i.inertia_cg, truth.map(|t| &t.inertia_cg)),
+            inertia(&result.inertia_cg, truth.map(|t| &t.inertia_cg)),
         ),
     ];
     for (_, rows) in &mut groups {
         for row in rows {
             row.truth = row.truth.filter(|t| t.is_finite());
-            row.half_width = row.estimate.map_or(0.0, |e| e.interval(i.freedom));
         }
     }
     groups
 }
 
 /// Half of the 95\u{202f}% interval as a share of what it is naturally compared with.
-fn share(row: &Row) -> Option<f64> {
-    let share = row.half_width / row.whole?.abs();
+fn share(row: &Row<'_>) -> Option<f64> {
+    let share = row.number.half_width() / row.whole?.abs();
     (share.is_finite() && share > 0.0).then_some(share)
 }
 
-fn write_row(html: &mut String, row: &Row, with_truth: bool, widest: f64) {
+fn write_row(html: &mut String, row: &Row<'_>, with_truth: bool, widest: f64) {
     let _ = write!(
         html,
         "<tr><th scope=\"row\"><i>{}</i> <span class=\"words\">{}</span></th>",
         row.symbol, row.words
     );
-    let Some(e) = row.estimate else {
+    let Some(e) = row.number.estimate() else {
         html.push_str("<td class=\"none\" colspan=\"4\">not observable from this test</td>");
         if with_truth {
             let _ = write!(html, "{}<td></td><td></td>", truth_cell(row));
@@ -188,7 +179,7 @@ fn write_row(html: &mut String, row: &Row, with_truth: bool, widest: f64) {
         html.push_str("</tr>");
         return;
     };
-    let (value, half) = (e.value / row.unit.si, row.half_width / row.unit.si);
+    let (value, half) = (e.value / row.unit.si, row.number.half_width() / row.unit.si);
     let _ = write!(
         html,
         "<td class=\"num value\">{}</td><td class=\"unit\">{}{}{}</td><td class=\"num\">{}</td>",
@@ -217,14 +208,12 @@ fn write_row(html: &mut String, row: &Row, with_truth: bool, widest: f64) {
     html.push_str("</tr>");
 }
 
-fn truth_cell(row: &Row) -> String {
+fn truth_cell(row: &Row<'_>) -> String {
     let text = row.truth.map_or(String::new(), |t| {
-        let t = t / row.unit.si;
-        match row.estimate {
+        let (t, half) = (t / row.unit.si, row.number.half_width() / row.unit.si);
+        match row.number.value {
             // One digit more than the answer shows, where that is not more than is known.
-            Some(_) if row.half_width > 0.0 => {
-                fixed(t, (decimals_of(row.half_width / row.unit.si) + 1).min(9))
-            }
+            Some(_) if half > 0.0 => fixed(t, (decimals_of(half) + 1).min(9)),
             Some(_) => significant(t, 5),
             // There is no other number in the row that would carry the unit.
             None => with_unit(&significant(t, 5), row.unit.symbol),
@@ -234,7 +223,7 @@ fn truth_cell(row: &Row) -> String {
 }
 
 /// Error in percent and as a share of half the interval.
-fn error_cells(row: &Row, e: &Estimate) -> String {
+fn error_cells(row: &Row<'_>, e: &Estimate) -> String {
     let Some(truth) = row.truth else {
         return "<td></td><td></td>".to_owned();
     };
@@ -245,8 +234,9 @@ fn error_cells(row: &Row, e: &Estimate) -> String {
     let percent = row.whole.map_or(String::new(), |whole| {
         with_unit(&signed(significant(100.0 * error / whole, 2)), "%")
     });
-    let (class, widths) = if row.half_width > 0.0 {
-        let widths = error / row.half_width;
+    let half = row.number.half_width();
+    let (class, widths) = if half > 0.0 {
+        let widths = error / half;
         let class = if widths.abs() > 1.0 { " outside" } else { "" };
         (class, with_unit(&signed(fixed(widths, 1)), "×"))
     } else {
@@ -266,14 +256,14 @@ fn signed(text: String) -> String {
 
 /// The 95\u{202f}% interval. With a truth the bar is as long for every property and the truth
 /// lies where it lies; without one, bars compare the properties with each other.
-fn bar(row: &Row, value: f64, with_truth: bool, widest: f64) -> String {
+fn bar(row: &Row<'_>, value: f64, with_truth: bool, widest: f64) -> String {
     const WIDTH: f64 = 132.0;
     const MIDDLE: f64 = WIDTH / 2.0;
     /// Half widths from the middle to the end.
     const REACH: f64 = 2.0;
     let mut svg = Svg::new(WIDTH, 14.0, "");
     let half = if with_truth {
-        (row.half_width > 0.0).then_some(1.0 / REACH)
+        (row.number.half_width() > 0.0).then_some(1.0 / REACH)
     } else {
         share(row).map(|s| s / widest)
     };
@@ -286,7 +276,7 @@ fn bar(row: &Row, value: f64, with_truth: bool, widest: f64) -> String {
     svg.rectangle("interval", [MIDDLE - half, 3.5], [2.0 * half, 7.0]);
     svg.line("centre", [MIDDLE, 1.5], [MIDDLE, 12.5]);
     if let Some(truth) = row.truth.filter(|_| with_truth) {
-        let off = (truth - value) / (REACH * row.half_width);
+        let off = (truth - value) / (REACH * row.number.half_width());
         if off.abs() <= 1.0 {
             let x = MIDDLE + off * room;
             svg.path("truth-mark", &diamond(x, 7.0));
@@ -313,15 +303,13 @@ fn diamond(x: f64, y: f64) -> String {
     ])
 }
 
-fn footnote(answer: &Answer, truth: Option<&TrueBody>) -> String {
-    let with_inertia = Natural::new(&answer.identification, truth)
-        .inertia
-        .is_some();
+fn footnote(result: &ResultDocument, truth: Option<&TrueBody>) -> String {
+    let with_inertia = Natural::new(result, truth).inertia.is_some();
     let mut text = String::from(
         "<p class=\"small\">What follows ± is half of the 95\u{202f}% interval, here as everywhere. \
          Relative is the same in percent: of the mass; for coordinates, of the ",
     );
-    if answer.type_b.is_some() {
+    if result.covariance_type_b.is_some() {
         text.insert_str(
             text.len()
                 - "Relative is the same in percent: of the mass; for coordinates, of the ".len(),
@@ -339,26 +327,15 @@ fn footnote(answer: &Answer, truth: Option<&TrueBody>) -> String {
              at the 95\u{202f}% interval, ◆ is the truth.",
         );
     }
-    let i = &answer.identification;
-    if let Some(p) = &i.principal {
-        let largest = p.moments.amax();
+    if let Some((moments, axes)) = result.principal_moments.zip(result.principal_axes) {
+        let largest = moments.iter().fold(0.0, |a: f64, m| a.max(m.abs()));
         let unit = Unit::of_inertia(largest);
-        let std = i
-            .inertia_cg
-            .iter()
-            .flatten()
-            .map(|e| e.std)
-            .fold(0.0, f64::max);
-        let decimals = decimals_of(std / unit.si);
-        let moments: Vec<String> = p
-            .moments
-            .iter()
-            .map(|m| fixed(m / unit.si, decimals))
-            .collect();
+        let deviations = result.inertia_cg.terms().into_iter().filter_map(|t| t.std);
+        let decimals = decimals_of(deviations.fold(0.0, f64::max) / unit.si);
+        let moments = moments.map(|m| fixed(m / unit.si, decimals));
         text.push_str("</p><table class=\"principal\"><caption>Principal moments and axes about S</caption><tbody>");
-        for (k, moment) in moments.iter().enumerate() {
-            let axis = p.axes.column(k);
-            let axis: Vec<String> = axis.iter().map(|a| fixed(*a, 4)).collect();
+        for (k, (moment, axis)) in moments.iter().zip(axes).enumerate() {
+            let axis = axis.map(|a| fixed(a, 4));
             let _ = write!(
                 text,
                 "<tr><th scope=\"row\"><i>Θ<sub>{}</sub></i></th><td class=\"num value\">{}</td>\

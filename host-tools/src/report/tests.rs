@@ -52,6 +52,11 @@ fn simulated(model: &str, folder: &Folder, drive: bool) -> (Setup, TrueBody) {
     (Setup::read(&setup).unwrap(), truth)
 }
 
+/// The report of an answer.
+fn page(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
+    render(setup, answer, &ResultDocument::new(setup, answer), truth)
+}
+
 /// Checks that a page is XML, and says how many elements of a class it has.
 fn check(html: &str, class: &str) -> usize {
     let options = ParsingOptions {
@@ -76,7 +81,7 @@ fn check(html: &str, class: &str) -> usize {
     page.descendants().filter(has).count()
 }
 
-/// What was measured, to be spoilt.
+/// The measurement of an answer, to be spoilt.
 fn measured(answer: &mut Answer) -> &mut Measurement {
     std::rc::Rc::get_mut(&mut answer.measurement).unwrap()
 }
@@ -86,7 +91,7 @@ fn six_runs_show_every_entry() {
     let folder = Folder::new("six");
     let (setup, truth) = simulated("rigid-body.toml", &folder, true);
     let answer = answer(&setup, &Choice::default(), &mut |_| ()).unwrap();
-    let html = render(&setup, &answer, Some(&truth));
+    let html = page(&setup, &answer, Some(&truth));
     // One diamond for each of mass, CG, and twice six terms of inertia.
     let outside = html.matches("truth-arrow\"").count();
     assert_eq!(check(&html, "truth-mark") + outside, 16);
@@ -95,7 +100,7 @@ fn six_runs_show_every_entry() {
     }
     assert_eq!(check(&html, "body"), 3, "the ellipsoid in three views");
     assert!(html.len() < 1_500_000);
-    let without = render(&setup, &answer, None);
+    let without = page(&setup, &answer, None);
     assert_eq!(check(&without, "truth-mark"), 0);
 }
 
@@ -104,7 +109,7 @@ fn what_a_test_does_not_tell_is_never_a_number() {
     let folder = Folder::new("translations");
     let (setup, truth) = simulated("three-translations.toml", &folder, true);
     let answer = answer(&setup, &Choice::default(), &mut |_| ()).unwrap();
-    let html = render(&setup, &answer, Some(&truth));
+    let html = page(&setup, &answer, Some(&truth));
     // Twelve terms of inertia, and each says so.
     assert_eq!(check(&html, "none"), 12);
     assert_eq!(check(&html, "body"), 0);
@@ -115,7 +120,7 @@ fn a_test_without_drive_has_its_report() {
     let folder = Folder::new("undriven");
     let (setup, _) = simulated("rigid-body.toml", &folder, false);
     let answer = answer(&setup, &Choice::default(), &mut |_| ()).unwrap();
-    let html = render(&setup, &answer, None);
+    let html = page(&setup, &answer, None);
     check(&html, "");
     assert!(html.contains("multiple coherence"));
 }
@@ -131,7 +136,7 @@ fn names_are_text_and_numbers_may_be_broken() {
     }
     let mut answer = answer(&setup, &Choice::default(), &mut |_| ()).unwrap();
     answer.warnings.push(format!("`{HOSTILE}` and `{HOSTILE}"));
-    check(&render(&setup, &answer, Some(&truth)), "");
+    check(&page(&setup, &answer, Some(&truth)), "");
 
     let broken = [f64::NAN, f64::INFINITY, -1e300, 0.0];
     for (value, std) in broken.into_iter().zip(broken.into_iter().rev()) {
@@ -158,7 +163,7 @@ fn names_are_text_and_numbers_may_be_broken() {
                     .for_each(|h| h.im = value as f32);
             }
         }
-        check(&render(&setup, &answer, Some(&truth)), "");
+        check(&page(&setup, &answer, Some(&truth)), "");
     }
     for run in &mut measured(&mut answer).runs {
         run.density.clear();
@@ -175,10 +180,10 @@ fn names_are_text_and_numbers_may_be_broken() {
             drive.clear();
         }
     }
-    check(&render(&setup, &answer, Some(&truth)), "");
+    check(&page(&setup, &answer, Some(&truth)), "");
     measured(&mut answer).band = massline_core::spectra::LineRange::all(0);
     measured(&mut answer).runs.clear();
-    check(&render(&setup, &answer, Some(&truth)), "");
+    check(&page(&setup, &answer, Some(&truth)), "");
 }
 
 #[test]
@@ -221,7 +226,7 @@ fn poses_are_reported_without_spectra() {
     );
     let setup = Setup::from_str(&toml, &folder.0.join("setup.toml")).unwrap();
     let answer = answer(&setup, &Choice::default(), &mut |_| ()).unwrap();
-    let html = render(&setup, &answer, None);
+    let html = page(&setup, &answer, None);
     // Six loads and six residuals, one path of dots each, and the one in the legend.
     assert_eq!(check(&html, "large"), 13);
     assert!(html.contains("sides: 6 poses"));

@@ -1,4 +1,4 @@
-//! What the numbers rest on, as the recordings tell it: calibrations and the true sample rate.
+//! Calibrations and the true sample rate, as the recordings state them.
 
 use super::markup::escape;
 use super::number::significant;

@@ -1,4 +1,4 @@
-//! What should have come out, where it is known.
+//! True properties, where they are known.
 
 /// The true body of a simulated or otherwise known specimen. SI units, in the frame of
 /// the results; `None` where nobody knows, as out of the plane of a plane model.

@@ -6,28 +6,32 @@ use super::number::{exact, in_words, significant, uncertain, with_unit};
 use super::scales::{Natural, Unit};
 use super::table::TERMS;
 use crate::identification::Answer;
+use crate::result::{Number, ResultDocument};
 use crate::setup::Setup;
-use massline_core::identify::{Estimate, Identification, Procedure};
-use massline_core::rigid_body::Verdict;
 use std::fmt::Write;
 
 /// Title, method, verdict and warnings.
-pub(super) fn header(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> String {
+pub(super) fn header(
+    setup: &Setup,
+    answer: &Answer,
+    result: &ResultDocument,
+    truth: Option<&TrueBody>,
+) -> String {
     let title = title(setup);
     let mut html = format!(
         "<header><p class=\"kicker\">Rigid-body properties from a base-excitation test</p>\
          <h1>{}</h1><p class=\"method\">{}</p></header>",
         escape(title),
-        method(answer)
+        method(answer, result)
     );
-    let natural = Natural::new(&answer.identification, None);
+    let natural = Natural::new(result, None);
     let _ = write!(
         html,
         "<section class=\"verdict\"><p class=\"lead\">{}</p>{}</section>",
-        sentence(answer, &natural, truth),
-        tiles(&answer.identification, &natural)
+        sentence(result, &natural, truth),
+        tiles(result, &natural)
     );
-    html.push_str(&warnings(answer));
+    html.push_str(&warnings(result));
     html
 }
 
@@ -41,13 +45,13 @@ pub(super) fn title(setup: &Setup) -> &str {
     }
 }
 
-fn method(answer: &Answer) -> String {
+fn method(answer: &Answer, result: &ResultDocument) -> String {
     let measurement = &answer.measurement;
-    let dynamic = !(measurement.runs.is_empty() && measurement.sines.is_empty());
+    let dynamic = answer.is_dynamic();
     let mut text = if !dynamic {
         "Static poses: resultants over specific force".to_owned()
     } else {
-        let mut description = answer.method_description().to_owned();
+        let mut description = result.method_description().to_owned();
         if let Some(first) = description.get(..1).map(str::to_uppercase) {
             description.replace_range(..1, &first);
         }
@@ -56,16 +60,17 @@ fn method(answer: &Answer) -> String {
         }
         description
     };
-    text.push_str(match answer.procedure {
-        Procedure::Direct => "; direct",
-        Procedure::Iterative { .. } => "; iterated to the centre of gravity",
+    text.push_str(if result.iterative {
+        "; iterated to the centre of gravity"
+    } else {
+        "; direct"
     });
-    if answer.weighted() {
+    if result.weighted {
         text.push_str(", accelerometers weighted");
     }
     text.push('.');
     let mut html = escape(&text);
-    if let Some(why) = answer.why.filter(|_| dynamic) {
+    if let Some(why) = result.recommended_because.as_ref().filter(|_| dynamic) {
         let _ = write!(html, " Chosen because {}.", escape(why));
     }
     html
@@ -77,36 +82,36 @@ struct Weakest {
     name: String,
 }
 
-fn weakest(i: &Identification, natural: &Natural) -> Option<Weakest> {
-    let mut all: Vec<(String, Option<Estimate>, Option<f64>)> = vec![match i.indicator {
-        Some(delta) => ("the indicator Δ".to_owned(), Some(delta), Some(1.0)),
-        None => ("the mass".to_owned(), i.mass, natural.mass),
+fn weakest(result: &ResultDocument, natural: &Natural) -> Option<Weakest> {
+    let mut all: Vec<(String, &Number, Option<f64>)> = vec![match &result.indicator {
+        Some(delta) => ("the indicator Δ".to_owned(), delta, Some(1.0)),
+        None => ("the mass".to_owned(), &result.mass, natural.mass),
     }];
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let name = format!("the CG's {name}");
-        all.push((name, i.centre_of_gravity[axis], natural.length));
+        all.push((name, &result.centre_of_gravity[axis], natural.length));
     }
-    for (t, name) in TERMS.into_iter().enumerate() {
+    for (number, name) in result.inertia_cg.terms().into_iter().zip(TERMS) {
         let name = format!("Θ<sub>{name}</sub> about S");
-        all.push((name, i.inertia_cg[t], natural.inertia));
+        all.push((name, number, natural.inertia));
     }
     all.into_iter()
-        .filter_map(|(name, estimate, whole)| {
-            let share = estimate?.interval(i.freedom) / whole?.abs();
+        .filter(|(_, number, _)| number.observable)
+        .filter_map(|(name, number, whole)| {
+            let share = number.half_width() / whole?.abs();
             share.is_finite().then_some(Weakest { share, name })
         })
         .max_by(|a, b| a.share.total_cmp(&b.share))
 }
 
-fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> String {
-    let i = &answer.identification;
-    let refused = answer.refused.as_ref().map_or(String::new(), |reason| {
+fn sentence(result: &ResultDocument, natural: &Natural, truth: Option<&TrueBody>) -> String {
+    let refused = result.refused.as_ref().map_or(String::new(), |reason| {
         let reason = with_code(&format!("{reason}."));
         format!(
             "<strong class=\"bad\">Refused; the data do not allow an answer:</strong> {reason} "
         )
     });
-    let count = i.observable.iter().filter(|o| **o).count();
+    let count = result.observable();
     let mut text = if count == 10 {
         "<strong>All ten</strong> rigid-body properties are observable".to_owned()
     } else {
@@ -114,7 +119,7 @@ fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> Str
         let words = capitalised(&in_words(count));
         format!("<strong>{words} of ten</strong> rigid-body properties {verb} observable")
     };
-    if let Some(w) = weakest(i, natural) {
+    if let Some(w) = weakest(result, natural) {
         let _ = write!(
             text,
             "; the weakest error bar is that of {}, ±{}",
@@ -123,38 +128,40 @@ fn sentence(answer: &Answer, natural: &Natural, truth: Option<&TrueBody>) -> Str
         );
     }
     text.push_str(". ");
-    let reason = i.plausibility.reason().map_or(String::new(), escape);
-    match i.plausibility.verdict() {
-        Verdict::Violated => {
+    let plausible = &result.plausible;
+    let reason = plausible.reason.as_deref().map_or(String::new(), escape);
+    match plausible.ok {
+        Some(false) => {
             let _ = write!(
                 text,
                 "<strong class=\"bad\">No real body is like this:</strong> {reason}."
             );
         }
-        Verdict::Undecided => {
+        None => {
             let _ = write!(
                 text,
                 "This test cannot judge if they are physically plausible: {reason}."
             );
         }
-        Verdict::Holds => text.push_str("The numbers are physically plausible."),
+        Some(true) => text.push_str("The numbers are physically plausible."),
     }
     if let Some(truth) = truth {
-        text.push_str(&covered(i, truth));
+        text.push_str(&covered(result, truth));
     }
     refused + &text
 }
 
-/// How many of the known true values lie in their 95\u{202f}% intervals.
-fn covered(i: &Identification, truth: &TrueBody) -> String {
-    let mut pairs = vec![(i.mass, truth.mass)];
-    pairs.extend(i.centre_of_gravity.into_iter().zip(truth.centre_of_gravity));
-    pairs.extend(i.inertia_cg.into_iter().zip(truth.inertia_cg));
+/// A sentence that counts the known true values within their 95\u{202f}% intervals.
+fn covered(result: &ResultDocument, truth: &TrueBody) -> String {
+    let mut pairs = vec![(&result.mass, truth.mass)];
+    pairs.extend(result.centre_of_gravity.iter().zip(truth.centre_of_gravity));
+    pairs.extend(result.inertia_cg.terms().into_iter().zip(truth.inertia_cg));
     let inside: Vec<bool> = pairs
         .into_iter()
-        .filter_map(|(e, t)| e.zip(t))
-        .filter(|(e, t)| e.std > 0.0 && t.is_finite())
-        .map(|(e, t)| (e.value - t).abs() <= e.interval(i.freedom))
+        .filter(|(number, _)| number.std > Some(0.0))
+        .filter_map(|(number, t)| Some((number.value?, number.half_width(), t?)))
+        .filter(|(_, _, t)| t.is_finite())
+        .map(|(value, half, t)| (value - t).abs() <= half)
         .collect();
     if inside.is_empty() {
         return String::new();
@@ -182,32 +189,29 @@ fn capitalised(word: &str) -> String {
 }
 
 /// Mass, CG, inertia and plausibility at a glance.
-fn tiles(i: &Identification, natural: &Natural) -> String {
-    let mass = i.mass.map_or_else(not_observable, |m| {
+fn tiles(result: &ResultDocument, natural: &Natural) -> String {
+    let mass = result.mass.estimate().map_or_else(not_observable, |m| {
         let unit = Unit::of_mass(m.value);
-        let half = m.interval(i.freedom);
-        let below = match i.indicator {
-            Some(delta) => format!(
-                "weighed; Δ = {}",
-                uncertain(delta.value, delta.interval(i.freedom))
-            ),
+        let half = result.mass.half_width();
+        let indicator = result.indicator.as_ref();
+        let below = match indicator.and_then(|delta| delta.value.zip(Some(delta.half_width()))) {
+            Some((delta, half)) => format!("weighed; Δ = {}", uncertain(delta, half)),
             None if m.std == 0.0 => "weighed".to_owned(),
             None => percent(half, natural.mass, "of it"),
         };
         let text = uncertain(m.value / unit.si, half / unit.si);
         (with_unit(&text, unit.symbol), below)
     });
-    let seen: Vec<&Estimate> = i.centre_of_gravity.iter().flatten().collect();
-    let centre = if seen.is_empty() {
+    let centre = if result.centre_of_gravity.iter().all(|n| !n.observable) {
         not_observable()
     } else {
-        let halves = seen.iter().map(|e| e.interval(i.freedom));
+        let halves = result.centre_of_gravity.iter().map(Number::half_width);
         let worst = halves.fold(0.0, f64::max);
         let decimals = super::number::decimals_of(worst * 1e3);
-        let values = i.centre_of_gravity.map(|e| {
-            e.map_or_else(
+        let values = result.centre_of_gravity.each_ref().map(|n| {
+            n.value.map_or_else(
                 || super::number::NO_NUMBER.to_owned(),
-                |e| super::number::fixed(e.value * 1e3, decimals),
+                |value| super::number::fixed(value * 1e3, decimals),
             )
         });
         (
@@ -218,15 +222,16 @@ fn tiles(i: &Identification, natural: &Natural) -> String {
             ),
         )
     };
-    let terms: Vec<&Estimate> = i.inertia_cg.iter().flatten().collect();
-    let inertia = if terms.is_empty() {
+    let terms = result.inertia_cg.terms();
+    let seen = terms.iter().filter(|t| t.observable).count();
+    let inertia = if seen == 0 {
         not_observable()
     } else {
-        let halves = terms.iter().map(|e| e.interval(i.freedom));
+        let halves = terms.iter().map(|t| t.half_width());
         let worst = halves.fold(0.0, f64::max);
         let largest = natural.inertia.unwrap_or(f64::NAN);
         let unit = Unit::of_inertia(largest);
-        let count = match terms.len() {
+        let count = match seen {
             6 => "all six terms".to_owned(),
             n => format!("{} of six terms", in_words(n)),
         };
@@ -241,7 +246,7 @@ fn tiles(i: &Identification, natural: &Natural) -> String {
             ),
         )
     };
-    let plausible = plausible(i);
+    let plausible = plausible(result);
     let mut html = String::from("<dl class=\"tiles\">");
     for (name, (value, below)) in [
         ("Mass", mass),
@@ -258,16 +263,17 @@ fn tiles(i: &Identification, natural: &Natural) -> String {
     html
 }
 
-fn plausible(i: &Identification) -> (String, String) {
-    let p = &i.plausibility;
-    match p.verdict() {
-        Verdict::Violated => ("no".to_owned(), "see above".to_owned()),
-        Verdict::Undecided => ("cannot be judged".to_owned(), "see above".to_owned()),
-        Verdict::Holds => {
-            let checked = p.triangle.map_or_else(
+fn plausible(result: &ResultDocument) -> (String, String) {
+    let p = &result.plausible;
+    match p.ok {
+        Some(false) => ("no".to_owned(), "see above".to_owned()),
+        None => ("cannot be judged".to_owned(), "see above".to_owned()),
+        Some(true) => {
+            let checked = p.triangle_margin.map_or_else(
                 || "as far as this test can tell".to_owned(),
-                |triangle| {
-                    let (margin, half) = (100.0 * triangle.relative, 100.0 * triangle.uncertainty);
+                |margin| {
+                    let half = p.triangle_interval.unwrap_or(f64::INFINITY);
+                    let (margin, half) = (100.0 * margin, 100.0 * half);
                     let margin = with_unit(&uncertain(margin, half), "%");
                     format!("positive definite; triangle margin {margin}")
                 },
@@ -294,12 +300,12 @@ fn percent(half: f64, whole: Option<f64>, of: &str) -> String {
     }
 }
 
-fn warnings(answer: &Answer) -> String {
-    if answer.warnings.is_empty() {
+fn warnings(result: &ResultDocument) -> String {
+    if result.warnings.is_empty() {
         return String::new();
     }
     let mut html = String::from("<section class=\"notes\"><h2>Please note</h2><ul>");
-    for warning in &answer.warnings {
+    for warning in &result.warnings {
         let text = capitalised(warning.trim_end_matches('.'));
         let _ = write!(html, "<li>{}.</li>", with_code(&text));
     }

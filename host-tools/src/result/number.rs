@@ -2,10 +2,10 @@
 
 use crate::identification::{TypeB, estimates};
 use massline_core::identify::{Estimate, Identification, InertiaEstimate};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-/// What a number owes to errors of calibrations, places and directions that are stated.
-#[derive(Clone, Debug, Serialize)]
+/// Type B uncertainty of a number: the stated errors of calibrations, positions and directions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TypeBDocument {
     /// Standard uncertainty, SI.
     pub std: f64,
@@ -16,7 +16,7 @@ pub struct TypeBDocument {
 }
 
 /// Type A and type B together.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CombinedDocument {
     /// Combined standard uncertainty, SI.
     pub std: f64,
@@ -26,8 +26,8 @@ pub struct CombinedDocument {
     pub freedom: Option<f64>,
 }
 
-/// A number with its error bar; `value` is null where the test does not tell it.
-#[derive(Clone, Debug, Serialize)]
+/// A number with its error bar; `value` is null where the number is not observable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Number {
     /// The value, SI.
     pub value: Option<f64>,
@@ -35,7 +35,7 @@ pub struct Number {
     pub std: Option<f64>,
     /// Half of the 95 % interval, SI.
     pub interval: Option<f64>,
-    /// Whether this test determines it.
+    /// `true` if this test determines the number.
     pub observable: bool,
     /// Type B uncertainty; absent where none is stated.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -46,7 +46,7 @@ pub struct Number {
 }
 
 impl Number {
-    /// Of an estimate whose standard deviation has so many degrees of freedom.
+    /// The number of an estimate whose standard deviation has `freedom` degrees of freedom.
     pub(super) fn new(estimate: Option<Estimate>, freedom: f64) -> Self {
         Self {
             value: estimate.map(|e| e.value),
@@ -61,7 +61,24 @@ impl Number {
         }
     }
 
-    /// Adds what type B says of number `number` of an identification.
+    /// Value and standard deviation, SI; `None` where not observable.
+    #[must_use]
+    pub fn estimate(&self) -> Option<Estimate> {
+        let (value, std) = self.value.zip(self.std)?;
+        Some(Estimate { value, std })
+    }
+
+    /// Half of the 95 % interval of the noise alone, SI: infinite where the noise has no degree
+    /// of freedom, zero where the number is not observable.
+    #[must_use]
+    pub fn half_width(&self) -> f64 {
+        match self.value {
+            Some(_) => self.interval.unwrap_or(f64::INFINITY),
+            None => 0.0,
+        }
+    }
+
+    /// Adds the type B uncertainty of number `number` of an identification.
     pub(super) fn add_type_b(&mut self, number: usize, i: &Identification, type_b: &TypeB) {
         let estimate = estimates(i).get(number).copied().flatten();
         if let Some(both) = estimate.and_then(|e| type_b.combined(number, &e, i.freedom)) {
@@ -81,7 +98,7 @@ impl Number {
 }
 
 /// Six inertia terms, kg m²; products are ∫ x y dm, with a plus sign.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InertiaTerms {
     /// ∫ (y² + z²) dm
     pub xx: Number,
@@ -97,6 +114,14 @@ pub struct InertiaTerms {
     pub yz: Number,
 }
 
+impl CombinedDocument {
+    /// Half of the 95 % interval, SI; infinite where there is no degree of freedom.
+    #[must_use]
+    pub fn half_width(&self) -> f64 {
+        self.interval.unwrap_or(f64::INFINITY)
+    }
+}
+
 impl InertiaTerms {
     pub(super) fn new(terms: InertiaEstimate, freedom: f64) -> Self {
         let [xx, yy, zz, xy, xz, yz] = terms.map(|term| Number::new(term, freedom));
@@ -108,6 +133,24 @@ impl InertiaTerms {
             xz,
             yz,
         }
+    }
+
+    /// xx, yy, zz, xy, xz, yz.
+    #[must_use]
+    pub fn terms(&self) -> [&Number; 6] {
+        [&self.xx, &self.yy, &self.zz, &self.xy, &self.xz, &self.yz]
+    }
+
+    /// xx, yy, zz; `None` where not observable.
+    pub fn moments(&self) -> impl Iterator<Item = Option<f64>> + '_ {
+        [&self.xx, &self.yy, &self.zz].into_iter().map(|t| t.value)
+    }
+
+    /// Largest absolute value of the six, kg m²; zero where none is observable.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        let values = self.terms().into_iter().filter_map(|t| t.value);
+        values.fold(0.0, |largest, value| f64::max(largest, value.abs()))
     }
 
     pub(super) fn each(&mut self) -> [&mut Number; 6] {

@@ -16,13 +16,13 @@ use massline_firmware::wire::FaultCounters;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// What the sensors feel.
+/// Input of the sensors: one signal each.
 pub(super) struct Felt<D> {
     /// One list an input, all of one length.
     pub(super) samples: D,
     /// Of these samples, Hz.
     pub(super) rate: f64,
-    /// Whether they begin anew behind their end; else the last one stays.
+    /// `true` if the signals begin anew behind their end; else their last value stays.
     pub(super) repeats: bool,
 }
 
@@ -122,7 +122,7 @@ impl<D: AsRef<[Vec<f32>]>> Chain<D> {
         self.acquisition.number()
     }
 
-    /// What the acquisition has counted.
+    /// Counters of the acquisition.
     #[must_use]
     pub const fn faults(&self) -> &FaultCounters {
         self.acquisition.faults()

@@ -1,4 +1,4 @@
-//! What is wired to the inputs of a box in this program.
+//! Sensors that are wired to the inputs of a box in this program.
 
 use super::{Chain, Felt, Outfit, RigError, Troubles};
 use crate::setup::Setup;
@@ -75,7 +75,7 @@ impl Inputs {
     /// order of the setup behind it.
     ///
     /// # Errors
-    /// What the simulation says.
+    /// The error of the simulation.
     pub fn fork(troubles: Troubles) -> Result<Self, Box<dyn std::error::Error>> {
         Self::fork_runs(troubles, 1)
     }
@@ -83,7 +83,7 @@ impl Inputs {
     /// The same with its first `runs` runs, for [`Shaker::shake`] to choose from.
     ///
     /// # Errors
-    /// What the simulation says.
+    /// The error of the simulation.
     pub fn fork_runs(troubles: Troubles, runs: usize) -> Result<Self, Box<dyn std::error::Error>> {
         let mut model = Model::fork()?;
         model.runs.truncate(runs.max(1));
@@ -117,7 +117,7 @@ impl Inputs {
         &self.recording().0.channels
     }
 
-    /// What the box's settings hold for the inputs, in their order.
+    /// Certificates of the inputs in the box's settings, in their order.
     #[must_use]
     pub fn certificates(&self) -> Vec<Certificate> {
         self.outfit.certificates(self.recording().0)

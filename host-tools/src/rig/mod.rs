@@ -41,7 +41,7 @@ pub const LEAD: u64 = 8;
 /// Messages with samples in a second, each of which tells how far the converters have come.
 const MESSAGES: f64 = 8.0;
 
-/// What keeps a recording from going through the box.
+/// Reason why a recording cannot go through the box.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RigError {
     /// More channels than inputs.
@@ -75,7 +75,7 @@ pub enum RigError {
     Start {
         /// Its number.
         number: u8,
-        /// What it did.
+        /// Fault of the driver.
         fault: massline_firmware::drivers::Fault,
     },
 }
@@ -137,8 +137,8 @@ impl Recorder {
     }
 }
 
-/// What a box's converters make of a recording, sample by sample, with the true number of each:
-/// the recording begins at sample [`LEAD`]. Ends when `take` wants no more.
+/// Gives `take` the samples that a box's converters make of a recording, with the true number of
+/// each: the recording begins at sample [`LEAD`]. Ends when `take` wants no more.
 ///
 /// # Errors
 /// [`RigError`].

@@ -58,7 +58,7 @@ impl Outfit {
         Ok(Self(sensors))
     }
 
-    /// What the box's settings would hold for the inputs of a recording, in their order.
+    /// Certificates in a box's settings for the inputs of a recording, in their order.
     pub fn certificates(&self, recording: &Recording) -> Vec<Certificate> {
         let own = self.of(recording).into_iter();
         own.map(|s| s.certificate.clone()).collect()
@@ -111,7 +111,7 @@ fn peak(recordings: &[Recording], name: &str) -> f64 {
     f64::from(peak)
 }
 
-/// What a sensor does instead of measuring.
+/// State of a sensor that does not measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Upset {
     /// It is knocked: twice its range on top of what it measures.
@@ -124,7 +124,7 @@ pub(super) enum Upset {
 pub(super) struct Sensors<D> {
     sensors: Vec<(f64, f64)>,
     samples: D,
-    /// Whether the recording begins anew behind its end; else its last sample stays.
+    /// `true` if the recording begins anew behind its end; else its last sample stays.
     repeats: bool,
     /// Cycles from one sample of the recording to the next.
     period: f64,
@@ -159,7 +159,7 @@ impl<D: AsRef<[Vec<f32>]>> Sensors<D> {
         self.upset = Some((input, upset, until));
     }
 
-    /// What a sensor feels at a cycle, in its recording's unit. Between samples by the cubic
+    /// Input of a sensor at a cycle, in its recording's unit. Between samples by the cubic
     /// through the four around (Catmull and Rom): the same filter for all channels, so that
     /// ratios of channels stay what they are when converters restart between two samples.
     fn felt(&self, input: usize, cycle: u64) -> f64 {

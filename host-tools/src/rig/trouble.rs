@@ -1,4 +1,4 @@
-//! What goes wrong, and when.
+//! Faults that are simulated, and their times.
 
 use super::CHIPS;
 use super::sensors::{Sensors, Upset};
@@ -78,7 +78,7 @@ impl Trouble {
     }
 }
 
-/// What goes wrong in a recording, and how often.
+/// Kinds of faults in a recording, and their rate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Troubles {
     /// The kinds, each as likely as the others; none for a box without faults.

@@ -70,7 +70,7 @@ pub(crate) struct Section<'a> {
     source: &'a Source,
     table: &'a DeTable<'a>,
     span: Range<usize>,
-    /// How messages call it; empty for the top of the file.
+    /// Name in messages; empty for the top of the file.
     pub(crate) title: String,
 }
 
@@ -84,12 +84,12 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// Where this section starts.
+    /// Place at which this section starts.
     pub(crate) fn place(&self) -> Box<Place> {
         self.place_at(&self.span)
     }
 
-    /// Where a key of it stands, or the section itself when the key is absent.
+    /// Place of a key of it, or of the section itself when the key is absent.
     pub(crate) fn place_of(&self, key: &str) -> Box<Place> {
         self.place_at(&self.span_of(key).unwrap_or_else(|| self.span.clone()))
     }

@@ -1,9 +1,9 @@
-//! What can be wrong with a file, and what a setup can say that makes no measurement.
+//! Errors of files, and setups that make no measurement.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Where in a file something stands: `setup.toml, line 12, [[run]] 2 ("lateral Z")`.
+/// Place in a file: `setup.toml, line 12, [[run]] 2 ("lateral Z")`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// The file as the user named it.
@@ -27,7 +27,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// What can be wrong with a file before its meaning is looked at.
+/// Errors of a file's form.
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
     /// The file system refused.
@@ -57,7 +57,7 @@ pub enum DocumentError {
     Late {
         /// The pipe.
         file: PathBuf,
-        /// How long it was waited for, s.
+        /// Time that was waited, s.
         seconds: f64,
     },
     /// Bytes that are no text.
@@ -93,7 +93,7 @@ pub enum DocumentError {
         place: Box<Place>,
         /// The missing key.
         key: &'static str,
-        /// What to write.
+        /// The keys or values that would be right.
         expected: &'static str,
     },
     /// A value of the wrong kind, or outside what can be meant.
@@ -105,7 +105,7 @@ pub enum DocumentError {
         key: String,
         /// The value found.
         found: String,
-        /// What would have been right.
+        /// The kind of value that would be right.
         expected: String,
     },
 }
@@ -123,7 +123,7 @@ pub enum SetupError {
         file: PathBuf,
         /// `accelerometer`, `load_cell` or `run`.
         list: &'static str,
-        /// What is not known then.
+        /// Property that is not known then.
         reason: &'static str,
     },
     /// More entries than a measurement has.
@@ -135,11 +135,11 @@ pub enum SetupError {
         file: PathBuf,
         /// `sensors` or `runs`.
         what: &'static str,
-        /// How many there are.
+        /// Number that was found.
         found: usize,
-        /// How many are taken.
+        /// Highest number that is taken.
         limit: usize,
-        /// How the file becomes one that can be used.
+        /// Advice to the user.
         advice: &'static str,
     },
     /// A direction without direction.
@@ -204,7 +204,7 @@ pub enum SetupError {
     BandLines {
         /// File, line and section.
         place: Box<Place>,
-        /// What does not fit.
+        /// The band and the lines that there are.
         source: BandError,
     },
     /// A weight for a column that no sensor has.

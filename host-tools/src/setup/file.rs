@@ -15,17 +15,25 @@ use std::time::Duration;
 /// # Errors
 /// [`DocumentError::Unreadable`], [`DocumentError::TooLong`], [`DocumentError::Late`].
 pub(crate) fn read(file: &Path) -> Result<Vec<u8>, DocumentError> {
-    read_within(file, limits::PIPE)
+    read_within(file, limits::DOCUMENT, limits::PIPE)
 }
 
-fn read_within(file: &Path, time: Duration) -> Result<Vec<u8>, DocumentError> {
+/// Reads a file of at most `limit` bytes, otherwise as [`read`].
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn read_of(file: &Path, limit: u64) -> Result<Vec<u8>, DocumentError> {
+    read_within(file, limit, limits::PIPE)
+}
+
+fn read_within(file: &Path, limit: u64, time: Duration) -> Result<Vec<u8>, DocumentError> {
     let unreadable = |source| DocumentError::Unreadable {
         file: file.to_owned(),
         source,
     };
     let kind = std::fs::metadata(file).map_err(unreadable)?;
     let bytes = if kind.is_file() {
-        capped(file)
+        capped(file, limit)
     } else if kind.is_dir() {
         Err(ErrorKind::IsADirectory.into())
     } else {
@@ -33,7 +41,7 @@ fn read_within(file: &Path, time: Duration) -> Result<Vec<u8>, DocumentError> {
         // this program ends; it holds nothing else.
         let (tell, told) = mpsc::channel();
         let path = file.to_owned();
-        let reader = std::thread::Builder::new().spawn(move || tell.send(capped(&path)));
+        let reader = std::thread::Builder::new().spawn(move || tell.send(capped(&path, limit)));
         reader.map_err(unreadable)?;
         told.recv_timeout(time).map_err(|_| DocumentError::Late {
             file: file.to_owned(),
@@ -41,21 +49,19 @@ fn read_within(file: &Path, time: Duration) -> Result<Vec<u8>, DocumentError> {
         })?
     };
     let bytes = bytes.map_err(unreadable)?;
-    if bytes.len() as u64 > limits::DOCUMENT {
+    if bytes.len() as u64 > limit {
         return Err(DocumentError::TooLong {
             file: file.to_owned(),
-            limit: limits::DOCUMENT,
+            limit,
         });
     }
     Ok(bytes)
 }
 
 /// The bytes of a file up to one beyond the limit.
-fn capped(file: &Path) -> std::io::Result<Vec<u8>> {
+fn capped(file: &Path, limit: u64) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(file)?
-        .take(limits::DOCUMENT + 1)
-        .read_to_end(&mut bytes)?;
+    File::open(file)?.take(limit + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -76,7 +82,12 @@ mod tests {
     fn a_pipe_without_a_writer_is_given_up() {
         let folder = tempfile::tempdir().unwrap();
         let since = Instant::now();
-        let error = read_within(&fifo(folder.path()), Duration::from_millis(200)).unwrap_err();
+        let error = read_within(
+            &fifo(folder.path()),
+            limits::DOCUMENT,
+            Duration::from_millis(200),
+        )
+        .unwrap_err();
         assert!(matches!(error, DocumentError::Late { .. }), "{error}");
         assert!(error.to_string().contains("0.2 s"), "{error}");
         // Fifty times what it was told, on a machine that is busy otherwise.

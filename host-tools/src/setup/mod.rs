@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use document::{Section, Source, nearest, quoted};
 pub use error::{BandError, DocumentError, Place, SetupError};
-pub(crate) use file::read as read_document;
+pub(crate) use file::{read as read_document, read_of as read_document_of};
 pub(crate) use parse::unit;
 pub use uncertainty::{Defaults, Uncertainty};
 
@@ -43,7 +43,7 @@ pub struct Setup {
     pub known_mass_uncertainty: Option<f64>,
     /// Averaging of time recordings; `None` only where every run is static.
     pub processing: Option<Processing>,
-    /// How masslines become ten numbers, where the defaults do not fit.
+    /// Settings of the estimation, where the defaults do not fit.
     pub estimation: Estimation,
     /// Noise and uncertainty of sensors that do not state their own.
     pub defaults: Defaults,
@@ -57,7 +57,7 @@ pub struct Setup {
     pub folder: PathBuf,
 }
 
-/// How time recordings become spectra, and which lines count.
+/// Settings of the averaging of time recordings, and the bands of lines that count.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Processing {
     /// Samples per second, Hz; `None`: the recording carries it.
@@ -68,7 +68,7 @@ pub struct Processing {
     pub overlap: f64,
     /// Lower and upper frequency of the lines that the rigid body is read from, Hz.
     pub averaging_band: [f64; 2],
-    /// Where the weighting strategy looks for the first elastic modes, Hz (chapter 7).
+    /// Band in which the weighting strategy looks for the first elastic modes, Hz (chapter 7).
     pub mode_band: Option<[f64; 2]>,
 }
 
@@ -79,7 +79,7 @@ pub struct Estimation {
     pub minimum_weight: f64,
     /// Most elastic modes that methods d and e fit.
     pub modes: usize,
-    /// Where methods d and e fit, Hz; `None`: all lines that are kept.
+    /// Band in which methods d and e fit, Hz; `None`: all lines that are kept.
     pub fit_band: Option<[f64; 2]>,
     /// Distance of CG and reference point at which the iteration ends, m.
     pub tolerance: f64,
@@ -108,15 +108,15 @@ pub struct AccelerometerEntry {
     pub position: [f64; 3],
     /// Sensitive axis, unit length; positive acceleration along it reads positive.
     pub direction: [f64; 3],
-    /// What it is fixed to.
+    /// Mounting.
     pub mount: Mount,
     /// m/s² per recorded unit; negative for a sensor that is mounted the wrong way round.
     pub scale: f64,
-    /// What this sensor states of its noise and uncertainty.
+    /// Noise and uncertainty of this sensor, where it states them.
     pub uncertainty: Uncertainty,
 }
 
-/// What an accelerometer is fixed to.
+/// Mounting of an accelerometer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mount {
     /// The table or adapter, rigid at all frequencies of interest.
@@ -138,11 +138,11 @@ pub struct LoadCellEntry {
     pub quantity: Quantity,
     /// N or N m per recorded unit; negative turns the sign convention.
     pub scale: f64,
-    /// What this load cell states of its noise and uncertainty.
+    /// Noise and uncertainty of this load cell, where it states them.
     pub uncertainty: Uncertainty,
 }
 
-/// What a load cell's channel measures.
+/// Quantity that a load cell's channel measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// A force along the direction, N.
@@ -160,7 +160,7 @@ pub struct Run {
     pub recording: PathBuf,
     /// Which bytes it has, where the program that wrote the setup has written it, too.
     pub checksum: Option<Checksum>,
-    /// What the recording holds.
+    /// Kind of the recording.
     pub excitation: Excitation,
     /// Channels of the generator's drive signals, random runs only: one a shaker that is driven
     /// by itself. None: spectra are referred to nothing.
@@ -175,7 +175,7 @@ pub struct Run {
     pub translation: [f64; 3],
 }
 
-/// What a recording holds.
+/// Kind of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Excitation {
     /// Time samples under random excitation.
@@ -232,7 +232,7 @@ impl Setup {
         Recording::open_as(&self.recording_path(run), channels, run.checksum)
     }
 
-    /// Where the recording of a run lies.
+    /// Path of the recording of a run.
     #[must_use]
     pub fn recording_path(&self, run: &Run) -> PathBuf {
         self.folder.join(&run.recording)
@@ -269,7 +269,7 @@ impl Processing {
         }
     }
 
-    /// Whether both bands lie in the spectrum and hold enough lines at this rate (Hz).
+    /// Checks that both bands lie in the spectrum and hold enough lines at this rate (Hz).
     ///
     /// # Errors
     /// Names the band, and what would make it fit.
@@ -305,7 +305,7 @@ impl Processing {
 }
 
 impl Run {
-    /// Whether the specimen stands otherwise in this run than its coordinates say.
+    /// `true` if the specimen stands otherwise in this run than its coordinates say.
     #[must_use]
     pub fn is_remounted(&self) -> bool {
         self.rotation != [0.0; 3] || self.translation != [0.0; 3]

@@ -56,7 +56,7 @@ impl Excitation {
     }
 }
 
-/// Where each channel was first seen.
+/// Sensor in which each channel was first seen.
 type Channels = BTreeMap<String, String>;
 
 pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {

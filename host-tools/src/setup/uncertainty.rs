@@ -14,8 +14,8 @@ pub(super) const KEYS: [&str; 4] = [
     "direction_uncertainty",
 ];
 
-/// What is stated of one sensor, or of all that state nothing themselves. Uncertainties are
-/// standard uncertainties (k = 1) in the sense of the GUM.
+/// Noise and uncertainty that are stated of one sensor, or of all that state none themselves.
+/// Uncertainties are standard uncertainties (k = 1) in the sense of the GUM.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Uncertainty {
     /// Standard deviation of the noise in SI, after `scale`: of the samples of a random run
@@ -30,7 +30,7 @@ pub struct Uncertainty {
     pub direction: Option<f64>,
 }
 
-/// What holds for sensors that do not state their own.
+/// Noise and uncertainty of sensors that do not state their own.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Defaults {
     /// Of every sensor; noise, whose unit differs, is not among it.
@@ -44,7 +44,7 @@ pub struct Defaults {
 }
 
 impl Uncertainty {
-    /// What is stated here, and where nothing is, there.
+    /// The values of `self`, and those of `other` where `self` has none.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -57,14 +57,14 @@ impl Uncertainty {
 }
 
 impl Setup {
-    /// What is stated of accelerometer `number`, by itself or by default.
+    /// Noise and uncertainty of accelerometer `number`, its own or the default.
     #[must_use]
     pub fn accelerometer_uncertainty(&self, number: usize) -> Uncertainty {
         let own = self.accelerometers.get(number).map(|a| a.uncertainty);
         self.or_default(own.unwrap_or_default(), self.defaults.accelerometer)
     }
 
-    /// What is stated of load cell `number`, by itself or by default.
+    /// Noise and uncertainty of load cell `number`, its own or the default.
     #[must_use]
     pub fn load_cell_uncertainty(&self, number: usize) -> Uncertainty {
         let Some(cell) = self.load_cells.get(number) else {

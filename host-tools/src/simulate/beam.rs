@@ -90,7 +90,7 @@ pub(super) struct ReducedBeam {
     pub(super) sensors: Vec<([f64; 3], Vec<f64>)>,
 }
 
-/// Where the plane's three motions stand among the six of a rigid body.
+/// Indices of the plane's three motions among the six of a rigid body.
 const PLANE: [usize; 3] = [0, 2, 4];
 
 impl BeamModel {
@@ -320,7 +320,7 @@ impl BeamSensor {
         }
     }
 
-    /// What it reads of a mode shape over the free degrees of freedom.
+    /// Its reading of a mode shape over the free degrees of freedom.
     fn reading(&self, free: &[usize], shape: &DVector<f64>) -> f64 {
         let of = |dof: usize| {
             free.iter()

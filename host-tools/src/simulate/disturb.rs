@@ -1,4 +1,4 @@
-//! What the instruments add: white noise and constant offsets.
+//! Errors of the instruments: white noise and constant offsets.
 
 use std::collections::BTreeSet;
 

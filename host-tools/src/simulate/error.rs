@@ -1,4 +1,4 @@
-//! What a model file can say that cannot be built, and what cannot be simulated.
+//! Errors of model files and of simulations.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub enum ModelError {
     Json {
         /// The file.
         file: PathBuf,
-        /// What and where, with line and column.
+        /// The JSON reader's error, with line and column.
         source: serde_json::Error,
     },
     /// An index beyond the list of nodes.
@@ -100,7 +100,7 @@ pub enum ModelError {
         file: PathBuf,
         /// Which list.
         list: &'static str,
-        /// What is not known then.
+        /// Property that is not known then.
         reason: &'static str,
     },
     /// A chain of `extends` that does not end.
@@ -127,7 +127,7 @@ pub enum ModelError {
         place: Box<Place>,
         /// The name they share.
         name: String,
-        /// Who had it first.
+        /// Section that has the name already.
         first: String,
     },
     /// An inertia that no distribution of mass has.
@@ -177,12 +177,12 @@ pub enum ModelError {
     Band {
         /// File, line and section.
         place: Box<Place>,
-        /// What does not fit.
+        /// The band and the lines that there are.
         source: BandError,
     },
 }
 
-/// What cannot be simulated although the model is sound.
+/// Reason why a sound model cannot be simulated as asked.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SimulationError {
     /// A setting outside its range.

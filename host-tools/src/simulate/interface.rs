@@ -39,7 +39,7 @@ pub(super) struct TableMotion {
     pub(super) resonant: Vector6<f64>,
 }
 
-/// What the table really does when a run asks for `motion` (m/s² and rad/s²).
+/// True motion of the table when a run asks for `motion` (m/s² and rad/s²).
 ///
 /// Cross-talk couples the axes by two constant random matrices with entries up to the
 /// given level and an empty diagonal: one acts at all frequencies, the other grows towards

@@ -63,7 +63,7 @@ pub(super) fn specimen(bodies: &[Body], sprung: &[SprungMass]) -> Specimen {
     }
 }
 
-/// How a sensor along the unit vector `direction` on a sprung mass reads its mode.
+/// Reading of the mode by a sensor along the unit vector `direction` on a sprung mass.
 pub(super) fn reading(mass: &SprungMass, direction: &Vector3<f64>) -> f64 {
     mass.direction.dot(direction) / mass.mass.sqrt()
 }

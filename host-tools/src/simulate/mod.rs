@@ -56,7 +56,7 @@ pub const GRAVITY: f64 = 9.80665;
 /// Most samples a channel: nine hours at 512 Hz.
 pub const MOST_SAMPLES: usize = 1 << 24;
 
-/// What may differ from the model's own measurement.
+/// Options that replace the model's own measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// White noise on every channel, a share of the channel's RMS over all runs; `None`
@@ -68,9 +68,9 @@ pub struct Options {
     pub duration: Option<f64>,
     /// Hz; `None` as in the model.
     pub sample_rate: Option<f64>,
-    /// Whether drive signals are recorded; `None` as in the model.
+    /// `true` if drive signals are recorded; `None` as in the model.
     pub drive: Option<bool>,
-    /// Whether the setup states the mass as weighed.
+    /// `true` if the setup states the mass as weighed.
     pub weighed: bool,
 }
 
@@ -88,7 +88,7 @@ impl Default for Options {
     }
 }
 
-/// How far a simulation has come.
+/// Progress of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress<'a> {
     /// The run that is being recorded.
@@ -104,7 +104,7 @@ pub struct Progress<'a> {
 pub struct Simulation {
     /// Refers to the recordings by file name; its folder is empty until it is read from one.
     pub setup: Setup,
-    /// What should come out.
+    /// True properties of the specimen.
     pub truth: Truth,
     /// One for each run of the setup, in the same order.
     pub recordings: Vec<Recording>,
@@ -123,7 +123,7 @@ pub struct Recording {
     pub samples: Vec<Vec<f32>>,
     /// Faults of each sample; empty where nothing looked for any.
     pub health: Vec<Health>,
-    /// What the recording says of itself.
+    /// True sample rate and calibrations, for the preamble of the file.
     pub preamble: Preamble,
 }
 
@@ -272,7 +272,7 @@ pub(crate) fn responses(
     frequencies.iter().map(at).collect()
 }
 
-/// How a run moves the specimen: the transform from the motion of the interface's origin to that
+/// Motion of the specimen in a run: the transform from the motion of the interface's origin to that
 /// of the specimen's (its transpose carries resultants back), and the directions in which the
 /// interface's origin is accelerated, m/s² and rad/s²: one for a random run, for static poses
 /// the specific force of each. Cross-talk that varies with frequency is left out.
@@ -408,7 +408,7 @@ fn all_gains(
     gains
 }
 
-/// What a DC-coupled channel reads in each pose: load cells and accelerometers feel the
+/// Readings of a DC-coupled channel in each pose: load cells and accelerometers feel the
 /// specific force, acceleration minus gravity, of the table at rest. Sprung masses stay
 /// where they are; their sag moves no reading beyond second order.
 fn hold(tilts: &[[f64; 3]], gains: &Gains, on_table: bool, carry: &Matrix6<f64>) -> Vec<f32> {

@@ -18,7 +18,7 @@ use crate::setup::{
 pub struct Model {
     /// Heading of the setup.
     pub title: String,
-    /// Where the setup starts its identification, m, specimen frame.
+    /// Reference point of the setup, m, specimen frame.
     pub reference_point: [f64; 3],
     /// The structure.
     pub specimen: Specimen,
@@ -28,7 +28,7 @@ pub struct Model {
     pub load_cells: Vec<LoadCellEntry>,
     /// The table and what joins it to the specimen.
     pub table: Table,
-    /// How it is recorded.
+    /// Sensors, noise and runs.
     pub measurement: Measurement,
     /// The runs.
     pub runs: Vec<Plan>,
@@ -52,7 +52,7 @@ pub struct Table {
     pub cross_talk: f64,
     /// A resonance of the table that makes the coupling vary with frequency.
     pub resonance: Option<Resonance>,
-    /// How far out an angular acceleration counts as a linear one for cross-talk, m.
+    /// Lever arm that turns an angular acceleration into a linear one for cross-talk, m.
     pub lever_arm: f64,
     /// The point that the runs' motions are about, m, interface frame.
     pub reference_point: [f64; 3],
@@ -69,7 +69,7 @@ pub struct Resonance {
     pub damping: f64,
 }
 
-/// How a test is recorded, and how the setup will have it evaluated.
+/// Recording of a test, and its evaluation in the setup.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
     /// Hz.
@@ -95,15 +95,15 @@ pub struct Measurement {
 pub struct Plan {
     /// Unique among the runs.
     pub name: String,
-    /// What the table does.
+    /// Motion of the table.
     pub excitation: Shaking,
     /// Rotation vector in degrees: x_interface = R x_specimen + translation.
     pub rotation: [f64; 3],
-    /// Where the specimen's origin stands in interface coordinates, m.
+    /// The specimen's origin in interface coordinates, m.
     pub translation: [f64; 3],
 }
 
-/// What the table does in a run.
+/// Motion of the table in a run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shaking {
     /// White random noise.
@@ -112,7 +112,7 @@ pub enum Shaking {
         motion: [f64; 6],
         /// Band of the drive, Hz; without one from 0 to 45 % of the sample rate.
         band: Option<[f64; 2]>,
-        /// Whether the drive signal is recorded as channel `drive`.
+        /// `true` if the drive signal is recorded as channel `drive`.
         drive: bool,
     },
     /// The table is tilted and held; rotation vectors in degrees that carry the level

@@ -1,4 +1,4 @@
-//! What stands on the table: a rigid-body mass matrix and fixed-base modes.
+//! The specimen: a rigid-body mass matrix and fixed-base modes.
 //!
 //! Both kinds of model end here. With a = (ax, ay, az, α, β, γ) the acceleration of the
 //! specimen frame's origin, every force and every acceleration of the specimen is
@@ -22,14 +22,14 @@ pub struct Specimen {
     pub mass_matrix: Matrix6<f64>,
     /// Fixed-base modes, ascending in frequency.
     pub modes: Vec<Mode>,
-    /// Whether the model lives in the plane y = 0 and knows x, z and the rotation about y only.
+    /// `true` if the model moves in the plane y = 0 only: along x, z and about y.
     pub plane: bool,
 }
 
 /// One natural mode of the structure with its interface held fixed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mode {
-    /// What moves, for reports.
+    /// Name of the part that moves.
     pub name: String,
     /// Undamped natural frequency, Hz.
     pub frequency: f64,

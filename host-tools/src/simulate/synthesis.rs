@@ -19,7 +19,7 @@ pub(super) const HIGHEST: f64 = 0.45;
 /// Channels that share one evaluation of the modes' responses; bounds the memory.
 const GROUP: usize = 8;
 
-/// How a channel answers to the drive signal:
+/// Frequency response of a channel to the drive signal:
 /// H(ω) = steady + resonant ρ + Σ_r D_r (b_r + c_r ρ).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct DriveResponse {
@@ -55,7 +55,7 @@ impl DriveResponse {
         }
     }
 
-    /// Whether the channel rests whatever the drive does.
+    /// `true` if the channel rests whatever the drive does.
     fn is_silent(&self) -> bool {
         let modal = self.modal.iter().flatten().all(|gain| *gain == 0.0);
         modal && self.steady == 0.0 && self.resonant == 0.0

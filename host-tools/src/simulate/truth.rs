@@ -1,4 +1,4 @@
-//! What the identification of a simulated test should find.
+//! True properties of a simulated specimen.
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use super::specimen::shift;
 
 /// Exact properties of a simulated specimen, in its own frame; SI units.
 ///
-/// What a plane model says nothing about is `None`, `null` in JSON.
+/// Properties that a plane model does not have are `None`, `null` in JSON.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct Truth {
     /// Version of this layout, `massline/truth/1`.
@@ -49,7 +49,7 @@ pub struct InertiaTruth {
 /// A mode of the specimen on a fixed interface.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct ModeTruth {
-    /// What moves.
+    /// Name of the part that moves.
     pub name: String,
     /// Undamped, Hz.
     pub frequency: f64,

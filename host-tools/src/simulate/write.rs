@@ -12,7 +12,7 @@ use massline_firmware::wire::Health;
 const SETUP: &str = "setup.toml";
 const TRUTH: &str = "truth.json";
 
-/// How every setup begins that [`Simulation::write`] has written.
+/// First line of every setup that [`Simulation::write`] has written.
 const WRITTEN_BY: &str = "# Written by `massline simulate`.";
 
 impl Simulation {
@@ -48,7 +48,7 @@ impl Simulation {
         Ok(path)
     }
 
-    /// Whether all files may be written into a folder: none is one of `inputs`, and none takes
+    /// Checks that all files may be written into a folder: none is one of `inputs`, and none takes
     /// the place of another's work, unless that is what the user wants (`force`). An earlier
     /// simulation may be replaced.
     ///
@@ -74,7 +74,7 @@ impl Simulation {
     }
 }
 
-/// Whether a folder holds a test that [`Simulation::write`] has written.
+/// `true` if a folder holds a test that [`Simulation::write`] has written.
 fn is_simulated(folder: &Path) -> bool {
     let file = folder.join(SETUP);
     // A pipe would wait for somebody to write.

@@ -12,13 +12,13 @@ use serde::Serialize;
 pub struct Document {
     /// Version of the document's form.
     pub schema: &'static str,
-    /// What was studied.
+    /// Model that is studied.
     pub model: &'static str,
-    /// How the numbers are meant.
+    /// Definition of the numbers.
     pub units: &'static str,
     /// All choices, the defaults included.
     pub options: Options,
-    /// What should come out.
+    /// True values.
     pub exact: Values,
     /// Mass that was given as weighed, kg.
     pub mass: f64,
@@ -38,7 +38,7 @@ pub struct Document {
     pub noise: Vec<LevelEntry>,
     /// Claims and figures.
     pub pattern: Vec<Check>,
-    /// What the reader should know.
+    /// Notes to the reader.
     pub notes: Vec<&'static str>,
 }
 
@@ -119,7 +119,7 @@ pub struct FewerEntry {
     pub rows: Vec<RowEntry>,
 }
 
-/// What names a row.
+/// Identity of a row.
 #[derive(Debug, Serialize)]
 pub struct Key {
     /// Method, range and weights in words.
@@ -128,11 +128,11 @@ pub struct Key {
     pub method: &'static str,
     /// Averaging range; null for method d, which averages nothing.
     pub range: Option<Range>,
-    /// Whether the accelerometers were weighted.
+    /// `true` if the accelerometers were weighted.
     pub weighted: bool,
 }
 
-/// What a row gave.
+/// Answer of a row.
 #[derive(Debug, Serialize)]
 pub struct Answered {
     /// The numbers, or null.

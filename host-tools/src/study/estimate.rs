@@ -12,7 +12,7 @@ use massline_core::modes::Pole;
 use massline_core::spectra::BandError;
 use nalgebra::Complex;
 
-/// What the study looks at, SI units: m, kg m², 1.
+/// Numbers that the study compares, SI units: m, kg m², 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Numbers {
     /// The CG along x, the paper's ξ_S.
@@ -28,7 +28,7 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// How many they are.
+    /// Number of them.
     pub const COUNT: usize = 5;
 
     /// In the order of the fields.
@@ -37,7 +37,7 @@ impl Numbers {
         [self.x, self.z, self.theta_a, self.theta_s, self.indicator]
     }
 
-    /// What should come out of a twin.
+    /// True values of a twin.
     #[must_use]
     pub fn exact(twin: &Twin) -> Self {
         let known = |x: Option<f64>| x.unwrap_or(f64::NAN);
@@ -70,7 +70,7 @@ impl Numbers {
     }
 }
 
-/// What one procedure gave for one row: the numbers, or why there are none.
+/// Answer of one procedure for one row: the numbers, or the reason why there are none.
 pub type Outcome = Result<Solution, String>;
 
 /// The numbers, and after how many iterations.
@@ -82,7 +82,7 @@ pub struct Solution {
     pub iterations: u32,
 }
 
-/// What a row gave.
+/// Answer of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Solved once at A.

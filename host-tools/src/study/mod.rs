@@ -82,13 +82,13 @@ use massline_core::modes::Pole;
 /// Everything the study found.
 #[derive(Debug)]
 pub struct Study {
-    /// What it was asked.
+    /// Options of the study.
     pub options: Options,
     /// The twin as the noise-free rows shake it.
     pub twin: Twin,
     /// Its exact responses.
     pub responses: Responses,
-    /// What should come out.
+    /// True values.
     pub exact: Numbers,
     /// Noise-free answers, in the order of [`Row::all`].
     pub answers: Vec<Answer>,
@@ -106,7 +106,7 @@ pub struct Study {
 /// in a test: with all of them method e leaves nothing for the iteration to improve.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FewerModes {
-    /// How many modes were fitted.
+    /// Number of fitted modes.
     pub modes: usize,
     /// The rows of method e and their noise-free answers; none where only one mode was
     /// found.
@@ -130,9 +130,9 @@ pub enum StudyError {
     Option {
         /// Its name.
         option: &'static str,
-        /// What was given.
+        /// Value that was given.
         found: f64,
-        /// What would do.
+        /// Values that are accepted.
         expected: &'static str,
     },
     /// The built-in model cannot be read.
@@ -268,7 +268,7 @@ pub struct FrequencyRow {
     pub paper: f64,
     /// The twin's, from its model, Hz.
     pub twin: f64,
-    /// What the noise-free responses gave, where the mode lies in the lines.
+    /// Mode from the noise-free responses, where it lies in the lines.
     pub identified: Option<Pole>,
 }
 

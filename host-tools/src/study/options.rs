@@ -1,4 +1,4 @@
-//! What the paper leaves open, and how much noise is studied.
+//! Choices that the paper leaves open, and the levels of noise that are studied.
 
 use super::StudyError;
 use massline_core::modes::MAX_MODES;
@@ -22,13 +22,13 @@ pub struct Options {
     pub ranges: [f64; 2],
     /// W_min of chapter 7.
     pub minimum_weight: f64,
-    /// Where the weighting looks for the first elastic modes, Hz.
+    /// Band in which the weighting looks for the first elastic modes, Hz.
     pub mode_band: [f64; 2],
     /// Which runs share weights.
     pub weights: WeightRule,
-    /// Where methods d and e fit elastic modes, Hz; all lines if null.
+    /// Band in which methods d and e fit elastic modes, Hz; all lines if null.
     pub fit_band: Option<[f64; 2]>,
-    /// Where the apparent mass looks for the poles of the fixed structure, Hz: around the
+    /// Band in which the apparent mass looks for the poles of the fixed structure, Hz: around the
     /// first modes, as `massline identify` does with lines up to the mode band's end.
     pub pole_band: [f64; 2],
     /// Most elastic modes that methods d and e fit.
@@ -37,7 +37,7 @@ pub struct Options {
     pub tolerance: f64,
     /// Most iterations.
     pub iterations: u32,
-    /// How noise is added.
+    /// Signals that noise is added to.
     pub noise_kind: NoiseKind,
     /// Levels of noise, shares of each channel's RMS over all runs.
     pub noise: Vec<f64>,
@@ -65,7 +65,7 @@ pub enum WeightRule {
     Joined,
 }
 
-/// What is noisy.
+/// Signals that noise is added to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseKind {
@@ -103,7 +103,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Whether the numbers make sense together.
+    /// Checks that the numbers make sense together.
     ///
     /// # Errors
     /// [`StudyError::Option`] that names the option and what it may be.

@@ -12,11 +12,11 @@ pub const IDEAL: Printed = Printed::new([101.13, 107.33, 20.78, 100.0], [0.0; 3]
 /// The true Θ about S of table 4, g m².
 pub const IDEAL_THETA_S: f64 = 7.06;
 
-/// What the reader should know of one row.
+/// Footnote to one row.
 pub const FOOTNOTE: &str = "the paper's row a II with W contradicts itself: 113.64 mm for z is \
     an error of 5.88 %, the printed 24.50 % would be 133.63 mm";
 
-/// Whether it is the row of the footnote.
+/// `true` for the row of the footnote.
 #[must_use]
 pub fn contradicts_itself(row: &Row) -> bool {
     row.method == Method::FrequencyResponses && row.range == Range::II && row.weighted

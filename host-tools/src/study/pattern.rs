@@ -12,9 +12,9 @@ use serde::Serialize;
 pub struct Check {
     /// Short name for scripts.
     pub id: &'static str,
-    /// What is claimed.
+    /// The claim.
     pub claim: String,
-    /// Whether the figures bear it out.
+    /// `true` if the figures bear it out.
     pub holds: bool,
     /// The figures.
     pub measured: String,

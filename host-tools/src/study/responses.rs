@@ -19,7 +19,7 @@ pub struct Responses {
     pub variance: Vec<f64>,
 }
 
-/// What exact responses are taken to be known to, relative to their size: an estimator
+/// Uncertainty that exact responses are taken to have, relative to their size: an estimator
 /// must be told some noise to tell an excited direction from rounding.
 const RESOLUTION: f64 = 1e-12;
 

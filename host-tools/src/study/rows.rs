@@ -29,11 +29,11 @@ impl Range {
 /// One row of table 3, or one that the paper lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// How masslines are found.
+    /// Method by which masslines are found.
     pub method: Method,
     /// From which lines.
     pub range: Range,
-    /// Whether the accelerometers are weighted as in chapter 7.
+    /// `true` if the accelerometers are weighted as in chapter 7.
     pub weighted: bool,
 }
 

@@ -75,7 +75,7 @@ pub(super) fn elastic(chance: &mut Chance, first: f64) -> Structure {
     structure
 }
 
-/// How a sensor on the structure reads its modes: one random gain each, as large as where a
+/// Readings of the modes by a sensor on the structure: one random gain each, as large as where a
 /// mode with 30 % of the mass moves.
 pub(super) fn shapes(chance: &mut Chance, structure: &Structure) -> Vec<f64> {
     let gain = 1.0 / libm::sqrt(0.3 * structure.mass);

@@ -45,14 +45,14 @@ pub enum TrialError {
     },
 }
 
-/// How a trial is recorded and disturbed.
+/// Recording and disturbances of a trial.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Conditions {
     /// Largest ratio of a sensor's share of noise to that of another; 1 for all alike.
     pub(super) unlike: f64,
     /// Frequencies of a stepped sine test, Hz; empty for a random one.
     pub(super) sines: Vec<f64>,
-    /// Whether the mass is stated as weighed.
+    /// `true` if the mass is stated as weighed.
     pub(super) weighed: bool,
     /// Which run's motion each simulated run belongs to; those of one number are shaken at
     /// once, by drives of their own. Empty where every run is its own.
@@ -70,7 +70,7 @@ struct Run {
 pub(super) struct Trial {
     /// The test.
     pub(super) setup: Setup,
-    /// What should come out.
+    /// True values.
     pub(super) truth: Truth,
     model: Model,
     seed: u64,

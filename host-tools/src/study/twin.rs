@@ -139,7 +139,7 @@ fn rigid_reading(position: &[f64; 3], direction: &[f64; 3], motion: &Vector6<f64
     )
 }
 
-/// Where range I (0) or II (1) ends, Hz: the line nearest to its share of `first`.
+/// End of range I (0) or II (1), Hz: the line nearest to its share of `first`.
 pub(super) fn range_end(options: &Options, first: f64, range: usize) -> f64 {
     let share = options.ranges[range.min(1)];
     (share * first / options.spacing).round() * options.spacing

@@ -3,6 +3,8 @@
 // Every test program takes a part of this.
 #![allow(dead_code)]
 
+pub mod one_run;
+
 use massline::simulate::{Model, Options, simulate};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

@@ -54,18 +54,18 @@ impl Change {
     }
 }
 
-/// What is to become of a box's settings.
+/// Changes to a box's settings.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Order<'a> {
-    /// Whether they go back to those of the delivery first.
+    /// `true` if they go back to those of the delivery first.
     pub(super) reset: bool,
     /// Settings that are changed.
     pub(super) set: &'a [Change],
     /// Inputs that are wired otherwise.
     pub(super) wired: &'a [InputEntry],
-    /// Whether they are kept.
+    /// `true` if they are kept.
     pub(super) save: bool,
-    /// Whether a reset that is kept is meant, without a question.
+    /// `true` if a reset is kept without a question.
     pub(super) yes: bool,
 }
 
@@ -122,7 +122,7 @@ impl Order<'_> {
     }
 }
 
-/// Whether somebody can be asked: both sides of the conversation are a terminal.
+/// `true` if a user can be asked: input and messages are a terminal.
 fn is_asked() -> bool {
     std::io::stdin().is_terminal() && std::io::stderr().is_terminal()
 }
@@ -150,7 +150,7 @@ fn save<P: Port>(client: &mut Client<'_, P>) -> Result<Storage, ClientError> {
     })
 }
 
-/// Whether the box has all these inputs.
+/// Checks that the box has all these inputs.
 fn fits(wired: &[InputEntry], inputs: u8) -> Result<(), Failure> {
     match wired.iter().find(|entry| entry.input >= inputs) {
         None => Ok(()),

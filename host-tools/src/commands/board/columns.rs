@@ -6,7 +6,7 @@ use crate::inputs::{self, InputEntry};
 use crate::recording::HEALTH_COLUMN;
 use std::path::{Path, PathBuf};
 
-/// What `--inputs` says.
+/// Value of `--inputs`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Wanted {
     /// A file of inputs.

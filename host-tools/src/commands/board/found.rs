@@ -1,34 +1,28 @@
-//! What the box has found, on a terminal or as a document.
+//! The box's answer, on a terminal or as a document.
 
 use super::columns::{self, Wanted};
 use crate::box_runs::{BoxRunError, BoxTest, Found};
 use crate::cli::Verbosity;
-use crate::commands::{Failure, Heading, print_json, print_numbers, refuse, warn};
+use crate::commands::procedure::Procedure;
+use crate::commands::{Failure, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
 use crate::identification::{notice_numbers, recommended};
 use crate::inputs::InputEntry;
-use crate::replay::DeviceEntry;
+use crate::result::{DeviceEntry, ResultDocument};
 use crate::rig::Shaker;
 use crate::setup::Setup;
 use anstyle::Style;
 use massline_core::masslines::Method;
 use std::io::Write;
 
-/// What is asked of the box.
+/// Question to the box.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Asked {
-    /// How masslines are found; the recommended method if absent
+    /// Method that finds the masslines; the recommended one if absent
     #[arg(long, value_parser = parse_method, value_name = "NAME")]
     method: Option<Method>,
-    /// Move the reference point to the centre of gravity until both coincide
-    #[arg(long, overrides_with = "direct")]
-    iterative: bool,
-    /// Solve once at the given reference point (default)
-    #[arg(long, overrides_with = "iterative")]
-    direct: bool,
-    /// Weigh all accelerometers alike
-    #[arg(long)]
-    no_weights: bool,
+    #[command(flatten)]
+    procedure: Procedure,
     /// Which input reads which channel: drive=1,a1=2, or a file of inputs; by the sensors'
     /// serial numbers if absent
     #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
@@ -68,7 +62,7 @@ impl Asked {
             name(&mut wired, shaker);
         }
         let method = self.method.unwrap_or_else(|| recommended(setup).0);
-        let weighted = !self.no_weights;
+        let weighted = self.procedure.weighted();
         Ok(BoxTest::new(client, setup, &wired, method, weighted)?)
     }
 
@@ -80,22 +74,22 @@ impl Asked {
         setup: &Setup,
         verbosity: Verbosity,
     ) -> Result<(), Failure> {
-        let found = test.identify(client, self.iterative)?;
+        let found = test.identify(client, self.procedure.iterative)?;
         let why = self.method.is_none().then(|| recommended(setup).1);
-        let warnings = warnings(&found);
-        let refused = found.refused();
+        let result = ResultDocument {
+            warnings: warnings(&found),
+            device: Some(DeviceEntry::from(test.device())),
+            ..found.document(&setup.title, why)
+        };
         if self.json {
-            let mut document = found.document(&setup.title, why);
-            document.warnings = warnings;
-            document.device = Some(DeviceEntry::from(test.device()));
-            print_json(&document)?;
-            return refuse(refused.as_deref());
+            print_json(&result)?;
+        } else {
+            warn(&result.warnings, verbosity);
+            if result.refused.is_none() || self.anyway {
+                print(&result, found.seconds).map_err(|e| Failure::stdout(&e))?;
+            }
         }
-        warn(&warnings, verbosity);
-        if refused.is_none() || self.anyway {
-            print(&setup.title, &found, test, why).map_err(|e| Failure::stdout(&e))?;
-        }
-        refuse(refused.as_deref())
+        refuse(result.refused.as_deref())
     }
 }
 
@@ -106,7 +100,7 @@ fn name(wired: &mut [InputEntry], shaker: &Shaker) {
     }
 }
 
-/// What the user should know of an answer.
+/// Warnings about an answer.
 fn warnings(found: &Found) -> Vec<String> {
     let mut warnings = Vec::new();
     if !found.unmeasured.is_empty() {
@@ -127,26 +121,16 @@ fn warnings(found: &Found) -> Vec<String> {
     warnings
 }
 
-fn print(
-    title: &str,
-    found: &Found,
-    test: &BoxTest<'_>,
-    why: Option<&'static str>,
-) -> std::io::Result<()> {
+fn print(result: &ResultDocument, seconds: f64) -> std::io::Result<()> {
     let mut out = anstream::stdout();
-    let heading = Heading {
-        title,
-        method: found.method.description(),
-        procedure: found.answer.question.procedure.into(),
-        why,
-        type_b: None,
-    };
-    print_numbers(&mut out, &heading, &found.identification, None)?;
-    let dim = Style::new().dimmed();
-    let device = test.device();
-    writeln!(
-        out,
-        "{dim}identified by the box ({} {}) in {:.2} s{dim:#}",
-        device.firmware, device.version, found.seconds
-    )
+    print_numbers(&mut out, result, None)?;
+    if let Some(device) = &result.device {
+        let dim = Style::new().dimmed();
+        writeln!(
+            out,
+            "{dim}identified by the box ({} {}) in {seconds:.2} s{dim:#}",
+            device.firmware, device.version
+        )?;
+    }
+    Ok(())
 }

@@ -262,7 +262,7 @@ fn activity(status: &Status) -> String {
     text
 }
 
-/// What the user should know, each with what to do.
+/// Notes to the user, each with advice.
 fn notes(info: &BoxInfo) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some(panic) = &info.panic {

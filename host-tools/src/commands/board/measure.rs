@@ -232,7 +232,7 @@ fn told(progress: &Progress, seconds: Option<f64>) -> String {
     text
 }
 
-/// What became of a run.
+/// Outcome of a run.
 fn summary(ended: &Ended) -> String {
     let s = &ended.summary;
     let seconds = (s.samples + s.missing) as f64 / ended.rate;

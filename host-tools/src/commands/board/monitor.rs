@@ -19,7 +19,7 @@ use std::io::{IsTerminal, Write};
 pub struct Arguments {
     #[command(flatten)]
     device: Device,
-    /// How long; until Ctrl-C if absent
+    /// Length in seconds; until Ctrl-C if absent
     #[arg(long, value_name = "S", value_parser = super::seconds)]
     seconds: Option<f64>,
     /// Which inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
@@ -119,8 +119,8 @@ fn write(snapshot: &Snapshot, before: usize, live: bool, height: usize) -> std::
     Ok(1 + fit + usize::from(!hidden.is_empty()))
 }
 
-/// How many of so many channels are shown where the heading and the cursor take a line each,
-/// and what is cut off another.
+/// Number of channels that are shown of so many, where the heading, the cursor and the note on
+/// further channels take a line each.
 fn fitting(channels: usize, height: usize) -> usize {
     let room = height.saturating_sub(2);
     if channels <= room {

@@ -30,7 +30,7 @@ pub struct Arguments {
     file: PathBuf,
     #[command(flatten)]
     device: Device,
-    /// How long; until Ctrl-C if absent
+    /// Length in seconds; until Ctrl-C if absent
     #[arg(long, value_name = "S", value_parser = super::seconds)]
     seconds: Option<f64>,
     /// Which inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
@@ -250,14 +250,14 @@ struct RecordDocument {
     /// Hz, by the clock of this computer.
     true_sample_rate: Option<TrueRate>,
     frames_lost: u64,
-    /// Where the rows of an unfinished recording are now that were in the way.
+    /// New path of the rows of an unfinished recording that were in the way.
     set_aside: Option<String>,
     /// `complete`, `stopped` or `failed`.
     ending: &'static str,
     reason: Option<String>,
 }
 
-/// What was wrong with a channel.
+/// Faults of a channel.
 #[derive(Serialize)]
 struct ChannelFaults {
     samples: u64,

@@ -17,7 +17,7 @@ pub struct Arguments {
 
 /// Longest that a start may take: the wait for a crystal that is dead is a tenth of it.
 const START: Duration = Duration::from_secs(10);
-/// How often it is looked whether the box has started.
+/// Time between two checks of the box's start.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Runs the command.

@@ -101,7 +101,7 @@ impl SelftestDocument {
     }
 }
 
-/// Whether a check holds by its own numbers: the box's word alone is not taken for it.
+/// `true` if a check holds by its own numbers, whatever the box says of it.
 fn holds(check: &Check) -> bool {
     let distance = |found: f64| (found - check.truth.0).abs();
     check

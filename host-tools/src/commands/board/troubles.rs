@@ -3,7 +3,7 @@
 use crate::commands::Failure;
 use crate::rig::{Trouble, Troubles};
 
-/// What goes wrong with the box in this program.
+/// Faults of the box in this program.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct HostTroubles {
     /// With --host: have something go wrong; may be given several times

@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Seed of the first draw; each next one has the next
     #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
     seed: u64,
-    /// Where noise is added: to recordings of every channel, or to responses line by line
+    /// Signals that noise is added to: recordings of every channel, or responses line by line
     #[arg(
         long,
         value_enum,
@@ -43,7 +43,7 @@ pub struct Arguments {
     paper: Unknowns,
 }
 
-/// What the paper leaves open.
+/// Choices that the paper leaves open.
 #[derive(clap::Args)]
 #[command(next_help_heading = "What the paper leaves open")]
 struct Unknowns {
@@ -68,7 +68,7 @@ struct Unknowns {
     /// W_min, the weight of the accelerometer that sees the first modes most
     #[arg(long, value_name = "W", default_value_t = Options::default().minimum_weight)]
     minimum_weight: f64,
-    /// Where the weighting looks for the first modes, Hz
+    /// Band in which the weighting looks for the first modes, Hz
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "28,50")]
     mode_band: Pair,
     /// Which runs share weights: by-method (each its own for a, one set for b to e), per-run, joined
@@ -80,10 +80,10 @@ struct Unknowns {
         default_value_t
     )]
     weights: WeightRule,
-    /// Where methods d and e fit elastic modes, Hz [default: all lines]
+    /// Band in which methods d and e fit elastic modes, Hz [default: all lines]
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair)]
     fit_band: Option<Pair>,
-    /// Where the apparent mass looks for the fixed system's poles, Hz
+    /// Band in which the apparent mass looks for the fixed system's poles, Hz
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "0.5,50")]
     pole_band: Pair,
     /// Most elastic modes that methods d and e fit

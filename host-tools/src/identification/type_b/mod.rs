@@ -49,13 +49,13 @@ pub mod number {
     pub const INERTIA_CG: usize = 11;
 }
 
-/// What one error contributes.
+/// Contribution of one error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contribution {
     /// The error in words.
     pub source: String,
-    /// What one standard uncertainty of it does to each number, SI; `None` where the number is
-    /// not observable.
+    /// Change of each number by one standard uncertainty of the error, SI; `None` where the number
+    /// is not observable.
     pub numbers: [Option<f64>; NUMBERS],
 }
 
@@ -126,8 +126,8 @@ impl TypeB {
         })
     }
 
-    /// What is to be said of errors that could not be carried through: no number is given then
-    /// for what they leave unknown.
+    /// A warning that names the errors that could not be carried through: numbers that they touch
+    /// have no type B uncertainty.
     pub(super) fn gaps(&self, i: &Identification) -> Option<String> {
         let all = estimates(i);
         let lost = |c: &&Contribution| {
@@ -246,7 +246,7 @@ struct Chain<'a> {
     observable: [bool; NUMBERS],
 }
 
-/// What a method decides on the way.
+/// Discrete choices of a method.
 #[derive(Clone, Debug, PartialEq)]
 struct Choices {
     observable: [bool; 10],

@@ -1,4 +1,4 @@
-//! What may be wrong with what a setup says of its sensors, and by how much.
+//! Sources of type B uncertainty: errors of sensors that a setup states, with their sizes.
 
 use crate::measure::{Change, Measurement};
 use crate::setup::{Mount, Setup, Uncertainty};
@@ -13,10 +13,10 @@ pub(super) struct Source {
     pub(super) error: Error,
 }
 
-/// What an error changes.
+/// Target of an error.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Error {
-    /// What is said of sensors.
+    /// Properties of sensors.
     Sensors(Change),
     /// The weighed mass, kg.
     Mass(f64),
@@ -27,7 +27,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// A channel as far as its errors are concerned.
 struct Channel {
     name: String,
-    /// What it is fixed to or part of: those of one kind at one place are one block.
+    /// Kind of its mounting: sensors of one kind at one place are one block.
     kind: u8,
     place: [u64; 3],
     stated: Uncertainty,
@@ -148,21 +148,7 @@ fn blocks(channels: &[Channel], of: fn(&Channel) -> Option<f64>) -> Vec<(Vec<usi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::spectra::LineRange;
     use std::path::Path;
-
-    fn nothing() -> Measurement {
-        Measurement {
-            runs: Vec::new(),
-            sines: Vec::new(),
-            poses: Vec::new(),
-            grid: None,
-            band: LineRange::all(0),
-            hop: 0.5,
-            noise: Vec::new(),
-            warnings: Vec::new(),
-        }
-    }
 
     #[test]
     fn each_error_is_there_once() {
@@ -174,7 +160,7 @@ mod tests {
             [[load_cell]]\nchannel = \"f\"\nposition = [1, 0, 0]\ndirection = [0, 0, 1]\n\
             [[run]]\nname = \"p\"\nrecording = \"p.csv\"\nexcitation = \"static\"\n";
         let setup = Setup::from_str(text, Path::new("s.toml")).unwrap();
-        let found = sources(&setup, &nothing());
+        let found = sources(&setup, &Measurement::default());
         let names: Vec<&str> = found.iter().map(|s| &*s.name).collect();
         let expected = [
             "calibration of f",

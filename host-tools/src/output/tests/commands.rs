@@ -60,6 +60,24 @@ fn a_first_report() {
 }
 
 #[test]
+fn an_exported_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let result = serde_json::to_vec(&*crate::result::tests::FORK).unwrap();
+    std::fs::write(folder.join("result.json"), result).unwrap();
+    let export = ["export", "HERE/result.json", "--to", "csv", "--quiet"];
+    let export = [&export[..], &["--force", "--out", "HERE/result.csv"]].concat();
+    std::fs::write(folder.join("result.csv"), "by hand\n").unwrap();
+    at_steps(
+        folder,
+        &["result.csv"],
+        every,
+        || run(folder, &export),
+        |_| (),
+    );
+}
+
+#[test]
 fn exported_settings() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -83,7 +101,7 @@ const TEST: [&str; 5] = [
     "rotation-y.csv",
 ];
 
-/// Whether all recordings can be read to their ends, each as the one that the setup means.
+/// Reads all recordings to their ends, each as the one that the setup means.
 fn read_all(folder: &Path) -> Result<(), RecordingError> {
     let setup = Setup::read(&folder.join("setup.toml")).unwrap();
     for run in &setup.runs {

@@ -41,7 +41,7 @@ fn unfinished(files: &Files) -> Vec<&String> {
     files.keys().filter(ours).collect()
 }
 
-/// What a fault has left.
+/// State of a folder after a fault.
 struct Left<'a> {
     fault: Fault,
     /// The operation that met it.
@@ -53,7 +53,7 @@ struct Left<'a> {
 }
 
 /// Runs a command on a folder with every fault at every operation of those that are `chosen`.
-/// What is said of all commands is said here; `look` adds what is said of this one.
+/// Holds for all commands; `look` adds checks of this one.
 fn at_steps(
     folder: &Path,
     targets: &[&str],

@@ -3,12 +3,12 @@
 use super::ticks::{Tick, Ticks};
 use super::{Anchor, Mapping, SMALL_TEXT, Scale, Svg, text_width, ticks};
 
-/// What an axis shows.
+/// Range, mapping and label of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Quantity and unit.
     pub title: String,
-    /// How values are stretched.
+    /// Mapping of values to places.
     pub mapping: Mapping,
     /// First and last value.
     pub domain: [f64; 2],
@@ -159,7 +159,7 @@ fn placed<'a>(ticks: &'a Ticks, scale: &'a Scale) -> impl Iterator<Item = (&'a T
 mod tests {
     use super::*;
 
-    /// Where the labels of an x axis stand, and how wide they are.
+    /// Places and widths of the labels of an x axis.
     fn labels(axis: &Axis, width: f64) -> Vec<(f64, f64)> {
         let frame = Frame {
             left: 30.0,

@@ -7,7 +7,7 @@ use crate::report::markup::shortened;
 /// A chart, or one panel of several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineChart {
-    /// What is shown: bold.
+    /// Title, bold.
     pub title: String,
     /// The horizontal axis.
     pub x: Axis,

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-/// How a value is stretched along an axis.
+/// Mapping of values along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mapping {
     /// Equal differences are equally long.
@@ -59,7 +59,7 @@ impl Scale {
         }
     }
 
-    /// Where a value lies; `None` if it has no place on this mapping. Values outside the
+    /// Place of a value, pixels; `None` if it has no place on this mapping. Values outside the
     /// domain lie outside the pixels.
     #[must_use]
     pub fn at(&self, value: f64) -> Option<f64> {
@@ -126,7 +126,7 @@ impl Extent {
         )
     }
 
-    /// Whether anything was seen.
+    /// `true` if there is no value yet.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.low > self.high

@@ -1,9 +1,9 @@
-//! What is drawn in a chart, and legends.
+//! Series, rules and spans of a chart, and legends.
 
 use super::{Svg, path};
 use crate::report::markup::escape;
 
-/// What colour something has, by what it means. The style sheet has the colours; each is
+/// Meaning of a series, which has its colour in the style sheet. Each colour is
 /// told from its neighbours by lightness as well as by hue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tone {
@@ -13,7 +13,7 @@ pub enum Tone {
     Fit,
     /// The answer.
     Identified,
-    /// What should have come out.
+    /// The truth.
     Truth,
     /// In the background.
     Muted,
@@ -39,7 +39,7 @@ impl Tone {
     }
 }
 
-/// How a series is drawn.
+/// Mark of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mark {
     /// A line.
@@ -62,17 +62,17 @@ pub enum Mark {
 /// Data to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// What it is.
+    /// Name in the legend.
     pub name: String,
     /// Its colour.
     pub tone: Tone,
-    /// How it is drawn.
+    /// Line, dots or points.
     pub mark: Mark,
     /// In ascending x where they are connected; a point that is not finite is a gap.
     pub points: Vec<[f64; 2]>,
     /// Lower edge of an area.
     pub floor: Vec<[f64; 2]>,
-    /// Whether the name stands at its right end.
+    /// `true` if the name stands at its right end.
     pub labelled: bool,
 }
 
@@ -157,18 +157,18 @@ pub struct Span {
 pub enum Rule {
     /// At one x, its label at the top.
     Vertical {
-        /// Where.
+        /// Place on the axis.
         x: f64,
-        /// What stands there.
+        /// Text beside it.
         label: String,
         /// Its colour.
         tone: Tone,
     },
     /// At one y, its label at the right end.
     Horizontal {
-        /// Where.
+        /// Place on the axis.
         y: f64,
-        /// What stands there.
+        /// Text beside it.
         label: String,
         /// Its colour.
         tone: Tone,

@@ -6,9 +6,9 @@ use crate::report::number::{fixed, power_of_ten, ten_to};
 /// A labelled place on an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tick {
-    /// Where.
+    /// Value at the tick.
     pub value: f64,
-    /// What stands there.
+    /// Text at the tick.
     pub label: String,
 }
 

@@ -29,7 +29,7 @@ pub(super) struct View {
     pub sight: (usize, bool),
     pub corner: [f64; 2],
     pub size: [f64; 2],
-    /// Whether tick labels stand below and left of it.
+    /// `true` for tick labels below and left of the view.
     pub labelled: [bool; 2],
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Layout {
     pub size: [f64; 2],
     pub views: [View; 3],
     pub pixels_per_metre: f64,
-    /// What each axis shows, m.
+    /// Lowest and highest coordinate of each axis, m.
     domains: [[f64; 2]; 3],
 }
 
@@ -101,7 +101,7 @@ impl Layout {
         }
     }
 
-    /// What an axis shows, m.
+    /// Lowest and highest coordinate of an axis, m.
     pub fn domain(&self, axis: usize) -> [f64; 2] {
         self.domains[axis]
     }

@@ -17,7 +17,7 @@ use super::TrueBody;
 use super::number::{exact, with_unit};
 use super::page::Section;
 use super::plot::Svg;
-use crate::identification::Answer;
+use crate::result::ResultDocument;
 use crate::setup::Setup;
 use layout::Layout;
 use scene::{Kind, Scene};
@@ -27,8 +27,8 @@ use std::fmt::Write;
 const SHORTEST_ARM: f64 = 9.0;
 
 /// The section.
-pub(super) fn section(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> Section {
-    let scene = Scene::new(setup, answer, truth);
+pub(super) fn section(setup: &Setup, result: &ResultDocument, truth: Option<&TrueBody>) -> Section {
+    let scene = Scene::new(setup, result, truth);
     let layout = Layout::new(&scene);
     let magnification = magnification(&scene, layout.pixels_per_metre);
     let drawing = view::draw(&scene, &layout, magnification);
@@ -45,8 +45,7 @@ fn magnification(scene: &Scene, pixels_per_metre: f64) -> f64 {
     let widest = scene
         .centre
         .iter()
-        .flatten()
-        .map(|e| e.interval(scene.freedom) * pixels_per_metre)
+        .map(|n| n.half_width() * pixels_per_metre)
         .filter(|x| x.is_finite())
         .fold(0.0, f64::max);
     if widest >= SHORTEST_ARM || widest <= 0.0 {
@@ -79,7 +78,7 @@ fn legend(scene: &Scene) -> String {
         &|svg| view::reference(svg, [10.0, 8.0]),
         "reference point A",
     );
-    if scene.centre.iter().any(Option::is_some) {
+    if scene.centre.iter().any(|n| n.observable) {
         item(&|svg| view::centre(svg, [10.0, 8.0]), "centre of gravity S");
     }
     if scene.true_centre.iter().any(Option::is_some) {
@@ -97,14 +96,14 @@ fn notes(scene: &Scene, setup: &Setup, magnification: f64) -> String {
         "Three views to one scale, seen from above, from the front and from the right. Arrows \
          show positive directions; ⊙ points at the reader, ⊗ away; a double head is a moment.",
     );
-    if scene.centre.iter().flatten().any(|e| e.std > 0.0) {
+    if scene.centre.iter().any(|n| n.std > Some(0.0)) {
         text.push_str(" The cross at S is its 95\u{202f}% interval");
         if magnification > 1.0 {
             let _ = write!(text, ", drawn {} times as large", exact(magnification));
         }
         text.push('.');
     }
-    if scene.centre.iter().any(Option::is_none) {
+    if scene.centre.iter().any(|n| !n.observable) {
         text.push_str(" S is drawn only in views whose two coordinates are observable.");
     }
     match &scene.ellipsoid {

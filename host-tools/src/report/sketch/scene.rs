@@ -1,13 +1,12 @@
-//! What there is to draw, in metres and in the frame of the results.
+//! The objects that are drawn, in metres and in the frame of the results.
 
-use crate::identification::Answer;
 use crate::report::TrueBody;
+use crate::result::{Number, ResultDocument};
 use crate::setup::{self, Setup};
 use massline_core::geometry::{Accelerometer, LoadCell, Mount, Placement, Quantity};
-use massline_core::identify::Estimate;
 use nalgebra::{Matrix3, Vector3};
 
-/// What sits at a spot.
+/// Kind of the sensors at a spot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     LoadCell,
@@ -72,9 +71,7 @@ impl Ellipsoid {
 pub(super) struct Scene {
     pub spots: Vec<Spot>,
     pub reference: Vector3<f64>,
-    pub centre: [Option<Estimate>; 3],
-    /// Degrees of freedom behind its standard deviations.
-    pub freedom: f64,
+    pub centre: [Number; 3],
     pub true_centre: [Option<f64>; 3],
     /// Or why there is none.
     pub ellipsoid: Result<Ellipsoid, &'static str>,
@@ -83,8 +80,7 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    pub fn new(setup: &Setup, answer: &Answer, truth: Option<&TrueBody>) -> Self {
-        let i = &answer.identification;
+    pub fn new(setup: &Setup, result: &ResultDocument, truth: Option<&TrueBody>) -> Self {
         let placement = setup
             .runs
             .first()
@@ -92,11 +88,10 @@ impl Scene {
             .unwrap_or_default();
         let mut scene = Self {
             spots: Vec::new(),
-            reference: i.reference,
-            centre: i.centre_of_gravity,
-            freedom: i.freedom,
+            reference: result.reference_point.into(),
+            centre: result.centre_of_gravity.clone(),
             true_centre: truth.map_or([None; 3], |t| t.centre_of_gravity),
-            ellipsoid: ellipsoid(answer),
+            ellipsoid: ellipsoid(result),
             left_out: 0,
         };
         for entry in &setup.load_cells {
@@ -132,12 +127,9 @@ impl Scene {
     }
 
     /// The centre of gravity seen along one axis, if both other coordinates are known.
-    pub fn centre_in(&self, u: usize, v: usize) -> Option<[Estimate; 2]> {
-        let finite = |e: Estimate| e.value.is_finite();
-        Some([
-            self.centre[u].filter(|e| finite(*e))?,
-            self.centre[v].filter(|e| finite(*e))?,
-        ])
+    pub fn centre_in(&self, u: usize, v: usize) -> Option<[f64; 2]> {
+        let finite = |axis: usize| self.centre[axis].value.filter(|x: &f64| x.is_finite());
+        Some([finite(u)?, finite(v)?])
     }
 
     /// Lowest and highest coordinate of everything along one axis.
@@ -151,8 +143,8 @@ impl Scene {
             }
         };
         self.spots.iter().for_each(|s| see(s.position[axis]));
-        if let Some(e) = self.centre[axis] {
-            see(e.value);
+        if let Some(x) = self.centre[axis].value {
+            see(x);
         }
         if let Ok(e) = &self.ellipsoid {
             let half = e.shape()[(axis, axis)].max(0.0).sqrt();
@@ -202,22 +194,23 @@ fn accelerometer(
 
 /// A solid ellipsoid of mass m has `Θ_1 = m (b² + c²) / 5`, so that
 /// `a² = 5 (Θ_2 + Θ_3 - Θ_1) / 2 m`.
-fn ellipsoid(answer: &Answer) -> Result<Ellipsoid, &'static str> {
+fn ellipsoid(result: &ResultDocument) -> Result<Ellipsoid, &'static str> {
     const INCOMPLETE: &str =
         "No ellipsoid of inertia is drawn: it needs all six terms of inertia about S.";
     const IMPOSSIBLE: &str =
         "No ellipsoid of inertia is drawn: no body has the principal moments found.";
-    let i = &answer.identification;
-    let principal = i.principal.ok_or(INCOMPLETE)?;
-    let mass = i.mass.ok_or(INCOMPLETE)?.value;
-    let [Some(x), Some(y), Some(z)] = i.centre_of_gravity else {
+    let principal = result.principal_moments.zip(result.principal_axes);
+    let (moments, axes) = principal.ok_or(INCOMPLETE)?;
+    let (moments, axes) = (Vector3::from(moments), axes.map(Vector3::from));
+    let mass = result.mass.value.ok_or(INCOMPLETE)?;
+    let [Some(x), Some(y), Some(z)] = result.centre_of_gravity.each_ref().map(|n| n.value) else {
         return Err(INCOMPLETE);
     };
-    let sum: f64 = principal.moments.sum();
-    let largest = principal.moments.amax();
+    let sum: f64 = moments.sum();
+    let largest = moments.amax();
     let mut radii = Vector3::zeros();
     for k in 0..3 {
-        let square = 2.5 / mass * (sum - 2.0 * principal.moments[k]);
+        let square = 2.5 / mass * (sum - 2.0 * moments[k]);
         // A flat body has a zero here, give or take its rounding.
         let rounding = 1e-9 * largest / mass.abs();
         if !(square.is_finite() && square >= -rounding) {
@@ -226,8 +219,8 @@ fn ellipsoid(answer: &Answer) -> Result<Ellipsoid, &'static str> {
         radii[k] = square.max(0.0).sqrt();
     }
     Ok(Ellipsoid {
-        centre: Vector3::new(x.value, y.value, z.value),
+        centre: Vector3::new(x, y, z),
         radii,
-        axes: principal.axes,
+        axes: Matrix3::from_columns(&axes),
     })
 }

@@ -60,14 +60,12 @@ fn draw_view(
         reference(svg, place);
         room.take(place, place, 6.0);
     }
-    let centre_at = scene
-        .centre_in(u, v)
-        .and_then(|[x, y]| at(x.value, y.value));
-    if let (Some(place), Some(estimates)) = (centre_at, scene.centre_in(u, v)) {
+    let centre_at = scene.centre_in(u, v).and_then(|[x, y]| at(x, y));
+    if let Some(place) = centre_at {
         room.take(place, place, 9.0);
         centre(svg, place);
-        let arm =
-            estimates.map(|e| e.interval(scene.freedom) * layout.pixels_per_metre * magnification);
+        let arm = [u, v]
+            .map(|axis| scene.centre[axis].half_width() * layout.pixels_per_metre * magnification);
         if arm.iter().all(|a| *a > 0.0) {
             let [x, y] = place;
             svg.line("cross", [x - arm[0], y], [x + arm[0], y]);

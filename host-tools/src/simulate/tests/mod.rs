@@ -1,4 +1,4 @@
-//! What a simulation promises, seen from outside its parts.
+//! Tests of whole simulations.
 
 mod files;
 mod fork;

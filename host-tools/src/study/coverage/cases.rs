@@ -8,7 +8,7 @@ use massline_core::masslines::Method;
 use massline_core::spectra::{BlockSettings, SpectraError};
 use std::path::Path;
 
-/// What a case needs to be drawn.
+/// Data from which a case is drawn.
 pub(super) type Drawn = Result<(Model, Conditions), CaseError>;
 
 /// Why a case cannot be drawn: a fault of this program.
@@ -26,7 +26,7 @@ pub enum CaseError {
 pub(super) struct Case {
     /// As given to `--case`.
     pub(super) name: &'static str,
-    /// What it is, in one sentence.
+    /// Description, one sentence.
     pub(super) what: &'static str,
     /// Methods that apply; `None` is the recommended one.
     pub(super) methods: &'static [Option<Method>],

@@ -1,4 +1,4 @@
-//! Whether 95 % intervals hold the truth in 95 % of all tests: `massline study coverage`.
+//! Study of the coverage of 95 % intervals over simulated tests: `massline study coverage`.
 //!
 //! # Design
 //!
@@ -30,7 +30,7 @@ use massline_core::masslines::Method;
 use std::time::Duration;
 use tally::{Scored, score};
 
-/// What is counted.
+/// Options of the study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Draws a cell.
@@ -63,13 +63,13 @@ pub enum CoverageError {
     /// A case that does not exist.
     #[error("--case {found}: expected one of {}", case_names().join(", "))]
     Case {
-        /// What was asked for.
+        /// Name that was asked for.
         found: String,
     },
     /// A level that is no share.
     #[error("--noise {found}: expected shares of a channel's RMS, more than 0 and up to 1")]
     Noise {
-        /// What was given.
+        /// Value that was given.
         found: f64,
     },
     /// No draws.
@@ -80,7 +80,7 @@ pub enum CoverageError {
     Draw {
         /// Its name.
         case: &'static str,
-        /// What is wrong.
+        /// Reason.
         source: CaseError,
     },
     /// A draw cannot be simulated or measured.
@@ -90,7 +90,7 @@ pub enum CoverageError {
         case: &'static str,
         /// The draw's seed.
         seed: u64,
-        /// What is wrong.
+        /// Reason.
         source: Box<TrialError>,
     },
 }
@@ -110,14 +110,14 @@ pub struct Cell {
     pub noise: f64,
     /// The method; `None` is the recommended one.
     pub method: Option<Method>,
-    /// What was counted.
+    /// Counts.
     pub tally: Tally,
 }
 
 /// All cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
-    /// What was asked.
+    /// Options of the study.
     pub options: Options,
     /// Names of the cases that were counted, and what they are.
     pub cases: Vec<(&'static str, &'static str)>,

@@ -116,7 +116,7 @@ fn causes(cell: &Cell) -> Option<String> {
     })
 }
 
-/// How many shares of single numbers are outside, of how many there are.
+/// Number of shares of single numbers that are outside, and of all of them.
 fn outside(coverage: &Coverage) -> (usize, usize) {
     let counts = coverage.cells.iter().flat_map(|c| c.tally.numbers.iter());
     let given: Vec<&Count> = counts.filter(|c| c.given > 0).collect();
@@ -310,9 +310,9 @@ pub fn markdown(coverage: &Coverage) -> String {
     text
 }
 
-/// Where the table begins in a page.
+/// Mark of the beginning of the table in a page.
 const BEGIN: &str = "<!-- coverage: begin -->";
-/// Where it ends.
+/// Mark of its end.
 const END: &str = "<!-- coverage: end -->";
 
 /// A page with the section between its marks replaced; `None` if it has no such marks.

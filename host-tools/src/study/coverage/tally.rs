@@ -75,16 +75,16 @@ pub fn truths(truth: &Truth) -> [Option<f64>; NUMBERS] {
     ]
 }
 
-/// What one draw gave for one number.
+/// Outcome of one draw for one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Whether the interval holds the truth.
+    /// `true` if the interval holds the truth.
     pub holds: bool,
     /// Error over standard deviation.
     pub error: f64,
 }
 
-/// What one draw gave: the refusal in words, or a hit or miss for each number that it has.
+/// Outcome of one draw: the refusal in words, or a hit or miss for each number that it has.
 pub type Scored = Result<[Option<Hit>; NUMBERS], String>;
 
 /// Holds one answer against the truth.
@@ -222,7 +222,7 @@ impl Tally {
         }
     }
 
-    /// Whether a number of this cell lies outside 92 to 98 %, or outside what chance alone
+    /// `true` if a number of this cell lies outside 92 to 98 %, or outside what chance alone
     /// does to fewer than 300 draws: 2.4 standard deviations of a share of 95 %, which are
     /// those 3 % at 300.
     #[must_use]
@@ -240,7 +240,7 @@ impl Tally {
         self.scatter.sqrt() / self.ten.given.max(1) as f64
     }
 
-    /// Whether all together lie outside 94 to 96 %.
+    /// `true` if all together lie outside 94 to 96 %.
     #[must_use]
     pub fn total_is_outside(&self) -> bool {
         self.ten

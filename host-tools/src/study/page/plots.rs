@@ -211,7 +211,7 @@ pub(super) fn noise(study: &Study) -> String {
 /// One for each number, and one for the four that are results together.
 const PANELS: usize = NAMES.len() + 1;
 
-/// How far left of the least noise the rows without noise stand, as a ratio.
+/// Ratio of the abscissa of rows without noise to the least noise.
 const ASIDE: f64 = 0.3;
 
 fn errors(study: &Study, range: Range, parameter: usize) -> String {

@@ -18,14 +18,14 @@ pub(super) struct Drawn {
     pub(super) conditions: Conditions,
     /// Noise, a share of each channel's RMS.
     pub(super) noise: f64,
-    /// What it is, in words.
+    /// Plan in words.
     pub(super) what: String,
     /// Combinations of the resultants at the interface's origin that its load cells measure.
     measured: Vec<usize>,
     size: f64,
 }
 
-/// How the table is moved.
+/// Motion of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Family {
     /// One axis a run, all different.
@@ -85,7 +85,7 @@ enum Cells {
     Single,
 }
 
-/// How it is excited and recorded.
+/// Excitation and recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Driven,
@@ -409,7 +409,7 @@ fn cell_entries(
     )
 }
 
-/// What the runs of a simulated plan excite and measure, about its reference point.
+/// Excited directions and measured resultants of a simulated plan's runs, about its reference point.
 pub(super) fn excited(drawn: &Drawn, trial: &Trial, seed: u64) -> Vec<Excited> {
     let model = trial.model();
     let to_reference = shift(&Vector3::from(model.reference_point));

@@ -1,4 +1,5 @@
-//! Whether what a test cannot tell has no number: `massline study plans`.
+//! Study of random test plans: numbers that a plan cannot determine have to be absent
+//! (`massline study plans`).
 //!
 //! # Design
 //!
@@ -34,7 +35,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use tell::{Verdict, tell};
 
-/// What is tried.
+/// Options of the study.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Number of plans.
@@ -66,9 +67,9 @@ pub enum PlansError {
     Trial {
         /// Its seed.
         seed: u64,
-        /// What it is.
+        /// Plan in words.
         what: String,
-        /// What is wrong.
+        /// Reason.
         source: Box<TrialError>,
     },
     /// None that stands clear of the border.
@@ -81,12 +82,12 @@ pub enum PlansError {
     },
 }
 
-/// What became of one plan.
+/// Outcome of one plan.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tried {
     /// With `--seed` and `--plans 1` it is tried again.
     pub seed: u64,
-    /// What it is, in words.
+    /// Plan in words.
     pub what: String,
     /// Why draws before it stood on the border.
     pub drawn_anew: Vec<&'static str>,
@@ -115,7 +116,7 @@ pub struct Invented {
     pub truth: Option<f64>,
 }
 
-/// What became of all plans.
+/// Outcome of all plans.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plans {
     schema: &'static str,
@@ -141,7 +142,7 @@ pub struct Plans {
 pub const GIVEN: f64 = 0.99;
 
 impl Plans {
-    /// Whether nothing was invented and enough was given.
+    /// `true` if no number was invented and enough of the others were given.
     #[must_use]
     pub fn hold(&self) -> bool {
         self.invented == 0 && self.missed as f64 <= (1.0 - GIVEN) * self.told as f64

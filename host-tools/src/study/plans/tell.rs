@@ -1,4 +1,4 @@
-//! What a test can tell: by exact kinematics, without samples and without the core.
+//! Numbers that a test determines: by exact kinematics, without samples and without the core.
 //!
 //! The ten unknowns σ = (m, mx, my, mz, Θxx, Θyy, Θzz, Θxy, Θxz, Θyz) about A enter linearly:
 //! each direction of acceleration that a run excites and each resultant that the load cells
@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, Vector6};
 
-/// What one run lets be written: directions of acceleration of A, the resultants that are
+/// Equations of one run: directions of acceleration of A, the resultants that are
 /// measured, and the noise of both, as the averaging leaves it.
 pub(super) struct Excited {
     /// m/s² and rad/s².
@@ -20,7 +20,7 @@ pub(super) struct Excited {
     pub(super) force_noise: Matrix6<f64>,
     /// Independent readings that are averaged.
     pub(super) readings: f64,
-    /// How often averaging adds signal to signal before noise is compared with it.
+    /// Gain of signal over noise by averaging, in power.
     pub(super) gain: f64,
 }
 
@@ -42,7 +42,7 @@ fn rows(a: &Vector6<f64>) -> SMatrix<f64, 6, 10> {
 /// Which of the sixteen numbers a test tells: mass, centre of gravity, inertia about S, about A.
 pub(super) type Told = [bool; 16];
 
-/// What a test tells, if that is beyond doubt.
+/// Numbers that a test determines, if that is beyond doubt.
 pub(super) enum Verdict {
     /// Told or not, number by number.
     Clear(Told),
@@ -55,7 +55,8 @@ const OUT: f64 = 1e-6;
 /// Unit vectors that are out of the row space by less than this square are on the border: where
 /// an excitation is only as clear as [`CLEAR`] asks for, noise turns it by a tenth of that.
 const NEARLY: f64 = 10.0 / CLEAR;
-/// What is excited must exceed noise by this in power, ten times what the core asks for.
+/// Ratio of excitation to noise in power from which an excited direction is beyond doubt: ten
+/// times what the core asks for.
 const CLEAR: f64 = 1000.0;
 /// The error bar that an ideal estimator would have, as a share of the body's own scale, up to
 /// which a parameter counts as told.
@@ -163,7 +164,7 @@ fn follow(linear: [bool; 10], weighed: bool) -> Told {
     told
 }
 
-/// Whether every excited direction stands well above the accelerometers' noise, all runs
+/// `true` if every excited direction stands well above the accelerometers' noise, all runs
 /// together.
 fn excited_clearly(runs: &[Excited]) -> bool {
     let mut power = Matrix6::zeros();
@@ -267,5 +268,54 @@ mod tests {
         assert_eq!(&all[..10], &[false; 10]);
         assert_eq!(&all[10..], &[true; 6]);
         assert_eq!(told(&runs, true), [true; 16]);
+    }
+
+    /// The row of a weighed mass is as long as the longest of the others: shorter by 1e4 it would
+    /// count as no row, longer by that the others would.
+    #[test]
+    fn a_weighed_mass_counts_however_strongly_the_test_shakes() {
+        for strength in [1e-3, 1.0, 1e6] {
+            let about = |i: usize| {
+                let mut a = [0.0; 6];
+                a[3 + i] = strength;
+                let still = 1e-8 * strength * strength;
+                Excited {
+                    acceleration_noise: Matrix6::identity() * still,
+                    force_noise: Matrix6::identity() * 1e-8,
+                    ..run(&[a])
+                }
+            };
+            let runs = [about(0), about(1), about(2)];
+            assert_eq!(told(&runs, true), [true; 16], "{strength}");
+            assert!(!told(&runs, false)[0], "{strength}");
+        }
+        // The mass alone, where nothing else is measured.
+        let mut mass = [false; 16];
+        mass[0] = true;
+        assert_eq!(told(&[], true), mass);
+    }
+
+    /// One force along x under x and rotation q about y measures m x + m z q alone, so that the
+    /// mass is out of the row space by q² / (1 + q²): a hundredth for q = 0.1005.
+    #[test]
+    fn a_mass_that_is_nearly_told_is_on_the_border() {
+        let of = |q: f64| {
+            let runs = [Excited {
+                equations: vec![Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)],
+                ..run(&[[1.0, 0.0, 0.0, 0.0, q, 0.0]])
+            }];
+            match tell(&runs, &(Matrix6::identity() * 2.0), 1.0, false) {
+                Verdict::Clear(told) => Ok(told[0]),
+                Verdict::Doubtful(why) => Err(why),
+            }
+        };
+        assert_eq!(of(0.0), Ok(true));
+        assert_eq!(of(1e-7), Ok(true));
+        for q in [1e-5, 0.05, 0.1000] {
+            assert_eq!(of(q), Err("a parameter nearly told"), "{q}");
+        }
+        for q in [0.1010, 0.5, 1.0] {
+            assert_eq!(of(q), Ok(false), "{q}");
+        }
     }
 }

@@ -1,16 +1,16 @@
-//! What a row may take, and how a file ends.
+//! Limit of the length of rows, and the end of the file.
 
 use crate::limits;
 use std::cell::Cell;
 use std::io::{self, Read};
 use std::rc::Rc;
 
-/// What is known of the text that a recording's rows are read from.
+/// State of the text that a recording's rows are read from.
 #[derive(Debug, Default)]
 pub(super) struct Gauge {
     /// Bytes that the present row may still take.
     left: Cell<u64>,
-    /// Whether a row wanted more.
+    /// `true` if a row was longer.
     exceeded: Cell<bool>,
     /// The byte read last.
     last: Cell<Option<u8>>,
@@ -23,12 +23,12 @@ impl Gauge {
         self.left.set(limits::ROW);
     }
 
-    /// Whether a row was longer than [`limits::ROW`].
+    /// `true` if a row was longer than [`limits::ROW`].
     pub(super) fn exceeded(&self) -> bool {
         self.exceeded.get()
     }
 
-    /// Whether the text ends with the end of a line.
+    /// `true` if the text ends with the end of a line.
     pub(super) fn ends_a_line(&self) -> bool {
         matches!(self.last.get(), Some(b'\n' | b'\r'))
     }

@@ -1,0 +1,22 @@
+//! Options that all commands that identify have in common.
+
+/// Procedure and weights of an identification.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct Procedure {
+    /// Move the reference point to the centre of gravity until both coincide
+    #[arg(long, overrides_with = "direct")]
+    pub(super) iterative: bool,
+    /// Solve once at the given reference point (default)
+    #[arg(long, overrides_with = "iterative")]
+    direct: bool,
+    /// Weigh all accelerometers alike
+    #[arg(long)]
+    no_weights: bool,
+}
+
+impl Procedure {
+    /// `true` if weights of the accelerometers are used.
+    pub(super) const fn weighted(self) -> bool {
+        !self.no_weights
+    }
+}

@@ -1,0 +1,86 @@
+//! A table with one row a property, for spreadsheets and scripts.
+
+use super::{Export, ExportError};
+use crate::result::{About, Property, ResultDocument};
+use serde::Serialize;
+use std::io::Write;
+
+/// The format `csv`.
+pub(super) struct Csv;
+
+/// One row; its fields are the columns. Numbers have as many digits as it takes to read them
+/// back to the last bit; a field is empty where there is no number.
+#[derive(Serialize)]
+struct Row<'a> {
+    parameter: &'a str,
+    unit: &'a str,
+    value: Option<f64>,
+    /// One standard deviation.
+    std: Option<f64>,
+    /// Half of the 95 % interval.
+    interval_95: Option<f64>,
+    /// The same with type B uncertainty, where it is stated.
+    combined_std: Option<f64>,
+    combined_interval_95: Option<f64>,
+    /// The point that the number refers to: `origin`, `A`, `S`.
+    point: &'a str,
+    point_x_m: Option<f64>,
+    point_y_m: Option<f64>,
+    point_z_m: Option<f64>,
+    /// `ok`, `not observable`, `refused`.
+    status: &'a str,
+}
+
+impl Export for Csv {
+    fn name(&self) -> &'static str {
+        "csv"
+    }
+
+    fn description(&self) -> &'static str {
+        "a table: parameter, unit, value, standard deviation, half of the 95 % interval, both with type B, reference point, status"
+    }
+
+    fn extension(&self) -> &'static str {
+        "csv"
+    }
+
+    fn write(&self, result: &ResultDocument, out: &mut dyn Write) -> Result<(), ExportError> {
+        let mut table = csv::Writer::from_writer(out);
+        for property in result.properties() {
+            table
+                .serialize(row(&property, result))
+                .map_err(std::io::Error::from)?;
+        }
+        table.flush()?;
+        Ok(())
+    }
+}
+
+fn row<'a>(property: &Property<'a>, result: &ResultDocument) -> Row<'a> {
+    let number = property.number;
+    let (point, coordinates) = match property.about {
+        About::Nothing => ("", [None; 3]),
+        About::Origin => ("origin", [Some(0.0); 3]),
+        About::Reference => ("A", result.reference_point.map(Some)),
+        About::CentreOfGravity => ("S", result.centre_of_gravity.each_ref().map(|n| n.value)),
+    };
+    let combined = number.combined.as_ref();
+    Row {
+        parameter: property.name,
+        unit: property.unit,
+        value: number.value,
+        std: number.std,
+        interval_95: number.interval,
+        combined_std: combined.map(|c| c.std),
+        combined_interval_95: combined.and_then(|c| c.interval),
+        point,
+        point_x_m: coordinates[0],
+        point_y_m: coordinates[1],
+        point_z_m: coordinates[2],
+        status: match (number.observable, &result.refused) {
+            (false, _) => "not observable",
+            (true, Some(_)) => "refused",
+            (true, None) => "ok",
+        },
+    }
+}

@@ -1,0 +1,78 @@
+//! The first line of a CSV recording: the names of its columns.
+
+use crate::recording::RecordingError;
+use crate::setup::quoted;
+use csv::ByteRecord;
+use std::path::Path;
+
+/// A CSV field, quoted only where it must be.
+pub(crate) fn field(name: &str) -> String {
+    if name.contains(['"', ',', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
+
+/// Reads the names, and tells a header from what is none.
+pub(super) fn names(record: &ByteRecord, file: &Path) -> Result<Vec<String>, RecordingError> {
+    let mut names = Vec::with_capacity(record.len());
+    for field in record {
+        let name = std::str::from_utf8(field)
+            .ok()
+            .map(|name| name.trim_start_matches('\u{feff}').trim())
+            .filter(|name| !name.contains(|c: char| c.is_control() && c != '\t'))
+            .ok_or_else(|| RecordingError::NoText {
+                file: file.to_owned(),
+                advice: advice(record.as_slice()),
+            })?;
+        names.push(name.to_owned());
+    }
+    if let [only] = names.as_slice()
+        && only.contains([';', '\t'])
+    {
+        return Err(RecordingError::OtherSeparator {
+            file: file.to_owned(),
+            found: if only.contains(';') {
+                "semicolons"
+            } else {
+                "tabs"
+            },
+        });
+    }
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return Err(RecordingError::NoHeader {
+            file: file.to_owned(),
+            found: quoted(names.first().map_or("", String::as_str)),
+        });
+    }
+    Ok(names)
+}
+
+/// Advice on bytes that are no text.
+fn advice(start: &[u8]) -> &'static str {
+    match start {
+        [0x1f, 0x8b, ..] => "it is compressed by gzip twice: unpack it once",
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "it is UTF-16: save it as UTF-8",
+        _ => "export the recording as CSV in UTF-8",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_header_is_named() {
+        let text = |bytes: &[&[u8]]| {
+            names(&ByteRecord::from(bytes.to_vec()), Path::new("x.csv"))
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(text(&[b"0.1", b"2e3"]).contains("line 1"));
+        assert!(text(&[b"a1;a2;a3"]).contains("semicolons"));
+        assert!(text(&[&[0x1f, 0x8b, 8, 0]]).contains("gzip twice"));
+        assert!(text(&[&[0xff, 0xfe, b'a', 0]]).contains("UTF-16"));
+        assert!(text(&[&[7, 8, 9]]).contains("CSV"));
+    }
+}

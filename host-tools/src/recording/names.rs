@@ -1,0 +1,115 @@
+//! The names of a recording's channels, and the search for one of them.
+
+use super::RecordingError;
+use super::source::{Channel, Place};
+use crate::setup::quoted;
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+
+/// Names shown before a list is cut off.
+const SHOWN: usize = 30;
+
+/// The first names of a list, fit for a message.
+pub(crate) fn some_of<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> String {
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    let some: Vec<String> = names.take(SHOWN).map(|name| quoted(name)).collect();
+    some.join(", ") + more
+}
+
+/// Typing errors between two names that still count as the same word.
+const TYPOS: usize = 2;
+
+/// The names of all channels of a file.
+pub(super) struct Names<'a> {
+    channels: &'a [Channel],
+    at: Option<Place>,
+    file: &'a Path,
+}
+
+impl<'a> Names<'a> {
+    /// The names, of which none may be there twice.
+    pub(super) fn new(
+        channels: &'a [Channel],
+        at: Option<Place>,
+        file: &'a Path,
+    ) -> Result<Self, RecordingError> {
+        let mut positions = HashMap::with_capacity(channels.len());
+        for (i, channel) in channels.iter().enumerate() {
+            if let Some(first) = positions.insert(channel.name.as_str(), i) {
+                return Err(RecordingError::DuplicateChannel {
+                    file: file.to_owned(),
+                    place: at,
+                    channel: quoted(&channel.name),
+                    first: first + 1,
+                    second: i + 1,
+                });
+            }
+        }
+        Ok(Self { channels, at, file })
+    }
+
+    /// Position of a channel; `wanted` are all channels that are looked for.
+    pub(super) fn position(&self, channel: &str, wanted: &[&str]) -> Result<usize, RecordingError> {
+        let position = self.channels.iter().position(|c| c.name == channel);
+        position.ok_or_else(|| RecordingError::MissingChannel {
+            file: self.file.to_owned(),
+            place: self.at,
+            channel: channel.to_owned(),
+            hint: self.hint(channel, wanted),
+        })
+    }
+
+    /// The channel that is meant, if one is near that no other sensor claims.
+    fn hint(&self, channel: &str, wanted: &[&str]) -> String {
+        let wanted: HashSet<&str> = wanted.iter().copied().collect();
+        let all = || self.channels.iter().map(|c| &c.name);
+        let free: Vec<&String> = all().filter(|n| !wanted.contains(n.as_str())).collect();
+        let length = channel.chars().count();
+        // The distance of two texts takes time and memory by the product of their lengths.
+        let similar_length = |name: &&&String| name.chars().count().abs_diff(length) <= TYPOS;
+        let near = free
+            .iter()
+            .filter(similar_length)
+            .map(|name| (strsim::damerau_levenshtein(channel, name), name))
+            .filter(|(typos, name)| *typos <= TYPOS && *typos < name.chars().count())
+            .min();
+        if let Some((_, name)) = near {
+            return format!("did you mean `{}`?", quoted(name));
+        }
+        let (which, list) = if free.is_empty() {
+            ("the file has", all().collect())
+        } else {
+            ("columns without a sensor are", free)
+        };
+        let list = some_of(list.into_iter());
+        format!("{which} {list}; correct `channel` in the setup or the column's name")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hint(names: &[&str], channel: &str, wanted: &[&str]) -> String {
+        let named = |name: &&str| Channel {
+            name: (*name).to_owned(),
+            ..Channel::default()
+        };
+        let channels: Vec<Channel> = names.iter().map(named).collect();
+        let names = Names::new(&channels, Some(Place::Line(1)), Path::new("x.csv")).unwrap();
+        names.position(channel, wanted).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn only_columns_without_a_sensor_are_suggested() {
+        let text = hint(&["a1", "a2", "A3"], "a3", &["a1", "a2", "a3"]);
+        assert!(text.contains("did you mean `A3`?"), "{text}");
+        let text = hint(&["a1", "a2", "left"], "a3", &["a1", "a2", "a3"]);
+        assert!(
+            text.contains("columns without a sensor are left;"),
+            "{text}"
+        );
+        let text = hint(&["a1", "a2"], "a3", &["a1", "a2", "a3"]);
+        assert!(text.contains("the file has a1, a2;"), "{text}");
+    }
+}

@@ -1,0 +1,441 @@
+//! A recording as the rest of the program reads it, whatever its format.
+
+use super::input::{self, Passed};
+use super::names::{Names, some_of};
+use super::source::{Block, Channel, Place, Source};
+use super::{Checksum, FORMATS, HEALTH_COLUMN, Preamble, RecordingError};
+use massline_firmware::wire::Health;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Samples that are read from the file at a time.
+const BLOCK: usize = 256;
+
+/// Samples of which the time is looked at to learn the sample rate.
+const RATE_SAMPLES: usize = 1000;
+
+/// A recording that is being read.
+pub struct Recording {
+    file: PathBuf,
+    source: Box<dyn Source>,
+    /// Number of channels asked for.
+    channels: usize,
+    /// Positions of what is read: the channels asked for, then time once it is checked.
+    selected: Vec<usize>,
+    ignored: Vec<String>,
+    /// Position of the channel of time.
+    time: Option<usize>,
+    clock: Option<Clock>,
+    block: Block,
+    /// Samples of the block that were handed out.
+    taken: usize,
+    /// An error that is due when the samples before it have been handed out.
+    pending: Option<RecordingError>,
+    /// Place and faults of the sample read last.
+    place: Place,
+    health: Health,
+    rows: u64,
+    /// Samples after which the recording counts as ended.
+    limit: Option<u64>,
+    size: u64,
+    passed: Passed,
+    /// Checksum that the setup states, until it has been compared.
+    expected: Option<Checksum>,
+}
+
+/// The time that a sample should carry.
+struct Clock {
+    start: f64,
+    rate: f64,
+}
+
+impl Recording {
+    /// Opens a recording as [`Recording::open`] does, of which the setup states the checksum. Its
+    /// length is compared now, its bytes when the last sample is asked for, or when something is
+    /// wrong with a sample.
+    ///
+    /// # Errors
+    /// [`RecordingError`]; [`RecordingError::OtherRecording`] before any other.
+    pub fn open_as(
+        file: &Path,
+        channels: &[&str],
+        expected: Option<Checksum>,
+    ) -> Result<Self, RecordingError> {
+        let is_other = |expected: &Checksum| {
+            let found = std::fs::metadata(file);
+            found.is_ok_and(|found| found.is_file() && found.len() != expected.bytes)
+        };
+        if let Some(other) = expected.filter(is_other) {
+            compare(file, other)?;
+        }
+        let mut recording = Self::open(file, channels).or_else(|error| {
+            expected.map_or(Ok(()), |expected| compare(file, expected))?;
+            Err(error)
+        })?;
+        recording.expected = expected;
+        Ok(recording)
+    }
+
+    /// Opens a recording, in the format that its content shows, and looks for `channels` in it;
+    /// samples are then returned in the order asked for.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if the file cannot be read or lacks one of them.
+    pub fn open(file: &Path, channels: &[&str]) -> Result<Self, RecordingError> {
+        let (input, size, passed) = input::open(file)?;
+        let format = FORMATS.iter().find(|f| (f.recognises)(&input.start));
+        let format = format.unwrap_or(&super::csv::FORMAT);
+        Self::of_source((format.open)(input)?, file, channels, size, passed)
+    }
+
+    fn of_source(
+        mut source: Box<dyn Source>,
+        file: &Path,
+        channels: &[&str],
+        size: u64,
+        passed: Passed,
+    ) -> Result<Self, RecordingError> {
+        let names = Names::new(source.channels(), source.names_at(), file)?;
+        let selected: Vec<usize> = channels
+            .iter()
+            .map(|channel| names.position(channel, channels))
+            .collect::<Result<_, _>>()?;
+        let all = || source.channels().iter().map(|c| &c.name).enumerate();
+        let asked: HashSet<usize> = selected.iter().copied().collect();
+        let time = all().find(|(i, n)| n.eq_ignore_ascii_case("time") && !asked.contains(i));
+        let time = time.map(|(i, _)| i);
+        let own =
+            |i: usize, name: &str| asked.contains(&i) || time == Some(i) || name == HEALTH_COLUMN;
+        let ignored = all().filter(|(i, name)| !own(*i, name));
+        let ignored = ignored.map(|(_, name)| name.clone()).collect();
+        source.select(&selected);
+        Ok(Self {
+            file: file.to_owned(),
+            source,
+            channels: channels.len(),
+            selected,
+            ignored,
+            time,
+            clock: None,
+            block: Block::default(),
+            taken: 0,
+            pending: None,
+            place: Place::Record(0),
+            health: Health::GOOD,
+            rows: 0,
+            limit: None,
+            size,
+            passed,
+            expected: None,
+        })
+    }
+
+    /// A recording of a source that reads no file.
+    #[cfg(test)]
+    pub(super) fn from_memory(
+        source: Box<dyn Source>,
+        file: &Path,
+        channels: &[&str],
+    ) -> Result<Self, RecordingError> {
+        Self::of_source(source, file, channels, 0, Passed::new(std::io::empty()))
+    }
+
+    /// Adds a note to the user on the columns that nothing asked for, before the first sample is
+    /// read.
+    pub fn notice_columns(&self, warnings: &mut Vec<String>) {
+        if !self.ignored.is_empty() {
+            let (count, list) = (self.ignored.len(), some_of(self.ignored.iter()));
+            let of = if list.ends_with('…') {
+                format!(" ({count} of them)")
+            } else {
+                String::new()
+            };
+            let file = self.file.display();
+            warnings.push(format!("{file}: columns not used: {list}{of}"));
+        }
+    }
+
+    /// Adds a note to the user on the end of the file once the last sample was read, where it may
+    /// be cut within its last number. A sample that lacks a number as well is an error when it is
+    /// read.
+    pub fn notice_end(&self, warnings: &mut Vec<String>) {
+        if let Some(note) = self.source.end_note() {
+            warnings.push(format!("{}: {note}", self.file.display()));
+        }
+    }
+
+    /// Place of the sample read last; record 0 before the first one.
+    #[must_use]
+    pub fn place(&self) -> Place {
+        self.place
+    }
+
+    /// The file that is read.
+    #[must_use]
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Number of channels asked for.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// All channels of the file, with their units and directions where it states them.
+    #[must_use]
+    pub fn in_file(&self) -> &[Channel] {
+        self.source.channels()
+    }
+
+    /// Channels that nothing asked for.
+    #[must_use]
+    pub fn ignored(&self) -> &[String] {
+        &self.ignored
+    }
+
+    /// True sample rate and calibrations that the recording states.
+    #[must_use]
+    pub fn preamble(&self) -> &Preamble {
+        self.source.preamble()
+    }
+
+    /// Faults of the sample read last; good in a recording that states none. The readings of a
+    /// faulty sample are not to be used.
+    #[must_use]
+    pub fn health(&self) -> Health {
+        self.health
+    }
+
+    /// Samples read so far.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Has the recording end after `rows` samples, if it is not shorter; `None`: not before
+    /// its end. To be called before the first sample.
+    pub fn limit(&mut self, rows: Option<u64>) {
+        self.limit = rows;
+    }
+
+    /// Share of what is to be read that was read, 0 to 1.
+    #[must_use]
+    pub fn progress(&self) -> f64 {
+        if let Some(limit) = self.limit {
+            return self.rows as f64 / limit.max(1) as f64;
+        }
+        self.passed.checksum().bytes as f64 / self.size.max(1) as f64
+    }
+
+    /// Settles the sample rate from the setup's, the file's and the time column's, whichever
+    /// is there first. The setup's goes before the true one of the file, so that lines lie
+    /// where they were planned; the two must agree to what converters' clocks are off by. From
+    /// here on every sample's time is checked against it. To be called before the first sample.
+    ///
+    /// # Errors
+    /// [`RecordingError::NoRate`] if none of them tells, [`RecordingError::WrongRate`] if they
+    /// contradict each other.
+    pub fn settle_rate(&mut self, stated: Option<f64>) -> Result<f64, RecordingError> {
+        let own = self.source.sample_rate();
+        let Some((start, found)) = self.rate_of_time()? else {
+            let rate = stated.or(own.map(|own| own.value));
+            let rate = rate.ok_or_else(|| RecordingError::NoRate {
+                file: self.file.clone(),
+            })?;
+            return match own {
+                // Crystals keep to 1e-4; a box without one to a percent.
+                Some(own) if (own.value / rate - 1.0).abs() > 2e-2 || !own.value.is_finite() => {
+                    Err(RecordingError::WrongRate {
+                        file: self.file.clone(),
+                        place: own.place,
+                        found: own.value,
+                        stated: rate,
+                    })
+                }
+                _ => Ok(rate),
+            };
+        };
+        let rate = stated.or(own.map(|own| own.value)).unwrap_or(found);
+        // A thousand rows of times with three decimals tell the rate to about 1e-3.
+        if (found / rate - 1.0).abs() > 2e-3 {
+            return Err(RecordingError::WrongRate {
+                file: self.file.clone(),
+                place: "its time column",
+                found,
+                stated: rate,
+            });
+        }
+        self.clock = Some(Clock { start, rate });
+        self.selected.truncate(self.channels);
+        self.selected.extend(self.time);
+        self.source.select(&self.selected);
+        Ok(rate)
+    }
+
+    /// First time and mean rate over the first samples, read from a second opening.
+    fn rate_of_time(&self) -> Result<Option<(f64, f64)>, RecordingError> {
+        let channel = self.time.and_then(|time| self.source.channels().get(time));
+        let Some(channel) = channel else {
+            return Ok(None);
+        };
+        let mut probe = Self::open(&self.file, &[&channel.name])?;
+        let (mut first, mut last, mut steps) = (None, 0.0, 0.0);
+        let mut time = 0.0;
+        while steps < RATE_SAMPLES as f64 && probe.next_row_f64(|_, found| time = found)? {
+            match first {
+                None => first = Some(time),
+                Some(_) => steps += 1.0,
+            }
+            last = time;
+        }
+        let Some(first) = first else {
+            return Ok(None);
+        };
+        let rate = steps / (last - first);
+        if rate.is_finite() && rate > 0.0 {
+            Ok(Some((first, rate)))
+        } else {
+            Err(RecordingError::TimeJump {
+                file: self.file.clone(),
+                place: probe.place,
+                found: last,
+                expected: first,
+            })
+        }
+    }
+
+    /// Reads the next sample in the order of the channels asked for. `false` at the end.
+    ///
+    /// # Errors
+    /// [`RecordingError`] that names place and channel.
+    pub fn next_row(&mut self, sample: &mut [f32]) -> Result<bool, RecordingError> {
+        self.next_row_f64(|i, value| {
+            if let Some(slot) = sample.get_mut(i) {
+                *slot = value as f32;
+            }
+        })
+    }
+
+    /// The same in double precision: calls `store` with channel and reading.
+    ///
+    /// # Errors
+    /// [`RecordingError`] that names place and channel.
+    pub fn next_row_f64(
+        &mut self,
+        mut store: impl FnMut(usize, f64),
+    ) -> Result<bool, RecordingError> {
+        let row = self.sample(&mut store);
+        if !matches!(row, Ok(true))
+            && let Some(expected) = self.expected.take()
+        {
+            // All of it has passed by, unless reading stopped early.
+            if self.passed.checksum() != expected {
+                compare(&self.file, expected)?;
+            }
+        }
+        row
+    }
+
+    fn sample(&mut self, store: &mut dyn FnMut(usize, f64)) -> Result<bool, RecordingError> {
+        if self.limit.is_some_and(|limit| self.rows >= limit) {
+            return Ok(false);
+        }
+        if self.taken == self.block.len() && !self.refill()? {
+            return if self.rows == 0 {
+                Err(RecordingError::HeaderOnly {
+                    file: self.file.clone(),
+                })
+            } else {
+                Ok(false)
+            };
+        }
+        let Some((readings, place, health)) = self.block.sample(self.taken) else {
+            return Ok(false);
+        };
+        self.taken += 1;
+        (self.place, self.health) = (place, health);
+        let (readings, time) = readings.split_at(self.channels.min(readings.len()));
+        for (i, &reading) in readings.iter().enumerate() {
+            if (reading as f32).is_finite() {
+                store(i, reading);
+            } else if health.is_good() {
+                return Err(self.not_finite(i, reading, place));
+            } else {
+                store(i, 0.0);
+            }
+        }
+        if let Some(&time) = time.first() {
+            self.check_time(time, place)?;
+        }
+        self.rows += 1;
+        Ok(true)
+    }
+
+    /// Reads the next block; `false` at the end.
+    fn refill(&mut self) -> Result<bool, RecordingError> {
+        if let Some(error) = self.pending.take() {
+            return Err(error);
+        }
+        let left = self.limit.map_or(u64::MAX, |limit| limit - self.rows);
+        let most = usize::try_from(left).map_or(BLOCK, |left| left.min(BLOCK));
+        self.block.begin(self.selected.len(), most);
+        self.taken = 0;
+        match self.source.read(&mut self.block) {
+            Ok(()) => {}
+            Err(error) if self.block.is_empty() => return Err(error),
+            Err(error) => self.pending = Some(error),
+        }
+        Ok(!self.block.is_empty())
+    }
+
+    fn not_finite(&self, channel: usize, found: f64, place: Place) -> RecordingError {
+        let position = self.selected.get(channel);
+        let channel = position.and_then(|&position| self.source.channels().get(position));
+        RecordingError::NotFinite {
+            file: self.file.clone(),
+            place,
+            channel: channel.map_or_else(String::new, |c| c.name.clone()),
+            found: found.to_string(),
+        }
+    }
+
+    fn check_time(&self, found: f64, place: Place) -> Result<(), RecordingError> {
+        // A sample that never came may have no time either.
+        let Some(clock) = self.clock.as_ref().filter(|_| !found.is_nan()) else {
+            return Ok(());
+        };
+        let expected = clock.start + self.rows as f64 / clock.rate;
+        // Half a sample, and the drift of a rate that is known to 1e-4: a lost sample
+        // early in the file is a whole one.
+        let allowed = 0.6 / clock.rate + 1e-4 * (expected - clock.start).abs();
+        if (found - expected).abs() > allowed {
+            return Err(RecordingError::TimeJump {
+                file: self.file.clone(),
+                place,
+                found,
+                expected,
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Compares a file with the checksum that the setup states. What is no regular file has none.
+fn compare(file: &Path, expected: Checksum) -> Result<(), RecordingError> {
+    if !std::fs::metadata(file).is_ok_and(|found| found.is_file()) {
+        return Ok(());
+    }
+    let found = Checksum::of_file(file).map_err(|source| RecordingError::Unreadable {
+        file: file.to_owned(),
+        source,
+    })?;
+    if found == expected {
+        return Ok(());
+    }
+    Err(RecordingError::OtherRecording {
+        file: file.to_owned(),
+        expected,
+        found,
+    })
+}

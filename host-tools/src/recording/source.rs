@@ -1,0 +1,159 @@
+//! The trait behind which every format of recordings lies.
+
+use super::{Preamble, RecordingError};
+use massline_firmware::wire::Health;
+use std::fmt;
+
+/// A channel as its file describes it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Channel {
+    /// Name, unique within the file.
+    pub name: String,
+    /// Unit of the readings, where the file states it.
+    pub unit: Option<String>,
+    /// Positive direction as a unit vector, where the file states it.
+    pub direction: Option<[f64; 3]>,
+}
+
+/// A place in a file, counted from one in lines and records and from zero in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A line of text.
+    Line(u64),
+    /// A record of a file that is made of records.
+    Record(u64),
+    /// A byte of a file that has no larger unit.
+    Byte(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(n) => write!(f, "line {n}"),
+            Self::Record(n) => write!(f, "record {n}"),
+            Self::Byte(n) => write!(f, "byte {n}"),
+        }
+    }
+}
+
+/// A sample rate that a file states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StatedRate {
+    /// Samples per second.
+    pub value: f64,
+    /// The part of the file that states it, for messages: `its preamble`.
+    pub place: &'static str,
+}
+
+/// Samples that were read together, in memory that does not grow with the file.
+#[derive(Debug, Default)]
+pub struct Block {
+    width: usize,
+    most: usize,
+    /// Sample by sample, [`Block::width`] readings each.
+    readings: Vec<f64>,
+    samples: Vec<(Place, Health)>,
+}
+
+impl Block {
+    /// Empties the block for at most `most` samples of `width` readings.
+    pub(super) fn begin(&mut self, width: usize, most: usize) {
+        self.width = width;
+        self.most = most;
+        self.readings.clear();
+        self.samples.clear();
+    }
+
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// `true` if there is no sample.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// Samples that there is room for.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.most - self.samples.len()
+    }
+
+    /// Adds a sample with its place in the file and its faults. `reading` is asked for each
+    /// channel by its position in the selection; where it fails nothing is added.
+    ///
+    /// # Errors
+    /// The error of `reading`.
+    pub fn push(
+        &mut self,
+        place: Place,
+        health: Health,
+        mut reading: impl FnMut(usize) -> Result<f64, RecordingError>,
+    ) -> Result<(), RecordingError> {
+        let before = self.readings.len();
+        for k in 0..self.width {
+            match reading(k) {
+                Ok(value) => self.readings.push(value),
+                Err(error) => {
+                    self.readings.truncate(before);
+                    return Err(error);
+                }
+            }
+        }
+        self.samples.push((place, health));
+        Ok(())
+    }
+
+    /// Readings, place and faults of a sample.
+    pub(super) fn sample(&self, n: usize) -> Option<(&[f64], Place, Health)> {
+        let (place, health) = *self.samples.get(n)?;
+        let readings = self.readings.get(n * self.width..(n + 1) * self.width)?;
+        Some((readings, place, health))
+    }
+}
+
+/// A recording in some format, read once from its beginning to its end.
+///
+/// A source knows its file's form and nothing of what the samples are used for: looking for
+/// channels, the sample rate, time, and the notes to the user are the same for all formats and
+/// lie in [`super::Recording`].
+pub trait Source {
+    /// All channels of the file, in its order; a column of time is one of them.
+    fn channels(&self) -> &[Channel];
+
+    /// Place of the channels' names, for messages about them.
+    fn names_at(&self) -> Option<Place> {
+        None
+    }
+
+    /// Sample rate, where the file states it.
+    fn sample_rate(&self) -> Option<StatedRate>;
+
+    /// True sample rate and calibrations, where the file states them.
+    fn preamble(&self) -> &Preamble;
+
+    /// Position of the channel that holds the faults of the samples as words.
+    fn fault_channel(&self) -> Option<usize> {
+        None
+    }
+
+    /// Selects the channels, by their positions, of which samples are read, in this order. A
+    /// [`Source::fault_channel`] that is not selected is read as faults.
+    fn select(&mut self, channels: &[usize]);
+
+    /// Adds the next samples to a block until it has no room or the file ends; at the end
+    /// nothing is added. Readings of samples with faults are of no use, but finite.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with the place of the sample at fault; the samples before it are in the
+    /// block.
+    fn read(&mut self, block: &mut Block) -> Result<(), RecordingError>;
+
+    /// A note on the end of the file, once it was reached.
+    fn end_note(&self) -> Option<&'static str> {
+        None
+    }
+}

@@ -1,0 +1,272 @@
+//! The document of an answer.
+
+use super::{
+    ConsistencyDocument, CovarianceDocument, Deflection, FixedModeDocument, FreeModeDocument,
+    InertiaTerms, NoiseDocument, Number, Offsets, Plausible, ResultDocument, RunQuality, SCHEMA,
+};
+use crate::identification::{Answer, Consistency, TypeB, number as place};
+use crate::measure::{MeasuredRun, RunNoise};
+use crate::setup::Setup;
+use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
+use massline_core::rigid_body::{Margin, Verdict};
+
+impl Plausible {
+    fn new(i: &Identification) -> Self {
+        let p = &i.plausibility;
+        let margin = |m: Option<Margin>| m.map(|m| m.relative);
+        let half = |m: Option<Margin>| m.map(|m| m.uncertainty).filter(|half| half.is_finite());
+        Self {
+            ok: match p.verdict() {
+                Verdict::Holds => Some(true),
+                Verdict::Violated => Some(false),
+                Verdict::Undecided => None,
+            },
+            reason: p.reason().map(str::to_owned),
+            positive_definite_margin: margin(p.positive_definite),
+            positive_definite_interval: half(p.positive_definite),
+            triangle_margin: margin(p.triangle),
+            triangle_interval: half(p.triangle),
+        }
+    }
+}
+
+impl CovarianceDocument {
+    fn new(i: &Identification, matrix: Covariance) -> Self {
+        let (first, unit) = match i.indicator {
+            Some(_) => ("indicator", "1"),
+            None => ("mass", "kg"),
+        };
+        Self {
+            rows: [first, "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz"].map(str::to_owned),
+            units: core::array::from_fn(|k| {
+                let unit = match k {
+                    0 => unit,
+                    1..4 => "m",
+                    _ => "kg m²",
+                };
+                unit.to_owned()
+            }),
+            matrix,
+        }
+    }
+}
+
+impl ConsistencyDocument {
+    fn new(test: Consistency) -> Self {
+        Self {
+            ratio: test.ratio,
+            freedom: [test.surplus, test.freedom].map(|n| Some(n).filter(|n| n.is_finite())),
+            probability: test.probability,
+        }
+    }
+}
+
+fn deflections(channels: &[String], shape: Option<&Vec<f64>>) -> Option<Vec<Deflection>> {
+    shape.map(|shape| {
+        let pairs = channels.iter().zip(shape);
+        pairs
+            .map(|(channel, value)| Deflection {
+                channel: channel.clone(),
+                value: *value,
+            })
+            .collect()
+    })
+}
+
+/// Mass along x, y, z and moments of inertia about them, at the reference point.
+fn whole(identification: &Identification) -> [Option<f64>; 6] {
+    let mass = identification.mass.map(|m| m.value);
+    let i = identification.inertia_reference;
+    [
+        mass,
+        mass,
+        mass,
+        i[0].map(|t| t.value),
+        i[1].map(|t| t.value),
+        i[2].map(|t| t.value),
+    ]
+}
+
+fn fixed_modes(channels: &[String], answer: &Answer) -> Vec<FixedModeDocument> {
+    let whole = whole(&answer.identification);
+    let modal = answer.modal.iter().flat_map(|m| &m.fixed);
+    modal
+        .map(|m| {
+            let diagonal = m.mode.effective_mass.diagonal();
+            let seen = |j: usize, x: f64| (diagonal[j] > 0.0).then_some(x);
+            FixedModeDocument {
+                frequency: m.mode.pole.frequency,
+                damping: m.mode.pole.damping,
+                effective_mass: core::array::from_fn(|j| seen(j, diagonal[j])),
+                effective_mass_share: core::array::from_fn(|j| {
+                    seen(j, diagonal[j]).zip(whole[j]).map(|(e, w)| e / w)
+                }),
+                participation: core::array::from_fn(|j| seen(j, m.mode.participation[j])),
+                modal_mass: m.modal_mass,
+                shape: deflections(channels, m.shape.as_ref()),
+                purity: m.mode.rank_one,
+            }
+        })
+        .collect()
+}
+
+fn free_modes(channels: &[String], answer: &Answer) -> Vec<FreeModeDocument> {
+    let modal = answer.modal.iter().flat_map(|m| &m.free);
+    modal
+        .map(|m| FreeModeDocument {
+            frequency: m.pole.frequency,
+            damping: m.pole.damping,
+            shape: deflections(channels, m.shape.as_ref()),
+        })
+        .collect()
+}
+
+impl RunQuality {
+    fn new(run: &MeasuredRun) -> Self {
+        Self {
+            run: run.name.clone(),
+            samples: run.samples,
+            blocks: run.blocks,
+            rejected: run.rejected.blocks,
+            rejected_by: run.rejected.by_word(),
+            faulty_samples: Some(run.rejected.samples),
+            missing_samples: run.rejected.missing,
+            true_sample_rate: run.preamble.sample_rate.clone(),
+            calibration: run.preamble.channel.clone(),
+        }
+    }
+}
+
+impl NoiseDocument {
+    fn new(noise: &RunNoise) -> Self {
+        Self {
+            run: noise.run.clone(),
+            accelerations: noise.accelerations.word().to_owned(),
+            forces: noise.forces.word().to_owned(),
+        }
+    }
+}
+
+/// Method and procedure that gave the ten numbers, on this machine or on a box.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin<'a> {
+    /// Title of the setup.
+    pub title: &'a str,
+    /// Name of the method.
+    pub method: &'a str,
+    /// Reason for this method, where the user left the choice.
+    pub why: Option<&'a str>,
+    /// `true` if the reference point was iterated to the CG.
+    pub iterative: bool,
+    /// `true` if accelerometer weights were used.
+    pub weighted: bool,
+}
+
+impl ResultDocument {
+    /// The document of an answer to `setup`.
+    #[must_use]
+    pub fn new(setup: &Setup, answer: &Answer) -> Self {
+        let channels: Vec<String> = setup
+            .accelerometers
+            .iter()
+            .map(|a| a.channel.clone())
+            .collect();
+        let origin = Origin {
+            title: &setup.title,
+            method: answer.method_name(),
+            why: answer.why,
+            iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
+            weighted: answer.weighted(),
+        };
+        let offsets = answer.offsets.iter().map(|(run, resultants)| Offsets {
+            run: run.clone(),
+            resultants: *resultants,
+        });
+        let runs = answer.measurement.runs.iter();
+        let mut document = Self {
+            fixed_modes: fixed_modes(&channels, answer),
+            free_modes: free_modes(&channels, answer),
+            offsets: offsets.collect(),
+            runs: runs.map(RunQuality::new).collect(),
+            noise: answer
+                .measurement
+                .noise
+                .iter()
+                .map(NoiseDocument::new)
+                .collect(),
+            warnings: answer.warnings.clone(),
+            refused: answer.refused.clone(),
+            consistency_test: answer.consistency.map(ConsistencyDocument::new),
+            covariance: Some(CovarianceDocument::new(
+                &answer.identification,
+                answer.covariance,
+            )),
+            ..Self::of_numbers(&origin, &answer.identification)
+        };
+        if let Some(type_b) = &answer.type_b {
+            document.add_type_b(&answer.identification, type_b);
+        }
+        document
+    }
+
+    /// Adds the type B uncertainty of each number.
+    fn add_type_b(&mut self, i: &Identification, type_b: &TypeB) {
+        let known = i.indicator.is_some();
+        let covariance = type_b.covariance(known);
+        self.covariance_type_b = Some(CovarianceDocument::new(i, covariance));
+        let add = |first: usize, numbers: &mut [&mut Number]| {
+            for (k, number) in numbers.iter_mut().enumerate() {
+                number.add_type_b(first + k, i, type_b);
+            }
+        };
+        add(place::MASS, &mut [&mut self.mass]);
+        if let Some(indicator) = &mut self.indicator {
+            add(place::INDICATOR, &mut [indicator]);
+        }
+        add(place::CENTRE, &mut self.centre_of_gravity.each_mut());
+        add(place::INERTIA_REFERENCE, &mut self.inertia_reference.each());
+        add(place::INERTIA_CG, &mut self.inertia_cg.each());
+    }
+
+    /// The document of the ten numbers alone.
+    #[must_use]
+    pub fn of_numbers(origin: &Origin<'_>, i: &Identification) -> Self {
+        let number = |e: Option<Estimate>| Number::new(e, i.freedom);
+        Self {
+            schema: SCHEMA.to_owned(),
+            title: origin.title.to_owned(),
+            method: origin.method.to_owned(),
+            recommended_because: origin.why.map(str::to_owned),
+            refused: None,
+            iterative: origin.iterative,
+            weighted: origin.weighted,
+            reference_point: i.reference.into(),
+            mass: number(i.mass),
+            indicator: i.indicator.map(|e| number(Some(e))),
+            centre_of_gravity: i.centre_of_gravity.map(number),
+            products_of_inertia: "integral of x y dm, plus sign".to_owned(),
+            inertia_reference: InertiaTerms::new(i.inertia_reference, i.freedom),
+            inertia_cg: InertiaTerms::new(i.inertia_cg, i.freedom),
+            principal_moments: i.principal.map(|p| p.moments.into()),
+            principal_axes: i
+                .principal
+                .map(|p| core::array::from_fn(|c| p.axes.column(c).into_owned().into())),
+            freedom: Some(i.freedom).filter(|freedom| freedom.is_finite()),
+            covariance: None,
+            covariance_type_b: None,
+            condition_number: i.condition_number,
+            iterations: i.iterations,
+            consistency: i.consistency,
+            consistency_test: None,
+            misfit: i.misfit,
+            plausible: Plausible::new(i),
+            fixed_modes: Vec::new(),
+            free_modes: Vec::new(),
+            offsets: Vec::new(),
+            runs: Vec::new(),
+            noise: Vec::new(),
+            warnings: Vec::new(),
+            device: None,
+        }
+    }
+}
