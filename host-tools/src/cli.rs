@@ -1,7 +1,7 @@
 //! The command line: one file a command, in [`crate::commands`].
 
 use crate::commands::{
-    self, Failure, board, demo, export, flash, identify, replay, simulate, study,
+    self, Failure, Verbosity, board, demo, export, flash, identify, replay, simulate, study,
 };
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -20,17 +20,6 @@ struct Cli {
     command: Command,
     #[command(flatten)]
     verbosity: Verbosity,
-}
-
-/// Amount of progress and warnings on stderr.
-#[derive(Clone, Copy, Debug, Default, clap::Args)]
-pub struct Verbosity {
-    /// No progress and no warnings
-    #[arg(long, short, global = true)]
-    pub quiet: bool,
-    /// More about what was done
-    #[arg(long, short, global = true, conflicts_with = "quiet")]
-    pub verbose: bool,
 }
 
 #[derive(Subcommand)]

@@ -11,7 +11,6 @@ pub mod identification;
 pub mod inputs;
 pub mod limits;
 pub mod measure;
-pub mod modal;
 pub mod output;
 mod parallel;
 pub mod printable;

@@ -7,8 +7,8 @@
 mod bench;
 
 use bench::fork;
+use massline::identification::modal::Modal;
 use massline::identification::{Answer, Choice, Session};
-use massline::modal::Modal;
 use massline::setup::Setup;
 use massline::study;
 use serde_json::Value;

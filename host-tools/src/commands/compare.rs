@@ -1,9 +1,9 @@
 //! `massline identify --method all`: the methods side by side.
 
-use super::identify::reading;
+use super::progress::reading;
 use super::table::{Row, rows};
 use super::{Failure, print_json, refuse, warn};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::format::{significant, with_std};
 use crate::identification::{Choice, Session, recommended};
 use crate::result::{COMPARISON_SCHEMA, ComparisonDocument, FailedMethod, ResultDocument};

@@ -1,7 +1,7 @@
 //! `massline demo`: the main job on an embedded example, no arguments, no hardware.
 
 use super::{Failure, details, identify, print_json, refuse, simulate, true_body, warn};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::identification::{Answer, Choice};
 use crate::output::{self, Existing};
 use crate::report;

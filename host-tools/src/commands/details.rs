@@ -1,6 +1,6 @@
 //! Details of `--verbose`: samples, blocks, lines and fits.
 
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::format::plain;
 use crate::identification::Answer;
 use crate::result::ResultDocument;

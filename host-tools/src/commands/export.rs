@@ -1,7 +1,7 @@
 //! `massline export`: a result in another program's format.
 
 use super::{Failure, refuse};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::export::{Export, ExportError, FORMATS, find};
 use crate::output::{self, Existing};
 use crate::result::{ReadError, ResultDocument};

@@ -1,7 +1,7 @@
 //! `massline flash`: the firmware onto the box, through a debug probe.
 
 use super::Failure;
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::device::firmware;
 use std::ffi::OsString;
 use std::io::ErrorKind;

@@ -1,9 +1,10 @@
 //! `massline identify`: recordings to ten numbers.
 
 use super::procedure::Procedure;
-use super::{Bar, Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
-use crate::cli::Verbosity;
-use crate::identification::{Answer, Choice, OnProgress, Session};
+use super::progress::reading;
+use super::{Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
+use crate::commands::Verbosity;
+use crate::identification::{Answer, Choice, Session};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -136,15 +137,6 @@ pub(super) fn with_progress(
     reading(verbosity, |progress| {
         Ok(session.answer_with_modes(choice, progress)?)
     })
-}
-
-/// Does something that reads recordings, with a bar on the terminal meanwhile.
-pub(super) fn reading<T>(
-    verbosity: Verbosity,
-    work: impl FnOnce(OnProgress<'_>) -> Result<T, Failure>,
-) -> Result<T, Failure> {
-    let bar = Bar::new("reading", verbosity);
-    work(&mut |p| bar.set((p.run as f64 + p.share) / p.runs as f64, p.name))
 }
 
 pub(super) fn show(result: &ResultDocument, truth: Option<&Truth>) -> Result<(), Failure> {

@@ -18,10 +18,9 @@ mod progress;
 mod table;
 
 pub use interrupt::Interrupt;
-pub use progress::{Bar, Spinner, Ticker};
+pub use progress::{Bar, Spinner, Ticker, Verbosity};
 pub use table::print_numbers;
 
-use crate::cli::Verbosity;
 use crate::printable::{printable, printable_json, printable_lines};
 use crate::report::TrueBody;
 use crate::simulate::{InertiaTruth, Truth};

@@ -1,8 +1,20 @@
 //! Progress on stderr, on a terminal only.
 
-use crate::cli::Verbosity;
+use super::Failure;
+use crate::identification::OnProgress;
 use crate::printable::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Amount of progress and warnings on stderr.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct Verbosity {
+    /// No progress and no warnings
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// More about what was done
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    pub verbose: bool,
+}
 
 /// A progress bar headed `prefix`; invisible if quiet or stderr is no terminal.
 fn begin(
@@ -105,4 +117,13 @@ impl Drop for Ticker {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Does something that reads recordings, with a bar on the terminal meanwhile.
+pub(super) fn reading<T>(
+    verbosity: Verbosity,
+    work: impl FnOnce(OnProgress<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let bar = Bar::new("reading", verbosity);
+    work(&mut |p| bar.set((p.run as f64 + p.share) / p.runs as f64, p.name))
 }

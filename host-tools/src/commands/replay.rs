@@ -3,7 +3,7 @@
 use super::device::Device;
 use super::procedure::Procedure;
 use super::{Bar, Failure, print_json, warn};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::device::{Client, Port};
 use crate::identification::recommended;
 use crate::replay::{

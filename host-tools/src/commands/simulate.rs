@@ -1,7 +1,7 @@
 //! `massline simulate`: a model to a setup with recordings.
 
 use super::{Bar, Failure, print_line};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::rig::{self, Trouble, Troubles};
 use crate::simulate::{Model, Options, Simulation, simulate};
 use std::path::{Path, PathBuf};

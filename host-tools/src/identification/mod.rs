@@ -17,10 +17,11 @@ pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
 use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
-use crate::modal::Modal;
+pub mod modal;
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Covariance, Identification, Procedure, Question, Workspace};
 use massline_core::masslines::{ApparentMass, FixedMode, FreeModes, Masslines, Method};
+use modal::Modal;
 use std::rc::Rc;
 
 /// Choices of the user.

@@ -3,28 +3,12 @@
 //! There are no others: a test that has each of them fail in turn (see `faults`) has seen all
 //! that can go wrong on the way to the disk.
 
+use super::operation::Operation;
 use std::fs::{self, File, Metadata, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::{self, JoinHandle};
-
-/// An operation, as tests count them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Operation {
-    /// A new file, or one opened for more.
-    Create,
-    /// Bytes to a file.
-    Write,
-    /// A file's permissions and owner.
-    Permit,
-    /// Bytes that were written go to the disk.
-    Sync,
-    /// A file under another name.
-    Rename,
-    /// A file's end.
-    Remove,
-}
 
 /// Tests have an operation fail here, or a write take fewer bytes.
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! A plan holds for the thread that made it, and for all that this program writes meanwhile.
 
-use super::disk::Operation;
+use super::operation::Operation;
 use std::cell::RefCell;
 use std::io;
 use std::path::{Path, PathBuf};

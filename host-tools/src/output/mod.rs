@@ -29,6 +29,7 @@ mod error;
 #[cfg(test)]
 pub(crate) mod faults;
 mod guard;
+mod operation;
 mod part;
 mod place;
 #[cfg(test)]

@@ -21,6 +21,7 @@ mod lumped;
 mod model;
 mod model_file;
 mod random;
+mod section;
 mod sensor_file;
 mod specimen;
 mod synthesis;

@@ -1,14 +1,13 @@
 //! A model: a specimen, its sensors, the table under it, and the runs of the test.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::beam::{BeamModel, ReducedBeam};
 use super::error::ModelError;
-use super::model_file;
 use super::specimen::Specimen;
 use crate::setup::{
     AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity,
-    Source, Uncertainty,
+    Uncertainty,
 };
 
 /// Everything that is simulated, in SI units.
@@ -140,40 +139,6 @@ pub(super) const DEFAULT_DURATION: f64 = 51.0;
 pub(super) const DEFAULT_SAMPLE_RATE: f64 = 512.0;
 
 impl Model {
-    /// Reads a model: `.toml` for bodies and sprung masses, `.json` for plane beams.
-    ///
-    /// # Errors
-    /// Whatever is wrong with the file, with line and section, and what to write instead.
-    pub fn read(path: &Path) -> Result<Self, ModelError> {
-        match path.extension().and_then(|extension| extension.to_str()) {
-            Some("toml") => model_file::model(Source::read(path)?),
-            Some("json") => Self::from_json(Source::read(path)?.text(), path),
-            _ => Err(ModelError::Format {
-                file: path.to_owned(),
-            }),
-        }
-    }
-
-    /// All files that a model is read from: itself and those that it extends.
-    ///
-    /// # Errors
-    /// As [`Model::read`].
-    pub fn files(path: &Path) -> Result<Vec<PathBuf>, ModelError> {
-        if path.extension().is_none_or(|extension| extension != "toml") {
-            return Ok(vec![path.to_owned()]);
-        }
-        model_file::files(Source::read(path)?)
-    }
-
-    /// A model of bodies and sprung masses from text; `path` names the file in messages,
-    /// and `extends` is looked for beside it.
-    ///
-    /// # Errors
-    /// As [`Model::read`].
-    pub fn from_toml(text: &str, path: &Path) -> Result<Self, ModelError> {
-        model_file::model(Source::new(text, path))
-    }
-
     /// A plane beam model from text; `path` names the file in messages.
     ///
     /// The runs are lateral X and Z at 1 m/s² RMS and rotation about Y at 10 rad/s² RMS;

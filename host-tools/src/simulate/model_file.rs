@@ -1,59 +1,60 @@
 //! The TOML format of bodies and sprung masses on a six-axis table, as `models/README.md`
 //! describes it.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
 use super::error::ModelError;
 use super::lumped::{Body, SprungMass, inertia_tensor, specimen};
 use super::model::Model;
+use super::section::{
+    Layers, Names, claim, positive, required_name, required_vector, share, unit_direction,
+};
 use super::sensor_file;
 use super::table_file::{measurement, runs, table};
-use crate::setup::{DocumentError, Section, Source, unit};
+use crate::setup::{Section, Source};
 
 /// Longest chain of files that extend each other.
 const LONGEST_CHAIN: usize = 8;
 
-/// A file and those it extends; what stands in an earlier one hides the same key of all
-/// later ones.
-pub(super) struct Layers<'a>(Vec<Section<'a>>);
-
-impl<'a> Layers<'a> {
-    /// The top of the file that has the key.
-    pub(super) fn with(&self, key: &str) -> &Section<'a> {
-        // The list starts with the file itself, and is never empty.
-        self.0
-            .iter()
-            .find(|layer| layer.has(key))
-            .unwrap_or(&self.0[0])
+impl Model {
+    /// Reads a model: `.toml` for bodies and sprung masses, `.json` for plane beams.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the file, with line and section, and what to write instead.
+    pub fn read(path: &Path) -> Result<Self, ModelError> {
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("toml") => model(Source::read(path)?),
+            Some("json") => Self::from_json(Source::read(path)?.text(), path),
+            _ => Err(ModelError::Format {
+                file: path.to_owned(),
+            }),
+        }
     }
 
-    pub(super) fn list(&self, key: &str) -> Result<Vec<Section<'a>>, DocumentError> {
-        self.with(key).sections(key, "name")
+    /// All files that a model is read from: itself and those that it extends.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn files(path: &Path) -> Result<Vec<PathBuf>, ModelError> {
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            return Ok(vec![path.to_owned()]);
+        }
+        files(Source::read(path)?)
+    }
+
+    /// A model of bodies and sprung masses from text; `path` names the file in messages,
+    /// and `extends` is looked for beside it.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn from_toml(text: &str, path: &Path) -> Result<Self, ModelError> {
+        model(Source::new(text, path))
     }
 }
 
-/// Names that are taken, and by whom.
-pub(super) type Names = BTreeMap<String, String>;
-
-pub(super) fn claim(
-    names: &mut Names,
-    name: &str,
-    section: &Section<'_>,
-) -> Result<(), ModelError> {
-    match names.insert(name.to_owned(), section.title.clone()) {
-        None => Ok(()),
-        Some(first) => Err(ModelError::DuplicateName {
-            place: section.place_of("name"),
-            name: name.to_owned(),
-            first,
-        }),
-    }
-}
-
-pub(super) fn model(first: Source) -> Result<Model, ModelError> {
+fn model(first: Source) -> Result<Model, ModelError> {
     let sources = chain(first)?;
     let tables = sources
         .iter()
@@ -84,7 +85,7 @@ pub(super) fn model(first: Source) -> Result<Model, ModelError> {
 }
 
 /// The files that a model is read from.
-pub(super) fn files(first: Source) -> Result<Vec<PathBuf>, ModelError> {
+fn files(first: Source) -> Result<Vec<PathBuf>, ModelError> {
     Ok(chain(first)?.into_iter().map(|s| s.file).collect())
 }
 
@@ -173,46 +174,6 @@ fn build(layers: &Layers<'_>, source: &Source) -> Result<Model, ModelError> {
         table,
         measurement: measurement(layers)?,
         runs,
-    })
-}
-
-pub(super) fn positive(section: &Section<'_>, key: &'static str) -> Result<f64, ModelError> {
-    section
-        .number_where(key, "a number more than 0", |value| value > 0.0)?
-        .ok_or_else(|| section.missing(key, "a number more than 0").into())
-}
-
-pub(super) fn share(section: &Section<'_>, key: &'static str) -> Result<f64, ModelError> {
-    Ok(section
-        .number_where(key, "a share from 0 to 1", |value| {
-            (0.0..=1.0).contains(&value)
-        })?
-        .unwrap_or(0.0))
-}
-
-pub(super) fn required_vector(
-    section: &Section<'_>,
-    key: &'static str,
-) -> Result<[f64; 3], ModelError> {
-    section
-        .vector(key)?
-        .ok_or_else(|| section.missing(key, "[x, y, z]").into())
-}
-
-pub(super) fn required_name(section: &Section<'_>) -> Result<String, ModelError> {
-    section.text("name")?.ok_or_else(|| {
-        section
-            .missing("name", "a name that nothing else has")
-            .into()
-    })
-}
-
-pub(super) fn unit_direction(
-    section: &Section<'_>,
-    direction: [f64; 3],
-) -> Result<[f64; 3], ModelError> {
-    unit(direction).ok_or_else(|| ModelError::ZeroDirection {
-        place: section.place_of("direction"),
     })
 }
 

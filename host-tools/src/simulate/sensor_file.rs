@@ -6,7 +6,7 @@ use super::DRIVE;
 use super::error::ModelError;
 use super::lumped::{SprungMass, reading};
 use super::model::MotionSensor;
-use super::model_file::{Layers, Names, claim, required_name, required_vector, unit_direction};
+use super::section::{Layers, Names, claim, required_name, required_vector, unit_direction};
 use crate::setup::{
     AccelerometerEntry, LoadCellEntry, Mount, Quantity, Section, Uncertainty, nearest,
 };

@@ -4,7 +4,7 @@ use super::error::ModelError;
 use super::model::{
     DEFAULT_DURATION, DEFAULT_SAMPLE_RATE, Measurement, Plan, Resonance, Shaking, Table,
 };
-use super::model_file::{Layers, Names, claim, positive, required_name, share};
+use super::section::{Layers, Names, claim, positive, required_name, share};
 use crate::setup::{
     BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, OVERLAPS, Processing, Section,
 };

@@ -1,7 +1,7 @@
 //! `massline board forget`: what went wrong is taken off the box's list.
 
-use crate::cli::Verbosity;
 use crate::commands::Failure;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use massline_firmware::wire::Request;
 

@@ -2,7 +2,7 @@
 
 use super::columns::{self, Wanted};
 use crate::box_runs::{BoxRunError, BoxTest, Found};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::procedure::Procedure;
 use crate::commands::{Failure, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};

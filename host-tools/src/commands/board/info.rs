@@ -1,7 +1,7 @@
 //! `massline board info`: who the box is and how it fares.
 
 use super::print_row;
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, print_json, warn};
 use crate::device::BoxInfo;

@@ -4,7 +4,7 @@ use super::found::Asked;
 use super::troubles::HostTroubles;
 use crate::acquire::fault_text;
 use crate::box_runs::{BoxRunError, Ended, Measuring, Operator, Progress, Stage};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Interrupt, Ticker, warn};
 use crate::format::plain;

@@ -15,7 +15,7 @@ mod settings;
 mod troubles;
 
 use super::Failure;
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use clap::Subcommand;
 
 /// The box next to the table: who it is, its settings, its inputs, its self-test

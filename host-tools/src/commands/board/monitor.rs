@@ -3,7 +3,7 @@
 use super::columns::{self, Wanted};
 use super::troubles::HostTroubles;
 use crate::acquire::{Level, Snapshot, fault_text, monitor};
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Interrupt, warn};
 use crate::format::significant;

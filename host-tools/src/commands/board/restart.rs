@@ -1,6 +1,6 @@
 //! `massline board restart`: the box starts afresh.
 
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Spinner};
 use crate::device::ClientError;

@@ -1,6 +1,6 @@
 //! `massline board selftest`: a body of known properties through the whole box.
 
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, Spinner, print_json};
 use crate::format::with_std;

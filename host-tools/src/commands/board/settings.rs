@@ -2,7 +2,7 @@
 
 use super::change::{Change, Order, parse};
 use super::print_row;
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::device::Device;
 use crate::commands::{Failure, print_json, warn};
 use crate::device::{Client, ClientError, Port};

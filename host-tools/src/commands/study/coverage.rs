@@ -1,6 +1,6 @@
 //! `massline study coverage`: how many 95 % intervals hold the truth.
 
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::{Bar, Failure, print_json};
 use crate::output;
 use crate::study::coverage::{self, CoverageError, Document, Options};

@@ -5,7 +5,7 @@ mod plans;
 mod tuning_fork;
 
 use super::Failure;
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 
 /// Study the methods on simulated tests: the paper's example, how honest the error bars are
 #[derive(clap::Args)]

@@ -1,6 +1,6 @@
 //! `massline study plans`: whether what a test cannot tell has no number.
 
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::{Bar, Failure, print_json};
 use crate::study::plans::{self, Options, PlansError};
 

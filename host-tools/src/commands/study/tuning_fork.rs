@@ -1,6 +1,6 @@
 //! `massline study tuning-fork`: the paper's numerical example, row by row.
 
-use crate::cli::Verbosity;
+use crate::commands::Verbosity;
 use crate::commands::{Bar, Failure, print_json};
 use crate::output::{self, Existing};
 use crate::study::{self, Document, NoiseKind, Options, StudyError, WeightRule};

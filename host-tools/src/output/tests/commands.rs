@@ -1,10 +1,10 @@
 //! Every command that writes a file as a whole.
 
 use super::{Left, at_steps};
-use crate::cli::Verbosity;
 use crate::cli::run_words;
+use crate::commands::Verbosity;
 use crate::commands::{Failure, demo};
-use crate::output::disk::Operation;
+use crate::output::operation::Operation;
 use crate::recording::RecordingError;
 use crate::setup::Setup;
 use crate::simulate::Options;

@@ -6,8 +6,8 @@
 mod commands;
 mod recordings;
 
-use super::disk::Operation;
 use super::faults::{self, Fault};
+use super::operation::Operation;
 use crate::commands::Failure;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Modal data besides the rigid body: the fixed structure's modes with effective masses,
 //! and the free structure's, both with their shapes at the accelerometers.
 
-use crate::identification::{AnswerError, OnProgress, Session};
+use super::{AnswerError, OnProgress, Session};
 use crate::measure::Survey;
 use crate::setup::Setup;
 use massline_core::masslines::{FixedMode, FreeModes};
