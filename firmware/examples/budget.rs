@@ -30,9 +30,7 @@ mod on_chip {
     use massline_core::geometry::{
         Accelerometer, LoadCell, Mount, Placement, Quantity, RunGeometry, RunSensor,
     };
-    use massline_core::spectra::{
-        BlockSettings, Complex32, DriveAverage, LineRange, Rings, Sum, Window,
-    };
+    use massline_core::spectra::{BlockSettings, Complex32, DriveAverage, Rings, Sum, Window};
     use massline_firmware::acquisition::{Acquisition, Sample};
     use massline_firmware::calibration::{Channel, Limits, Scale, Watch};
     use massline_firmware::drivers::Converter;
@@ -46,6 +44,7 @@ mod on_chip {
     use massline_firmware::models::random::mix;
     use massline_firmware::sampling::{self, RawFrame, WAITING};
     use massline_firmware::wire::Health;
+    use nalgebra::Vector3;
     use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, TIM2, USART2};
     use stm32f4xx_hal::prelude::*;
 

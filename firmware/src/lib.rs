@@ -7,6 +7,7 @@
 
 pub mod acquisition;
 pub mod calibration;
+pub mod capacity;
 pub mod drivers;
 pub mod instrument;
 pub mod link;

@@ -2,10 +2,11 @@
 //! comes back.
 
 use super::answer::{Findings, answer};
-use super::memory::{PAIRS, RUNS};
+use super::memory::PAIRS;
 use super::phase::Storage;
 use super::setup::{Lines, bit};
 use super::store::Stored;
+use crate::capacity::RUNS;
 use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
 use massline_core::geometry::Equations;
 use massline_core::identify::{self, Identification, identify_in};

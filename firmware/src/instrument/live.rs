@@ -1,7 +1,7 @@
 //! What a host that listens sees of the samples: levels, and the converters' own samples.
 
-use super::memory::CHANNELS;
 use super::{RawSample, Transmit};
+use crate::capacity::CHANNELS;
 use crate::wire::{Count24, Event, FaultySamples, Levels, Packed, Samples, Stream, Values, Word};
 
 /// Levels of one channel since they were last told.

@@ -1,4 +1,5 @@
-//! The memory of the instrument: what is lent to it, and how much of it a chip needs.
+//! The memory that is lent to the instrument, and the sizes that follow from its
+//! [capacities](crate::capacity).
 //!
 //! Three structures: a chip's memory may come in two pieces, and two of the three are all
 //! zero at the start, which takes no flash. None is touched by DMA. On the STM32F405
@@ -10,6 +11,7 @@ use super::live::{LevelMeter, Recorder};
 use super::readings::Channels;
 use super::setup::{LoadCells, SetUp};
 use super::store::Kept;
+use crate::capacity::{self, BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{Answer, Summary};
 use massline_core::geometry::{Equations, RESULTANTS, RunGeometry};
 use massline_core::identify;
@@ -17,43 +19,54 @@ use massline_core::masslines::{Masslines, Workspace};
 use massline_core::spectra::{Complex32, Sum};
 use nalgebra::Complex;
 
-/// Channels of a sample.
-pub const CHANNELS: usize = 48;
-/// Sensors of a set-up.
-pub const SENSORS: usize = 48;
-/// Runs of a set-up, all of which can be stored.
-pub const RUNS: usize = 6;
-/// Lines of a run.
-pub const LINES: usize = 100;
-/// Samples of a block.
-pub const BLOCK_LENGTH: usize = 1024;
-
 /// The drive and the twelve resultants.
 const AVERAGED: usize = 1 + RESULTANTS;
-/// Decimated samples of a block. 100 lines of 1024 samples are decimated by four.
-pub const TRANSFORM: usize = BLOCK_LENGTH / 4;
-/// States of the filters that decimate by four.
-const FILTERS: usize = 70;
+/// Decimations of a block whose lines begin at the bottom of the spectrum: each halves it, as
+/// long as the last line stays within 25/64 of what is left.
+const DECIMATIONS: usize = {
+    let mut count = 0;
+    while count < 4 && 64 * LINES <= 25 * (BLOCK_LENGTH >> (count + 1)) {
+        count += 1;
+    }
+    count
+};
+/// Decimated samples of a block.
+pub(super) const TRANSFORM: usize = BLOCK_LENGTH >> DECIMATIONS;
+/// States of a channel's filters. One decimation more adds 20, and takes more samples off.
+const FILTERS: usize = match DECIMATIONS {
+    0 => 0,
+    count => 30 + 20 * count,
+};
 
 /// Samples and filter states of the blocks that are under way.
-pub const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
+const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
 /// Lines of the drive and of the two channels that are transformed together.
-pub const BLOCK_LINES: usize = 3 * LINES;
+const BLOCK_LINES: usize = 3 * LINES;
 /// Running sums: the drive's power, and three numbers for each resultant.
-pub const SUMS: usize = (1 + 3 * RESULTANTS) * LINES;
+pub(super) const SUMS: usize = (1 + 3 * RESULTANTS) * LINES;
 /// Lines of all stored runs.
-pub const STORED_LINES: usize = RUNS * LINES;
+const STORED_LINES: usize = RUNS * LINES;
+/// Pairs that runs with the same equations are condensed to: one a direction, or one a run.
+pub(super) const PAIRS: usize = if RUNS > 6 { RUNS } else { 6 };
+
+// Numbers of runs are bits of 32, those of channels and sensors bytes, of which the highest mean
+// something else, and numbers of lines have 16 bits.
+const _: () = assert!(RUNS <= 32 && CHANNELS <= 250 && SENSORS <= 250 && LINES <= 1 << 15);
+const _: () = assert!(BLOCK_LENGTH.is_power_of_two());
+const _: () = assert!(size_of::<RunStorage>() <= capacity::RUN_BYTES);
+const _: () = assert!(size_of::<WorkingStorage>() <= capacity::WORKING_BYTES);
+const _: () = assert!(size_of::<Persistent>() <= capacity::PERSISTENT_BYTES);
 
 const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 
-/// What a run needs while it is going on, and the identification when none is.
+/// Memory of a run while it is going on, and of the identification when none is.
 #[derive(Debug)]
 pub struct WorkingStorage {
     pub(super) scratch: Scratch,
 }
 
-/// What is on the scratch: a run, or an identification. Never both, as neither may begin
-/// before the other has ended.
+/// Scratch memory of a run, or of an identification: neither may begin before the other has
+/// ended.
 #[derive(Debug)]
 // A tag without padding behind it: what follows is then cleared where it lies, rather than
 // on the stack and copied.
@@ -63,23 +76,22 @@ pub(super) enum Scratch {
     Solver(Solver),
 }
 
-/// What a run works with, its spectra aside.
+/// Memory of a run, its spectra aside.
 #[derive(Debug)]
 pub(super) struct Averaging {
     pub(super) history: [f32; HISTORY],
     pub(super) sums: [Sum; SUMS],
-    /// Its channels.
     pub(super) channels: Channels,
-    /// From its sensors to resultants, in a measuring pass.
+    /// Geometry of a measuring pass: from its sensors to resultants.
     pub(super) geometry: RunGeometry,
 }
 
-/// What an identification works with. What would lie on the stack meanwhile lies here, and
-/// takes no memory: nine tenths of a run's room, of which 5 KB are left.
+/// Memory of an identification, which would lie on the stack otherwise. It takes none of its own
+/// where it is smaller than a run's, as it just is with the capacities of the STM32F405.
 #[derive(Debug)]
 pub(super) struct Solver {
     pub(super) load_cells: LoadCells,
-    /// Of each run.
+    /// One a run.
     pub(super) equations: [Equations; RUNS],
     pub(super) methods: Workspace,
     pub(super) sets: heapless::Vec<Masslines<PAIRS>, RUNS>,
@@ -88,11 +100,6 @@ pub(super) struct Solver {
     /// Two numbers a line: the trace and the weights in which poles are found.
     pub(super) lines: [Complex<f64>; 2 * LINES],
 }
-
-/// Pairs that runs with the same equations are condensed to: one a direction, or one a run.
-pub(super) const PAIRS: usize = 6;
-
-const _: () = assert!(PAIRS >= RUNS && size_of::<Solver>() <= size_of::<Averaging>());
 
 impl Averaging {
     const ZERO: Self = Self {
@@ -199,8 +206,8 @@ impl Default for RunStorage {
     }
 }
 
-/// What the instrument has been told and what it has found, lines and blocks aside. It is
-/// written where it lies: nothing of it is ever moved over a stack.
+/// Set-up and results, lines and blocks aside. It is written where it lies: nothing of it is ever
+/// moved over a stack.
 #[derive(Debug)]
 pub struct Persistent {
     pub(super) setup: SetUp,
@@ -233,10 +240,36 @@ impl Default for Persistent {
 /// Storage that is lent to an instrument for its life.
 #[derive(Debug)]
 pub struct Memory<'m> {
-    /// For the run that is going on.
+    /// Memory of the run or identification that is going on.
     pub working: &'m mut WorkingStorage,
-    /// For the lines of those that are done.
+    /// Lines of finished runs.
     pub runs: &'m mut RunStorage,
-    /// For all else.
+    /// Set-up and results.
     pub persistent: &'m mut Persistent,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::spectra::{BlockSettings, Window};
+
+    #[test]
+    fn blocks_of_the_most_lines_fit_and_leave_nothing() {
+        let lines = |first: usize, count: usize| {
+            let band = [first as f64, (first + count - 1) as f64];
+            BlockSettings::new(BLOCK_LENGTH, 0.5, Window::Hann, BLOCK_LENGTH as f64, band)
+        };
+        let settings = lines(1, LINES).expect("lines from the bottom of the spectrum");
+        assert_eq!(settings.transform_length(), TRANSFORM);
+        assert_eq!(settings.history_len(AVERAGED), HISTORY);
+        // What needs less room in one way does not need more in another.
+        for first in 1..BLOCK_LENGTH / 2 {
+            let Ok(settings) = lines(first, LINES.min(16)) else {
+                continue;
+            };
+            if settings.transform_length() <= TRANSFORM {
+                assert!(settings.history_len(AVERAGED) <= HISTORY, "{first}");
+            }
+        }
+    }
 }

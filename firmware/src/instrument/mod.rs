@@ -52,7 +52,7 @@ mod board;
 mod job;
 mod limits;
 mod live;
-pub mod memory;
+mod memory;
 mod phase;
 mod question;
 mod readings;
@@ -71,12 +71,12 @@ pub use job::Job;
 pub use memory::{Memory, Persistent, RunStorage, WorkingStorage};
 
 use crate::calibration;
+use crate::capacity::{CHANNELS, RUNS};
 use crate::wire::{
     Event, Fault, FaultKind, NoAnswer, Outcome, Problem, Refused, Reply, Request, Setting,
     SettingKey, Started, Stream, Subscription, Summary, Telemetry,
 };
 use live::{LevelMeter, Recorder};
-use memory::{CHANNELS, RUNS};
 use phase::{Asked, Pending, Phase, SelfTest, Stage, Storage, Work};
 use readings::Sample;
 use run::{Feed, Run};

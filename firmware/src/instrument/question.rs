@@ -2,11 +2,11 @@
 
 use super::limits::missing;
 use super::limits::within;
-use super::memory::RUNS;
 use super::setup::lines_of;
 use super::setup::{SetUp, bit};
 use super::store::Stored;
 use super::{Asked, Board, Instrument, Pending};
+use crate::capacity::RUNS;
 use crate::wire::{Accelerations, Field, Item, Method, Problem, Procedure, Question, Request};
 use massline_core::masslines;
 use massline_core::modes::MAX_MODES;

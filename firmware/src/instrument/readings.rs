@@ -2,8 +2,8 @@
 //! believed.
 
 use super::Transmit;
-use super::memory::{CHANNELS, SENSORS};
 use crate::calibration::Channel;
+use crate::capacity::{CHANNELS, SENSORS};
 use crate::wire::{ChannelHealth, ChannelRole, Event, Health, Packed, Values};
 
 /// One sample of all channels.

@@ -1,10 +1,10 @@
 //! Requests, one by one: each is checked whole before it changes anything.
 
 use super::limits::missing;
-use super::memory::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use super::phase::{Phase, Session, Storage};
 use super::setup::{self, SetUp};
 use super::{Board, Instrument, Transmit};
+use crate::capacity::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{
     Capacity, Grid, Identified, Info, Item, Method, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
     Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream,

@@ -1,12 +1,13 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
-use super::memory::{Averaging, SENSORS};
+use super::memory::Averaging;
 use super::phase::Storage;
 use super::readings::Sample;
 use super::setup::Lines;
 use super::survey::Survey;
 use super::synthetic::Synthetic;
 use super::{Board, Transmit};
+use crate::capacity::SENSORS;
 use crate::wire::{
     Accelerations, Block, Event, Exact, Health, Outcome, Progress, Quality, Running, Source, Start,
     Summary,

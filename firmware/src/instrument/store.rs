@@ -1,6 +1,6 @@
 //! Stored runs: what is kept of a finished run for the identification.
 
-use super::memory::{LINES, RUNS};
+use crate::capacity::{LINES, RUNS};
 use crate::wire::{Accelerations, Line, Quality};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
 use massline_core::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};

@@ -8,7 +8,7 @@
 //! is an amplitude per unit of drive, so it does not matter that they were not looked at
 //! at the same time.
 
-use super::memory::SENSORS;
+use crate::capacity::SENSORS;
 use crate::wire::{Item, Problem};
 use core::ops::Range;
 use massline_core::geometry::RESULTANTS;

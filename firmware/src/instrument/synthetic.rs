@@ -19,8 +19,8 @@
 //! towards ω = 0 the mass is carried along, so the rigid body is exact. What the fit of a
 //! continuous mode makes of the difference between ω̃ and ω is the self-test's bound.
 
-use super::memory::CHANNELS;
 use super::setup::Arrangement;
+use crate::capacity::CHANNELS;
 use crate::wire::ChannelRole;
 use core::num::Wrapping;
 use massline_core::geometry::{LoadShares, Mount, RunSensor};

@@ -2,6 +2,7 @@
 
 mod answers;
 mod bench;
+mod capacity;
 mod faults;
 mod plan;
 mod recorder;

@@ -3,6 +3,7 @@
 use crate::bench::{Said, Shelf};
 use crate::plan::{Pieces, set_up, start};
 use massline_firmware::calibration::Certificate;
+use massline_firmware::capacity::{BLOCK_LENGTH, LINES, RUNS, SENSORS};
 use massline_firmware::wire::*;
 
 fn range(problem: Problem) -> (Field, u32) {
@@ -23,7 +24,9 @@ fn a_processing_is_refused_by_the_field_that_is_wrong() {
         (Field::SampleRate, |p| p.sample_rate = f64::NAN),
         (Field::SampleRate, |p| p.sample_rate = -512.0),
         (Field::BlockLength, |p| p.block_length = 1000),
-        (Field::BlockLength, |p| p.block_length = 2048),
+        (Field::BlockLength, |p| {
+            p.block_length = 2 * BLOCK_LENGTH as u32
+        }),
         (Field::Overlap, |p| p.overlap = 1.0),
         (Field::KeptBand, |p| p.kept_band = [0.5, 300.0]),
         (Field::AveragingBand, |p| p.averaging_band = [15.0, 1.0]),
@@ -36,12 +39,14 @@ fn a_processing_is_refused_by_the_field_that_is_wrong() {
         assert_eq!(range(problem), (field, 0));
     }
     let mut processing = good.processing;
-    processing.kept_band = [0.5, 60.0];
+    // Lines are 0.5 Hz apart.
+    let found = LINES as u32 + 20;
+    processing.kept_band = [0.5, 0.5 * f64::from(found)];
     let problem = bench.refused(&Request::SetProcessing(processing));
     let full = Problem::Capacity {
         item: Item::Line,
-        found: 120,
-        limit: 100,
+        found,
+        limit: LINES as u32,
     };
     assert_eq!(problem, full);
     processing = good.processing;
@@ -184,16 +189,15 @@ fn a_set_up_ends_only_when_it_is_whole() {
     }
     assert!(matches!(bench.ask(&Request::EndSetup), Said::Grid(_)));
     assert_eq!(bench.status().fingerprint, Some(99));
-    let too_many = Plan {
-        sensors: 49,
-        ..good.plan
-    };
-    let full = Problem::Capacity {
-        item: Item::Sensor,
-        found: 49,
-        limit: 48,
-    };
-    assert_eq!(bench.refused(&Request::BeginSetup(too_many)), full);
+    let (mut sensors, mut runs) = (good.plan, good.plan);
+    sensors.sensors = SENSORS as u8 + 1;
+    runs.runs = RUNS as u8 + 1;
+    for (too_many, item, limit) in [(sensors, Item::Sensor, SENSORS), (runs, Item::Run, RUNS)] {
+        let limit = limit as u32;
+        let found = limit + 1;
+        let full = Problem::Capacity { item, found, limit };
+        assert_eq!(bench.refused(&Request::BeginSetup(too_many)), full);
+    }
     // A set-up that was refused has not thrown the other one away.
     assert_eq!(bench.status().state, State::Ready);
 }

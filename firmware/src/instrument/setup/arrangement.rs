@@ -1,9 +1,9 @@
 //! The arrangement: which sensors there are, and how the specimen stands in each run.
 
 use crate::calibration;
+use crate::capacity::{CHANNELS, RUNS, SENSORS};
 use crate::instrument::limits::missing;
 use crate::instrument::limits::{about, below, finite, fits, range};
-use crate::instrument::memory::{CHANNELS, RUNS, SENSORS};
 use crate::wire::{
     ChannelRole, Excitation, Field, Item, Mount, NAME_MAX, Plan, Problem, Quantity, Run, Sensor,
     SensorKind,

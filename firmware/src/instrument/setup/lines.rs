@@ -1,7 +1,8 @@
 //! How samples become lines: what follows from the processing.
 
+use crate::capacity::{BLOCK_LENGTH, LINES};
 use crate::instrument::limits::{fits, range, within};
-use crate::instrument::memory::{BLOCK_LENGTH, LINES, TRANSFORM};
+use crate::instrument::memory::TRANSFORM;
 use crate::wire::{Exact, Field, Grid, Item, Problem, Processing, Window};
 use massline_core::masslines::MIN_LINES;
 use massline_core::spectra::{self, BandError, BlockSettings, LineGrid, LineRange, SpectraError};

@@ -1,7 +1,7 @@
 //! The load cells of all runs: what decides which equations of motion hold.
 
 use super::Arrangement;
-use crate::instrument::memory::{RUNS, SENSORS};
+use crate::capacity::{RUNS, SENSORS};
 use massline_core::geometry::{Equations, LoadCell, Placement, RunGeometry, RunSensor};
 use nalgebra::Vector3;
 

@@ -18,7 +18,7 @@ pub(super) use load_cells::LoadCells;
 
 use super::limits::missing;
 use super::limits::{finite, fits, within};
-use super::memory::{RUNS, SENSORS};
+use crate::capacity::{RUNS, SENSORS};
 use crate::wire::{
     Accelerations, Field, Item, Mount, Plan, Problem, Processing, Run, Sensor, Weighting, Weights,
 };

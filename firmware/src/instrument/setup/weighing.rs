@@ -1,7 +1,7 @@
 //! How much each accelerometer counts in each run, and what surveys have found about it.
 
 use super::{Arrangement, mask};
-use crate::instrument::memory::{RUNS, SENSORS};
+use crate::capacity::{RUNS, SENSORS};
 use crate::wire::{Processing, Weighting};
 use core::ops::Range;
 use massline_core::weighting::{join_peaks, weights_from_peaks};
