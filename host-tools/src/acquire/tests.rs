@@ -98,53 +98,14 @@ fn faults_of_the_box_are_told_and_counted() {
     ];
     let mut own = HostBoxMemory::new();
     let failing = Failing {
-        inner: HostBox::with_inputs(&mut own, 1, inputs),
-        looks: 0,
         faults,
+        ..Failing::new(HostBox::with_inputs(&mut own, 1, inputs))
     };
     let recorded = recorded(failing, &order(&chosen, 20.0, &folder.path().join("x.csv")));
     let counts: Vec<_> = count_faults(&recorded.box_faults).into_iter().collect();
     assert_eq!(counts, [("converter", 1), ("overrun", 2)]);
     let text = fault_text(&recorded.box_faults[2]);
     assert!(text.contains("converter 2 does not answer"), "{text}");
-}
-
-/// A line that loses one of the frames to the box.
-struct Losing<P> {
-    inner: P,
-    /// Number of the frame that is lost, from one.
-    lost: u32,
-    sent: u32,
-}
-
-impl<P: Port> Port for Losing<P> {
-    fn name(&self) -> String {
-        self.inner.name()
-    }
-
-    fn send(&mut self, frame: &[u8]) -> Result<(), PortError> {
-        self.sent += 1;
-        if self.sent == self.lost {
-            return Ok(());
-        }
-        self.inner.send(frame)
-    }
-
-    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
-        self.inner.receive(into, timeout)
-    }
-
-    fn patience(&self) -> Duration {
-        self.inner.patience()
-    }
-
-    fn longest_work(&self) -> Duration {
-        self.inner.longest_work()
-    }
-
-    fn seconds(&self) -> f64 {
-        self.inner.seconds()
-    }
 }
 
 /// The request that ends the samples is the third, after the one for the rate and the one that
@@ -156,10 +117,9 @@ fn the_request_that_ends_the_samples_is_sent_again_when_it_is_lost() {
     let chosen = chosen(&inputs);
     let order = order(&chosen, 5.0, &folder.path().join("x.csv"));
     let mut own = HostBoxMemory::new();
-    let line = Losing {
-        inner: HostBox::with_inputs(&mut own, 1, inputs),
+    let line = Failing {
         lost: 3,
-        sent: 0,
+        ..Failing::new(HostBox::with_inputs(&mut own, 1, inputs))
     };
     let patience = line.patience();
     let mut memory = ClientMemory::new();

@@ -39,7 +39,7 @@ pub enum BoxRunError {
     Processing {
         /// Hz.
         rate: f64,
-        /// What is wrong, and what to do.
+        /// Reason and advice.
         reason: String,
     },
     /// A rate that the box does not have.

@@ -11,14 +11,14 @@ use massline_firmware::wire::{self, Answer, Exact, Summary};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
-/// What a box has identified.
+/// Answer of a box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// By which method.
     pub method: Method,
-    /// Whether accelerometers were weighted.
+    /// `true` if accelerometers were weighted.
     pub weighted: bool,
-    /// Whether the reference point was iterated to the CG.
+    /// `true` if the reference point was iterated to the CG.
     pub iterative: bool,
     /// The ten numbers.
     pub identification: Identification,
@@ -37,9 +37,9 @@ pub struct Found {
 pub struct StoredRun {
     /// Its name.
     pub name: String,
-    /// What became of it.
+    /// Summary of the box.
     pub summary: Summary,
-    /// What the sensitivities of its channels rest on.
+    /// Calibrations of its channels.
     pub calibration: BTreeMap<String, Traceability>,
 }
 
@@ -81,7 +81,7 @@ impl Found {
         refusal(&self.judged())
     }
 
-    /// What an answer is judged by.
+    /// Grounds on which the answer is refused or warned of.
     pub(crate) fn judged(&self) -> Judged<'_> {
         Judged {
             identification: &self.identification,

@@ -50,7 +50,7 @@ pub struct BoxTest<'s> {
     device: BoxInfo,
 }
 
-/// What is measured.
+/// Order of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measuring {
     /// Runs, by their numbers in the set-up from zero.
@@ -98,7 +98,7 @@ impl<'s> BoxTest<'s> {
         })
     }
 
-    /// Who measures.
+    /// The box that measures.
     #[must_use]
     pub const fn device(&self) -> &BoxInfo {
         &self.device

@@ -12,7 +12,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// How often it is looked how far the run is.
+/// Time between two looks at the progress of a run.
 const LOOK: Duration = Duration::from_millis(100);
 /// Milliseconds between two looks at the levels.
 const LEVELS: u16 = 500;
@@ -22,10 +22,10 @@ pub trait Operator {
     /// A run is next: returns when the table shakes.
     ///
     /// # Errors
-    /// What keeps it from being shaken, in the words of a user.
+    /// The reason why it cannot be shaken, in the words of a user.
     fn shake(&mut self, stage: &Stage<'_>) -> Result<(), BoxRunError>;
 
-    /// How far it is, some times a second; `false` ends the run.
+    /// Takes the progress, some times a second; `false` ends the run.
     fn watch(&mut self, stage: &Stage<'_>, progress: &Progress) -> bool;
 
     /// A run has ended.
@@ -47,7 +47,7 @@ pub struct Stage<'a> {
     pub steps: usize,
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Progress {
     /// Seconds of samples.
@@ -69,13 +69,13 @@ pub struct Progress {
 /// A run that has ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Ended {
-    /// What became of it.
+    /// Summary of the box.
     pub summary: Summary,
     /// Nominal sample rate, Hz.
     pub rate: f64,
 }
 
-/// What has been heard of a run.
+/// Events of a run.
 struct Heard {
     /// Channel by channel: name and range, where there is one.
     channels: Vec<Option<(String, f64)>>,
@@ -240,13 +240,13 @@ fn attend<P: Port>(
 }
 
 impl Ended {
-    /// Whether the box ended it for a fault of its own.
+    /// `true` if the box ended it for a fault of its own.
     #[must_use]
     pub fn failed(&self) -> bool {
         self.summary.outcome == Outcome::Fault
     }
 
-    /// What was left out.
+    /// Blocks that were left out.
     #[must_use]
     pub fn rejected(&self) -> Rejected {
         Rejected {

@@ -152,9 +152,8 @@ fn a_converter_that_falls_silent_ends_the_run_and_what_came_before_is_kept() {
     let mut own = HostBoxMemory::new();
     let mut memory = ClientMemory::new();
     let failing = Failing {
-        inner: HostBox::with_inputs(&mut own, 1, inputs),
-        looks: 0,
         faults: vec![(100, FaultKind::Converter, Some(1))],
+        ..Failing::new(HostBox::with_inputs(&mut own, 1, inputs))
     };
     let mut client = Client::new(failing, &mut memory);
     let test = BoxTest::new(&mut client, &setup, &wired, Method::ApparentMass, true).unwrap();

@@ -63,7 +63,7 @@ impl Wiring {
         })
     }
 
-    /// How the counts of a sensor become SI, where the set-up multiplies by `factor`.
+    /// Scale from counts of a sensor to SI, where the set-up multiplies by `factor`.
     pub(crate) fn scale(&self, sensor: usize, factor: f64) -> Scale {
         match self.sensors.get(sensor) {
             Some(entry) if factor != 1.0 => {
@@ -77,7 +77,7 @@ impl Wiring {
         }
     }
 
-    /// What the inputs carry in a run, up to the last one that is wanted: codes of [`ChannelRole`].
+    /// Roles of the inputs in a run, up to the last one that is wanted: codes of [`ChannelRole`].
     pub(crate) fn channels(&self, run: usize) -> Vec<u8> {
         let sensors = self.sensors.iter().enumerate();
         let sensors = sensors.map(|(k, entry)| (entry.input, ChannelRole::Sensor(k as u8)));

@@ -3,7 +3,7 @@
 use super::{Port, PortError};
 use std::time::Duration;
 
-/// What becomes of the line at its cut.
+/// Kind of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
     /// The port is gone from there on, as one that was unplugged.
@@ -14,7 +14,7 @@ pub enum Cut {
     Once,
 }
 
-/// What is counted to the cut, both directions together and from zero.
+/// Place of a cut, counted over both directions together and from zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The frame of this number.
@@ -33,7 +33,7 @@ pub struct CutLine<P> {
     place: Place,
     frames: u64,
     bytes: u64,
-    /// Whether the bytes that come from the box belong to a frame.
+    /// `true` if the bytes that come from the box belong to a frame.
     within: bool,
 }
 
@@ -68,7 +68,7 @@ impl<P: Port> CutLine<P> {
         here < place || (self.cut == Cut::Once && here > place)
     }
 
-    /// Whether it is cut for good, by what has passed.
+    /// `true` if it is cut for good, by what has passed.
     fn is_cut(&self) -> bool {
         let beyond = match self.place {
             Place::Frame(place) => self.frames > place,

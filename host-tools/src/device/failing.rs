@@ -1,14 +1,31 @@
-//! A box in this program that notices faults of its own, for tests.
+//! A box in this program with faults of its own and of its line, for tests.
 
 use super::{HostBox, Port, PortError};
 use massline_firmware::wire::FaultKind;
 use std::time::Duration;
 
-/// A box that notices faults of its own: each after so many looks at what it says.
+/// A box that notices faults of its own, each after so many receives, on a line that may lose a
+/// frame to it.
 pub(crate) struct Failing<'m> {
     pub(crate) inner: HostBox<'m>,
     pub(crate) looks: u32,
     pub(crate) faults: Vec<(u32, FaultKind, Option<u8>)>,
+    /// Number of the frame to the box that is lost, from one; zero for none.
+    pub(crate) lost: u32,
+    pub(crate) sent: u32,
+}
+
+impl<'m> Failing<'m> {
+    /// A box without faults.
+    pub(crate) const fn new(inner: HostBox<'m>) -> Self {
+        Self {
+            inner,
+            looks: 0,
+            faults: Vec::new(),
+            lost: 0,
+            sent: 0,
+        }
+    }
 }
 
 impl Port for Failing<'_> {
@@ -17,6 +34,10 @@ impl Port for Failing<'_> {
     }
 
     fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+        self.sent += 1;
+        if self.sent == self.lost {
+            return Ok(());
+        }
         self.inner.send(bytes)
     }
 

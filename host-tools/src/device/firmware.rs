@@ -1,4 +1,4 @@
-//! Where the firmware's ELF is: the file that is flashed and that the emulator boots.
+//! Path of the firmware's ELF: the file that is flashed and that the emulator boots.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ pub const FIRMWARE_ELF: &str = "MASSLINE_FIRMWARE_ELF";
 /// Builds it.
 pub const BUILD: &str = "cargo build --release -p massline-firmware --target thumbv7em-none-eabihf";
 
-/// Where [`BUILD`] leaves it, in cargo's target folder.
+/// Its path in cargo's target folder, where [`BUILD`] leaves it.
 const BUILT: &str = "thumbv7em-none-eabihf/release/massline-firmware";
 
 /// There is no firmware.

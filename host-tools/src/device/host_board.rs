@@ -1,4 +1,4 @@
-//! What there is of a board around the instrument in this program: a clock, settings that last
+//! The board around the instrument in this program: a clock, settings that last
 //! as long as the program, and modelled converters where something is wired to them.
 
 use crate::rig::{CHIPS, Chain, Inputs, RigError};
@@ -30,7 +30,7 @@ pub(super) struct HostBoard {
     delivered: Box<Settings<INPUTS>>,
     inputs: Option<Inputs>,
     running: Option<Running>,
-    /// How often they were started.
+    /// Times that they were started.
     starts: u64,
     /// By how much the converters are too fast, relative.
     fast: f64,

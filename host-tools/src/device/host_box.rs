@@ -5,7 +5,7 @@
 //! for, so a timeout comes at once. Tests that lose frames by the thousand stay fast and
 //! repeat exactly.
 //!
-//! Where something is wired to its inputs, time while they run is that of their samples, as
+//! If sensors are wired to its inputs, time while they run is that of their samples, as
 //! fast as they can be computed.
 
 use super::host_board::{HostBoard, TICK_HZ};
@@ -27,7 +27,7 @@ use std::time::Duration;
 /// take the same turns.
 const WINDOW: u8 = 3;
 
-/// What the link takes at the least, and by how much that differs from time to time, s.
+/// Shortest delay of the link, and the range of its variation, s.
 const DELAY: f64 = 1e-3;
 
 /// Memory that a [`HostBox`] is lent: as much as the instrument has on the chip.
@@ -131,7 +131,7 @@ impl<'m> HostBox<'m> {
         }
     }
 
-    /// What the box has seen of the host's frames.
+    /// Counters of the host's frames, as the box has seen them.
     #[must_use]
     pub const fn link(&self) -> &LinkCounters {
         self.receiver.counters()

@@ -17,7 +17,7 @@ pub struct Noise {
     pub duplicated: f64,
 }
 
-/// What was done to the frames of one direction.
+/// Damage to the frames of one direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Damage {
     /// Frames that came to the line.
@@ -67,13 +67,13 @@ impl<P: Port> NoisyLine<P> {
         self.noise = noise;
     }
 
-    /// What was done to the host's frames.
+    /// Damage to the host's frames.
     #[must_use]
     pub const fn to_box(&self) -> &Damage {
         &self.to_box
     }
 
-    /// What was done to the box's frames.
+    /// Damage to the box's frames.
     #[must_use]
     pub const fn from_box(&self) -> &Damage {
         &self.from_box

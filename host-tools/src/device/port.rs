@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 /// An end of the link to a box: bytes go out, bytes come in, and neither side knows frames.
 pub trait Port {
-    /// What it is, for messages: `serial port /dev/ttyACM0`.
+    /// Name in messages: `serial port /dev/ttyACM0`.
     fn name(&self) -> String;
 
     /// Hands bytes over, to go out in their order. May return before they are out.
@@ -24,11 +24,11 @@ pub trait Port {
     /// was taken.
     fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError>;
 
-    /// How long a reply may take before it counts as lost: the longest that a request and its
+    /// Time after which a reply counts as lost: the longest that a request and its
     /// reply are on their way behind a full window of others, several times over.
     fn patience(&self) -> Duration;
 
-    /// How long the box may work at one request at the most.
+    /// Longest that the box may work at one request.
     fn longest_work(&self) -> Duration {
         limits::LONGEST_WORK
     }
@@ -52,7 +52,7 @@ pub enum PortError {
     Open {
         /// As it was named.
         path: String,
-        /// What the system says.
+        /// The system's reason.
         reason: String,
         /// The ports there are.
         present: Vec<String>,
@@ -64,7 +64,7 @@ pub enum PortError {
     Gone {
         /// Of the port.
         name: String,
-        /// What the system says.
+        /// The system's reason.
         reason: String,
     },
     /// The emulator.

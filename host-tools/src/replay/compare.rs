@@ -57,7 +57,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What a comparison came to.
+/// Outcome of a comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
     /// Numbers compared.
@@ -69,7 +69,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether all is the same, and there was something to compare.
+    /// `true` if all is the same, and there was something to compare.
     #[must_use]
     pub const fn identical(&self) -> bool {
         self.different == 0 && self.numbers > 0

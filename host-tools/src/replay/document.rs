@@ -8,23 +8,23 @@ use serde::Serialize;
 /// Version of the document's form.
 pub const SCHEMA: &str = "massline/replay/1";
 
-/// What a replay came to.
+/// Outcome of a replay.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReplayDocument {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Title of the setup.
     pub title: String,
-    /// Whether all numbers are the same.
+    /// `true` if all numbers are the same.
     pub identical: bool,
-    /// Who was asked.
+    /// The box that was asked.
     #[serde(rename = "box")]
     pub device: DeviceEntry,
     /// Samples of each run, if not all.
     pub samples_per_run: Option<u64>,
-    /// What was compared.
+    /// Comparisons.
     pub compared: Vec<ComparisonEntry>,
-    /// What the link went through.
+    /// Frames of the link.
     pub link: LinkEntry,
 }
 
@@ -90,7 +90,7 @@ impl ComparisonEntry {
     }
 }
 
-/// What the link went through.
+/// Frames of the link.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct LinkEntry {
     /// Frames that were sent.

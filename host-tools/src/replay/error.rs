@@ -24,13 +24,13 @@ pub enum ReplayError {
     /// More than the box holds.
     #[error("the box holds {limit} {what}, this setup has {found}; {advice}")]
     Capacity {
-        /// What there is too much of.
+        /// Kind of the items that are too many.
         what: &'static str,
-        /// How many there are.
+        /// Number of them.
         found: usize,
-        /// How many fit.
+        /// Highest number that fits.
         limit: usize,
-        /// What to do.
+        /// Advice to the user.
         advice: String,
     },
     /// A run that the box does not measure.
@@ -38,9 +38,9 @@ pub enum ReplayError {
     Run {
         /// Its name.
         run: String,
-        /// What it is.
+        /// Its kind.
         what: &'static str,
-        /// What to do.
+        /// Advice to the user.
         advice: &'static str,
     },
     /// A setup without time recordings.
@@ -63,7 +63,7 @@ pub enum ReplayError {
     Flip {
         /// As it was written.
         found: String,
-        /// What is wrong with it.
+        /// Reason.
         reason: String,
         /// A channel there is.
         channel: String,

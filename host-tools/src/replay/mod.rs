@@ -44,26 +44,26 @@ use massline_firmware::wire::{
 };
 use transfer::Feed;
 
-/// What is to be replayed.
+/// Order of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Order {
     /// The methods to identify by.
     pub methods: Vec<Method>,
-    /// Whether the reference point is iterated to the CG.
+    /// `true` if the reference point is iterated to the CG.
     pub iterative: bool,
-    /// Whether weights of the accelerometers are used.
+    /// `true` if weights of the accelerometers are used.
     pub weighted: bool,
     /// Blocks of each run, from its beginning; all there are if `None`.
     pub blocks: Option<u32>,
     /// A bit to be flipped on the way to the box.
     pub flip: Option<Flip>,
-    /// Whether a replay that was cut off is taken up where the box stands.
+    /// `true` if a replay that was cut off is taken up at the box's state.
     pub resume: bool,
 }
 
-/// How far a replay is.
+/// Progress of a replay.
 pub struct Progress<'a> {
-    /// What is going on.
+    /// Present step.
     pub what: &'a str,
     /// Name of the run.
     pub run: &'a str,
@@ -433,7 +433,7 @@ fn read_each(
     (0..setup.runs.len()).map(&mut read).collect()
 }
 
-/// What a box holds of this replay: the runs that are stored, and the one that is going on.
+/// Runs of this replay that a box holds: those that are stored, and the one that is going on.
 fn held<P: Port>(
     client: &mut Client<'_, P>,
     fingerprint: u32,

@@ -1,24 +1,24 @@
-//! What a replay came to.
+//! Outcome of a replay.
 
 use super::{Base, Comparison};
 use crate::device::{BoxInfo, LinkReport};
 use massline_core::masslines::Method;
 
-/// What a replay came to.
+/// Outcome of a replay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// Who was asked.
+    /// The box that was asked.
     pub device: BoxInfo,
     /// Samples of each run, if not all.
     pub limit: Option<u64>,
-    /// What was compared, base by base.
+    /// Comparisons, base by base.
     pub bases: Vec<BaseOutcome>,
-    /// What the link went through.
+    /// Frames of the link.
     pub link: LinkReport,
 }
 
 impl Outcome {
-    /// Whether all that was compared is the same.
+    /// `true` if all that was compared is the same.
     #[must_use]
     pub fn identical(&self) -> bool {
         !self.bases.is_empty() && self.comparisons().all(|(_, c)| c.identical())
@@ -44,7 +44,7 @@ impl Outcome {
 /// Runs that were measured alike, and the answers from them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseOutcome {
-    /// What the runs share.
+    /// Origin of the base acceleration of the runs.
     pub base: Base,
     /// The lines that follow from the set-up.
     pub grid: Comparison,

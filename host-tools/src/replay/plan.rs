@@ -49,13 +49,13 @@ impl Base {
         }
     }
 
-    /// Whether the runs are surveyed before they are measured.
+    /// `true` if the runs are surveyed before they are measured.
     #[must_use]
     pub const fn surveys(self) -> bool {
         matches!(self, Self::WeightedEachRun | Self::WeightedJoined)
     }
 
-    /// What `identify` does for a method, as far as a box can.
+    /// The base of `identify` for a method, as far as a box can do it.
     pub(crate) fn of(method: Method, setup: &Setup, weighted: bool) -> Self {
         let mode_band = setup.processing.as_ref().and_then(|p| p.mode_band);
         let by_hand = setup.runs.iter().any(|r| !r.weights.is_empty());
@@ -106,7 +106,7 @@ pub(super) fn bases(methods: &[Method], setup: &Setup, weighted: bool) -> Vec<(B
     bases
 }
 
-/// Whether the box does all that is asked.
+/// Checks that the box can do all that is asked.
 pub(crate) fn check(
     setup: &Setup,
     methods: &[Method],
@@ -209,7 +209,7 @@ pub(crate) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
     crc32(format!("{base:?} {mark} {setup:?}").as_bytes())
 }
 
-/// What the channels of a sample are, and who says how they become SI.
+/// Origin of the samples, which decides their channels and the calibrations that count.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Feed<'w> {
     /// Columns of a recording in the set-up's order, scaled by the set-up.
@@ -270,7 +270,7 @@ pub(crate) fn upload<P: Port>(
     Ok(grid(client)?)
 }
 
-/// What the columns of a recording carry.
+/// Roles of the columns of a recording.
 fn columns(setup: &Setup, run: &setup::Run) -> Vec<u8> {
     let sensors = setup.accelerometers.len() + setup.load_cells.len();
     let carries = |channel| match channel < sensors {
@@ -280,7 +280,7 @@ fn columns(setup: &Setup, run: &setup::Run) -> Vec<u8> {
     (0..channel_names(setup, run).len()).map(carries).collect()
 }
 
-/// What the box is asked.
+/// The question to the box.
 pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::Question {
     let estimation = &setup.estimation;
     wire::Question {

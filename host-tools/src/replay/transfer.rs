@@ -9,7 +9,7 @@ use massline_firmware::wire::{
 };
 use std::cell::Cell;
 
-/// What all runs of a replay share.
+/// Data that all runs of a replay share.
 pub(super) struct Feed<'s> {
     pub(super) setup: &'s Setup,
     /// Samples of each run; `None` for all there are.
@@ -109,7 +109,7 @@ pub(super) fn lines<P: Port>(
     Ok(all)
 }
 
-/// What the survey of a run found, one number a sensor.
+/// Peaks that the survey of a run found, one number a sensor.
 pub(crate) fn peaks<P: Port>(
     client: &mut Client<'_, P>,
     run: usize,

@@ -1,4 +1,4 @@
-//! What a box says, held against what can be.
+//! Checks of a box's replies against their possible range.
 //!
 //! A reply that gets here has come whole; it may still say what no box can mean, because the box
 //! is broken or is none. Everything behind the client may then rely on it: sums of counts do not
@@ -39,7 +39,7 @@ pub(super) fn reply(request: u8, reply: &Reply<'_>) -> Result<(), ClientError> {
     })
 }
 
-/// What is wrong: its name, the value, and what had been right.
+/// An impossible value: its name, the value, and the possible range.
 struct Wrong(&'static str, String, String);
 
 const NOT_BELOW: &str = "0 or more";
@@ -149,8 +149,8 @@ fn identified(identified: &Identified) -> Result<(), Wrong> {
     each("a coordinate or moment", points, any, "a number")
 }
 
-/// What an answer says of its own quality is compared with limits, which no NaN exceeds. Some of
-/// it may be infinite.
+/// Measures of quality in an answer are compared with limits, which no NaN exceeds. Some of
+/// them may be infinite.
 fn quality_of(answer: &Answer) -> Result<(), Wrong> {
     let p = &answer.plausibility;
     let margins = [p.mass, p.positive_definite, p.triangle];

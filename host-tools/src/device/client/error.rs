@@ -27,11 +27,11 @@ pub enum ClientError {
         port: String,
         /// Number of the request.
         request: u8,
-        /// How often it was sent.
+        /// Times that it was sent.
         attempts: u32,
         /// For how long altogether.
         waited: Duration,
-        /// Whether the box was ever heard on this link.
+        /// `true` if the box was ever heard on this link.
         heard: bool,
     },
     /// The box has refused, and says why.
@@ -101,7 +101,7 @@ pub enum ClientError {
         "the box expects sample {next}, but was only sent those before {end}: somebody else sends to it; let only one program talk to it and replay again"
     )]
     Ahead {
-        /// What it expects.
+        /// Number of the sample that it expects.
         next: u64,
         /// The first one that was not sent.
         end: u64,
@@ -124,7 +124,7 @@ pub enum ClientError {
         "the box expects sample {next}, but had said to have all before {first}: somebody else has started a run on it; let only one program talk to it and replay again"
     )]
     Behind {
-        /// What it expects.
+        /// Number of the sample that it expects.
         next: u64,
         /// The first one that it has not confirmed.
         first: u64,

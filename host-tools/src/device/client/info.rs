@@ -1,28 +1,28 @@
-//! Who the box is, kept beyond the frame that told it.
+//! Identity of a box, kept beyond the frame that told it.
 
 use crate::printable::printable;
 use massline_firmware::wire::{Capacity, ClockSource, FaultCounters, Info, ResetReason, Storage};
 
-/// What the box says of itself: [`Info`], with texts of its own.
+/// Identity of a box: [`Info`] with texts of its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoxInfo {
     /// The firmware's name.
     pub firmware: String,
     /// Its version.
     pub version: String,
-    /// What it was built from.
+    /// Source revision that it was built from.
     pub build: String,
     /// The chip.
     pub chip: String,
     /// The chip's serial number.
     pub serial: [u8; 12],
-    /// What drives the core.
+    /// Clock of the processor.
     pub clock: ClockSource,
     /// The core's clock, Hz.
     pub clock_hz: u32,
     /// Ticks per second of all tick counts.
     pub tick_hz: u32,
-    /// Where settings are kept.
+    /// Memory that keeps settings.
     pub storage: Storage,
     /// Why it started.
     pub reset: ResetReason,
@@ -32,7 +32,7 @@ pub struct BoxInfo {
     pub panic: Option<String>,
     /// Faults since they were last forgotten.
     pub faults: FaultCounters,
-    /// What fits.
+    /// Capacities.
     pub capacity: Capacity,
 }
 

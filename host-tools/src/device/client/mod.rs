@@ -47,7 +47,7 @@ impl Default for ClientMemory {
     }
 }
 
-/// What the link went through, as this side knows it.
+/// Counters of the link, as this side knows them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkReport {
     /// Frames that were sent.
@@ -57,11 +57,11 @@ pub struct LinkReport {
     pub resent: u32,
     /// Replies that came when nobody waited for them any more.
     pub late: u32,
-    /// What was seen of the box's frames; `lost` is exact up to the last one that came.
+    /// Counters of the box's frames; `lost` is exact up to the last one that came.
     pub received: LinkCounters,
 }
 
-/// Who is shown events, with the time when they came, s.
+/// Listener to events, with the time when they came, s.
 type Listener<'c> = Box<dyn FnMut(&Event<'_>, f64) + 'c>;
 
 /// A conversation with a box over a port.
@@ -81,7 +81,7 @@ pub struct Client<'c, P> {
     late: u32,
 }
 
-/// What waiting for a reply came to.
+/// Outcome of waiting for a reply.
 enum Waited<T> {
     /// The caller took a reply.
     Taken(T),
@@ -91,7 +91,7 @@ enum Waited<T> {
     Restarted,
 }
 
-/// What came while a reply was waited for.
+/// Messages that came while a reply was waited for.
 enum Heard<T> {
     /// The reply.
     Reply(Result<T, ClientError>),
@@ -134,7 +134,7 @@ impl<'c, P: Port> Client<'c, P> {
         self.on_event = Box::new(listener);
     }
 
-    /// What the link went through so far. Frames lost at the very end show only after
+    /// Counters of the link so far. Frames lost at the very end show only after
     /// another one: see [`Self::ping`].
     #[must_use]
     pub fn link(&self) -> LinkReport {
@@ -235,7 +235,7 @@ impl<'c, P: Port> Client<'c, P> {
         self.ask(request, |reply| matches!(reply, Reply::Done).then_some(()))
     }
 
-    /// Who is there?
+    /// Asks the box for its identity.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -257,7 +257,7 @@ impl<'c, P: Port> Client<'c, P> {
         })
     }
 
-    /// What is the box doing?
+    /// Asks the box for its state.
     ///
     /// # Errors
     /// [`ClientError`].

@@ -26,7 +26,7 @@ const NUMBER: u8 = Request::Samples(Samples {
 })
 .number();
 
-/// Where samples come from: one after the other, all channels each, into `sample`; `false`
+/// Source of samples: one after the other, all channels each, into `sample`; `false`
 /// behind the last one.
 pub trait SampleSource {
     /// Why there is no next sample.

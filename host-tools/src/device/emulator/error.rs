@@ -1,4 +1,4 @@
-//! What can go wrong with an emulator, told so that a failed test needs no second run.
+//! Errors of an emulator, with enough detail that a failed test needs no second run.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -18,25 +18,25 @@ pub enum EmulatorError {
     Start {
         /// The program that was tried.
         program: OsString,
-        /// What the system says about it.
+        /// The system's reason.
         source: io::Error,
     },
-    /// What was waited for did not come in time.
+    /// The expected text did not come in time.
     Timeout {
-        /// What was waited for.
+        /// The text that was waited for.
         expected: String,
         /// For how long.
         waited: Duration,
-        /// What had come instead; it stays in the queue.
+        /// Bytes that had come instead; they stay in the queue.
         received: Vec<u8>,
     },
     /// The emulator ended, on its own or because it crashed.
     Ended {
-        /// How, where the system says so.
+        /// Exit status, where the system tells it.
         status: Option<ExitStatus>,
-        /// What it wrote on its standard error.
+        /// Text on its standard error.
         stderr: String,
-        /// What had come from the board and was not read.
+        /// Bytes that had come from the board and were not read.
         received: Vec<u8>,
     },
 }
