@@ -75,6 +75,7 @@ impl core::error::Error for GeometryError {}
 
 /// Where an accelerometer is glued.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Mount {
     /// On the table or its adapter, which are rigid: it sees the base acceleration
     /// exactly, however elastic the structure is.
@@ -95,6 +96,7 @@ pub struct Accelerometer {
 
 /// What a load cell measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Quantity {
     /// A force along the direction, N.
     #[default]

@@ -31,6 +31,7 @@ use nalgebra::Vector3;
 
 /// Direct, or iterative as in figure 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Procedure {
     /// Solve once at the given reference point; Θ about S by the parallel-axis rule.
     #[default]
@@ -56,6 +57,7 @@ impl Procedure {
 
 /// What is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Question {
     /// The weighed mass, kg; then the indicator Δ is estimated in its place (7).
     pub known_mass: Option<f64>,
@@ -65,6 +67,7 @@ pub struct Question {
 
 /// Why there is no answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum IdentifyError {
     /// No masslines were given.
     NoMasslines,
@@ -108,6 +111,7 @@ impl core::error::Error for IdentifyError {}
 /// All are SI, in the frame of the sensors. `None` is *not observable from this test*,
 /// never zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Identification {
     /// The reference point A that was asked for, m.
     pub reference: Vector3<f64>,

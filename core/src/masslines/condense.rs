@@ -15,6 +15,7 @@ use nalgebra::{Complex, Vector3};
 
 /// The ways to masslines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Method {
     /// Apparent mass with elastic terms.
     #[default]

@@ -69,6 +69,7 @@ pub(crate) const MAX_PAIRS: usize = 24;
 
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum MasslineError {
     /// The averaging band holds fewer than three lines; the number found.
     TooFewLines(usize),

@@ -38,6 +38,7 @@ impl Add for Inertia {
 
 /// Principal moments (ascending, kg m²) and their axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PrincipalInertia {
     /// Principal moments, smallest first.
     pub moments: Vector3<f64>,

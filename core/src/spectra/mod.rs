@@ -106,6 +106,7 @@ impl core::error::Error for SpectraError {}
 
 /// Which lines of a spectrum are kept, and where they lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LineGrid {
     /// Index of the first kept line; line 0 is the mean.
     pub first: usize,
