@@ -10,7 +10,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::SCB;
 use massline_firmware::retained::{Cause, Record, ResetFlags, SIZE};
-use massline_firmware::wire::{ResetReason, crc32};
+use massline_firmware::wire::{CRC32, ResetReason};
 
 use crate::stack;
 
@@ -46,7 +46,7 @@ fn write(record: &Record) {
 /// Opens the record of this session, and returns it with the reason of the reset.
 pub fn start(flags: ResetFlags) -> (Record, ResetReason) {
     let bytes = bytes();
-    let noise = crc32(&bytes);
+    let noise = CRC32.checksum(&bytes);
     let (record, reason) = Record::start(
         Record::from_bytes(&bytes),
         flags,

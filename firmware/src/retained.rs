@@ -6,7 +6,7 @@
 
 use core::fmt::{self, Write};
 
-use crate::wire::{FaultCounters, PANIC_MAX, ResetReason, crc32};
+use crate::wire::{CRC32, FaultCounters, PANIC_MAX, ResetReason};
 
 /// Bytes of a record in memory, its checksum included.
 pub const SIZE: usize = 4 * WORDS + 2 + 2 + 1 + 1 + PANIC_MAX + 2 + 4;
@@ -215,7 +215,7 @@ impl Record {
         put(&mut rest, [self.cause.map_or(0, Cause::code), 0]);
         put(&mut rest, self.message.bytes);
         if let Some((covered, checksum)) = bytes.split_last_chunk_mut() {
-            *checksum = crc32(covered).to_le_bytes();
+            *checksum = CRC32.checksum(covered).to_le_bytes();
         }
         bytes
     }
@@ -224,7 +224,7 @@ impl Record {
     #[must_use]
     pub fn from_bytes(bytes: &[u8; SIZE]) -> Option<Self> {
         let (covered, checksum) = bytes.split_last_chunk::<4>()?;
-        if crc32(covered) != u32::from_le_bytes(*checksum) {
+        if CRC32.checksum(covered) != u32::from_le_bytes(*checksum) {
             return None;
         }
         let mut rest = covered;

@@ -7,8 +7,7 @@ use massline_firmware::link::Rx;
 use massline_firmware::retained::Cause;
 use massline_firmware::sampling::{self, Command, Commands, Counters, INPUTS, Plan};
 use massline_firmware::wire::{
-    Exact, FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey,
-    Storage,
+    FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey, Storage,
 };
 
 use crate::board::edges::TestClock;
@@ -202,9 +201,9 @@ impl Board for Services {
                 return Err(Problem::Range {
                     field: Field::SampleRate,
                     index: 0,
-                    found: Exact(sample_rate),
-                    low: Exact(running),
-                    high: Exact(running),
+                    found: sample_rate,
+                    low: running,
+                    high: running,
                 });
             }
             None => {}

@@ -18,9 +18,7 @@ use massline_firmware::sampling::{
     WAITING, problem,
 };
 use massline_firmware::settings::Settings;
-use massline_firmware::wire::{
-    ConverterFault, Exact, FaultCounters, Field, Health, Problem, Setting,
-};
+use massline_firmware::wire::{ConverterFault, FaultCounters, Field, Health, Problem, Setting};
 
 type Signal = fn(usize, u64) -> f64;
 type Chips = RefCell<Rig<Signal, CONVERTERS>>;
@@ -377,9 +375,9 @@ fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
         let expected = Problem::Range {
             field: Field::SampleRate,
             index: 0,
-            found: Exact(rate),
-            low: Exact(low),
-            high: Exact(high),
+            found: rate,
+            low,
+            high,
         };
         assert_eq!(Plan::new(&settings, rate, TICK_HZ), Err(expected));
     }

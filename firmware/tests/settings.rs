@@ -6,7 +6,7 @@ use massline_firmware::calibration::Preset;
 use massline_firmware::models::flash::{Fault, Flash};
 use massline_firmware::models::random::Random;
 use massline_firmware::settings::{Loaded, Settings, Store, StoreError};
-use massline_firmware::wire::{Setting, crc32};
+use massline_firmware::wire::{CRC32, Setting};
 
 const INPUTS: usize = 4;
 /// Small pages, which a few saves fill.
@@ -175,8 +175,8 @@ fn after_the_last_number_comes_the_first() {
         [0; 4],
         [255; 4],
     ];
-    item[2] = crc32(&contents).to_le_bytes();
-    item[3] = crc32(item[..3].as_flattened()).to_le_bytes();
+    item[2] = CRC32.checksum(&contents).to_le_bytes();
+    item[3] = CRC32.checksum(item[..3].as_flattened()).to_le_bytes();
     item[4][..2].copy_from_slice(&contents);
     let mut flash = Small::new(0);
     flash.write(256, item.as_flattened()).unwrap();

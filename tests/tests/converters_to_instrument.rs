@@ -5,10 +5,10 @@ mod stand_in;
 
 use massline::rig::{self, Outfit, Trouble, Troubles};
 use massline::simulate::{Model, Options, Simulation, simulate};
+use massline_core::identify;
 use massline_core::masslines::Method;
 use massline_firmware::wire::{
-    Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Question, Request, Source,
-    Start, Summary,
+    Accelerations, Answer, Gaps, Health, Outcome, Pass, Question, Request, Source, Start, Summary,
 };
 use stand_in::StandIn;
 use stand_in::bench::{Heard, Shelf};
@@ -68,9 +68,8 @@ fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answe
         summaries.push(summary);
     }
     let answer = stand_in.identify(Question {
-        method: Method::ApparentMass.into(),
-        known_mass: None,
-        procedure: Procedure::Direct,
+        method: Method::ApparentMass,
+        identify: identify::Question::default(),
         modes: 2,
         fit_band: None,
         runs: 0,
@@ -80,8 +79,11 @@ fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answe
 
 /// The mass and its standard deviation, kg.
 fn mass(answer: &Answer) -> (f64, f64) {
-    let mass = answer.mass.expect("the fork's mass is observable");
-    (mass.value.0, mass.std.0)
+    let mass = answer
+        .identification
+        .mass
+        .expect("the fork's mass is observable");
+    (mass.value, mass.std)
 }
 
 #[test]

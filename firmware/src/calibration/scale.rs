@@ -1,6 +1,6 @@
 //! The straight line from counts or readings to SI.
 
-use crate::wire::{Exact, Field, Problem, Scale as Wired};
+use crate::wire::{Field, Problem, ScaleSource};
 
 /// `SI = per_unit * (reading - offset)`, in `f32`.
 ///
@@ -62,10 +62,10 @@ impl Scale {
     /// # Errors
     ///
     /// Those of [`Self::new`].
-    pub fn given(scale: &Wired) -> Result<Option<Self>, Problem> {
+    pub fn given(scale: &ScaleSource) -> Result<Option<Self>, Problem> {
         match *scale {
-            Wired::Given { per_unit, offset } => Self::new(per_unit, offset).map(Some),
-            Wired::Stored => Ok(None),
+            ScaleSource::Given { per_unit, offset } => Self::new(per_unit, offset).map(Some),
+            ScaleSource::Stored => Ok(None),
         }
     }
 
@@ -88,9 +88,9 @@ pub(super) fn range(field: Field, found: f64, low: f64, high: f64) -> Problem {
     Problem::Range {
         field,
         index: 0,
-        found: Exact(found),
-        low: Exact(low),
-        high: Exact(high),
+        found,
+        low,
+        high,
     }
 }
 
@@ -139,7 +139,8 @@ mod tests {
             let Problem::Range { field, found, .. } = refused else {
                 panic!("{refused:?}")
             };
-            assert_eq!((field, found), (Field::Scale, Exact(per_unit)));
+            let found = found.to_bits();
+            assert_eq!((field, found), (Field::Scale, per_unit.to_bits()));
         }
         for offset in [f64::NAN, f64::NEG_INFINITY, 2e9] {
             let refused = Scale::new(1.0, offset).unwrap_err();
@@ -155,8 +156,8 @@ mod tests {
 
     #[test]
     fn stored_lines_are_stored_elsewhere() {
-        assert_eq!(Scale::given(&Wired::Stored), Ok(None));
-        let given = Wired::Given {
+        assert_eq!(Scale::given(&ScaleSource::Stored), Ok(None));
+        let given = ScaleSource::Given {
             per_unit: 2.0,
             offset: 1.0,
         };

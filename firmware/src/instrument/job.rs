@@ -1,16 +1,15 @@
 //! The identification, which takes seconds: a job leaves the instrument, is run elsewhere, and
 //! comes back.
 
-use super::answer::{Findings, answer};
 use super::memory::PAIRS;
 use super::phase::Storage;
 use super::setup::{Lines, bit};
 use super::store::Stored;
 use crate::capacity::RUNS;
-use crate::wire::{Accelerations, Health, NoAnswer, Quality, Question};
+use crate::wire::{Accelerations, Answer, Findings, Health, NoAnswer, Quality, Question};
 use massline_core::geometry::Equations;
-use massline_core::identify::{self, Identification, identify_in};
-use massline_core::masslines::{self, Bands, DriveLines, Masslines, condense_into};
+use massline_core::identify::{Identification, IdentifyError, identify_in};
+use massline_core::masslines::{Bands, DriveLines, MasslineError, Masslines, condense_into};
 use massline_core::modes::MAX_MODES;
 use massline_core::spectra::RunResponses;
 use nalgebra::Vector3;
@@ -51,13 +50,16 @@ impl Job<'_> {
     #[inline(never)] // What it works with is gone before the next step.
     fn condense_group(&mut self, left: &mut u32) -> Result<(), NoAnswer> {
         let Some(solver) = self.storage.scratch.solver() else {
-            return Err(NoAnswer::NoMasslines);
+            return Err(IdentifyError::NoMasslines.into());
         };
         let grid = self.lines.settings.grid();
         let window = self.lines.settings.window();
         let stored = &self.storage.runs;
         let first = left.trailing_zeros() as usize;
-        let equations = solver.equations.get(first).ok_or(NoAnswer::NoMasslines)?;
+        let equations = solver
+            .equations
+            .get(first)
+            .ok_or(IdentifyError::NoMasslines)?;
         let mut group: heapless::Vec<RunResponses<'_>, RUNS> = heapless::Vec::new();
         for run in first..RUNS {
             let others = solver.equations.get(run);
@@ -71,7 +73,7 @@ impl Job<'_> {
             }
         }
         *left &= !(1 << first);
-        let lines = DriveLines::new(&group, window).ok_or(NoAnswer::NoMasslines)?;
+        let lines = DriveLines::new(&group, window).ok_or(IdentifyError::NoMasslines)?;
         let mut bands = Bands::new(self.lines.band);
         bands.modes = usize::from(self.question.modes).min(MAX_MODES);
         if let Some(band) = self.question.fit_band {
@@ -80,7 +82,7 @@ impl Job<'_> {
         }
         let set = add_set(&mut solver.sets, solver.load_cells.reference(), equations)?;
         condense_into(
-            masslines::Method::from(self.question.method),
+            self.question.method,
             &lines,
             &bands,
             set,
@@ -99,27 +101,24 @@ impl Job<'_> {
     #[inline(never)]
     fn solve(&mut self) -> Result<(), NoAnswer> {
         let Some(solver) = self.storage.scratch.solver() else {
-            return Err(NoAnswer::NoMasslines);
+            return Err(IdentifyError::NoMasslines.into());
         };
-        let question = identify::Question {
-            known_mass: self.question.known_mass,
-            procedure: self.question.procedure.into(),
-        };
-        let identification = identify_in(&solver.sets, &question, &mut solver.identification);
+        let question = &self.question.identify;
+        let identification = identify_in(&solver.sets, question, &mut solver.identification);
         self.keep(identification.as_ref().map_err(|error| *error)?);
         Ok(())
     }
 
     #[inline(never)] // The answer is not on the stack while it is looked for.
     fn keep(&mut self, identification: &Identification) {
-        let findings = self.storage.scratch.solver().map(|s| &s.findings);
-        *self.storage.answer = Some(answer(
-            self.question,
-            self.accelerations,
-            quality(&self.storage.runs, self.question.runs),
-            identification,
-            findings.unwrap_or(&Findings::NONE),
-        ));
+        let findings = self.storage.scratch.solver().map(|s| s.findings);
+        *self.storage.answer = Some(Answer {
+            question: self.question,
+            accelerations: self.accelerations,
+            quality: quality(&self.storage.runs, self.question.runs),
+            identification: *identification,
+            findings: findings.unwrap_or(Findings::NONE),
+        });
     }
 }
 
@@ -131,8 +130,11 @@ fn add_set<'s>(
     equations: &Equations,
 ) -> Result<&'s mut Masslines<PAIRS>, NoAnswer> {
     let set = Masslines::new(reference, *equations);
-    sets.push(set).map_err(|_| NoAnswer::TooManyPairs)?;
-    sets.last_mut().ok_or(NoAnswer::NoMasslines)
+    sets.push(set).map_err(|_| MasslineError::TooManyRuns {
+        limit: RUNS,
+        found: RUNS + 1,
+    })?;
+    Ok(sets.last_mut().ok_or(IdentifyError::NoMasslines)?)
 }
 
 /// Quality of several runs together.

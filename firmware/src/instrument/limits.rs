@@ -1,6 +1,6 @@
 //! What a request may ask for, and what a refusal says.
 
-use crate::wire::{Exact, Field, Item, Problem};
+use crate::wire::{Field, Item, Problem};
 
 pub(super) fn below(item: Item, found: u8, limit: u8) -> Result<usize, Problem> {
     if found < limit {
@@ -28,9 +28,9 @@ pub(super) fn range(field: Field, index: u32, found: f64, low: f64, high: f64) -
     Problem::Range {
         field,
         index,
-        found: Exact(found),
-        low: Exact(low),
-        high: Exact(high),
+        found,
+        low,
+        high,
     }
 }
 

@@ -6,13 +6,12 @@
 //! [`RunStorage`] fills the core-coupled memory; [`WorkingStorage`] and [`Persistent`] lie in
 //! the SRAM.
 
-use super::answer::Findings;
 use super::live::{LevelMeter, Recorder};
 use super::readings::Channels;
 use super::setup::{LoadCells, SetUp};
 use super::store::Kept;
 use crate::capacity::{self, BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
-use crate::wire::{Answer, Summary};
+use crate::wire::{Answer, Findings, Summary};
 use massline_core::geometry::{Equations, RESULTANTS, RunGeometry};
 use massline_core::identify;
 use massline_core::masslines::{Masslines, Workspace};

@@ -47,7 +47,6 @@
 //! twelve resultants would have to be correlated with each other, 1152 bytes a line and
 //! run: that is the workstation's.
 
-mod answer;
 mod board;
 mod job;
 mod limits;
@@ -65,7 +64,6 @@ mod store;
 mod survey;
 mod synthetic;
 
-pub use answer::{Findings, answer};
 pub use board::{Board, Identity, RawSample, Transmit, Vitals};
 pub use job::Job;
 pub use memory::{Memory, Persistent, RunStorage, WorkingStorage};
@@ -294,7 +292,7 @@ impl<'m> Instrument<'m> {
             }
             Phase::SelfTesting(test) if matches!(test.stage, Stage::Identifying(Work::Taken)) => {
                 let answer = storage.answer.as_ref().filter(|_| outcome == Some(Ok(())));
-                let found = selftest::judge(answer, test.health);
+                let found = selftest::judge(answer.map(|a| &a.identification), test.health);
                 self.phase = Phase::Empty(storage);
                 self.clear();
                 out.reply(test.pending.id, &Reply::Selftest(found));

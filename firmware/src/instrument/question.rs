@@ -8,7 +8,6 @@ use super::store::Stored;
 use super::{Asked, Board, Instrument, Pending};
 use crate::capacity::RUNS;
 use crate::wire::{Accelerations, Field, Item, Method, Problem, Procedure, Question, Request};
-use massline_core::masslines;
 use massline_core::modes::MAX_MODES;
 
 /// Largest limit of iterations: each takes some milliseconds on the chip.
@@ -23,10 +22,10 @@ impl Instrument<'_> {
         board: &impl Board,
     ) -> Result<(), Problem> {
         let (session, storage) = self.phase.ready()?;
-        if let Some(mass) = question.known_mass {
+        if let Some(mass) = question.identify.known_mass {
             within(Field::KnownMass, 0, mass, f64::MIN_POSITIVE, f64::MAX)?;
         }
-        if let Procedure::Iterative { tolerance, limit } = question.procedure {
+        if let Procedure::Iterative { tolerance, limit } = question.identify.procedure {
             within(Field::Tolerance, 0, tolerance, f64::MIN_POSITIVE, f64::MAX)?;
             let most = f64::from(ITERATIONS_MAX);
             within(Field::Iterations, 0, f64::from(limit), 1.0, most)?;
@@ -81,7 +80,7 @@ impl Asked {
 
 /// The accelerometers behind all of these runs, which must be those that the method needs.
 fn accelerations(stored: &Stored<'_>, runs: u32, method: Method) -> Result<Accelerations, Problem> {
-    let interface_only = masslines::Method::from(method).interface_only();
+    let interface_only = method.interface_only();
     let mut common = None;
     for run in (0..RUNS as u8).filter(|run| runs & bit(u32::from(*run)) != 0) {
         let Some(kept) = stored.kept(usize::from(run)) else {

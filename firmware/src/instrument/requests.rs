@@ -6,25 +6,14 @@ use super::setup::{self, SetUp};
 use super::{Board, Instrument, Transmit};
 use crate::capacity::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{
-    Capacity, Grid, Identified, Info, Item, Method, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
+    Capacity, Grid, Identified, Info, Item, MethodSet, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
     Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream,
     Subscription, Weights,
 };
-
-/// The methods that fit the box.
-const METHODS: [Method; 8] = [
-    Method::ApparentMass,
-    Method::FrequencyResponses,
-    Method::PowerSpectra,
-    Method::PowerSpectraCholesky,
-    Method::FreeResponses,
-    Method::FreeResponsesSquared,
-    Method::CurveFit,
-    Method::Synthesis,
-];
+use massline_core::masslines::Method;
 
 impl<'m> Instrument<'m> {
-    /// ChannelRole out a request: the reply has been sent, or will be by [`Self::finish`], unless
+    /// Carries out a request: the reply has been sent, or will be by [`Self::finish`], unless
     /// a problem is returned. Then nothing was changed.
     pub(super) fn dispatch(
         &mut self,
@@ -250,7 +239,7 @@ impl<'m> Instrument<'m> {
                 lines: LINES as u16,
                 block_length: BLOCK_LENGTH as u32,
                 window: i.window,
-                methods: METHODS.iter().fold(0, |bits, m| bits | m.bit()),
+                methods: MethodSet::of(&Method::ALL),
             },
         }
     }

@@ -9,7 +9,7 @@ use super::synthetic::Synthetic;
 use super::{Board, Transmit};
 use crate::capacity::SENSORS;
 use crate::wire::{
-    Accelerations, Block, Event, Exact, Health, Outcome, Progress, Quality, Running, Source, Start,
+    Accelerations, Block, Event, Health, Outcome, Progress, Quality, Running, Source, Start,
     Summary,
 };
 use massline_core::geometry::RESULTANTS;
@@ -326,7 +326,7 @@ impl<'m> Run<'m> {
     }
 
     /// Coherences so far, where there are any.
-    fn coherence(&mut self) -> Option<[Exact<f32>; RESULTANTS]> {
+    fn coherence(&mut self) -> Option<[f32; RESULTANTS]> {
         let Task::Measure(..) = self.task else {
             return None;
         };
@@ -338,16 +338,14 @@ impl<'m> Run<'m> {
         let average = DriveAverage::resume(count, RESULTANTS, sums, self.counts.averaged);
         let average = average.ok()?;
         let band = self.lines.band;
-        Some(core::array::from_fn(|c| {
-            Exact(average.mean_coherence(c, band))
-        }))
+        Some(core::array::from_fn(|c| average.mean_coherence(c, band)))
     }
 
     /// Reports the block that is complete to the host.
     fn report(
         &mut self,
         health: Health,
-        coherence: Option<[Exact<f32>; RESULTANTS]>,
+        coherence: Option<[f32; RESULTANTS]>,
         ticks: u32,
         out: &mut impl Transmit,
     ) {
@@ -422,7 +420,7 @@ impl<'m> Run<'m> {
         let sample_rate = (self.start.source == Source::Inputs && elapsed > 0).then(|| {
             // From the first sample to the last, missing ones among them.
             let steps = self.counts.next.saturating_sub(1) as f64;
-            Exact(steps * f64::from(tick_hz) / elapsed as f64)
+            steps * f64::from(tick_hz) / elapsed as f64
         });
         let summary = Summary {
             run: self.start.run,
@@ -437,7 +435,7 @@ impl<'m> Run<'m> {
             health: self.counts.health,
             overloads: self.counts.overloads,
             sample_rate,
-            noise: noise.map(|n| n.map(Exact)),
+            noise,
         };
         (summary, peaks)
     }

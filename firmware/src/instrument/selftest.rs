@@ -6,10 +6,11 @@ use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
 use super::{Asked, Board, Instrument, Pending, Phase, SelfTest, Stage, Transmit};
 use crate::wire::{
-    Accelerations, Answer, ChannelRole, Check, Exact, Excitation, Gaps, Health, Method, Mount,
-    Pass, Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale,
-    Selftest, Sensor, SensorKind, Source, Start, State, Weighting, Window,
+    Accelerations, ChannelRole, Check, Excitation, Gaps, Health, Method, Mount, Pass, Plan,
+    Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, ScaleSource, Selftest,
+    Sensor, SensorKind, Source, Start, State, Weighting, Window,
 };
+use massline_core::identify::{self, Identification};
 
 /// Runs of the self-test: one an axis.
 pub(super) const RUNS: u8 = 3;
@@ -161,7 +162,7 @@ pub(super) fn set_up(setup: &mut SetUp) -> Result<(), Problem> {
                 kind,
                 position,
                 direction,
-                scale: Scale::Given {
+                scale: ScaleSource::Given {
                     per_unit: 1.0,
                     offset: 0.0,
                 },
@@ -195,15 +196,17 @@ pub(super) const fn start(run: u8) -> Start {
 /// What is asked of the runs.
 pub(super) const QUESTION: Question = Question {
     method: Method::ApparentMass,
-    known_mass: None,
-    procedure: Procedure::Direct,
+    identify: identify::Question {
+        known_mass: None,
+        procedure: Procedure::Direct,
+    },
     modes: 1,
     fit_band: None,
     runs: 0,
 };
 
 /// Holds an answer, if there is one, against the body.
-pub(super) fn judge(answer: Option<&Answer>, health: Health) -> Selftest {
+pub(super) fn judge(answer: Option<&Identification>, health: Health) -> Selftest {
     let body = body();
     let place = body.centre_of_gravity;
     let mass = AMPLIFICATION * DEVIATION * SPRUNG + ROUNDING * body.mass;
@@ -225,14 +228,14 @@ pub(super) fn judge(answer: Option<&Answer>, health: Health) -> Selftest {
         };
         Check {
             // Without a number the check fails.
-            truth: Exact(truth.copied().unwrap_or(f64::NAN)),
+            truth: truth.copied().unwrap_or(f64::NAN),
             found: found.flatten().map(|estimate| estimate.value),
-            bound: Exact(bound),
+            bound,
         }
     });
     let holds = |c: &Check| {
         c.found
-            .is_some_and(|found| (found.0 - c.truth.0).abs() <= c.bound.0)
+            .is_some_and(|found| (found - c.truth).abs() <= c.bound)
     };
     Selftest {
         passed: health.is_good() && checks.iter().all(holds),

@@ -4,7 +4,7 @@ use super::bank::{CHANNELS, rates_near};
 use super::{Failure, INPUTS};
 use crate::drivers::Fault;
 use crate::settings::Settings;
-use crate::wire::{Circuit, ConverterFault, Exact, Field, Problem};
+use crate::wire::{Circuit, ConverterFault, Field, Problem};
 
 /// The plan of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,9 +34,9 @@ impl Plan {
             return Err(Problem::Range {
                 field: Field::SampleRate,
                 index: 0,
-                found: Exact(rate),
-                low: Exact(low),
-                high: Exact(high),
+                found: rate,
+                low,
+                high,
             });
         }
         let mut plan = Self {

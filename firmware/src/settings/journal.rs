@@ -28,7 +28,7 @@
 //! These rules assume that bytes read the same each time. A bit whose change was interrupted may
 //! not, for a while: then an item interrupted at its last byte may be valid at first and not later.
 
-use crate::wire::{Crc32, crc32};
+use crate::wire::CRC32;
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -55,7 +55,7 @@ impl Head {
         let [n0, n1, n2, n3] = self.number.to_le_bytes();
         let [c0, c1, c2, c3] = self.checksum.to_le_bytes();
         let covered = [m0, m1, l0, l1, n0, n1, n2, n3, c0, c1, c2, c3];
-        let [h0, h1, h2, h3] = crc32(&covered).to_le_bytes();
+        let [h0, h1, h2, h3] = CRC32.checksum(&covered).to_le_bytes();
         [
             m0, m1, l0, l1, n0, n1, n2, n3, c0, c1, c2, c3, h0, h1, h2, h3,
         ]
@@ -236,7 +236,7 @@ impl<F: NorFlash> Journal<F> {
         *head = Head {
             length,
             number: survey.greatest.saturating_add(1),
-            checksum: crc32(contents),
+            checksum: CRC32.checksum(contents),
         }
         .to_cell();
 
@@ -285,16 +285,16 @@ impl<F: NorFlash> Journal<F> {
 
     /// CRC-32 of so many bytes.
     fn checksum(&mut self, from: u32, length: usize) -> Result<u32, F::Error> {
-        let mut crc = Crc32::new();
+        let mut crc = CRC32.digest();
         let mut left = length;
         for at in (from..self.range.end).step_by(CELL) {
             let cell = self.cell(at)?;
-            crc.extend(cell.get(..left).unwrap_or(&cell));
+            crc.update(cell.get(..left).unwrap_or(&cell));
             left = left.saturating_sub(CELL);
             if left == 0 {
                 break;
             }
         }
-        Ok(crc.value())
+        Ok(crc.finalize())
     }
 }

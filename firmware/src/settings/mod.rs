@@ -14,7 +14,7 @@ pub mod store;
 pub use store::{Loaded, Store, StoreError};
 
 use crate::calibration::{Certificate, Text};
-use crate::wire::{Exact, Field, Input, Item, NAME_MAX, Problem, Setting, SettingKey};
+use crate::wire::{Field, Input, Item, NAME_MAX, Problem, Setting, SettingKey};
 
 /// Rate of the link as delivered, baud.
 pub const LINK_BAUD: u32 = 921_600;
@@ -142,9 +142,9 @@ fn check(field: Field, found: f64, [low, high]: [f64; 2]) -> Result<(), Problem>
     Err(Problem::Range {
         field,
         index: 0,
-        found: Exact(found),
-        low: Exact(low),
-        high: Exact(high),
+        found,
+        low,
+        high,
     })
 }
 

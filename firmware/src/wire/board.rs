@@ -1,6 +1,6 @@
 //! The box itself: who it is, how it fares, and its self-test.
 
-use super::{Exact, Health, LinkCounters, Pass, Source};
+use super::{Health, LinkCounters, MethodSet, Pass, Source};
 use serde::{Deserialize, Serialize};
 
 /// Most bytes of a panic's text, UTF-8.
@@ -127,8 +127,8 @@ pub struct Capacity {
     pub block_length: u32,
     /// Requests of [`super::Request::Samples`] that may be unanswered at a time.
     pub window: u8,
-    /// Methods it can run: bits of [`super::Method::bit`].
-    pub methods: u16,
+    /// Methods that the box can run.
+    pub methods: MethodSet,
 }
 
 /// Asks for a sign of life.
@@ -297,7 +297,7 @@ pub enum Provoke {
 }
 
 /// Result of the self-test: the synthetic body's properties, found and true.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selftest {
     /// Whether every check held.
     pub passed: bool,
@@ -308,12 +308,12 @@ pub struct Selftest {
 }
 
 /// One property in the self-test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// What the synthetic body has.
-    pub truth: Exact<f64>,
+    pub truth: f64,
     /// What was identified; `None` if it was not observable.
-    pub found: Option<Exact<f64>>,
+    pub found: Option<f64>,
     /// Largest distance of the two that passes.
-    pub bound: Exact<f64>,
+    pub bound: f64,
 }

@@ -1,12 +1,9 @@
 //! A run: samples in, blocks and lines out.
 
 use super::packed::Word;
-use super::{Count24, Exact, Health, PAYLOAD_MAX, Packed};
+use super::{Count24, Health, PAYLOAD_MAX, Packed};
+use massline_core::geometry::RESULTANTS;
 use serde::{Deserialize, Serialize};
-
-/// Numbers that a sample becomes: accelerations x, y, z, about x, y, z, then the
-/// resultants in the same order.
-pub const RESULTANTS: usize = 12;
 
 /// Starts a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -78,14 +75,17 @@ impl Samples<'_> {
     #[must_use]
     pub fn count(&self) -> Option<usize> {
         let (values, channels) = (self.values.len(), usize::from(self.channels));
-        (channels > 0 && values % channels == 0).then(|| values / channels)
+        match values.checked_rem(channels)? {
+            0 => values.checked_div(channels),
+            _ => None,
+        }
     }
 
     /// How many samples of `channels` values, `bytes` each, fit a frame: 4 for readings
     /// and counts, 3 for counts of 24 bits.
     #[must_use]
     pub const fn fit(channels: u8, bytes: usize) -> usize {
-        match (PAYLOAD_MAX - BEFORE).checked_div(channels as usize * bytes) {
+        match (PAYLOAD_MAX - BEFORE).checked_div((channels as usize).saturating_mul(bytes)) {
             Some(samples) => samples,
             None => 0,
         }
@@ -157,7 +157,7 @@ pub struct Progress {
 }
 
 /// One block is complete.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Block {
     /// The run.
     pub run: u8,
@@ -173,7 +173,7 @@ pub struct Block {
     pub averaged: u32,
     /// Coherence of each resultant with the drive so far, mean over the averaging band;
     /// where there is a drive, and two blocks or more.
-    pub coherence: Option<[Exact<f32>; RESULTANTS]>,
+    pub coherence: Option<[f32; RESULTANTS]>,
     /// Ticks of [`super::Info::tick_hz`] that the block took to compute.
     pub ticks: u32,
 }
@@ -190,7 +190,7 @@ pub enum Outcome {
 }
 
 /// A finished run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// The run.
     pub run: u8,
@@ -216,10 +216,10 @@ pub struct Summary {
     /// Samples with an overload in any channel.
     pub overloads: u64,
     /// True sample rate by the box's clock, Hz; `None` if the samples came from elsewhere.
-    pub sample_rate: Option<Exact<f64>>,
+    pub sample_rate: Option<f64>,
     /// Power per line that does not come from the drive, of each resultant; `None`
     /// without a drive or lines.
-    pub noise: Option<[Exact<f32>; RESULTANTS]>,
+    pub noise: Option<[f32; RESULTANTS]>,
 }
 
 /// Asks for lines of a stored run.

@@ -1,23 +1,23 @@
-//! Bulk numbers in a frame, without a copy on either side.
+//! Lists of numbers in a frame, without a copy on either side.
 //!
-//! A sender lends a slice of values, a receiver gets a view of the frame's own bytes and
-//! reads values out of it one by one. Every value has a fixed width, so the number that
-//! fits a frame is known beforehand.
+//! A sender lends a slice of values. A receiver gets a view of the frame's own bytes and reads the
+//! values out of it one by one. Every value has a fixed width, so the number of values that fit a
+//! frame is known beforehand.
 
 use core::marker::PhantomData;
 use serde::de::{Deserialize, Deserializer, Error};
 use serde::ser::{Serialize, SerializeSeq, Serializer};
 
-/// A number of fixed width, little-endian, floating-point numbers as their bits.
+/// A number of fixed width, little-endian; floating-point numbers are sent as their bits.
 pub trait Word: Copy {
-    /// Bytes of one value.
+    /// Length of one value in bytes.
     const SIZE: usize;
-    /// The bytes of a value.
+    /// Array of the bytes of one value.
     type Bytes: AsRef<[u8]>;
 
-    /// The value as bytes.
+    /// Encodes the value.
     fn to_bytes(self) -> Self::Bytes;
-    /// The value in the first [`Self::SIZE`] bytes; `None` if there are fewer.
+    /// Decodes the value in the first [`Self::SIZE`] bytes; `None` if there are fewer.
     fn from_bytes(bytes: &[u8]) -> Option<Self>;
 }
 
@@ -40,7 +40,7 @@ macro_rules! words {
 
 words!(u16 i32 f32 f64);
 
-/// A converter's count of 24 bits, which travels as three bytes.
+/// A converter's count of 24 bits, sent as three bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Count24(i32);
 
@@ -50,7 +50,7 @@ impl Count24 {
     /// The highest count.
     pub const MAX: Self = Self((1 << 23) - 1);
 
-    /// `None` if it needs more than 24 bits.
+    /// Makes a count; `None` if `count` needs more than 24 bits.
     #[must_use]
     pub const fn new(count: i32) -> Option<Self> {
         if count < Self::MIN.0 || count > Self::MAX.0 {
@@ -60,7 +60,7 @@ impl Count24 {
         }
     }
 
-    /// The nearest count that 24 bits hold.
+    /// The count of 24 bits that is nearest to `count`.
     #[must_use]
     pub const fn nearest(count: i32) -> Self {
         match Self::new(count) {
@@ -70,7 +70,7 @@ impl Count24 {
         }
     }
 
-    /// The count.
+    /// The count as a number.
     #[must_use]
     pub const fn get(self) -> i32 {
         self.0
@@ -93,7 +93,7 @@ impl Word for Count24 {
     }
 }
 
-/// A list of numbers: lent by a sender, or lying in a received frame.
+/// A list of numbers, either lent by a sender or part of a received frame.
 ///
 /// Two lists are equal if their bytes are, so `NaN` equals itself and `0.0` is not `-0.0`.
 #[derive(Clone, Copy)]
@@ -106,17 +106,18 @@ enum Place<'a, T> {
 }
 
 impl<'a, T: Word> Packed<'a, T> {
-    /// A list to be sent.
+    /// Makes a list to be sent.
     #[must_use]
     pub const fn new(values: &'a [T]) -> Self {
         Self(Place::Lent(values))
     }
 
-    /// A list to be sent, of values that were put in a row by [`Word::to_bytes`]. Bytes of
-    /// a last value that is not whole are left out.
+    /// Makes a list to be sent from values that were encoded by [`Word::to_bytes`]. An incomplete
+    /// last value is left out.
     #[must_use]
     pub fn of_bytes(bytes: &'a [u8]) -> Self {
-        let whole = bytes.len() - bytes.len() % T::SIZE;
+        let rest = bytes.len().checked_rem(T::SIZE).unwrap_or(0);
+        let whole = bytes.len().saturating_sub(rest);
         Self(Place::Frame(bytes.get(..whole).unwrap_or(&[]), PhantomData))
     }
 
@@ -125,17 +126,20 @@ impl<'a, T: Word> Packed<'a, T> {
     pub const fn len(&self) -> usize {
         match self.0 {
             Place::Lent(values) => values.len(),
-            Place::Frame(bytes, _) => bytes.len() / T::SIZE,
+            Place::Frame(bytes, _) => match bytes.len().checked_div(T::SIZE) {
+                Some(values) => values,
+                None => 0,
+            },
         }
     }
 
-    /// Whether there is none.
+    /// `true` if the list has no values.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Value `i`, if there is one.
+    /// Value `i`; `None` beyond the last one.
     #[must_use]
     pub fn get(&self, i: usize) -> Option<T> {
         match self.0 {
@@ -171,7 +175,8 @@ impl<T: Word> Serialize for Packed<'_, T> {
             // A byte string and a sequence of bytes are the same on the wire: their
             // length, then the bytes.
             Place::Lent(values) => {
-                let mut bytes = serializer.serialize_seq(Some(values.len() * T::SIZE))?;
+                let length = values.len().saturating_mul(T::SIZE);
+                let mut bytes = serializer.serialize_seq(Some(length))?;
                 for value in values {
                     for byte in value.to_bytes().as_ref() {
                         bytes.serialize_element(byte)?;

@@ -1,7 +1,7 @@
 //! Why a request was refused: which one, what was found, what was expected.
 
 use super::{
-    Accelerations, Exact, Header, NoAnswer, PROTOCOL_VERSION, Refusal, Request, SettingKey, State,
+    Accelerations, Header, NoAnswer, PROTOCOL_VERSION, Refusal, Request, SettingKey, State,
 };
 use core::fmt::{Display, Formatter, Result};
 use serde::{Deserialize, Serialize};
@@ -85,11 +85,11 @@ pub enum Problem {
         /// Number of the sensor, run or input, zero where there is only one.
         index: u32,
         /// The value.
-        found: Exact<f64>,
+        found: f64,
         /// Lowest that is allowed.
-        low: Exact<f64>,
+        low: f64,
         /// Highest that is allowed.
-        high: Exact<f64>,
+        high: f64,
     },
     /// Samples begin behind a gap, and the run refuses gaps.
     Gap {
@@ -332,7 +332,7 @@ impl Display for Problem {
             } => write!(
                 f,
                 "{field:?} of number {index} is {}; expected {} to {}",
-                found.0, low.0, high.0
+                found, low, high
             ),
             Self::Gap { found, expected } => write!(
                 f,

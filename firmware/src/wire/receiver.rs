@@ -1,60 +1,59 @@
-//! The receiving end: bytes in, messages out, everything else counted.
+//! The receiving end: it takes bytes, gives messages, and counts everything else.
 
-use super::cobs::{Decoder, Step};
 use super::frame::{BODY_MAX, BodyError, CHECKSUM, HEADER, Header, open};
 use super::sequence::{Arrival, Tracker};
 use super::{Direction, PROTOCOL_VERSION};
+use cobs::{DecodeResult, DecoderState};
 use serde::{Deserialize, Serialize};
 
-/// What a receiver has seen. All of them stop at their maximum instead of wrapping.
+/// Counters of a receiver. They stop at their maximum instead of wrapping.
 ///
-/// `lost` counts frames exactly; `bad_cobs` to `oversize` count what arrived in their
-/// place, and one lost frame may have left two broken pieces behind, or none. A frame
-/// that is lost shows when a later one arrives: ask with [`super::Request::Ping`] to
-/// have one.
+/// `lost` counts frames exactly. `bad_crc` to `truncated` count the pieces that arrived in the
+/// place of lost frames; one lost frame may leave two broken pieces behind, or none. A loss is
+/// noticed when a later frame arrives: [`super::Request::Ping`] asks for one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkCounters {
-    /// Frames that were taken: sound, new and in order. Includes those of an unknown
-    /// version or number and the malformed ones, which were refused by an answer.
+    /// Frames that were accepted: intact, new and in order. They include those of an unknown
+    /// version or number and the malformed ones, each of which is refused by a reply.
     pub frames: u32,
-    /// Frames the peer produced that were not taken, as its sequence numbers tell.
+    /// Frames that the peer produced and that were not accepted, by its sequence numbers.
     pub lost: u64,
-    /// Frames whose checksum is wrong.
+    /// Frames with a wrong checksum.
     pub bad_crc: u32,
-    /// Frames that end in the middle of a group: bytes are missing, or a zero came in.
+    /// Frames that end in the middle of a group, since bytes are missing or a zero was added.
     pub bad_cobs: u32,
     /// Frames longer than [`BODY_MAX`].
     pub oversize: u32,
     /// Well-formed frames shorter than a header and a checksum.
     pub truncated: u32,
-    /// Frames that were taken before.
+    /// Frames that were accepted before.
     pub duplicates: u32,
-    /// Frames that a later one overtook; they are among the lost ones.
+    /// Frames that a later frame overtook; they are among the lost ones.
     pub out_of_order: u32,
-    /// Sound frames of another version of the contract.
+    /// Intact frames of another protocol version.
     pub unknown_version: u32,
-    /// Sound frames with a message number that this direction does not have.
+    /// Intact frames with a message number that this direction does not have.
     pub unknown_number: u32,
-    /// Sound frames whose payload is not what their number says.
+    /// Intact frames whose payload does not fit their message number.
     pub malformed: u32,
     /// Restarts of the peer.
     pub restarts: u32,
 }
 
-/// Why a sound frame is no message.
+/// Reason why an intact frame is not a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// The peer speaks another version of the contract.
+    /// The peer uses another protocol version.
     Version {
-        /// The peer's; ours is [`PROTOCOL_VERSION`].
+        /// The peer's version; this side has [`PROTOCOL_VERSION`].
         found: u8,
     },
-    /// No such message in this direction: an older or newer peer of the same version.
+    /// This direction has no such message: the peer is an older or newer one of the same version.
     UnknownNumber {
         /// The number.
         found: u8,
     },
-    /// The payload is not that of its number, or has bytes left over.
+    /// The payload does not fit its number, or has bytes left over.
     Malformed {
         /// The number.
         number: u8,
@@ -87,21 +86,20 @@ impl core::fmt::Display for Refusal {
 
 impl core::error::Error for Refusal {}
 
-/// A sound frame, new and in order.
+/// An intact frame, new and in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Received<M> {
     /// A message.
     Message(Header, M),
-    /// No message that this side understands. A box answers it with
-    /// [`super::Reply::Error`], to the header's request id.
+    /// A frame that this side cannot read as a message. A box answers it with
+    /// [`super::Reply::Error`], to the request identifier of the header.
     Refused(Header, Refusal),
 }
 
-/// Finds messages in a stream of bytes, whatever else is in it and however it is cut.
+/// Finds messages in a stream of bytes, whatever else the stream holds and however it is cut.
 ///
-/// It never fails and never stops: bytes that are no frame are counted and forgotten at
-/// the next delimiter. `D` says which way the messages go, [`super::ToBox`] or
-/// [`super::ToHost`].
+/// It never fails and never stops: bytes that are not a frame are counted and dropped at the next
+/// delimiter. `D` is the direction of the messages, [`super::ToBox`] or [`super::ToHost`].
 ///
 /// ```
 /// use massline_firmware::wire::{BODY_MAX, Received, Receiver, ToBox};
@@ -110,7 +108,7 @@ pub enum Received<M> {
 /// # let chunk = [0; 3];
 /// let mut buffer = [0; BODY_MAX];
 /// let mut receiver = Receiver::<ToBox>::new(&mut buffer);
-/// // For every chunk that the link hands over:
+/// // For every chunk from the link:
 /// let mut rest = &chunk[..];
 /// while let Some(received) = receiver.next(&mut rest) {
 ///     handle(&received);
@@ -121,21 +119,21 @@ pub struct Receiver<'b, D> {
     buffer: &'b mut [u8; BODY_MAX],
     length: usize,
     overflow: bool,
-    cobs: Decoder,
+    cobs: DecoderState,
     tracker: Tracker,
     counters: LinkCounters,
     direction: core::marker::PhantomData<fn() -> D>,
 }
 
 impl<'b, D: Direction> Receiver<'b, D> {
-    /// A receiver that has heard nothing, over lent storage.
+    /// Creates a receiver over lent storage.
     #[must_use]
     pub const fn new(buffer: &'b mut [u8; BODY_MAX]) -> Self {
         Self {
             buffer,
             length: 0,
             overflow: false,
-            cobs: Decoder::new(),
+            cobs: DecoderState::Idle,
             tracker: Tracker::new(),
             counters: LinkCounters {
                 frames: 0,
@@ -155,20 +153,20 @@ impl<'b, D: Direction> Receiver<'b, D> {
         }
     }
 
-    /// What it has seen so far.
+    /// The counters so far.
     #[must_use]
     pub const fn counters(&self) -> &LinkCounters {
         &self.counters
     }
 
-    /// Whose frames it follows.
+    /// The tracker of the peer's frames.
     #[must_use]
     pub const fn tracker(&self) -> &Tracker {
         &self.tracker
     }
 
-    /// Takes bytes off the front of `input` until a frame is complete; `None` once all
-    /// of `input` is taken. To be called again with the rest.
+    /// Takes bytes off the front of `input` until a frame is complete. The caller calls again with
+    /// the rest until `None` says that all of `input` is taken.
     pub fn next<'s>(&'s mut self, input: &mut &[u8]) -> Option<Received<D::Message<'s>>> {
         loop {
             let (&byte, rest) = input.split_first()?;
@@ -179,31 +177,31 @@ impl<'b, D: Direction> Receiver<'b, D> {
         }
     }
 
-    /// Takes one byte. If it ends a sound frame that is new and in order: its header and
-    /// the length of its body in the buffer.
+    /// Takes one byte. If the byte ends an intact frame that is new and in order, returns the
+    /// header and the length of the body in the buffer.
     fn take(&mut self, byte: u8) -> Option<(Header, usize)> {
-        match self.cobs.feed(byte) {
-            Step::Nothing => None,
-            Step::Byte(byte) => {
+        let broken = match self.cobs.feed(byte) {
+            Ok(DecodeResult::NoData | DecodeResult::DataStart) => return None,
+            Ok(DecodeResult::DataContinue(byte)) => {
                 match self.buffer.get_mut(self.length) {
                     Some(slot) => {
                         *slot = byte;
-                        self.length += 1;
+                        self.length = self.length.saturating_add(1);
                     }
                     None => self.overflow = true,
                 }
-                None
+                return None;
             }
-            Step::Idle => None,
-            ended @ (Step::End | Step::Broken) => {
-                let length = core::mem::take(&mut self.length);
-                let overflow = core::mem::take(&mut self.overflow);
-                let header = self.judge(length, overflow, ended == Step::Broken)?;
-                Some((header, length))
-            }
-        }
+            Ok(DecodeResult::DataComplete) => false,
+            Err(_) => true,
+        };
+        let length = core::mem::take(&mut self.length);
+        let overflow = core::mem::take(&mut self.overflow);
+        let header = self.judge(length, overflow, broken)?;
+        Some((header, length))
     }
 
+    /// Checks a complete body and counts it; returns the header of an acceptable one.
     fn judge(&mut self, length: usize, overflow: bool, broken: bool) -> Option<Header> {
         let counters = &mut self.counters;
         if overflow {
@@ -245,7 +243,7 @@ impl<'b, D: Direction> Receiver<'b, D> {
         }
     }
 
-    /// Reads the body in the buffer, which the next byte will overwrite.
+    /// Reads the message in the buffer, which the next byte will overwrite.
     fn deliver(&mut self, header: Header, length: usize) -> Received<D::Message<'_>> {
         let payload = self
             .buffer

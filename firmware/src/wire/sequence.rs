@@ -1,30 +1,26 @@
-//! Which frames are new, which were seen, and how many are missing.
+//! Sequence numbers: new frames, repeated frames, and the exact number of lost ones.
 //!
-//! A sender numbers every frame it *produces*, whether or not the frame ever reaches the
-//! link, and tags them with the number of its session: one run of its program. So the
-//! receiver of a later frame knows to the frame what it did not get, and sees a restart
-//! of its peer in the first frame that arrives, even if the frames before it are gone.
+//! A sender numbers every frame that it *produces*, even if the frame never reaches the link,
+//! and tags it with the number of its session, which is one run of its program. So the receiver
+//! of a later frame knows exactly how many frames it did not get, and notices a restart of its
+//! peer by the first frame that arrives, even if the frames before it are lost.
 
-/// Frame numbers behind the newest one of which the tracker remembers if they came.
-const REMEMBERED: u32 = u64::BITS;
-
-/// Half of the numbers. A frame that is less than this ahead closes a gap, one that is
-/// less than or as much behind is old.
+/// Half of the sequence numbers. A frame that is less than this ahead is new, any other is old.
 const HALF: u32 = 1 << 31;
 
-/// What a frame is to its receiver.
+/// Relation of a frame to those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// Not seen before and not overtaken: to be taken.
+    /// The frame was not seen before and is not overtaken.
     New {
-        /// Frames of the sender between the last taken one and this: lost.
+        /// Number of frames lost between the last accepted one and this one.
         lost: u32,
         /// The sender has restarted since the last frame.
         restarted: bool,
     },
-    /// Was taken already.
+    /// The frame was accepted before.
     Duplicate,
-    /// Overtaken by a later frame and counted as lost, or of a session that has ended.
+    /// The frame was overtaken by a later one and counted as lost, or its session has ended.
     OutOfOrder,
 }
 
@@ -34,21 +30,21 @@ struct Session {
     previous: Option<u16>,
     /// Sequence number of the next frame if none is lost.
     next: u32,
-    /// Bit i: the frame numbered `next - 1 - i` was taken.
-    taken: u64,
+    /// Bit i: the frame numbered `next - 1 - i` was accepted.
+    accepted: u64,
 }
 
 /// Follows the frames of one sender.
 ///
-/// * The first frame ever heard is taken, whatever its number. What the sender produced
-///   before is not lost, as nobody listened: see [`Tracker::before`].
-/// * A frame ahead of the expected one is taken; the numbers in between are lost. This is
+/// * The first frame is accepted, whatever its number. Frames that the sender produced before it
+///   do not count as lost: see [`Tracker::before`].
+/// * A frame ahead of the expected one is accepted; the numbers in between are lost. This is
 ///   exact for gaps below 2³¹ frames, and numbers may wrap around.
-/// * A frame behind is refused: as a duplicate if it is among the last 64 and was
-///   taken, else as out of order.
-/// * A frame of another session means that the peer restarted. Sessions number their
-///   frames from zero, so all numbers before it are lost frames of the new session. What
-///   the old one produced after its last frame that arrived, nobody can know.
+/// * A frame behind is refused: as a duplicate if it is among the last 64 and was accepted, else
+///   as out of order.
+/// * A frame of another session means that the peer restarted. Sessions number their frames from
+///   zero, so all numbers before it are lost frames of the new session. Frames of the old session
+///   after the last one that arrived cannot be counted.
 /// * A frame of the session before the present one is out of order.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tracker {
@@ -57,7 +53,7 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// Has heard nothing yet.
+    /// Creates a tracker that has received no frame.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -66,19 +62,20 @@ impl Tracker {
         }
     }
 
-    /// Frames the sender had produced in its session before the first one that was heard.
+    /// Number of frames that the sender had produced in its session before the first one that was
+    /// received.
     #[must_use]
     pub const fn before(&self) -> u32 {
         self.before
     }
 
-    /// The session of the peer, once heard.
+    /// Session of the peer; `None` before its first frame.
     #[must_use]
     pub fn session(&self) -> Option<u16> {
         self.session.map(|s| s.number)
     }
 
-    /// Judges the frame `sequence` of `session` and remembers it.
+    /// Classifies frame `sequence` of `session` and remembers it.
     pub fn arrive(&mut self, session: u16, sequence: u32) -> Arrival {
         let Some(present) = &mut self.session else {
             self.session = Some(Session::begun(session, None, sequence));
@@ -108,7 +105,7 @@ impl Session {
             number,
             previous,
             next: sequence.wrapping_add(1),
-            taken: 1,
+            accepted: 1,
         }
     }
 
@@ -117,17 +114,16 @@ impl Session {
         if lost < HALF {
             self.next = sequence.wrapping_add(1);
             // A shift by all of the bits or more forgets them all.
-            let older = self.taken.checked_shl(lost + 1).unwrap_or(0);
-            self.taken = older | 1;
+            let older = self.accepted.checked_shl(lost.saturating_add(1));
+            self.accepted = older.unwrap_or(0) | 1;
             return Arrival::New {
                 lost,
                 restarted: false,
             };
         }
-        // One for the newest frame; `lost` is at least HALF, so this does not wrap.
-        let behind = self.next.wrapping_sub(sequence);
-        let seen = behind <= REMEMBERED && (self.taken >> (behind - 1)) & 1 == 1;
-        if seen {
+        // Zero for the newest frame.
+        let age = self.next.wrapping_sub(1).wrapping_sub(sequence);
+        if self.accepted.checked_shr(age).unwrap_or(0) & 1 == 1 {
             Arrival::Duplicate
         } else {
             Arrival::OutOfOrder
@@ -147,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn who_joins_late_has_lost_nothing() {
+    fn a_receiver_that_joins_late_has_lost_nothing() {
         let mut t = Tracker::new();
         assert_eq!(t.arrive(7, 5000), new(0));
         assert_eq!((t.before(), t.session()), (5000, Some(7)));
@@ -172,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn an_old_frame_is_a_duplicate_only_if_it_was_taken() {
+    fn an_old_frame_is_a_duplicate_only_if_it_was_accepted() {
         let mut t = Tracker::new();
         for sequence in [0, 1, 3, 6] {
             t.arrive(1, sequence);

@@ -1,16 +1,18 @@
 //! The set-up in pieces, each of which fits a frame.
 
-use super::{Exact, Packed};
+use super::Packed;
+use massline_core::geometry::{Mount, Quantity};
+use massline_core::spectra::{LineGrid, Window};
 use serde::{Deserialize, Serialize};
 
-/// Most bytes of a name, UTF-8.
+/// Largest length of a name in UTF-8, bytes.
 pub const NAME_MAX: usize = 32;
 
-/// What a set-up consists of.
+/// Size and reference point of a set-up.
 ///
-/// Coordinates and rules are those of the set-up file: the frame of the table, and that
-/// of the specimen for accelerometers on it. The box hands all numbers to its core as
-/// they come, so a host that wants equal bits sends what it gives its own.
+/// Coordinates are those of the set-up file: the frame of the table, and the frame of the specimen
+/// for accelerometers on it. The box passes all numbers to the core unchanged, so that a host which
+/// sends the numbers of its own computation gets the same bits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// Number of sensors: accelerometers and load cells, without the drive.
@@ -19,97 +21,81 @@ pub struct Plan {
     pub runs: u8,
     /// The reference point A, m.
     pub reference_point: [f64; 3],
-    /// The host's own mark of this set-up. The box only echoes it in [`super::Status`],
-    /// so that a host that comes back knows whether the stored runs are of its set-up.
+    /// Identifier of this set-up, chosen by the host. The box returns it in [`super::Status`], so
+    /// that a host that reconnects can tell if the stored runs belong to its set-up.
     pub fingerprint: u32,
 }
 
-/// How samples become lines.
+/// Settings of the spectral analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Processing {
-    /// Hz.
+    /// Sample rate in Hz.
     pub sample_rate: f64,
     /// Samples per block, a power of two.
     pub block_length: u32,
-    /// Share of a block that the next one uses again.
+    /// Overlap of consecutive blocks as a share of the block length.
     pub overlap: f64,
-    /// The window of each block.
+    /// Window of each block.
     pub window: Window,
     /// Lowest and highest frequency of the lines that are kept, Hz.
     pub kept_band: [f64; 2],
     /// Lowest and highest frequency of the averaging band, Hz.
     pub averaging_band: [f64; 2],
-    /// Where a survey looks for the first elastic modes, Hz.
+    /// Lowest and highest frequency of the band in which a survey measures the first elastic
+    /// modes, Hz.
     pub mode_band: Option<[f64; 2]>,
-    /// Which accelerometers give the base acceleration of a measuring pass.
+    /// Accelerometers that give the base acceleration of a measuring pass.
     pub accelerations: Accelerations,
-    /// Where the weights come from.
+    /// Source of the weights.
     pub weighting: Weighting,
-    /// Weight of the sensor that moves most in the mode band; the one that moves least
-    /// has weight one.
+    /// Weight of the sensor with the largest amplitude in the mode band; the sensor with the
+    /// smallest amplitude has weight one.
     pub minimum_weight: f64,
 }
 
-/// Where the weights of a run come from.
+/// Source of the weights of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Weighting {
-    /// The host sends them; surveys leave them alone.
+    /// The host sends the weights; surveys do not change them.
     Given,
-    /// From the survey of the same run.
+    /// Each run's weights follow from its own survey.
     EachRun,
-    /// From all surveys so far, the same for all runs.
+    /// All runs have the same weights, which follow from all surveys so far.
     Joined,
 }
 
-/// The window of each block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Window {
-    /// None.
-    Rectangular,
-    /// Hann's.
-    Hann,
-    /// Hamming's.
-    Hamming,
-    /// Blackman's.
-    Blackman,
-    /// Blackman and Harris's.
-    BlackmanHarris,
-    /// Flat top.
-    FlatTop,
-}
-
-/// Which accelerometers give the base acceleration, equation (4).
+/// Accelerometers that give the base acceleration, equation (4).
 ///
-/// Samples are mapped to resultants as they come, so a stored run keeps the choice that
-/// held when it was measured.
+/// Samples are mapped to resultants on arrival, so that the choice is fixed for a stored run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Accelerations {
-    /// Those on the interface, for the apparent mass.
+    /// Accelerometers on the interface, for the apparent mass.
     Interface,
-    /// All of them, each with weight one.
+    /// All accelerometers, each with weight one.
     All,
-    /// All of them, with the run's weights.
+    /// All accelerometers, with the weights of the run.
     Weighted,
 }
 
-/// One accelerometer or load cell. Its direction need not be of unit length.
+/// One accelerometer or load cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensor<'a> {
-    /// Its number, from zero, below [`Plan::sensors`].
+    /// Number of the sensor, from zero, below [`Plan::sensors`].
     pub sensor: u8,
-    /// Its channel's name, at most [`NAME_MAX`] bytes.
+    /// Name of its channel, at most [`NAME_MAX`] bytes.
     pub name: &'a str,
-    /// What it measures.
+    /// Measured quantity.
     pub kind: SensorKind,
-    /// m.
+    /// Position in m.
     pub position: [f64; 3],
-    /// Positive axis; for a load cell, of what acts on the structure.
+    /// Positive axis, of any length but zero; a load cell's axis is that of the load on the
+    /// structure.
     pub direction: [f64; 3],
-    /// From readings to SI.
-    pub scale: Scale,
+    /// Conversion of its readings to SI.
+    pub scale: ScaleSource,
 }
 
-/// What a sensor measures.
+/// Measured quantity of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SensorKind {
     /// Acceleration along the direction.
@@ -118,53 +104,36 @@ pub enum SensorKind {
     LoadCell(Quantity),
 }
 
-/// What an accelerometer is glued to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Mount {
-    /// The table or its adapter.
-    Interface,
-    /// The specimen.
-    Structure,
-}
-
-/// What a load cell measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Quantity {
-    /// A force, N.
-    Force,
-    /// A moment, N m.
-    Moment,
-}
-
-/// From readings, which are counts or a recording's own unit, to SI.
+/// Source of the conversion of a sensor's readings, which are counts or in the unit of a recording,
+/// to SI.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Scale {
+pub enum ScaleSource {
     /// `SI = per_unit * (reading - offset)`.
     Given {
-        /// m/s², N or N m per unit of the reading.
+        /// Sensitivity in m/s², N or N m per unit of the reading.
         per_unit: f64,
-        /// The reading at zero.
+        /// Reading at zero.
         offset: f64,
     },
-    /// The calibration stored in the box's settings for the input that this sensor is
-    /// wired to: channel k of a sample is input k.
+    /// The box uses its stored calibration of the input that the sensor is wired to: channel k of
+    /// a sample is input k.
     Stored,
 }
 
-/// One run: how the specimen stands, and what the samples' channels carry.
+/// One run: the placement of the specimen and the roles of the channels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run<'a> {
-    /// Its number, from zero, below [`Plan::runs`].
+    /// Number of the run, from zero, below [`Plan::runs`].
     pub run: u8,
-    /// At most [`NAME_MAX`] bytes.
+    /// Name of the run, at most [`NAME_MAX`] bytes.
     pub name: &'a str,
-    /// What is recorded.
+    /// Kind of excitation.
     pub excitation: Excitation,
     /// Rotation vector from specimen to interface coordinates, degrees.
     pub rotation: [f64; 3],
-    /// Shift from specimen to interface coordinates, m.
+    /// Translation from specimen to interface coordinates, m.
     pub translation: [f64; 3],
-    /// What each channel of a sample carries, in the samples' order: codes of [`ChannelRole`].
+    /// Codes of the [`ChannelRole`] of each channel, in the order of a sample.
     pub channels: &'a [u8],
 }
 
@@ -176,7 +145,7 @@ impl<'a> Run<'a> {
             .map(|&code| ChannelRole::from_code(code))
     }
 
-    /// The channel of the generator's drive signal, if there is one.
+    /// Channel of the generator's drive signal; `None` without one.
     #[must_use]
     pub fn drive(&self) -> Option<usize> {
         self.channel_roles().position(|c| c == ChannelRole::Drive)
@@ -186,16 +155,16 @@ impl<'a> Run<'a> {
 /// Role of one channel of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChannelRole {
-    /// The sensor of this number, below 254.
+    /// The channel is that of the sensor of this number, below 254.
     Sensor(u8),
-    /// The generator's drive signal.
+    /// The channel is the generator's drive signal.
     Drive,
     /// The channel is not used.
     Unused,
 }
 
 impl ChannelRole {
-    /// As one byte: a sensor's number, 254 for the drive, 255 for an unused channel.
+    /// Code of the role, one byte: a sensor's number, 254 for the drive, 255 for an unused channel.
     #[must_use]
     pub const fn code(self) -> u8 {
         match self {
@@ -205,7 +174,7 @@ impl ChannelRole {
         }
     }
 
-    /// The other way round.
+    /// Role of a code.
     #[must_use]
     pub const fn from_code(code: u8) -> Self {
         match code {
@@ -216,38 +185,34 @@ impl ChannelRole {
     }
 }
 
-/// What a run records.
+/// Kind of excitation of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Excitation {
-    /// Time samples under random excitation.
+    /// Random excitation, recorded as time samples.
     Random,
-    /// Frequency responses of a stepped sine.
+    /// Stepped sine, recorded as frequency responses.
     Sine,
-    /// One pose a sample, DC-coupled.
+    /// Static poses, recorded as one DC-coupled sample each.
     Static,
 }
 
-/// Weights of the accelerometers in one run. Those that are never sent are one.
+/// Weights of the accelerometers in one run. The default is one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights<'a> {
     /// The run.
     pub run: u8,
-    /// One for each sensor, by its number; what stands at a load cell is not read.
+    /// One weight for each sensor, by its number; the weight of a load cell is ignored.
     #[serde(borrow)]
     pub weights: Packed<'a, f64>,
 }
 
 /// The lines that follow from a set-up. The host compares them with its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
-    /// Index of the first kept line; line 0 is the mean.
-    pub first: u32,
-    /// Number of kept lines.
-    pub count: u32,
-    /// Distance of neighbouring lines, Hz.
-    pub spacing: Exact<f64>,
-    /// Samples from one block's start to the next one's.
+    /// The kept lines.
+    pub lines: LineGrid,
+    /// Number of samples from the start of one block to the start of the next.
     pub hop: u32,
-    /// The averaging band: first kept line in it, and the first one after it.
+    /// The averaging band: its first kept line, and the first kept line after it.
     pub band: [u32; 2],
 }

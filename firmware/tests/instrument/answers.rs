@@ -3,11 +3,12 @@
 //!
 //! The box, the emulator and a workstation find the same bits, so that they can be written down.
 //! Whether they are right is held against the truth elsewhere; this notices that they change.
-//! Where that is meant, `OVERWRITE=1 cargo test -p massline-core --test instrument answers`
+//! Where that is meant, `OVERWRITE=1 cargo test -p massline-firmware --test instrument answers`
 //! writes the new ones, and the commit says why.
 
 use crate::bench::{Bench, Heard, Said, Shelf};
 use crate::plan::Pieces;
+use massline_core::identify;
 use massline_firmware::wire::*;
 use std::fmt::Write as _;
 
@@ -112,7 +113,7 @@ fn cells(f: [f64; 6]) -> [f64; 6] {
 /// The set-up, with accelerometers on the structure.
 fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weighting) -> Said {
     let mut pieces = Pieces::new();
-    let unit = Scale::Given {
+    let unit = ScaleSource::Given {
         per_unit: 1.0,
         offset: 0.0,
     };
@@ -176,7 +177,7 @@ fn measure(bench: &mut Bench<'_>, run: u8, pass: Pass, notes: &mut String) {
 /// Notes a value on lines of a length that can be read, without the names of wrappers.
 fn note(notes: &mut String, what: &str, value: &dyn std::fmt::Debug) {
     let text = format!("{value:?}");
-    let text = text.replace("Exact(", "(").replace("Some(", "(");
+    let text = text.replace("Some(", "(");
     let _ = write!(notes, "{what}:");
     let mut width = usize::MAX;
     for word in text.split(' ') {
@@ -193,8 +194,10 @@ fn note(notes: &mut String, what: &str, value: &dyn std::fmt::Debug) {
 fn question(method: Method, procedure: Procedure) -> Question {
     Question {
         method,
-        known_mass: None,
-        procedure,
+        identify: identify::Question {
+            known_mass: None,
+            procedure,
+        },
         modes: 2,
         fit_band: None,
         runs: 0,
@@ -255,7 +258,10 @@ fn answers_to_the_last_bit() {
         direct(ApparentMass),
         question(ApparentMass, iterative),
         Question {
-            known_mass: Some(100.0),
+            identify: identify::Question {
+                known_mass: Some(100.0),
+                procedure: Procedure::Direct,
+            },
             fit_band: Some([4.0, 70.0]),
             ..direct(ApparentMass)
         },

@@ -51,9 +51,9 @@ impl Settings {
             Err(Problem::Range {
                 field,
                 index: 0,
-                found: Exact(found),
-                low: Exact(low),
-                high: Exact(high),
+                found,
+                low,
+                high,
             })
         };
         match *setting {
@@ -141,9 +141,9 @@ impl Board for Hardware {
             Some(running) if running != rate => Err(Problem::Range {
                 field: Field::SampleRate,
                 index: 0,
-                found: Exact(rate),
-                low: Exact(running),
-                high: Exact(running),
+                found: rate,
+                low: running,
+                high: running,
             }),
             _ => {
                 self.converting = Some(rate);

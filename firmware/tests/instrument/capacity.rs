@@ -2,6 +2,7 @@
 
 use crate::bench::{Said, Shelf};
 use crate::plan::{Pieces, lines, start};
+use massline_core::identify;
 use massline_firmware::capacity::{LINES, RUNS};
 use massline_firmware::wire::*;
 
@@ -22,7 +23,7 @@ fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
     let Said::Grid(grid) = bench.ask(&Request::EndSetup) else {
         panic!("the set-up was refused");
     };
-    assert_eq!((grid.first, grid.count), (1, LINES as u32));
+    assert_eq!((grid.lines.first, grid.lines.count), (1, LINES));
     for run in 0..RUNS as u8 {
         let limit = Some(4000);
         bench.done(&Request::Start(start(
@@ -46,8 +47,7 @@ fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
     }
     let question = Question {
         method: Method::ApparentMass,
-        known_mass: None,
-        procedure: Procedure::Direct,
+        identify: identify::Question::default(),
         modes: 1,
         fit_band: None,
         runs: 0,
@@ -57,7 +57,12 @@ fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
         panic!("{said:?}");
     };
     assert_eq!(found.answer.question.runs, (1 << RUNS) - 1);
-    let mass = found.answer.mass.expect("the mass is observable").value.0;
+    let mass = found
+        .answer
+        .identification
+        .mass
+        .expect("the mass is observable")
+        .value;
     // Body, sensors, block and band are the self-test's, and so is the bound of the mass:
     // 1.7 of 6.7e-5 of the 1.5 kg that swing, and 1e-6 of 12 kg for rounding.
     assert!((mass - 12.0).abs() <= 1.83e-4, "{mass}");

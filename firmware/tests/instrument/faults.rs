@@ -2,6 +2,7 @@
 
 use crate::bench::{Bench, Heard, INPUTS, Said, Shelf};
 use crate::plan::{CHANNELS, SENSORS, assert_same_shares, counts, lines, set_up, start};
+use massline_core::identify;
 use massline_firmware::wire::*;
 
 const KINDS: [Health; Health::KINDS] = [
@@ -109,8 +110,7 @@ fn every_answer_says_what_was_rejected_and_why() {
     });
     let question = Question {
         method: Method::FrequencyResponses,
-        known_mass: None,
-        procedure: Procedure::Direct,
+        identify: identify::Question::default(),
         modes: 0,
         fit_band: None,
         runs: 0,
@@ -195,7 +195,7 @@ fn lost_samples_of_the_converters_shift_nothing() {
     assert_eq!((summary.missing, summary.samples), (11, 6000 - 11));
     assert_eq!((summary.rejected, summary.rejected_by[1]), (1, 1));
     // By the bench's clock, 2 ms a sample that has come.
-    let rate = summary.sample_rate.unwrap().0;
+    let rate = summary.sample_rate.unwrap();
     assert!((rate - 500.0 * 5999.0 / 5988.0).abs() < 1e-9, "{rate}");
     assert_same_shares(&expected, &lines(&mut bench, 1));
 }

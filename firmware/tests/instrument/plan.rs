@@ -41,7 +41,7 @@ impl Pieces {
                 kind,
                 position,
                 direction,
-                scale: Scale::Given {
+                scale: ScaleSource::Given {
                     per_unit: 0.1,
                     offset: 0.0,
                 },

@@ -76,7 +76,7 @@ fn a_sensor_is_refused_by_its_number_and_field() {
         (Field::Direction, |s| s.direction = [f64::NAN, 0.0, 1.0]),
         (Field::Position, |s| s.position[1] = f64::INFINITY),
         (Field::Scale, |s| {
-            s.scale = Scale::Given {
+            s.scale = ScaleSource::Given {
                 per_unit: 0.0,
                 offset: 0.0,
             };

@@ -42,7 +42,7 @@ fn blocks_are_told_as_they_come_and_the_summary_counts_them() {
     assert_eq!(second - first, 512);
     // Every channel is a share of the drive.
     let coherence = told[4].coherence.unwrap();
-    assert!(coherence.iter().all(|c| c.0 > 0.999_99), "{coherence:?}");
+    assert!(coherence.iter().all(|c| *c > 0.999_99), "{coherence:?}");
     let Said::Summary(summary) = bench.ask(&Request::Stop) else {
         panic!("no summary");
     };

@@ -14,10 +14,10 @@ fn the_body_comes_back_within_its_bound() {
     assert_eq!(found.health, Health::GOOD);
     let names = "mass x y z xx yy zz xy xz yz".split(' ');
     for (name, check) in names.zip(found.checks) {
-        let off = check.found.expect(name).0 - check.truth.0;
-        assert!(off.abs() <= check.bound.0, "{name} is off by {off}");
+        let off = check.found.expect(name) - check.truth;
+        assert!(off.abs() <= check.bound, "{name} is off by {off}");
         // Not a bound that anything passes: mass and inertia of the body are of order one.
-        assert!(check.bound.0 < 2e-4, "{name}");
+        assert!(check.bound < 2e-4, "{name}");
     }
     // Its runs are its own: a host hears of the start, and of nothing else.
     assert_eq!(bench.events(), [Heard::Started]);

@@ -3,6 +3,7 @@
 
 use crate::bench::{Said, Shelf};
 use crate::plan::{lines, set_up, start};
+use massline_core::identify;
 use massline_firmware::wire::*;
 
 #[test]
@@ -39,10 +40,9 @@ fn the_run_goes_on_and_its_results_wait() {
         // Unplugged again while it works on the answer, which waits, too.
         let id = bench.send(&Request::Identify(Question {
             method: Method::ApparentMass,
-            known_mass: None,
-            procedure: Procedure::Iterative {
-                tolerance: 1e-7,
-                limit: 50,
+            identify: identify::Question {
+                known_mass: None,
+                procedure: Procedure::ITERATIVE,
             },
             modes: 1,
             fit_band: None,
@@ -58,7 +58,7 @@ fn the_run_goes_on_and_its_results_wait() {
         };
         // The body that the box computes weighs 12 kg; Hann's window leaks what the
         // self-test's periodic blocks do not.
-        let mass = found.answer.mass.unwrap().value.0;
+        let mass = found.answer.identification.mass.unwrap().value;
         assert!((mass - 12.0).abs() < 0.012, "{mass}");
     }
     let (plugged, unplugged) = all.split_at(3);

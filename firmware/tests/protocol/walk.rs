@@ -6,6 +6,7 @@
 use crate::bench::{Bench, Heard, INPUTS, Said, Shelf};
 use crate::model::{Act, CHANNELS, FIELDS, Going, Model, RATE, RUNS, SENSORS, Verdict, may_change};
 use crate::random::{Random, wanted};
+use massline_core::identify;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::instrument::Job;
 use massline_firmware::wire::*;
@@ -45,7 +46,7 @@ fn sensor(number: usize) -> Sensor<'static> {
         },
         position: [0.0, 0.0, 0.1 * number as f64],
         direction: AXES[number % 2],
-        scale: Scale::Given {
+        scale: ScaleSource::Given {
             per_unit: 1.0,
             offset: 0.0,
         },
@@ -216,8 +217,10 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
         49 | IDENTIFY => {
             let question = Question {
                 method: random.pick(&[Method::ApparentMass, Method::FrequencyResponses]),
-                known_mass: (!is_sound).then_some(-1.0),
-                procedure: Procedure::Direct,
+                identify: identify::Question {
+                    known_mass: (!is_sound).then_some(-1.0),
+                    procedure: Procedure::Direct,
+                },
                 modes: 0,
                 fit_band: None,
                 runs: random.pick(&[0, 0, 1, 1 << 9]),

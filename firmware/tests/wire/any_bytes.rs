@@ -205,9 +205,12 @@ fn the_box_can_say_what_is_wrong_with_a_sound_frame() {
     };
     assert_eq!((id, refused.request, refused.problem), (9, 0x7F, expected));
     assert_eq!((counters.unknown_version, counters.frames), (1, 1));
+    let (newer, ours) = (PROTOCOL_VERSION + 1, PROTOCOL_VERSION);
     assert_eq!(
         refused.to_string(),
-        "request 0x7f was refused: it is of version 3 of the link, the box speaks version 2"
+        format!(
+            "request 0x7f was refused: it is of version {newer} of the link, the box speaks version {ours}"
+        )
     );
 
     let (_, refused, counters) = refusal(&frame(&header(0x7F, 0, 9), &[]));

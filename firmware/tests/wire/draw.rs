@@ -1,6 +1,6 @@
 //! Messages out of arbitrary bytes: what the generator gives decides every field.
 
-use massline_firmware::wire::{Count24, Exact, Line, Packed, Word};
+use massline_firmware::wire::{Count24, Line, Packed, Word};
 use proptest::prelude::*;
 
 /// Longest list of readings: 12 channels, 20 samples.
@@ -136,12 +136,8 @@ impl<'a> Draw<'a> {
         f64::from_bits(self.u64())
     }
 
-    pub fn exact(&mut self) -> Exact<f64> {
-        Exact(self.f64())
-    }
-
-    pub fn exact32(&mut self) -> Exact<f32> {
-        Exact(f32::from_bits(self.u32()))
+    pub fn f32(&mut self) -> f32 {
+        f32::from_bits(self.u32())
     }
 
     /// `N` times the same.

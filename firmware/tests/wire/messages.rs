@@ -103,16 +103,18 @@ pub fn reply<'a>(number: u8, d: &mut Draw<'a>) -> Reply<'a> {
         0x85 => Reply::Selftest(Selftest {
             passed: d.bool(),
             checks: d.array(|d| Check {
-                truth: d.exact(),
-                found: d.option(Draw::exact),
-                bound: d.exact(),
+                truth: d.f64(),
+                found: d.option(Draw::f64),
+                bound: d.f64(),
             }),
             health: Health(d.u16()),
         }),
         0x86 => Reply::Grid(Grid {
-            first: d.u32(),
-            count: d.u32(),
-            spacing: d.exact(),
+            lines: LineGrid {
+                first: d.u32() as usize,
+                count: d.u32() as usize,
+                spacing: d.f64(),
+            },
             hop: d.u32(),
             band: d.array(Draw::u32),
         }),
@@ -156,7 +158,7 @@ pub fn event<'a>(number: u8, d: &mut Draw<'a>) -> Event<'a> {
             first: d.u64(),
             health: Health(d.u16()),
             averaged: d.u32(),
-            coherence: d.option(|d| d.array(Draw::exact32)),
+            coherence: d.option(|d| d.array(Draw::f32)),
             ticks: d.u32(),
         }),
         0xC2 => Event::Health(ChannelHealth {

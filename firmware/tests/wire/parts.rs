@@ -1,7 +1,11 @@
 //! What messages are made of, drawn.
 
 use crate::draw::{Draw, READINGS, SENSORS};
+use massline_core::identify::{self, Estimate, Identification};
+use massline_core::modes::Pole;
+use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia};
 use massline_firmware::wire::*;
+use nalgebra::{Matrix3, Vector3};
 
 pub fn pass(d: &mut Draw<'_>) -> Pass {
     d.pick(&[Pass::Survey, Pass::Measure])
@@ -83,12 +87,12 @@ pub fn sensor<'a>(d: &mut Draw<'a>) -> Sensor<'a> {
         position: d.array(Draw::f64),
         direction: d.array(Draw::f64),
         scale: if d.bool() {
-            Scale::Given {
+            ScaleSource::Given {
                 per_unit: d.f64(),
                 offset: d.f64(),
             }
         } else {
-            Scale::Stored
+            ScaleSource::Stored
         },
     }
 }
@@ -112,24 +116,17 @@ pub fn samples_of<'a>(d: &mut Draw<'a>, most: usize) -> Samples<'a> {
 
 pub fn question(d: &mut Draw<'_>) -> Question {
     Question {
-        method: d.pick(&[
-            Method::ApparentMass,
-            Method::FrequencyResponses,
-            Method::PowerSpectra,
-            Method::PowerSpectraCholesky,
-            Method::FreeResponses,
-            Method::FreeResponsesSquared,
-            Method::CurveFit,
-            Method::Synthesis,
-        ]),
-        known_mass: d.option(Draw::f64),
-        procedure: if d.bool() {
-            Procedure::Iterative {
-                tolerance: d.f64(),
-                limit: d.u32(),
-            }
-        } else {
-            Procedure::Direct
+        method: d.pick(&Method::ALL),
+        identify: identify::Question {
+            known_mass: d.option(Draw::f64),
+            procedure: if d.bool() {
+                Procedure::Iterative {
+                    tolerance: d.f64(),
+                    limit: d.u32(),
+                }
+            } else {
+                Procedure::Direct
+            },
         },
         modes: d.u8(),
         fit_band: d.option(|d| d.array(Draw::f64)),
@@ -140,14 +137,14 @@ pub fn question(d: &mut Draw<'_>) -> Question {
 pub fn answer(d: &mut Draw<'_>) -> Answer {
     let estimate = |d: &mut Draw<'_>| {
         d.option(|d| Estimate {
-            value: d.exact(),
-            std: d.exact(),
+            value: d.f64(),
+            std: d.f64(),
         })
     };
     let margin = |d: &mut Draw<'_>| {
         d.option(|d| Margin {
-            relative: d.exact(),
-            uncertainty: d.exact(),
+            relative: d.f64(),
+            uncertainty: d.f64(),
         })
     };
     Answer {
@@ -160,37 +157,45 @@ pub fn answer(d: &mut Draw<'_>) -> Answer {
             missing: d.u64(),
             health: Health(d.u16()),
         },
-        reference: d.array(Draw::exact),
-        mass: estimate(d),
-        indicator: estimate(d),
-        centre_of_gravity: d.array(estimate),
-        inertia_reference: d.array(estimate),
-        inertia_cg: d.array(estimate),
-        principal: d.option(|d| Principal {
-            moments: d.array(Draw::exact),
-            axes: d.array(|d| d.array(Draw::exact)),
-        }),
-        observable: d.u16(),
-        condition_number: d.exact(),
-        iterations: d.u32(),
-        consistency: d.option(Draw::exact),
-        misfit: d.exact(),
-        attenuation: d.exact(),
-        freedom: d.exact(),
-        plausibility: Plausibility {
-            mass: margin(d),
-            positive_definite: margin(d),
-            triangle: margin(d),
+        identification: Identification {
+            reference: vector(d),
+            mass: estimate(d),
+            indicator: estimate(d),
+            centre_of_gravity: d.array(estimate),
+            inertia_reference: d.array(estimate),
+            inertia_cg: d.array(estimate),
+            principal: d.option(|d| PrincipalInertia {
+                moments: vector(d),
+                axes: Matrix3::from_columns(&d.array::<Vector3<f64>, 3>(vector)),
+            }),
+            observable: d.array(Draw::bool),
+            condition_number: d.f64(),
+            iterations: d.u32(),
+            consistency: d.option(Draw::f64),
+            misfit: d.f64(),
+            attenuation: d.f64(),
+            freedom: d.f64(),
+            plausibility: Plausibility {
+                mass: margin(d),
+                positive_definite: margin(d),
+                triangle: margin(d),
+            },
         },
-        excited: d.option(Draw::u8),
-        weakest_excitation: d.option(Draw::exact),
-        poles: d.array(|d| {
-            d.option(|d| Pole {
-                frequency: d.exact(),
-                damping: d.exact(),
-            })
-        }),
+        findings: Findings {
+            excited: d.option(Draw::u8),
+            weakest_excitation: d.option(Draw::f64),
+            poles: d.array(|d| {
+                d.option(|d| Pole {
+                    frequency: d.f64(),
+                    damping: d.f64(),
+                })
+            }),
+        },
     }
+}
+
+fn vector(d: &mut Draw<'_>) -> Vector3<f64> {
+    d.array::<f64, 3>(Draw::f64).into()
 }
 
 pub fn summary(d: &mut Draw<'_>) -> Summary {
@@ -206,8 +211,8 @@ pub fn summary(d: &mut Draw<'_>) -> Summary {
         rejected_by: d.array(Draw::u32),
         health: Health(d.u16()),
         overloads: d.u64(),
-        sample_rate: d.option(Draw::exact),
-        noise: d.option(|d| d.array(Draw::exact32)),
+        sample_rate: d.option(Draw::f64),
+        noise: d.option(|d| d.array(Draw::f32)),
     }
 }
 
@@ -238,7 +243,7 @@ pub fn info<'a>(d: &mut Draw<'a>) -> Info<'a> {
             lines: d.u16(),
             block_length: d.u32(),
             window: d.u8(),
-            methods: d.u16(),
+            methods: MethodSet(d.u16()),
         },
     }
 }
@@ -315,12 +320,4 @@ pub fn setting<'a>(d: &mut Draw<'a>) -> Setting<'a> {
             limits: d.array(|d| d.u32() as i32),
         }),
     }
-}
-
-#[test]
-fn every_method_has_a_bit_of_its_own() {
-    use massline_core::masslines;
-    let bits = masslines::Method::ALL.map(|m| Method::from(m).bit());
-    assert_eq!(bits.map(u16::count_ones), [1; 8]);
-    assert_eq!(bits.iter().fold(0, |all, bit| all | bit), 0xff);
 }

@@ -2,6 +2,8 @@
 
 use crate::draw::Draw;
 use crate::parts::{accelerations, key, state};
+use massline_core::identify::IdentifyError;
+use massline_core::masslines::MasslineError;
 use massline_firmware::wire::*;
 
 pub fn problem(d: &mut Draw<'_>) -> Problem {
@@ -37,9 +39,9 @@ pub fn problem(d: &mut Draw<'_>) -> Problem {
         10 => Problem::Range {
             field: field(d),
             index: d.u32(),
-            found: d.exact(),
-            low: d.exact(),
-            high: d.exact(),
+            found: d.f64(),
+            low: d.f64(),
+            high: d.f64(),
         },
         11 => Problem::Missing {
             item: item(d),
@@ -83,30 +85,56 @@ fn converter_fault(d: &mut Draw<'_>) -> ConverterFault {
 }
 
 pub fn no_answer(d: &mut Draw<'_>) -> NoAnswer {
-    let all = [
-        NoAnswer::TooFewLines(d.u32()),
-        NoAnswer::NoExcitation,
-        NoAnswer::NoResultant,
-        NoAnswer::TooManyPairs,
-        NoAnswer::Singular,
-        NoAnswer::NoReference,
-        NoAnswer::TooFewRuns {
-            needed: d.u8(),
-            found: d.u8(),
+    let count = |d: &mut Draw<'_>| d.u32() as usize;
+    let masslines = [
+        MasslineError::TooFewLines(count(d)),
+        MasslineError::NoExcitation,
+        MasslineError::NoResultant,
+        MasslineError::TooManyPairs {
+            limit: count(d),
+            found: count(d),
         },
-        NoAnswer::NoMode,
-        NoAnswer::NoMasslines,
-        NoAnswer::NothingObservable,
-        NoAnswer::KnownMass(d.f64()),
-        NoAnswer::Diverged(d.f64()),
-        NoAnswer::NotConverged(d.f64()),
-        NoAnswer::NotFinite,
-        NoAnswer::Room {
+        MasslineError::Singular,
+        MasslineError::NoReference,
+        MasslineError::TooFewRuns {
+            needed: count(d),
+            found: count(d),
+        },
+        MasslineError::NoMode,
+        MasslineError::OtherLines {
+            band: count(d),
+            lines: count(d),
+        },
+        MasslineError::Work {
+            needed: count(d),
+            given: count(d),
+        },
+        MasslineError::TooManyRuns {
+            limit: count(d),
+            found: count(d),
+        },
+        MasslineError::TooFewPoses {
+            needed: count(d),
+            found: count(d),
+        },
+        MasslineError::TooFewBlocks {
             needed: d.u32(),
-            given: d.u32(),
+            found: d.u32(),
         },
     ];
-    d.pick(&all)
+    let identify = [
+        IdentifyError::NoMasslines,
+        IdentifyError::NothingObservable,
+        IdentifyError::KnownMass(d.f64()),
+        IdentifyError::Diverged(d.f64()),
+        IdentifyError::NotConverged(d.f64()),
+        IdentifyError::NotFinite,
+    ];
+    if d.bool() {
+        NoAnswer::Masslines(d.pick(&masslines))
+    } else {
+        NoAnswer::Identify(d.pick(&identify))
+    }
 }
 
 fn item(d: &mut Draw<'_>) -> Item {

@@ -1,6 +1,6 @@
 //! Frames written a second time, slowly and from the description alone.
 
-use massline_firmware::wire::{PROTOCOL_VERSION, crc32};
+use massline_firmware::wire::{CRC32, PROTOCOL_VERSION};
 
 /// A header of this version and session 1.
 pub fn header(number: u8, sequence: u32, request: u16) -> [u8; 10] {
@@ -17,7 +17,7 @@ pub fn header(number: u8, sequence: u32, request: u16) -> [u8; 10] {
 pub fn frame(header: &[u8; 10], payload: &[u8]) -> Vec<u8> {
     let mut body = header.to_vec();
     body.extend(payload);
-    let checksum = crc32(&body);
+    let checksum = CRC32.checksum(&body);
     body.extend(checksum.to_le_bytes());
     let mut wire = vec![0];
     wire.extend(stuffed(&body));

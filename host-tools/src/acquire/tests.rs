@@ -505,6 +505,6 @@ fn a_run_from_the_inputs_counts_what_was_recorded() {
     );
     let crystal = 20e-6 * Stream::new(11, &["crystal"]).signed();
     // Converters that are restarted leave their grid by half a period at the most.
-    let off = summary.sample_rate.unwrap().0 / (RATE * (1.0 + crystal)) - 1.0;
+    let off = summary.sample_rate.unwrap() / (RATE * (1.0 + crystal)) - 1.0;
     assert!(off.abs() < 0.5 / limit as f64, "{off:e}");
 }

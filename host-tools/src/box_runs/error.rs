@@ -148,11 +148,7 @@ impl From<ClientError> for BoxRunError {
                 low,
                 high,
                 ..
-            } => Self::Rate {
-                found: found.0,
-                low: low.0,
-                high: high.0,
-            },
+            } => Self::Rate { found, low, high },
             Problem::Unsupported(Item::Input | Item::Source) => Self::NoInputs,
             problem @ Problem::Converter { .. } => Self::Converter(problem),
             Problem::NoAnswer(why) => Self::NoAnswer(why),

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `wiring` | which input each channel of the set-up is read by |
 //! | `run` | one run, from its start to its summary |
-//! | `found` | the box's answer in this program's own types |
+//! | `found` | the answer of the box, and the result document made of it |
 //!
 //! # Design
 //!
@@ -279,7 +279,6 @@ impl<'s> BoxTest<'s> {
             method: self.method,
             weighted: !matches!(self.base, Base::Interface | Base::All),
             iterative,
-            identification: found::identification(&identified.answer),
             answer: identified.answer,
             seconds: ticks / f64::from(self.device.tick_hz.max(1)),
             runs,

@@ -95,8 +95,7 @@ impl Heard {
         match event {
             Event::Block(block) if (block.run, block.pass) == *stage => {
                 progress.averaged = block.averaged;
-                let coherence = block.coherence.map(|all| all.map(|x| x.0));
-                progress.coherence = coherence.or(progress.coherence);
+                progress.coherence = block.coherence.or(progress.coherence);
                 if !block.health.is_good() {
                     progress.rejected.blocks += 1;
                     for (kind, blocks) in progress.rejected.by_fault.iter_mut().enumerate() {

@@ -173,9 +173,12 @@ fn channels_are_found_by_name_then_by_serial_number() {
     // The fork's drive is at the first input, its sensors in the setup's order behind it.
     let expected: Vec<u8> = std::iter::once(254).chain(0..18).collect();
     assert_eq!(wiring.channels(0), expected);
-    assert_eq!(wiring.scale(3, 1.0), massline_firmware::wire::Scale::Stored);
+    assert_eq!(
+        wiring.scale(3, 1.0),
+        massline_firmware::wire::ScaleSource::Stored
+    );
     let input = wired[4].setting();
-    let expected = massline_firmware::wire::Scale::Given {
+    let expected = massline_firmware::wire::ScaleSource::Given {
         per_unit: -2.0 * input.per_count,
         offset: input.offset,
     };

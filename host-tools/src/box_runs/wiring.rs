@@ -4,7 +4,7 @@ use super::BoxRunError;
 use crate::inputs::InputEntry;
 use crate::measure::channel_names;
 use crate::setup::Setup;
-use massline_firmware::wire::{ChannelRole, Scale};
+use massline_firmware::wire::{ChannelRole, ScaleSource};
 
 /// The inputs behind the channels of a set-up.
 #[derive(Clone, Debug)]
@@ -64,16 +64,16 @@ impl Wiring {
     }
 
     /// Scale from counts of a sensor to SI, where the set-up multiplies by `factor`.
-    pub(crate) fn scale(&self, sensor: usize, factor: f64) -> Scale {
+    pub(crate) fn scale(&self, sensor: usize, factor: f64) -> ScaleSource {
         match self.sensors.get(sensor) {
             Some(entry) if factor != 1.0 => {
                 let input = entry.setting();
-                Scale::Given {
+                ScaleSource::Given {
                     per_unit: factor * input.per_count,
                     offset: input.offset,
                 }
             }
-            _ => Scale::Stored,
+            _ => ScaleSource::Stored,
         }
     }
 

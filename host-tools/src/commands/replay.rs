@@ -12,7 +12,6 @@ use crate::replay::{
 use crate::setup::Setup;
 use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
-use massline_firmware::wire;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -144,9 +143,7 @@ fn methods<P: Port>(
         Some(Wanted::All) => {
             let has = client.hello()?.capacity.methods;
             let known = Method::ALL.into_iter();
-            known
-                .filter(|&m| has & wire::Method::from(m).bit() != 0)
-                .collect()
+            known.filter(|&m| has.contains(m)).collect()
         }
     })
 }

@@ -89,20 +89,12 @@ pub(super) fn axes(setup: &Setup) -> Vec<Axis<'_>> {
     let sensors = setup.accelerometers.iter().map(|a| Axis {
         channel: &a.channel,
         // What is re-mounted with the specimen turns away from what stays.
-        kind: if a.mount == setup::Mount::Interface {
-            0
-        } else {
-            3
-        },
+        kind: if a.mount == Mount::Interface { 0 } else { 3 },
         direction: a.direction.into(),
     });
     let cells = setup.load_cells.iter().map(|c| Axis {
         channel: &c.channel,
-        kind: if c.quantity == setup::Quantity::Force {
-            1
-        } else {
-            2
-        },
+        kind: if c.quantity == Quantity::Force { 1 } else { 2 },
         direction: c.direction.into(),
     });
     sensors.chain(cells).collect()
@@ -111,19 +103,15 @@ pub(super) fn axes(setup: &Setup) -> Vec<Axis<'_>> {
 pub(super) fn accelerometer(
     entry: &setup::AccelerometerEntry,
 ) -> Result<Accelerometer, GeometryError> {
-    let mount = match entry.mount {
-        setup::Mount::Interface => Mount::Interface,
-        setup::Mount::Structure => Mount::Structure,
-    };
-    Accelerometer::new(entry.position.into(), entry.direction.into(), mount)
+    Accelerometer::new(entry.position.into(), entry.direction.into(), entry.mount)
 }
 
 pub(super) fn load_cell(entry: &setup::LoadCellEntry) -> Result<LoadCell, GeometryError> {
-    let quantity = match entry.quantity {
-        setup::Quantity::Force => Quantity::Force,
-        setup::Quantity::Moment => Quantity::Moment,
-    };
-    LoadCell::new(entry.position.into(), entry.direction.into(), quantity)
+    LoadCell::new(
+        entry.position.into(),
+        entry.direction.into(),
+        entry.quantity,
+    )
 }
 
 impl RunGeometry {

@@ -1,30 +1,41 @@
-//! Two runs of the same core, number by number, by their bits.
+//! Comparison of two runs of the same core, number by number, by their bits.
 
+use super::leaves::leaves;
 use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
-use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES, ResultantNoise};
-use massline_core::identify::{Estimate, Identification};
+use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES, RESULTANTS, ResultantNoise};
 use massline_core::spectra::LineGrid;
-use massline_firmware::instrument::{self, Findings};
-use massline_firmware::wire::{
-    self, Exact, Health, Identified, Line, NoAnswer, RESULTANTS, Summary,
-};
+use massline_firmware::wire::{Findings, Health, Identified, Line, NoAnswer, Summary};
+use serde::Serialize;
 use std::fmt;
 
-/// A number, or what there is in its place.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Found {
-    /// Single precision.
+/// A number, a word, or nothing.
+#[derive(Clone, Debug)]
+pub enum Leaf {
+    /// A number in single precision.
     Single(f32),
-    /// Double precision.
+    /// A number in double precision.
     Double(f64),
-    /// There is none.
+    /// No value.
     Nothing,
-    /// Something that is no number.
+    /// A value that is not a floating-point number.
     Text(String),
 }
 
-impl fmt::Display for Found {
+/// Floating-point numbers are equal if their bits are.
+impl PartialEq for Leaf {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Single(a), Self::Single(b)) => a.to_bits() == b.to_bits(),
+            (Self::Double(a), Self::Double(b)) => a.to_bits() == b.to_bits(),
+            (Self::Nothing, Self::Nothing) => true,
+            (Self::Text(a), Self::Text(b)) => a == b,
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Leaf {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Single(x) => write!(f, "{:#010x} ({x:e})", x.to_bits()),
@@ -35,15 +46,15 @@ impl fmt::Display for Found {
     }
 }
 
-/// The first place at which two runs part.
+/// A number that differs between two runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Which number.
+    /// Name of the number.
     pub place: String,
-    /// The host's.
-    pub host: Found,
-    /// The box's.
-    pub device: Found,
+    /// Value of the host.
+    pub host: Leaf,
+    /// Value of the box.
+    pub device: Leaf,
 }
 
 impl fmt::Display for Difference {
@@ -60,16 +71,16 @@ impl fmt::Display for Difference {
 /// Outcome of a comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
-    /// Numbers compared.
+    /// Count of the numbers that were compared.
     pub numbers: usize,
-    /// Those of them that differ.
+    /// Count of those that differ.
     pub different: usize,
-    /// The first one.
+    /// The first number that differs.
     pub first: Option<Difference>,
 }
 
 impl Comparison {
-    /// `true` if all is the same, and there was something to compare.
+    /// `true` if numbers were compared and all of them are the same.
     #[must_use]
     pub const fn identical(&self) -> bool {
         self.different == 0 && self.numbers > 0
@@ -88,7 +99,7 @@ impl Comparison {
         comparison.same("blocks", &host.blocks, &summary.blocks);
         let rejected = host.rejected.blocks;
         comparison.same("rejected blocks", &rejected, &summary.rejected);
-        // Faulty samples go to the box as what is no number, whatever was wrong with them.
+        // Faulty samples are sent to the box as NaN, whatever was wrong with them.
         let reason = if rejected > 0 {
             Health::NOT_FINITE
         } else {
@@ -131,97 +142,78 @@ impl Comparison {
         );
         if let (Ok(host), Ok(device)) = (host, device) {
             let device = &device.answer;
-            comparison.answer(&host.identification, device);
-            comparison.findings(host, device);
+            comparison.values("", &host.identification, &device.identification);
+            let mut findings = Findings::default();
+            for fit in &host.fits {
+                findings.add_fit(fit);
+            }
+            for modes in &host.free_modes {
+                findings.add_modes(modes);
+            }
+            comparison.values("", &findings, &device.findings);
             let blocks = host.measurement.runs.iter().map(|r| r.blocks).sum::<u32>();
             comparison.same("blocks", &blocks, &device.quality.blocks);
         }
         comparison
     }
 
-    /// Compares what the fits say beside the ten numbers.
-    fn findings(&mut self, host: &Answer, device: &wire::Answer) {
-        let mut findings = Findings::default();
-        for fit in &host.fits {
-            findings.add_fit(fit);
-        }
-        for modes in &host.free_modes {
-            findings.add_modes(modes);
-        }
-        let host = instrument::answer(
-            device.question,
-            device.accelerations,
-            device.quality,
-            &host.identification,
-            &findings,
-        );
-        self.same("excited directions", &host.excited, &device.excited);
-        let value = |x: Option<Exact<f64>>| x.map(|x| x.0);
-        self.optional(
-            || "weakest excitation".to_owned(),
-            value(host.weakest_excitation),
-            value(device.weakest_excitation),
-        );
-        for (k, (host, device)) in host.poles.iter().zip(device.poles).enumerate() {
-            let of = |x: Option<wire::Pole>| (x.map(|p| p.frequency.0), x.map(|p| p.damping.0));
-            let (host, device) = (of(*host), of(device));
-            self.optional(|| format!("frequency of pole {k}"), host.0, device.0);
-            self.optional(|| format!("damping of pole {k}"), host.1, device.1);
-        }
-    }
-
-    fn note(&mut self, same: bool, difference: impl FnOnce() -> Difference) {
+    fn leaf(&mut self, place: impl FnOnce() -> String, host: &Leaf, device: &Leaf) {
         self.numbers += 1;
-        if !same {
+        if host != device {
             self.different += 1;
-            self.first.get_or_insert_with(difference);
+            self.first.get_or_insert_with(|| Difference {
+                place: place(),
+                host: host.clone(),
+                device: device.clone(),
+            });
         }
     }
 
     fn single(&mut self, place: impl FnOnce() -> String, host: f32, device: f32) {
-        self.note(host.to_bits() == device.to_bits(), || Difference {
-            place: place(),
-            host: Found::Single(host),
-            device: Found::Single(device),
-        });
+        self.leaf(place, &Leaf::Single(host), &Leaf::Single(device));
     }
 
-    fn double(&mut self, place: impl FnOnce() -> String, host: f64, device: f64) {
-        self.optional(place, Some(host), Some(device));
+    /// Compares two values that are not floating-point numbers.
+    pub fn same<T: fmt::Debug>(&mut self, place: &str, host: &T, device: &T) {
+        let leaf = |value: &T| Leaf::Text(format!("{value:?}"));
+        self.leaf(|| place.to_owned(), &leaf(host), &leaf(device));
     }
 
-    fn optional(&mut self, place: impl FnOnce() -> String, host: Option<f64>, device: Option<f64>) {
-        let found = |x: Option<f64>| x.map_or(Found::Nothing, Found::Double);
-        let bits = |x: Option<f64>| x.map(f64::to_bits);
-        self.note(bits(host) == bits(device), || Difference {
-            place: place(),
-            host: found(host),
-            device: found(device),
-        });
+    /// Compares two values field by field; `name` is theirs, if they have one.
+    pub fn values<T: Serialize>(&mut self, name: &str, host: &T, device: &T) {
+        let (Ok(host), Ok(device)) = (leaves(host), leaves(device)) else {
+            // No type of the core refuses to be serialised; if one did, nothing would be known.
+            return self.same(name, &"not serialisable", &"");
+        };
+        let of = |all: &[(String, Leaf)], path: &String| {
+            let found = all.iter().find(|(other, _)| other == path);
+            found.map_or(Leaf::Nothing, |(_, leaf)| leaf.clone())
+        };
+        for (path, leaf) in &host {
+            self.leaf(|| format!("{name}{path}"), leaf, &of(&device, path));
+        }
+        for (path, leaf) in &device {
+            // One side may have a value where the other one has none.
+            if host.iter().all(|(other, _)| other != path) {
+                self.leaf(|| format!("{name}{path}"), &Leaf::Nothing, leaf);
+            }
+        }
     }
 
-    /// Compares something that is no floating-point number.
-    pub fn same<T: PartialEq + fmt::Debug>(&mut self, place: &str, host: &T, device: &T) {
-        self.note(host == device, || Difference {
-            place: place.to_owned(),
-            host: Found::Text(format!("{host:?}")),
-            device: Found::Text(format!("{device:?}")),
-        });
-    }
-
-    /// Compares lists of numbers, `what` each.
-    pub fn list(&mut self, what: &str, host: &[f64], device: &[f64]) {
-        self.same(&format!("number of {what}s"), &host.len(), &device.len());
+    /// Compares two lists of numbers of this name.
+    pub fn list(&mut self, name: &str, host: &[f64], device: &[f64]) {
+        self.same(&format!("number of {name}s"), &host.len(), &device.len());
         for (k, (h, d)) in host.iter().zip(device).enumerate() {
-            self.double(|| format!("{what} {k}"), *h, *d);
+            let place = || format!("{name} {k}");
+            self.leaf(place, &Leaf::Double(*h), &Leaf::Double(*d));
         }
     }
 
     /// Compares noise powers of the twelve resultants.
-    pub fn noise(&mut self, host: &[f32; RESULTANTS], device: Option<[Exact<f32>; RESULTANTS]>) {
+    pub fn noise(&mut self, host: &[f32; RESULTANTS], device: Option<[f32; RESULTANTS]>) {
         self.same("noise", &true, &device.is_some());
         for (c, device) in device.into_iter().flatten().enumerate() {
-            self.single(|| format!("noise of {}", resultant(c)), host[c], device.0);
+            self.single(|| format!("noise of {}", resultant(c)), host[c], device);
         }
     }
 
@@ -243,95 +235,6 @@ impl Comparison {
             }
         }
     }
-
-    fn estimate(&mut self, what: &str, host: Option<Estimate>, device: Option<wire::Estimate>) {
-        let value = device.map(|d| d.value.0);
-        self.optional(|| what.to_owned(), host.map(|h| h.value), value);
-        let std = device.map(|d| d.std.0);
-        self.optional(|| format!("error bar of {what}"), host.map(|h| h.std), std);
-    }
-
-    /// Compares an answer.
-    pub fn answer(&mut self, host: &Identification, device: &wire::Answer) {
-        const AXES: [&str; 3] = ["x", "y", "z"];
-        const TERMS: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
-        self.estimate("mass", host.mass, device.mass);
-        self.estimate("indicator", host.indicator, device.indicator);
-        for (j, axis) in AXES.iter().enumerate() {
-            self.double(
-                || format!("{axis} of A"),
-                host.reference[j],
-                device.reference[j].0,
-            );
-            let (h, d) = (host.centre_of_gravity[j], device.centre_of_gravity[j]);
-            self.estimate(&format!("{axis} of the CG"), h, d);
-        }
-        for (j, term) in TERMS.iter().enumerate() {
-            let (h, d) = (host.inertia_reference[j], device.inertia_reference[j]);
-            self.estimate(&format!("Θ{term} about A"), h, d);
-            let (h, d) = (host.inertia_cg[j], device.inertia_cg[j]);
-            self.estimate(&format!("Θ{term} about the CG"), h, d);
-        }
-        for k in 0..3 {
-            let (h, d) = (&host.principal, &device.principal);
-            let (moment, found) = (h.as_ref().map(|p| p.moments[k]), d.map(|p| p.moments[k].0));
-            self.optional(|| format!("principal moment {k}"), moment, found);
-            for (j, axis) in AXES.iter().enumerate() {
-                let place = || format!("{axis} of principal axis {k}");
-                let (h, d) = (
-                    h.as_ref().map(|p| p.axes[(j, k)]),
-                    d.map(|p| p.axes[k][j].0),
-                );
-                self.optional(place, h, d);
-            }
-        }
-        let observable = |k: usize| device.observable >> k & 1 == 1;
-        for (k, host) in host.observable.iter().enumerate() {
-            self.same(
-                &format!("observability of unknown {k}"),
-                host,
-                &observable(k),
-            );
-        }
-        self.double(
-            || "condition number".to_owned(),
-            host.condition_number,
-            device.condition_number.0,
-        );
-        self.same("iterations", &host.iterations, &device.iterations);
-        let consistency = device.consistency.map(|c| c.0);
-        self.optional(|| "consistency".to_owned(), host.consistency, consistency);
-        self.double(|| "misfit".to_owned(), host.misfit, device.misfit.0);
-        self.double(
-            || "attenuation".to_owned(),
-            host.attenuation,
-            device.attenuation.0,
-        );
-        self.double(
-            || "degrees of freedom".to_owned(),
-            host.freedom,
-            device.freedom.0,
-        );
-        let (h, d) = (&host.plausibility, &device.plausibility);
-        for (what, h, d) in [
-            ("margin of the mass", h.mass, d.mass),
-            (
-                "margin of the inertia",
-                h.positive_definite,
-                d.positive_definite,
-            ),
-            ("margin of the triangle inequality", h.triangle, d.triangle),
-        ] {
-            let share = d.map(|m| m.relative.0);
-            self.optional(|| what.to_owned(), h.map(|m| m.relative), share);
-            let bar = d.map(|m| m.uncertainty.0);
-            self.optional(
-                || format!("error bar of the {what}"),
-                h.map(|m| m.uncertainty),
-                bar,
-            );
-        }
-    }
 }
 
 /// Name of a resultant among the twelve.
@@ -343,6 +246,7 @@ fn resultant(c: usize) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use massline_core::modes::Pole;
 
     #[test]
     fn the_first_difference_is_named_with_both_bit_patterns() {
@@ -356,6 +260,35 @@ mod tests {
         assert_eq!(
             comparison.first.unwrap().to_string(),
             "line 11 (6 Hz), fz, imaginary part: host 0x00000000 (0e0), box 0x80000000 (-0e0)"
+        );
+    }
+
+    #[test]
+    fn every_field_of_an_answer_is_compared() {
+        let pole = |damping| {
+            Some(Pole {
+                frequency: 32.0,
+                damping,
+            })
+        };
+        let host = Findings {
+            excited: Some(6),
+            weakest_excitation: None,
+            poles: [pole(0.5), pole(f64::NAN), None, None],
+        };
+        let mut comparison = Comparison::default();
+        comparison.values("", &host, &host);
+        assert_eq!((comparison.numbers, comparison.different), (8, 0));
+        let mut device = host;
+        device.weakest_excitation = Some(0.0);
+        device.poles[0] = pole(-0.5);
+        device.poles[3] = pole(0.25);
+        comparison.values("", &host, &device);
+        // Another half, another pole of two numbers in the place of nothing, and a number.
+        assert_eq!((comparison.numbers, comparison.different), (18, 5));
+        assert_eq!(
+            comparison.first.unwrap().to_string(),
+            "weakest_excitation: host nothing, box 0x0000000000000000 (0e0)"
         );
     }
 

@@ -22,11 +22,12 @@ mod compare;
 mod document;
 mod error;
 mod flip;
+mod leaves;
 mod outcome;
 pub(crate) mod plan;
 pub(crate) mod transfer;
 
-pub use compare::{Comparison, Difference, Found};
+pub use compare::{Comparison, Difference, Leaf};
 pub use document::{ComparisonEntry, LinkEntry, ReplayDocument, SCHEMA};
 pub use error::ReplayError;
 pub use flip::Flip;
@@ -366,11 +367,8 @@ impl Replay<'_, '_> {
     }
 
     fn compare_grid(&self, device: Option<Grid>, measurement: &Measurement) -> Comparison {
-        let grid = self.settings.grid();
         let host = Grid {
-            first: grid.first as u32,
-            count: grid.count as u32,
-            spacing: grid.spacing.into(),
+            lines: self.settings.grid(),
             hop: self.settings.hop() as u32,
             band: [
                 measurement.band.indices().start,
@@ -380,7 +378,7 @@ impl Replay<'_, '_> {
         };
         let mut comparison = Comparison::default();
         // One that goes on has compared them when it began.
-        comparison.same("grid of lines", &host, &device.unwrap_or(host));
+        comparison.values("grid.", &host, &device.unwrap_or(host));
         comparison
     }
 

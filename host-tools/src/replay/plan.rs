@@ -5,11 +5,12 @@ use crate::box_runs::Wiring;
 use crate::device::{BoxInfo, Client, ClientError, Port};
 use crate::measure::channel_names;
 use crate::setup::{self, Excitation, Setup};
+use massline_core::identify::{self, Procedure};
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
 use massline_firmware::wire::{
-    self, Accelerations, ChannelRole, Grid, Mount, NAME_MAX, Plan, Processing, Quantity, Reply,
-    Request, Scale, Sensor, SensorKind, Weighting, Window, crc32,
+    self, Accelerations, CRC32, ChannelRole, Grid, NAME_MAX, Plan, Processing, Reply, Request,
+    ScaleSource, Sensor, SensorKind, Weighting, Window,
 };
 
 /// Runs that were measured alike serve several methods: what they share.
@@ -114,7 +115,7 @@ pub(crate) fn check(
     device: &BoxInfo,
 ) -> Result<(), ReplayError> {
     let capacity = &device.capacity;
-    let has = |m: &Method| capacity.methods & wire::Method::from(*m).bit() != 0;
+    let has = |m: &Method| capacity.methods.contains(*m);
     if let Some(&method) = methods.iter().find(|m| !has(m)) {
         let has = Method::ALL.iter().filter(|m| has(m)).map(|m| m.name());
         return Err(ReplayError::Method {
@@ -206,7 +207,7 @@ fn name(text: &str) -> &str {
 
 /// A mark of all that decides what the box stores.
 pub(crate) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
-    crc32(format!("{base:?} {mark} {setup:?}").as_bytes())
+    CRC32.checksum(format!("{base:?} {mark} {setup:?}").as_bytes())
 }
 
 /// Origin of the samples, which decides their channels and the calibrations that count.
@@ -248,7 +249,7 @@ pub(crate) fn upload<P: Port>(
         minimum_weight: setup.estimation.minimum_weight,
     }))?;
     for (number, mut sensor) in sensors(setup).enumerate() {
-        if let (Feed::Inputs(wiring), Scale::Given { per_unit, .. }) = (feed, sensor.scale) {
+        if let (Feed::Inputs(wiring), ScaleSource::Given { per_unit, .. }) = (feed, sensor.scale) {
             sensor.scale = wiring.scale(number, per_unit);
         }
         client.tell(&Request::SetSensor(sensor))?;
@@ -284,15 +285,17 @@ fn columns(setup: &Setup, run: &setup::Run) -> Vec<u8> {
 pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::Question {
     let estimation = &setup.estimation;
     wire::Question {
-        method: method.into(),
-        known_mass: setup.known_mass,
-        procedure: if iterative {
-            wire::Procedure::Iterative {
-                tolerance: estimation.tolerance,
-                limit: estimation.iterations,
-            }
-        } else {
-            wire::Procedure::Direct
+        method,
+        identify: identify::Question {
+            known_mass: setup.known_mass,
+            procedure: if iterative {
+                Procedure::Iterative {
+                    tolerance: estimation.tolerance,
+                    limit: estimation.iterations,
+                }
+            } else {
+                Procedure::Direct
+            },
         },
         modes: estimation.modes as u8,
         // Without one, the box fits all the lines it keeps, as the workstation does.
@@ -311,19 +314,11 @@ fn grid<P: Port>(client: &mut Client<'_, P>) -> Result<Grid, ClientError> {
 /// The sensors in the order of a run's channels.
 fn sensors(setup: &Setup) -> impl Iterator<Item = Sensor<'_>> {
     let accelerometers = setup.accelerometers.iter().map(|a| {
-        let mount = match a.mount {
-            setup::Mount::Interface => Mount::Interface,
-            setup::Mount::Structure => Mount::Structure,
-        };
-        let kind = SensorKind::Accelerometer(mount);
+        let kind = SensorKind::Accelerometer(a.mount);
         (kind, &a.channel, a.position, a.direction, a.scale)
     });
     let cells = setup.load_cells.iter().map(|c| {
-        let quantity = match c.quantity {
-            setup::Quantity::Force => Quantity::Force,
-            setup::Quantity::Moment => Quantity::Moment,
-        };
-        let kind = SensorKind::LoadCell(quantity);
+        let kind = SensorKind::LoadCell(c.quantity);
         (kind, &c.channel, c.position, c.direction, c.scale)
     });
     let all = accelerometers.chain(cells).enumerate();
@@ -333,7 +328,7 @@ fn sensors(setup: &Setup) -> impl Iterator<Item = Sensor<'_>> {
         kind,
         position,
         direction,
-        scale: Scale::Given {
+        scale: ScaleSource::Given {
             per_unit: scale,
             offset: 0.0,
         },

@@ -25,6 +25,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 pub(crate) use document::{Section, Source, nearest, quoted};
+pub use massline_core::geometry::{Mount, Quantity};
+
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::{read as read_document, read_of as read_document_of};
 pub(crate) use parse::unit;
@@ -108,21 +110,12 @@ pub struct AccelerometerEntry {
     pub position: [f64; 3],
     /// Sensitive axis, unit length; positive acceleration along it reads positive.
     pub direction: [f64; 3],
-    /// Mounting.
+    /// Place of the sensor: on the interface or on the structure.
     pub mount: Mount,
     /// m/s² per recorded unit; negative for a sensor that is mounted the wrong way round.
     pub scale: f64,
     /// Noise and uncertainty of this sensor, where it states them.
     pub uncertainty: Uncertainty,
-}
-
-/// Mounting of an accelerometer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mount {
-    /// The table or adapter, rigid at all frequencies of interest.
-    Interface,
-    /// The specimen, elastic.
-    Structure,
 }
 
 /// One channel of a load cell (a row of X_f, eq 5).
@@ -140,15 +133,6 @@ pub struct LoadCellEntry {
     pub scale: f64,
     /// Noise and uncertainty of this load cell, where it states them.
     pub uncertainty: Uncertainty,
-}
-
-/// Quantity that a load cell's channel measures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    /// A force along the direction, N.
-    Force,
-    /// A moment about the direction, N m.
-    Moment,
 }
 
 /// One excitation configuration.

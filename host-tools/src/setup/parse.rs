@@ -13,11 +13,11 @@ use crate::limits;
 use crate::printable::printable;
 use crate::recording::Checksum;
 
-const MOUNTS: [(&str, Mount); 2] = [
+pub(super) const MOUNTS: [(&str, Mount); 2] = [
     ("interface", Mount::Interface),
     ("structure", Mount::Structure),
 ];
-const QUANTITIES: [(&str, Quantity); 2] =
+pub(super) const QUANTITIES: [(&str, Quantity); 2] =
     [("force", Quantity::Force), ("moment", Quantity::Moment)];
 const EXCITATIONS: [(&str, Excitation); 3] = [
     ("random", Excitation::Random),
@@ -30,22 +30,6 @@ pub(super) fn word_of<T: PartialEq + Copy>(words: &[(&'static str, T)], value: T
         .iter()
         .find(|(_, candidate)| *candidate == value)
         .map_or("", |(word, _)| word)
-}
-
-impl Mount {
-    /// The word of the setup file.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        word_of(&MOUNTS, self)
-    }
-}
-
-impl Quantity {
-    /// The word of the setup file.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        word_of(&QUANTITIES, self)
-    }
 }
 
 impl Excitation {

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use crate::recording::Checksum;
 
+use super::parse::{MOUNTS, QUANTITIES, word_of};
 use super::{Estimation, Mount, Processing, Quantity, Run, Setup, uncertainty};
 
 /// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.
@@ -39,7 +40,7 @@ pub(super) fn setup(setup: &Setup) -> String {
         let _ = writeln!(out, "position = {}", list(&entry.position));
         let _ = writeln!(out, "direction = {}", list(&entry.direction));
         if entry.mount != Mount::Structure {
-            let _ = writeln!(out, "mount = \"{}\"", entry.mount.word());
+            let _ = writeln!(out, "mount = \"{}\"", word_of(&MOUNTS, entry.mount));
         }
         print_scale(&mut out, entry.scale);
         uncertainty::print(&mut out, &entry.uncertainty, "m/s²");
@@ -54,7 +55,11 @@ pub(super) fn setup(setup: &Setup) -> String {
         let _ = writeln!(out, "position = {}", list(&entry.position));
         let _ = writeln!(out, "direction = {}", list(&entry.direction));
         if entry.quantity != Quantity::Force {
-            let _ = writeln!(out, "quantity = \"{}\"", entry.quantity.word());
+            let _ = writeln!(
+                out,
+                "quantity = \"{}\"",
+                word_of(&QUANTITIES, entry.quantity)
+            );
         }
         print_scale(&mut out, entry.scale);
         let unit = match entry.quantity {

@@ -2,8 +2,8 @@
 
 use massline_firmware::wire::{
     BODY_MAX, Capacity, Circuit, ClockSource, Event, FRAME_MAX, Fault, FaultCounters, FaultKind,
-    Info, Input, Packed, Pong, Received, Receiver, Reply, Request, ResetReason, Samples, Saved,
-    Sender, Setting, SettingKey, State, Status, Storage, Stream, ToBox, Values,
+    Info, Input, MethodSet, Packed, Pong, Received, Receiver, Reply, Request, ResetReason, Samples,
+    Saved, Sender, Setting, SettingKey, State, Status, Storage, Stream, ToBox, Values,
 };
 use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Write};
@@ -283,7 +283,7 @@ impl Liar {
                     lines: 112,
                     block_length: 1024,
                     window: 3,
-                    methods: 255,
+                    methods: MethodSet(255),
                 },
             }),
             Request::Ping(ping) => Reply::Pong(Pong {
@@ -389,7 +389,7 @@ fn rewritten(frame: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     }
     body.truncate(body.len() - 4);
     change(&mut body);
-    body.extend(massline_firmware::wire::crc32(&body).to_le_bytes());
+    body.extend(massline_firmware::wire::CRC32.checksum(&body).to_le_bytes());
     let mut wire = vec![0];
     for group in body.split(|&byte| byte == 0) {
         // Bodies of the messages that are changed have no group of 254 bytes.

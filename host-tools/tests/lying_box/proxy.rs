@@ -2,8 +2,9 @@
 
 use massline::device::{HostBox, Port, PortError};
 use massline_firmware::wire::{
-    BODY_MAX, Event, Exact, FRAME_MAX, FromBox, Grid, Identified, Lines, Packed, Peaks, Progress,
-    Received, Receiver, Reply, Request, Running, Sender, State, Summary, ToBox, ToHost, Weights,
+    BODY_MAX, Event, FRAME_MAX, FromBox, Grid, Identified, LineGrid, Lines, MethodSet, Packed,
+    Peaks, Progress, Received, Receiver, Reply, Request, Running, Sender, State, Summary, ToBox,
+    ToHost, Weights,
 };
 use std::time::Duration;
 
@@ -152,8 +153,11 @@ impl<'b, 'm> Proxy<'b, 'm> {
                 Reply::Status(status)
             }
             (Tale::Grid(count, spacing), Reply::Grid(found)) => Reply::Grid(Grid {
-                count,
-                spacing: Exact(spacing),
+                lines: LineGrid {
+                    count: count as usize,
+                    spacing,
+                    ..found.lines
+                },
                 band: [u32::MAX, 0],
                 ..found
             }),
@@ -165,7 +169,7 @@ impl<'b, 'm> Proxy<'b, 'm> {
                 let wide = if room == 0 { 0 } else { u32::MAX };
                 let c = &mut info.capacity;
                 (c.channels, c.sensors, c.runs, c.window) = (room, room, room.min(32), room);
-                (c.lines, c.methods, c.block_length) = (wide as u16, wide as u16, wide);
+                (c.lines, c.methods, c.block_length) = (wide as u16, MethodSet(wide as u16), wide);
                 (info.tick_hz, info.clock_hz) = (wide, wide);
                 Reply::Info(info)
             }
@@ -174,7 +178,9 @@ impl<'b, 'm> Proxy<'b, 'm> {
     }
 
     fn answer(&self, mut found: Identified) -> Identified {
-        let answer = &mut found.answer;
+        let quality = &mut found.answer.quality;
+        let findings = &mut found.answer.findings;
+        let answer = &mut found.answer.identification;
         let own = [&mut answer.mass, &mut answer.indicator];
         let all = own
             .into_iter()
@@ -183,18 +189,17 @@ impl<'b, 'm> Proxy<'b, 'm> {
             .chain(&mut answer.inertia_cg);
         for estimate in all.flatten() {
             match self.tale {
-                Tale::Estimate(value) => estimate.value = Exact(value),
-                Tale::Deviation(value) => estimate.std = Exact(value),
+                Tale::Estimate(value) => estimate.value = value,
+                Tale::Deviation(value) => estimate.std = value,
                 _ => {}
             }
         }
         match self.tale {
-            Tale::Estimate(value) => answer.reference = [Exact(value); 3],
+            Tale::Estimate(value) => answer.reference.fill(value),
             Tale::Quality(value) => {
-                let value = Exact(value);
                 (answer.condition_number, answer.misfit) = (value, value);
                 (answer.attenuation, answer.freedom) = (value, value);
-                (answer.consistency, answer.weakest_excitation) = (Some(value), Some(value));
+                (answer.consistency, findings.weakest_excitation) = (Some(value), Some(value));
                 let p = &mut answer.plausibility;
                 let margins = [&mut p.mass, &mut p.positive_definite, &mut p.triangle];
                 for margin in margins.into_iter().flatten() {
@@ -202,8 +207,8 @@ impl<'b, 'm> Proxy<'b, 'm> {
                 }
             }
             Tale::Blocks(blocks, ticks) => {
-                (answer.quality.blocks, answer.quality.rejected) = (blocks, blocks);
-                answer.quality.missing = ticks;
+                (quality.blocks, quality.rejected) = (blocks, blocks);
+                quality.missing = ticks;
                 found.ticks = ticks;
             }
             _ => {}
@@ -219,8 +224,8 @@ impl<'b, 'm> Proxy<'b, 'm> {
                 found.rejected_by.fill(blocks);
             }
             Tale::Rate(rate) => {
-                found.sample_rate = Some(Exact(rate));
-                found.noise = Some([Exact(rate as f32); 12]);
+                found.sample_rate = Some(rate);
+                found.noise = Some([rate as f32; 12]);
             }
             Tale::OtherRun => found.run = 200,
             _ => {}
@@ -231,7 +236,7 @@ impl<'b, 'm> Proxy<'b, 'm> {
     fn event<'a>(&self, event: Event<'a>) -> Event<'a> {
         match (self.tale, event) {
             (Tale::Coherence(value, averaged), Event::Block(mut block)) => {
-                block.coherence = Some([Exact(value); 12]);
+                block.coherence = Some([value; 12]);
                 (block.averaged, block.block, block.ticks) = (averaged, averaged, averaged);
                 Event::Block(block)
             }

@@ -2,6 +2,7 @@
 
 use crate::link;
 use crate::script::push;
+use massline_core::identify;
 use massline_firmware::calibration::Preset;
 use massline_firmware::wire::*;
 use std::fmt::Write;
@@ -85,7 +86,7 @@ fn set_up(weighting: Weighting, runs: u8) -> Vec<Vec<u8>> {
             kind,
             position,
             direction,
-            scale: Scale::Given {
+            scale: ScaleSource::Given {
                 per_unit: 0.1,
                 offset: 0.0,
             },
@@ -119,10 +120,12 @@ fn start(run: u8, pass: Pass, source: Source, gaps: Gaps) -> Vec<u8> {
 fn question(method: Method) -> Vec<u8> {
     request(&Request::Identify(Question {
         method,
-        known_mass: None,
-        procedure: Procedure::Iterative {
-            tolerance: 1e-7,
-            limit: 20,
+        identify: identify::Question {
+            known_mass: None,
+            procedure: Procedure::Iterative {
+                tolerance: 1e-7,
+                limit: 20,
+            },
         },
         modes: 2,
         fit_band: None,

@@ -7,9 +7,10 @@ use std::fmt::Write as _;
 use std::fs;
 
 use massline::device::firmware;
+use massline_core::identify;
 use massline_firmware::wire::{
     Accelerations, ChannelRole, Event, Excitation, Gaps, Grid, Method, Mount, Outcome, Pass, Plan,
-    Procedure, Processing, Provoke, Quantity, Question, Reply, Request, Run, Scale, Sensor,
+    Procedure, Processing, Provoke, Quantity, Question, Reply, Request, Run, ScaleSource, Sensor,
     SensorKind, Setting, Source, Start, Stream, Subscription, Telemetry, Weighting, Window,
 };
 
@@ -105,7 +106,7 @@ pub fn pieces(
             kind,
             position,
             direction,
-            scale: Scale::Given {
+            scale: ScaleSource::Given {
                 per_unit: 1.0,
                 offset: 0.0,
             },
@@ -139,7 +140,7 @@ pub fn set_up(
         Reply::Grid(grid) => *grid,
         other => panic!("{other:?}"),
     });
-    assert_eq!(grid.count, LINES);
+    assert_eq!(grid.lines.count as u32, LINES);
 }
 
 /// Measures all runs, and returns the instructions of the costliest block.
@@ -172,15 +173,18 @@ fn measure(talk: &mut Talk) -> u32 {
 fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
     let question = Question {
         method,
-        known_mass: None,
-        procedure,
+        identify: identify::Question {
+            known_mass: None,
+            procedure,
+        },
         modes: 1,
         fit_band: None,
         runs: 0,
     };
     talk.exchange(&Request::Identify(question), |reply| match reply {
         Reply::Identified(found) => {
-            assert!(found.answer.mass.is_some(), "{:?}", found.answer);
+            let identification = found.answer.identification;
+            assert!(identification.mass.is_some(), "{identification:?}");
             found.ticks
         }
         other => panic!("{method:?}: {other:?}"),

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 
 use massline_firmware::wire::{
     Accelerations, ChannelRole, Count24, Event, Excitation, FromBox, Gaps, Mount, Packed, Pass,
-    Ping, Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, Scale, Sensor,
+    Ping, Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, ScaleSource, Sensor,
     SensorKind, Source, Start, Values, Weighting, Window,
 };
 use massline_tests::readme;
@@ -110,7 +110,7 @@ fn send_pieces(talk: &mut Talk, setup: &Setup) {
             kind,
             position: [0.1 * place, 0.3 - 0.05 * place, 0.01 * place * place],
             direction: [1.0, place - 3.0, 5.0 - place],
-            scale: Scale::Given {
+            scale: ScaleSource::Given {
                 per_unit: 1.0,
                 offset: 0.0,
             },

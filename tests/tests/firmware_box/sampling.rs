@@ -162,7 +162,7 @@ fn every_recorded_sample_is_the_one_of_its_number() {
     // An event holds 18 samples of thirteen channels; the last one may come behind the end.
     assert!(recorded as u64 > SAMPLES - 18, "{recorded}");
     // By the clock of the test pattern, in whole ticks.
-    let rate = summary.sample_rate.expect("the box has measured it").0;
+    let rate = summary.sample_rate.expect("the box has measured it");
     assert_eq!(rate, RATE);
 }
 

@@ -5,7 +5,7 @@
 
 use massline::measure::WINDOW;
 use massline::recording::Recording;
-use massline::setup::{self, Setup};
+use massline::setup::Setup;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::wire::*;
 
@@ -51,12 +51,11 @@ impl<'m> StandIn<'m> {
             reference_point: setup.reference_point,
             fingerprint: 7,
         }));
-        assert_eq!(WINDOW, massline_core::spectra::Window::Hann);
         self.done(&Request::SetProcessing(Processing {
             sample_rate: rate,
             block_length: processing.block_length as u32,
             overlap: processing.overlap,
-            window: Window::Hann,
+            window: WINDOW,
             kept_band: [
                 processing.averaging_band[0],
                 processing.kept_up_to(Some(rate)),
@@ -70,7 +69,7 @@ impl<'m> StandIn<'m> {
         let is_wired = !self.bench.hardware.settings.inputs.is_empty();
         for mut sensor in sensor_pieces(setup) {
             if is_wired {
-                sensor.scale = Scale::Stored;
+                sensor.scale = ScaleSource::Stored;
             }
             self.done(&Request::SetSensor(sensor));
         }
@@ -178,7 +177,7 @@ impl<'m> StandIn<'m> {
 }
 
 fn sensor_pieces(setup: &Setup) -> Vec<Sensor<'_>> {
-    let scale = |per_unit| Scale::Given {
+    let scale = |per_unit| ScaleSource::Given {
         per_unit,
         offset: 0.0,
     };
@@ -187,10 +186,7 @@ fn sensor_pieces(setup: &Setup) -> Vec<Sensor<'_>> {
         pieces.push(Sensor {
             sensor: pieces.len() as u8,
             name: &a.channel,
-            kind: SensorKind::Accelerometer(match a.mount {
-                setup::Mount::Interface => Mount::Interface,
-                setup::Mount::Structure => Mount::Structure,
-            }),
+            kind: SensorKind::Accelerometer(a.mount),
             position: a.position,
             direction: a.direction,
             scale: scale(a.scale),
@@ -200,10 +196,7 @@ fn sensor_pieces(setup: &Setup) -> Vec<Sensor<'_>> {
         pieces.push(Sensor {
             sensor: pieces.len() as u8,
             name: &c.channel,
-            kind: SensorKind::LoadCell(match c.quantity {
-                setup::Quantity::Force => Quantity::Force,
-                setup::Quantity::Moment => Quantity::Moment,
-            }),
+            kind: SensorKind::LoadCell(c.quantity),
             position: c.position,
             direction: c.direction,
             scale: scale(c.scale),

@@ -5,11 +5,10 @@ use crate::capacity::{CHANNELS, RUNS, SENSORS};
 use crate::instrument::limits::missing;
 use crate::instrument::limits::{about, below, finite, fits, range};
 use crate::wire::{
-    ChannelRole, Excitation, Field, Item, Mount, NAME_MAX, Plan, Problem, Quantity, Run, Sensor,
-    SensorKind,
+    ChannelRole, Excitation, Field, Item, NAME_MAX, Plan, Problem, Run, Sensor, SensorKind,
 };
 use massline_core::geometry::{
-    self, Accelerometer, GeometryError, LoadCell, Placement, RunGeometry, RunSensor,
+    Accelerometer, GeometryError, LoadCell, Mount, Placement, RunGeometry, RunSensor,
 };
 use nalgebra::Vector3;
 
@@ -42,18 +41,10 @@ impl SensorPiece {
         let (position, direction) = (self.position.into(), self.direction.into());
         Ok(match self.kind {
             SensorKind::Accelerometer(mount) => {
-                let mount = match mount {
-                    Mount::Interface => geometry::Mount::Interface,
-                    Mount::Structure => geometry::Mount::Structure,
-                };
                 let sensor = Accelerometer::new(position, direction, mount)?;
                 RunSensor::Accelerometer(sensor, weight)
             }
             SensorKind::LoadCell(quantity) => {
-                let quantity = match quantity {
-                    Quantity::Force => geometry::Quantity::Force,
-                    Quantity::Moment => geometry::Quantity::Moment,
-                };
                 RunSensor::LoadCell(LoadCell::new(position, direction, quantity)?)
             }
         })

@@ -3,9 +3,9 @@
 use crate::capacity::{BLOCK_LENGTH, LINES};
 use crate::instrument::limits::{fits, range, within};
 use crate::instrument::memory::TRANSFORM;
-use crate::wire::{Exact, Field, Grid, Item, Problem, Processing, Window};
+use crate::wire::{Field, Grid, Item, Problem, Processing};
 use massline_core::masslines::MIN_LINES;
-use massline_core::spectra::{self, BandError, BlockSettings, LineGrid, LineRange, SpectraError};
+use massline_core::spectra::{BandError, BlockSettings, LineGrid, LineRange, SpectraError};
 
 /// Highest sample rate that is believed, Hz.
 const SAMPLE_RATE_MAX: f64 = 1e6;
@@ -48,15 +48,7 @@ impl Lines {
                 within(field, 0, high, low, nyquist)?;
             }
         }
-        let window = match p.window {
-            Window::Rectangular => spectra::Window::Rectangular,
-            Window::Hann => spectra::Window::Hann,
-            Window::Hamming => spectra::Window::Hamming,
-            Window::Blackman => spectra::Window::Blackman,
-            Window::BlackmanHarris => spectra::Window::BlackmanHarris,
-            Window::FlatTop => spectra::Window::FlatTop,
-        };
-        let settings = BlockSettings::new(length, p.overlap, window, p.sample_rate, p.kept_band);
+        let settings = BlockSettings::new(length, p.overlap, p.window, p.sample_rate, p.kept_band);
         let settings = settings.map_err(|e| match e {
             SpectraError::BlockLength(found) => {
                 let most = BLOCK_LENGTH as f64;
@@ -118,11 +110,8 @@ impl Lines {
 
     /// As the host is told.
     pub(in crate::instrument) fn grid(&self) -> Grid {
-        let grid = self.settings.grid();
         Grid {
-            first: grid.first as u32,
-            count: grid.count as u32,
-            spacing: Exact(grid.spacing),
+            lines: self.settings.grid(),
             hop: self.settings.hop() as u32,
             band: [
                 self.band.indices().start as u32,

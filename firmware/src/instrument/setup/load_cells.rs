@@ -69,7 +69,7 @@ impl LoadCells {
 mod tests {
     use super::*;
     use crate::wire::{
-        ChannelRole, Excitation, Mount, Plan, Quantity, Run, Scale, Sensor, SensorKind,
+        ChannelRole, Excitation, Mount, Plan, Quantity, Run, ScaleSource, Sensor, SensorKind,
     };
 
     /// Three vertical load cells and an accelerometer; the specimen is turned in the second
@@ -101,7 +101,7 @@ mod tests {
                 kind,
                 position,
                 direction: [0.0, 0.0, 2.0],
-                scale: Scale::Stored,
+                scale: ScaleSource::Stored,
             };
             arrangement.set_sensor(&sensor).unwrap();
         }

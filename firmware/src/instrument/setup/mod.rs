@@ -20,9 +20,9 @@ use super::limits::missing;
 use super::limits::{finite, fits, within};
 use crate::capacity::{RUNS, SENSORS};
 use crate::wire::{
-    Accelerations, Field, Item, Mount, Plan, Problem, Processing, Run, Sensor, Weighting, Weights,
+    Accelerations, Field, Item, Plan, Problem, Processing, Run, Sensor, Weighting, Weights,
 };
-use massline_core::geometry::RunGeometry;
+use massline_core::geometry::{Mount, RunGeometry};
 use weighing::Weighing;
 
 /// A set-up.

@@ -10,7 +10,7 @@ use crate::rig::Troubles;
 use anstyle::Style;
 use massline_core::masslines::Method;
 use massline_firmware::wire::{
-    self, ClockSource, FaultCounters, Pass, ResetReason, State, Status, Storage,
+    ClockSource, FaultCounters, Pass, ResetReason, State, Status, Storage,
 };
 use serde::Serialize;
 use std::io::Write;
@@ -120,7 +120,7 @@ fn serial(info: &BoxInfo) -> String {
 }
 
 fn methods(info: &BoxInfo) -> Vec<&'static str> {
-    let has = |m: &Method| info.capacity.methods & wire::Method::from(*m).bit() != 0;
+    let has = |m: &Method| info.capacity.methods.contains(*m);
     Method::ALL
         .iter()
         .filter(|m| has(m))

@@ -247,7 +247,7 @@ fn summary(ended: &Ended) -> String {
         text += &format!(", {} rejected: {}", s.rejected, ended.rejected().reasons());
     }
     if let Some(rate) = s.sample_rate {
-        text += &format!("; {} Hz by the box's clock", plain(rate.0, 7));
+        text += &format!("; {} Hz by the box's clock", plain(rate, 7));
     }
     text
 }

@@ -90,9 +90,9 @@ impl SelftestDocument {
                 .map(|((property, unit), check)| CheckEntry {
                     property,
                     unit,
-                    truth: check.truth.0,
-                    found: check.found.map(|found| found.0),
-                    bound: check.bound.0,
+                    truth: check.truth,
+                    found: check.found,
+                    bound: check.bound,
                     passed: holds(check),
                 })
                 .collect(),
@@ -103,10 +103,10 @@ impl SelftestDocument {
 
 /// `true` if a check holds by its own numbers, whatever the box says of it.
 fn holds(check: &Check) -> bool {
-    let distance = |found: f64| (found - check.truth.0).abs();
+    let distance = |found: f64| (found - check.truth).abs();
     check
         .found
-        .is_some_and(|found| distance(found.0) <= check.bound.0)
+        .is_some_and(|found| distance(found) <= check.bound)
 }
 
 /// Names of the faults of channels.
@@ -136,9 +136,9 @@ fn print(selftest: &Selftest) -> std::io::Result<()> {
         "", "found", "true", "may differ", ""
     )?;
     for ((name, unit), check) in PROPERTIES.iter().zip(&selftest.checks) {
-        let shown = |value: f64| with_std(value, check.bound.0);
-        let found = check.found.map_or_else(|| "-".to_owned(), |x| shown(x.0).0);
-        let (truth, bound) = shown(check.truth.0);
+        let shown = |value: f64| with_std(value, check.bound);
+        let found = check.found.map_or_else(|| "-".to_owned(), |x| shown(x).0);
+        let (truth, bound) = shown(check.truth);
         write!(
             out,
             "{name:<14}{found:>12}{truth:>12}{bound:>12}  {unit:<6}"

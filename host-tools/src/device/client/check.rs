@@ -6,10 +6,9 @@
 
 use super::ClientError;
 use crate::limits;
+use massline_core::identify::{Estimate, Identification};
 use massline_firmware::calibration::Certificate;
-use massline_firmware::wire::{
-    Answer, Estimate, Identified, Info, Reply, Running, Setting, Status, Summary,
-};
+use massline_firmware::wire::{Identified, Info, Reply, Running, Setting, Status, Summary};
 
 /// Checks a reply to the request of this number.
 pub(super) fn reply(request: u8, reply: &Reply<'_>) -> Result<(), ClientError> {
@@ -105,7 +104,7 @@ fn summary(summary: &Summary) -> Result<(), Wrong> {
     for count in counts.into_iter().chain(summary.rejected_by) {
         at_most("a number of blocks", count, limits::BLOCKS)?;
     }
-    let rate = summary.sample_rate.iter().map(|rate| rate.0);
+    let rate = summary.sample_rate.into_iter();
     each("a true sample rate", rate, |x| x > 0.0, "more than 0 Hz")
 }
 
@@ -136,22 +135,23 @@ fn identified(identified: &Identified) -> Result<(), Wrong> {
         at_most("a number of blocks", count, limits::BLOCKS)?;
     }
     at_most("a number of samples", quality.missing, limits::LAST_SAMPLE)?;
-    let estimates = || estimates(answer).into_iter().flatten();
+    let found = &answer.identification;
+    let estimates = || estimates(found).into_iter().flatten();
     let any = |_| true;
-    let values = estimates().map(|e| e.value.0);
+    let values = estimates().map(|e| e.value);
     each("an identified value", values, any, "a number")?;
-    let errors = estimates().map(|e| e.std.0);
+    let errors = estimates().map(|e| e.std);
     each("a standard deviation", errors, |x| x >= 0.0, NOT_BELOW)?;
-    quality_of(answer)?;
-    let principal = answer.principal.iter();
-    let principal = principal.flat_map(|p| p.axes.iter().flatten().chain(&p.moments));
-    let points = answer.reference.iter().chain(principal).map(|x| x.0);
+    quality_of(found, answer.findings.weakest_excitation)?;
+    let principal = found.principal.iter();
+    let principal = principal.flat_map(|p| p.axes.iter().chain(&p.moments));
+    let points = found.reference.iter().chain(principal).copied();
     each("a coordinate or moment", points, any, "a number")
 }
 
 /// Measures of quality in an answer are compared with limits, which no NaN exceeds. Some of
 /// them may be infinite.
-fn quality_of(answer: &Answer) -> Result<(), Wrong> {
+fn quality_of(answer: &Identification, weakest_excitation: Option<f64>) -> Result<(), Wrong> {
     let p = &answer.plausibility;
     let margins = [p.mass, p.positive_definite, p.triangle];
     let margins = || margins.into_iter().flatten();
@@ -159,14 +159,14 @@ fn quality_of(answer: &Answer) -> Result<(), Wrong> {
     let positive = positive.into_iter().chain(answer.consistency);
     let positive = positive.chain(margins().map(|m| m.uncertainty));
     let any = [answer.attenuation].into_iter();
-    let any = any.chain(answer.weakest_excitation);
+    let any = any.chain(weakest_excitation);
     let any = any.chain(margins().map(|m| m.relative));
     let what = "a number of an answer's quality";
-    all(what, positive.map(|x| x.0), |x| x >= 0.0, NOT_BELOW)?;
-    all(what, any.map(|x| x.0), |x| !x.is_nan(), "a number")
+    all(what, positive, |x| x >= 0.0, NOT_BELOW)?;
+    all(what, any, |x| !x.is_nan(), "a number")
 }
 
-fn estimates(answer: &Answer) -> impl IntoIterator<Item = Option<Estimate>> {
+fn estimates(answer: &Identification) -> impl IntoIterator<Item = Option<Estimate>> {
     let own = [answer.mass, answer.indicator];
     let inertia = answer
         .inertia_reference
@@ -226,7 +226,7 @@ mod tests {
                 rejected_by: [blocks; Health::KINDS],
                 health: Health::GOOD,
                 overloads: 0,
-                sample_rate: Some(rate.into()),
+                sample_rate: Some(rate),
                 noise: None,
             })
         };

@@ -169,13 +169,10 @@ fn load_cell(
     entry: &setup::LoadCellEntry,
     placement: &Placement,
 ) -> Option<(Kind, Vector3<f64>, Vector3<f64>, bool)> {
-    let quantity = match entry.quantity {
-        setup::Quantity::Force => Quantity::Force,
-        setup::Quantity::Moment => Quantity::Moment,
-    };
-    let cell = LoadCell::new(entry.position.into(), entry.direction.into(), quantity).ok()?;
+    let (position, direction) = (entry.position.into(), entry.direction.into());
+    let cell = LoadCell::new(position, direction, entry.quantity).ok()?;
     let cell = placement.load_cell(&cell);
-    let moment = quantity == Quantity::Moment;
+    let moment = entry.quantity == Quantity::Moment;
     Some((Kind::LoadCell, cell.position(), cell.direction(), moment))
 }
 
@@ -183,11 +180,12 @@ fn accelerometer(
     entry: &setup::AccelerometerEntry,
     placement: &Placement,
 ) -> Option<(Kind, Vector3<f64>, Vector3<f64>, bool)> {
-    let (mount, kind) = match entry.mount {
-        setup::Mount::Interface => (Mount::Interface, Kind::Interface),
-        setup::Mount::Structure => (Mount::Structure, Kind::Structure),
+    let kind = match entry.mount {
+        Mount::Interface => Kind::Interface,
+        Mount::Structure => Kind::Structure,
     };
-    let sensor = Accelerometer::new(entry.position.into(), entry.direction.into(), mount).ok()?;
+    let (position, direction) = (entry.position.into(), entry.direction.into());
+    let sensor = Accelerometer::new(position, direction, entry.mount).ok()?;
     let sensor = placement.accelerometer(&sensor);
     Some((kind, sensor.position(), sensor.direction(), false))
 }
