@@ -1,16 +1,16 @@
-//! What is known of one input: how its counts become SI, how well, and who says so.
+//! Calibration of one input: sensitivity, uncertainty, laboratory and date.
 
 use super::scale::range;
 use super::{Channel, Limits, Scale, Watch};
 use crate::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 use heapless::String;
 
-/// A text of the contract, at most [`NAME_MAX`] bytes.
+/// A text of the protocol, at most [`NAME_MAX`] bytes.
 pub type Text = String<NAME_MAX>;
 
-/// The calibration of one input, kept as it was written: the numbers, and what they rest on.
+/// Calibration of one input: its numbers and their origin.
 ///
-/// The same as [`Input`], but it owns its texts and has been checked.
+/// It has the content of [`Input`], owns its texts and has been checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Certificate {
     circuit: Circuit,
@@ -25,7 +25,7 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    /// An input to which nothing is wired: counts stay counts.
+    /// Calibration of an input to which nothing is wired: counts are not converted.
     pub const UNUSED: Self = Self {
         circuit: Circuit::Unused,
         serial: Text::new(),
@@ -38,7 +38,7 @@ impl Certificate {
         limits: Limits::CONVERTER,
     };
 
-    /// Checks what the host sends.
+    /// Checks a calibration from the host.
     ///
     /// # Errors
     ///
@@ -100,7 +100,7 @@ impl Certificate {
         })
     }
 
-    /// As it goes over the wire, for the input of this number.
+    /// The calibration as a setting of the input of this number.
     #[must_use]
     pub fn input(&self, number: u8) -> Input<'_> {
         Input {
@@ -117,7 +117,7 @@ impl Certificate {
         }
     }
 
-    /// How the sensor is wired.
+    /// Circuit of the sensor.
     #[must_use]
     pub const fn circuit(&self) -> Circuit {
         self.circuit
@@ -135,14 +135,14 @@ impl Certificate {
         self.limits
     }
 
-    /// The line from counts to SI.
+    /// Conversion of counts to SI.
     #[must_use]
     pub fn scale(&self) -> Scale {
-        // It was checked when this was made.
+        // The values were checked by the constructor.
         Scale::new(self.per_count, self.offset).unwrap_or(Scale::ONE)
     }
 
-    /// The channel at a sample rate in Hz. An input that nothing is wired to is not watched.
+    /// The channel at a sample rate in Hz. An input to which nothing is wired is not supervised.
     #[must_use]
     pub fn channel(&self, sample_rate: f32) -> Channel {
         match self.circuit {

@@ -1,23 +1,22 @@
-//! From counts to SI, and whether a count can be believed.
+//! Conversion of counts to SI, and faults that follow from the counts.
 //!
 //! | file | holds |
 //! | --- | --- |
 //! | `scale` | the straight line from counts or readings to SI, in `f32` |
-//! | `watch` | overload with its hold-off, open sensors, readings that do not move |
-//! | `certificate` | what is known of one input: sensitivity, uncertainty, who found it and when |
-//! | `preset` | what follows from a sensor's data sheet: charge amplifier, bridge, IEPE, digital |
+//! | `watch` | overload with its hold-off, open sensors, readings that do not change |
+//! | `certificate` | calibration of one input: sensitivity, uncertainty, laboratory and date |
+//! | `preset` | values from the data sheet of a sensor: charge amplifier, bridge, IEPE, digital |
 //!
 //! # Design
 //!
-//! One sample of one channel is one call, [`Channel::count`]: a number and the faults that the
-//! converter's driver has found go in, SI and all faults come out. The number of a faulty sample
-//! is still what the counts say; whether it may be used is told by its [`Health`] and by nothing
-//! else.
+//! One call of [`Channel::count`] converts one sample of one channel: it takes a count and the faults
+//! that the driver of the converter has found, and gives SI and all faults. The value of a faulty
+//! sample is still computed from its count; its [`Health`] alone decides if it may be used.
 //!
-//! A sample that is told to be good can turn out otherwise only in one way: a reading that stops
-//! moving is found after [`watch::STUCK_AFTER`] samples. The block that they end in is then not
-//! the block that is rejected, but they are its last few, where a window has all but faded out:
-//! Hann's over 1024 samples is below 0.0023 on the last 15 of them.
+//! Only one fault is found late: a reading that stops changing is found after
+//! [`watch::STUCK_AFTER`] samples. The block in which these samples end may already be complete, but
+//! they are its last few, where the window is almost zero: Hann's window over 1024 samples is below
+//! 0.0023 on the last 15 of them.
 
 mod certificate;
 mod preset;
@@ -31,7 +30,7 @@ pub use watch::{Limits, Watch};
 
 use crate::wire::Health;
 
-/// One channel at work: its line to SI, and the watch over its counts.
+/// Conversion and supervision of one channel.
 #[derive(Clone, Copy, Debug)]
 pub struct Channel {
     scale: Scale,
@@ -39,14 +38,14 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// A channel whose readings are only checked for being numbers: recordings, and inputs to
-    /// which nothing is wired.
+    /// Creates a channel whose readings are only checked for finite numbers: for recordings, and for
+    /// inputs to which nothing is wired.
     #[must_use]
     pub const fn unwatched(scale: Scale) -> Self {
         Self { scale, watch: None }
     }
 
-    /// A channel whose counts are watched.
+    /// Creates a channel whose counts are supervised.
     #[must_use]
     pub const fn watched(scale: Scale, watch: Watch) -> Self {
         Self {
@@ -61,11 +60,11 @@ impl Channel {
         self.scale
     }
 
-    /// Takes one count and the faults known of it, in the samples' order. Gives SI and all
+    /// Converts one count with its known faults, in the order of the samples. Returns SI and all
     /// faults.
     ///
-    /// A count that came with a fault is not a reading of the sensor, so that the watch does not
-    /// learn from it; only its hold-off goes on.
+    /// A count with a fault is not a reading of the sensor, so that the watch ignores its value; only
+    /// the hold-off goes on.
     #[inline]
     pub fn count(&mut self, count: i32, known: Health) -> (f32, Health) {
         let found = match &mut self.watch {
@@ -76,7 +75,7 @@ impl Channel {
         (self.scale.count(count), known.union(found))
     }
 
-    /// Takes one reading in the recording's unit. Gives SI and all faults.
+    /// Converts one reading in the unit of the recording. Returns SI and all faults.
     #[must_use]
     pub fn reading(&self, reading: f32, known: Health) -> (f32, Health) {
         let si = self.scale.reading(reading);
@@ -87,7 +86,7 @@ impl Channel {
         }
     }
 
-    /// Takes notice that so many samples are missing: a hold-off goes on meanwhile.
+    /// Advances the hold-off by the number of missing samples.
     pub fn skip(&mut self, missing: u64) {
         if let Some(watch) = &mut self.watch {
             watch.skip(missing);
@@ -109,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reading_that_is_no_number_says_so() {
+    fn a_reading_that_is_not_finite_has_a_fault() {
         let channel = Channel::unwatched(Scale::ONE);
         assert_eq!(channel.reading(1.5, Health::GOOD), (1.5, Health::GOOD));
         for reading in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -119,9 +118,9 @@ mod tests {
     }
 
     #[test]
-    fn counts_with_faults_teach_the_watch_nothing() {
+    fn counts_with_faults_do_not_change_the_watch() {
         let mut channel = Channel::watched(Scale::ONE, Watch::new(Limits::CONVERTER, 512.0));
-        // What a converter that does not answer leaves behind is no reading that stands still.
+        // The count in the place of a missing sample is not a reading that does not change.
         for _ in 0..10 * watch::STUCK_AFTER {
             assert_eq!(channel.count(0, Health::MISSING).1, Health::MISSING);
         }

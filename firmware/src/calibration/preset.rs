@@ -1,4 +1,4 @@
-//! What follows from a sensor's data sheet: sensitivity, amplifier gain and limits.
+//! Values from the data sheet of a sensor: sensitivity, amplifier gain and limits.
 
 use super::Limits;
 use crate::wire::{Circuit, Date, Input};
@@ -7,7 +7,7 @@ use crate::wire::{Circuit, Date, Input};
 pub const FULL_SCALE_VOLTS: f64 = 1.2;
 /// Counts of full scale.
 const FULL_SCALE: f64 = (1 << 23) as f64;
-/// Share of full scale up to which a delta-sigma converter is linear enough to be believed.
+/// Share of full scale up to which a delta-sigma converter is linear enough.
 const LINEAR: f64 = 0.98;
 /// Sensitivity of the ADXL355 per count, in units of standard gravity: 3.9 µg in its 2 g range,
 /// 256000 counts per g.
@@ -15,10 +15,10 @@ const ADXL355_COUNTS_PER_G: f64 = 256_000.0;
 /// Standard gravity, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;
 
-/// A kind of sensor at an input, before anybody has calibrated it.
+/// A kind of sensor at an input that has not been calibrated.
 ///
-/// Sensitivities come from data sheets, so they are good to the few percent that data sheets
-/// promise; a calibration replaces [`Input::per_count`] and brings its own uncertainty.
+/// The sensitivity is that of the data sheet, accurate to a few percent; a calibration replaces
+/// [`Input::per_count`] and has its own uncertainty.
 ///
 /// ```
 /// use massline_firmware::calibration::Preset;
@@ -32,7 +32,7 @@ const STANDARD_GRAVITY: f64 = 9.806_65;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
-    /// How the sensor is wired.
+    /// Circuit of the sensor.
     pub circuit: Circuit,
     /// SI per count.
     pub per_count: f64,
@@ -99,7 +99,7 @@ impl Preset {
         }
     }
 
-    /// The setting for an input of this number, with what is known of the sensor.
+    /// The setting of the input of this number.
     #[must_use]
     pub const fn input<'a>(
         &self,

@@ -1,12 +1,12 @@
-//! The straight line from counts or readings to SI.
+//! Linear conversion of counts or readings to SI.
 
 use crate::wire::{Field, Problem, ScaleSource};
 
 /// `SI = per_unit * (reading - offset)`, in `f32`.
 ///
-/// Counts of 24 bits and integer offsets are subtracted as integers, so that a large offset takes
-/// nothing from a small signal. What is left of the offset, less than half a count, is subtracted
-/// in `f32`. The same operations in the same order round alike on a host and on the chip.
+/// Counts of 24 bits and integer offsets are subtracted as integers, so that a large offset costs a
+/// small signal no resolution. The rest of the offset, less than half a count, is subtracted in
+/// `f32`. The same operations in the same order round alike on a host and on the chip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     per_unit: f32,
@@ -17,8 +17,8 @@ pub struct Scale {
     offset: f32,
 }
 
-/// Largest magnitude of a sensitivity, and the inverse of its smallest: `f32` holds what comes
-/// out of 24 bits with room on both sides.
+/// Largest magnitude of a sensitivity, and the inverse of its smallest: products with 24 bits are
+/// well within the range of `f32`.
 const SENSITIVITY_MAX: f64 = 1e20;
 /// Largest magnitude of an offset: below half of the counts that an `i32` holds.
 const OFFSET_MAX: f64 = (1 << 30) as f64;
@@ -32,13 +32,13 @@ impl Scale {
         offset: 0.0,
     };
 
-    /// A line by its slope in SI per unit of the reading, and the reading at zero. A negative
-    /// slope stands for a sensor that is turned round.
+    /// Creates a conversion from the sensitivity in SI per unit of the reading, and the reading at
+    /// zero. The sensitivity is negative if the sensor is turned round.
     ///
     /// # Errors
     ///
-    /// [`Problem::Range`], with index zero: a slope that is zero, not a number or beyond 1e20 on
-    /// either side of one; an offset beyond 2^30.
+    /// [`Problem::Range`], with index zero: a sensitivity that is zero, not a number, above 1e20 or
+    /// below 1e-20 in magnitude; an offset beyond 2^30.
     pub fn new(per_unit: f64, offset: f64) -> Result<Self, Problem> {
         let size = per_unit.abs();
         if !(1.0 / SENSITIVITY_MAX..=SENSITIVITY_MAX).contains(&size) {
@@ -57,11 +57,11 @@ impl Scale {
         })
     }
 
-    /// The line that a set-up gives for a sensor; `None` if it is the stored one of an input.
+    /// The conversion that a set-up gives for a sensor; `None` if the box has it stored.
     ///
     /// # Errors
     ///
-    /// Those of [`Self::new`].
+    /// The errors of [`Self::new`].
     pub fn given(scale: &ScaleSource) -> Result<Option<Self>, Problem> {
         match *scale {
             ScaleSource::Given { per_unit, offset } => Self::new(per_unit, offset).map(Some),
@@ -69,21 +69,21 @@ impl Scale {
         }
     }
 
-    /// SI from a count.
+    /// Converts a count to SI.
     #[must_use]
     #[inline]
     pub fn count(&self, count: i32) -> f32 {
         (count.saturating_sub(self.whole) as f32 - self.rest) * self.per_unit
     }
 
-    /// SI from a reading in any other unit.
+    /// Converts a reading in any other unit to SI.
     #[must_use]
     pub fn reading(&self, reading: f32) -> f32 {
         (reading - self.offset) * self.per_unit
     }
 }
 
-/// A value outside its range; the caller knows of which sensor or input.
+/// Refusal of a value outside its range; the caller sets the number of the sensor or input.
 pub(super) fn range(field: Field, found: f64, low: f64, high: f64) -> Problem {
     Problem::Range {
         field,

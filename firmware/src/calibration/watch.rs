@@ -1,4 +1,4 @@
-//! What a channel's counts themselves tell of its faults.
+//! Faults of a channel that follow from its counts.
 //!
 //! # Design
 //!
@@ -8,11 +8,11 @@
 //! response lasts three samples.
 //!
 //! **Open.** The wiring ties each input weakly to the positive supply, so that an input that
-//! nobody drives goes to the upper end of the range and stays. Shaking reaches the end, too, but
-//! comes back within half a period; [`OPEN_AFTER`] seconds without a return, as long as the half
-//! of a period of 0.5 Hz, are [`Health::OPEN`]. Until then the samples are overloads, so none of
-//! them was told to be good. It also stays open until it has stayed away from the end as long as
-//! the hold-off lasts.
+//! no sensor drives goes to the upper end of the range and stays there. Shaking reaches the end,
+//! too, but comes back within half a period; [`OPEN_AFTER`] seconds without a return, as long as the half
+//! of a period of 0.5 Hz, are [`Health::OPEN`]. Until then the samples are overloads, so that
+//! none of them counts as good. The input stays open until it has been away from the end for the
+//! hold-off.
 //!
 //! **Stuck.** A converter of 24 bits never reads the same number for long: even a shorted input
 //! has a noise of some ten counts (the ADS131M08's data sheet gives 1.9 µV RMS at gain 1 and its
@@ -20,8 +20,8 @@
 //! sixty of its counts at 125 Hz). Two readings are then equal in one of 46 cases, for Gaussian
 //! noise of standard deviation σ being equal has the probability 1/(2σ√π), and
 //! [`STUCK_AFTER`] = 16 of them in a row once in 46^15 or 1e25 samples: never, in four hours of
-//! 32 channels at 16384 samples/s, 7.5e9. A reading that stands still is [`Health::STUCK`], unless
-//! it stands at a limit, where it has another name.
+//! 32 channels at 16384 samples/s, 7.5e9. A reading that does not change is [`Health::STUCK`],
+//! unless it is at a limit, where it is an overload or open.
 
 use crate::wire::Health;
 
@@ -37,9 +37,9 @@ const _: () = assert!(STUCK_AFTER <= u8::MAX as u32, "as many are counted");
 /// Counts at which a sample is an overload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// At and below.
+    /// Counts at and below this one are overloads.
     pub low: i32,
-    /// At and above.
+    /// Counts at and above this one are overloads.
     pub high: i32,
 }
 
@@ -50,14 +50,14 @@ impl Limits {
         high: (1 << 23) - 1,
     };
 
-    /// Whether a count lies between the limits.
+    /// `true` if a count lies between the limits.
     #[must_use]
     pub const fn contains(&self, count: i32) -> bool {
         self.low < count && count < self.high
     }
 }
 
-/// The watch over one channel's counts.
+/// Supervision of the counts of one channel.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
     limits: Limits,
@@ -67,7 +67,7 @@ pub struct Watch {
     state: State,
 }
 
-/// What the counts so far have shown.
+/// State of the supervision.
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
     /// Samples that the hold-off still lasts.
@@ -81,7 +81,8 @@ struct State {
 }
 
 impl Watch {
-    /// A watch at a sample rate in Hz. Rates that are none give the shortest times, one sample.
+    /// Creates the supervision at a sample rate in Hz. An invalid rate gives the shortest times, one
+    /// sample.
     #[must_use]
     pub fn new(limits: Limits, sample_rate: f32) -> Self {
         // A cast saturates, and takes what is not a number for zero.
@@ -100,11 +101,11 @@ impl Watch {
         self.limits
     }
 
-    /// Takes one count of the sensor and gives its faults.
+    /// Takes one count of the sensor and returns its faults.
     #[inline]
     pub fn count(&mut self, count: i32) -> Health {
         let state = &mut self.state;
-        // Nearly always, and for every input of every sample: what is seldom is kept away.
+        // The common case of every input of every sample; rare cases are a function of their own.
         if count != state.last && state.held == 0 && self.limits.contains(count) {
             state.last = count;
             state.equal = 1;
@@ -113,7 +114,7 @@ impl Watch {
         self.count_conspicuous(count)
     }
 
-    /// Takes a count that stands still, lies beyond a limit or comes soon after one that did.
+    /// Takes a count that does not change, lies beyond a limit, or follows within the hold-off.
     #[cold]
     fn count_conspicuous(&mut self, count: i32) -> Health {
         let state = &mut self.state;
@@ -136,7 +137,7 @@ impl Watch {
         self.absent()
     }
 
-    /// Takes notice that a sample holds no reading of the sensor, and gives the faults that go on.
+    /// Takes a sample without a reading of the sensor, and returns the faults that go on.
     pub fn absent(&mut self) -> Health {
         let state = &mut self.state;
         if state.held == 0 {
@@ -149,8 +150,7 @@ impl Watch {
         health
     }
 
-    /// Takes notice that so many samples in a row are missing, as by that many
-    /// [`Self::absent`].
+    /// Takes a number of missing samples in a row, as if by that many calls of [`Self::absent`].
     pub fn skip(&mut self, missing: u64) {
         let state = &mut self.state;
         if state.held == 0 || missing == 0 {

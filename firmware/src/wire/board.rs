@@ -1,94 +1,95 @@
-//! The box itself: who it is, how it fares, and its self-test.
+//! The box itself: its identity, its state, its faults and its self-test.
 
 use super::{Health, LinkCounters, MethodSet, Pass, Source};
 use serde::{Deserialize, Serialize};
 
-/// Most bytes of a panic's text, UTF-8.
+/// Largest length of a panic's text in UTF-8, bytes.
 pub const PANIC_MAX: usize = 256;
 
-/// Who answers. Texts are at most [`super::NAME_MAX`] bytes, unless they say otherwise.
+/// Identity, state and capacity of the box. Texts are at most [`super::NAME_MAX`] bytes, unless
+/// stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Info<'a> {
-    /// The firmware's name.
+    /// Name of the firmware.
     pub firmware: &'a str,
-    /// Its version.
+    /// Version of the firmware.
     pub version: &'a str,
-    /// What it was built from, so that a host can tell two builds of a version apart.
+    /// Identifier of the build, which distinguishes two builds of a version.
     pub build: &'a str,
-    /// The chip.
+    /// Name of the chip.
     pub chip: &'a str,
-    /// The chip's serial number.
+    /// Serial number of the chip.
     pub serial: [u8; 12],
-    /// What drives the core.
+    /// Source of the core clock.
     pub clock: ClockSource,
-    /// The core's clock, Hz.
+    /// Core clock in Hz.
     pub clock_hz: u32,
-    /// Ticks per second of all tick counts in the contract.
+    /// Ticks per second of all tick counts in the protocol.
     pub tick_hz: u32,
-    /// Where settings are kept.
+    /// Memory in which settings are stored.
     pub storage: Storage,
-    /// Why it started.
+    /// Reason of the last start.
     pub reset: ResetReason,
-    /// Resets since it was last switched on.
+    /// Number of resets since the box was switched on.
     pub resets: u32,
-    /// Text of the last panic, at most [`PANIC_MAX`] bytes. Told at every hello until
+    /// Text of the last panic, at most [`PANIC_MAX`] bytes. Every hello returns it until
     /// [`super::Request::ForgetFaults`].
     pub panic: Option<&'a str>,
-    /// Faults since they were last forgotten.
+    /// Faults since the counters were last set to zero.
     pub faults: FaultCounters,
-    /// What fits.
+    /// Capacity of the box.
     pub capacity: Capacity,
 }
 
-/// What drives the core.
+/// Source of the core clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ClockSource {
-    /// The crystal, multiplied.
+    /// The crystal drives the PLL.
     CrystalPll,
-    /// The internal oscillator, multiplied: no working crystal.
+    /// The internal oscillator drives the PLL, since the crystal does not work.
     InternalPll,
-    /// The internal oscillator as it is.
+    /// The internal oscillator is the clock, without the PLL.
     Internal,
 }
 
-/// Where settings are kept.
+/// Memory in which settings are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Storage {
-    /// In flash.
+    /// Flash memory.
     Flash,
-    /// In memory only: they are gone when the box is switched off.
+    /// Volatile memory: settings are lost when the box is switched off.
     Volatile,
 }
 
-/// Why the box started.
+/// Reason of a start of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ResetReason {
-    /// Switched on.
+    /// The box was switched on.
     PowerOn,
-    /// The supply sagged.
+    /// The supply voltage was too low.
     BrownOut,
-    /// The reset pin.
+    /// The reset pin was pulled.
     Pin,
-    /// The watchdog: a task had not checked in.
+    /// The watchdog ran out, since a task had not reported to it.
     Watchdog,
-    /// A panic.
+    /// A panic occurred.
     Panic,
-    /// A fault of the processor.
+    /// A fault of the processor occurred.
     HardFault,
-    /// The stack ran into its guard.
+    /// The stack reached its guard.
     StackOverflow,
-    /// [`super::Request::Reboot`].
+    /// [`super::Request::Reboot`] was received.
     Request,
-    /// None of these.
+    /// The reason is none of these.
     Other,
 }
 
-/// What went wrong, counted.
+/// Counters of faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultCounters {
     /// Resets by the watchdog.
     pub watchdog: u32,
-    /// Resets by a sagging supply.
+    /// Resets by a low supply voltage.
     pub brown_out: u32,
     /// Panics.
     pub panic: u32,
@@ -100,84 +101,84 @@ pub struct FaultCounters {
     pub converter_checksum: u32,
     /// Samples that a converter did not deliver in time.
     pub converter_missed: u32,
-    /// Resets of a converter that nobody asked for.
+    /// Unexpected resets of a converter.
     pub converter_reset: u32,
-    /// Converters found out of step.
+    /// Times that a converter was out of step with the others.
     pub out_of_step: u32,
-    /// Samples that the box itself was too late for.
+    /// Samples that the box itself read too late.
     pub overrun: u32,
     /// Writes or reads of settings that failed.
     pub storage: u32,
 }
 
-/// What fits into this box.
+/// Capacity of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Capacity {
-    /// Channels of a sample.
+    /// Largest number of channels of a sample.
     pub channels: u8,
-    /// Channels of its own converters.
+    /// Number of channels of its own converters.
     pub inputs: u8,
-    /// Sensors of a set-up.
+    /// Largest number of sensors of a set-up.
     pub sensors: u8,
-    /// Stored runs.
+    /// Largest number of stored runs.
     pub runs: u8,
-    /// Lines of a run.
+    /// Largest number of lines of a run.
     pub lines: u16,
-    /// Samples of a block.
+    /// Largest number of samples of a block.
     pub block_length: u32,
-    /// Requests of [`super::Request::Samples`] that may be unanswered at a time.
+    /// Largest number of unanswered requests of [`super::Request::Samples`].
     pub window: u8,
     /// Methods that the box can run.
     pub methods: MethodSet,
 }
 
-/// Asks for a sign of life.
+/// Request for a sign of life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ping {
-    /// Comes back as it is: the host's clock, for instance.
+    /// Number that the reply returns unchanged, such as the time of the host's clock.
     pub stamp: u64,
 }
 
-/// A sign of life. From two of them the host knows the true sample rate by its own clock.
+/// A sign of life. Two of them give the host the true sample rate by its own clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Pong {
-    /// That of the [`Ping`].
+    /// Number of the [`Ping`].
     pub stamp: u64,
-    /// Ticks of [`Info::tick_hz`] since the start.
+    /// Time since the start, ticks of [`Info::tick_hz`].
     pub ticks: u64,
-    /// Samples of the box's own converters since the start.
+    /// Number of samples of the box's own converters since the start.
     pub samples: u64,
 }
 
-/// What the box is doing, and what it holds: all that a host needs to take up the thread.
+/// State of the box and of its stored data: all that a host which reconnects needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Status {
-    /// What it is doing.
+    /// State of the box.
     pub state: State,
-    /// Number of the request it is still working on, if any.
+    /// Number of the request that the box is still working on.
     pub busy: Option<u8>,
-    /// [`super::Plan::fingerprint`] of the set-up, if there is one.
+    /// [`super::Plan::fingerprint`] of the set-up; `None` without one.
     pub fingerprint: Option<u32>,
     /// The run that is going on.
     pub running: Option<Running>,
-    /// Runs whose lines are stored: bit k is run k.
+    /// Bit k is set if the lines of run k are stored.
     pub stored: u32,
-    /// Runs that were surveyed.
+    /// Bit k is set if run k was surveyed.
     pub surveyed: u32,
-    /// Whether there is an answer to read.
+    /// `true` if there is an answer to read.
     pub answer: bool,
-    /// Whether settings were written that are not saved.
+    /// `true` if settings were changed and not saved.
     pub unsaved: bool,
 }
 
-/// What the box is doing.
+/// State of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
-    /// It has no set-up.
+    /// The box has no set-up.
     Empty,
-    /// A set-up is coming in.
+    /// The box is receiving a set-up.
     SettingUp,
-    /// It has a set-up.
+    /// The box has a set-up.
     Ready,
     /// A run is going on.
     Running,
@@ -186,91 +187,90 @@ pub enum State {
 /// The run that is going on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Running {
-    /// The run.
+    /// Number of the run.
     pub run: u8,
-    /// What it is for.
+    /// Purpose of the run.
     pub pass: Pass,
-    /// Where its samples come from.
+    /// Source of its samples.
     pub source: Source,
-    /// Index of the sample that is expected next.
+    /// Index of the next sample.
     pub next: u64,
-    /// Blocks averaged.
+    /// Number of averaged blocks.
     pub blocks: u32,
 }
 
-/// What the box sends without being asked. All of it is off at the start, except what
-/// belongs to a run: blocks, channel health, the run's end, faults.
+/// Events that the box sends besides those of a run, which are blocks, channel health, the end of
+/// the run and faults. All of them are off at the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Subscription {
-    /// Milliseconds between two [`super::Event::Telemetry`]; 0 for none.
+    /// Period of [`super::Event::Telemetry`] in ms; 0 turns it off.
     pub telemetry: u16,
-    /// Milliseconds between two [`super::Event::Levels`]; 0 for none.
+    /// Period of [`super::Event::Levels`] in ms; 0 turns it off.
     pub levels: u16,
-    /// The samples of the box's own converters, as [`super::Event::Recorded`] and
-    /// [`super::Event::RecordedFaulty`].
+    /// Form of the samples of the box's own converters, which are sent as
+    /// [`super::Event::Recorded`] and [`super::Event::RecordedFaulty`].
     pub samples: Stream,
 }
 
-/// How samples are sent.
+/// Form in which samples are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Stream {
-    /// Not at all.
+    /// No samples are sent.
     #[default]
     Off,
-    /// Calibrated, in SI.
+    /// Calibrated samples, SI.
     Readings,
-    /// As counts.
+    /// Raw counts.
     Counts,
 }
 
-/// How the box fares.
+/// Load, memory and counters of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Telemetry {
-    /// Milliseconds since the start.
+    /// Time since the start, ms.
     pub uptime: u64,
-    /// Deepest that the stack has ever been, bytes.
+    /// Largest depth of the stack so far, bytes.
     pub stack_used: u32,
-    /// Bytes there are for it.
+    /// Size of the stack, bytes.
     pub stack_size: u32,
-    /// Share of the time since the last such event that was not idle, in thousandths.
+    /// Share of the time since the last such event in which the core was busy, thousandths.
     pub load: u16,
-    /// Longest that a block took, ticks.
+    /// Longest computing time of a block, ticks.
     pub block_ticks: u32,
-    /// Frames to the host that found no room and were given up. The host knows them as
-    /// lost, too.
+    /// Frames to the host that were dropped for want of room. The host counts them as lost.
     pub dropped: u32,
-    /// Bytes from the host that found no room.
+    /// Bytes from the host that were dropped for want of room.
     pub overrun: u32,
-    /// What the box has seen of the host's frames.
+    /// Counters of the box's receiver.
     pub link: LinkCounters,
-    /// Faults since they were last forgotten.
+    /// Faults since the counters were last set to zero.
     pub faults: FaultCounters,
 }
 
-/// The box has started. The first frame of its session.
+/// Start of the box, the first frame of its session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Started {
-    /// Why.
+    /// Reason of the start.
     pub reset: ResetReason,
-    /// Resets since it was last switched on.
+    /// Number of resets since the box was switched on.
     pub resets: u32,
 }
 
-/// Something that needs no request to be told: a fault of the box while it works.
+/// A fault of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
-    /// What.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// Index of the sample at which it was noticed.
+    /// Index of the sample at which the fault was noticed.
     pub sample: u64,
-    /// Number of the converter, channel or task that it is about, where there is one.
+    /// Number of the converter, channel or task at fault; `None` for others.
     pub part: Option<u8>,
 }
 
-/// Kinds of faults that are told.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
-    /// The box was too late for a sample.
+    /// The box read a sample too late.
     Overrun,
     /// A converter does not answer.
     Converter,
@@ -282,38 +282,39 @@ pub enum FaultKind {
     Stack,
 }
 
-/// Has the box fail or feign on purpose, so that tests see what becomes of it.
+/// Deliberate fault, or test pattern, for tests of the box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Provoke {
-    /// A panic with a text that is known.
+    /// The box panics with a known text.
     Panic,
-    /// A stack overflow.
+    /// The stack overflows.
     StackOverflow,
-    /// A task that does not check in with the watchdog.
+    /// A task stops reporting to the watchdog.
     Hang,
-    /// No failure: from now on a timer and a known pattern of counts stand in for the
-    /// converters, so that sampling can be seen to go on whatever else the box is at.
+    /// A timer and a known pattern of counts replace the converters from now on, so that a test can
+    /// check that sampling goes on whatever else the box does. This is not a fault.
     TestPattern,
 }
 
-/// Result of the self-test: the synthetic body's properties, found and true.
+/// Result of the self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selftest {
-    /// Whether every check held.
+    /// `true` if every check held.
     pub passed: bool,
-    /// Mass, centre of gravity x, y, z, inertia about it xx, yy, zz, xy, xz, yz.
+    /// Checks of the mass, the centre of gravity x, y, z, and the inertia about it xx, yy, zz, xy,
+    /// xz, yz.
     pub checks: [Check; 10],
-    /// Faults of channels that came up.
+    /// Faults of the channels during the test.
     pub health: Health,
 }
 
-/// One property in the self-test.
+/// One property of the synthetic body in the self-test.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
-    /// What the synthetic body has.
+    /// True value, SI.
     pub truth: f64,
-    /// What was identified; `None` if it was not observable.
+    /// Identified value, SI; `None` if it was not observable.
     pub found: Option<f64>,
-    /// Largest distance of the two that passes.
+    /// Largest distance of the two values that passes, SI.
     pub bound: f64,
 }

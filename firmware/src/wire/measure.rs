@@ -1,77 +1,77 @@
-//! A run: samples in, blocks and lines out.
+//! A run: samples, blocks and lines.
 
 use super::packed::Word;
 use super::{Count24, Health, PAYLOAD_MAX, Packed};
 use massline_core::geometry::RESULTANTS;
 use serde::{Deserialize, Serialize};
 
-/// Starts a run.
+/// Start of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Start {
-    /// The run, by its number in the set-up.
+    /// Number of the run in the set-up.
     pub run: u8,
-    /// What for.
+    /// Purpose of the run.
     pub pass: Pass,
-    /// Where the samples come from.
+    /// Source of the samples.
     pub source: Source,
-    /// What the box does about samples that are missing from [`super::Request::Samples`].
+    /// Treatment of samples that are missing from [`super::Request::Samples`].
     pub gaps: Gaps,
-    /// Samples after which the run ends by itself, with [`super::Event::RunEnded`]: also
-    /// if the host is gone by then.
+    /// Number of samples after which the run ends by itself, with [`super::Event::RunEnded`], even
+    /// if the host is disconnected by then.
     pub limit: Option<u64>,
 }
 
-/// What a run is for.
+/// Purpose of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Pass {
-    /// To see how far each accelerometer moves near the first elastic modes, and to set
-    /// weights by that as [`super::Weighting`] says. No lines are stored.
+    /// The run measures the amplitude of each accelerometer near the first elastic modes, from which
+    /// weights follow as [`super::Weighting`] says. No lines are stored.
     Survey,
-    /// To measure. Replaces the stored run of that number.
+    /// The run measures lines, which replace the stored run of the same number.
     Measure,
 }
 
-/// Where samples come from.
+/// Source of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Source {
-    /// From the host.
+    /// The host sends the samples.
     Host,
-    /// From the box's own converters.
+    /// The box's own converters give the samples.
     Inputs,
-    /// From a body of known properties that the box computes.
+    /// The box computes the samples of a body of known properties.
     Synthetic,
 }
 
-/// What becomes of samples that are missing.
+/// Treatment of missing samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Gaps {
-    /// Samples beyond a gap are refused with [`super::Problem::Gap`], and the host sends
-    /// again from the sample that is expected: a replay over a link that loses frames.
+    /// Samples beyond a gap are refused with [`super::Problem::Gap`], and the host sends again from
+    /// the sample that is expected. This suits a replay over a link that loses frames.
     Refuse,
-    /// Missing samples are counted, the block they are missing from is rejected, and the
-    /// next block begins behind the gap: a source that has really lost them. A gap of any
-    /// length is one rejected block; one that goes on to the run's limit ends the run.
+    /// Missing samples are counted, the block that lacks them is rejected, and the next block begins
+    /// behind the gap. This suits a source that has really lost them. A gap of any length is one
+    /// rejected block; a gap up to the limit of the run ends the run.
     Count,
 }
 
 /// Consecutive samples of all channels.
 ///
-/// Samples that the box already has are skipped, so that a request may be repeated. The number
-/// of the first one may be any: one that is ahead is a gap, which [`Gaps`] says what to do
-/// about, also where the message holds no sample. Only a last number beyond 2⁶⁴ - 1 is refused.
+/// Samples that the box already has are skipped, so that a request may be repeated. The index of the
+/// first sample may be any: one that is ahead makes a gap, which is treated as [`Gaps`] says, even
+/// if the message holds no sample. Only a last index beyond 2⁶⁴ - 1 is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Samples<'a> {
-    /// Index of the first sample; a run's first is 0.
+    /// Index of the first sample; the first of a run is 0.
     pub first: u64,
-    /// Channels of a sample.
+    /// Number of channels of a sample.
     pub channels: u8,
-    /// Sample after sample, all channels each.
+    /// Values of all channels, sample by sample.
     #[serde(borrow)]
     pub values: Values<'a>,
 }
 
 impl Samples<'_> {
-    /// Number of samples; `None` if there are no channels or the last sample is not whole.
+    /// Number of samples; `None` without channels, or if the last sample is incomplete.
     #[must_use]
     pub fn count(&self) -> Option<usize> {
         let (values, channels) = (self.values.len(), usize::from(self.channels));
@@ -81,8 +81,8 @@ impl Samples<'_> {
         }
     }
 
-    /// How many samples of `channels` values, `bytes` each, fit a frame: 4 for readings
-    /// and counts, 3 for counts of 24 bits.
+    /// Number of samples of `channels` values that fit a frame. A value has 4 `bytes` if it is a
+    /// reading or a count, and 3 if it is a count of 24 bits.
     #[must_use]
     pub const fn fit(channels: u8, bytes: usize) -> usize {
         match (PAYLOAD_MAX - BEFORE).checked_div((channels as usize).saturating_mul(bytes)) {
@@ -94,34 +94,33 @@ impl Samples<'_> {
 
 /// Consecutive samples of the box's own converters, some of whose inputs are faulty.
 ///
-/// Such a message holds for itself alone: faults stand beside the samples they are faults
-/// of, so that a frame that is lost takes its own samples along and leaves no doubt about
-/// others. These are the faults that the converters' driver has found. What the counts
-/// themselves tell of a sensor (overload, an open lead, a reading that stands still) is for
-/// the host to see, as [`crate::calibration::Channel`] does.
+/// Each message has the faults of its own samples, so that a lost frame leaves no doubt about
+/// others. The faults are those that the driver of the converters has found. Faults that follow
+/// from the counts themselves (overload, an open lead, a reading that does not change) are found by
+/// the host with [`crate::calibration::Channel`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultySamples<'a> {
-    /// Bits of [`Health`] for each channel, the same for all these samples.
+    /// Bits of [`Health`] for each channel, the same for all samples of the message.
     #[serde(borrow)]
     pub health: Packed<'a, u16>,
-    /// The samples. What a faulty channel reads is not to be believed.
+    /// The samples. Values of faulty channels are invalid.
     #[serde(borrow)]
     pub samples: Samples<'a>,
 }
 
 impl FaultySamples<'_> {
-    /// Bytes of values that fit a frame, beside the faults of 64 channels.
+    /// Number of bytes of values that fit a frame beside the faults of 64 channels.
     pub const FIT: usize = PAYLOAD_MAX - (2 + 2 * 64) - BEFORE;
 }
 
-/// Bytes of [`Samples`] before the values: the index takes up to ten, channels and kind one
-/// each, the length two.
+/// Largest number of bytes of [`Samples`] before the values: the index takes up to ten, channels and
+/// kind one each, the length two.
 const BEFORE: usize = 10 + 1 + 1 + 2;
 
 /// Values of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Values<'a> {
-    /// Readings in the recording's unit, SI where the scale is one.
+    /// Readings in the unit of the recording, which is SI if the scale is one.
     Readings(#[serde(borrow)] Packed<'a, f32>),
     /// Raw counts.
     Counts(#[serde(borrow)] Packed<'a, i32>),
@@ -140,105 +139,106 @@ impl Values<'_> {
         }
     }
 
-    /// Whether there is none.
+    /// `true` if there are no values.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// How far the box has come with the samples.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
-    /// Index of the sample that is expected next.
+    /// Index of the next sample.
     pub next: u64,
-    /// Samples that were missing so far in this run.
+    /// Number of missing samples so far in this run.
     pub missing: u64,
 }
 
-/// One block is complete.
+/// A complete block.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Block {
-    /// The run.
+    /// Number of the run.
     pub run: u8,
-    /// What the run is for.
+    /// Purpose of the run.
     pub pass: Pass,
-    /// Number of the block in this run, from zero; rejected ones have a number too.
+    /// Number of the block in this run, from zero, rejected blocks included.
     pub block: u32,
-    /// Index of its first sample.
+    /// Index of the first sample of the block.
     pub first: u64,
-    /// Why it was rejected; good if it went into the average.
+    /// Faults for which the block was rejected; empty if it entered the average.
     pub health: Health,
-    /// Blocks in the average.
+    /// Number of blocks in the average.
     pub averaged: u32,
-    /// Coherence of each resultant with the drive so far, mean over the averaging band;
-    /// where there is a drive, and two blocks or more.
+    /// Coherence of each resultant with the drive so far, mean over the averaging band; `None`
+    /// without a drive or with fewer than two blocks.
     pub coherence: Option<[f32; RESULTANTS]>,
-    /// Ticks of [`super::Info::tick_hz`] that the block took to compute.
+    /// Computing time of the block, ticks of [`super::Info::tick_hz`].
     pub ticks: u32,
 }
 
-/// Why a run ended.
+/// Reason of the end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Outcome {
-    /// The host stopped it.
+    /// The host stopped the run.
     Stopped,
-    /// It had all the samples it was started for.
+    /// The run has reached its limit of samples.
     Limit,
-    /// A fault of the box ended it; what was averaged until then is kept.
+    /// A fault of the box ended the run; the average until then is stored.
     Fault,
 }
 
-/// A finished run.
+/// Summary of a finished run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// The run.
+    /// Number of the run.
     pub run: u8,
-    /// What it was for.
+    /// Purpose of the run.
     pub pass: Pass,
-    /// Where the samples came from.
+    /// Source of the samples.
     pub source: Source,
-    /// Why it ended.
+    /// Reason of its end.
     pub outcome: Outcome,
-    /// Samples taken.
+    /// Number of samples received.
     pub samples: u64,
-    /// Samples that were missing.
+    /// Number of missing samples.
     pub missing: u64,
-    /// Blocks averaged.
+    /// Number of averaged blocks.
     pub blocks: u32,
-    /// Blocks rejected.
+    /// Number of rejected blocks.
     pub rejected: u32,
-    /// Blocks rejected for each fault, by the bits of [`Health`]; a block with two faults
+    /// Number of blocks rejected for each fault, by the bits of [`Health`]; a block with two faults
     /// counts twice.
     pub rejected_by: [u32; Health::KINDS],
-    /// Every fault that a block was rejected for.
+    /// Union of the faults for which blocks were rejected.
     pub health: Health,
-    /// Samples with an overload in any channel.
+    /// Number of samples with an overload in any channel.
     pub overloads: u64,
-    /// True sample rate by the box's clock, Hz; `None` if the samples came from elsewhere.
+    /// Sample rate by the clock of the box, Hz; `None` if the samples are not those of its
+    /// converters.
     pub sample_rate: Option<f64>,
-    /// Power per line that does not come from the drive, of each resultant; `None`
-    /// without a drive or lines.
+    /// Noise power of each resultant, which is its power per line that is not coherent with the
+    /// drive; `None` without a drive or lines.
     pub noise: Option<[f32; RESULTANTS]>,
 }
 
-/// Asks for lines of a stored run.
+/// Request for lines of a stored run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReadLines {
-    /// The run.
+    /// Number of the run.
     pub run: u8,
-    /// First line wanted, by its place among the kept ones.
+    /// Index of the first requested line among the kept lines.
     pub first: u16,
-    /// Number of lines wanted. The reply holds at most [`Lines::FIT`] of them.
+    /// Number of requested lines. The reply holds at most [`Lines::FIT`] of them.
     pub count: u16,
 }
 
-/// Lines of a stored run that was referred to its drive.
+/// Lines of a stored run, referred to its drive.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lines<'a> {
-    /// The run.
+    /// Number of the run.
     pub run: u8,
-    /// The first of these lines, by its place among the kept ones.
+    /// Index of the first of these lines among the kept lines.
     pub first: u16,
     /// The lines.
     #[serde(borrow)]
@@ -246,16 +246,16 @@ pub struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// Lines that fit a frame.
+    /// Number of lines that fit a frame.
     pub const FIT: usize = (PAYLOAD_MAX - 6) / Line::SIZE;
 }
 
 /// One line of a stored run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// G_rr, summed over the blocks.
+    /// Power of the drive G_rr, summed over the blocks.
     pub drive: f32,
-    /// Real and imaginary part of each resultant's response to the drive.
+    /// Real and imaginary part of the response of each resultant to the drive.
     pub responses: [[f32; 2]; RESULTANTS],
 }
 
@@ -286,13 +286,13 @@ impl Word for Line {
     }
 }
 
-/// What a survey found.
+/// Result of a survey.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Peaks<'a> {
-    /// The run.
+    /// Number of the run.
     pub run: u8,
-    /// Largest amplitude in the mode band of each sensor, by its number, per unit of
-    /// drive where there is one; zero at a load cell.
+    /// Largest amplitude of each sensor in the mode band, by its number, per unit of drive if there
+    /// is a drive; zero for a load cell.
     #[serde(borrow)]
     pub peaks: Packed<'a, f64>,
 }

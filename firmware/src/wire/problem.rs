@@ -1,4 +1,4 @@
-//! Why a request was refused: which one, what was found, what was expected.
+//! Refusals of requests: the request, the found value and the expected value.
 
 use super::{
     Accelerations, Header, NoAnswer, PROTOCOL_VERSION, Refusal, Request, SettingKey, State,
@@ -6,150 +6,149 @@ use super::{
 use core::fmt::{Display, Formatter, Result};
 use serde::{Deserialize, Serialize};
 
-/// A request was refused, and changed nothing.
+/// Refusal of a request, which has changed nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Refused {
     /// Number of the request.
     pub request: u8,
-    /// Why.
+    /// Reason of the refusal.
     pub problem: Problem,
 }
 
-/// Why a request was refused.
+/// Reason of a refusal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Problem {
-    /// The request is of another version of the contract.
+    /// The request has another protocol version.
     Version {
-        /// The request's.
+        /// Version of the request.
         found: u8,
-        /// The box's.
+        /// Version of the box.
         expected: u8,
     },
     /// The box knows no request of this number.
     UnknownNumber,
-    /// The content is not that of this number.
+    /// The content does not fit the number of the request.
     Malformed,
-    /// The request has no id.
+    /// The request has no identifier.
     NoRequestId,
-    /// Not while the box is doing what it does.
+    /// The box does not accept the request in its present state.
     State {
-        /// What it does.
+        /// Present state.
         found: State,
-        /// What it would have to do.
+        /// State in which the request is accepted.
         expected: State,
     },
-    /// Still at work on an earlier request of this number. That of
-    /// [`Request::Subscribe`]: samples are being sent to a recording, which the request would
-    /// disturb.
+    /// The box is still working on an earlier request of this number. The number of
+    /// [`Request::Subscribe`] means that samples are being recorded, which the request would disturb.
     Busy(u8),
-    /// This firmware does not do that.
+    /// The firmware does not support this.
     Unsupported(Item),
-    /// There is none of this number.
+    /// No item has this number.
     Index {
-        /// Of what.
+        /// Kind of the item.
         item: Item,
-        /// The number.
+        /// Number in the request.
         found: u32,
-        /// All are below this.
+        /// Limit that all numbers are below.
         limit: u32,
     },
-    /// Not enough room.
+    /// The box has not enough room.
     Capacity {
-        /// For what.
+        /// Kind of the items.
         item: Item,
-        /// How many there are.
+        /// Number of items in the request.
         found: u32,
-        /// How many fit.
+        /// Number of items that fit.
         limit: u32,
     },
-    /// A number of things that is not the right one.
+    /// The number of items is wrong.
     Count {
-        /// Of what.
+        /// Kind of the items.
         item: Item,
-        /// How many came.
+        /// Number of items in the request.
         found: u32,
-        /// How many were expected.
+        /// Expected number of items.
         expected: u32,
     },
-    /// Something that has not been sent, stored or computed yet.
+    /// An item has not been sent, stored or computed yet.
     Missing {
-        /// What.
+        /// Kind of the item.
         item: Item,
-        /// Its number, zero where there is only one.
+        /// Number of the item; zero if there is only one.
         index: u32,
     },
-    /// A value outside its range.
+    /// A value is outside its range.
     Range {
-        /// Of what.
+        /// Name of the value.
         field: Field,
-        /// Number of the sensor, run or input, zero where there is only one.
+        /// Number of the sensor, run or input; zero if there is only one.
         index: u32,
-        /// The value.
+        /// Value in the request.
         found: f64,
-        /// Lowest that is allowed.
+        /// Lowest allowed value.
         low: f64,
-        /// Highest that is allowed.
+        /// Highest allowed value.
         high: f64,
     },
-    /// Samples begin behind a gap, and the run refuses gaps.
+    /// The samples begin behind a gap, and the run refuses gaps.
     Gap {
         /// Index of the first sample.
         found: u64,
-        /// Index of the sample that is expected.
+        /// Index of the expected sample.
         expected: u64,
     },
     /// The method needs runs that were measured with other accelerometers.
     Accelerations {
-        /// Of the stored runs.
+        /// Accelerometers of the stored runs.
         found: Accelerations,
-        /// Of the method.
+        /// Accelerometers that the method needs.
         expected: Accelerations,
         /// The first run at fault.
         run: u8,
     },
     /// The data give no answer.
     NoAnswer(NoAnswer),
-    /// The flash has failed this setting.
+    /// The flash failed to store this setting.
     Storage(SettingKey),
-    /// A converter of the box does not come up.
+    /// A converter of the box does not start.
     Converter {
-        /// Its number, from zero.
+        /// Number of the converter, from zero.
         converter: u8,
-        /// What it did instead.
+        /// Fault of the converter.
         fault: ConverterFault,
     },
 }
 
-/// What a converter did that does not come up.
+/// Fault of a converter that does not start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ConverterFault {
     /// The bus failed.
     Bus,
-    /// Its data line stayed at one level.
+    /// The data line stays at one level.
     Stuck,
-    /// Its frames came with wrong checksums.
+    /// The frames have wrong checksums.
     Checksum,
-    /// It is another device.
+    /// The device is another one.
     Identity {
-        /// What it says it is.
+        /// Identity of the device.
         found: u16,
-        /// What it should say.
+        /// Identity of the converter.
         expected: u16,
     },
-    /// A register does not keep what is written.
+    /// A register does not keep the value that is written.
     Register {
-        /// Its address.
+        /// Address of the register.
         address: u8,
-        /// What was read.
+        /// Value that was read.
         found: u16,
-        /// What was written.
+        /// Value that was written.
         expected: u16,
     },
-    /// It does not do as it is told.
+    /// The converter does not execute commands.
     Command,
 }
 
-/// Things there can be too many of.
+/// Kind of an item of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Item {
     /// A sensor.
@@ -196,14 +195,14 @@ pub enum Item {
     Provoke,
 }
 
-/// Numbers that have a range.
+/// Name of a value that has a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Field {
     /// The reference point.
     ReferencePoint,
     /// The position of a sensor.
     Position,
-    /// The direction of a sensor; its length was found.
+    /// The length of the direction of a sensor.
     Direction,
     /// The scale of a sensor or an input.
     Scale,
@@ -254,8 +253,8 @@ pub enum Field {
 }
 
 impl Refused {
-    /// The answer to a frame that is no message. It goes to the request id of the
-    /// frame's header, which is zero where the frame had none.
+    /// The reply to a frame that is not a message. It is sent to the request identifier of the
+    /// frame, which is zero if the frame has none.
     #[must_use]
     pub const fn because(header: &Header, refusal: Refusal) -> Self {
         let problem = match refusal {

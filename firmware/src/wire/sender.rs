@@ -1,16 +1,15 @@
-//! The sending end: messages in, numbered frames out.
+//! The sending end: it makes numbered frames of messages.
 
 use super::frame::{EncodeError, Header};
 use super::{Event, PROTOCOL_VERSION, Reply, Request};
 
-/// Turns messages into frames and counts every one of them.
+/// Makes frames of messages and numbers them.
 ///
-/// One for each direction and link. The box's takes [`reply`](Self::reply) and
-/// [`event`](Self::event), the host's takes [`request`](Self::request).
+/// There is one for each direction and link. The box calls [`reply`](Self::reply) and
+/// [`event`](Self::event), the host calls [`request`](Self::request).
 ///
-/// A number is used up by every message that was *produced*, also by one that could not
-/// be written and by one that found no room in a queue ([`skip`](Self::skip)): nothing
-/// disappears without its gap.
+/// Every message that was *produced* uses up a number, even if it could not be written or found no
+/// room in a queue ([`skip`](Self::skip)): each lost message leaves a gap in the numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Sender {
     session: u16,
@@ -20,9 +19,9 @@ pub struct Sender {
 impl Sender {
     /// Starts a session with frame zero.
     ///
-    /// `session` must differ from the two before it on the same side. A box counts its
-    /// resets in memory that outlives them; a host takes a new one, from its clock for
-    /// instance, each time it opens the link or says [`Request::Hello`] again.
+    /// `session` must differ from the two before it on the same side. A box counts its resets in
+    /// memory that is retained over a reset; a host takes a new number, such as one from its clock,
+    /// each time it opens the link or sends [`Request::Hello`] again.
     #[must_use]
     pub const fn new(session: u16) -> Self {
         Self { session, next: 0 }
@@ -34,8 +33,8 @@ impl Sender {
         self.next
     }
 
-    /// Counts a message that is given up before it becomes a frame, because the queue
-    /// to the link is full.
+    /// Counts a message that is dropped before it becomes a frame, since the queue to the link is
+    /// full.
     pub const fn skip(&mut self) {
         self.next = self.next.wrapping_add(1);
     }
@@ -52,8 +51,8 @@ impl Sender {
         }
     }
 
-    /// Writes a request into `out` and returns its frame. `id` comes back with the reply;
-    /// it is not zero and not that of a request which is still unanswered.
+    /// Writes a request into `out` and returns its frame. The reply has the same `id`, which is not
+    /// zero and not that of another unanswered request.
     ///
     /// # Errors
     /// [`EncodeError`]; the frame's number is used up all the same.
@@ -101,22 +100,22 @@ impl Sender {
     }
 }
 
-/// Ids for requests: 1 to 65535 and around again, never zero.
+/// Identifiers for requests: 1 to 65535 in turn, never zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RequestIds(u16);
 
 impl RequestIds {
-    /// Starts with one.
+    /// Starts with identifier one.
     #[must_use]
     pub const fn new() -> Self {
         Self(0)
     }
 
-    /// The next id.
+    /// Returns the next identifier.
     pub const fn fresh(&mut self) -> u16 {
         self.0 = match self.0 {
             u16::MAX => 1,
-            id => id + 1,
+            id => id.saturating_add(1),
         };
         self.0
     }
@@ -133,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn what_could_not_be_written_leaves_a_gap() {
+    fn a_message_that_could_not_be_written_leaves_a_gap() {
         let mut sender = Sender::new(1);
         let mut out = [0; 8];
         let nothing = sender.request(0, &Request::Hello, &mut out);

@@ -1,11 +1,11 @@
-//! Settings of the box, which outlive a set-up.
+//! Settings of the box, which are independent of the set-up.
 
 use super::{NAME_MAX, Storage};
 use serde::{Deserialize, Serialize};
 
 const _: () = assert!(NAME_MAX == 32, "texts of settings are stated as 32 bytes");
 
-/// Which setting.
+/// Name of a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SettingKey {
     /// [`Setting::Name`].
@@ -18,38 +18,38 @@ pub enum SettingKey {
     Input(u8),
 }
 
-/// A setting with its value: one item at a time, so that each fits a frame and one that
-/// the box does not know is refused without harm to the others.
+/// A setting with its value. A message has one setting, so that each fits a frame and an unknown one
+/// is refused without harm to the others.
 ///
-/// What is written holds at once, except the link's rate, which holds from the next
-/// start. It outlives the power switch once [`super::Request::SaveSettings`] was answered.
+/// A new value holds at once, except the bit rate of the link, which holds from the next start. The
+/// value is stored once [`super::Request::SaveSettings`] was answered.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Setting<'a> {
-    /// What this box is called, at most 32 bytes.
+    /// Name of the box, at most 32 bytes.
     Name(&'a str),
-    /// Rate of the link, baud. A box that hears bytes for a minute after a start, but no valid
-    /// frame, listens at the rate that it was delivered with, and so to and fro until it does.
+    /// Bit rate of the link, baud. A box that receives bytes for a minute after a start, but no valid
+    /// frame, listens at the factory bit rate, and alternates between both until a valid frame comes.
     LinkBaud(u32),
-    /// Samples per second of the box's converters.
+    /// Sample rate of the box's converters, Hz.
     SampleRate(f64),
-    /// One input of the converters.
+    /// Wiring and calibration of one input of the converters.
     Input(#[serde(borrow)] Input<'a>),
 }
 
-/// What is wired to an input, and how its counts become SI.
+/// Wiring and calibration of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Input<'a> {
-    /// Its number, from zero.
+    /// Number of the input, from zero.
     pub input: u8,
-    /// How the sensor is wired.
+    /// Circuit of the sensor.
     pub circuit: Circuit,
     /// Serial number of the sensor, at most 32 bytes.
     pub serial: &'a str,
-    /// Who calibrated it, or the certificate's number, at most 32 bytes.
+    /// Calibration laboratory, or number of the certificate, at most 32 bytes.
     pub certificate: &'a str,
     /// Day of the calibration.
     pub calibrated: Option<Date>,
-    /// m/s², N or N m per count; negative where the sensor is turned round.
+    /// Sensitivity in m/s², N or N m per count; negative if the sensor is turned round.
     pub per_count: f64,
     /// Count at zero.
     pub offset: f64,
@@ -61,37 +61,37 @@ pub struct Input<'a> {
     pub limits: [i32; 2],
 }
 
-/// How a sensor is wired.
+/// Circuit of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Circuit {
     /// Nothing is wired to the input.
     Unused,
-    /// A voltage.
+    /// The input measures a voltage.
     Voltage,
-    /// A strain-gauge bridge.
+    /// The sensor is a strain-gauge bridge.
     Bridge,
-    /// A charge amplifier.
+    /// The sensor has a charge amplifier.
     Charge,
-    /// A sensor with its own amplifier, fed by a constant current.
+    /// The sensor has its own amplifier, fed by a constant current.
     Iepe,
-    /// A digital sensor.
+    /// The sensor is digital.
     Digital,
 }
 
-/// A day.
+/// A day of the Gregorian calendar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Date {
-    /// Of the Gregorian calendar.
+    /// Year.
     pub year: u16,
-    /// 1 to 12.
+    /// Month, 1 to 12.
     pub month: u8,
-    /// 1 to 31.
+    /// Day, 1 to 31.
     pub day: u8,
 }
 
-/// Settings are saved.
+/// Confirmation that the settings are saved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Saved {
-    /// Where. In memory they hold until the box is switched off.
+    /// Memory that holds the settings.
     pub storage: Storage,
 }

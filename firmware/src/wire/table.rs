@@ -1,4 +1,4 @@
-//! The table of messages: every number, what it means, what it carries.
+//! The table of messages: number, meaning and content of each.
 
 use super::frame::{EncodeError, Header, write};
 use super::{
@@ -16,7 +16,7 @@ macro_rules! bound {
     };
 }
 
-/// Turns one table into an enum, its numbers, and both ways between it and payloads.
+/// Makes an enum, its numbers, its encoder and its decoder of one table.
 macro_rules! messages {
     (
         $(#[$doc:meta])*
@@ -39,7 +39,7 @@ macro_rules! messages {
             pub const TABLE: &'static [(u8, &'static str)] =
                 &[$( ($number, stringify!($variant)), )*];
 
-            /// Its number.
+            /// Number of the message.
             #[must_use]
             pub const fn number(&self) -> u8 {
                 match self {
@@ -47,7 +47,7 @@ macro_rules! messages {
                 }
             }
 
-            /// The name of a number.
+            /// Name of a number; `None` for an unknown one.
             #[must_use]
             pub const fn name(number: u8) -> Option<&'static str> {
                 match number {
@@ -56,7 +56,7 @@ macro_rules! messages {
                 }
             }
 
-            /// Writes its frame into `out`.
+            /// Writes the frame into `out` and returns its length.
             pub(super) fn write(
                 &self,
                 header: Header,
@@ -94,126 +94,127 @@ fn take<'a, T: Deserialize<'a>>(number: u8, payload: &mut &'a [u8]) -> Result<T,
 }
 
 messages! {
-    /// What a host asks of the box. Each has exactly one reply: the one that is named here,
-    /// or [`Reply::Error`]. Where a state is named, others are refused with
+    /// Requests of the host. Each has exactly one reply: the one that is named here, or
+    /// [`Reply::Error`]. If states are named, the request is refused in others with
     /// [`super::Problem::State`].
     Request {
-        /// Who is there? [`Reply::Info`]. In any state.
+        /// Asks for the identity of the box. [`Reply::Info`]. In any state.
         0x01 Hello;
-        /// Are you there, and what is the time? [`Reply::Pong`]. In any state.
+        /// Asks for a sign of life and the time. [`Reply::Pong`]. In any state.
         0x02 Ping(Ping);
-        /// What are you doing? [`Reply::Status`]. In any state.
+        /// Asks for the state of the box. [`Reply::Status`]. In any state.
         0x03 Status;
-        /// What to send unasked. [`Reply::Done`]. In any state; replaces what held before.
+        /// Subscribes to events. [`Reply::Done`]. In any state; replaces the subscription before.
         0x04 Subscribe(Subscription);
-        /// Fault counters to zero, panic text away. [`Reply::Done`]. In any state.
+        /// Sets the fault counters to zero and deletes the panic text. [`Reply::Done`]. In any state.
         0x05 ForgetFaults;
-        /// Start afresh. [`Reply::Done`] at once, then [`Event::Started`]. In any state; ends a
-        /// run, of which nothing is left.
+        /// Restarts the box. [`Reply::Done`] at once, then [`Event::Started`]. In any state; ends a
+        /// run and deletes it.
         0x06 Reboot;
-        /// For tests: fail or feign. [`Reply::Done`] at once, or unsupported. To fail, in any
-        /// state, which ends a run; to feign, not while running or while samples are recorded.
+        /// Provokes a fault, or starts the test pattern, for tests. [`Reply::Done`] at once, or
+        /// unsupported. A fault in any state, which ends a run; the test pattern not while running or
+        /// while samples are recorded.
         0x07 Provoke(Provoke);
-        /// Run the synthetic body through the box. [`Reply::Selftest`] when it is done. Not
-        /// while running; forgets set-up and stored runs, and leaves the box empty.
+        /// Measures the synthetic body. [`Reply::Selftest`] when it is done. Not while running;
+        /// deletes the set-up and stored runs, and leaves the box empty.
         0x08 Selftest;
 
-        /// Forget set-up and stored runs; a new one comes. [`Reply::Done`]. Not while running.
+        /// Deletes the set-up and stored runs, and begins a new set-up. [`Reply::Done`]. Not while
+        /// running.
         0x10 BeginSetup(Plan);
-        /// Its processing. [`Reply::Done`]. While setting up.
+        /// Sets the processing. [`Reply::Done`]. While setting up.
         0x11 SetProcessing(Processing);
-        /// One of its sensors. [`Reply::Done`]. While setting up.
+        /// Sets one sensor. [`Reply::Done`]. While setting up.
         0x12 SetSensor(Sensor<'a>);
-        /// One of its runs. [`Reply::Done`]. While setting up.
+        /// Sets one run. [`Reply::Done`]. While setting up.
         0x13 SetRun(Run<'a>);
-        /// Weights of a run. [`Reply::Done`]. While setting up, and when ready: they replace
+        /// Sets the weights of a run. [`Reply::Done`]. While setting up, and when ready: they replace
         /// those of a survey.
         0x14 SetWeights(Weights<'a>);
-        /// That is all of it. [`Reply::Grid`], and the box is ready.
+        /// Ends the set-up. [`Reply::Grid`], and the box is ready.
         0x15 EndSetup;
 
-        /// Start a run. [`Reply::Done`]. When ready; while running, the same start again
-        /// changes nothing.
+        /// Starts a run. [`Reply::Done`]. When ready; while running, the same start again changes
+        /// nothing.
         0x20 Start(Start);
-        /// Samples of the run. [`Reply::Progress`]. While running from the host. At most
-        /// [`super::Capacity::window`] of them are unanswered at a time. Those that reach the
-        /// run's limit end it.
+        /// Sends samples of the run. [`Reply::Progress`]. While running from the host. At most
+        /// [`super::Capacity::window`] of them are unanswered at a time. Samples that reach the limit
+        /// of the run end it.
         0x21 Samples(Samples<'a>);
-        /// End the run. [`Reply::Summary`]. While running; without one, the summary of the
-        /// run that ended last. The runs of a self-test are not the host's.
+        /// Ends the run. [`Reply::Summary`]. While running; without a run, the reply is the summary of
+        /// the run that ended last. The runs of a self-test do not count.
         0x22 Stop;
-        /// Throw the run that is going on away. [`Reply::Done`]. In any state; without a run
-        /// nothing happens.
+        /// Ends the run and deletes it. [`Reply::Done`]. In any state; without a run nothing happens.
         0x23 Abort;
 
-        /// Summary of a finished run. [`Reply::Summary`].
+        /// Reads the summary of a finished run. [`Reply::Summary`].
         0x30 ReadSummary(u8);
-        /// Lines of a stored run. [`Reply::Lines`], as many as fit.
+        /// Reads lines of a stored run. [`Reply::Lines`], as many as fit.
         0x31 ReadLines(ReadLines);
-        /// What the survey of a run found. [`Reply::Peaks`].
+        /// Reads the result of the survey of a run. [`Reply::Peaks`].
         0x32 ReadPeaks(u8);
-        /// The weights of a run as they are now. [`Reply::Weights`].
+        /// Reads the present weights of a run. [`Reply::Weights`].
         0x33 ReadWeights(u8);
 
-        /// Identify. [`Reply::Identified`] when it is done; other requests are answered in
+        /// Identifies the body. [`Reply::Identified`] when it is done; other requests are answered in
         /// the meantime. When ready.
         0x40 Identify(Question);
-        /// The last answer. [`Reply::Identified`].
+        /// Reads the last answer. [`Reply::Identified`].
         0x41 ReadAnswer;
 
-        /// One setting. [`Reply::Setting`]. In any state.
+        /// Reads one setting. [`Reply::Setting`]. In any state.
         0x50 ReadSetting(SettingKey);
-        /// Change one setting. [`Reply::Done`]. Not while running; an input and the sample
-        /// rate not while samples are recorded, either.
+        /// Changes one setting. [`Reply::Done`]. Not while running; an input and the sample rate not
+        /// while samples are recorded, either.
         0x51 WriteSetting(Setting<'a>);
-        /// Keep the settings. [`Reply::Saved`]. Not while running, identifying or while samples
-        /// are recorded: the flash stops the core.
+        /// Stores the settings. [`Reply::Saved`]. Not while running, identifying or while samples are
+        /// recorded: the flash stops the core.
         0x52 SaveSettings;
-        /// Go back to the settings the box was delivered with. [`Reply::Done`]. Not while
-        /// running, nor while samples are recorded; not kept until saved.
+        /// Restores the factory settings. [`Reply::Done`]. Not while running, nor while samples are
+        /// recorded; not stored until saved.
         0x53 ResetSettings;
     }
 }
 
 messages! {
-    /// The box's answer to a request, with the request's id.
+    /// Reply of the box to a request, with the identifier of the request.
     Reply {
-        /// It is done.
+        /// The request is done.
         0x80 Done;
-        /// It was refused and has changed nothing.
+        /// The request was refused and has changed nothing.
         0x81 Error(Refused);
-        /// Who is here.
+        /// Identity of the box.
         0x82 Info(Info<'a>);
-        /// A sign of life.
+        /// Sign of life.
         0x83 Pong(Pong);
-        /// What the box is doing.
+        /// State of the box.
         0x84 Status(Status);
-        /// How the self-test went.
+        /// Result of the self-test.
         0x85 Selftest(Selftest);
-        /// The lines of the set-up.
+        /// Lines of the set-up.
         0x86 Grid(Grid);
-        /// How far the samples have come.
+        /// Progress of the run.
         0x87 Progress(Progress);
-        /// A finished run.
+        /// Summary of a finished run.
         0x88 Summary(Summary);
         /// Lines of a stored run.
         0x89 Lines(Lines<'a>);
-        /// What a survey found.
+        /// Result of a survey.
         0x8A Peaks(Peaks<'a>);
-        /// The weights of a run.
+        /// Weights of a run.
         0x8B Weights(Weights<'a>);
-        /// The ten numbers.
+        /// Answer with the ten numbers.
         0x8C Identified(Identified);
         /// One setting.
         0x8D Setting(Setting<'a>);
-        /// The settings are kept.
+        /// Confirmation that the settings are stored.
         0x8E Saved(Saved);
     }
 }
 
 messages! {
-    /// What the box says without being asked. Nothing waits for it: an event that finds no
-    /// room on its way is given up, and its number is missing.
+    /// Messages that the box sends without a request. An event that finds no room is dropped, and its
+    /// sequence number is missing.
     Event {
         /// The box has started.
         0xC0 Started(Started);
@@ -221,52 +222,52 @@ messages! {
         0xC1 Block(Block);
         /// The faults of the channels have changed.
         0xC2 Health(ChannelHealth<'a>);
-        /// A run has ended by itself. Also to be had by [`Request::ReadSummary`].
+        /// A run has ended by itself. [`Request::ReadSummary`] returns the same.
         0xC3 RunEnded(Summary);
-        /// Live levels. Subscribed to.
+        /// Levels of the channels. By subscription.
         0xC4 Levels(Levels<'a>);
-        /// Samples of the box's own converters, in which their driver has found no fault.
-        /// They are numbered since the converters' start. Subscribed to.
+        /// Samples of the box's own converters, without faults found by their driver. They are
+        /// numbered from the start of the converters. By subscription.
         0xC5 Recorded(Samples<'a>);
-        /// How the box fares. Subscribed to.
+        /// Load, memory and counters of the box. By subscription.
         0xC6 Telemetry(Telemetry);
         /// A fault of the box.
         0xC7 Fault(Fault);
-        /// Samples of the box's own converters, some of whose inputs are faulty. Subscribed
-        /// to, with [`Event::Recorded`].
+        /// Samples of the box's own converters, some of whose inputs are faulty. By subscription, with
+        /// [`Event::Recorded`].
         0xC8 RecordedFaulty(FaultySamples<'a>);
     }
 }
 
-/// What a box says: an answer or an event.
+/// Message of the box: a reply or an event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(
     clippy::large_enum_variant,
     reason = "there is no heap to put the large one on, and none is kept"
 )]
 pub enum FromBox<'a> {
-    /// An answer.
+    /// A reply.
     Reply(Reply<'a>),
     /// An event.
     Event(Event<'a>),
 }
 
-/// Numbers from this on are events'.
+/// Lowest number of an event.
 const EVENTS: u8 = 0xC0;
 
-/// Which way messages go.
+/// Direction of messages.
 pub trait Direction {
-    /// What is read.
+    /// Type of the messages.
     type Message<'a>;
 
     /// Reads the payload of a frame.
     ///
     /// # Errors
-    /// [`Refusal`] if it is not of this direction, or not what its number says.
+    /// [`Refusal`] if the message has another direction, or does not fit its number.
     fn read<'a>(header: &Header, payload: &'a [u8]) -> Result<Self::Message<'a>, Refusal>;
 }
 
-/// Requests, as the box reads them.
+/// Direction of requests, which the box reads.
 #[derive(Clone, Copy, Debug)]
 pub enum ToBox {}
 
@@ -284,7 +285,7 @@ impl Direction for ToBox {
     }
 }
 
-/// Replies and events, as the host reads them.
+/// Direction of replies and events, which the host reads.
 #[derive(Clone, Copy, Debug)]
 pub enum ToHost {}
 

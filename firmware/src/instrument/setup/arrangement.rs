@@ -1,4 +1,4 @@
-//! The arrangement: which sensors there are, and how the specimen stands in each run.
+//! The arrangement: the sensors, and the placement of the specimen in each run.
 
 use crate::calibration;
 use crate::capacity::{CHANNELS, RUNS, SENSORS};
@@ -25,7 +25,7 @@ struct SensorPiece {
     kind: SensorKind,
     position: [f64; 3],
     direction: [f64; 3],
-    /// `None`: the stored one of the input that it is read by.
+    /// Conversion to SI; `None` if the input has it stored.
     scale: Option<calibration::Scale>,
 }
 
@@ -51,8 +51,7 @@ impl SensorPiece {
     }
 }
 
-/// A run as it was sent. Its placement is computed when it is wanted, which takes half of
-/// the room.
+/// A run as it was sent. Its placement is computed on demand, which takes half of the memory.
 #[derive(Clone, Debug)]
 struct RunPiece {
     rotation: [f64; 3],
@@ -66,7 +65,7 @@ impl RunPiece {
     }
 }
 
-/// Sensors and runs, and the point to which everything is referred.
+/// Sensors, runs and the reference point.
 #[derive(Debug)]
 pub(in crate::instrument) struct Arrangement {
     plan: Plan,
@@ -75,7 +74,7 @@ pub(in crate::instrument) struct Arrangement {
 }
 
 impl Arrangement {
-    /// None of its pieces are there yet.
+    /// Creates an arrangement without pieces.
     pub(super) const fn new() -> Self {
         Self {
             plan: NO_PLAN,
@@ -84,7 +83,7 @@ impl Arrangement {
         }
     }
 
-    /// Forgets all pieces, and begins anew; `None` without a plan for new ones.
+    /// Deletes all pieces and begins anew; without a plan, no piece is accepted.
     pub(super) fn begin(&mut self, plan: Option<&Plan>) {
         self.plan = plan.copied().unwrap_or(NO_PLAN);
         self.sensors.fill(None);
@@ -186,7 +185,7 @@ impl Arrangement {
         Ok(())
     }
 
-    /// Whether all sensors are there.
+    /// Checks that all sensors were sent.
     pub(super) fn check_sensors(&self) -> Result<(), Problem> {
         for sensor in 0..self.sensors() {
             self.piece(sensor).ok_or(missing(Item::Sensor, sensor))?;
@@ -194,7 +193,7 @@ impl Arrangement {
         Ok(())
     }
 
-    /// Whether a run is there, with a channel for each sensor.
+    /// Checks that a run was sent, and that it has a channel for each sensor.
     pub(super) fn check_run(&self, run: usize) -> Result<(), Problem> {
         let piece = self.run(run).ok_or(missing(Item::Run, run))?;
         for sensor in 0..self.sensors() {
@@ -219,29 +218,29 @@ impl Arrangement {
         below(Item::Run, run, self.plan.runs)
     }
 
-    /// What each channel of a run's samples carries: codes of [`ChannelRole`].
+    /// Codes of the [`ChannelRole`] of each channel of a run.
     pub(in crate::instrument) fn channels(&self, run: usize) -> &[u8] {
         self.run(run).map_or(&[], |r| &r.channels)
     }
 
-    /// A sensor as geometry, with weight one.
+    /// Geometry of a sensor, with weight one.
     pub(in crate::instrument) fn sensor(&self, sensor: usize) -> Option<RunSensor> {
         self.piece(sensor)?.geometry(1.0).ok()
     }
 
-    /// How the specimen stands in a run.
+    /// Placement of the specimen in a run.
     pub(in crate::instrument) fn placement(&self, run: usize) -> Placement {
         let placement = self.run(run).map(RunPiece::placement);
         placement.and_then(Result::ok).unwrap_or_default()
     }
 
-    /// How a sensor's readings become SI; `None` if its input knows.
+    /// Conversion of a sensor's readings to SI; `None` if its input has it stored.
     pub(in crate::instrument) fn scale(&self, sensor: usize) -> Option<calibration::Scale> {
         self.piece(sensor)
             .map_or(Some(calibration::Scale::ONE), |p| p.scale)
     }
 
-    /// Whether a sensor is an accelerometer; `None` if it is not there.
+    /// `true` if a sensor is an accelerometer; `None` if it was not sent.
     pub(super) fn accelerates(&self, sensor: usize) -> Option<bool> {
         self.piece(sensor).map(|p| p.accelerometer().is_some())
     }
@@ -294,7 +293,7 @@ impl Arrangement {
     }
 }
 
-/// Each sensor, and the drive, has one channel.
+/// Checks that a sensor or the drive has exactly one channel.
 fn once(run: &Run<'_>, carried: ChannelRole, item: Item) -> Result<(), Problem> {
     let same = run.channel_roles().filter(|c| *c == carried);
     match same.fold(0_u32, |found, _| found.saturating_add(1)) {

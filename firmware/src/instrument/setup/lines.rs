@@ -1,4 +1,4 @@
-//! How samples become lines: what follows from the processing.
+//! Settings of the spectral analysis: blocks, window and kept lines.
 
 use crate::capacity::{BLOCK_LENGTH, LINES};
 use crate::instrument::limits::{fits, range, within};
@@ -7,10 +7,10 @@ use crate::wire::{Field, Grid, Item, Problem, Processing};
 use massline_core::masslines::MIN_LINES;
 use massline_core::spectra::{BandError, BlockSettings, LineGrid, LineRange, SpectraError};
 
-/// Highest sample rate that is believed, Hz.
+/// Highest accepted sample rate, Hz.
 const SAMPLE_RATE_MAX: f64 = 1e6;
 
-/// How samples become lines: what follows from the processing.
+/// Settings of the spectral analysis, checked.
 #[derive(Clone, Debug)]
 pub(in crate::instrument) struct Lines {
     /// Blocks, window and kept lines.
@@ -22,7 +22,7 @@ pub(in crate::instrument) struct Lines {
 }
 
 impl Lines {
-    /// Those of a processing, or what is wrong with it.
+    /// Checks a processing and computes its lines.
     pub(super) fn new(p: &Processing) -> Result<Self, Problem> {
         within(
             Field::SampleRate,
@@ -108,7 +108,7 @@ impl Lines {
         })
     }
 
-    /// As the host is told.
+    /// The lines as a message to the host.
     pub(in crate::instrument) fn grid(&self) -> Grid {
         Grid {
             lines: self.settings.grid(),

@@ -1,11 +1,11 @@
-//! The set-up: pieces as they come in, and the whole once it has been checked.
+//! The set-up: its pieces as they are received, and the checked whole.
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `arrangement` | sensors, runs, and how the specimen stands in each |
-//! | `load_cells` | what of that decides which equations of motion hold |
-//! | `lines` | how samples become lines |
-//! | `weighing` | weights, and the peaks that they are found by |
+//! | `arrangement` | sensors, runs, and the placement of the specimen in each |
+//! | `load_cells` | the load cells and placements, which decide the equations of motion that hold |
+//! | `lines` | settings of the spectral analysis |
+//! | `weighing` | weights, and the peaks from which they follow |
 
 mod arrangement;
 mod lines;
@@ -34,7 +34,7 @@ pub(super) struct SetUp {
 }
 
 impl SetUp {
-    /// None of its pieces are there yet.
+    /// Creates a set-up without pieces.
     pub(super) const fn new() -> Self {
         Self {
             arrangement: Arrangement::new(),
@@ -43,7 +43,7 @@ impl SetUp {
         }
     }
 
-    /// Forgets all pieces, and begins anew.
+    /// Deletes all pieces and begins anew.
     pub(super) fn begin(&mut self, plan: &Plan) -> Result<(), Problem> {
         fits(Item::Sensor, usize::from(plan.sensors), SENSORS)?;
         fits(Item::Run, usize::from(plan.runs), RUNS)?;
@@ -55,7 +55,7 @@ impl SetUp {
         Ok(())
     }
 
-    /// Forgets all pieces.
+    /// Deletes all pieces.
     pub(super) fn clear(&mut self) {
         self.arrangement.begin(None);
         self.processing = None;
@@ -105,7 +105,7 @@ impl SetUp {
         Ok(())
     }
 
-    /// Checks the whole. `geometry` serves for trying.
+    /// Checks the whole set-up. `geometry` is scratch memory.
     pub(super) fn end(&self, geometry: &mut RunGeometry) -> Result<Lines, Problem> {
         let processing = self.processing.ok_or(missing(Item::Processing, 0))?;
         self.arrangement.check_sensors()?;
@@ -119,7 +119,7 @@ impl SetUp {
         Lines::new(&processing)
     }
 
-    /// Number of a run of this set-up as an index.
+    /// Index of the run of this number.
     pub(super) fn run_index(&self, run: u8) -> Result<usize, Problem> {
         self.arrangement.run_index(run)
     }
@@ -130,12 +130,12 @@ impl SetUp {
             .map_or(Accelerations::Interface, |p| p.accelerations)
     }
 
-    /// Hz.
+    /// Sample rate in Hz.
     pub(super) fn sample_rate(&self) -> f64 {
         self.processing.map_or(0.0, |p| p.sample_rate)
     }
 
-    /// The geometry of a run with the weights as they are now.
+    /// Geometry of a run with its present weights.
     pub(super) fn geometry(
         &self,
         run: usize,
@@ -151,7 +151,7 @@ impl SetUp {
         self.arrangement.geometry(run, weight, into)
     }
 
-    /// Whether a run may be measured: its weights are known, where they count.
+    /// Checks that a run may be measured: its weights are known, if they count.
     pub(super) fn may_measure(&self, run: usize) -> Result<(), Problem> {
         let needs = self.processing.is_some_and(|p| {
             p.accelerations == Accelerations::Weighted && p.weighting != Weighting::Given
@@ -162,30 +162,30 @@ impl SetUp {
         Ok(())
     }
 
-    /// Weights of a run, one a sensor.
+    /// Weights of a run, one for each sensor.
     pub(super) fn weights(&self, run: usize) -> &[f64] {
         let all = self.weighing.weights(run);
         all.get(..self.arrangement.sensors()).unwrap_or(all)
     }
 
-    /// What the survey of a run found, one number a sensor; `None` before it.
+    /// Peaks of a run by its survey, one for each sensor; `None` before the survey.
     pub(super) fn peaks(&self, run: usize) -> Option<&[f64]> {
         self.weighing.peaks(run)?.get(..self.arrangement.sensors())
     }
 
-    /// Bit k: run k was surveyed.
+    /// Bit k is set if run k was surveyed.
     pub(super) fn surveyed(&self) -> u32 {
         self.weighing.surveyed()
     }
 
-    /// Keeps what a survey found, and sets weights by it as the processing says.
+    /// Stores the peaks of a survey, and sets weights from them as the processing says.
     pub(super) fn set_peaks(&mut self, run: usize, peaks: &[f64; SENSORS]) {
         self.weighing
             .set_peaks(run, peaks, self.processing.as_ref(), &self.arrangement);
     }
 }
 
-/// The bit of a run or another thing of this number; none beyond 32.
+/// The bit of a run or another item of this number; zero beyond 32.
 pub(super) const fn bit(number: u32) -> u32 {
     match 1_u32.checked_shl(number) {
         Some(bit) => bit,
@@ -193,7 +193,7 @@ pub(super) const fn bit(number: u32) -> u32 {
     }
 }
 
-/// Bits of the flags that are set.
+/// Bit k is set if flag k is.
 pub(super) fn mask(flags: impl IntoIterator<Item = bool>) -> u32 {
     let bits = (0..u32::BITS).map(bit);
     bits.zip(flags)

@@ -1,4 +1,4 @@
-//! How much each accelerometer counts in each run, and what surveys have found about it.
+//! Weights of the accelerometers in each run, and the peaks that surveys have found.
 
 use super::{Arrangement, mask};
 use crate::capacity::{RUNS, SENSORS};
@@ -17,7 +17,7 @@ pub(super) struct Weighing {
 }
 
 impl Weighing {
-    /// All weigh one, nothing was surveyed.
+    /// Creates weights of one, without surveys.
     pub(super) const fn new() -> Self {
         Self {
             weights: [[1.0; SENSORS]; RUNS],
@@ -27,7 +27,7 @@ impl Weighing {
         }
     }
 
-    /// Forgets all weights and peaks.
+    /// Sets all weights to one and deletes all peaks.
     pub(super) fn clear(&mut self) {
         self.weights.as_flattened_mut().fill(1.0);
         self.weighted = [false; RUNS];
@@ -35,7 +35,7 @@ impl Weighing {
         self.surveyed = [false; RUNS];
     }
 
-    /// Takes weights as they were given, one a sensor.
+    /// Sets the weights of a run, one for each sensor.
     pub(super) fn give(&mut self, run: usize, weights: impl Iterator<Item = f64>) {
         if let Some(all) = self.weights.get_mut(run) {
             for (slot, weight) in all.iter_mut().zip(weights) {
@@ -47,17 +47,17 @@ impl Weighing {
         }
     }
 
-    /// Whether the weights of a run were given, or found by a survey.
+    /// `true` if the weights of a run were given, or found by a survey.
     pub(super) fn are_known(&self, run: usize) -> bool {
         self.weighted.get(run).copied().unwrap_or(false)
     }
 
-    /// Weights of a run, one a sensor, whether there is one or not.
+    /// Weights of a run, one for each possible sensor.
     pub(super) fn weights(&self, run: usize) -> &[f64] {
         self.weights.get(run).map_or(&[], |weights| weights)
     }
 
-    /// What the survey of a run found, one number a sensor; `None` before it.
+    /// Peaks of a run by its survey, one for each possible sensor; `None` before the survey.
     pub(super) fn peaks(&self, run: usize) -> Option<&[f64]> {
         if !*self.surveyed.get(run)? {
             return None;
@@ -65,12 +65,12 @@ impl Weighing {
         Some(self.peaks.get(run)?)
     }
 
-    /// Bit k: run k was surveyed.
+    /// Bit k is set if run k was surveyed.
     pub(super) fn surveyed(&self) -> u32 {
         mask(self.surveyed)
     }
 
-    /// Keeps what a survey found, and sets weights by it as the processing says.
+    /// Stores the peaks of a survey, and sets weights from them as the processing says.
     pub(super) fn set_peaks(
         &mut self,
         run: usize,
