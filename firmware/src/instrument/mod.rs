@@ -77,7 +77,7 @@ use crate::wire::{
     SettingKey, Started, Stream, Subscription, Summary, Telemetry,
 };
 use live::{LevelMeter, Recorder};
-use phase::{Asked, Pending, Phase, SelfTest, Stage, Storage, Work};
+use phase::{Activity, Asked, Pending, Phase, SelfTest, Session, Storage};
 use readings::Sample;
 use run::{Feed, Run};
 use setup::SetUp;
@@ -257,18 +257,12 @@ impl<'m> Instrument<'m> {
     /// The job that a request has left to be done, once. It comes back by
     /// [`Self::finish`].
     pub fn take_job(&mut self) -> Option<Job<'m>> {
-        let (lines, work) = match &mut self.phase {
-            Phase::Identifying(session, _, work) => (&session.lines, work),
-            Phase::SelfTesting(SelfTest {
-                lines,
-                stage: Stage::Identifying(work),
-                ..
-            }) => (&*lines, work),
+        let (lines, activity) = match &mut self.phase {
+            Phase::SetUp(session, activity) => (&session.lines, activity),
+            Phase::SelfTesting(test) => (&test.lines, &mut test.activity),
             _ => return None,
         };
-        let Work::Asked(storage, asked) = core::mem::replace(work, Work::Taken) else {
-            return None;
-        };
+        let (asked, storage) = activity.take_question()?;
         storage.scratch.clear_for_solver();
         if let Some(solver) = storage.scratch.solver() {
             solver.load_cells.take_from(self.setup.arrangement());
@@ -287,20 +281,22 @@ impl<'m> Instrument<'m> {
         let Job {
             storage, outcome, ..
         } = job;
-        match self.phase.take() {
-            Phase::Identifying(session, pending, Work::Taken) => {
-                self.phase = Phase::Ready(session, storage);
-                self.answer_question(pending, outcome, board, out);
-            }
-            Phase::SelfTesting(test) if matches!(test.stage, Stage::Identifying(Work::Taken)) => {
-                let answer = storage.answer.as_ref().filter(|_| outcome == Some(Ok(())));
+        let answered = outcome == Some(Ok(()));
+        let Some(activity) = self.phase.activity_mut() else {
+            return;
+        };
+        let Some(pending) = activity.finish(storage) else {
+            return;
+        };
+        match &self.phase {
+            Phase::SelfTesting(test) => {
+                let storage = self.phase.storage().filter(|_| answered);
+                let answer = storage.and_then(|storage| storage.answer.as_ref());
                 let found = selftest::judge(answer, test.health);
-                self.phase = Phase::Empty(storage);
                 self.clear();
-                out.reply(test.pending.id, &Reply::Selftest(found));
+                out.reply(pending.id, &Reply::Selftest(found));
             }
-            // Nothing has left: the job is another instrument's.
-            other => self.phase = other,
+            _ => self.answer_question(pending, outcome, board, out),
         }
     }
 
@@ -312,12 +308,13 @@ impl<'m> Instrument<'m> {
         board: &impl Board,
         out: &mut impl Transmit,
     ) {
-        let problem = match (outcome, &mut self.phase) {
-            (Some(Ok(())), Phase::Ready(session, storage)) if storage.answer.is_some() => {
+        let problem = match (outcome, self.phase.session_mut()) {
+            (Some(Ok(())), Some(session)) => {
                 session.answered = Some(board.ticks().saturating_sub(pending.since));
-                // There is an answer, and a phase in which it is read.
-                let _ = self.read_answer(pending.id, out);
-                return;
+                match self.read_answer(pending.id, out) {
+                    Ok(()) => return,
+                    Err(problem) => problem,
+                }
             }
             (Some(Err(why)), _) => Problem::NoAnswer(why),
             // The job comes back without having been run.

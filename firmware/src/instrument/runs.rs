@@ -2,13 +2,12 @@
 
 use super::limits::{missing, range};
 use super::memory::{SUMS, TRANSFORM};
-use super::phase::{Phase, Storage};
 use super::readings::{Channels, Sample};
 use super::run::{Ended, Feed, Prepared, Run, Task};
 use super::setup::{self, SetUp};
 use super::survey::Survey;
 use super::synthetic::Synthetic;
-use super::{Board, Instrument, Transmit};
+use super::{Activity, Board, Instrument, Phase, Storage, Transmit};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
     ChannelRole, Circuit, Event, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem,
@@ -22,7 +21,7 @@ impl Instrument<'_> {
     /// Starts a run; where the same is going on, nothing is changed.
     #[inline(never)] // A run is not on the stack beside a reply.
     pub(super) fn start(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
-        if let Phase::Running(_, run) = &self.phase
+        if let Phase::SetUp(_, Activity::Running(run)) = &self.phase
             && run.start == *start
         {
             return Ok(());
@@ -30,7 +29,9 @@ impl Instrument<'_> {
         let inputs = usize::from(self.identity.inputs);
         let (session, storage) = self.phase.ready()?;
         let run = prepare(self.setup, &session.lines, inputs, start, storage, board)?;
-        self.phase.enter_run(*start, run);
+        if let Some(activity) = self.phase.activity_mut() {
+            activity.begin_run(*start, run);
+        }
         Ok(())
     }
 
@@ -102,7 +103,7 @@ impl Instrument<'_> {
 
     /// Ends the run, or repeats the summary of the one that has ended.
     pub(super) fn stop(&mut self, board: &mut impl Board) -> Result<Summary, Problem> {
-        if let Phase::Running(..) = self.phase
+        if let Phase::SetUp(_, Activity::Running(_)) = self.phase
             && let Some(summary) = self.conclude(Outcome::Stopped, board)
         {
             return Ok(summary);
@@ -116,8 +117,8 @@ impl Instrument<'_> {
 
     /// Discards the run, unless it is one of a self-test.
     pub(super) fn abort(&mut self, board: &mut impl Board) {
-        if let Phase::Running(..) = self.phase {
-            self.phase.leave_run();
+        if let Phase::SetUp(_, activity @ Activity::Running(_)) = &mut self.phase {
+            activity.leave_run();
             self.stop_unused_inputs(board);
         }
     }
@@ -151,7 +152,9 @@ impl Instrument<'_> {
         };
         let (summary, peaks) = run.finish(outcome, self.identity.tick_hz);
         let stored = run.storage.runs.mask();
-        self.phase.leave_run();
+        if let Some(activity) = self.phase.activity_mut() {
+            activity.leave_run();
+        }
         if let Some(session) = self.phase.session_mut() {
             session.ended = Some(ended);
             session.stored = stored;

@@ -4,7 +4,7 @@ use super::requests::check_setup;
 use super::runs::prepare;
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
-use super::{Asked, Board, Instrument, Pending, Phase, SelfTest, Stage, Transmit};
+use super::{Activity, Asked, Board, Instrument, Pending, Phase, SelfTest, Transmit};
 use crate::wire::{
     Accelerations, Answer, ChannelRole, Check, Exact, Excitation, Gaps, Health, Method, Mount,
     Pass, Plan, Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, Scale,
@@ -74,20 +74,19 @@ impl Instrument<'_> {
         };
         set_up(self.setup)?;
         let lines = check_setup(self.setup, storage)?;
-        let pending = Pending {
-            id,
-            number: Request::Selftest.number(),
-            since: board.ticks(),
-        };
-        self.phase.restart(|storage| {
-            Phase::SelfTesting(SelfTest {
-                pending,
+        if let Some(storage) = self.phase.take_storage() {
+            self.phase = Phase::SelfTesting(SelfTest {
+                pending: Pending {
+                    id,
+                    number: Request::Selftest.number(),
+                    since: board.ticks(),
+                },
                 lines,
                 run: 0,
                 health: Health::GOOD,
-                stage: Stage::Between(storage),
-            })
-        });
+                activity: Activity::Idle(storage),
+            });
+        }
         Ok(())
     }
 
@@ -100,10 +99,10 @@ impl Instrument<'_> {
         let Phase::SelfTesting(test) = &mut self.phase else {
             return false;
         };
-        let storage = match &mut test.stage {
-            Stage::Between(storage) => storage,
-            Stage::Running(_) => return true,
-            Stage::Identifying(_) => return false,
+        let storage = match &mut test.activity {
+            Activity::Idle(storage) => storage,
+            Activity::Running(_) => return true,
+            _ => return false,
         };
         let run = test.run;
         test.run = run.saturating_add(1);
@@ -115,11 +114,11 @@ impl Instrument<'_> {
             let start = start(run);
             // Synthetic runs need no input.
             if let Ok(run) = prepare(self.setup, &test.lines, 0, &start, storage, board) {
-                self.phase.enter_run(start, run);
+                test.activity.begin_run(start, run);
                 return true;
             }
         } else if let Ok(asked) = Asked::new(&QUESTION, self.setup, &storage.runs) {
-            self.phase.enter_identification(asked, pending);
+            test.activity.ask(pending, asked);
             return false;
         }
         self.clear();
