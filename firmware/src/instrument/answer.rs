@@ -1,4 +1,4 @@
-//! What the core found, as the contract tells it. The host turns its own results into the
+//! Results of the core, as the contract has them. The host turns its own results into the
 //! same form, and compares them with a box's to the last bit.
 
 use crate::wire::{
@@ -11,7 +11,7 @@ use massline_core::modes::Pole;
 use massline_core::rigid_body::Margin;
 use nalgebra::Vector3;
 
-/// What condensing the groups of runs says beside the masslines.
+/// Results of condensing the groups of runs, the masslines aside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Findings {
     excited: Option<u8>,

@@ -1,32 +1,32 @@
 //! The box as a state machine, without hardware: requests and samples in, replies and
 //! events out.
 //!
-//! The firmware runs this very type, and so does a host that stands in for a box: what
-//! they compute is the same to the last bit. The contract is [`crate::wire`].
+//! The firmware runs this very type, and so does the box that is simulated on a host: their
+//! results are the same to the last bit. The contract is [`crate::wire`].
 //!
 //! Nothing here waits or takes long: [`Instrument::request`], [`Instrument::sample`] and
 //! [`Instrument::poll`] return after the samples of one message, or one block, at the
-//! most. What takes seconds leaves as a [`Job`], which a task of low priority runs while
-//! requests are still answered. How many instructions a request may take on the chip is in
+//! most. An identification, which takes seconds, leaves as a [`Job`], which a task of low
+//! priority runs while requests are still answered. How many instructions a request may take on the chip is in
 //! the firmware's README; it depends on the message's length and on the set-up, never on a
 //! number that is sent, such as that of a sample.
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `board` | what the instrument needs of the hardware and of the link |
-//! | `memory` | what it is lent, and how much of it |
-//! | `phase` | the phases of the instrument, and what belongs to each |
+//! | `board` | the traits of the hardware and of the link |
+//! | `memory` | memory that is lent, and its sizes |
+//! | `phase` | phases and activities, and the data of each |
 //! | `requests` | requests, one by one |
 //! | `runs` | starting, feeding and ending a run |
-//! | `question` | what may be asked of the stored runs |
+//! | `question` | a question, checked against the stored runs |
 //! | `setup/` | the set-up's pieces, and the checks of the whole |
-//! | `limits` | what a request may ask for |
+//! | `limits` | limits of the values in a request |
 //! | `readings` | samples of a run to SI, and their faults |
 //! | `run` | the run that is going on: blocks, gaps, faults, the average |
 //! | `survey` | peaks of single accelerometers, for weights |
 //! | `store` | finished runs |
 //! | `job` | the identification |
-//! | `answer` | what was found, in the contract's words |
+//! | `answer` | results, as the contract has them |
 //! | `synthetic`, `selftest` | a body that the box computes, and the test of the box with it |
 //! | `live` | levels, and samples on their way to a recording |
 //!
@@ -41,7 +41,7 @@
 //!
 //! **A hostile host.** Each request is checked whole before anything is changed. What ends a
 //! run is listed in [`crate::wire`]. `firmware/tests/protocol` holds a model of all this against
-//! the instrument, by random walks and by frames that nobody should send.
+//! the instrument, by random walks and by malformed frames.
 //!
 //! **Drive only.** A run needs a channel with the generator's signal. Without one its
 //! twelve resultants would have to be correlated with each other, 1152 bytes a line and
@@ -101,7 +101,7 @@ pub struct Instrument<'m> {
     announced: bool,
 }
 
-/// Answers a request with what is wrong with it.
+/// Refuses a request, with the reason.
 #[inline(never)] // A reply is 1 KB: not on the stack beside the one there might have been.
 fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Transmit) {
     out.reply(id, &Reply::Error(Refused { request, problem }));

@@ -1,7 +1,7 @@
-//! Phases of the instrument: each owns what belongs to it, and the storage that is lent to the
-//! instrument for its life passes from one to the next.
+//! Phases of the instrument: each owns its data, and the storage that is lent to the instrument
+//! for its life passes from one to the next.
 //!
-//! A request finds what it needs in the phase it needs, or is refused: without a run there are no
+//! A request finds its data in the phase that has them, or is refused: without a run there are no
 //! samples to be taken, and without the storage, which an identification has taken along, no line
 //! to be read.
 
@@ -13,7 +13,7 @@ use crate::wire::{Accelerations, Answer, Health, Problem, Question, Start, State
 use core::mem;
 use massline_core::spectra::Complex32;
 
-/// Storage of a run, of an identification, and of what both leave behind.
+/// Storage of a run, of an identification, and of their results.
 #[derive(Debug)]
 pub(super) struct Storage<'m> {
     pub(super) scratch: &'m mut Scratch,

@@ -80,8 +80,8 @@ impl Instrument<'_> {
             }
             run.skip_to(samples.first, out);
         }
-        // Those that the box has are passed over. What is left to do is one message's samples
-        // at the most, however far ahead or behind it is numbered.
+        // Those that the box has are passed over. The rest are one message's samples at the most,
+        // however far ahead or behind they are numbered.
         let known = run.next().saturating_sub(samples.first).min(count as u64);
         for sample in known as usize..count {
             let Some(run) = self.phase.run_mut() else {
@@ -306,10 +306,10 @@ fn route(
             ChannelRole::Drive | ChannelRole::Unused => Some(calibration::Scale::ONE),
         };
         let channel = match (scale, source) {
-            // What the converters deliver is watched, whoever says how it becomes SI.
+            // Counts of the converters are watched, wherever their calibration comes from.
             (Some(scale), Source::Inputs) => {
                 let input = stored(board, number)?;
-                // Boards leave out what nothing is wired to.
+                // Boards leave out inputs that nothing is wired to.
                 if carries != ChannelRole::Unused && input.circuit() == Circuit::Unused {
                     return Err(missing(Item::Input, number));
                 }
@@ -324,7 +324,7 @@ fn route(
     Ok(())
 }
 
-/// What the settings say of an input.
+/// The certificate of an input, out of the settings.
 fn stored(board: &impl Board, input: usize) -> Result<Certificate, Problem> {
     match board.setting(SettingKey::Input(input as u8))? {
         Setting::Input(input) => Certificate::new(&input),

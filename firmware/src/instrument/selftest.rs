@@ -13,7 +13,7 @@ use crate::wire::{
 
 /// Runs of the self-test: one an axis.
 pub(super) const RUNS: u8 = 3;
-/// Samples of each: what the filters need, one block, and two more that overlap.
+/// Samples of each run: the settling of the filters, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
 /// Channels: six accelerometers, six load cells, the drive.
 const CHANNELS: [u8; 13] = [
@@ -42,7 +42,7 @@ const SENSORS: [([f64; 3], [f64; 3]); 6] = [
     ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
 ];
 
-/// How far the elastic term of the sampled mode can be from any that is fitted, in the
+/// Largest deviation of the elastic term of the sampled mode from any that is fitted, in the
 /// averaging band.
 ///
 /// With x = ωT/2 and θ = ω₀T the mode that is computed has
@@ -55,11 +55,11 @@ const SENSORS: [([f64; 3], [f64; 3]); 6] = [
 /// and a continuous one, as it is fitted, has θ²/x² and 1 with any factors, and 1/x with any
 /// factor. What is left, times |D|², is at 20 Hz 0.111 (1.4e-5 - 6.0e-4 j), and less below.
 const DEVIATION: f64 = 6.7e-5;
-/// How much of a deviation on every line reaches the rigid body at most, while the elastic
+/// Largest share of a deviation on every line that reaches the rigid body, while the elastic
 /// term and one of ω² are eliminated: sum of the magnitudes in the first row of the
 /// pseudo-inverse of their columns over the 39 lines.
 const AMPLIFICATION: f64 = 1.7;
-/// Of a transform of 1024 numbers in `f32`, relative: ten stages, each rounded by 2⁻²⁴.
+/// Relative rounding error of a transform of 1024 numbers in `f32`: ten stages, each rounded by 2⁻²⁴.
 const ROUNDING: f64 = 1e-6;
 
 impl Instrument<'_> {
@@ -191,7 +191,7 @@ pub(super) const fn start(run: u8) -> Start {
     }
 }
 
-/// What is asked of the runs.
+/// Question to the runs.
 pub(super) const QUESTION: Question = Question {
     method: Method::ApparentMass,
     known_mass: None,
@@ -201,7 +201,7 @@ pub(super) const QUESTION: Question = Question {
     runs: 0,
 };
 
-/// Holds an answer, if there is one, against the body.
+/// Compares an answer, if there is one, with the body.
 pub(super) fn judge(answer: Option<&Answer>, health: Health) -> Selftest {
     let body = body();
     let place = body.centre_of_gravity;
