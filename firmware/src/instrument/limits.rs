@@ -1,4 +1,4 @@
-//! What a request may ask for, and what a refusal says.
+//! Limits of the values in a request, and the refusals of those beyond.
 
 use crate::wire::{Field, Item, Problem};
 

@@ -1,10 +1,10 @@
-//! What a host that listens sees of the samples: levels, and the converters' own samples.
+//! Subscriptions of the host: levels of the channels, and the samples of the converters.
 
 use super::{RawSample, Transmit};
 use crate::capacity::CHANNELS;
 use crate::wire::{Count24, Event, FaultySamples, Levels, Packed, Samples, Stream, Values, Word};
 
-/// Levels of one channel since they were last told.
+/// Levels of one channel since they were last sent.
 #[derive(Clone, Copy, Debug, Default)]
 struct Level {
     /// The first value: sums are of distances from it, which do not cancel where an offset
@@ -15,7 +15,7 @@ struct Level {
     peak: f32,
 }
 
-/// Levels of all channels since they were last told.
+/// Levels of all channels since they were last sent.
 #[derive(Debug)]
 pub(super) struct LevelMeter {
     levels: [Level; CHANNELS],
@@ -26,7 +26,7 @@ pub(super) struct LevelMeter {
 }
 
 impl LevelMeter {
-    /// Nothing went in yet.
+    /// Levels of no sample yet.
     pub(super) const fn new() -> Self {
         const NOTHING: Level = Level {
             first: 0.0,
@@ -75,7 +75,7 @@ impl LevelMeter {
             let distance = level.sum / n;
             mean[c] = level.first + distance;
             let variance = level.squares / n - distance * distance;
-            // Rounding may make it negative; where squares overflow, it stays what is no number.
+            // Rounding may make it negative; where squares overflow, it stays not a number.
             rms[c] = libm::sqrtf(if variance < 0.0 { 0.0 } else { variance });
             peak[c] = level.peak;
         }
@@ -100,7 +100,7 @@ const _: () = assert!(ROOM <= FaultySamples::FIT);
 #[derive(Debug)]
 pub(super) struct Recorder {
     stream: Stream,
-    /// Values gathered, as they travel.
+    /// Values gathered, as they are encoded in a message.
     bytes: [u8; ROOM],
     filled: usize,
     /// Faults of each channel, of all samples gathered.
@@ -112,7 +112,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    /// One that nobody listens to.
+    /// A recorder without a subscription.
     pub(super) const fn new() -> Self {
         Self {
             stream: Stream::Off,
@@ -125,7 +125,7 @@ impl Recorder {
         }
     }
 
-    /// Records what was subscribed to from now on.
+    /// Records by this subscription from now on.
     pub(super) fn begin(&mut self, stream: Stream) {
         self.stream = stream;
         self.filled = 0;
@@ -185,7 +185,7 @@ impl Recorder {
         }
     }
 
-    /// Sends what was gathered.
+    /// Sends the samples gathered so far.
     pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.filled == 0 {
             return;

@@ -67,7 +67,7 @@ pub struct WorkingStorage {
 /// Scratch memory of a run, or of an identification: neither may begin before the other has
 /// ended.
 #[derive(Debug)]
-// A tag without padding behind it: what follows is then cleared where it lies, rather than
+// A tag without padding behind it: the rest is then cleared where it lies, rather than
 // on the stack and copied.
 #[repr(u64)]
 pub(super) enum Scratch {
@@ -174,7 +174,7 @@ impl Default for WorkingStorage {
     }
 }
 
-/// The stored runs, and what fits into what they leave of 64 KiB: the work space of the
+/// The stored runs, and beside them in 64 KiB: the work space of the
 /// transform, and levels.
 #[derive(Debug)]
 pub struct RunStorage {

@@ -1,32 +1,32 @@
 //! The box as a state machine, without hardware: requests and samples in, replies and
 //! events out.
 //!
-//! The firmware runs this very type, and so does a host that stands in for a box: what
-//! they compute is the same to the last bit. The contract is [`crate::wire`].
+//! The firmware runs this very type, and so does the box that is simulated on a host: their
+//! results are the same to the last bit. The contract is [`crate::wire`].
 //!
 //! Nothing here waits or takes long: [`Instrument::request`], [`Instrument::sample`] and
 //! [`Instrument::poll`] return after the samples of one message, or one block, at the
-//! most. What takes seconds leaves as a [`Job`], which a task of low priority runs while
-//! requests are still answered. How many instructions a request may take on the chip is in
+//! most. An identification, which takes seconds, leaves as a [`Job`], which a task of low
+//! priority runs while requests are still answered. How many instructions a request may take on the chip is in
 //! the firmware's README; it depends on the message's length and on the set-up, never on a
 //! number that is sent, such as that of a sample.
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `board` | what the instrument needs of the hardware and of the link |
-//! | `memory` | what it is lent, and how much of it |
-//! | `phase` | the phases of the instrument, and what belongs to each |
+//! | `board` | the traits of the hardware and of the link |
+//! | `memory` | memory that is lent, and its sizes |
+//! | `phase` | phases and activities, and the data of each |
 //! | `requests` | requests, one by one |
 //! | `runs` | starting, feeding and ending a run |
-//! | `question` | what may be asked of the stored runs |
+//! | `question` | a question, checked against the stored runs |
 //! | `setup/` | the set-up's pieces, and the checks of the whole |
-//! | `limits` | what a request may ask for |
+//! | `limits` | limits of the values in a request |
 //! | `readings` | samples of a run to SI, and their faults |
 //! | `run` | the run that is going on: blocks, gaps, faults, the average |
 //! | `survey` | peaks of single accelerometers, for weights |
 //! | `store` | finished runs |
 //! | `job` | the identification |
-//! | `answer` | what was found, in the contract's words |
+//! | `answer` | results, as the contract has them |
 //! | `synthetic`, `selftest` | a body that the box computes, and the test of the box with it |
 //! | `live` | levels, and samples on their way to a recording |
 //!
@@ -41,7 +41,7 @@
 //!
 //! **A hostile host.** Each request is checked whole before anything is changed. What ends a
 //! run is listed in [`crate::wire`]. `firmware/tests/protocol` holds a model of all this against
-//! the instrument, by random walks and by frames that nobody should send.
+//! the instrument, by random walks and by malformed frames.
 //!
 //! **Drive only.** A run needs a channel with the generator's signal. Without one its
 //! twelve resultants would have to be correlated with each other, 1152 bytes a line and
@@ -75,7 +75,7 @@ use crate::wire::{
     SettingKey, Started, Stream, Subscription, Summary, Telemetry,
 };
 use live::{LevelMeter, Recorder};
-use phase::{Asked, Pending, Phase, SelfTest, Stage, Storage, Work};
+use phase::{Activity, Asked, Pending, Phase, SelfTest, Session, Storage};
 use readings::Sample;
 use run::{Feed, Run};
 use setup::SetUp;
@@ -99,7 +99,7 @@ pub struct Instrument<'m> {
     announced: bool,
 }
 
-/// Answers a request with what is wrong with it.
+/// Refuses a request, with the reason.
 #[inline(never)] // A reply is 1 KB: not on the stack beside the one there might have been.
 fn refuse(id: u16, request: u8, problem: Problem, out: &mut impl Transmit) {
     out.reply(id, &Reply::Error(Refused { request, problem }));
@@ -255,18 +255,12 @@ impl<'m> Instrument<'m> {
     /// The job that a request has left to be done, once. It comes back by
     /// [`Self::finish`].
     pub fn take_job(&mut self) -> Option<Job<'m>> {
-        let (lines, work) = match &mut self.phase {
-            Phase::Identifying(session, _, work) => (&session.lines, work),
-            Phase::SelfTesting(SelfTest {
-                lines,
-                stage: Stage::Identifying(work),
-                ..
-            }) => (&*lines, work),
+        let (lines, activity) = match &mut self.phase {
+            Phase::SetUp(session, activity) => (&session.lines, activity),
+            Phase::SelfTesting(test) => (&test.lines, &mut test.activity),
             _ => return None,
         };
-        let Work::Asked(storage, asked) = core::mem::replace(work, Work::Taken) else {
-            return None;
-        };
+        let (asked, storage) = activity.take_question()?;
         storage.scratch.clear_for_solver();
         if let Some(solver) = storage.scratch.solver() {
             solver.load_cells.take_from(self.setup.arrangement());
@@ -285,20 +279,22 @@ impl<'m> Instrument<'m> {
         let Job {
             storage, outcome, ..
         } = job;
-        match self.phase.take() {
-            Phase::Identifying(session, pending, Work::Taken) => {
-                self.phase = Phase::Ready(session, storage);
-                self.answer_question(pending, outcome, board, out);
-            }
-            Phase::SelfTesting(test) if matches!(test.stage, Stage::Identifying(Work::Taken)) => {
-                let answer = storage.answer.as_ref().filter(|_| outcome == Some(Ok(())));
+        let answered = outcome == Some(Ok(()));
+        let Some(activity) = self.phase.activity_mut() else {
+            return;
+        };
+        let Some(pending) = activity.finish(storage) else {
+            return;
+        };
+        match &self.phase {
+            Phase::SelfTesting(test) => {
+                let storage = self.phase.storage().filter(|_| answered);
+                let answer = storage.and_then(|storage| storage.answer.as_ref());
                 let found = selftest::judge(answer.map(|a| &a.identification), test.health);
-                self.phase = Phase::Empty(storage);
                 self.clear();
-                out.reply(test.pending.id, &Reply::Selftest(found));
+                out.reply(pending.id, &Reply::Selftest(found));
             }
-            // Nothing has left: the job is another instrument's.
-            other => self.phase = other,
+            _ => self.answer_question(pending, outcome, board, out),
         }
     }
 
@@ -310,12 +306,13 @@ impl<'m> Instrument<'m> {
         board: &impl Board,
         out: &mut impl Transmit,
     ) {
-        let problem = match (outcome, &mut self.phase) {
-            (Some(Ok(())), Phase::Ready(session, storage)) if storage.answer.is_some() => {
+        let problem = match (outcome, self.phase.session_mut()) {
+            (Some(Ok(())), Some(session)) => {
                 session.answered = Some(board.ticks().saturating_sub(pending.since));
-                // There is an answer, and a phase in which it is read.
-                let _ = self.read_answer(pending.id, out);
-                return;
+                match self.read_answer(pending.id, out) {
+                    Ok(()) => return,
+                    Err(problem) => problem,
+                }
             }
             (Some(Err(why)), _) => Problem::NoAnswer(why),
             // The job comes back without having been run.

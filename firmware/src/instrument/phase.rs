@@ -1,7 +1,7 @@
-//! Phases of the instrument: each owns what belongs to it, and the storage that is lent to the
-//! instrument for its life passes from one to the next.
+//! Phases of the instrument: each owns its data, and the storage that is lent to the instrument
+//! for its life passes from one to the next.
 //!
-//! A request finds what it needs in the phase it needs, or is refused: without a run there are no
+//! A request finds its data in the phase that has them, or is refused: without a run there are no
 //! samples to be taken, and without the storage, which an identification has taken along, no line
 //! to be read.
 
@@ -13,7 +13,7 @@ use crate::wire::{Accelerations, Answer, Health, Problem, Question, Start, State
 use core::mem;
 use massline_core::spectra::Complex32;
 
-/// Storage of a run, of an identification, and of what both leave behind.
+/// Storage of a run, of an identification, and of their results.
 #[derive(Debug)]
 pub(super) struct Storage<'m> {
     pub(super) scratch: &'m mut Scratch,
@@ -68,13 +68,23 @@ impl Session {
     }
 }
 
-/// An identification that has been asked for.
+/// Activity behind a complete set-up.
 #[derive(Debug)]
-pub(super) enum Work<'m> {
-    /// Its job has yet to be taken.
-    Asked(Storage<'m>, Asked),
-    /// Its job has the storage.
-    Taken,
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, and no allocator to put a run elsewhere"
+)]
+pub(super) enum Activity<'m> {
+    /// Nothing is going on.
+    Idle(Storage<'m>),
+    /// A run is going on.
+    Running(Run<'m>),
+    /// A question has been asked, and its job has yet to be taken.
+    Asked(Pending, Asked, Storage<'m>),
+    /// An identification is going on; its job has the storage.
+    Identifying(Pending),
+    /// One activity is becoming another, within one call.
+    Changing,
 }
 
 /// A self-test that is going on.
@@ -86,20 +96,7 @@ pub(super) struct SelfTest<'m> {
     pub(super) run: u8,
     /// Faults of channels so far.
     pub(super) health: Health,
-    pub(super) stage: Stage<'m>,
-}
-
-/// Stages of a self-test.
-#[derive(Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one, and no allocator to put a run elsewhere"
-)]
-pub(super) enum Stage<'m> {
-    /// Before a run, or behind the last one.
-    Between(Storage<'m>),
-    Running(Run<'m>),
-    Identifying(Work<'m>),
+    pub(super) activity: Activity<'m>,
 }
 
 /// Phase of the instrument.
@@ -114,11 +111,7 @@ pub(super) enum Phase<'m> {
     /// Pieces of a set-up come in.
     SettingUp(Storage<'m>),
     /// The set-up is complete.
-    Ready(Session, Storage<'m>),
-    /// A run is going on.
-    Running(Session, Run<'m>),
-    /// An identification is going on.
-    Identifying(Session, Pending, Work<'m>),
+    SetUp(Session, Activity<'m>),
     /// A self-test is going on.
     SelfTesting(SelfTest<'m>),
     /// One phase is becoming another, within one call.
@@ -132,8 +125,8 @@ impl<'m> Phase<'m> {
             // The runs of a self-test are its own: from outside the box is empty.
             Self::Empty(_) | Self::SelfTesting(_) | Self::Changing => State::Empty,
             Self::SettingUp(_) => State::SettingUp,
-            Self::Ready(..) | Self::Identifying(..) => State::Ready,
-            Self::Running(..) => State::Running,
+            Self::SetUp(_, Activity::Running(_)) => State::Running,
+            Self::SetUp(..) => State::Ready,
         }
     }
 
@@ -148,21 +141,21 @@ impl<'m> Phase<'m> {
     /// The request that is still being worked on.
     pub(super) fn pending(&self) -> Option<&Pending> {
         match self {
-            Self::Identifying(_, pending, _) => Some(pending),
+            Self::SetUp(_, activity) => activity.pending(),
             Self::SelfTesting(test) => Some(&test.pending),
             _ => None,
         }
     }
 
-    /// Refuses what a run of the host's must not be disturbed by.
+    /// Refuses a request that would disturb a run of the host's.
     pub(super) fn not_running(&self) -> Result<(), Problem> {
         match self {
-            Self::Running(..) => Err(self.unless(State::Ready)),
+            Self::SetUp(_, Activity::Running(_)) => Err(self.unless(State::Ready)),
             _ => Ok(()),
         }
     }
 
-    /// Refuses what must wait until the pending request is answered.
+    /// Refuses a request that must wait until the pending one is answered.
     pub(super) fn not_busy(&self) -> Result<(), Problem> {
         match self.pending() {
             Some(pending) => Err(Problem::Busy(pending.number)),
@@ -173,50 +166,60 @@ impl<'m> Phase<'m> {
     /// Session and storage where neither a run nor an identification is going on.
     pub(super) fn ready(&mut self) -> Result<(&Session, &mut Storage<'m>), Problem> {
         match self {
-            Self::Ready(session, storage) => Ok((session, storage)),
-            Self::Identifying(_, pending, _) => Err(Problem::Busy(pending.number)),
+            Self::SetUp(session, Activity::Idle(storage)) => Ok((session, storage)),
+            Self::SetUp(_, Activity::Asked(pending, ..) | Activity::Identifying(pending)) => {
+                Err(Problem::Busy(pending.number))
+            }
             other => Err(other.unless(State::Ready)),
-        }
-    }
-
-    /// The session of a complete set-up of the host's.
-    pub(super) fn session_mut(&mut self) -> Option<&mut Session> {
-        match self {
-            Self::Ready(session, _) | Self::Running(session, _) => Some(session),
-            Self::Identifying(session, ..) => Some(session),
-            _ => None,
         }
     }
 
     /// The session of a complete set-up of the host's.
     pub(super) fn session(&self) -> Option<&Session> {
         match self {
-            Self::Ready(session, _) | Self::Running(session, _) => Some(session),
-            Self::Identifying(session, ..) => Some(session),
+            Self::SetUp(session, _) => Some(session),
+            _ => None,
+        }
+    }
+
+    /// The session of a complete set-up of the host's.
+    pub(super) fn session_mut(&mut self) -> Option<&mut Session> {
+        match self {
+            Self::SetUp(session, _) => Some(session),
+            _ => None,
+        }
+    }
+
+    /// The activity behind a complete set-up, be it the host's or that of a self-test.
+    fn activity(&self) -> Option<&Activity<'m>> {
+        match self {
+            Self::SetUp(_, activity) => Some(activity),
+            Self::SelfTesting(test) => Some(&test.activity),
+            _ => None,
+        }
+    }
+
+    /// The activity behind a complete set-up, be it the host's or that of a self-test.
+    pub(super) fn activity_mut(&mut self) -> Option<&mut Activity<'m>> {
+        match self {
+            Self::SetUp(_, activity) => Some(activity),
+            Self::SelfTesting(test) => Some(&mut test.activity),
             _ => None,
         }
     }
 
     /// The run that is going on.
     pub(super) fn run(&self) -> Option<&Run<'m>> {
-        match self {
-            Self::Running(_, run) => Some(run),
-            Self::SelfTesting(test) => match &test.stage {
-                Stage::Running(run) => Some(run),
-                _ => None,
-            },
+        match self.activity()? {
+            Activity::Running(run) => Some(run),
             _ => None,
         }
     }
 
     /// The run that is going on.
     pub(super) fn run_mut(&mut self) -> Option<&mut Run<'m>> {
-        match self {
-            Self::Running(_, run) => Some(run),
-            Self::SelfTesting(test) => match &mut test.stage {
-                Stage::Running(run) => Some(run),
-                _ => None,
-            },
+        match self.activity_mut()? {
+            Activity::Running(run) => Some(run),
             _ => None,
         }
     }
@@ -224,101 +227,94 @@ impl<'m> Phase<'m> {
     /// The storage; `None` while a job has it.
     pub(super) fn storage(&self) -> Option<&Storage<'m>> {
         match self {
-            Self::Empty(storage) | Self::SettingUp(storage) | Self::Ready(_, storage) => {
-                Some(storage)
-            }
-            Self::Running(_, run) => Some(&run.storage),
-            Self::Identifying(_, _, work) => work.storage(),
-            Self::SelfTesting(test) => match &test.stage {
-                Stage::Between(storage) => Some(storage),
-                Stage::Running(run) => Some(&run.storage),
-                Stage::Identifying(work) => work.storage(),
+            Self::Empty(storage) | Self::SettingUp(storage) => Some(storage),
+            _ => match self.activity()? {
+                Activity::Idle(storage) | Activity::Asked(_, _, storage) => Some(storage),
+                Activity::Running(run) => Some(&run.storage),
+                Activity::Identifying(_) | Activity::Changing => None,
             },
-            Self::Changing => None,
         }
     }
 
-    /// The phase itself, in whose place another one must be put.
-    pub(super) fn take(&mut self) -> Self {
-        mem::replace(self, Self::Changing)
-    }
-
-    /// Gives up all but the storage, in favour of another phase. While a job has the storage
-    /// nothing is changed.
-    #[inline(never)] // A phase is moved over the stack.
-    pub(super) fn restart(&mut self, to: impl FnOnce(Storage<'m>) -> Self) {
-        *self = match self.take() {
-            Self::Empty(storage) | Self::SettingUp(storage) | Self::Ready(_, storage) => {
-                to(storage)
-            }
-            Self::Running(_, run) => to(run.storage),
-            Self::Identifying(_, _, Work::Asked(storage, _)) => to(storage),
-            Self::SelfTesting(SelfTest {
-                stage: Stage::Between(storage),
-                ..
-            }) => to(storage),
-            other => other,
-        };
-    }
-
-    /// Begins a run where none is going on.
-    #[inline(never)] // A phase is moved over the stack.
-    pub(super) fn enter_run(&mut self, start: Start, prepared: Prepared) {
-        *self = match self.take() {
-            Self::Ready(session, storage) => {
-                Self::Running(session, Run::new(start, prepared, storage))
-            }
-            Self::SelfTesting(mut test) => {
-                test.stage = match test.stage {
-                    Stage::Between(storage) => Stage::Running(Run::new(start, prepared, storage)),
-                    other => other,
-                };
-                Self::SelfTesting(test)
-            }
-            other => other,
-        };
-    }
-
-    /// Leaves an identification to be done, where neither a run nor another is going on.
-    #[inline(never)] // A phase is moved over the stack.
-    pub(super) fn enter_identification(&mut self, asked: Asked, pending: Pending) {
-        *self = match self.take() {
-            Self::Ready(session, storage) => {
-                Self::Identifying(session, pending, Work::Asked(storage, asked))
-            }
-            Self::SelfTesting(mut test) => {
-                test.stage = match test.stage {
-                    Stage::Between(storage) => Stage::Identifying(Work::Asked(storage, asked)),
-                    other => other,
-                };
-                Self::SelfTesting(test)
-            }
-            other => other,
-        };
-    }
-
-    /// Leaves the run that is going on; what it has stored stays.
-    #[inline(never)] // A phase is moved over the stack.
-    pub(super) fn leave_run(&mut self) {
-        *self = match self.take() {
-            Self::Running(session, run) => Self::Ready(session, run.storage),
-            Self::SelfTesting(mut test) => {
-                test.stage = match test.stage {
-                    Stage::Running(run) => Stage::Between(run.storage),
-                    other => other,
-                };
-                Self::SelfTesting(test)
-            }
-            other => other,
-        };
+    /// Gives up the phase for its storage, and another one must be put in its place; `None`, and
+    /// nothing is changed, while a run or an identification is going on.
+    #[inline(never)]
+    pub(super) fn take_storage(&mut self) -> Option<Storage<'m>> {
+        match self {
+            Self::Empty(_) | Self::SettingUp(_) => match mem::replace(self, Self::Changing) {
+                Self::Empty(storage) | Self::SettingUp(storage) => Some(storage),
+                _ => None,
+            },
+            _ => self.activity_mut()?.take_storage(),
+        }
     }
 }
 
-impl<'m> Work<'m> {
-    fn storage(&self) -> Option<&Storage<'m>> {
+impl<'m> Activity<'m> {
+    fn pending(&self) -> Option<&Pending> {
         match self {
-            Self::Asked(storage, _) => Some(storage),
-            Self::Taken => None,
+            Self::Asked(pending, ..) | Self::Identifying(pending) => Some(pending),
+            _ => None,
         }
+    }
+
+    /// The storage where nothing is going on; another activity must be put in its place.
+    #[inline(never)]
+    fn take_storage(&mut self) -> Option<Storage<'m>> {
+        if !matches!(self, Self::Idle(_)) {
+            return None;
+        }
+        match mem::replace(self, Self::Changing) {
+            Self::Idle(storage) => Some(storage),
+            _ => None,
+        }
+    }
+
+    /// Begins a run where nothing is going on.
+    #[inline(never)] // A run is moved over the stack.
+    pub(super) fn begin_run(&mut self, start: Start, prepared: Prepared) {
+        if let Some(storage) = self.take_storage() {
+            *self = Self::Running(Run::new(start, prepared, storage));
+        }
+    }
+
+    /// Leaves the run that is going on; what it has stored stays.
+    #[inline(never)]
+    pub(super) fn leave_run(&mut self) {
+        if matches!(self, Self::Running(_))
+            && let Self::Running(run) = mem::replace(self, Self::Changing)
+        {
+            *self = Self::Idle(run.storage);
+        }
+    }
+
+    /// Asks a question where nothing is going on.
+    pub(super) fn ask(&mut self, pending: Pending, asked: Asked) {
+        if let Some(storage) = self.take_storage() {
+            *self = Self::Asked(pending, asked, storage);
+        }
+    }
+
+    /// Question and storage for a job, once; they come back by [`Self::finish`].
+    pub(super) fn take_question(&mut self) -> Option<(Asked, Storage<'m>)> {
+        let Self::Asked(pending, ..) = self else {
+            return None;
+        };
+        let taken = Self::Identifying(*pending);
+        match mem::replace(self, taken) {
+            Self::Asked(_, asked, storage) => Some((asked, storage)),
+            _ => None,
+        }
+    }
+
+    /// Takes the storage back from a job; the request behind it, or `None` for a job of another
+    /// instrument.
+    pub(super) fn finish(&mut self, storage: Storage<'m>) -> Option<Pending> {
+        let Self::Identifying(pending) = self else {
+            return None;
+        };
+        let pending = *pending;
+        *self = Self::Idle(storage);
+        Some(pending)
     }
 }

@@ -48,7 +48,9 @@ impl Instrument<'_> {
             number: Request::Identify(*question).number(),
             since: board.ticks(),
         };
-        self.phase.enter_identification(asked, pending);
+        if let Some(activity) = self.phase.activity_mut() {
+            activity.ask(pending, asked);
+        }
         Ok(())
     }
 }

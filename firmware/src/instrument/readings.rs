@@ -1,5 +1,4 @@
-//! Samples of one run: where each channel goes, how it becomes SI, and whether it can be
-//! believed.
+//! Samples of one run: the role, the calibration and the faults of each channel.
 
 use super::Transmit;
 use crate::calibration::Channel;
@@ -21,7 +20,7 @@ pub(super) enum Sample<'a> {
     Computed(&'a [f32]),
 }
 
-/// What becomes of a channel.
+/// Calibration and role of a channel.
 #[derive(Clone, Copy, Debug)]
 struct Route {
     channel: Channel,
@@ -75,8 +74,8 @@ impl Channels {
         self.routes.len()
     }
 
-    /// Takes notice that so many samples are missing: what follows an overload is no better
-    /// for it.
+    /// Takes notice that so many samples are missing: the time after an overload does not shrink
+    /// by them.
     pub(super) fn skip(&mut self, missing: u64) {
         for route in &mut self.routes {
             route.channel.skip(missing);
@@ -105,7 +104,7 @@ impl Channels {
                     }
                 }
                 ChannelRole::Drive => self.drive = si,
-                // Nobody wants it, so its faults are nobody's.
+                // A channel without a role is not used, so its faults do not count.
                 ChannelRole::Unused => continue,
             }
             changed |= *last != health.0;

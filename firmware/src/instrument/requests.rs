@@ -1,9 +1,8 @@
 //! Requests, one by one: each is checked whole before it changes anything.
 
 use super::limits::missing;
-use super::phase::{Phase, Session, Storage};
 use super::setup::{self, SetUp};
-use super::{Board, Instrument, Transmit};
+use super::{Activity, Board, Instrument, Phase, Session, Storage, Transmit};
 use crate::capacity::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{
     Capacity, Grid, Identified, Info, Item, MethodSet, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
@@ -80,11 +79,9 @@ impl<'m> Instrument<'m> {
                 Reply::Done
             }
             Request::SetWeights(weights) => {
-                match &self.phase {
-                    Phase::SettingUp(_) | Phase::Ready(..) | Phase::Identifying(..) => {
-                        self.setup.set_weights(weights)?;
-                    }
-                    other => return Err(other.unless(State::SettingUp)),
+                match self.phase.state() {
+                    State::SettingUp | State::Ready => self.setup.set_weights(weights)?,
+                    _ => return Err(self.phase.unless(State::SettingUp)),
                 }
                 Reply::Done
             }
@@ -183,10 +180,10 @@ impl<'m> Instrument<'m> {
     /// Forgets all runs, in favour of a phase without any.
     fn restart(&mut self, to: fn(Storage<'m>) -> Phase<'m>) {
         self.summaries.fill(None);
-        self.phase.restart(|mut storage| {
+        if let Some(mut storage) = self.phase.take_storage() {
             storage.runs.clear();
-            to(storage)
-        });
+            self.phase = to(storage);
+        }
     }
 
     /// Number of a run as an index into the set-up.
@@ -253,7 +250,7 @@ impl<'m> Instrument<'m> {
             busy: self.phase.pending().map(|pending| pending.number),
             fingerprint: known.then(|| self.setup.fingerprint()),
             running: match &self.phase {
-                Phase::Running(_, run) => Some(run.running()),
+                Phase::SetUp(_, Activity::Running(run)) => Some(run.running()),
                 _ => None,
             },
             stored: session.map_or(0, |session| session.stored),
@@ -294,15 +291,17 @@ impl<'m> Instrument<'m> {
     fn end_setup(&mut self) -> Result<Grid, Problem> {
         let storage = match &mut self.phase {
             Phase::SettingUp(storage) => storage,
-            Phase::Ready(session, _) | Phase::Identifying(session, ..) => {
-                return Ok(session.lines.grid());
+            Phase::SetUp(_, Activity::Running(_)) => {
+                return Err(self.phase.unless(State::SettingUp));
             }
+            Phase::SetUp(session, _) => return Ok(session.lines.grid()),
             other => return Err(other.unless(State::SettingUp)),
         };
         let lines = check_setup(self.setup, storage)?;
         let grid = lines.grid();
-        self.phase
-            .restart(|storage| Phase::Ready(Session::new(lines), storage));
+        if let Some(storage) = self.phase.take_storage() {
+            self.phase = Phase::SetUp(Session::new(lines), Activity::Idle(storage));
+        }
         Ok(grid)
     }
 }

@@ -15,7 +15,7 @@ use crate::wire::{
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{Complex32, DriveAverage, Rings};
 
-/// Largest reading that is believed, of any sensor in any unit. Up to it, a line of 1024
+/// Largest reading that is taken as such, of any sensor in any unit. Up to it, a line of 1024
 /// samples squared and summed over 10⁷ blocks stays below 1e37, within `f32`.
 const BOUND: f32 = 1e12;
 

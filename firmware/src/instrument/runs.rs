@@ -2,13 +2,12 @@
 
 use super::limits::{missing, range};
 use super::memory::{SUMS, TRANSFORM};
-use super::phase::{Phase, Storage};
 use super::readings::{Channels, Sample};
 use super::run::{Ended, Feed, Prepared, Run, Task};
 use super::setup::{self, SetUp};
 use super::survey::Survey;
 use super::synthetic::Synthetic;
-use super::{Board, Instrument, Transmit};
+use super::{Activity, Board, Instrument, Phase, Storage, Transmit};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
     ChannelRole, Circuit, Event, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem,
@@ -22,7 +21,7 @@ impl Instrument<'_> {
     /// Starts a run; where the same is going on, nothing is changed.
     #[inline(never)] // A run is not on the stack beside a reply.
     pub(super) fn start(&mut self, start: &Start, board: &mut impl Board) -> Result<(), Problem> {
-        if let Phase::Running(_, run) = &self.phase
+        if let Phase::SetUp(_, Activity::Running(run)) = &self.phase
             && run.start == *start
         {
             return Ok(());
@@ -30,7 +29,9 @@ impl Instrument<'_> {
         let inputs = usize::from(self.identity.inputs);
         let (session, storage) = self.phase.ready()?;
         let run = prepare(self.setup, &session.lines, inputs, start, storage, board)?;
-        self.phase.enter_run(*start, run);
+        if let Some(activity) = self.phase.activity_mut() {
+            activity.begin_run(*start, run);
+        }
         Ok(())
     }
 
@@ -79,8 +80,8 @@ impl Instrument<'_> {
             }
             run.skip_to(samples.first, out);
         }
-        // Those that the box has are passed over. What is left to do is one message's samples
-        // at the most, however far ahead or behind it is numbered.
+        // Those that the box has are passed over. The rest are one message's samples at the most,
+        // however far ahead or behind they are numbered.
         let known = run.next().saturating_sub(samples.first).min(count as u64);
         for sample in known as usize..count {
             let Some(run) = self.phase.run_mut() else {
@@ -102,7 +103,7 @@ impl Instrument<'_> {
 
     /// Ends the run, or repeats the summary of the one that has ended.
     pub(super) fn stop(&mut self, board: &mut impl Board) -> Result<Summary, Problem> {
-        if let Phase::Running(..) = self.phase
+        if let Phase::SetUp(_, Activity::Running(_)) = self.phase
             && let Some(summary) = self.conclude(Outcome::Stopped, board)
         {
             return Ok(summary);
@@ -116,8 +117,8 @@ impl Instrument<'_> {
 
     /// Discards the run, unless it is one of a self-test.
     pub(super) fn abort(&mut self, board: &mut impl Board) {
-        if let Phase::Running(..) = self.phase {
-            self.phase.leave_run();
+        if let Phase::SetUp(_, activity @ Activity::Running(_)) = &mut self.phase {
+            activity.leave_run();
             self.stop_unused_inputs(board);
         }
     }
@@ -151,7 +152,9 @@ impl Instrument<'_> {
         };
         let (summary, peaks) = run.finish(outcome, self.identity.tick_hz);
         let stored = run.storage.runs.mask();
-        self.phase.leave_run();
+        if let Some(activity) = self.phase.activity_mut() {
+            activity.leave_run();
+        }
         if let Some(session) = self.phase.session_mut() {
             session.ended = Some(ended);
             session.stored = stored;
@@ -303,10 +306,10 @@ fn route(
             ChannelRole::Drive | ChannelRole::Unused => Some(calibration::Scale::ONE),
         };
         let channel = match (scale, source) {
-            // What the converters deliver is watched, whoever says how it becomes SI.
+            // Counts of the converters are watched, wherever their calibration comes from.
             (Some(scale), Source::Inputs) => {
                 let input = stored(board, number)?;
-                // Boards leave out what nothing is wired to.
+                // Boards leave out inputs that nothing is wired to.
                 if carries != ChannelRole::Unused && input.circuit() == Circuit::Unused {
                     return Err(missing(Item::Input, number));
                 }
@@ -321,7 +324,7 @@ fn route(
     Ok(())
 }
 
-/// What the settings say of an input.
+/// The certificate of an input, out of the settings.
 fn stored(board: &impl Board, input: usize) -> Result<Certificate, Problem> {
     match board.setting(SettingKey::Input(input as u8))? {
         Setting::Input(input) => Certificate::new(&input),

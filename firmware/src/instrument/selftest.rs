@@ -4,7 +4,7 @@ use super::requests::check_setup;
 use super::runs::prepare;
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
-use super::{Asked, Board, Instrument, Pending, Phase, SelfTest, Stage, Transmit};
+use super::{Activity, Asked, Board, Instrument, Pending, Phase, SelfTest, Transmit};
 use crate::wire::{
     Accelerations, ChannelRole, Check, Excitation, Gaps, Health, Method, Mount, Pass, Plan,
     Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, ScaleSource, Selftest,
@@ -14,7 +14,7 @@ use massline_core::identify::{self, Identification};
 
 /// Runs of the self-test: one an axis.
 pub(super) const RUNS: u8 = 3;
-/// Samples of each: what the filters need, one block, and two more that overlap.
+/// Samples of each run: the settling of the filters, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
 /// Channels: six accelerometers, six load cells, the drive.
 const CHANNELS: [u8; 13] = [
@@ -43,7 +43,7 @@ const SENSORS: [([f64; 3], [f64; 3]); 6] = [
     ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
 ];
 
-/// How far the elastic term of the sampled mode can be from any that is fitted, in the
+/// Largest deviation of the elastic term of the sampled mode from any that is fitted, in the
 /// averaging band.
 ///
 /// With x = ωT/2 and θ = ω₀T the mode that is computed has
@@ -56,11 +56,11 @@ const SENSORS: [([f64; 3], [f64; 3]); 6] = [
 /// and a continuous one, as it is fitted, has θ²/x² and 1 with any factors, and 1/x with any
 /// factor. What is left, times |D|², is at 20 Hz 0.111 (1.4e-5 - 6.0e-4 j), and less below.
 const DEVIATION: f64 = 6.7e-5;
-/// How much of a deviation on every line reaches the rigid body at most, while the elastic
+/// Largest share of a deviation on every line that reaches the rigid body, while the elastic
 /// term and one of ω² are eliminated: sum of the magnitudes in the first row of the
 /// pseudo-inverse of their columns over the 39 lines.
 const AMPLIFICATION: f64 = 1.7;
-/// Of a transform of 1024 numbers in `f32`, relative: ten stages, each rounded by 2⁻²⁴.
+/// Relative rounding error of a transform of 1024 numbers in `f32`: ten stages, each rounded by 2⁻²⁴.
 const ROUNDING: f64 = 1e-6;
 
 impl Instrument<'_> {
@@ -75,20 +75,19 @@ impl Instrument<'_> {
         };
         set_up(self.setup)?;
         let lines = check_setup(self.setup, storage)?;
-        let pending = Pending {
-            id,
-            number: Request::Selftest.number(),
-            since: board.ticks(),
-        };
-        self.phase.restart(|storage| {
-            Phase::SelfTesting(SelfTest {
-                pending,
+        if let Some(storage) = self.phase.take_storage() {
+            self.phase = Phase::SelfTesting(SelfTest {
+                pending: Pending {
+                    id,
+                    number: Request::Selftest.number(),
+                    since: board.ticks(),
+                },
                 lines,
                 run: 0,
                 health: Health::GOOD,
-                stage: Stage::Between(storage),
-            })
-        });
+                activity: Activity::Idle(storage),
+            });
+        }
         Ok(())
     }
 
@@ -101,10 +100,10 @@ impl Instrument<'_> {
         let Phase::SelfTesting(test) = &mut self.phase else {
             return false;
         };
-        let storage = match &mut test.stage {
-            Stage::Between(storage) => storage,
-            Stage::Running(_) => return true,
-            Stage::Identifying(_) => return false,
+        let storage = match &mut test.activity {
+            Activity::Idle(storage) => storage,
+            Activity::Running(_) => return true,
+            _ => return false,
         };
         let run = test.run;
         test.run = run.saturating_add(1);
@@ -116,11 +115,11 @@ impl Instrument<'_> {
             let start = start(run);
             // Synthetic runs need no input.
             if let Ok(run) = prepare(self.setup, &test.lines, 0, &start, storage, board) {
-                self.phase.enter_run(start, run);
+                test.activity.begin_run(start, run);
                 return true;
             }
         } else if let Ok(asked) = Asked::new(&QUESTION, self.setup, &storage.runs) {
-            self.phase.enter_identification(asked, pending);
+            test.activity.ask(pending, asked);
             return false;
         }
         self.clear();
@@ -193,7 +192,7 @@ pub(super) const fn start(run: u8) -> Start {
     }
 }
 
-/// What is asked of the runs.
+/// Question to the runs.
 pub(super) const QUESTION: Question = Question {
     method: Method::ApparentMass,
     identify: identify::Question {
@@ -205,7 +204,7 @@ pub(super) const QUESTION: Question = Question {
     runs: 0,
 };
 
-/// Holds an answer, if there is one, against the body.
+/// Compares an answer, if there is one, with the body.
 pub(super) fn judge(answer: Option<&Identification>, health: Health) -> Selftest {
     let body = body();
     let place = body.centre_of_gravity;

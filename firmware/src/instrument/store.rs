@@ -1,11 +1,11 @@
-//! Stored runs: what is kept of a finished run for the identification.
+//! Stored runs: lines of finished runs, and their metadata, for the identification.
 
 use crate::capacity::{LINES, RUNS};
 use crate::wire::{Accelerations, Line, Quality};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantMap, ResultantNoise};
 use massline_core::spectra::{Complex32, DriveAverage, LineGrid, LineRange, RunResponses};
 
-/// What is kept of a run beside its lines.
+/// Metadata of a stored run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kept {
     pub(super) accelerations: Accelerations,
@@ -88,7 +88,7 @@ impl Stored<'_> {
         )
     }
 
-    /// What is kept of a run beside its lines.
+    /// Metadata of a stored run.
     pub(super) fn kept(&self, run: usize) -> Option<&Kept> {
         self.kept.get(run)?.as_ref()
     }

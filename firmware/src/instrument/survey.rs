@@ -1,10 +1,10 @@
-//! The survey: how far each accelerometer moves in the mode band.
+//! The survey: the peak response of each accelerometer in the mode band.
 //!
 //! # Design
 //!
 //! A block of all accelerometers would take four times the memory of the twelve
 //! resultants. So accelerometers take turns, twelve at a time, in the room of a measuring
-//! pass: with more than twelve of them, each block looks at the next twelve. What is found
+//! pass: with more than twelve of them, each block looks at the next twelve. The result
 //! is an amplitude per unit of drive, so it does not matter that they were not looked at
 //! at the same time.
 

@@ -16,8 +16,8 @@
 //!
 //! which is not an approximation here but the definition: a mode that has the frequency
 //! response `D = ω̃² / (ω₀² - ω̃² + 2jζω₀ sin(ωT)/T)` with `ω̃ = 2/T sin(ωT/2)`. At rest and
-//! towards ω = 0 the mass is carried along, so the rigid body is exact. What the fit of a
-//! continuous mode makes of the difference between ω̃ and ω is the self-test's bound.
+//! towards ω = 0 the mass is carried along, so the rigid body is exact. The self-test's bound
+//! is the effect of the difference between ω̃ and ω on the fit of a continuous mode.
 
 use super::setup::Arrangement;
 use crate::capacity::CHANNELS;
@@ -32,11 +32,11 @@ pub(super) const PERIOD: u32 = 1024;
 
 /// Mass on the spring, kg.
 pub(super) const SPRUNG: f64 = 1.5;
-/// Where it is, m.
+/// Place of the mass on the spring, m.
 pub(super) const PLACE: Vector3<f64> = Vector3::new(0.05, 0.02, 0.35);
-/// Which way it swings.
+/// Direction in which it swings, a unit vector.
 const SWING: Vector3<f64> = Vector3::new(0.6, 0.64, 0.48);
-/// How much of the swing an accelerometer on the structure sees.
+/// Share of the swing that an accelerometer on the structure sees.
 const SHARE: f64 = 0.5;
 /// Rotation, rad/s² for each m/s² along the same axis.
 const TURN: f64 = 3.0;
@@ -48,7 +48,7 @@ const BEFORE: Wrapping<i64> = Wrapping(1_018_141);
 const COEFFICIENT_BITS: usize = 20;
 /// Fractional bits of the swing.
 const SWING_BITS: u32 = 16;
-/// Noise of one is this.
+/// Noise that stands for 1 m/s².
 const UNIT: f32 = 16384.0;
 
 /// The body, with the mass on its spring where it rests.
@@ -99,7 +99,7 @@ impl Spring {
 /// The source of one run's samples.
 #[derive(Debug)]
 pub(super) struct Synthetic {
-    /// What each channel reads of the table's motion, and of the swing.
+    /// Gains of each channel: of the table's motion, and of the swing.
     gains: heapless::Vec<[f32; 2], CHANNELS>,
     spring: Spring,
     n: u32,
@@ -167,7 +167,7 @@ impl Synthetic {
     }
 }
 
-/// How the table moves in a run: along one axis and about it, both ways round in turn.
+/// The table's motion in a run: along one axis and about it, both ways round in turn.
 fn motion(run: usize) -> Vector6<f64> {
     let axis = run % 3;
     let turn = if run % 6 < 3 { TURN } else { -TURN };

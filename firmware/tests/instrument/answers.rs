@@ -1,9 +1,9 @@
-//! The numbers of one noisy test, to the last bit: what every method answers, and what runs and
-//! surveys say on the way there.
+//! The numbers of one noisy test, to the last bit: answers of every method, and the results of
+//! runs and surveys on the way there.
 //!
 //! The box, the emulator and a workstation find the same bits, so that they can be written down.
-//! Whether they are right is held against the truth elsewhere; this notices that they change.
-//! Where that is meant, `OVERWRITE=1 cargo test -p massline-firmware --test instrument answers`
+//! Other tests hold them against the truth; this one notices that they change.
+//! To accept a change, `OVERWRITE=1 cargo test -p massline-firmware --test instrument answers`
 //! writes the new ones, and the commit says why.
 
 use crate::bench::{Bench, Heard, Said, Shelf};
@@ -98,7 +98,7 @@ fn samples(run: usize) -> Vec<[f32; CHANNELS]> {
     all
 }
 
-/// What the load cells, placed as the accelerometers are, read of forces and moments about A.
+/// Readings of the load cells, placed as the accelerometers are, for forces and moments about A.
 fn cells(f: [f64; 6]) -> [f64; 6] {
     // Cells 1 and 3 along y, 2, 4 and 5 along z at (±0.2, ±0.2): moments fix their shares.
     let along_x = f[0];
@@ -204,7 +204,7 @@ fn question(method: Method, procedure: Procedure) -> Question {
     }
 }
 
-/// What one set-up has to say to all questions.
+/// Answers of one set-up to all questions.
 fn answers(accelerations: Accelerations, weighting: Weighting, questions: &[Question]) -> String {
     let mut shelf = Shelf::default();
     let mut bench = shelf.switch_on();

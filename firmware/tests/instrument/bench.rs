@@ -17,7 +17,7 @@ pub struct Settings {
     pub name: String,
     pub baud: u32,
     pub rate: f64,
-    /// What they say of the inputs.
+    /// Calibrations of the inputs.
     pub inputs: Vec<Certificate>,
 }
 
@@ -249,7 +249,7 @@ pub enum Heard {
 /// The host's end of the link.
 #[derive(Default)]
 pub struct Host {
-    /// Whether the plug is out: what the box sends is gone.
+    /// `true` while the plug is out: all that the box sends is lost.
     pub unplugged: bool,
     pub replies: Vec<(u16, Said)>,
     pub events: Vec<Heard>,

@@ -8,7 +8,7 @@ pub const SENSORS: usize = 12;
 /// Channels of a sample.
 pub const CHANNELS: usize = SENSORS + 1;
 
-/// What its pieces are.
+/// Pieces of the set-up.
 pub struct Pieces {
     pub plan: Plan,
     pub processing: Processing,

@@ -1,4 +1,4 @@
-//! What does not fit is refused with the reason, and has changed nothing.
+//! Requests that do not fit are refused with the reason, and change nothing.
 
 use crate::bench::{Said, Shelf};
 use crate::plan::{Pieces, set_up, start};

@@ -1,4 +1,4 @@
-//! Frames that nobody should send: out of random bytes, and out of requests whose bytes were
+//! Malformed frames: out of random bytes, and out of requests whose bytes were
 //! changed.
 
 use crate::draw::Material;
@@ -6,7 +6,7 @@ use crate::random::Random;
 use crate::{messages, reference};
 use massline_firmware::wire::{CHECKSUM, FRAME_MAX, HEADER, PAYLOAD_MAX, Request, Sender};
 
-/// What lies in a frame behind its envelope.
+/// Content of a frame behind its envelope.
 #[derive(Clone, Debug)]
 pub struct Piece {
     pub number: u8,

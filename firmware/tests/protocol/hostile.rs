@@ -5,7 +5,7 @@
 //! shown:
 //!
 //! ```text
-//! MASSLINE_FRAMES=10_000_000 cargo test --profile checked -p massline-core --test protocol -- --nocapture hostile
+//! MASSLINE_FRAMES=10_000_000 cargo test --profile checked -p massline-firmware --test protocol -- --nocapture hostile
 //! ```
 
 use crate::bench::{Bench, INPUTS, Said, Shelf};
@@ -49,8 +49,8 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     }));
 }
 
-/// Whether a request is documented to end a run, or is the very samples that a run of the host's
-/// waits for, which begins with number `next`.
+/// `true` for a request that is documented to end a run, or has the very samples that a run of
+/// the host's waits for, which begin with number `next`.
 fn is_documented(request: &Request<'_>, source: Source, next: u64) -> bool {
     match request {
         Request::Stop | Request::Abort | Request::Reboot => true,
@@ -64,7 +64,7 @@ fn is_documented(request: &Request<'_>, source: Source, next: u64) -> bool {
     }
 }
 
-/// How many frames of each kind came.
+/// Counts of frames of each kind.
 #[derive(Debug, Default)]
 struct Tally {
     frames: u64,

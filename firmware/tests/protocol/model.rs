@@ -15,14 +15,14 @@ pub const CHANNELS: usize = SENSORS + 1;
 /// Their sample rate, Hz.
 pub const RATE: f64 = 512.0;
 
-/// A request, and whether what it carries is sound: whether a box in the right state takes it.
+/// A request, sound or not: a box in the right state takes the sound ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Act<'a> {
     pub request: Request<'a>,
     pub is_sound: bool,
 }
 
-/// What becomes of a request.
+/// Outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// It is done, or will be when its job is.
@@ -41,7 +41,7 @@ pub struct Going {
     pub missing: u64,
 }
 
-/// What the model knows of the box.
+/// The box, as far as the model knows it.
 #[derive(Clone, Debug)]
 pub struct Model {
     pub state: State,
@@ -51,12 +51,12 @@ pub struct Model {
     runs: [bool; RUNS],
     weighted: [bool; RUNS],
     pub surveyed: u32,
-    /// What stored runs were measured with.
+    /// Accelerometers behind the stored runs.
     pub stored: [Option<Accelerations>; RUNS],
     summaries: [bool; RUNS],
     pub run: Option<Going>,
     pub ended: Option<Going>,
-    /// The request that waits for its job, and whether the job has been taken.
+    /// Number of the request that waits for its job; `true` once the job has been taken.
     pub pending: Option<(u8, bool)>,
     pub answered: bool,
     pub is_streaming: bool,
@@ -66,7 +66,8 @@ pub struct Model {
     delivered: Settings,
 }
 
-/// What can be seen of the box from outside, and changes only where a request may change it.
+/// Properties of the box that can be seen from outside, and change only where a request may
+/// change them.
 pub const FIELDS: [&str; 16] = [
     "state",
     "busy",
@@ -158,12 +159,12 @@ impl Model {
             .is_some_and(|(number, _)| number == Request::Selftest.number())
     }
 
-    /// Whether the stored runs are lent to a job.
+    /// `true` while a job has the stored runs.
     fn is_lent(&self) -> bool {
         self.pending.is_some_and(|(_, is_taken)| is_taken)
     }
 
-    /// What must become of a request.
+    /// Outcome that a request must have.
     pub fn expect(&self, act: &Act<'_>) -> Verdict {
         let is_running = self.state == State::Running;
         let is_busy = self.pending.is_some();
@@ -378,7 +379,7 @@ impl Model {
         }
     }
 
-    /// Whether the run has all that it was started for.
+    /// `true` once the run has all the samples it was started for.
     pub fn is_complete(&self) -> bool {
         let run = self.run;
         run.is_some_and(|run| run.start.limit.is_some_and(|limit| run.next >= limit))

@@ -1,5 +1,5 @@
-//! Random walks: whatever is asked of the box in whatever order, the model says before what
-//! becomes of it, and nothing changes but what the request may change.
+//! Random walks: for every request in every order the model predicts the outcome, and nothing
+//! changes but what the request may change.
 //!
 //! The short form runs with all tests; `MASSLINE_STEPS=1_000_000` makes it longer.
 
@@ -272,7 +272,7 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
     }
 }
 
-/// What can be seen of the box, in the order of [`FIELDS`].
+/// Properties that can be seen of the box, in the order of [`FIELDS`].
 fn look(bench: &mut Bench<'_>) -> Vec<String> {
     let status = bench.status();
     let hardware = &bench.hardware;
@@ -332,7 +332,7 @@ fn hear_of_ends(bench: &mut Bench<'_>, model: &mut Model) {
     assert!(!model.is_complete());
 }
 
-/// How often each request was granted and refused.
+/// Counts of each request, granted and refused.
 type Tally = std::collections::BTreeMap<&'static str, [u32; 2]>;
 
 /// Numbers of the converters' samples.
