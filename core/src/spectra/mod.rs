@@ -16,16 +16,18 @@ mod decimate;
 mod drive;
 mod fft;
 mod history;
+mod settings;
 mod sum;
 mod window;
 
 pub(crate) use band::listed;
 pub use band::{BandError, LineRange};
-pub use blocks::{BlockSettings, BlockSpectra, Blocks};
+pub use blocks::{BlockSpectra, Blocks};
 pub use cross::CrossAverage;
 pub use drive::{DriveAverage, RunResponses};
 pub(crate) use fft::MAX_BLOCK_LENGTH;
 pub use history::Rings;
+pub use settings::BlockSettings;
 pub use sum::Sum;
 pub use window::Window;
 
