@@ -5,6 +5,7 @@ use crate::spectra::LineRange;
 
 /// How the six equations of motion of a pair are weighed against each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EquationWeights {
     /// By the noise of the run. The answer does not depend on the reference point.
     #[default]
@@ -16,6 +17,8 @@ pub enum EquationWeights {
 
 /// Which of the kept lines serve for what, and how equations count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Bands {
     /// The averaging band: the rigid body is read from these.
     pub averaging: LineRange,

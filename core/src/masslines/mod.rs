@@ -57,6 +57,8 @@ pub(crate) const MAX_PAIRS: usize = 24;
 
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum MasslineError {
     /// The averaging band holds fewer than three lines; the number found.
     TooFewLines(usize),

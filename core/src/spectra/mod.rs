@@ -35,6 +35,8 @@ pub use microfft::Complex32;
 
 /// What makes spectral settings unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum SpectraError {
     /// The block length is not a power of two in 16 to 1024, or to 32768 with the feature
     /// `long-blocks`.
@@ -108,6 +110,7 @@ impl core::error::Error for SpectraError {}
 
 /// Which lines of a spectrum are kept, and where they lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LineGrid {
     /// Index of the first kept line; line 0 is the mean.
     pub first: usize,

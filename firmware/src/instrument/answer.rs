@@ -136,6 +136,8 @@ impl From<masslines::Method> for Method {
             From::FreeResponsesSquared => Self::FreeResponsesSquared,
             From::CurveFit => Self::CurveFit,
             From::Synthesis => Self::Synthesis,
+            // A method that the box does not know is none of its list.
+            _ => Self::ApparentMass,
         }
     }
 }
@@ -176,9 +178,7 @@ impl From<MasslineError> for NoAnswer {
                 given: limit as u32,
             },
             // The box refers every run to a drive, and has no poses.
-            MasslineError::TooFewBlocks { .. } | MasslineError::TooFewPoses { .. } => {
-                Self::NoExcitation
-            }
+            _ => Self::NoExcitation,
         }
     }
 }
@@ -191,7 +191,7 @@ impl From<IdentifyError> for NoAnswer {
             IdentifyError::KnownMass(m) => Self::KnownMass(m),
             IdentifyError::Diverged(d) => Self::Diverged(d),
             IdentifyError::NotConverged(d) => Self::NotConverged(d),
-            IdentifyError::NotFinite => Self::NotFinite,
+            _ => Self::NotFinite,
         }
     }
 }

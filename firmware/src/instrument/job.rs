@@ -100,10 +100,8 @@ impl Job<'_> {
         let Some(solver) = self.buffers.bench.solver() else {
             return Err(NoAnswer::NoMasslines);
         };
-        let question = identify::Question {
-            known_mass: self.question.known_mass,
-            procedure: self.question.procedure.into(),
-        };
+        let procedure = self.question.procedure.into();
+        let question = identify::Question::new(self.question.known_mass, procedure);
         let identification = identify_in(&solver.sets, &question, &mut solver.identification);
         self.tell(identification.as_ref().map_err(|error| *error)?);
         Ok(())

@@ -52,6 +52,8 @@ macro_rules! methods {
     )*) => {
         /// The ways from averaged lines to masslines.
         #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        #[non_exhaustive]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum Method {
             $($(#[$attribute])* $method,)*
         }
