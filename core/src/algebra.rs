@@ -4,7 +4,7 @@
 //! A chip's stack is small, so they work in place: a matrix of ten is 800 bytes, and one
 //! that is returned by value lies there twice.
 
-use crate::cells::{cells, seen};
+use crate::cells::{Collection, Entries, EntriesMut, cells, seen};
 use core::ops::IndexMut;
 use nalgebra::allocator::Allocator;
 use nalgebra::{Complex, DefaultAllocator, DimName, Matrix6, OMatrix, OVector, SMatrix};
@@ -186,6 +186,24 @@ impl<const LEN: usize> Triangle<LEN> {
     #[inline]
     pub(crate) fn get_mut(&mut self, i: usize, j: usize) -> Option<&mut f64> {
         self.0.get_mut(triangle_len(i) + j)
+    }
+}
+
+impl<const LEN: usize> Collection for Triangle<LEN> {
+    type Entry = f64;
+}
+
+impl<const LEN: usize> Entries<(usize, usize)> for Triangle<LEN> {
+    #[inline]
+    fn entry(&self, (i, j): (usize, usize)) -> Option<&f64> {
+        self.get(i, j)
+    }
+}
+
+impl<const LEN: usize> EntriesMut<(usize, usize)> for Triangle<LEN> {
+    #[inline]
+    fn entry_mut(&mut self, (i, j): (usize, usize)) -> Option<&mut f64> {
+        self.get_mut(i, j)
     }
 }
 

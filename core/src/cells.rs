@@ -5,7 +5,6 @@
 //! is out of range reads zero and writes nothing instead, and builds with debug assertions, as
 //! those of the tests, still stop there.
 
-use crate::algebra::Triangle;
 use core::ops::{Index, IndexMut};
 use nalgebra::{Dim, Matrix, RawStorage, RawStorageMut, Scalar};
 
@@ -68,24 +67,6 @@ impl<T> EntriesMut<usize> for [T] {
     #[inline]
     fn entry_mut(&mut self, at: usize) -> Option<&mut T> {
         self.get_mut(at)
-    }
-}
-
-impl<const LEN: usize> Collection for Triangle<LEN> {
-    type Entry = f64;
-}
-
-impl<const LEN: usize> Entries<(usize, usize)> for Triangle<LEN> {
-    #[inline]
-    fn entry(&self, (i, j): (usize, usize)) -> Option<&f64> {
-        self.get(i, j)
-    }
-}
-
-impl<const LEN: usize> EntriesMut<(usize, usize)> for Triangle<LEN> {
-    #[inline]
-    fn entry_mut(&mut self, (i, j): (usize, usize)) -> Option<&mut f64> {
-        self.get_mut(i, j)
     }
 }
 

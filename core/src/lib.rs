@@ -11,5 +11,7 @@ pub mod rigid_body;
 pub mod spectra;
 pub mod weighting;
 
+pub use nalgebra;
+
 mod algebra;
 mod cells;

@@ -151,7 +151,7 @@ proptest! {
             true => Procedure::Iterative { tolerance, limit: 9 },
             false => Procedure::Direct,
         };
-        if let Ok(found) = identify(&[masslines], &Question { known_mass, procedure }) {
+        if let Ok(found) = identify(&[masslines], &Question::new(known_mass, procedure)) {
             prop_assert!(finite(&all(&found)), "{found:?}");
         }
     }

@@ -105,7 +105,7 @@ proptest! {
         a in accelerations(),
     ) {
         let set = exact(&body, &reference, &a);
-        let question = Question { known_mass: Some(body.mass), ..Question::default() };
+        let question = Question::new(Some(body.mass), Procedure::Direct);
         let found = identify(&[set], &question).unwrap();
         prop_assert!((found.indicator.unwrap().value - 1.0).abs() < 1e-9);
         prop_assert!(worst_error(&found, &body) < 1e-9);
@@ -118,7 +118,7 @@ proptest! {
         a in accelerations(),
     ) {
         let set = exact(&body, &reference, &a);
-        let question = Question { procedure: Procedure::ITERATIVE, ..Question::default() };
+        let question = Question::new(None, Procedure::ITERATIVE);
         let found = identify(&[set], &question).unwrap();
         prop_assert!(worst_error(&found, &body) < 1e-9);
         prop_assert!(found.iterations <= 3);
@@ -237,7 +237,7 @@ proptest! {
         let v = |i: usize| Vector6::from_column_slice(&numbers[6 * i..6 * i + 6]);
         let pairs = [(v(0), v(1)), (v(2), v(3)), (v(4), v(5))];
         if let Ok(set) = Masslines::exact(Vector3::zeros(), pairs) {
-            let question = Question { known_mass: Some(mass), procedure: Procedure::ITERATIVE };
+            let question = Question::new(Some(mass), Procedure::ITERATIVE);
             let _ = identify(&[set], &question);
         }
     }

@@ -244,10 +244,7 @@ impl Test {
         known_mass: Option<f64>,
     ) -> Option<Identification> {
         let condensed = self.condense(method, reference).ok()?;
-        let question = Question {
-            known_mass,
-            procedure,
-        };
+        let question = Question::new(known_mass, procedure);
         identify(&[condensed.masslines], &question).ok()
     }
 }

@@ -44,9 +44,9 @@ fn short_fork(folder: &tempfile::TempDir) -> Setup {
 fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
     Question {
         method,
-        identify: identify::Question {
-            known_mass: setup.known_mass,
-            procedure: if iterative {
+        identify: identify::Question::new(
+            setup.known_mass,
+            if iterative {
                 Procedure::Iterative {
                     tolerance: setup.estimation.tolerance,
                     limit: setup.estimation.iterations,
@@ -54,7 +54,7 @@ fn question(setup: &Setup, method: Method, iterative: bool) -> Question {
             } else {
                 Procedure::Direct
             },
-        },
+        ),
         modes: setup.estimation.modes as u8,
         fit_band: setup.estimation.fit_band,
         runs: 0,

@@ -38,6 +38,8 @@ pub const RESULTANT_NAMES: [&str; 6] = ["fx", "fy", "fz", "tx", "ty", "tz"];
 
 /// What makes a set of sensors unusable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum GeometryError {
     /// A direction of length zero, or a position or direction that is not finite.
     Direction,
@@ -76,6 +78,7 @@ impl core::error::Error for GeometryError {}
 /// Where an accelerometer is glued.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mount {
     /// On the table or its adapter, which are rigid: it sees the base acceleration
     /// exactly, however elastic the structure is.
@@ -97,6 +100,7 @@ pub struct Accelerometer {
 /// What a load cell measures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Quantity {
     /// A force along the direction, N.
     #[default]

@@ -9,6 +9,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 /// A value with its standard deviation, in the same unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Estimate {
     /// The value.
     pub value: f64,

@@ -32,6 +32,7 @@ use nalgebra::Vector3;
 /// Direct, or iterative as in figure 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Procedure {
     /// Solve once at the given reference point; Θ about S by the parallel-axis rule.
     #[default]
@@ -58,6 +59,8 @@ impl Procedure {
 /// What is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct Question {
     /// The weighed mass, kg; then the indicator Δ is estimated in its place (7).
     pub known_mass: Option<f64>,
@@ -65,9 +68,23 @@ pub struct Question {
     pub procedure: Procedure,
 }
 
+impl Question {
+    /// The question for the ten numbers by a procedure, and, with the weighed mass (kg), for the
+    /// indicator Δ in place of the mass.
+    #[must_use]
+    pub const fn new(known_mass: Option<f64>, procedure: Procedure) -> Self {
+        Self {
+            known_mass,
+            procedure,
+        }
+    }
+}
+
 /// Why there is no answer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum IdentifyError {
     /// No masslines were given.
     NoMasslines,

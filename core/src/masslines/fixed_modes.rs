@@ -6,10 +6,9 @@
 //! modal mass, and the diagonal of `L_rᵀ L_r` holds the effective masses. Over all modes
 //! they add up to the rigid-body mass matrix.
 
-use super::apparent_mass::{Basis, few_enough, find_fixed_poles, fixed_trace};
 use super::averaging::noise_of_runs;
-use super::close_modes::{CLOSE, Neighbourhood};
 use super::lines::indices;
+use super::methods::apparent_mass::{Basis, few_enough, find_fixed_poles, fixed_trace};
 use super::regression::{Regression, Solution};
 use super::run_powers::RunPowers;
 use super::{Lines, MAX_RUNS, MasslineError, Moments, Powers};
@@ -19,6 +18,10 @@ use crate::modes::{MAX_MODES, Pole, PoleSearch, Trace};
 use crate::spectra::LineRange;
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6, Vector6};
+
+mod close_modes;
+
+use close_modes::{CLOSE, Neighbourhood};
 
 /// Most modes of the fixed structure: behind each pole up to three.
 pub(crate) const MAX_FIXED_MODES: usize = CLOSE * MAX_MODES;

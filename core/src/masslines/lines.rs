@@ -342,12 +342,16 @@ pub struct DriveLines<'a> {
 }
 
 impl<'a> DriveLines<'a> {
-    /// Lines of `runs`, which were averaged with `window`. `None` if there is no run
-    /// or their grids differ.
+    /// Lines of `runs`, which were averaged with `window`. `None` if there is no run,
+    /// their grids differ, or one has fewer responses or powers than lines.
     #[must_use]
     pub fn new(runs: &'a [RunResponses<'a>], window: Window) -> Option<Self> {
         let first = runs.first()?;
-        runs.iter().all(|r| r.grid == first.grid).then(|| Self {
+        let whole = |r: &RunResponses<'_>| {
+            let count = r.grid.count;
+            r.grid == first.grid && r.responses.len() >= count && r.drive.len() >= count
+        };
+        runs.iter().all(whole).then(|| Self {
             runs,
             grid: first.grid,
             correlation: window.line_correlation(),

@@ -5,60 +5,48 @@
 //! equation (1). What differs is how much of the structure's elasticity and of the
 //! sensors' noise gets into them.
 //!
-//! | file | method |
+//! | file | content |
 //! | --- | --- |
-//! | `frequency_responses` | a, averaged frequency responses |
-//! | `power_spectra` | b, averaged power spectra, with and without Cholesky |
-//! | `free_responses` | c, averaged frequency responses of the free system, also with a term in ω² |
-//! | `curve_fit` | d, curve fit of the free system's responses |
-//! | `synthesis` | e, averaged responses of the rigid body, elastic modes subtracted |
-//! | `apparent_mass` | apparent mass with elastic terms, the recommended one |
-//! | `fixed_modes` | effective masses of the fixed structure, from the same fit over all lines |
-//! | `close_modes` | those of them that lie too close for one scalar to tell |
-//! | `static_poses` | poses of a DC-coupled measurement |
-//!
-//! `condense` is the door to all of them, `regression` and `free_system` what several have
-//! in common, `run_powers` and `residuals` what the runs of `apparent_mass` are weighed by, and
-//! `workspace` the memory they are lent: none of them is on a small stack.
+//! | `methods` | the list of methods, and one file each |
+//! | `bands` | lines that a method works on, weights of its equations |
+//! | `condense` | averaged lines in, masslines out, by any method |
+//! | `fixed_modes` | effective masses of the fixed structure, close modes among them |
+//! | `static_poses` | masslines of a DC-coupled measurement |
+//! | `lines`, `sine`, `moved` | averaged spectra as the methods read them |
+//! | `regression`, `averaging`, `free_system` | estimators that several methods share |
+//! | `excitation` | directions that rise above their noise |
+//! | `run_powers` | powers of each run over a band |
+//! | `workspace` | lent memory, none of which is on a small stack |
 
-mod apparent_mass;
 mod averaging;
-mod close_modes;
+mod bands;
 mod condense;
-mod curve_fit;
 mod excitation;
 mod fixed_modes;
-mod free_responses;
 mod free_system;
-mod frequency_responses;
 mod lines;
+mod methods;
 mod moved;
-mod power_spectra;
 mod regression;
-mod residuals;
 mod run_powers;
 mod sine;
 mod static_poses;
-mod synthesis;
 mod workspace;
 
-pub use apparent_mass::ApparentMass;
 pub use averaging::MIN_LINES;
-pub use condense::{Bands, Condensed, EquationWeights, Method, condense, condense_into};
-use curve_fit::curve_fit;
+pub use bands::{Bands, EquationWeights};
+pub use condense::{Condensed, condense, condense_into};
 use excitation::Excitation;
 pub use excitation::{EXCITED, excited_directions};
 pub use fixed_modes::{FixedMode, fixed_modes};
-use free_responses::free_responses;
 pub use free_system::FreeModes;
 use free_system::FreeSystem;
-use frequency_responses::frequency_responses;
 use lines::{Complex6, MAX_RUNS, Powers, Squares};
 pub use lines::{CrossLines, DriveLines, Lines, Moments, lines_between};
-use power_spectra::{Factorisation, power_spectra};
+pub use methods::Method;
+pub use methods::apparent_mass::ApparentMass;
 pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
-use synthesis::synthesis;
 pub use workspace::Workspace;
 
 use crate::geometry::{Equations, move_accelerations, resultants_at, transfer};
@@ -70,6 +58,8 @@ pub(crate) const MAX_PAIRS: usize = 24;
 /// What keeps a method from giving masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum MasslineError {
     /// The averaging band holds fewer than three lines; the number found.
     TooFewLines(usize),

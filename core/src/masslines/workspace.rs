@@ -1,7 +1,7 @@
 //! The memory of the methods, apart from what grows with the number of lines.
 
+use super::methods::apparent_mass::residuals::Residuals;
 use super::regression::{Regression, Solution};
-use super::residuals::Residuals;
 use super::{ApparentMass, FreeModes};
 use crate::modes::PoleSearch;
 

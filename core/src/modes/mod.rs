@@ -19,6 +19,7 @@ pub const MAX_MODES: usize = 4;
 /// A mode's natural frequency and damping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pole {
     /// Undamped natural frequency, Hz.
     pub frequency: f64,

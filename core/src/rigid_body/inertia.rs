@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Six inertia terms in kg m². Products carry a plus sign, `xy = ∫ x y dm`, and enter
 /// the tensor with a minus sign.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Inertia {
     /// ∫ (y² + z²) dm
     pub xx: f64,

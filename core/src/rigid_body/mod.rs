@@ -14,6 +14,7 @@ use nalgebra::{Matrix6, Vector3};
 /// The ten unknowns, in the order of equation (6). In equation (7) the first is the
 /// indicator Δ and the next three are the centre of gravity itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Parameter {
     /// Overall mass m, or the indicator Δ when the mass is known.
     Mass,

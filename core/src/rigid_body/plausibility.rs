@@ -18,6 +18,7 @@ pub(crate) struct Bounded {
 /// Answer to a condition, or to all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Verdict {
     /// It holds by more than its error bar.
     Holds,
@@ -30,6 +31,7 @@ pub enum Verdict {
 /// How far one condition is from being violated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Margin {
     /// The distance from the condition's limit, as a share of the quantity it is taken from;
     /// negative is violated.
@@ -64,6 +66,7 @@ impl Margin {
 /// needs a parameter nobody could observe is `None`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Plausibility {
     /// m > 0, as a share of its absolute value.
     pub mass: Option<Margin>,

@@ -16,6 +16,7 @@ const ROUNDING: f64 = 1e-9;
 /// Lines in a row, as indices from zero, none of which lies beyond the lines they were chosen
 /// from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LineRange {
     // 32 bits each: some of them are kept on a chip.
     start: u32,
@@ -25,6 +26,8 @@ pub struct LineRange {
 
 /// Why a band is no range of lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum BandError {
     /// The ends (Hz) are not finite, negative, or the upper one lies below the lower one.
     Ends([f64; 2]),

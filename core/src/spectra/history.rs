@@ -1,8 +1,8 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
-use super::blocks::{BlockSettings, enough};
 use super::decimate::{Phase, settling, state_len};
 use super::fft::transform;
+use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
 use crate::cells::seen;
 

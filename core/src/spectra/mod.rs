@@ -16,16 +16,18 @@ mod decimate;
 mod drive;
 mod fft;
 mod history;
+mod settings;
 mod sum;
 mod window;
 
 pub(crate) use band::listed;
 pub use band::{BandError, LineRange};
-pub use blocks::{BlockSettings, BlockSpectra, Blocks};
+pub use blocks::{BlockSpectra, Blocks};
 pub use cross::CrossAverage;
 pub use drive::{DriveAverage, RunResponses};
 pub(crate) use fft::MAX_BLOCK_LENGTH;
 pub use history::Rings;
+pub use settings::BlockSettings;
 pub use sum::Sum;
 pub use window::Window;
 
@@ -33,6 +35,8 @@ pub use microfft::Complex32;
 
 /// What makes spectral settings unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum SpectraError {
     /// The block length is not a power of two in 16 to 1024, or to 32768 with the feature
     /// `long-blocks`.
@@ -107,6 +111,7 @@ impl core::error::Error for SpectraError {}
 /// Which lines of a spectrum are kept, and where they lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LineGrid {
     /// Index of the first kept line; line 0 is the mean.
     pub first: usize,

@@ -7,6 +7,7 @@
 /// A window, periodic in the block length N.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Window {
     /// None: for signals periodic in the block.
     Rectangular,

@@ -195,10 +195,7 @@ pub(super) const fn start(run: u8) -> Start {
 /// Question to the runs.
 pub(super) const QUESTION: Question = Question {
     method: Method::ApparentMass,
-    identify: identify::Question {
-        known_mass: None,
-        procedure: Procedure::Direct,
-    },
+    identify: identify::Question::new(None, Procedure::Direct),
     modes: 1,
     fit_band: None,
     runs: 0,

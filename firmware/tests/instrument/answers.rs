@@ -194,10 +194,7 @@ fn note(notes: &mut String, what: &str, value: &dyn std::fmt::Debug) {
 fn question(method: Method, procedure: Procedure) -> Question {
     Question {
         method,
-        identify: identify::Question {
-            known_mass: None,
-            procedure,
-        },
+        identify: identify::Question::new(None, procedure),
         modes: 2,
         fit_band: None,
         runs: 0,
@@ -258,10 +255,7 @@ fn answers_to_the_last_bit() {
         direct(ApparentMass),
         question(ApparentMass, iterative),
         Question {
-            identify: identify::Question {
-                known_mass: Some(100.0),
-                procedure: Procedure::Direct,
-            },
+            identify: identify::Question::new(Some(100.0), Procedure::Direct),
             fit_band: Some([4.0, 70.0]),
             ..direct(ApparentMass)
         },

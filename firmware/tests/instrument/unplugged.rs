@@ -40,10 +40,7 @@ fn the_run_goes_on_and_its_results_wait() {
         // Unplugged again while it works on the answer, which waits, too.
         let id = bench.send(&Request::Identify(Question {
             method: Method::ApparentMass,
-            identify: identify::Question {
-                known_mass: None,
-                procedure: Procedure::ITERATIVE,
-            },
+            identify: identify::Question::new(None, Procedure::ITERATIVE),
             modes: 1,
             fit_band: None,
             runs: 0,

@@ -217,10 +217,7 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
         49 | IDENTIFY => {
             let question = Question {
                 method: random.pick(&[Method::ApparentMass, Method::FrequencyResponses]),
-                identify: identify::Question {
-                    known_mass: (!is_sound).then_some(-1.0),
-                    procedure: Procedure::Direct,
-                },
+                identify: identify::Question::new((!is_sound).then_some(-1.0), Procedure::Direct),
                 modes: 0,
                 fit_band: None,
                 runs: random.pick(&[0, 0, 1, 1 << 9]),

@@ -118,13 +118,13 @@ fn frames_to_the_byte() {
     };
     let question = Question {
         method: Method::CurveFit,
-        identify: identify::Question {
-            known_mass: Some(2.0),
-            procedure: Procedure::Iterative {
+        identify: identify::Question::new(
+            Some(2.0),
+            Procedure::Iterative {
                 tolerance: 0.5,
                 limit: 300,
             },
-        },
+        ),
         modes: 3,
         fit_band: Some([4.0, 8.0]),
         runs: 0b101,

@@ -117,9 +117,9 @@ pub fn samples_of<'a>(d: &mut Draw<'a>, most: usize) -> Samples<'a> {
 pub fn question(d: &mut Draw<'_>) -> Question {
     Question {
         method: d.pick(&Method::ALL),
-        identify: identify::Question {
-            known_mass: d.option(Draw::f64),
-            procedure: if d.bool() {
+        identify: identify::Question::new(
+            d.option(Draw::f64),
+            if d.bool() {
                 Procedure::Iterative {
                     tolerance: d.f64(),
                     limit: d.u32(),
@@ -127,7 +127,7 @@ pub fn question(d: &mut Draw<'_>) -> Question {
             } else {
                 Procedure::Direct
             },
-        },
+        ),
         modes: d.u8(),
         fit_band: d.option(|d| d.array(Draw::f64)),
         runs: d.u32(),

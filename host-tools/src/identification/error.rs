@@ -131,14 +131,12 @@ impl AnswerError {
             MasslineError::NoMode => {
                 "extend `mode_band` to where the structure rings, or use --method c-squared, which needs no modes"
             }
-            MasslineError::OtherLines { .. } | MasslineError::Work { .. } => {
-                "this is a mistake in the program: report it with the setup file"
-            }
             MasslineError::TooFewBlocks { .. } => {
                 "record longer, shorten `block_length`, record the generator's signal and name it as `reference`, which needs fewer blocks, or state the sensors' `noise`"
             }
             MasslineError::TooFewPoses { .. } => "add poses that differ from these",
             MasslineError::Singular => "check the recordings for channels without signal",
+            _ => "this is a mistake in the program: report it with the setup file",
         };
         Self::Masslines {
             method: method.to_owned(),
@@ -159,7 +157,7 @@ impl From<IdentifyError> for AnswerError {
             IdentifyError::Diverged(_) | IdentifyError::NotConverged(_) => {
                 "use --direct, or a reference point nearer to the specimen"
             }
-            IdentifyError::NotFinite => "check the recordings for channels without signal",
+            _ => "check the recordings for channels without signal",
         };
         Self::Identify { source, advice }
     }

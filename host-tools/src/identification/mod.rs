@@ -394,10 +394,7 @@ fn identify_from(
         fits.extend(condensed.apparent_mass);
         free_modes.extend(condensed.free_modes);
     }
-    let question = Question {
-        known_mass: setup.known_mass,
-        procedure,
-    };
+    let question = Question::new(setup.known_mass, procedure);
     let mut space = Workspace::EMPTY;
     let (identification, consistency, offsets) = if measurement.poses.is_empty() {
         identify::identify_in(&sets, &question, &mut space)

@@ -286,9 +286,9 @@ pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::
     let estimation = &setup.estimation;
     wire::Question {
         method,
-        identify: identify::Question {
-            known_mass: setup.known_mass,
-            procedure: if iterative {
+        identify: identify::Question::new(
+            setup.known_mass,
+            if iterative {
                 Procedure::Iterative {
                     tolerance: estimation.tolerance,
                     limit: estimation.iterations,
@@ -296,7 +296,7 @@ pub(crate) fn question(setup: &Setup, method: Method, iterative: bool) -> wire::
             } else {
                 Procedure::Direct
             },
-        },
+        ),
         modes: estimation.modes as u8,
         // Without one, the box fits all the lines it keeps, as the workstation does.
         fit_band: estimation.fit_band,

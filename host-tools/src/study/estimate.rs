@@ -252,10 +252,7 @@ impl<'t> Task<'t> {
     }
 
     fn solve(&self, masslines: &Masslines, procedure: Procedure) -> Outcome {
-        let question = Question {
-            known_mass: self.twin.setup.known_mass,
-            procedure,
-        };
+        let question = Question::new(self.twin.setup.known_mass, procedure);
         let found =
             identify(std::slice::from_ref(masslines), &question).map_err(|e| e.to_string())?;
         let numbers = Numbers::of(&found)

@@ -37,28 +37,29 @@ pub struct Row {
     pub weighted: bool,
 }
 
+/// The methods of table 3 in the paper's order.
+const PAPER: [Method; 6] = [
+    Method::FrequencyResponses,
+    Method::PowerSpectra,
+    Method::PowerSpectraCholesky,
+    Method::FreeResponses,
+    Method::CurveFit,
+    Method::Synthesis,
+];
+
 impl Row {
     /// The 22 rows of table 3 in the paper's order.
     #[must_use]
     pub fn of_the_paper() -> Vec<Self> {
-        let methods = [
-            Method::FrequencyResponses,
-            Method::PowerSpectra,
-            Method::PowerSpectraCholesky,
-            Method::FreeResponses,
-            Method::CurveFit,
-            Method::Synthesis,
-        ];
-        methods.into_iter().flat_map(Self::of_method).collect()
+        PAPER.into_iter().flat_map(Self::of_method).collect()
     }
 
-    /// The rows that the paper lacks: method c with a term in ω², and the apparent mass.
+    /// The rows that the paper lacks: those of all other methods, the recommended one last.
     #[must_use]
     pub fn beyond_the_paper() -> Vec<Self> {
-        [Method::FreeResponsesSquared, Method::ApparentMass]
-            .into_iter()
-            .flat_map(Self::of_method)
-            .collect()
+        let others = Method::ALL.into_iter().rev();
+        let others = others.filter(|method| !PAPER.contains(method));
+        others.flat_map(Self::of_method).collect()
     }
 
     /// All of them.

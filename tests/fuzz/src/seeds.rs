@@ -120,13 +120,13 @@ fn start(run: u8, pass: Pass, source: Source, gaps: Gaps) -> Vec<u8> {
 fn question(method: Method) -> Vec<u8> {
     request(&Request::Identify(Question {
         method,
-        identify: identify::Question {
-            known_mass: None,
-            procedure: Procedure::Iterative {
+        identify: identify::Question::new(
+            None,
+            Procedure::Iterative {
                 tolerance: 1e-7,
                 limit: 20,
             },
-        },
+        ),
         modes: 2,
         fit_band: None,
         runs: 0,

@@ -173,10 +173,7 @@ fn measure(talk: &mut Talk) -> u32 {
 fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
     let question = Question {
         method,
-        identify: identify::Question {
-            known_mass: None,
-            procedure,
-        },
+        identify: identify::Question::new(None, procedure),
         modes: 1,
         fit_band: None,
         runs: 0,

@@ -277,18 +277,18 @@ impl Arrangement {
                 index,
             },
             GeometryError::Weight => range(Field::Weight, index, f64::NAN, 0.0, f64::MAX),
-            GeometryError::Direction | GeometryError::NotFinite => range(
+            GeometryError::TooManyChannels => Problem::Capacity {
+                item: Item::Sensor,
+                found: self.sensors() as u32,
+                limit: SENSORS as u32,
+            },
+            _ => range(
                 Field::Direction,
                 index,
                 f64::NAN,
                 f64::MIN_POSITIVE,
                 f64::MAX,
             ),
-            GeometryError::TooManyChannels => Problem::Capacity {
-                item: Item::Sensor,
-                found: self.sensors() as u32,
-                limit: SENSORS as u32,
-            },
         })
     }
 }

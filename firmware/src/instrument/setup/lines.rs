@@ -78,6 +78,10 @@ impl Lines {
                 found: needed as u32,
                 limit: given as u32,
             },
+            _ => Problem::Missing {
+                item: Item::Line,
+                index: 0,
+            },
         })?;
         let grid = settings.grid();
         fits(Item::Line, grid.count, LINES)?;

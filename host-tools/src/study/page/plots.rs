@@ -170,17 +170,27 @@ fn chart(
     chart.svg()
 }
 
-/// The methods in the plots of errors, each with its look.
-const METHODS: [(Method, Tone, Mark); 8] = [
-    (Method::FrequencyResponses, Tone::Colour(5), Mark::Knots),
-    (Method::PowerSpectra, Tone::Truth, Mark::Knots),
-    (Method::PowerSpectraCholesky, Tone::Colour(3), Mark::Knots),
-    (Method::FreeResponses, Tone::Colour(1), Mark::Knots),
-    (Method::CurveFit, Tone::Colour(4), Mark::Knots),
-    (Method::Synthesis, Tone::Colour(2), Mark::Knots),
-    (Method::FreeResponsesSquared, Tone::Measured, Mark::Knots),
-    (Method::ApparentMass, Tone::Fit, Mark::Knots),
-];
+/// The methods in the plots of errors, in the order of the rows.
+fn methods() -> Vec<Method> {
+    let mut methods: Vec<Method> = Row::all().iter().map(|row| row.method).collect();
+    methods.dedup();
+    methods
+}
+
+/// The colour of a method in the plots of errors.
+fn tone(method: Method) -> Tone {
+    match method {
+        Method::FrequencyResponses => Tone::Colour(5),
+        Method::PowerSpectra => Tone::Truth,
+        Method::PowerSpectraCholesky => Tone::Colour(3),
+        Method::FreeResponses => Tone::Colour(1),
+        Method::CurveFit => Tone::Colour(4),
+        Method::Synthesis => Tone::Colour(2),
+        Method::FreeResponsesSquared => Tone::Measured,
+        Method::ApparentMass => Tone::Fit,
+        _ => Tone::Muted,
+    }
+}
 
 /// Errors over noise for all methods, one panel a parameter, weighted where weights have a
 /// place.
@@ -189,11 +199,11 @@ pub(super) fn noise(study: &Study) -> String {
         .iter()
         .map(|row| (row.method, row.method_name()))
         .collect();
-    let key: Vec<(Tone, Mark, &str)> = METHODS
-        .iter()
-        .filter_map(|(method, tone, mark)| {
-            let (_, name) = names.iter().find(|(m, _)| m == method)?;
-            Some((*tone, *mark, *name))
+    let key: Vec<(Tone, Mark, &str)> = methods()
+        .into_iter()
+        .filter_map(|method| {
+            let (_, name) = names.iter().find(|(m, _)| *m == method)?;
+            Some((tone(method), Mark::Knots, *name))
         })
         .collect();
     let mut html = String::new();
@@ -225,7 +235,7 @@ fn errors(study: &Study, range: Range, parameter: usize) -> String {
     };
     let most = noisy().fold(aside, f64::max);
     let mut series = Vec::new();
-    for (method, tone, mark) in METHODS {
+    for method in methods() {
         let at = Row::all().iter().position(|row| {
             let here = row.range == range || row.range == Range::Fit;
             row.method == method && here && (row.weighted || method.interface_only())
@@ -244,8 +254,8 @@ fn errors(study: &Study, range: Range, parameter: usize) -> String {
                 alone.push([aside, rms(level)]);
             }
         }
-        series.push(Series::new(name.clone(), tone, Mark::Points, alone));
-        series.push(Series::new(name, tone, mark, along));
+        series.push(Series::new(name.clone(), tone(method), Mark::Points, alone));
+        series.push(Series::new(name, tone(method), Mark::Knots, along));
     }
     let values = series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let domain = Extent::of(Mapping::Log, values).domain(0.06);

@@ -11,19 +11,21 @@
 //! (1). So nothing is averaged away: the poles are found once, and the elastic terms go
 //! into the regression as unknowns of their own and are eliminated from it again.
 
-use super::averaging::MIN_LINES;
-use super::lines::{Internals, add_scaled, indices, two_a_line};
-use super::moved::Moved;
-use super::regression::{MAX_TERMS, Regression, Solution};
-use super::residuals::Residuals;
-use super::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
 use crate::algebra::{multiply_left, multiply_right};
 use crate::cells::cells;
 use crate::geometry::transfer;
+use crate::masslines::averaging::MIN_LINES;
+use crate::masslines::bands::Bands;
+use crate::masslines::lines::{Internals, add_scaled, indices, two_a_line};
+use crate::masslines::moved::Moved;
+use crate::masslines::regression::{MAX_TERMS, Regression, Solution};
+use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
-use crate::spectra::LineRange;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
+use residuals::Residuals;
+
+pub(in crate::masslines) mod residuals;
 
 /// The fit behind masslines by apparent mass, with the elastic terms that were eliminated.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +52,7 @@ const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 
 
 impl ApparentMass {
     /// A place for one, all zero.
-    pub(super) const EMPTY: Self = Self {
+    pub(in crate::masslines) const EMPTY: Self = Self {
         poles: heapless::Vec::new(),
         elastic: [None; MAX_MODES],
         upper: None,
@@ -61,7 +63,7 @@ impl ApparentMass {
     };
 
     /// Expresses the fit about a point from which A lies `shift` (m) away: `M_B = Tᵀ M_A T`.
-    pub(super) fn move_by(&mut self, shift: &Vector3<f64>) {
+    pub(in crate::masslines) fn move_by(&mut self, shift: &Vector3<f64>) {
         let t = transfer(shift);
         let transposed = t.transpose();
         let matrices = self.elastic.iter_mut().flatten();
@@ -88,8 +90,8 @@ impl ApparentMass {
     }
 }
 
-/// Condenses the lines `band` to masslines, which are added to `set` about its reference point, from
-/// which that of the lines lies `-shift` (m) away. The lines `fit` serve to find the poles. The fit
+/// Condenses the averaging band to masslines, which are added to `set` about its reference point, from
+/// which that of the lines lies `-shift` (m) away. The lines [`Bands::fit`] serve to find the poles. The fit
 /// is left in `space`; `work` holds two elements per line.
 ///
 /// # Errors
@@ -97,17 +99,16 @@ impl ApparentMass {
 /// them [`MasslineError::OtherLines`], [`MasslineError::Work`] and
 /// [`MasslineError::TooManyRuns`].
 #[inline(never)] // One method's working memory at a time.
-pub(super) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
+pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
     given: &L,
     shift: &Vector3<f64>,
-    band: LineRange,
-    fit: LineRange,
+    bands: &Bands,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
     let lines = &Moved::new(given, shift);
-    let (band, fit) = (indices(lines, band)?, indices(lines, fit)?);
+    let (band, fit) = (indices(lines, bands.averaging)?, indices(lines, bands.fit)?);
     few_enough(lines)?;
     if band.len() < MIN_LINES {
         return Err(MasslineError::TooFewLines(band.len()));
@@ -160,7 +161,7 @@ pub(super) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>(
 }
 
 /// Refuses more runs than there are weights for.
-pub(super) fn few_enough<L: Lines + ?Sized>(lines: &L) -> Result<(), MasslineError> {
+pub(in crate::masslines) fn few_enough<L: Lines + ?Sized>(lines: &L) -> Result<(), MasslineError> {
     let (limit, found) = (MAX_RUNS, lines.runs());
     if found > limit {
         return Err(MasslineError::TooManyRuns { limit, found });
@@ -174,7 +175,7 @@ pub(super) fn few_enough<L: Lines + ?Sized>(lines: &L) -> Result<(), MasslineErr
 /// # Errors
 /// [`MasslineError::Work`] if there are not two elements a line.
 #[inline(never)] // Gone from the stack before the regression needs it.
-pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
+pub(in crate::masslines) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     lines: &L,
     energy: &Powers,
     fit: Range<usize>,
@@ -191,7 +192,7 @@ pub(super) fn find_fixed_poles<'w, L: Lines + ?Sized>(
 ///
 /// # Errors
 /// [`MasslineError::Work`] if there are not two elements a line.
-pub(super) fn fixed_trace<'w, L: Lines + ?Sized>(
+pub(in crate::masslines) fn fixed_trace<'w, L: Lines + ?Sized>(
     lines: &L,
     energy: &Powers,
     fit: Range<usize>,
@@ -242,21 +243,25 @@ fn power_like<L: Lines + ?Sized>(
 }
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
-pub(super) struct Basis {
+pub(in crate::masslines) struct Basis {
     poles: heapless::Vec<Pole, MAX_MODES>,
     /// Frequency at which the ω² term is one, Hz.
     unit: f64,
 }
 
 impl Basis {
-    pub(super) fn new<L: Lines + ?Sized>(lines: &L, poles: &[Pole], band: &Range<usize>) -> Self {
+    pub(in crate::masslines) fn new<L: Lines + ?Sized>(
+        lines: &L,
+        poles: &[Pole],
+        band: &Range<usize>,
+    ) -> Self {
         Self {
             poles: poles.iter().copied().collect(),
             unit: lines.frequency(band.end.saturating_sub(1)),
         }
     }
 
-    pub(super) fn terms(&self) -> usize {
+    pub(in crate::masslines) fn terms(&self) -> usize {
         2 + self.poles.len()
     }
 
@@ -265,7 +270,7 @@ impl Basis {
     }
 
     /// Values at frequency `f`, Hz.
-    pub(super) fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
+    pub(in crate::masslines) fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
         phi[0] = Complex::new(1.0, 0.0);
         for (slot, pole) in phi[1..].iter_mut().zip(&self.poles) {
@@ -278,15 +283,15 @@ impl Basis {
 }
 
 /// The fit that is under way.
-pub(super) struct Fit<'s> {
-    pub(super) regression: &'s mut Regression,
-    pub(super) solution: &'s mut Solution,
+pub(in crate::masslines) struct Fit<'s> {
+    pub(in crate::masslines) regression: &'s mut Regression,
+    pub(in crate::masslines) solution: &'s mut Solution,
     /// What is compared with it.
-    pub(super) candidate: &'s mut Solution,
-    pub(super) residuals: &'s mut Residuals,
+    pub(in crate::masslines) candidate: &'s mut Solution,
+    pub(in crate::masslines) residuals: &'s mut Residuals,
     /// What each run's squares count.
-    pub(super) weights: [f64; MAX_RUNS],
-    pub(super) runs: usize,
+    pub(in crate::masslines) weights: [f64; MAX_RUNS],
+    pub(in crate::masslines) runs: usize,
     /// Covariance of the noise of the accelerations, summed like their powers.
     noise: Matrix6<f64>,
     power: Vector6<f64>,

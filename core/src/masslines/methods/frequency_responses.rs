@@ -1,15 +1,15 @@
 //! Method a: averaged frequency responses of base acceleration and interface force.
 
-use super::averaging::{Trend, noise_of_runs};
-use super::lines::{add_powers, add_scaled, indices};
-use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Powers};
 use crate::cells::seen;
-use crate::spectra::LineRange;
+use crate::masslines::averaging::{Trend, noise_of_runs};
+use crate::masslines::bands::Bands;
+use crate::masslines::lines::{add_powers, add_scaled, indices};
+use crate::masslines::{Excitation, Lines, MasslineError, Masslines, Powers};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6};
 
 /// Adds masslines from the real parts of the measured frequency responses, averaged over the
-/// lines `band`: one pair per run, which needs a drive or a stepped sine.
+/// averaging band: one pair per run, which needs a drive or a stepped sine.
 ///
 /// Real parts mean something only where the base moves in phase with what the responses
 /// are referred to. A drive signal reaches the table late, so every line is first turned
@@ -19,13 +19,12 @@ use nalgebra::{Complex, Matrix6};
 /// [`MasslineError`] if the band is too short, nothing is excited or measured, or the
 /// runs have no common reference.
 #[inline(never)] // One method's working memory at a time.
-pub(crate) fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
+pub(super) fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: LineRange,
-    equations: EquationWeights,
+    bands: &Bands,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
-    let band = indices(lines, band)?;
+    let band = indices(lines, bands.averaging)?;
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
@@ -38,7 +37,7 @@ pub(crate) fn frequency_responses<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         trend,
-        equations,
+        bands.equations,
         &excitation,
         runs,
         &mut |line, pairs| {

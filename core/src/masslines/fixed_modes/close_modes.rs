@@ -10,13 +10,13 @@
 //! many eigenvalues above noise as there are modes.) In such a motion the apparent mass has
 //! one pole again, which is looked for as every other.
 
-use super::apparent_mass::Basis;
-use super::fixed_modes::{FixedMode, row_of};
-use super::lines::two_a_line;
-use super::regression::between;
-use super::{Complex6, Excitation, Lines, MasslineError, Moments};
+use super::{FixedMode, row_of};
 use crate::algebra::{factor_hermitian, solve_hermitian, symmetric_eigen};
 use crate::geometry::Equations;
+use crate::masslines::lines::two_a_line;
+use crate::masslines::methods::apparent_mass::Basis;
+use crate::masslines::regression::between;
+use crate::masslines::{Complex6, Excitation, Lines, MasslineError, Moments};
 use crate::modes::{Pole, PoleSearch, Residues, Trace, find_poles};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};

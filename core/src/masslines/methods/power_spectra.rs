@@ -1,12 +1,12 @@
 //! Method b: averaged power spectra, `M G_AF = G_FF` (13), without and with Cholesky.
 
-use super::averaging::{RealMoments, Trend};
-use super::excitation::IDENTITY;
-use super::lines::{Squares, add_scaled, add_squares, indices};
-use super::{EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, product};
 use crate::cells::seen;
-use crate::spectra::LineRange;
+use crate::masslines::averaging::{RealMoments, Trend};
+use crate::masslines::bands::Bands;
+use crate::masslines::excitation::IDENTITY;
+use crate::masslines::lines::{Squares, add_scaled, add_squares, indices};
+use crate::masslines::{Excitation, Lines, MasslineError, Masslines, Moments};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
@@ -14,7 +14,7 @@ const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 
 
 /// What is done with the band averages of the power spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Factorisation {
+pub(super) enum Factorisation {
     /// The columns of `Re G_AF` and `Re G_FF` are the pairs. Only for structures whose
     /// first modes are negligible.
     None,
@@ -23,7 +23,7 @@ pub(crate) enum Factorisation {
 }
 
 /// Adds masslines from the real parts of the power spectra, summed over the runs and averaged
-/// over the lines `band`.
+/// over the averaging band.
 ///
 /// `lines` should carry accelerations from all accelerometers, equation (4), with the
 /// weights of chapter 7 where wanted. With drive channels the spectra are products of
@@ -32,14 +32,13 @@ pub(crate) enum Factorisation {
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured.
 #[inline(never)] // One method's working memory at a time.
-pub(crate) fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
+pub(super) fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: LineRange,
+    bands: &Bands,
     factorisation: Factorisation,
-    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
-    let band = indices(lines, band)?;
+    let band = indices(lines, bands.averaging)?;
     if set.equations.count() == 0 {
         return Err(MasslineError::NoResultant);
     }
@@ -53,7 +52,7 @@ pub(crate) fn power_spectra<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         Trend::Constant,
-        equations,
+        bands.equations,
         &excitation,
         used.len(),
         &mut |line, pairs| {

@@ -1,37 +1,33 @@
 //! Method d: curve fit of the free system's frequency responses.
 
-use super::{EquationWeights, FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace};
 use crate::algebra::multiply_left;
-use crate::spectra::LineRange;
+use crate::masslines::bands::Bands;
+use crate::masslines::{
+    EquationWeights, FreeModes, FreeSystem, Lines, MasslineError, Masslines, Workspace,
+};
 use nalgebra::{Complex, Vector6};
 
-/// Adds masslines from the constant of a fit of H over the lines `fit`: rigid body, up to
-/// `limit` elastic modes with common poles, and one term for those above. The lines
-/// `band` only judge the excitation. The fit is left in `space`; `work` holds two elements
+/// Adds masslines from the constant of a fit of H over the lines [`Bands::fit`]: rigid body,
+/// elastic modes with common poles, and one term for those above. The lines of the averaging
+/// band only judge the excitation. The fit is left in `space`; `work` holds two elements
 /// per line.
 ///
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`] and
 /// [`MasslineError::NoMode`].
 #[inline(never)] // One method's working memory at a time.
-#[expect(
-    clippy::too_many_arguments,
-    reason = "all that a method works on, and in"
-)]
-pub(crate) fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
+pub(super) fn curve_fit<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: LineRange,
-    fit: LineRange,
-    limit: usize,
-    equations: EquationWeights,
+    bands: &Bands,
     set: &mut Masslines<PAIRS>,
     space: &mut Workspace,
     work: &mut [Complex<f64>],
 ) -> Result<(), MasslineError> {
+    let (fit, equations) = (bands.fit, bands.equations);
     let fit_lines = fit.len() as f64;
     let mut system = FreeSystem::of(lines, &set.equations);
-    system.look_at(band, equations)?;
-    system.modes(fit, limit, space, work)?;
+    system.look_at(bands.averaging, equations)?;
+    system.modes(fit, bands.modes, space, work)?;
     add_pairs(lines, &system, &space.free_modes, equations, set)?;
     set.lines = (fit_lines / lines.correlation()) as f32;
     set.freedom = (2.0 * fit_lines / lines.correlation() - 1.0).max(1.0) as f32;

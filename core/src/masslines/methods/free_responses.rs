@@ -1,11 +1,11 @@
 //! Method c: averaged frequency responses of the free system.
 
-use super::averaging::Trend;
-use super::lines::indices;
-use super::{Complex6, EquationWeights, FreeSystem, Lines, MasslineError, Masslines};
-use crate::spectra::LineRange;
+use crate::masslines::averaging::Trend;
+use crate::masslines::bands::Bands;
+use crate::masslines::lines::indices;
+use crate::masslines::{Complex6, FreeSystem, Lines, MasslineError, Masslines};
 
-/// Adds masslines from the real part of H over the lines `band`: unit forces and the
+/// Adds masslines from the real part of H over the averaging band: unit forces and the
 /// accelerations that go with them.
 ///
 /// With `squared` the average is replaced by the value at ω = 0 of `Re H = H₀ + H₂ ω²`,
@@ -14,16 +14,15 @@ use crate::spectra::LineRange;
 /// # Errors
 /// [`MasslineError`], among them [`MasslineError::TooFewRuns`].
 #[inline(never)] // One method's working memory at a time.
-pub(crate) fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
+pub(super) fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
     lines: &L,
-    band: LineRange,
+    bands: &Bands,
     squared: bool,
-    equations: EquationWeights,
     set: &mut Masslines<PAIRS>,
 ) -> Result<(), MasslineError> {
     let mut system = FreeSystem::of(lines, &set.equations);
-    system.look_at(band, equations)?;
-    let band = indices(lines, band)?;
+    system.look_at(bands.averaging, bands.equations)?;
+    let band = indices(lines, bands.averaging)?;
     let trend = if squared {
         Trend::Squared
     } else {
@@ -34,7 +33,7 @@ pub(crate) fn free_responses<L: Lines + ?Sized, const PAIRS: usize>(
         lines,
         &band,
         trend,
-        equations,
+        bands.equations,
         excitation,
         count,
         &mut |line, pairs| {

@@ -1,11 +1,11 @@
 //! What a fit of the apparent mass leaves in each run, and what follows from it: how much
 //! runs count whose noise differs, and the variances of the pairs.
 
-use super::apparent_mass::{Basis, Fit};
-use super::run_powers::RunPowers;
-use super::{Complex6, Lines, MAX_RUNS, Massline, Moments};
+use super::{Basis, Fit};
 use crate::algebra::{multiply_left, multiply_right, not_negative};
 use crate::geometry::transfer;
+use crate::masslines::run_powers::RunPowers;
+use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 
@@ -15,9 +15,9 @@ const NO_MODEL: Complex6 =
 
 /// What a fit leaves in each run.
 #[derive(Clone, Debug)]
-pub(super) struct Residuals {
+pub(in crate::masslines) struct Residuals {
     /// Powers of each run over the averaging band.
-    pub(super) powers: RunPowers,
+    pub(in crate::masslines) powers: RunPowers,
     /// Power of each measured equation per independent complex line of each run, in units
     /// of the pooled residual.
     left: [Vector6<f64>; MAX_RUNS],
@@ -25,7 +25,7 @@ pub(super) struct Residuals {
 
 impl Residuals {
     /// None yet.
-    pub(super) const EMPTY: Self = Self {
+    pub(in crate::masslines) const EMPTY: Self = Self {
         powers: RunPowers::EMPTY,
         left: [Vector6::from_array_storage(ArrayStorage([[0.0; 6]])); MAX_RUNS],
     };
@@ -36,7 +36,7 @@ impl Fit<'_> {
     /// which lies `shift` (m) away from theirs: it is the model that is moved, since that is
     /// done once.
     #[inline(never)]
-    pub(super) fn find_residuals<L: Lines + ?Sized>(
+    pub(in crate::masslines) fn find_residuals<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
         shift: &Vector3<f64>,
@@ -91,7 +91,7 @@ impl Fit<'_> {
 
     /// Weighs each run with its inverse residual power.
     #[inline(never)]
-    pub(super) fn weigh_runs<L: Lines + ?Sized>(
+    pub(in crate::masslines) fn weigh_runs<L: Lines + ?Sized>(
         &mut self,
         lines: &L,
         shift: &Vector3<f64>,
@@ -112,7 +112,7 @@ impl Fit<'_> {
     /// Spreads the variance of the pairs' equations where runs differ in their noise: each
     /// pair has that of the runs which excite its direction, in their shares of its power.
     #[inline(never)]
-    pub(super) fn spread<L: Lines + ?Sized>(
+    pub(in crate::masslines) fn spread<L: Lines + ?Sized>(
         &self,
         lines: &L,
         band: &Range<usize>,

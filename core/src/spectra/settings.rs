@@ -1,0 +1,182 @@
+//! Settings of the blocks that a stream of samples is cut into.
+
+use super::decimate::{MAX_STAGES, USABLE, settling, state_len};
+use super::fft::supported;
+use super::{BandError, LineGrid, SpectraError, Window};
+
+/// How a stream is cut and transformed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockSettings {
+    block_length: usize,
+    hop: usize,
+    window: Window,
+    grid: LineGrid,
+    /// Decimations by two before the transform.
+    stages: usize,
+}
+
+impl BlockSettings {
+    /// Blocks of `block_length` samples at `sample_rate` Hz that overlap by the share
+    /// `overlap`, of which the lines of `band` (Hz) are kept. The mean of
+    /// each block, under the window, is removed: sensors have offsets, and the lowest lines
+    /// would see them.
+    ///
+    /// # Errors
+    /// [`SpectraError::BlockLength`], [`SpectraError::Overlap`], [`SpectraError::SampleRate`],
+    /// [`SpectraError::BandEnds`], or [`SpectraError::Band`] if the band holds no line or
+    /// leaves the spectrum.
+    pub fn new(
+        block_length: usize,
+        overlap: f64,
+        window: Window,
+        sample_rate: f64,
+        band: [f64; 2],
+    ) -> Result<Self, SpectraError> {
+        if !supported(block_length) {
+            return Err(SpectraError::BlockLength(block_length));
+        }
+        if !(0.0..=0.95).contains(&overlap) {
+            return Err(SpectraError::Overlap(overlap));
+        }
+        let spacing = sample_rate / block_length as f64;
+        if !(sample_rate.is_finite() && spacing.is_normal() && spacing > 0.0) {
+            return Err(SpectraError::SampleRate(sample_rate));
+        }
+        let usable = (block_length / 2 - 1).saturating_sub(window.reach());
+        // Line 0 is the mean, which was removed.
+        let whole = LineGrid {
+            first: 1,
+            count: usable,
+            spacing,
+        };
+        let lines = whole.within(band).map_err(|why| match why {
+            BandError::Ends(ends) => SpectraError::BandEnds(ends),
+            _ => SpectraError::Band {
+                // As in any cast of a float, what is too large becomes the largest.
+                first: (libm::ceil(band[0] / spacing) as usize).max(1),
+                last: libm::floor(band[1] / spacing) as usize,
+                usable,
+            },
+        })?;
+        let (first, last) = (1 + lines.start(), lines.end());
+        if lines.is_empty() {
+            return Err(SpectraError::Band {
+                first,
+                last,
+                usable,
+            });
+        }
+        let hop = libm::round(block_length as f64 * (1.0 - overlap)) as usize;
+        Ok(Self {
+            block_length,
+            hop: hop.max(1),
+            window,
+            grid: LineGrid {
+                first,
+                count: last - first + 1,
+                spacing,
+            },
+            stages: stages(block_length, last),
+        }
+        .with_whole_hop())
+    }
+
+    /// A hop is a whole number of decimated samples.
+    fn with_whole_hop(self) -> Self {
+        let unit = 1 << self.stages;
+        Self {
+            hop: (self.hop / unit).max(1) * unit,
+            ..self
+        }
+    }
+
+    /// The same blocks transformed at the full rate, for comparisons: with the beginning
+    /// of the recording, but at several times the cost.
+    #[must_use]
+    pub fn without_decimation(self) -> Self {
+        Self { stages: 0, ..self }
+    }
+
+    pub(super) fn stages(&self) -> usize {
+        self.stages
+    }
+
+    /// By how much the samples are decimated before the transform.
+    #[cfg(test)]
+    pub(super) fn decimation(&self) -> usize {
+        1 << self.stages
+    }
+
+    /// Samples that are transformed.
+    #[must_use]
+    pub fn transform_length(&self) -> usize {
+        self.block_length >> self.stages
+    }
+
+    /// Samples per block.
+    #[must_use]
+    pub fn block_length(&self) -> usize {
+        self.block_length
+    }
+
+    /// Samples from one block's start to the next one's.
+    #[must_use]
+    pub fn hop(&self) -> usize {
+        self.hop
+    }
+
+    /// The kept lines.
+    #[must_use]
+    pub fn grid(&self) -> LineGrid {
+        self.grid
+    }
+
+    /// The window.
+    #[must_use]
+    pub fn window(&self) -> Window {
+        self.window
+    }
+
+    /// One over the power spectral density of a squared line: multiply `|X|²` with this
+    /// for units²/Hz, one-sided.
+    #[must_use]
+    pub fn density(&self) -> f64 {
+        let n = self.transform_length() as f64;
+        // sample rate = spacing · N, both after decimation
+        2.0 / (self.grid.spacing * n * n * self.window.power())
+    }
+
+    /// Elements of history that `channels` need: decimated samples and filter states.
+    #[must_use]
+    pub fn history_len(&self, channels: usize) -> usize {
+        channels * (self.transform_length() + state_len(self.stages))
+    }
+
+    /// Consecutive samples that have a part in a block: what its filters look back on, too.
+    #[must_use]
+    pub fn support(&self) -> usize {
+        ((self.transform_length() - 1) << self.stages) + settling(self.stages) + 1
+    }
+
+    /// Elements of line storage that `channels` need.
+    #[must_use]
+    pub fn lines_len(&self, channels: usize) -> usize {
+        channels * self.grid.count
+    }
+}
+
+/// Most decimations that leave the last line in the pass band and a transform to do.
+fn stages(block_length: usize, last: usize) -> usize {
+    let fits = |stages: usize| {
+        let length = block_length >> stages;
+        supported(length) && last as f64 <= USABLE * length as f64
+    };
+    (1..=MAX_STAGES).rev().find(|&s| fits(s)).unwrap_or(0)
+}
+
+pub(super) fn enough(given: usize, needed: usize) -> Result<(), SpectraError> {
+    if given < needed {
+        return Err(SpectraError::Storage { needed, given });
+    }
+    Ok(())
+}
