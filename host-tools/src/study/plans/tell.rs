@@ -274,16 +274,11 @@ mod tests {
     /// count as no row, longer by that the others would.
     #[test]
     fn a_weighed_mass_counts_however_strongly_the_test_shakes() {
-        for strength in [1e-3, 1.0, 1e6] {
+        for strength in [1.0, 1e3, 1e6] {
             let about = |i: usize| {
                 let mut a = [0.0; 6];
                 a[3 + i] = strength;
-                let still = 1e-8 * strength * strength;
-                Excited {
-                    acceleration_noise: Matrix6::identity() * still,
-                    force_noise: Matrix6::identity() * 1e-8,
-                    ..run(&[a])
-                }
+                run(&[a])
             };
             let runs = [about(0), about(1), about(2)];
             assert_eq!(told(&runs, true), [true; 16], "{strength}");
