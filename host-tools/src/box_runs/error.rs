@@ -47,7 +47,7 @@ pub enum BoxRunError {
         "the box's converters do not sample at {found} Hz; the nearest that they have is {}: change `sample_rate` in the setup", nearest(*.low, *.high)
     )]
     Rate {
-        /// Of the set-up, Hz.
+        /// Rate of the set-up, Hz.
         found: f64,
         /// Next one below, Hz.
         low: f64,

@@ -41,7 +41,7 @@ pub enum PlanError {
     Method {
         /// The method.
         method: Method,
-        /// Those it has.
+        /// Names of the methods that it has.
         has: Vec<&'static str>,
     },
 }

@@ -29,7 +29,7 @@ pub(crate) trait End<P: Port> {
 /// Has the box survey a run; the peaks that it found, one a sensor.
 ///
 /// # Errors
-/// Those of the end; [`End::no_survey`] where the box has no result.
+/// The end's own; [`End::no_survey`] where the box has no result.
 pub(crate) fn survey<P: Port, E: End<P>>(
     client: &mut Client<'_, P>,
     run: usize,

@@ -38,7 +38,7 @@ impl fmt::Display for Found {
 /// The first place at which two runs part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Which number.
+    /// Name of the number.
     pub place: String,
     /// The host's.
     pub host: Found,
@@ -62,7 +62,7 @@ impl fmt::Display for Difference {
 pub struct Comparison {
     /// Numbers compared.
     pub numbers: usize,
-    /// Those of them that differ.
+    /// Numbers that differ.
     pub different: usize,
     /// The first one.
     pub first: Option<Difference>,

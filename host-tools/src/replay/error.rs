@@ -56,7 +56,7 @@ pub enum ReplayError {
         /// Samples of the recording.
         samples: u64,
     },
-    /// Nothing to go on with.
+    /// The box holds no replay that could go on.
     #[error(
         "the box does not hold this replay's set-up, so there is nothing to go on with; leave out --resume"
     )]

@@ -160,7 +160,7 @@ pub struct Run {
     pub name: String,
     /// As written: absolute, or relative to the setup file. See [`Setup::recording_path`].
     pub recording: PathBuf,
-    /// Which bytes it has, where the program that wrote the setup has written it, too.
+    /// Length and checksum of the recording, where the program that wrote the setup wrote it, too.
     pub checksum: Option<Checksum>,
     /// Kind of the recording.
     pub excitation: Excitation,

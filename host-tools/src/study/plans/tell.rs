@@ -39,7 +39,8 @@ fn rows(a: &Vector6<f64>) -> SMatrix<f64, 6, 10> {
     rows
 }
 
-/// Which of the sixteen numbers a test tells: mass, centre of gravity, inertia about S, about A.
+/// `true` for each of the sixteen numbers that a test determines: mass, centre of gravity,
+/// inertia about S, about A.
 pub(super) type Told = [bool; 16];
 
 /// Numbers that a test determines, if that is beyond doubt.
