@@ -11,6 +11,7 @@ pub mod identification;
 pub mod inputs;
 pub mod limits;
 pub mod measure;
+pub mod on_box;
 pub mod output;
 mod parallel;
 pub mod printable;

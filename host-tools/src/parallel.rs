@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// are done and which one is the latest.
 ///
 /// # Errors
-/// Those of the first job that fails.
+/// The error of the first job that fails.
 pub(crate) fn each<T: Send, E: Send>(
     count: usize,
     threads: Option<usize>,

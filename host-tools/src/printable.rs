@@ -76,6 +76,17 @@ pub fn printable_json(document: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
+/// Most characters of a file's text that a message repeats.
+const QUOTED: usize = 80;
+
+/// The beginning of a file's text, fit for a message.
+pub(crate) fn quoted(text: &str) -> String {
+    let mut rest = text.chars();
+    let start: String = rest.by_ref().take(QUOTED).collect();
+    let more = if rest.next().is_some() { "…" } else { "" };
+    format!("{}{more}", printable(&start))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -50,7 +50,7 @@ pub enum AcquireError {
         samples: u64,
         /// Duration of the samples at their nominal rate, s.
         nominal: f64,
-        /// Of the settings, Hz.
+        /// Rate of the settings, Hz.
         rate: f64,
         /// Time since the first one came, s.
         seconds: f64,
@@ -75,7 +75,7 @@ pub enum AcquireError {
         /// The input, from one.
         input: u32,
     },
-    /// Nothing comes.
+    /// No samples come.
     #[error(
         "no samples for {seconds:.0} s: `massline board info` says whether the converters answer and frames are lost"
     )]

@@ -8,9 +8,9 @@ use crate::device::{
 };
 use crate::inputs::InputEntry;
 use crate::measure::block_settings;
+use crate::on_box::Base;
+use crate::on_box::plan::upload;
 use crate::recording::Recording;
-use crate::replay::Base;
-use crate::replay::plan::{Feed, upload};
 use crate::rig::{Inputs, Trouble, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Stream, simulate};
@@ -433,15 +433,7 @@ fn a_run_from_the_inputs_counts_what_was_recorded() {
     let mut client = Client::new(HostBox::with_inputs(&mut own, 1, inputs), &mut memory);
     let settings = block_settings(&setup).unwrap().unwrap();
     let wiring = Wiring::new(&setup, &all).unwrap();
-    upload(
-        &mut client,
-        &setup,
-        &settings,
-        Base::Interface,
-        Feed::Inputs(&wiring),
-        1,
-    )
-    .unwrap();
+    upload(&mut client, &setup, &settings, Base::Interface, &wiring, 1).unwrap();
 
     let seen = Rc::new(RefCell::new((Intake::new(&all, RATE), Vec::new(), None)));
     let shared = Rc::clone(&seen);

@@ -1,7 +1,7 @@
 //! Why a test on the box cannot be done.
 
 use crate::device::ClientError;
-use crate::replay::ReplayError;
+use crate::on_box::PlanError;
 use massline_firmware::wire::{Field, Item, NoAnswer, Problem, Refused};
 
 /// Why a test on the box cannot be done.
@@ -12,7 +12,7 @@ pub enum BoxRunError {
     Client(ClientError),
     /// The set-up does not fit the box.
     #[error(transparent)]
-    Plan(#[from] ReplayError),
+    Plan(#[from] PlanError),
     /// A channel that no input is known to read.
     #[error(
         "no input of the box is known to read channel `{channel}`: name inputs by --inputs {channel}=1 and so on, by a file of inputs, or by the sensors' serial numbers; wired are {}",
@@ -47,7 +47,7 @@ pub enum BoxRunError {
         "the box's converters do not sample at {found} Hz; the nearest that they have is {}: change `sample_rate` in the setup", nearest(*.low, *.high)
     )]
     Rate {
-        /// Of the set-up, Hz.
+        /// Rate of the set-up, Hz.
         found: f64,
         /// Next one below, Hz.
         low: f64,
@@ -128,7 +128,6 @@ impl BoxRunError {
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Plan(error) => error.exit_code(),
             Self::NoAnswer(_) | Self::Survey { .. } | Self::NothingStored { .. } => 1,
             _ => 2,
         }

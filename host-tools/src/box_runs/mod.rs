@@ -27,15 +27,15 @@ pub use run::{Ended, Operator, Progress, Stage};
 pub use wiring::Wiring;
 
 use crate::acquire::sample_rate;
-use crate::device::{BoxInfo, Client, ClientError, Port};
+use crate::device::{BoxInfo, Client, Port};
 use crate::inputs::InputEntry;
 use crate::measure::settings_at;
-use crate::replay::plan::{self, Feed};
-use crate::replay::{Base, ReplayError, transfer};
+use crate::on_box::passes::{self, End};
+use crate::on_box::{Base, PlanError, plan};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_firmware::wire::{Item, Pass, Problem, Refused, State, Status, Summary};
+use massline_firmware::wire::{Pass, State, Status, Summary};
 use std::path::PathBuf;
 
 /// A test that is to be done on a box.
@@ -76,7 +76,7 @@ impl<'s> BoxTest<'s> {
             return Err(BoxRunError::NoInputs);
         }
         let processing = setup.processing.as_ref();
-        let processing = processing.ok_or(ReplayError::NoProcessing)?;
+        let processing = processing.ok_or(PlanError::NoProcessing)?;
         let rate = match processing.sample_rate {
             Some(rate) => rate,
             None => sample_rate(client)?,
@@ -141,7 +141,7 @@ impl<'s> BoxTest<'s> {
             self.setup,
             &self.settings,
             self.base,
-            Feed::Inputs(&self.wiring),
+            &self.wiring,
             self.fingerprint(self.base),
         )?;
         Ok(status.stored.count_ones())
@@ -159,62 +159,27 @@ impl<'s> BoxTest<'s> {
         operator: &mut dyn Operator,
     ) -> Result<(), BoxRunError> {
         let joined = self.base == Base::WeightedJoined;
-        let each = self.base == Base::WeightedEachRun;
-        let steps = order.runs.len() * (1 + usize::from(joined || each));
-        let mut step = 0;
-        let mut go = |client: &mut Client<'_, P>, number, pass| {
-            step += 1;
-            let stage = Stage {
-                number,
-                name: &self.setup.runs[number].name,
-                pass,
-                step,
-                steps,
-            };
-            let summary = run::run(self, client, &stage, order.seconds, operator)?;
-            if pass == Pass::Survey {
-                self.check_survey(client, number)?;
-            }
-            Ok::<Summary, BoxRunError>(summary)
+        let mut inputs = FromInputs {
+            test: self,
+            seconds: order.seconds,
+            operator,
+            step: 0,
+            steps: order.runs.len() * (1 + usize::from(self.base.surveys())),
         };
         if joined {
             for &number in &order.runs {
-                go(client, number, Pass::Survey)?;
+                passes::survey(client, number, &mut inputs)?;
             }
             self.check_all_surveyed(client)?;
         }
         for &number in &order.runs {
-            if each {
-                go(client, number, Pass::Survey)?;
+            if self.base == Base::WeightedEachRun {
+                passes::survey(client, number, &mut inputs)?;
             }
-            if !matches!(self.base, Base::Interface | Base::All) {
-                let mut weights = transfer::weights(client, number)?;
-                transfer::weigh_by_hand(client, self.setup, number, &mut weights)?;
-            }
-            go(client, number, Pass::Measure)?;
+            passes::weigh(client, self.setup, self.base, number)?;
+            inputs.pass(client, number, Pass::Measure)?;
         }
         Ok(())
-    }
-
-    /// A survey that the box does not have is one that came to nothing.
-    fn check_survey<P: Port>(
-        &self,
-        client: &mut Client<'_, P>,
-        number: usize,
-    ) -> Result<(), BoxRunError> {
-        match transfer::peaks(client, number) {
-            Ok(_) => Ok(()),
-            Err(ClientError::Refused(Refused {
-                problem:
-                    Problem::Missing {
-                        item: Item::Survey, ..
-                    },
-                ..
-            })) => Err(BoxRunError::Survey {
-                run: self.setup.runs[number].name.clone(),
-            }),
-            Err(error) => Err(error.into()),
-        }
     }
 
     fn check_all_surveyed<P: Port>(&self, client: &mut Client<'_, P>) -> Result<(), BoxRunError> {
@@ -277,12 +242,50 @@ impl<'s> BoxTest<'s> {
         let ticks = identified.ticks as f64;
         Ok(Found {
             method: self.method,
-            weighted: !matches!(self.base, Base::Interface | Base::All),
+            weighted: self.base.is_weighted(),
             iterative,
             answer: identified.answer,
             seconds: ticks / f64::from(self.device.tick_hz.max(1)),
             runs,
             unmeasured: self.missing_of(status.stored),
         })
+    }
+}
+
+/// The inputs of the box, as the end of a test.
+struct FromInputs<'t, 's> {
+    test: &'t BoxTest<'s>,
+    /// Length of each run, s; until the operator ends it if `None`.
+    seconds: Option<f64>,
+    operator: &'t mut dyn Operator,
+    /// Passes done, and to be done in all.
+    step: usize,
+    steps: usize,
+}
+
+impl<P: Port> End<P> for FromInputs<'_, '_> {
+    type Error = BoxRunError;
+
+    fn pass(
+        &mut self,
+        client: &mut Client<'_, P>,
+        run: usize,
+        pass: Pass,
+    ) -> Result<Summary, BoxRunError> {
+        self.step += 1;
+        let stage = Stage {
+            number: run,
+            name: &self.test.setup.runs[run].name,
+            pass,
+            step: self.step,
+            steps: self.steps,
+        };
+        run::run(self.test, client, &stage, self.seconds, self.operator)
+    }
+
+    fn no_survey(&self, run: usize) -> BoxRunError {
+        BoxRunError::Survey {
+            run: self.test.setup.runs[run].name.clone(),
+        }
     }
 }

@@ -41,7 +41,7 @@ pub struct Stage<'a> {
     pub name: &'a str,
     /// Survey or measurement.
     pub pass: Pass,
-    /// Which of the steps this is, from one.
+    /// Number of this step, from one.
     pub step: usize,
     /// All steps.
     pub steps: usize,

@@ -3,6 +3,7 @@
 use super::*;
 use crate::device::failing::Failing;
 use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory};
+use crate::on_box::plan::Feed;
 use crate::rig::{Inputs, Troubles};
 use crate::simulate::{Model, Options, simulate};
 use massline_firmware::wire::{FaultKind, Outcome};
@@ -170,11 +171,15 @@ fn a_converter_that_falls_silent_ends_the_run_and_what_came_before_is_kept() {
 fn channels_are_found_by_name_then_by_serial_number() {
     let (setup, _, mut wired) = fork();
     let wiring = Wiring::new(&setup, &wired).unwrap();
+    let given = |per_unit| massline_firmware::wire::ScaleSource::Given {
+        per_unit,
+        offset: 0.0,
+    };
     // The fork's drive is at the first input, its sensors in the setup's order behind it.
     let expected: Vec<u8> = std::iter::once(254).chain(0..18).collect();
-    assert_eq!(wiring.channels(0), expected);
+    assert_eq!(wiring.channels(&setup, 0), expected);
     assert_eq!(
-        wiring.scale(3, 1.0),
+        wiring.scale(3, given(1.0)),
         massline_firmware::wire::ScaleSource::Stored
     );
     let input = wired[4].setting();
@@ -182,7 +187,7 @@ fn channels_are_found_by_name_then_by_serial_number() {
         per_unit: -2.0 * input.per_count,
         offset: input.offset,
     };
-    assert_eq!(wiring.scale(3, -2.0), expected);
+    assert_eq!(wiring.scale(3, given(-2.0)), expected);
     wired.iter_mut().for_each(|entry| entry.channel = None);
     let error = Wiring::new(&setup, &wired).unwrap_err().to_string();
     assert!(
@@ -204,7 +209,13 @@ fn channels_are_found_by_name_then_by_serial_number() {
         .runs
         .iter_mut()
         .for_each(|r| serial(&mut r.references[0]));
-    assert_eq!(Wiring::new(&renamed, &wired).unwrap().channels(2).len(), 19);
+    assert_eq!(
+        Wiring::new(&renamed, &wired)
+            .unwrap()
+            .channels(&renamed, 2)
+            .len(),
+        19
+    );
     renamed.runs[1].references = vec!["SIM-a2".to_owned()];
     let error = Wiring::new(&renamed, &wired).unwrap_err().to_string();
     assert!(

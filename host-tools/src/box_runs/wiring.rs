@@ -3,6 +3,7 @@
 use super::BoxRunError;
 use crate::inputs::InputEntry;
 use crate::measure::channel_names;
+use crate::on_box::plan::Feed;
 use crate::setup::Setup;
 use massline_firmware::wire::{ChannelRole, ScaleSource};
 
@@ -63,37 +64,6 @@ impl Wiring {
         })
     }
 
-    /// Scale from counts of a sensor to SI, where the set-up multiplies by `factor`.
-    pub(crate) fn scale(&self, sensor: usize, factor: f64) -> ScaleSource {
-        match self.sensors.get(sensor) {
-            Some(entry) if factor != 1.0 => {
-                let input = entry.setting();
-                ScaleSource::Given {
-                    per_unit: factor * input.per_count,
-                    offset: input.offset,
-                }
-            }
-            _ => ScaleSource::Stored,
-        }
-    }
-
-    /// Roles of the inputs in a run, up to the last one that is wanted: codes of [`ChannelRole`].
-    pub(crate) fn channels(&self, run: usize) -> Vec<u8> {
-        let sensors = self.sensors.iter().enumerate();
-        let sensors = sensors.map(|(k, entry)| (entry.input, ChannelRole::Sensor(k as u8)));
-        let drive = self.drives.get(run).into_iter().flatten();
-        let drive = drive.map(|entry| (entry.input, ChannelRole::Drive));
-        let mut channels = Vec::new();
-        for (input, carries) in sensors.chain(drive) {
-            let input = usize::from(input);
-            if channels.len() <= input {
-                channels.resize(input + 1, ChannelRole::Unused.code());
-            }
-            channels[input] = carries.code();
-        }
-        channels
-    }
-
     /// The inputs of a run, each with the name of its channel and with its range: SI, counts of
     /// the drive.
     pub(super) fn inputs<'a>(
@@ -116,6 +86,39 @@ impl Wiring {
         let all = sensors.chain(drive.map(move |e| (e, range(e, false))));
         all.zip(names)
             .map(|((entry, range), name)| (entry, name, range))
+    }
+}
+
+impl Feed for Wiring {
+    /// ScaleSource from counts to SI, by the box's calibration; the set-up's scale is a factor of it.
+    fn scale(&self, sensor: usize, given: ScaleSource) -> ScaleSource {
+        match (self.sensors.get(sensor), given) {
+            (Some(entry), ScaleSource::Given { per_unit, .. }) if per_unit != 1.0 => {
+                let input = entry.setting();
+                ScaleSource::Given {
+                    per_unit: per_unit * input.per_count,
+                    offset: input.offset,
+                }
+            }
+            _ => ScaleSource::Stored,
+        }
+    }
+
+    /// Roles of the inputs in a run, up to the last one that is wanted.
+    fn channels(&self, _: &Setup, run: usize) -> Vec<u8> {
+        let sensors = self.sensors.iter().enumerate();
+        let sensors = sensors.map(|(k, entry)| (entry.input, ChannelRole::Sensor(k as u8)));
+        let drive = self.drives.get(run).into_iter().flatten();
+        let drive = drive.map(|entry| (entry.input, ChannelRole::Drive));
+        let mut channels = Vec::new();
+        for (input, carries) in sensors.chain(drive) {
+            let input = usize::from(input);
+            if channels.len() <= input {
+                channels.resize(input + 1, ChannelRole::Unused.code());
+            }
+            channels[input] = carries.code();
+        }
+        channels
     }
 }
 

@@ -22,11 +22,11 @@ pub struct Noise {
 pub struct Damage {
     /// Frames that came to the line.
     pub frames: u64,
-    /// Those with flipped bits.
+    /// Frames with flipped bits.
     pub corrupted: u64,
-    /// Those whose end is missing.
+    /// Frames whose end is missing.
     pub truncated: u64,
-    /// Those that went on twice.
+    /// Frames that went on twice.
     pub duplicated: u64,
 }
 

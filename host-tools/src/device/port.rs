@@ -62,7 +62,7 @@ pub enum PortError {
         "{name}: the connection is lost ({reason}); a run on the box goes on without it, plug the box in again and ask `massline board info`"
     )]
     Gone {
-        /// Of the port.
+        /// Name of the port.
         name: String,
         /// The system's reason.
         reason: String,

@@ -32,7 +32,7 @@ pub enum AnswerError {
     /// Drives were named that explain little of what moves.
     #[error("nothing of the ten can be told: {why}")]
     FewDrives {
-        /// Which drives, of which run, and what to do.
+        /// The drives, the run, and advice.
         why: String,
     },
     /// Sensors that see different things.

@@ -1,7 +1,8 @@
 //! TOML to inputs.
 
 use super::InputEntry;
-use crate::setup::{DocumentError, Section, Source, quoted};
+use crate::printable::quoted;
+use crate::setup::{DocumentError, Section, Source};
 use massline_firmware::calibration::{Certificate, Limits, Preset};
 use massline_firmware::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 

@@ -91,7 +91,7 @@ pub enum MeasureError {
         file: PathBuf,
         /// Blocks without one.
         blocks: u32,
-        /// Those with one, and why.
+        /// Blocks with a faulty sample, by fault.
         rejected: Rejected,
     },
     /// Too few poses.
@@ -134,7 +134,7 @@ pub enum MeasureError {
         /// Samples there.
         samples: u64,
     },
-    /// The same data twice.
+    /// Two runs with the same data.
     #[error(
         "runs \"{first}\" and \"{second}\" hold the very same samples; one recording was copied or named twice: give each run its own"
     )]

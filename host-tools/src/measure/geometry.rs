@@ -8,10 +8,10 @@ use massline_core::geometry::{
 };
 use nalgebra::Vector3;
 
-/// Which accelerometers the base acceleration comes from.
+/// Accelerometers from which the base acceleration comes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Accelerations {
-    /// Those on the interface: exact however elastic the structure is.
+    /// Accelerometers on the interface: exact however elastic the structure is.
     Interface,
     /// All of them, equation (4), with one weight a run and accelerometer, in the order
     /// of the setup; `None` for equal weights.

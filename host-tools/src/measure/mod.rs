@@ -16,6 +16,7 @@ mod silent;
 mod sine;
 mod survey;
 
+pub use crate::setup::WINDOW;
 pub(crate) use change::Change;
 pub(crate) use channels::{Added, Channels, channels};
 pub use error::MeasureError;
@@ -32,7 +33,7 @@ pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 
 use crate::setup::{Excitation, Setup};
-use massline_core::spectra::{BlockSettings, LineGrid, LineRange, Window};
+use massline_core::spectra::{BlockSettings, LineGrid, LineRange};
 use std::collections::HashMap;
 
 /// Told now and then how far the reading of recordings is.
@@ -83,9 +84,6 @@ impl Default for Measurement {
         }
     }
 }
-
-/// The window of all random runs.
-pub const WINDOW: Window = Window::Hann;
 
 /// Reads all runs of a setup and averages them, with the base acceleration from the
 /// given accelerometers.

@@ -58,9 +58,9 @@ impl NoiseOrigin {
 pub struct RunNoise {
     /// Name of the run.
     pub run: String,
-    /// Of its accelerations.
+    /// Source of the noise of its accelerations.
     pub accelerations: NoiseOrigin,
-    /// Of its forces.
+    /// Source of the noise of its forces.
     pub forces: NoiseOrigin,
 }
 
@@ -76,8 +76,8 @@ pub(super) struct Stated {
 }
 
 impl Stated {
-    /// Of the sensors that count in this geometry. Says which ones lack a `noise` that others of
-    /// their half have.
+    /// Stated noise of the sensors that count in this geometry. Warns of those that lack a `noise`
+    /// that others of their half have.
     pub(super) fn of(setup: &Setup, geometry: &RunGeometry, warnings: &mut Vec<String>) -> Self {
         let mut noise = ResultantNoise::default();
         let sensors = setup.accelerometers.len();

@@ -177,8 +177,8 @@ fn of_repeats(used: &[Used], readings: &[Vec<f32>], labels: &[f32]) -> Option<f6
     (freedom > 0).then(|| squares / freedom as f64)
 }
 
-/// The same from what one vector leaves of all accelerometers: what is at rest does not turn, so
-/// that they read the same specific force. It is their noise, and what they are misaligned by.
+/// Variance of a reading from the residual of one vector fitted to all accelerometers: at rest
+/// they read the same specific force. It holds their noise and their misalignment.
 /// `None` for three or fewer, which leave nothing.
 fn of_one_vector(used: &[Used], readings: &[Vec<f32>]) -> Option<f64> {
     let mut normal = Matrix3::zeros();

@@ -14,7 +14,7 @@ use std::thread::{self, JoinHandle};
 #[cfg(test)]
 use super::faults::step;
 
-/// Nothing stands between an operation and the system.
+/// Every operation goes to the system.
 #[cfg(not(test))]
 #[inline]
 fn step(_: Operation, _: &Path, bytes: usize) -> io::Result<usize> {

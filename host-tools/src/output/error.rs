@@ -23,7 +23,7 @@ pub enum OutputError {
     Input {
         /// The file, as it was to be written.
         file: PathBuf,
-        /// The same one, as it is read.
+        /// The same file, as it is read.
         input: PathBuf,
     },
     /// There is such a file, and this program has no business with it.

@@ -29,7 +29,7 @@ impl<T> Summed<T> {
         }
     }
 
-    /// Of the bytes so far.
+    /// Length and checksum of the bytes so far.
     pub(crate) fn checksum(&self) -> Checksum {
         Checksum {
             crc32: self.sum.sum(),
@@ -64,7 +64,7 @@ impl<W: Write> Write for Summed<W> {
 }
 
 impl Checksum {
-    /// Of a file.
+    /// Length and checksum of a file.
     ///
     /// # Errors
     /// The system's.

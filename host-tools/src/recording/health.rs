@@ -115,7 +115,7 @@ impl Extreme {
 }
 
 impl Health {
-    /// Of `channels` channels.
+    /// Statistics of `channels` channels without samples.
     #[must_use]
     pub fn new(channels: usize) -> Self {
         Self {

@@ -2,7 +2,7 @@
 
 use super::RecordingError;
 use super::source::{Channel, Place};
-use crate::setup::quoted;
+use crate::printable::quoted;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 

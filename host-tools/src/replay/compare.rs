@@ -73,7 +73,7 @@ impl fmt::Display for Difference {
 pub struct Comparison {
     /// Count of the numbers that were compared.
     pub numbers: usize,
-    /// Count of those that differ.
+    /// Numbers that differ.
     pub different: usize,
     /// The first number that differs.
     pub first: Option<Difference>,

@@ -42,7 +42,7 @@ impl From<&BoxInfo> for DeviceEntry {
 /// Something that was compared.
 #[derive(Clone, Debug, Serialize)]
 pub struct ComparisonEntry {
-    /// Which accelerometers the base acceleration came from.
+    /// Accelerometers from which the base acceleration came.
     pub base: &'static str,
     /// `grid`, `weights`, `run` or `answer`.
     pub kind: &'static str,
@@ -64,7 +64,7 @@ pub struct ComparisonEntry {
     pub no_answer: Option<String>,
     /// Numbers compared.
     pub numbers: usize,
-    /// Those of them that differ.
+    /// Numbers that differ.
     pub different: usize,
     /// Place and bit patterns of the first difference.
     pub first: Option<String>,
@@ -95,7 +95,7 @@ impl ComparisonEntry {
 pub struct LinkEntry {
     /// Frames that were sent.
     pub sent: u32,
-    /// Those of them that were sent again.
+    /// Frames that were sent again.
     pub resent: u32,
     /// Frames that came.
     pub received: u32,

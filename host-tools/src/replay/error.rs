@@ -3,8 +3,8 @@
 use crate::device::{ClientError, StreamError};
 use crate::identification::AnswerError;
 use crate::measure::MeasureError;
+use crate::on_box::PlanError;
 use crate::recording::RecordingError;
-use massline_core::masslines::Method;
 
 /// Why a replay cannot be done. A difference is none: it is what a replay looks for.
 #[derive(Debug, thiserror::Error)]
@@ -12,6 +12,9 @@ pub enum ReplayError {
     /// The box, or the way to it.
     #[error(transparent)]
     Client(#[from] ClientError),
+    /// The set-up does not fit the box.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
     /// The recordings.
     #[error(transparent)]
     Measure(#[from] MeasureError),
@@ -21,41 +24,6 @@ pub enum ReplayError {
     /// The host has no answer for another reason than the data.
     #[error(transparent)]
     Answer(#[from] AnswerError),
-    /// More than the box holds.
-    #[error("the box holds {limit} {what}, this setup has {found}; {advice}")]
-    Capacity {
-        /// Kind of the items that are too many.
-        what: &'static str,
-        /// Number of them.
-        found: usize,
-        /// Highest number that fits.
-        limit: usize,
-        /// Advice to the user.
-        advice: String,
-    },
-    /// A run that the box does not measure.
-    #[error("run \"{run}\" {what}; {advice}")]
-    Run {
-        /// Its name.
-        run: String,
-        /// Its kind.
-        what: &'static str,
-        /// Advice to the user.
-        advice: &'static str,
-    },
-    /// A setup without time recordings.
-    #[error(
-        "the setup has no [processing], so there are no time recordings to replay; `massline identify` does without a box"
-    )]
-    NoProcessing,
-    /// A method that this firmware lacks.
-    #[error("this firmware lacks the method {}; it has {}", .method.name(), .has.join(", "))]
-    Method {
-        /// The method.
-        method: Method,
-        /// Those it has.
-        has: Vec<&'static str>,
-    },
     /// A flip that hits nothing.
     #[error(
         "--flip {found}: {reason}; write RUN:SAMPLE:CHANNEL:BIT, for example 1:300:{channel}:20"
@@ -88,7 +56,7 @@ pub enum ReplayError {
         /// Samples of the recording.
         samples: u64,
     },
-    /// Nothing to go on with.
+    /// The box holds no replay that could go on.
     #[error(
         "the box does not hold this replay's set-up, so there is nothing to go on with; leave out --resume"
     )]

@@ -24,25 +24,24 @@ mod error;
 mod flip;
 mod leaves;
 mod outcome;
-pub(crate) mod plan;
-pub(crate) mod transfer;
+mod transfer;
 
 pub use compare::{Comparison, Difference, Leaf};
 pub use document::{ComparisonEntry, LinkEntry, ReplayDocument, SCHEMA};
 pub use error::ReplayError;
 pub use flip::Flip;
 pub use outcome::{AnswerOutcome, BaseOutcome, Outcome, RunOutcome};
-pub use plan::Base;
 
 use crate::device::{Client, ClientError, ClientMemory, HostBox, HostBoxMemory, Port};
 use crate::identification::{AnswerError, Choice, Session};
 use crate::measure::{Accelerations, Measurement, block_settings};
+use crate::on_box::passes::{self, End};
+use crate::on_box::plan::{self, Columns};
+use crate::on_box::{Base, PlanError, stored};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_firmware::wire::{
-    Grid, Item, NoAnswer, Pass, Problem, Refused, Running, State, Summary,
-};
+use massline_firmware::wire::{Grid, NoAnswer, Pass, Problem, Running, State, Summary};
 use transfer::Feed;
 
 /// Order of a replay.
@@ -84,7 +83,7 @@ pub fn replay<P: Port>(
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Outcome, ReplayError> {
     let device = client.hello()?;
-    let settings = block_settings(setup)?.ok_or(ReplayError::NoProcessing)?;
+    let settings = block_settings(setup)?.ok_or(PlanError::NoProcessing)?;
     plan::check(setup, &order.methods, &settings, &device)?;
     let limit = order.blocks.map(|blocks| samples_of(&settings, blocks));
     let bases = plan::bases(&order.methods, setup, order.weighted);
@@ -149,7 +148,7 @@ struct Replay<'s, 'p> {
     progress: &'p mut dyn FnMut(Progress<'_>),
 }
 
-impl Replay<'_, '_> {
+impl<'s, 'p> Replay<'s, 'p> {
     fn base<P: Port>(
         &mut self,
         client: &mut Client<'_, P>,
@@ -172,15 +171,17 @@ impl Replay<'_, '_> {
                 self.setup,
                 &self.settings,
                 base,
-                plan::Feed::Recording,
+                &Columns,
                 fingerprint,
             )?;
             grid = Some(found);
         }
         let weighed = if resumes_measuring {
+            let runs = 0..self.setup.runs.len();
+            let weights: Result<_, _> = runs.map(|run| stored::weights(client, run)).collect();
             Weighed {
                 peaks: Vec::new(),
-                weights: read_each(self.setup, |run| transfer::weights(client, run))?,
+                weights: weights?,
             }
         } else {
             self.weigh(client, base, running)?
@@ -195,15 +196,14 @@ impl Replay<'_, '_> {
 
         let mut runs = Vec::new();
         for (number, host) in measurement.runs.iter().enumerate() {
-            let from = running.filter(|r| usize::from(r.run) == number);
-            let summary = if from.is_none() && stored >> number & 1 == 1 {
+            let goes_on = running.is_some_and(|r| usize::from(r.run) == number);
+            let summary = if !goes_on && stored >> number & 1 == 1 {
                 self.done += 1;
                 client.summary(number as u8)?
             } else {
-                let from = from.map(|r| r.next);
-                self.send(client, number, Pass::Measure, from, "to the box")?
+                self.sending(running).pass(client, number, Pass::Measure)?
             };
-            let lines = transfer::lines(client, number, self.settings.grid().count)?;
+            let lines = stored::lines(client, number, self.settings.grid().count)?;
             let comparison = Comparison::of_run(host, &self.settings.grid(), &summary, &lines);
             runs.push(RunOutcome {
                 name: host.name.clone(),
@@ -268,40 +268,25 @@ impl Replay<'_, '_> {
         running: Option<Running>,
     ) -> Result<Weighed, ReplayError> {
         let mut weighed = Weighed::default();
-        let surveying = running.filter(|r| r.pass == Pass::Survey);
         if base.surveys() {
             for number in 0..self.setup.runs.len() {
-                let from = surveying.filter(|r| usize::from(r.run) == number);
-                let from = from.map(|r| r.next);
-                self.send(client, number, Pass::Survey, from, "surveyed by the box")?;
-                let peaks = transfer::peaks(client, number);
-                let peaks = peaks.map_err(|e| self.too_short(number, e))?;
+                let peaks = passes::survey(client, number, &mut self.sending(running))?;
                 weighed.peaks.push(peaks);
             }
         }
-        if matches!(base, Base::Interface | Base::All) {
-            return Ok(weighed);
-        }
-        weighed.weights = read_each(self.setup, |run| transfer::weights(client, run))?;
-        for (number, weights) in weighed.weights.iter_mut().enumerate() {
-            transfer::weigh_by_hand(client, self.setup, number, weights)?;
+        for number in 0..self.setup.runs.len() {
+            weighed
+                .weights
+                .extend(passes::weigh(client, self.setup, base, number)?);
         }
         Ok(weighed)
     }
 
-    /// A survey that the box does not have is one that came to nothing.
-    fn too_short(&self, number: usize, error: ClientError) -> ReplayError {
-        match error {
-            ClientError::Refused(Refused {
-                problem:
-                    Problem::Missing {
-                        item: Item::Survey, ..
-                    },
-                ..
-            }) => ReplayError::Survey {
-                run: self.setup.runs[number].name.clone(),
-            },
-            error => error.into(),
+    /// The end of this replay, at a box that may have a run going on.
+    fn sending(&mut self, running: Option<Running>) -> Sending<'_, 's, 'p> {
+        Sending {
+            replay: self,
+            running,
         }
     }
 
@@ -309,14 +294,7 @@ impl Replay<'_, '_> {
     fn check_weights(&mut self, base: Base, device: &Weighed) -> Result<Comparison, ReplayError> {
         let (mut own, mut memory) = (HostBoxMemory::new(), ClientMemory::new());
         let mut client = Client::new(HostBox::new(&mut own, 1), &mut memory);
-        plan::upload(
-            &mut client,
-            self.setup,
-            &self.settings,
-            base,
-            plan::Feed::Recording,
-            0,
-        )?;
+        plan::upload(&mut client, self.setup, &self.settings, base, &Columns, 0)?;
         let (done, flip) = (self.done, self.feed.flip.take());
         let host = self.weigh(&mut client, base, None);
         (self.done, self.feed.flip) = (done, flip);
@@ -424,11 +402,36 @@ impl Replay<'_, '_> {
     }
 }
 
-fn read_each(
-    setup: &Setup,
-    mut read: impl FnMut(usize) -> Result<Vec<f64>, ClientError>,
-) -> Result<Vec<Vec<f64>>, ClientError> {
-    (0..setup.runs.len()).map(&mut read).collect()
+/// Recordings that are sent, as the end of a test.
+struct Sending<'r, 's, 'p> {
+    replay: &'r mut Replay<'s, 'p>,
+    /// The pass that the box had been taking when the connection was lost.
+    running: Option<Running>,
+}
+
+impl<P: Port> End<P> for Sending<'_, '_, '_> {
+    type Error = ReplayError;
+
+    fn pass(
+        &mut self,
+        client: &mut Client<'_, P>,
+        run: usize,
+        pass: Pass,
+    ) -> Result<Summary, ReplayError> {
+        let same = |r: &Running| usize::from(r.run) == run && r.pass == pass;
+        let from = self.running.filter(same).map(|r| r.next);
+        let what = match pass {
+            Pass::Survey => "surveyed by the box",
+            Pass::Measure => "to the box",
+        };
+        self.replay.send(client, run, pass, from, what)
+    }
+
+    fn no_survey(&self, run: usize) -> ReplayError {
+        ReplayError::Survey {
+            run: self.replay.setup.runs[run].name.clone(),
+        }
+    }
 }
 
 /// Runs of this replay that a box holds: those that are stored, and the one that is going on.

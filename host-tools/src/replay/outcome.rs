@@ -1,7 +1,8 @@
 //! Outcome of a replay.
 
-use super::{Base, Comparison};
+use super::Comparison;
 use crate::device::{BoxInfo, LinkReport};
+use crate::on_box::Base;
 use massline_core::masslines::Method;
 
 /// Outcome of a replay.

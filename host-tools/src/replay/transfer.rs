@@ -1,12 +1,10 @@
-//! Recordings to the box, lines and weights back.
+//! Recordings to the box.
 
 use super::{Flip, ReplayError};
-use crate::device::{Client, ClientError, Port};
+use crate::device::{Client, Port};
 use crate::measure::channel_names;
 use crate::setup::Setup;
-use massline_firmware::wire::{
-    Gaps, Line, Lines, Packed, Pass, ReadLines, Reply, Request, Source, Start, Summary, Weights,
-};
+use massline_firmware::wire::{Gaps, Pass, Request, Source, Start, Summary};
 use std::cell::Cell;
 
 /// Data that all runs of a replay share.
@@ -80,75 +78,4 @@ impl Feed<'_> {
         })?;
         Ok(client.stop()?)
     }
-}
-
-/// The lines of a stored run.
-pub(super) fn lines<P: Port>(
-    client: &mut Client<'_, P>,
-    run: usize,
-    count: usize,
-) -> Result<Vec<Line>, ClientError> {
-    let mut all: Vec<Line> = Vec::with_capacity(count);
-    while all.len() < count {
-        let wanted = ReadLines {
-            run: run as u8,
-            first: all.len() as u16,
-            count: (count - all.len()).min(Lines::FIT) as u16,
-        };
-        let some = client.ask(&Request::ReadLines(wanted), |reply| match reply {
-            Reply::Lines(lines)
-                if lines.first == wanted.first
-                    && (1..=usize::from(wanted.count)).contains(&lines.lines.len()) =>
-            {
-                Some(lines.lines.iter().collect::<Vec<_>>())
-            }
-            _ => None,
-        })?;
-        all.extend(some);
-    }
-    Ok(all)
-}
-
-/// Peaks that the survey of a run found, one number a sensor.
-pub(crate) fn peaks<P: Port>(
-    client: &mut Client<'_, P>,
-    run: usize,
-) -> Result<Vec<f64>, ClientError> {
-    client.ask(&Request::ReadPeaks(run as u8), |reply| match reply {
-        Reply::Peaks(peaks) => Some(peaks.peaks.iter().collect()),
-        _ => None,
-    })
-}
-
-/// The weights of a run, one a sensor.
-pub(crate) fn weights<P: Port>(
-    client: &mut Client<'_, P>,
-    run: usize,
-) -> Result<Vec<f64>, ClientError> {
-    client.ask(&Request::ReadWeights(run as u8), |reply| match reply {
-        Reply::Weights(weights) => Some(weights.weights.iter().collect()),
-        _ => None,
-    })
-}
-
-/// Overrules the weights of a run, one a sensor, by those that the set-up gives by hand.
-pub(crate) fn weigh_by_hand<P: Port>(
-    client: &mut Client<'_, P>,
-    setup: &Setup,
-    number: usize,
-    weights: &mut [f64],
-) -> Result<(), ClientError> {
-    let given = setup.runs.get(number).map(|run| &run.weights);
-    let Some(given) = given.filter(|given| !given.is_empty()) else {
-        return Ok(());
-    };
-    for (entry, weight) in setup.accelerometers.iter().zip(weights.iter_mut()) {
-        if let Some(given) = given.get(&entry.channel) {
-            *weight = *given;
-        }
-    }
-    client.tell(&Request::SetWeights(Weights {
-        run: number as u8,
-        weights: Packed::new(weights),
-    }))
 }

@@ -41,7 +41,7 @@ pub(super) fn fitted(answer: &Answer) -> Vec<Fitted<'_>> {
         .collect()
 }
 
-/// Which accelerations a set of lines excites, judged over the averaging band.
+/// Accelerations that a set of lines excites, judged over the averaging band.
 pub(super) struct Excited {
     /// Components that rise above their noise.
     pub components: [bool; 6],
@@ -86,12 +86,12 @@ impl Excited {
     }
 }
 
-/// Which resultants the load cells measure wholly.
+/// `true` for the resultants that the load cells measure wholly.
 pub(super) fn measured_forces(geometry: &RunGeometry) -> [bool; 6] {
     core::array::from_fn(|i| geometry.equations.measured(i) > WHOLE)
 }
 
-/// Which accelerations the accelerometers determine wholly.
+/// `true` for the accelerations that the accelerometers determine wholly.
 pub(super) fn determined_accelerations(geometry: &RunGeometry) -> [bool; 6] {
     geometry.determined().map(|share| share > WHOLE)
 }

@@ -22,7 +22,7 @@ pub(super) type Point = (f64, Complex<f64>);
 pub(super) struct Entry {
     /// Symbol of the entry for a rigid body, such as `m z`, or the force and the acceleration.
     pub title: String,
-    /// Which force per which acceleration, or in which run.
+    /// The force and the acceleration, or the run.
     pub detail: String,
     pub unit: &'static str,
     /// `true` if force and acceleration belong to the same direction.
@@ -125,8 +125,8 @@ fn matrix_entries(
     Some(places.into_iter().zip(measured).map(entry).collect())
 }
 
-/// Which entries to show: not those that are zero for every rigid body, and of two that
-/// mirror each other the upper one, if it was measured.
+/// Entries to show: none that is zero for every rigid body, and of two that mirror each other
+/// the upper one, if it was measured.
 fn places(accelerations: &[bool; 6], forces: &[bool; 6]) -> Vec<(usize, usize)> {
     let there = |i: usize, j: usize| forces[i] && accelerations[j];
     let mut places = Vec::new();

@@ -6,7 +6,8 @@
 
 use super::{COMPARISON_SCHEMA, Number, ResultDocument, SCHEMA};
 use crate::limits;
-use crate::setup::{DocumentError, quoted, read_document_of};
+use crate::printable::quoted;
+use crate::setup::{DocumentError, read_document_of};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -20,7 +20,7 @@ use std::rc::Rc;
 pub(super) struct Felt<D> {
     /// One list an input, all of one length.
     pub(super) samples: D,
-    /// Of these samples, Hz.
+    /// Rate of these samples, Hz.
     pub(super) rate: f64,
     /// `true` if the signals begin anew behind their end; else their last value stays.
     pub(super) repeats: bool,

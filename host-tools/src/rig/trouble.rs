@@ -83,7 +83,7 @@ impl Trouble {
 pub struct Troubles {
     /// The kinds, each as likely as the others; none for a box without faults.
     pub kinds: Vec<Trouble>,
-    /// Of all kinds together.
+    /// Faults per minute, of all kinds together.
     pub per_minute: f64,
     /// Same seed, same faults.
     pub seed: u64,
@@ -106,7 +106,7 @@ impl Troubles {
 /// Faults at random while a recording is made.
 pub(super) struct Mischief {
     kinds: Vec<Trouble>,
-    /// Of a sample to have one.
+    /// Probability that a sample has a fault.
     chance: f64,
     random: Random,
     injector: Injector,

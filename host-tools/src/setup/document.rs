@@ -12,7 +12,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{DocumentError, Place};
-use crate::printable::{printable, steers};
+use crate::printable::{quoted, steers};
 
 /// Numbers beyond this are typing errors; below it, products of three of them, mass times
 /// length squared, stay finite.
@@ -389,17 +389,6 @@ fn number_of(value: &DeValue<'_>) -> Option<f64> {
             .map(|integer| integer as f64),
         _ => None,
     }
-}
-
-/// Most characters of a file's text that a message repeats.
-const QUOTED: usize = 80;
-
-/// The beginning of a file's text, fit for a message.
-pub(crate) fn quoted(text: &str) -> String {
-    let mut rest = text.chars();
-    let start: String = rest.by_ref().take(QUOTED).collect();
-    let more = if rest.next().is_some() { "…" } else { "" };
-    format!("{}{more}", printable(&start))
 }
 
 fn describe(value: &DeValue<'_>) -> String {

@@ -17,20 +17,21 @@ mod print;
 mod tests;
 mod uncertainty;
 
-use crate::measure;
 use crate::recording::{Checksum, Recording, RecordingError};
-use massline_core::spectra::LineGrid;
+use massline_core::spectra::{LineGrid, Window};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-pub(crate) use document::{Section, Source, nearest, quoted};
-pub use massline_core::geometry::{Mount, Quantity};
-
+pub(crate) use document::{Section, Source, nearest};
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::{read as read_document, read_of as read_document_of};
+pub use massline_core::geometry::{Mount, Quantity};
 pub(crate) use parse::unit;
 pub use uncertainty::{Defaults, Uncertainty};
+
+/// The window of all random runs.
+pub const WINDOW: Window = Window::Hann;
 
 /// A measurement: sensors, processing and runs.
 #[derive(Debug, Clone, PartialEq)]
@@ -142,7 +143,7 @@ pub struct Run {
     pub name: String,
     /// As written: absolute, or relative to the setup file. See [`Setup::recording_path`].
     pub recording: PathBuf,
-    /// Which bytes it has, where the program that wrote the setup has written it, too.
+    /// Length and checksum of the recording, where the program that wrote the setup wrote it, too.
     pub checksum: Option<Checksum>,
     /// Kind of the recording.
     pub excitation: Excitation,
@@ -232,7 +233,7 @@ impl Processing {
     pub fn spectrum(&self, sample_rate: f64) -> LineGrid {
         LineGrid {
             first: 1,
-            count: (self.block_length / 2).saturating_sub(1 + measure::WINDOW.reach()),
+            count: (self.block_length / 2).saturating_sub(1 + WINDOW.reach()),
             spacing: sample_rate / self.block_length as f64,
         }
     }

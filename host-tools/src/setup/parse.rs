@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::document::{Section, Source, nearest, quoted};
+use super::document::{Section, Source, nearest};
 use super::{
     AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
     Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
@@ -11,6 +11,7 @@ use super::{
 };
 use crate::limits;
 use crate::printable::printable;
+use crate::printable::quoted;
 use crate::recording::Checksum;
 
 pub(super) const MOUNTS: [(&str, Mount); 2] = [

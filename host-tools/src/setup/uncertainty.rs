@@ -22,24 +22,24 @@ pub struct Uncertainty {
     /// between 0 Hz and half the sample rate, of a complex amplitude (root of the sum of the
     /// variances of both parts) of a stepped sine, of the averaged reading of a pose.
     pub noise: Option<f64>,
-    /// Of the sensitivity, relative.
+    /// Uncertainty of the sensitivity, relative.
     pub calibration: Option<f64>,
-    /// Of each coordinate of the position, m.
+    /// Uncertainty of each coordinate of the position, m.
     pub position: Option<f64>,
-    /// Of the tilt about each axis, degrees.
+    /// Uncertainty of the tilt about each axis, degrees.
     pub direction: Option<f64>,
 }
 
 /// Noise and uncertainty of sensors that do not state their own.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Defaults {
-    /// Of every sensor; noise, whose unit differs, is not among it.
+    /// Uncertainty of every sensor; noise, whose unit differs, is not among it.
     pub all: Uncertainty,
-    /// Of accelerometers.
+    /// Noise and uncertainty of accelerometers.
     pub accelerometer: Uncertainty,
-    /// Of load cells that measure a force.
+    /// Noise and uncertainty of load cells that measure a force.
     pub force: Uncertainty,
-    /// Of load cells that measure a moment.
+    /// Noise and uncertainty of load cells that measure a moment.
     pub moment: Uncertainty,
 }
 

@@ -49,7 +49,7 @@ pub enum ModelError {
         file: PathBuf,
         /// Element or mass, counted from one.
         what: String,
-        /// Which property.
+        /// The property.
         key: &'static str,
         /// As written, or as computed from the nodes.
         found: f64,
@@ -98,7 +98,7 @@ pub enum ModelError {
     NoEntries {
         /// The file.
         file: PathBuf,
-        /// Which list.
+        /// The list.
         list: &'static str,
         /// Property that is not known then.
         reason: &'static str,
@@ -188,7 +188,7 @@ pub enum SimulationError {
     /// A setting outside its range.
     #[error("{what} is {found}; expected {expected}")]
     Option {
-        /// Which setting.
+        /// The setting.
         what: &'static str,
         /// Its value.
         found: f64,

@@ -75,7 +75,7 @@ pub(super) fn table_motion(table: &Table, motion: &[f64; 6], seed: u64) -> Table
     }
 }
 
-/// One row per load cell: what it reads of the six resultants at the interface's origin.
+/// One row per load cell: its readings of the six resultants at the interface's origin.
 ///
 /// The cells share a resultant in the way of least norm, and lock in internal forces on
 /// top: random combinations that have no resultant, proportional to the load, `internal`

@@ -45,7 +45,7 @@ pub struct MotionSensor {
 /// The table under the specimen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// Which of x, y, z, rx, ry, rz it can move; cross-talk reaches these only.
+    /// `true` for each of x, y, z, rx, ry, rz that it can move; cross-talk reaches these only.
     pub axes: [bool; 6],
     /// Largest entry of the coupling between axes, a share of the driven motion.
     pub cross_talk: f64,

@@ -81,7 +81,7 @@ pub struct Weights {
     pub channels: Vec<String>,
     /// The same for all runs, from the responses to unit interface forces.
     pub joined: Vec<f64>,
-    /// Of each run's own responses.
+    /// Weights from each run's own responses.
     pub per_run: Vec<RunWeights>,
 }
 
@@ -97,7 +97,7 @@ pub struct RunWeights {
 /// One row, noise-free.
 #[derive(Debug, Serialize)]
 pub struct RowEntry {
-    /// Which row.
+    /// The row.
     #[serde(flatten)]
     pub key: Key,
     /// Solved once at A: table 3.
@@ -181,7 +181,7 @@ pub struct LevelEntry {
 /// One row over the draws.
 #[derive(Debug, Serialize)]
 pub struct NoisyEntry {
-    /// Which row.
+    /// The row.
     #[serde(flatten)]
     pub key: Key,
     /// Solved once at A.

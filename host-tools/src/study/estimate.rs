@@ -105,7 +105,7 @@ impl Answer {
     }
 }
 
-/// Which accelerometers count how much; rows of one selection share their lines.
+/// Weights of the accelerometers; rows of one selection share their lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Selection {
     Interface,

@@ -24,7 +24,7 @@ pub struct Options {
     pub minimum_weight: f64,
     /// Band in which the weighting looks for the first elastic modes, Hz.
     pub mode_band: [f64; 2],
-    /// Which runs share weights.
+    /// Runs that share weights.
     pub weights: WeightRule,
     /// Band in which methods d and e fit elastic modes, Hz; all lines if null.
     pub fit_band: Option<[f64; 2]>,
@@ -51,7 +51,7 @@ pub struct Options {
     pub noise_rotation: f64,
 }
 
-/// Which runs share the weights of chapter 7.
+/// Runs that share the weights of chapter 7.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum WeightRule {

@@ -28,7 +28,7 @@ pub struct Printed {
     /// x (ξ_S) and z (ζ_S) in mm, Θ about A (table 3) or S (table 4) in g m², and Δ in %
     /// (table 3; not a number in table 4).
     pub values: [f64; 4],
-    /// Of x, z and Θ, in per cent.
+    /// Errors of x, z and Θ, per cent.
     pub errors: [f64; 3],
 }
 

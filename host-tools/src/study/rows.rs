@@ -3,14 +3,14 @@
 use massline_core::masslines::Method;
 use serde::Serialize;
 
-/// Which lines the rigid body is read from.
+/// Lines from which the rigid body is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Range {
     /// Up to about 45 % of the first elastic natural frequency.
     I,
     /// Up to about 80 % of it.
     II,
-    /// Those of the fit of method d, which averages nothing.
+    /// Lines of the fit of method d, which averages nothing.
     Fit,
 }
 

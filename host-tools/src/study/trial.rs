@@ -54,7 +54,7 @@ pub(super) struct Conditions {
     pub(super) sines: Vec<f64>,
     /// `true` if the mass is stated as weighed.
     pub(super) weighed: bool,
-    /// Which run's motion each simulated run belongs to; those of one number are shaken at
+    /// Number of the run whose motion each simulated run belongs to; those of one number are shaken at
     /// once, by drives of their own. Empty where every run is its own.
     pub(super) together: Vec<usize>,
 }

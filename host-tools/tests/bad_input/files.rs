@@ -126,14 +126,14 @@ fn a_kind_is_told_by_content_and_not_by_name() {
     assert_eq!(packed.identify(&["--json"]).stdout, expected);
     let plain = Bench::fork().setup(X, "x.csv.gz").write("x.csv.gz", &text);
     assert_eq!(plain.identify(&["--json"]).stdout, expected);
-    let twice = Bench::fork().write(X, gzip(&gzip(&text)));
+    let twice = Bench::fork().write(X, gzip(gzip(&text)));
     refused(&twice.identify(&[]), 2, &[X, "line 1", "gzip twice"]);
 }
 
 #[test]
 fn gzip_that_breaks_off() {
     let bench = Bench::fork();
-    let zipped = gzip(&std::fs::read_to_string(bench.file(X)).unwrap());
+    let zipped = gzip(std::fs::read_to_string(bench.file(X)).unwrap());
     let bench = bench
         .setup(X, "x.csv.gz")
         .write("x.csv.gz", &zipped[..zipped.len() / 2]);

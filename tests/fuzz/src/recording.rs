@@ -28,8 +28,8 @@ pub fn run(bytes: &[u8]) {
             let file = scratch.file("any.csv.gz", text);
             drop(read(&file, stated));
         }
-        // A compressed text reads as the plain one.
-        1 => {
+        // A compressed text reads as the plain one; bytes that are compressed already do not.
+        1 if !text.starts_with(&[0x1f, 0x8b]) => {
             let plain = outcome(read(&scratch.file("a.csv", text), stated));
             let packed = outcome(read(&scratch.file("a.csv.gz", &gzip(text)), stated));
             assert_eq!(plain, packed);

@@ -52,7 +52,7 @@ impl Default for ClientMemory {
 pub struct LinkReport {
     /// Frames that were sent.
     pub sent: u32,
-    /// Those of them that were sent again, because no reply came in time or because the
+    /// Frames that were sent again, because no reply came in time or because the
     /// box missed one before them.
     pub resent: u32,
     /// Replies that came when nobody waited for them any more.

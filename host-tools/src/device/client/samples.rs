@@ -140,9 +140,9 @@ pub enum StreamError<E> {
 struct Window {
     /// Not yet known to be taken, in their order.
     chunks: VecDeque<Chunk>,
-    /// Those of `chunks` that were sent since sending last went back.
+    /// Number of `chunks` that were sent since sending last went back.
     sent: usize,
-    /// Those of `chunks` that were ever sent.
+    /// Number of `chunks` that were ever sent.
     reached: usize,
     /// Ids of requests that are unanswered.
     open: Vec<u16>,

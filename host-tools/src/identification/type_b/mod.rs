@@ -37,15 +37,15 @@ pub const NUMBERS: usize = 17;
 
 /// Places among the [`NUMBERS`].
 pub mod number {
-    /// Of the mass.
+    /// Place of the mass.
     pub const MASS: usize = 0;
-    /// Of the indicator Δ.
+    /// Place of the indicator Δ.
     pub const INDICATOR: usize = 1;
-    /// Of x of the centre of gravity; y and z follow.
+    /// Place of x of the centre of gravity; y and z follow.
     pub const CENTRE: usize = 2;
-    /// Of Θxx about A; yy, zz, xy, xz, yz follow.
+    /// Place of Θxx about A; yy, zz, xy, xz, yz follow.
     pub const INERTIA_REFERENCE: usize = 5;
-    /// Of Θxx about S; yy, zz, xy, xz, yz follow.
+    /// Place of Θxx about S; yy, zz, xy, xz, yz follow.
     pub const INERTIA_CG: usize = 11;
 }
 
@@ -250,7 +250,7 @@ struct Chain<'a> {
 #[derive(Clone, Debug, PartialEq)]
 struct Choices {
     observable: [bool; 10],
-    /// Of each fit, how many poles and which terms it has, and the directions that are excited.
+    /// Number of poles, terms, and number of excited directions of each fit.
     fits: Vec<(usize, Vec<bool>, usize)>,
 }
 

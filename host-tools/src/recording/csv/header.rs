@@ -1,7 +1,7 @@
 //! The first line of a CSV recording: the names of its columns.
 
+use crate::printable::quoted;
 use crate::recording::RecordingError;
-use crate::setup::quoted;
 use csv::ByteRecord;
 use std::path::Path;
 

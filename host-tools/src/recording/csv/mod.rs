@@ -10,7 +10,7 @@ use super::preamble::{self, Preamble};
 use super::source::{Block, Channel, Place, Source, StatedRate};
 use super::{Format, HEALTH_COLUMN, RecordingError, faults};
 use crate::limits;
-use crate::setup::quoted;
+use crate::printable::quoted;
 use ::csv::{ByteRecord, Position, Reader, ReaderBuilder, Trim};
 use gauge::{Gauge, Gauged};
 use massline_firmware::wire::Health;

@@ -79,7 +79,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Of nothing yet.
+    /// An extent without values.
     #[must_use]
     pub fn new(mapping: Mapping) -> Self {
         Self {
@@ -105,7 +105,7 @@ impl Extent {
         extent
     }
 
-    /// Those of the values that lie between two quantiles, so that a few strays do not
+    /// The extent of the values between two quantiles, so that a few strays do not
     /// squeeze the rest into a line.
     #[must_use]
     pub fn within_quantiles(

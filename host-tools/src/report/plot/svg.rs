@@ -3,7 +3,7 @@
 use crate::report::markup::escape;
 use std::fmt::Write;
 
-/// Which end of a text stands at its position.
+/// End of a text that stands at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// It begins there.

@@ -5,7 +5,7 @@ use crate::report::plot::{Anchor, SMALL_TEXT, Svg, text_width};
 /// A rectangle: left, top, right, bottom.
 type Area = [f64; 4];
 
-/// Which parts of a view are taken.
+/// Parts of a view that are taken.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     bounds: Area,

@@ -18,7 +18,7 @@ const HEIGHT: f64 = 720.0;
 /// An extent shorter than this share of the longest is drawn as long as that.
 const SHORTEST: f64 = 0.12;
 
-/// One view: which axes it shows and where it lies.
+/// One view: its axes and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct View {
     pub title: &'static str,

@@ -352,7 +352,7 @@ struct CellDocument {
     draws: usize,
     refused: usize,
     reason: Option<String>,
-    /// Of the ten.
+    /// Share of intervals of the ten numbers that hold the truth.
     held: Option<f64>,
     numbers: Vec<NumberDocument>,
 }

@@ -117,7 +117,7 @@ pub(super) fn score(outcome: &Outcome, truth: &Truth) -> Scored {
 pub struct Count {
     /// Draws with a number.
     pub given: usize,
-    /// Those whose interval holds the truth.
+    /// Numbers whose interval holds the truth.
     pub held: usize,
     /// Sum of error over standard deviation.
     pub errors: f64,

@@ -57,7 +57,7 @@ const FAMILIES: [Family; 8] = [
     Family::Together,
 ];
 
-/// Which accelerometers there are on the interface.
+/// Accelerometers on the interface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Sensors {
     /// Three or four triaxial ones on a ring.
@@ -70,7 +70,7 @@ enum Sensors {
     Single,
 }
 
-/// Which load cells there are.
+/// Load cells of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Cells {
     /// Three or four triaxial ones on a ring.

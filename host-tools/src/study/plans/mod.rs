@@ -104,7 +104,7 @@ pub struct Tried {
 /// A number that the plan cannot tell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Invented {
-    /// Which one.
+    /// Name of the number.
     pub name: &'static str,
     /// Its value, SI units.
     pub value: f64,
@@ -132,7 +132,7 @@ pub struct Plans {
     pub invented: usize,
     /// Numbers that plans tell.
     pub told: usize,
-    /// Those that the estimator did not give.
+    /// Numbers that the estimator did not give.
     pub missed: usize,
     /// Plans with an invented or a missed number.
     pub faults: Vec<Tried>,

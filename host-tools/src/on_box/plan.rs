@@ -1,10 +1,9 @@
 //! The set-up in the box's words, and whether the box holds it.
 
-use super::ReplayError;
-use crate::box_runs::Wiring;
+use super::PlanError;
 use crate::device::{BoxInfo, Client, ClientError, Port};
 use crate::measure::channel_names;
-use crate::setup::{self, Excitation, Setup};
+use crate::setup::{Excitation, Setup};
 use massline_core::identify::{self, Procedure};
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
@@ -48,6 +47,12 @@ impl Base {
             Self::WeightedJoined => "all accelerometers, weighted by all surveys",
             Self::WeightedByHand => "all accelerometers, weighted by hand",
         }
+    }
+
+    /// `true` if accelerometers are weighted.
+    #[must_use]
+    pub const fn is_weighted(self) -> bool {
+        !matches!(self, Self::Interface | Self::All)
     }
 
     /// `true` if the runs are surveyed before they are measured.
@@ -95,7 +100,7 @@ impl Base {
 }
 
 /// The bases that methods need, each with its methods.
-pub(super) fn bases(methods: &[Method], setup: &Setup, weighted: bool) -> Vec<(Base, Vec<Method>)> {
+pub(crate) fn bases(methods: &[Method], setup: &Setup, weighted: bool) -> Vec<(Base, Vec<Method>)> {
     let mut bases: Vec<(Base, Vec<Method>)> = Vec::new();
     for &method in methods {
         let base = Base::of(method, setup, weighted);
@@ -113,18 +118,18 @@ pub(crate) fn check(
     methods: &[Method],
     settings: &BlockSettings,
     device: &BoxInfo,
-) -> Result<(), ReplayError> {
+) -> Result<(), PlanError> {
     let capacity = &device.capacity;
     let has = |m: &Method| capacity.methods.contains(*m);
     if let Some(&method) = methods.iter().find(|m| !has(m)) {
         let has = Method::ALL.iter().filter(|m| has(m)).map(|m| m.name());
-        return Err(ReplayError::Method {
+        return Err(PlanError::Method {
             method,
             has: has.collect(),
         });
     }
     for run in &setup.runs {
-        let wrong = |what, advice| ReplayError::Run {
+        let wrong = |what, advice| PlanError::Run {
             run: run.name.clone(),
             what,
             advice,
@@ -188,7 +193,7 @@ pub(crate) fn check(
         ),
     ] {
         if found > limit {
-            return Err(ReplayError::Capacity {
+            return Err(PlanError::Capacity {
                 what,
                 found,
                 limit,
@@ -211,12 +216,33 @@ pub(crate) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
 }
 
 /// Origin of the samples, which decides their channels and the calibrations that count.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Feed<'w> {
-    /// Columns of a recording in the set-up's order, scaled by the set-up.
-    Recording,
-    /// The box's inputs, by its calibrations.
-    Inputs(&'w Wiring),
+pub(crate) trait Feed {
+    /// ScaleSource of a sensor's samples to SI; `given` is that of the set-up.
+    fn scale(&self, sensor: usize, given: ScaleSource) -> ScaleSource;
+
+    /// Roles of the channels of a run's samples, as codes of [`ChannelRole`].
+    fn channels(&self, setup: &Setup, run: usize) -> Vec<u8>;
+}
+
+/// Columns of a recording in the set-up's order, scaled by the set-up.
+pub(crate) struct Columns;
+
+impl Feed for Columns {
+    fn scale(&self, _: usize, given: ScaleSource) -> ScaleSource {
+        given
+    }
+
+    fn channels(&self, setup: &Setup, run: usize) -> Vec<u8> {
+        let sensors = setup.accelerometers.len() + setup.load_cells.len();
+        let role = |channel| match channel < sensors {
+            true => ChannelRole::Sensor(channel as u8).code(),
+            false => ChannelRole::Drive.code(),
+        };
+        let names = setup.runs.get(run).map(|run| channel_names(setup, run));
+        (0..names.map_or(0, |names| names.len()))
+            .map(role)
+            .collect()
+    }
 }
 
 /// Sends the set-up, and gives the box's lines.
@@ -225,10 +251,10 @@ pub(crate) fn upload<P: Port>(
     setup: &Setup,
     settings: &BlockSettings,
     base: Base,
-    feed: Feed<'_>,
+    feed: &dyn Feed,
     fingerprint: u32,
-) -> Result<Grid, ReplayError> {
-    let p = setup.processing.as_ref().ok_or(ReplayError::NoProcessing)?;
+) -> Result<Grid, PlanError> {
+    let p = setup.processing.as_ref().ok_or(PlanError::NoProcessing)?;
     let rate = settings.grid().spacing * settings.block_length() as f64;
     client.tell(&Request::BeginSetup(Plan {
         sensors: (setup.accelerometers.len() + setup.load_cells.len()) as u8,
@@ -249,16 +275,11 @@ pub(crate) fn upload<P: Port>(
         minimum_weight: setup.estimation.minimum_weight,
     }))?;
     for (number, mut sensor) in sensors(setup).enumerate() {
-        if let (Feed::Inputs(wiring), ScaleSource::Given { per_unit, .. }) = (feed, sensor.scale) {
-            sensor.scale = wiring.scale(number, per_unit);
-        }
+        sensor.scale = feed.scale(number, sensor.scale);
         client.tell(&Request::SetSensor(sensor))?;
     }
     for (number, run) in setup.runs.iter().enumerate() {
-        let channels = match feed {
-            Feed::Recording => columns(setup, run),
-            Feed::Inputs(wiring) => wiring.channels(number),
-        };
+        let channels = feed.channels(setup, number);
         client.tell(&Request::SetRun(wire::Run {
             run: number as u8,
             name: name(&run.name),
@@ -269,16 +290,6 @@ pub(crate) fn upload<P: Port>(
         }))?;
     }
     Ok(grid(client)?)
-}
-
-/// Roles of the columns of a recording.
-fn columns(setup: &Setup, run: &setup::Run) -> Vec<u8> {
-    let sensors = setup.accelerometers.len() + setup.load_cells.len();
-    let carries = |channel| match channel < sensors {
-        true => ChannelRole::Sensor(channel as u8).code(),
-        false => ChannelRole::Drive.code(),
-    };
-    (0..channel_names(setup, run).len()).map(carries).collect()
 }
 
 /// The question to the box.
