@@ -178,7 +178,7 @@ fn each_fault_has_its_flag_and_no_other() {
         bad += bench.acquisition.number() - before - 30;
         let mut expected = kind.flag();
         if kind == Kind::Delay {
-            // It is reported as missing until it is detected to be out of step.
+            // The chip is reported as missing until it is detected to be out of step.
             expected = expected.union(flags);
             assert!(Health::MISSING.union(Health::OUT_OF_STEP).contains(flags));
         }
@@ -242,7 +242,7 @@ fn no_false_sample_when_everything_fails_at_once() {
             injector.disturb(&mut rig.borrow_mut(), true);
             bench.checked();
         }
-        // It recovers once no more faults are injected.
+        // The acquisition recovers once no more faults are injected.
         let mut calm = Injector::new(0.0, 0);
         for _ in 0..2_000 {
             calm.disturb(&mut rig.borrow_mut(), true);
