@@ -129,7 +129,9 @@ impl<'r> Bench<'r> {
 
     /// Checks so many samples.
     fn run(&mut self, samples: usize) {
-        (0..samples).for_each(|_| drop(self.checked()));
+        for _ in 0..samples {
+            self.checked();
+        }
     }
 
     fn is_steady(&self) -> bool {

@@ -4,7 +4,7 @@
 //! * [`readme`]: tables in READMEs that tests write and compare.
 //! * [`xtask`]: `cargo xtask test`, which runs all checks of a change on a machine that may have
 //!   only
-//! cargo.
+//!   cargo.
 
 #![forbid(unsafe_code)]
 
