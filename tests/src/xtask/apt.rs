@@ -15,8 +15,7 @@
 //! * The machine's own index of packages is tried first. A fresh machine has none, and an old index
 //!   names packages that are gone; after a failure a new index is fetched into the folder.
 //! * apt's configuration is the machine's (sources, proxies, pins) without its hooks, which change
-//!   the
-//!   machine.
+//!   the machine.
 
 use std::fs;
 use std::path::{Path, PathBuf};
