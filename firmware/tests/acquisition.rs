@@ -127,6 +127,13 @@ impl<'r> Bench<'r> {
         sample
     }
 
+    /// Checks so many samples.
+    fn run(&mut self, samples: usize) {
+        for _ in 0..samples {
+            self.checked();
+        }
+    }
+
     fn is_steady(&self) -> bool {
         self.acquisition.is_steady(CHIPS)
     }
@@ -159,9 +166,7 @@ fn each_fault_has_its_flag_and_no_other() {
         let mut injector = Injector::new(0.0, 100 + round);
         let mut bench = Bench::new(&rig, Oversampling::X8192);
         bench.start();
-        for _ in 0..20 {
-            bench.checked();
-        }
+        bench.run(20);
         injector.inject(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
         let mut flags = Health::GOOD;
         let before = bench.acquisition.number();
@@ -175,7 +180,7 @@ fn each_fault_has_its_flag_and_no_other() {
         bad += bench.acquisition.number() - before - 30;
         let mut expected = kind.flag();
         if kind == Kind::Delay {
-            // It is reported as missing until it is detected to be out of step.
+            // The chip is reported as missing until it is detected to be out of step.
             expected = expected.union(flags);
             assert!(Health::MISSING.union(Health::OUT_OF_STEP).contains(flags));
         }
@@ -239,7 +244,7 @@ fn no_false_sample_when_everything_fails_at_once() {
             injector.disturb(&mut rig.borrow_mut(), true);
             bench.checked();
         }
-        // It recovers once no more faults are injected.
+        // The acquisition recovers once no more faults are injected.
         let mut calm = Injector::new(0.0, 0);
         for _ in 0..2_000 {
             calm.disturb(&mut rig.borrow_mut(), true);
@@ -256,9 +261,7 @@ fn a_dead_converter_does_not_stop_the_others() {
     let rig = rig();
     let mut bench = Bench::new(&rig, Oversampling::X8192);
     bench.start();
-    for _ in 0..10 {
-        bench.checked();
-    }
+    bench.run(10);
     rig.borrow_mut().stick(2, Some(true));
     let mut reported = None;
     let mut good = 0;
@@ -274,9 +277,7 @@ fn a_dead_converter_does_not_stop_the_others() {
     assert!(good > 1950, "{good}");
     // Then it recovers by itself.
     rig.borrow_mut().stick(2, None);
-    for _ in 0..600 {
-        bench.checked();
-    }
+    bench.run(600);
     assert!(bench.checked().health().is_good());
 }
 
@@ -285,14 +286,10 @@ fn converters_without_edges_are_restarted() {
     let rig = rig();
     let mut bench = Bench::new(&rig, Oversampling::X8192);
     bench.start();
-    for _ in 0..10 {
-        bench.checked();
-    }
+    bench.run(10);
     // An external pulse on the reset line: all four chips lose their settings.
     rig.borrow_mut().pull_sync(4096);
-    for _ in 0..40 {
-        bench.checked();
-    }
+    bench.run(40);
     assert!(bench.is_steady());
     assert_eq!(bench.acquisition.faults().converter_reset, 4);
 
@@ -308,9 +305,7 @@ fn converters_without_edges_are_restarted() {
     assert!(!acquisition.watch(converters, &mut synchronise, now + 2 * bench.period));
     assert!(acquisition.watch(converters, &mut synchronise, now + 20 * bench.period));
     assert_eq!(pulses, 1);
-    for _ in 0..40 {
-        bench.checked();
-    }
+    bench.run(40);
     assert!(bench.checked().health().is_good());
 }
 
@@ -319,9 +314,7 @@ fn a_busy_box_loses_samples_but_numbers_them_right() {
     let rig = rig();
     let mut bench = Bench::new(&rig, Oversampling::X8192);
     bench.start();
-    for _ in 0..10 {
-        bench.checked();
-    }
+    bench.run(10);
     for busy in 1..200 {
         let before = bench.acquisition.number();
         let missed = bench.acquisition.faults().converter_missed;

@@ -84,6 +84,16 @@ fn load<const PAGE: usize>(flash: Flash<PAGE, PAGES>) -> Result<Found, StoreErro
     found
 }
 
+/// Saves, and returns the flash.
+fn saved<const PAGE: usize>(
+    flash: Flash<PAGE, PAGES>,
+    settings: &Settings<INPUTS>,
+) -> Flash<PAGE, PAGES> {
+    let mut box_ = store(flash);
+    box_.save(settings, &mut [0; ROOM]).unwrap();
+    box_.release()
+}
+
 /// Saves, with the power cut `after` bytes. Returns the flash with the power on, and `true` if it
 /// was cut.
 fn cut<const PAGE: usize>(
@@ -159,9 +169,8 @@ fn another_journal_is_an_error_until_the_next_save() {
     ];
     flash.write(0, &earlier).unwrap();
     assert_eq!(load(flash.clone()), Err(StoreError::Corrupted));
-    let mut box_ = store(flash);
-    box_.save(&short(1), &mut [0; ROOM]).unwrap();
-    assert_eq!(load(box_.release()), Ok(Some((short(1), 2))));
+    let flash = saved(flash, &short(1));
+    assert_eq!(load(flash), Ok(Some((short(1), 2))));
 }
 
 /// No flash lasts for 2^32 items: such a number was written by another program.
@@ -182,9 +191,7 @@ fn after_the_last_number_comes_the_first() {
     flash.write(256, item.as_flattened()).unwrap();
     assert_eq!(load(flash.clone()), Ok(Some((Settings::DELIVERED, 2))));
     for k in 0..20 {
-        let mut box_ = store(flash);
-        box_.save(&short(k), &mut [0; ROOM]).unwrap();
-        flash = box_.release();
+        flash = saved(flash, &short(k));
         assert_eq!(load(flash.clone()), Ok(Some((short(k), 2))));
     }
 }
@@ -333,9 +340,7 @@ fn power_is_cut_over_a_page_that_only_seems_erased() {
         for k in 0..16 {
             // Bits not cleared by the store: of an interrupted erase, or of another program.
             flash.write(address, &[0x5A]).unwrap();
-            let mut box_ = store(flash);
-            box_.save(&short(k), &mut [0; ROOM]).unwrap();
-            flash = box_.release();
+            flash = saved(flash, &short(k));
             for after in 0.. {
                 let (flash, was_cut) = cut(flash.clone(), &short(k + 100), after);
                 let found = load(flash).unwrap().map(|(settings, _)| settings);
@@ -404,13 +409,9 @@ fn a_worn_page_loses_no_saved_settings() {
 /// A bit whose change was interrupted may read right only later. Settings saved since remain valid.
 #[test]
 fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
-    let mut box_ = store(Small::new(0));
-    box_.save(&short(0), &mut [0; ROOM]).unwrap();
-    let mut flash = box_.release();
+    let mut flash = saved(Small::new(0), &short(0));
     let from = flash.worked() as usize - 256;
-    let mut box_ = store(flash);
-    box_.save(&short(1), &mut [0; ROOM]).unwrap();
-    flash = box_.release();
+    flash = saved(flash, &short(1));
     let to = flash.worked() as usize - 256;
     // The head is written before the contents, whose last byte may have such a bit.
     for address in from + 16..to {
@@ -418,9 +419,7 @@ fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
         flash.flip(address, 3);
         // The filling behind the contents is not checked.
         let before = load(flash.clone()).unwrap().unwrap().0;
-        let mut box_ = store(flash);
-        box_.save(&short(2), &mut [0; ROOM]).unwrap();
-        flash = box_.release();
+        flash = saved(flash, &short(2));
         flash.flip(address, 3);
         assert_eq!(load(flash), Ok(Some((short(2), 2))), "{address}");
         assert!(before == short(0) || address + 16 > to);
@@ -429,22 +428,17 @@ fn a_bit_that_comes_right_later_brings_no_old_settings_back() {
     // the contents.
     let (mut flash, _) = cut(flash, &short(3), 16);
     flash.flip(to + 15, 3);
-    let mut box_ = store(flash);
-    box_.save(&short(4), &mut [0; ROOM]).unwrap();
-    flash = box_.release();
+    flash = saved(flash, &short(4));
     flash.flip(to + 15, 3);
     assert_eq!(load(flash), Ok(Some((short(4), 2))));
 }
 
 #[test]
 fn the_next_item_lies_behind_an_interrupted_one() {
-    let mut box_ = store(Small::new(0));
-    box_.save(&short(0), &mut [0; ROOM]).unwrap();
-    let (flash, _) = cut(box_.release(), &short(1), 20);
+    let flash = saved(Small::new(0), &short(0));
+    let (flash, _) = cut(flash, &short(1), 20);
     let worked = flash.worked();
-    let mut box_ = store(flash);
-    box_.save(&short(2), &mut [0; ROOM]).unwrap();
-    assert_eq!(box_.release().worked() - worked, 64);
+    assert_eq!(saved(flash, &short(2)).worked() - worked, 64);
 }
 
 #[test]

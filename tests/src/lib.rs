@@ -3,8 +3,7 @@
 //! * [`emulator`]: names by which tests find the emulator and the firmware.
 //! * [`readme`]: tables in READMEs that tests write and compare.
 //! * [`xtask`]: `cargo xtask test`, which runs all checks of a change on a machine that may have
-//!   only
-//! cargo.
+//!   only cargo.
 
 #![forbid(unsafe_code)]
 

@@ -1,8 +1,7 @@
 //! The fork's recordings through the firmware in the emulator: the same bits as this machine's.
 //!
-//! An excerpt of some blocks a run: the emulated port transfers 20 to 35 kB/s. All of the
-//! recordings are compared by `massline replay tests/fixtures/fork/setup.toml --emulator --method
-//! all`.
+//! An excerpt of some blocks a run: the emulated port transfers 20 to 35 kB/s. The whole recordings
+//! are compared by `massline replay tests/fixtures/fork/setup.toml --emulator --method all`.
 
 mod identical;
 

@@ -20,15 +20,15 @@ pub(super) struct Chip {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
-    /// It samples with the others.
+    /// The converter samples with the others.
     InStep,
-    /// It samples, but not with the others.
+    /// The converter samples, but not with the others.
     OutOfStep,
-    /// It must be prepared.
+    /// The converter must be prepared.
     Lost,
-    /// It could not be prepared; samples until it is tried again.
+    /// The converter could not be prepared; samples until the next attempt.
     Down(u32),
-    /// It is not used.
+    /// The converter is not used.
     LeftOut,
 }
 
@@ -210,7 +210,7 @@ fn drain(converter: &mut dyn Converter, counts: &mut [i32]) -> Result<Reading, F
             Err(fault) => return Err(fault),
         };
     }
-    // It delivers faster than it is read.
+    // The converter delivers faster than it is read.
     Err(Fault::Stale)
 }
 

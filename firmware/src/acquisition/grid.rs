@@ -27,7 +27,7 @@ const PROMPT: i64 = 64;
 /// Late edges in a row after which the next late edge sets the grid.
 const LATE_MAX: u8 = 3;
 
-/// The grid of samples in time.
+/// The grid of samples in time. Times are in ticks, with [`FRACTION`] fraction bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
     /// Limits of the measured period.

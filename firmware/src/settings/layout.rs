@@ -30,12 +30,12 @@ pub const fn room(inputs: usize) -> usize {
 /// Error of bytes that are no settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayoutError {
-    /// They were written by a later firmware.
+    /// The bytes were written by a later firmware.
     Newer {
         /// Version of their layout.
         found: u16,
     },
-    /// They are cut short, or of an unknown form.
+    /// The bytes are cut short, or of an unknown form.
     Malformed,
 }
 

@@ -95,7 +95,7 @@ pub struct Sent {
     pub number: u8,
     /// Id of the request that it answers; zero for events.
     pub id: u16,
-    /// Its payload.
+    /// Payload of the message.
     pub payload: Vec<u8>,
 }
 

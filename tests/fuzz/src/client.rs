@@ -181,26 +181,8 @@ impl Port for Answering<'_, '_> {
     }
 }
 
-/// A valid set-up.
-const SETUP: &str = r#"
-[processing]
-sample_rate = 512.0
-block_length = 128
-averaging_band = [8.0, 60.0]
-[[accelerometer]]
-channel = "a1"
-position = [0.1, 0.0, 0.0]
-direction = [1, 0, 0]
-mount = "interface"
-[[load_cell]]
-channel = "fx"
-position = [0.0, 0.0, 0.0]
-direction = [1, 0, 0]
-[[run]]
-name = "x"
-recording = "x.csv"
-reference = "drive"
-"#;
+/// A valid set-up of one run.
+const SETUP: &str = crate::seeds::SETUPS[1];
 
 /// Inputs of a box, with the channels wired to them.
 #[must_use]

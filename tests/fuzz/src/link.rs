@@ -94,13 +94,13 @@ pub fn unstuffed(piece: &[u8]) -> Option<Vec<u8>> {
 pub enum Piece {
     /// A valid frame: its header and its payload.
     Sound([u8; HEADER], Vec<u8>),
-    /// Its last group is incomplete.
+    /// The last group is incomplete.
     Cut,
-    /// It is longer than the longest frame.
+    /// The piece is longer than the longest frame.
     Long,
-    /// It is shorter than a header and a checksum.
+    /// The piece is shorter than a header and a checksum.
     Short,
-    /// Its checksum is wrong.
+    /// The checksum is wrong.
     Garbled,
 }
 

@@ -475,7 +475,7 @@ fn recordings() -> Vec<Vec<u8>> {
     all
 }
 
-const SETUPS: [&str; 3] = [
+pub(crate) const SETUPS: [&str; 3] = [
     r#"title = "any bytes"
 reference_point = [0.0, 0.1, 0.0]
 known_mass = 2.0

@@ -8,15 +8,14 @@
 //! but only downloads, and writes below a folder of this command:
 //!
 //! * It reads a list of the installed packages with names, versions and provisions only, so that
-//! installed libraries are not fetched, and conflicting, held or half-installed packages do not
-//! interfere.
+//!   installed libraries are not fetched, and conflicting, held or half-installed packages do not
+//!   interfere.
 //! * Packages of the same source as the requested ones are not in that list: an emulator of one
-//! version does not run with the data of another.
+//!   version does not run with the data of another.
 //! * The machine's own index of packages is tried first. A fresh machine has none, and an old index
-//! names packages that are gone; after a failure a new index is fetched into the folder.
+//!   names packages that are gone; after a failure a new index is fetched into the folder.
 //! * apt's configuration is the machine's (sources, proxies, pins) without its hooks, which change
-//!   the
-//! machine.
+//!   the machine.
 
 use std::fs;
 use std::path::{Path, PathBuf};

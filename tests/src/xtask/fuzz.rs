@@ -204,7 +204,7 @@ impl Programs {
             Err(error) => match &error {
                 StepError::Exit { output, .. } => match finding(output) {
                     Some(finding) => (output.clone(), Some(finding)),
-                    // It did not start.
+                    // The target did not start.
                     None => return Err(error),
                 },
                 _ => return Err(error),

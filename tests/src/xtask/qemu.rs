@@ -21,7 +21,7 @@ const DEBIAN: Bundle = Bundle {
 pub struct Qemu {
     /// The program to run.
     pub program: OsString,
-    /// Its origin and version, for the report.
+    /// Origin and version, for the report.
     pub note: String,
 }
 

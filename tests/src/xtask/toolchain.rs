@@ -69,7 +69,7 @@ const LINKER: Bundle = Bundle {
 pub enum Toolchain {
     /// The active compiler, which has `core` for the chip.
     Active {
-        /// Its cargo.
+        /// Cargo of this toolchain.
         cargo: OsString,
     },
     /// Debian's compiler, which has to build `core` first.
@@ -124,7 +124,7 @@ fn debian_command(programs: &Path, program: &str) -> Command {
 pub struct Provided {
     /// The toolchain.
     pub toolchain: Toolchain,
-    /// Its origin and version, for the report.
+    /// Origin and version, for the report.
     pub note: String,
 }
 

@@ -14,7 +14,7 @@ pub fn recordings() -> Setup {
     Setup::read(&fixture("fork/setup.toml")).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The same with blocks of another length.
+/// The setup of the three recordings with blocks of another length.
 pub fn with_blocks(length: usize) -> Setup {
     let mut setup = recordings();
     setup.processing.as_mut().unwrap().block_length = length;

@@ -6,6 +6,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use massline_firmware::models::random::Random;
 use massline_firmware::wire::{
     Event, FromBox, LinkCounters, Ping, Reply, Request, ResetReason, Subscription, Telemetry,
 };
@@ -14,50 +15,40 @@ use crate::talk::Talk;
 
 const FRAMES: usize = 10_000;
 
-/// Sebastiano Vigna's SplitMix64: short, and the same everywhere.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
+/// A random number below `n`.
+fn below(random: &mut Random, n: usize) -> usize {
+    (random.bits() % n as u64) as usize
 }
 
 /// Damages a frame in one of three cases.
 fn damage(mut frame: Vec<u8>, random: &mut Random) -> Vec<u8> {
-    let at = random.below(frame.len());
-    match random.below(24) {
+    let at = below(random, frame.len());
+    match below(random, 24) {
         0 => frame.clear(),
         1 => frame.truncate(at),
         2 => drop(frame.drain(..at)),
-        3 => drop(frame.drain(at..at + random.below(frame.len() - at + 1))),
+        3 => drop(frame.drain(at..at + below(random, frame.len() - at + 1))),
         4 => {
-            for _ in 0..=random.below(4) {
-                let bit = random.below(8 * frame.len());
+            for _ in 0..=below(random, 4) {
+                let bit = below(random, 8 * frame.len());
                 frame[bit / 8] ^= 1 << (bit % 8);
             }
         }
         5 => frame[at] = 0,
         6 => {
             let once = frame.clone();
-            for _ in 0..=random.below(3) {
+            for _ in 0..=below(random, 3) {
                 frame.extend(&once);
             }
         }
         7 => {
-            let noise: Vec<u8> = (0..random.below(40)).map(|_| random.next() as u8).collect();
+            let noise: Vec<u8> = (0..below(random, 40))
+                .map(|_| random.bits() as u8)
+                .collect();
             drop(frame.splice(at..at, noise));
         }
         // Longer than the longest frame, in one of a hundred.
-        8 if random.below(4) == 0 => frame.extend((0..1500).map(|n| (n % 255) as u8 + 1)),
+        8 if below(random, 4) == 0 => frame.extend((0..1500).map(|n| (n % 255) as u8 + 1)),
         _ => {}
     }
     frame
@@ -83,13 +74,13 @@ fn counters(talk: &mut Talk) -> LinkCounters {
 fn ten_thousand_frames_under_abuse() {
     let mut talk = Talk::boot();
     let before = counters(&mut talk);
-    let mut random = Random(4);
+    let mut random = Random::new(4);
 
     let mut stream = Vec::new();
     // The bytes between the delimiters of every frame, with its place and its id.
     let mut sent: HashMap<Vec<u8>, (usize, u16)> = HashMap::new();
     for place in 0..FRAMES {
-        let stamp = random.next();
+        let stamp = random.bits();
         let (id, frame) = talk.frame(&Request::Ping(Ping { stamp }));
         sent.insert(frame[1..frame.len() - 1].to_vec(), (place, id));
         stream.extend(damage(frame, &mut random));

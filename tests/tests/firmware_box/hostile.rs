@@ -6,8 +6,8 @@
 //! long one, after `cargo xtask test --only firmware` has built the ELF (a quarter of an hour):
 //!
 //! ```text
-//! MASSLINE_FRAMES=100_000 cargo test --release --test firmware_box -- --ignored --nocapture
-//! hostile ```
+//! MASSLINE_FRAMES=100_000 cargo test --release --test firmware_box -- --ignored --nocapture hostile
+//! ```
 
 use massline_firmware::acquisition::SETTLING;
 use massline_firmware::calibration::Certificate;
