@@ -101,10 +101,6 @@ pub(super) struct SelfTest<'m> {
 
 /// Phase of the instrument.
 #[derive(Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one, and no allocator to put a run elsewhere"
-)]
 pub(super) enum Phase<'m> {
     /// There is no set-up.
     Empty(Storage<'m>),

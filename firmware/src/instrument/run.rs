@@ -21,6 +21,10 @@ const BOUND: f32 = 1e12;
 
 /// Source of a run's samples.
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one, and no allocator to put a body elsewhere"
+)]
 pub(super) enum Feed {
     /// The host sends them.
     Host,
