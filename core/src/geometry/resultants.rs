@@ -543,4 +543,45 @@ mod tests {
         // A condition number of about 1e2 on sums of ten roundings.
         assert!((back - a).norm() < 1e-13, "{back}");
     }
+
+    /// Two accelerometers that see x only, one of them ten times as strong, and a load cell along z.
+    fn small_map() -> ResultantMap {
+        let mut map = ResultantMap::new();
+        let x = Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        map.push_acceleration(&x).unwrap();
+        map.push_force(&Vector6::new(0.0, 0.0, 2.0, 4.0, 0.0, 0.0))
+            .unwrap();
+        map.push_acceleration(&(x * 3.0)).unwrap();
+        map
+    }
+
+    #[test]
+    fn rounding_is_four_epsilons_of_the_channels_that_a_resultant_needs() {
+        let mut powers = [0.0; RESULTANTS];
+        (powers[0], powers[8], powers[9]) = (5.0, 8.0, 80.0);
+        let rounding = small_map().rounding_power(&powers);
+        let unit = 16.0 * f64::from(f32::EPSILON) * f64::from(f32::EPSILON);
+        let mut expected = [0.0; RESULTANTS];
+        // Of accelerometers 5 over 1 + 9; of the load cell the larger one of 8/4 and 80/16.
+        (expected[0], expected[8], expected[9]) = (10.0 * 0.5, 4.0 * 5.0, 16.0 * 5.0);
+        for (found, expected) in rounding.iter().zip(expected) {
+            assert!((found / unit - expected).abs() < 1e-12, "{rounding:?}");
+        }
+    }
+
+    #[test]
+    fn noise_has_the_powers_that_were_measured_and_none_where_there_is_none() {
+        let mut powers = [0.0; RESULTANTS];
+        (powers[0], powers[8]) = (5.0, 8.0);
+        let noise = small_map().noise(&powers);
+        let mut expected = ResultantNoise::NONE;
+        expected.acceleration[(0, 0)] = 5.0;
+        // The load cell's moment had no power, so that its noise has none.
+        expected.force[(2, 2)] = 8.0;
+        assert!(
+            (noise.acceleration - expected.acceleration).norm() < 1e-6,
+            "{noise:?}"
+        );
+        assert!((noise.force - expected.force).norm() < 1e-6, "{noise:?}");
+    }
 }

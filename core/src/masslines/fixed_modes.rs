@@ -223,3 +223,44 @@ fn rank_one(matrix: &Matrix6<f64>, rigid: &Vector6<f64>) -> (Vector6<f64>, f64) 
     }
     (row, values[0] / total)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::modes::Pole;
+
+    /// Forces of a rigid mass and two modes; without the modes those of the mass are left.
+    #[test]
+    fn taking_modes_out_leaves_the_rigid_body() {
+        let mode = |frequency, row: [f64; 6]| {
+            let damping = 0.03;
+            FixedMode::new(Pole { frequency, damping }, row.into(), 1.0)
+        };
+        let modes = [
+            mode(20.0, [2.0, 0.0, 1.0, 0.0, 3.0, 0.5]),
+            mode(31.0, [0.0, 1.5, 0.0, -2.0, 0.3, 1.0]),
+        ];
+        let rigid = Matrix6::from_fn(|i, j| 10.0 / (1.0 + i as f64 + j as f64));
+        let (mut all, mut without) = (Moments::zero(), Moments::zero());
+        for run in 0..3 {
+            let z = |k: usize| {
+                let x = (7 * run + k) as f64;
+                Complex::new(libm::sin(x), libm::cos(2.0 * x))
+            };
+            let a = Vector6::from_fn(|k, _| z(k));
+            let rigid = rigid.map(|x| Complex::new(x, 0.0)) * a;
+            let mut f = rigid;
+            for mode in &modes {
+                let d = mode.pole.amplification(24.0);
+                f += mode.effective_mass.map(|x| d * x) * a;
+            }
+            all.add_pair(&a, &f, 0.7);
+            without.add_pair(&a, &rigid, 0.7);
+        }
+        take_out(&modes, 24.0, &mut all);
+        // Products of numbers up to 30, some dozen roundings each.
+        assert!((all.ff - without.ff).norm() < 1e-10);
+        assert!((all.fa - without.fa).norm() < 1e-11);
+        assert_eq!(all.aa, without.aa);
+    }
+}

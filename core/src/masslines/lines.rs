@@ -215,9 +215,6 @@ pub trait Lines: Internals {
 /// The part of [`Lines`] that only the estimators read; it keeps that trait to the kinds of lines
 /// of this crate.
 pub trait Internals {
-    /// As [`Lines::add_moments`], but of `Σ f f*` only the real part needs to be added: all that
-    /// a regression reads.
-    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments);
     /// Refuses runs that have too few blocks to tell their noise.
     ///
     /// # Errors
@@ -393,12 +390,6 @@ impl Lines for DriveLines<'_> {
 }
 
 impl Internals for DriveLines<'_> {
-    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-        if let Some((a, f)) = self.pair(run, line) {
-            into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
-        }
-    }
-
     /// A single block is explained by its drive to the last digit.
     fn check(&self) -> Result<(), MasslineError> {
         match self.runs.iter().map(|r| r.blocks).min() {
@@ -571,10 +562,6 @@ impl Lines for CrossLines<'_, '_> {
 }
 
 impl Internals for CrossLines<'_, '_> {
-    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-        self.add_moments(run, line, weight, into);
-    }
-
     /// Six channels explain all of six others in as many blocks. One independent block more
     /// tells the noise at some tens of lines together.
     fn check(&self) -> Result<(), MasslineError> {

@@ -21,6 +21,22 @@ impl<'l, L: Lines + ?Sized> Moved<'l, L> {
         }
     }
 
+    /// As [`Lines::add_moments`], but of `Σ f f*` only the real part is sure to be added: all that
+    /// a regression reads.
+    pub(super) fn add_real_moments(
+        &self,
+        run: usize,
+        line: usize,
+        weight: f64,
+        into: &mut Moments,
+    ) {
+        if let Some((a, f)) = self.pair(run, line) {
+            into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
+        } else {
+            self.add_moved(run, line, weight, into);
+        }
+    }
+
     /// Adds moments that are no single pair's.
     #[inline(never)] // Its matrices are on the stack only where they are needed.
     fn add_moved(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
@@ -77,14 +93,6 @@ impl<L: Lines + ?Sized> Lines for Moved<'_, L> {
 }
 
 impl<L: Lines + ?Sized> Internals for Moved<'_, L> {
-    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-        if let Some((a, f)) = self.pair(run, line) {
-            into.add_real_pair(&a, &f, weight * self.pair_weight(run, line));
-        } else {
-            self.add_moved(run, line, weight, into);
-        }
-    }
-
     fn check(&self) -> Result<(), MasslineError> {
         self.lines.check()
     }

@@ -135,10 +135,6 @@ mod tests {
     }
 
     impl Internals for Runs {
-        fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-            self.add_moments(run, line, weight, into);
-        }
-
         fn equations_per_line(&self, _run: usize) -> f64 {
             1.0
         }

@@ -117,10 +117,6 @@ impl Lines for SineLines<'_> {
 }
 
 impl Internals for SineLines<'_> {
-    fn add_real_moments(&self, run: usize, line: usize, weight: f64, into: &mut Moments) {
-        self.add_moments(run, line, weight, into);
-    }
-
     fn equations_per_line(&self, _run: usize) -> f64 {
         1.0
     }
@@ -136,5 +132,46 @@ impl Internals for SineLines<'_> {
             Vector6::from_fn(|i, _| r[i]),
             Vector6::from_fn(|i, _| r[6 + i]),
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Five lines through a cubic, the middle one `off` it, at these frequencies.
+    fn noise(frequencies: &[f64; 5], off: f64) -> ResultantNoise {
+        let line = |f: f64, off: f64| {
+            core::array::from_fn(|j| {
+                let k = j as f64;
+                let cubic = 1.0 + k * f - f * f + 0.1 * k * f * f * f;
+                Complex::new(cubic + off * (1.0 + k), -cubic)
+            })
+        };
+        let off = [0.0, 0.0, off, 0.0, 0.0];
+        let responses: [_; 5] = core::array::from_fn(|k| line(frequencies[k], off[k]));
+        SineRun::noise_of_neighbours(frequencies, &responses).unwrap()
+    }
+
+    #[test]
+    fn a_cubic_has_no_noise_and_a_line_beside_it_its_distance() {
+        let even = [1.0, 2.0, 3.0, 4.0, 5.0];
+        let uneven = [1.0, 1.5, 3.0, 4.0, 7.0];
+        for frequencies in [even, uneven] {
+            // Cubics of up to 400, two dozen roundings of 1e-16 of them.
+            let none = noise(&frequencies, 0.0);
+            assert!(none.acceleration.norm() < 1e-20 && none.force.norm() < 1e-20);
+        }
+        // Lagrange's weights of the middle are -1/6, 2/3, 2/3, -1/6, so that independent errors
+        // of all five lines come out 1 + 34/36 times as large as one.
+        let found = noise(&even, 0.5);
+        for i in 0..6 {
+            for j in 0..6 {
+                let expected = 0.25 * ((1 + i) * (1 + j)) as f64 / (1.0 + 34.0 / 36.0);
+                assert!((found.acceleration[(i, j)] - expected).abs() < 1e-10);
+                let expected = 0.25 * ((7 + i) * (7 + j)) as f64 / (1.0 + 34.0 / 36.0);
+                assert!((found.force[(i, j)] - expected).abs() < 1e-10);
+            }
+        }
     }
 }

@@ -389,6 +389,14 @@ mod tests {
     }
 
     fn found(modes: &[(f64, f64, f64)], residues: Residues) -> heapless::Vec<Pole, MAX_MODES> {
+        found_at(modes, residues, &frequency)
+    }
+
+    fn found_at(
+        modes: &[(f64, f64, f64)],
+        residues: Residues,
+        frequency: &dyn Fn(usize) -> f64,
+    ) -> heapless::Vec<Pole, MAX_MODES> {
         let mut work = [Complex::new(0.0, 0.0); 2 * LINES];
         for (k, t) in work.iter_mut().enumerate().take(LINES) {
             *t = Complex::new(1.0, 0.0);
@@ -400,7 +408,7 @@ mod tests {
                 *t += pole.amplification(frequency(k)) * e;
             }
         }
-        find_poles(&Trace::new(&mut work), residues, &frequency, &mut {
+        find_poles(&Trace::new(&mut work), residues, frequency, &mut {
             PoleSearch::EMPTY
         })
     }
@@ -428,6 +436,17 @@ mod tests {
         );
         assert_eq!(found.len(), 2);
         assert!((found[1].frequency / 37.0 - 1.0).abs() < 1e-4);
+    }
+
+    /// Two modes are one if they lie within two lines of each other, wherever the first line lies.
+    #[test]
+    fn modes_far_above_the_first_line_are_two() {
+        let modes = [(0.5, 23.0, 0.005), (0.5, 28.0, 0.005)];
+        let found = found_at(&modes, Residues::Positive, &|line| 20.0 + 0.1 * line as f64);
+        assert_eq!(found.len(), 2, "{found:?}");
+        for (pole, (_, f, _)) in found.iter().zip(modes) {
+            assert!((pole.frequency / f - 1.0).abs() < 3e-5, "{pole:?}");
+        }
     }
 
     #[test]

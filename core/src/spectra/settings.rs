@@ -180,3 +180,29 @@ pub(super) fn enough(given: usize, needed: usize) -> Result<(), SpectraError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hop_is_a_whole_number_of_decimated_samples() {
+        let hop = |overlap| {
+            let settings = BlockSettings::new(1024, overlap, Window::Hann, 512.0, [0.5, 48.0]);
+            settings.unwrap().hop()
+        };
+        // Decimated by four: 716.8 samples are rounded to 717, of which 716 are whole.
+        assert_eq!(hop(0.3), 716);
+        assert_eq!(hop(0.5), 512);
+        assert_eq!(hop(0.9), 100);
+    }
+
+    #[test]
+    fn storage_is_as_much_as_channels_and_lines_take() {
+        let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 48.0]).unwrap();
+        assert_eq!(settings.grid().count, 96);
+        assert_eq!(settings.lines_len(13), 13 * 96);
+        assert_eq!(settings.lines_len(1), 96);
+        assert_eq!(settings.history_len(13), 13 * settings.history_len(1));
+    }
+}

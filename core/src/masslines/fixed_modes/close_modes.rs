@@ -93,8 +93,7 @@ impl<L: Lines + ?Sized> Neighbourhood<'_, L> {
         let at = |line: usize| self.lines.frequency(line);
         let near = |line: &usize| {
             let spacing = at(line + 1) - at(*line);
-            let reach = 3.0 * spacing + 3.0 * pole.damping * pole.frequency;
-            (at(*line) - pole.frequency).abs() < reach
+            (at(*line) - pole.frequency).abs() < reach(spacing, pole)
         };
         let from = self.fit.clone().find(near).unwrap_or(self.fit.end);
         let to = self.fit.clone().rfind(near).map_or(from, |line| line + 1);
@@ -278,6 +277,12 @@ impl<L: Lines + ?Sized> Neighbourhood<'_, L> {
     }
 }
 
+/// Distance from a pole within which lines do not tell another one apart, Hz: leakage of the window
+/// into three lines, and three half widths of the resonance.
+fn reach(spacing: f64, pole: &Pole) -> f64 {
+    3.0 * spacing + 3.0 * pole.damping * pole.frequency
+}
+
 fn frequency_index<L: Lines + ?Sized>(lines: &L, fit: &Range<usize>, frequency: f64) -> usize {
     let below = |line: &usize| lines.frequency(*line) <= frequency;
     fit.clone().rfind(below).unwrap_or(fit.start)
@@ -301,4 +306,21 @@ fn canonical(modes: &mut [FixedMode]) {
     let (c, s) = (p[axis] / size, q[axis] / size);
     *a = FixedMode::new(a.pole, row_of(p * c + q * s), a.rank_one);
     *b = FixedMode::new(b.pole, row_of(q * c - p * s), b.rank_one);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pole_reaches_three_lines_and_three_half_widths() {
+        let pole = |damping| Pole {
+            frequency: 40.0,
+            damping,
+        };
+        assert_eq!(reach(0.25, &pole(0.0)), 0.75);
+        assert_eq!(reach(0.5, &pole(0.0)), 1.5);
+        assert_eq!(reach(0.0, &pole(0.125)), 15.0);
+        assert_eq!(reach(0.5, &pole(0.0625)), 1.5 + 7.5);
+    }
 }

@@ -302,7 +302,7 @@ impl Fit<'_> {
     /// lines have the given energy.
     fn solve<L: Lines + ?Sized>(
         &mut self,
-        lines: &L,
+        lines: &Moved<'_, L>,
         band: &Range<usize>,
         basis: &Basis,
         energy: &Powers,
@@ -322,7 +322,12 @@ impl Fit<'_> {
 
     /// Adds all lines of the band to the regression.
     #[inline(never)] // Its moments are off the stack when it is solved.
-    fn add_lines<L: Lines + ?Sized>(&mut self, lines: &L, band: &Range<usize>, basis: &Basis) {
+    fn add_lines<L: Lines + ?Sized>(
+        &mut self,
+        lines: &Moved<'_, L>,
+        band: &Range<usize>,
+        basis: &Basis,
+    ) {
         for line in band.clone() {
             let mut m = Moments::zero();
             let mut count = 0.0;
