@@ -17,7 +17,7 @@ use massline::recording::Recording;
 use massline::replay;
 use massline::rig::{Inputs, Troubles};
 use massline_core::masslines::Method;
-use massline_firmware::wire::{Reply, Request, Setting, SettingKey};
+use massline_firmware::wire::{Pass, Reply, Request, Setting, SettingKey};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -258,4 +258,47 @@ fn a_replay() {
         assert!(outcome.identical());
         Ok(())
     });
+}
+
+/// The box keeps what it has while nobody is connected: a replay that is cut within the survey or
+/// the measurement of a run goes on in there, and nothing differs.
+#[test]
+fn a_replay_that_was_cut_goes_on_where_the_box_stands() {
+    let fork = OneRun::simulate(6.0);
+    let order = |resume| replay::Order {
+        // The weights of this method come from surveys.
+        methods: vec![Method::FreeResponsesSquared],
+        iterative: false,
+        weighted: true,
+        blocks: None,
+        flip: None,
+        resume,
+    };
+    let replayed = |host_box: &mut HostBox<'_>, resume, frame| {
+        let mut memory = ClientMemory::new();
+        let line = CutLine::new(host_box, Cut::Gone, Place::Frame(frame));
+        let mut client = Client::new(line, &mut memory);
+        let outcome = replay::replay(&mut client, &fork.setup, &order(resume), &mut |_| ());
+        (client.port().passed()[0], outcome)
+    };
+    let mut own = HostBoxMemory::new();
+    let (frames, whole) = replayed(&mut HostBox::new(&mut own, 1), false, u64::MAX);
+    assert!(whole.unwrap().identical());
+    let mut cut_within = Vec::new();
+    for part in 1..10 {
+        let mut own = HostBoxMemory::new();
+        let mut host_box = HostBox::new(&mut own, 1);
+        let (_, cut) = replayed(&mut host_box, false, frames * part / 10);
+        cut.unwrap_err();
+        host_box.unplugged();
+        let mut memory = ClientMemory::new();
+        let status = Client::new(&mut host_box, &mut memory).status().unwrap();
+        cut_within.extend(status.running.map(|running| running.pass));
+        let (_, resumed) = replayed(&mut host_box, true, u64::MAX);
+        let resumed = resumed.unwrap_or_else(|error| panic!("part {part}: {error}"));
+        assert!(resumed.identical(), "part {part}");
+    }
+    for pass in [Pass::Survey, Pass::Measure] {
+        assert!(cut_within.contains(&pass), "{cut_within:?}");
+    }
 }
