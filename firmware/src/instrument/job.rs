@@ -2,8 +2,8 @@
 //! comes back.
 
 use super::memory::PAIRS;
-use super::phase::Storage;
 use super::setup::{Lines, bit};
+use super::storage::Storage;
 use super::store::Stored;
 use crate::capacity::RUNS;
 use crate::wire::{Accelerations, Answer, Findings, Health, NoAnswer, Quality, Question};

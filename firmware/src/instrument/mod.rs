@@ -60,6 +60,7 @@ mod run;
 mod runs;
 mod selftest;
 mod setup;
+mod storage;
 mod store;
 mod survey;
 mod synthetic;
@@ -75,10 +76,11 @@ use crate::wire::{
     SettingKey, Started, Stream, Subscription, Summary, Telemetry,
 };
 use live::{LevelMeter, Recorder};
-use phase::{Activity, Asked, Pending, Phase, SelfTest, Session, Storage};
+use phase::{Activity, Asked, Pending, Phase, SelfTest, Session};
 use readings::Sample;
 use run::{Feed, Run};
 use setup::SetUp;
+use storage::Storage;
 use store::Stored;
 
 /// The box.

@@ -5,27 +5,11 @@
 //! samples to be taken, and without the storage, which an identification has taken along, no line
 //! to be read.
 
-use super::memory::Scratch;
 use super::run::{Ended, Prepared, Run};
 use super::setup::Lines;
-use super::store::Stored;
-use crate::wire::{Accelerations, Answer, Health, Problem, Question, Start, State};
+use super::storage::Storage;
+use crate::wire::{Accelerations, Health, Problem, Question, Start, State};
 use core::mem;
-use massline_core::spectra::Complex32;
-
-/// Storage of a run, of an identification, and of their results.
-#[derive(Debug)]
-pub(super) struct Storage<'m> {
-    pub(super) scratch: &'m mut Scratch,
-    /// Work space of the transform.
-    pub(super) work: &'m mut [Complex32],
-    /// Lines of the drive and of two channels.
-    pub(super) lines: &'m mut [Complex32],
-    /// Finished runs.
-    pub(super) runs: Stored<'m>,
-    /// The answer of the last identification.
-    pub(super) answer: &'m mut Option<Answer>,
-}
 
 /// A request that is answered when its job is done.
 #[derive(Clone, Copy, Debug)]

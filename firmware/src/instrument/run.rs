@@ -1,9 +1,9 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
 use super::memory::Averaging;
-use super::phase::Storage;
 use super::readings::Sample;
 use super::setup::Lines;
+use super::storage::Storage;
 use super::survey::Survey;
 use super::synthetic::Synthetic;
 use super::{Board, Transmit};
