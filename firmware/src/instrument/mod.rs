@@ -2,7 +2,7 @@
 //! events out.
 //!
 //! The firmware runs this very type, and so does the box that is simulated on a host: their
-//! results are the same to the last bit. The contract is [`crate::wire`].
+//! results are the same to the last bit. The protocol is [`crate::wire`].
 //!
 //! Nothing here waits or takes long: [`Instrument::request`], [`Instrument::sample`] and
 //! [`Instrument::poll`] return after the samples of one message, or one block, at the
@@ -26,7 +26,6 @@
 //! | `survey` | peaks of single accelerometers, for weights |
 //! | `store` | finished runs |
 //! | `job` | the identification |
-//! | `answer` | results, as the contract has them |
 //! | `synthetic`, `selftest` | a body that the box computes, and the test of the box with it |
 //! | `live` | levels, and samples on their way to a recording |
 //!

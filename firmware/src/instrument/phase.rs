@@ -15,7 +15,7 @@ use core::mem;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pending {
     pub(super) id: u16,
-    /// Number of the request in the contract's table.
+    /// Number of the request in the protocol's table.
     pub(super) number: u8,
     /// Ticks when it came.
     pub(super) since: u64,
@@ -99,7 +99,7 @@ pub(super) enum Phase<'m> {
 }
 
 impl<'m> Phase<'m> {
-    /// The state as the contract has it.
+    /// The state of the protocol.
     pub(super) fn state(&self) -> State {
         match self {
             // The runs of a self-test are its own: from outside the box is empty.

@@ -39,11 +39,11 @@ impl Random {
 /// A frame: the ordinal of its session, and its number in it.
 type Id = (u32, u32);
 
-/// What the sender did, and what the link made of it.
+/// Frames of the sender, and the stream that the link made of them.
 #[derive(Default)]
 struct Link {
     stream: Vec<u8>,
-    /// What lies between the delimiters of every frame that was sent.
+    /// Bytes between the delimiters of every frame that was sent.
     sent: HashMap<Vec<u8>, Id>,
     /// Copies that are late: after how many more frames they come, and their bytes.
     late: Vec<(usize, Vec<u8>)>,
@@ -116,7 +116,7 @@ impl Link {
     }
 }
 
-/// What a receiver must make of a stream.
+/// Messages and counters that a receiver must find in a stream.
 #[derive(Default)]
 struct Expected {
     taken: Vec<Id>,

@@ -8,7 +8,7 @@ pub const READINGS: usize = 240;
 /// Sensors and channels of the largest set-up.
 pub const SENSORS: usize = 64;
 
-/// What messages are made of.
+/// Material that messages are made of.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Numbers and choices.

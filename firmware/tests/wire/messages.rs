@@ -1,4 +1,4 @@
-//! Every message of the contract, drawn. A message that is added to the tables must be
+//! Every message of the protocol, drawn at random. A message that is added to the tables must be
 //! added here, or the tests that go through the tables fail.
 
 use crate::draw::{Draw, SENSORS};

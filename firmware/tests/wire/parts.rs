@@ -1,4 +1,4 @@
-//! What messages are made of, drawn.
+//! Parts of messages, drawn at random.
 
 use crate::draw::{Draw, READINGS, SENSORS};
 use massline_core::identify::{self, Estimate, Identification};

@@ -1,4 +1,4 @@
-//! What a request can be refused for, drawn.
+//! Reasons of refusals, drawn at random.
 
 use crate::draw::Draw;
 use crate::parts::{accelerations, key, state};

@@ -5,7 +5,7 @@ use crate::messages::{event, reply, request};
 use massline_firmware::wire::*;
 use proptest::prelude::*;
 
-/// What is sent, either way.
+/// A message in either direction.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "one at a time")]
 pub enum Sent<'a> {
@@ -14,7 +14,7 @@ pub enum Sent<'a> {
     Event(Event<'a>),
 }
 
-/// All messages of the contract made of one material.
+/// All messages of the protocol, made of one material.
 pub fn all(material: &Material) -> impl Iterator<Item = Sent<'_>> {
     let requests = Request::TABLE.iter().map(|(n, _)| *n);
     let replies = Reply::TABLE.iter().map(|(n, _)| *n);
@@ -187,7 +187,7 @@ fn a_list_of_samples_knows_whether_it_is_whole() {
 }
 
 #[test]
-fn what_a_channel_carries_is_one_byte() {
+fn the_role_of_a_channel_is_one_byte() {
     for code in 0..=255 {
         assert_eq!(ChannelRole::from_code(code).code(), code);
     }

@@ -81,7 +81,6 @@ struct Heard {
     channels: Vec<Option<(String, f64)>>,
     stage: (u8, Pass),
     progress: Progress,
-    summary: Option<Summary>,
 }
 
 impl Heard {
@@ -90,7 +89,6 @@ impl Heard {
             channels,
             stage,
             progress,
-            summary,
         } = self;
         match event {
             Event::Block(block) if (block.run, block.pass) == *stage => {
@@ -119,9 +117,6 @@ impl Heard {
             }
             Event::Fault(fault) if progress.faults.len() < limits::LISTED_FAULTS => {
                 progress.faults.push(*fault);
-            }
-            Event::RunEnded(ended) if (ended.run, ended.pass) == *stage => {
-                *summary = Some(*ended);
             }
             _ => {}
         }
@@ -155,7 +150,6 @@ pub(super) fn run<P: Port>(
         channels,
         stage: own,
         progress: Progress::default(),
-        summary: None,
     }));
     let theirs = Rc::clone(&heard);
     client.on_event(move |event, _| theirs.borrow_mut().take(event));
@@ -206,15 +200,11 @@ fn attend<P: Port>(
         }
         let mut progress = heard.borrow().progress.clone();
         heard.borrow_mut().progress.faults.clear();
-        // An event that was lost is made up for by the summary.
-        let summary = heard.borrow().summary;
         let Some(running) = running else {
             progress.seconds = progress.seconds.max(0.0);
             operator.watch(stage, &progress);
-            return match summary {
-                Some(summary) => Ok(summary),
-                None => Ok(client.summary(stage.number as u8)?),
-            };
+            // The event of the run's end may be lost, and only replies are checked.
+            return Ok(client.summary(stage.number as u8)?);
         };
         if !operator.watch(stage, &progress) {
             return Ok(client.stop()?);

@@ -252,7 +252,7 @@ impl Port for HostBox<'_> {
 impl Transmit for Out {
     fn reply(&mut self, request: u16, reply: &Reply<'_>) {
         let mut frame = [0; FRAME_MAX];
-        // The contract's messages fit a frame; what did not would show as a lost one.
+        // The protocol's messages fit a frame; one that did not would be counted as lost.
         if let Ok(frame) = self.sender.reply(request, reply, &mut frame) {
             self.bytes.extend_from_slice(frame);
         }

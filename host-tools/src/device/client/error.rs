@@ -37,7 +37,7 @@ pub enum ClientError {
     /// The box has refused, and says why.
     #[error("the box: {0}")]
     Refused(Refused),
-    /// The box speaks another version of the contract.
+    /// The box has another version of the protocol.
     #[error(
         "the box speaks version {found} of the link and this program version {PROTOCOL_VERSION}: put this program's firmware on it by `massline flash`"
     )]

@@ -1,6 +1,6 @@
 //! A conversation with a box: requests out, each with its one reply, events beside them.
 //!
-//! A reply that does not come in time is asked for again, which the contract allows
+//! A reply that does not come in time is asked for again, which the protocol allows
 //! ([`massline_firmware::wire`], rule 2). What was lost is known to the frame.
 
 mod check;
