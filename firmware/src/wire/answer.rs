@@ -108,7 +108,8 @@ impl Findings {
 
     /// Keeps the poles of the group that has most of them.
     fn add_poles(&mut self, poles: &[Pole]) {
-        if poles.len() > self.poles.iter().flatten().count() {
+        let known = self.poles.iter().flatten();
+        if poles.len() > known.fold(0, |count: usize, _| count.saturating_add(1)) {
             self.poles = core::array::from_fn(|k| poles.get(k).copied());
         }
     }
