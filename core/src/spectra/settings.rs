@@ -59,7 +59,7 @@ impl BlockSettings {
             },
         })?;
         let (first, last) = (1 + lines.start(), lines.end());
-        if lines.is_empty() {
+        if lines.len() == 0 {
             return Err(SpectraError::Band {
                 first,
                 last,

@@ -34,7 +34,7 @@ pub struct ApparentMass {
     pub poles: heapless::Vec<Pole, MAX_MODES>,
     /// What each pole's term was multiplied with in the averaging band, if it was needed
     /// there. Below the modes their terms resemble each other and share what they explain;
-    /// for effective masses see [`super::fixed_modes`].
+    /// for effective masses see [`crate::masslines::fixed_modes`].
     pub elastic: [Option<Matrix6<f64>>; MAX_MODES],
     /// What all modes above add per (Hz)², if that term was needed.
     pub upper: Option<Matrix6<f64>>,
