@@ -1,4 +1,4 @@
-//! What the noise of a test may decide, and what it must not: the reference point changes no
+//! Limits of the influence of noise: the reference point changes no
 //! answer, an error bar is as long as the scatter, and what only noise moves has no number.
 
 use massline_core::geometry::{Equations, RESULTANTS, ResultantNoise};

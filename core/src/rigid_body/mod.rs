@@ -53,7 +53,7 @@ impl Parameter {
         Self::Iyz,
     ];
 
-    /// What an engineer calls it.
+    /// Name in tables and messages.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
