@@ -3,7 +3,7 @@
 //! `cargo run -p massline-core --example exact_pairs`
 
 use massline_core::identify::{Procedure, Question, identify};
-use massline_core::masslines::Masslines;
+use massline_core::masslines::{Massline, Masslines};
 use massline_core::nalgebra::{Vector3, Vector6};
 use massline_core::rigid_body::{Inertia, RigidBody};
 
@@ -31,6 +31,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let third = Vector6::new(0.0, 0.0, 1.0, 0.0, 0.0, 2.0);
     let all = Masslines::exact(reference, two.into_iter().chain([third]).map(pair))?;
+    let Massline {
+        acceleration,
+        force,
+        ..
+    } = all.pairs()[2];
+    println!("the third: {acceleration:?} takes {force:?}");
     // The reference point moves to the centre of gravity, and the body is solved for again.
     let found = identify(&[all], &Question::new(None, Procedure::ITERATIVE))?;
     let mass = found.mass.ok_or("the mass is not observable")?.value;

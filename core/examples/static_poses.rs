@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         [-0.4, 0.4, 0.82],
         [0.0, 0.0, -1.0],
     ];
-    let mut poses = StaticPoses::new();
+    let mut poses = StaticPoses::default();
     for (number, [x, y, z]) in tilts.into_iter().enumerate() {
         let specific_force = Vector6::new(x, y, z, 0.0, 0.0, 0.0) * 9.81;
         // A reading is good to some 10 mN and 1 mN m.

@@ -8,9 +8,9 @@
 use core::ops::{Index, IndexMut};
 use nalgebra::{Dim, Matrix, RawStorage, RawStorageMut, Scalar};
 
-/// What has entries.
+/// A collection of entries.
 pub(crate) trait Collection {
-    /// What they are.
+    /// Type of the entries.
     type Entry;
 }
 
@@ -73,16 +73,16 @@ impl<T> EntriesMut<usize> for [T] {
 /// Entries that are read.
 pub(crate) struct Seen<'m, M: Collection + ?Sized> {
     all: &'m M,
-    /// What is read where nothing is.
+    /// The value of a place out of range.
     nothing: M::Entry,
 }
 
 /// Entries that are read and written.
 pub(crate) struct Cells<'m, M: Collection + ?Sized> {
     all: &'m mut M,
-    /// What is read where nothing is.
+    /// The value of a place out of range.
     nothing: M::Entry,
-    /// What is written there.
+    /// Receives what is written to a place out of range.
     nowhere: M::Entry,
 }
 

@@ -182,7 +182,7 @@ proptest! {
         noise in six(),
         reference in three(),
     ) {
-        let mut all_poses = StaticPoses::new();
+        let mut all_poses = StaticPoses::default();
         for (a, f) in &poses {
             all_poses.add(a, f);
         }

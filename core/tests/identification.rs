@@ -67,7 +67,15 @@ fn worst_error(found: &Identification, body: &RigidBody) -> f64 {
     for (cg, truth) in found.centre_of_gravity.iter().zip(&body.centre_of_gravity) {
         worst = worst.max((cg.unwrap().value - truth).abs());
     }
-    let about_a = body.inertia_about(&found.reference).terms();
+    let m = body.mass_matrix(&found.reference);
+    let about_a = [
+        m[(3, 3)],
+        m[(4, 4)],
+        m[(5, 5)],
+        -m[(3, 4)],
+        -m[(3, 5)],
+        -m[(4, 5)],
+    ];
     let size = about_a.iter().fold(0.0_f64, |s, t| s.max(t.abs()));
     for (term, truth) in found.inertia_reference.iter().zip(about_a) {
         worst = worst.max((term.unwrap().value - truth).abs() / size);

@@ -94,15 +94,15 @@ impl Equations {
         usize::from(self.count)
     }
 
-    /// Whether the rows carry the weights of the noise. Then the least-squares answer
+    /// `true` if the rows carry the weights of the noise. Then the least-squares answer
     /// does not depend on the reference point.
     #[must_use]
     pub fn is_whitened(&self) -> bool {
         self.whitened
     }
 
-    /// Whether two runs that were measured with these can be condensed together: the same
-    /// rows, up to the rounding of a rotation matrix.
+    /// `true` if two runs that were measured with these can be condensed together: the rows
+    /// are the same, up to the rounding of a rotation matrix.
     #[must_use]
     pub fn alike(&self, other: &Self) -> bool {
         (self.rows - other.rows).norm() < 1e-9

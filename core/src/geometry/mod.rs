@@ -36,7 +36,7 @@ pub const ACCELERATION_NAMES: [&str; 6] = ["ax", "ay", "az", "α", "β", "γ"];
 /// Names of the six force and moment resultants, in their fixed order.
 pub const RESULTANT_NAMES: [&str; 6] = ["fx", "fy", "fz", "tx", "ty", "tz"];
 
-/// What makes a set of sensors unusable.
+/// Reason why a set of sensors is unusable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -75,7 +75,7 @@ impl core::fmt::Display for GeometryError {
 
 impl core::error::Error for GeometryError {}
 
-/// Where an accelerometer is glued.
+/// Mounting place of an accelerometer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -93,11 +93,11 @@ pub enum Mount {
 pub struct Accelerometer {
     position: Vector3<f64>,
     direction: Vector3<f64>,
-    /// Where it is glued.
+    /// Mounting place.
     pub mount: Mount,
 }
 
-/// What a load cell measures.
+/// Measured quantity of a load cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

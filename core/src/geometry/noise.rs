@@ -92,7 +92,7 @@ impl ResultantNoise {
 
     /// Both matrices as lower triangles of `f32`, row after row, accelerations first.
     #[must_use]
-    pub fn packed(&self) -> [f32; 2 * TRIANGLE] {
+    pub(crate) fn packed(&self) -> [f32; 2 * TRIANGLE] {
         let mut packed = [0.0; 2 * TRIANGLE];
         let halves = packed.chunks_exact_mut(TRIANGLE);
         for (half, matrix) in halves.zip([&self.acceleration, &self.force]) {

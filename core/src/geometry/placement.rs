@@ -3,7 +3,7 @@
 use super::{Accelerometer, GeometryError, LoadCell, Mount};
 use nalgebra::{Matrix3, Vector3};
 
-/// How the specimen stands on the table in one run: specimen coordinates `s` become
+/// Placement of the specimen on the table in one run: specimen coordinates `s` become
 /// interface coordinates `R s + t`.
 ///
 /// There is one rule, applied here and nowhere else: what stays with the table (load

@@ -15,8 +15,8 @@ const RANK: f64 = 1e-10;
 /// Equation (4): the weighted least-squares acceleration of A from any number of
 /// accelerometers, `a = (Xaᵀ W Xa)⁻¹ Xaᵀ W a_M`.
 ///
-/// Where the accelerometers cannot tell, the smallest motion is taken that explains
-/// what they read: first the least rotation, then the least translation. So a single
+/// If the accelerometers do not determine the motion, the smallest one is taken that explains
+/// their readings: first the least rotation, then the least translation. So a single
 /// accelerometer on a uniaxial table means translation along its axis, and what a
 /// plane set-up does not see is taken as zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +95,7 @@ impl AccelerationFit {
         }
     }
 
-    /// What one unit of this sensor's reading adds to the acceleration of A: its
+    /// Acceleration of A per unit reading of this sensor: its
     /// column of `(Xaᵀ W Xa)⁻¹ Xaᵀ W`.
     #[must_use]
     pub fn column(&self, sensor: &Accelerometer, weight: f64) -> Vector6<f64> {
@@ -201,7 +201,7 @@ impl ForceResultants {
         })
     }
 
-    /// What one unit of this cell's reading adds to the resultants at A.
+    /// Resultants at A per unit reading of this cell.
     #[must_use]
     pub fn column(&self, cell: &LoadCell) -> Vector6<f64> {
         cell.rigid_body_row(&self.reference).transpose()
@@ -214,7 +214,7 @@ impl ForceResultants {
     }
 }
 
-/// What one channel adds to the resultants. An accelerometer adds to the accelerations
+/// Resultants per unit reading of one channel. An accelerometer adds to the accelerations
 /// only, a load cell to forces and moments only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Column {
@@ -416,7 +416,7 @@ fn noise_of(columns: &[Column], powers: &[f64; 6]) -> Matrix6<f64> {
     Matrix6::from_fn(|i, j| covariance[(i, j)] * scale[i] * scale[j])
 }
 
-/// What these channels of a sample add up to.
+/// Sum of the contributions of these channels of a sample.
 fn sum(columns: &[Column], sample: &[f32]) -> [f32; 6] {
     // Written out, since the chip's code is made small rather than fast, and this runs for every
     // reading: six sums stay in registers.

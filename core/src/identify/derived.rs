@@ -1,4 +1,4 @@
-//! What follows from σ: centre of gravity, inertia about any point, their error bars.
+//! Centre of gravity and inertia about any point from σ, with their error bars.
 
 use super::normal::Workspace;
 use super::student::half_width_95;
@@ -18,7 +18,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Whether both are finite.
+    /// `true` if both are finite.
     pub(super) fn is_finite(&self) -> bool {
         self.value.is_finite() && self.std.is_finite()
     }

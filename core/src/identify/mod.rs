@@ -56,7 +56,7 @@ impl Procedure {
     };
 }
 
-/// What is asked.
+/// The question: known mass and procedure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -162,7 +162,7 @@ pub struct Identification {
     /// Effective degrees of freedom of the estimate of noise behind the error bars; infinite
     /// where the noise is known. [`Estimate::interval`] makes 95 % intervals of it.
     pub freedom: f64,
-    /// Whether a body like this could exist.
+    /// Margins of the conditions that every body of positive mass density meets.
     pub plausibility: Plausibility,
 }
 
@@ -173,7 +173,7 @@ impl Identification {
         flags.filter_map(|(p, seen)| (!seen).then_some(p))
     }
 
-    /// Whether every number that is given is finite.
+    /// `true` if every number that is given is finite.
     fn is_finite(&self) -> bool {
         let estimates = [self.mass, self.indicator]
             .into_iter()

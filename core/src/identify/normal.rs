@@ -18,9 +18,8 @@ use nalgebra::{ArrayStorage, SMatrix, Vector3, Vector6};
 /// allows a thousand.
 const RANK: f64 = 1e-12;
 
-/// What chance may turn the undetermined combinations towards a parameter by, in units of what
-/// the noise of a pair amounts to: nine of them are turned by more than this once in two hundred
-/// times (χ² of nine).
+/// Limit of the rotation, by chance, of the undetermined combinations towards a parameter, in units
+/// of the noise of a pair: nine combinations exceed it once in two hundred times (χ² of nine).
 const CHANCE: f64 = 23.6;
 
 /// The same share where nothing is noisy but the arithmetic.
@@ -30,7 +29,7 @@ const ROUNDING: f64 = 1e-8;
 /// a run keeps its noise in single precision.
 const SINGLE: f64 = 1e-6;
 
-/// What stands for the share of a parameter that no equation holds in what is undetermined.
+/// Share of a parameter in the undetermined combinations if no equation contains it.
 const NEVER_SEEN: f64 = 1e100;
 
 type Matrix10 = SMatrix<f64, 10, 10>;
@@ -41,14 +40,14 @@ const NO_VECTOR: Vector10 = Vector10::from_array_storage(ArrayStorage([[0.0; 10]
 /// The solution about one point.
 #[derive(Clone, Debug)]
 pub(super) struct Solved {
-    /// Where it was solved, m.
+    /// Point of the solution, m.
     pub(super) point: Vector3<f64>,
     /// σ of equation (6), or of (7) if the mass is known.
     pub(super) sigma: Vector10,
     pub(super) covariance: Matrix10,
     /// Which elements of σ the data determine, about this point.
     pub(super) observable: [bool; 10],
-    /// What chance may turn an undetermined combination by, see [`determine`].
+    /// Limit of the rotation of an undetermined combination by chance, see [`determine`].
     chance: f64,
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,
@@ -111,7 +110,7 @@ fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
     }
 }
 
-/// What an identification works in: too large for the stack of a small chip, so it is lent.
+/// Working memory of an identification: it is lent, since the stack of a small chip is too small.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     normal: Normal,
@@ -127,7 +126,7 @@ impl Workspace {
         solved: Solved::NONE,
     };
 
-    /// Whether the data determine the sum of the elements of σ with these coefficients, in SI
+    /// `true` if the data determine the sum of the elements of σ with these coefficients, in SI
     /// units. A sum may be determined whose elements are not: a rotation about A tells the
     /// inertia about A, and about no other point as long as the mass is unknown.
     pub(super) fn determines(&self, sum: &Vector10) -> bool {
@@ -146,16 +145,16 @@ fn square(m: &Matrix10, v: &Vector10) -> f64 {
 struct Normal {
     matrix: Matrix10,
     right: Vector10,
-    /// What `matrix` would be if there were nothing but noise, see [`floor`]; after
+    /// The value of `matrix` for noise alone, see [`floor`]; after
     /// [`determine`] the sum `Σ v vᵀ` over the undetermined combinations v.
     noise: Matrix10,
     forces: f64,
     rows: f64,
     /// Sum of all variances of equations that were not weighted by them.
     variance: f64,
-    /// Whether every equation was weighted by its variance.
+    /// `true` if every equation was weighted by its variance.
     weighted: bool,
-    /// Whether there is noise in the accelerations.
+    /// `true` if there is noise in the accelerations.
     noisy: bool,
     freedom: f64,
 }
@@ -275,8 +274,8 @@ fn scale(m: &mut Matrix10, d: &Vector10) {
 
 /// Solves for the body behind the sets about one point, and leaves the solution in `space`.
 ///
-/// What noise turns directions by needs the body whose forces that are, so it is solved twice
-/// where there are such directions.
+/// The rotation of directions by noise acts as a force of the body, which must be known for it: with
+/// such directions the equations are solved twice.
 pub(super) fn solve<const PAIRS: usize>(
     sets: &[Masslines<PAIRS>],
     point: &Vector3<f64>,

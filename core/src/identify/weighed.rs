@@ -12,8 +12,8 @@ fn turn<const PAIRS: usize>(set: &Masslines<PAIRS>) -> Matrix6<f64> {
     (set.noise() - set.pull()) * (0.5 / set.lines().max(1.0))
 }
 
-/// What an excitation of a set is held against: the noise in its pairs, and by how much the
-/// rest of the noise turns the directions in which they were excited. That averages out.
+/// Noise with which an excitation of a set is compared: the noise in its pairs, and the rotation of
+/// the excited directions by the rest of the noise, which averages out.
 pub(super) fn floor<const PAIRS: usize>(set: &Masslines<PAIRS>) -> Matrix6<f64> {
     set.pull() + turn(set)
 }
@@ -52,7 +52,7 @@ pub(super) struct Weighed {
     /// Mean variance of the equations as the set has them; the rows take it, and what noise turns
     /// the set's directions by, to one. Zero where the variances are the set's own.
     mean: f64,
-    /// What of the variance one the set's own is, by row.
+    /// Share of the set's own variance in the variance of one, by row.
     shares: Vector6<f64>,
 }
 
@@ -132,7 +132,7 @@ impl Weighed {
     }
 }
 
-/// Whether noise turns the directions of a set: whether there are some that it does not excite.
+/// `true` if noise turns the directions of a set, that is if the set does not excite all directions.
 pub(super) fn is_turned<const PAIRS: usize>(set: &Masslines<PAIRS>) -> bool {
     // Of the noise, that is rounding.
     const NOTHING: f64 = 1e-9;

@@ -16,7 +16,7 @@ pub const MIN_LINES: usize = 3;
 /// Degrees of freedom that the variance of an equation borrows from the others of its pair.
 const BORROWED: f64 = 2.0;
 
-/// What is taken to be the same for all lines of the band.
+/// Model that all lines of the band share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Trend {
     /// The rigid body only: the lines are averaged.
@@ -160,7 +160,7 @@ impl<const PAIRS: usize> Fitted<PAIRS> {
     };
 }
 
-/// What is left over of the force of a pair, in the equations `rows`.
+/// Residual force of a pair, in the equations `rows`.
 #[inline(never)] // A handful of vectors is off the stack when the next pair is made.
 fn left(rows: &Matrix6<f64>, mass: &Matrix6<f64>, (a, f): &LinePair) -> Vector6<f64> {
     rows * (f - mass * a)

@@ -3,7 +3,7 @@
 use crate::modes::MAX_MODES;
 use crate::spectra::LineRange;
 
-/// How the six equations of motion of a pair are weighed against each other.
+/// Weights of the six equations of motion of a pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EquationWeights {
@@ -26,7 +26,7 @@ pub struct Bands {
     pub fit: LineRange,
     /// Most elastic modes that methods d and e take account of.
     pub modes: usize,
-    /// How equations are weighed by methods a to e.
+    /// Weights of the equations in methods a to e.
     pub equations: EquationWeights,
 }
 

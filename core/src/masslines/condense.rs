@@ -9,7 +9,7 @@ use super::{ApparentMass, FreeModes, Lines, MasslineError, Masslines, Workspace}
 use crate::geometry::{Equations, least_translation};
 use nalgebra::{Complex, Vector3};
 
-/// What a method gave.
+/// Result of a method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condensed {
     /// The pairs.

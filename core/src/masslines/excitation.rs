@@ -19,10 +19,10 @@ pub(super) const IDENTITY: Matrix6<f64> = Matrix6::new(
 );
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
-/// What an excitation must exceed the noise by, in power, to count as one.
+/// Least ratio of the power of an excitation to that of its noise.
 ///
 /// Noise in the accelerations pulls what they multiply towards zero by noise over power,
-/// so 100 bounds that pull to 1 %. What is left of it enters the error bars.
+/// so 100 limits that pull to 1 %. The remaining pull enters the error bars.
 pub const EXCITED: f64 = 100.0;
 
 /// Eigenvalue of the equilibrated noise below which its direction has none: nothing is

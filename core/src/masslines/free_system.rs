@@ -185,7 +185,7 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
         (response * self.shares(p), self.force(p))
     }
 
-    /// What each entry of a response has to do with the acceleration of pair `p`.
+    /// Share of each column of a response in the acceleration of pair `p`.
     pub(super) fn shares(&self, p: usize) -> Vector6<f64> {
         let basis = seen(&self.basis);
         Vector6::from_fn(|j, _| basis[(j, p)])
@@ -439,7 +439,7 @@ impl FreeModes {
         2 + 2 * self.poles.len()
     }
 
-    /// What the function `term` of [`Self::basis`] is multiplied with.
+    /// Coefficient of the function `term` of [`Self::basis`].
     fn term(&mut self, term: usize) -> &mut Matrix6<f64> {
         match term {
             0 => &mut self.constant,

@@ -1,4 +1,4 @@
-//! What the estimators read of the averaged spectra: second moments, line by line.
+//! The averaged spectra as the estimators read them: second moments, line by line.
 //!
 //! With a drive channel a run gives one pair of amplitudes per line, `a = H_a` and
 //! `f = H_f`, weighted with the drive's power; without one it gives the cross-spectral
@@ -97,8 +97,8 @@ fn real_product(x: Complex<f64>, y: Complex<f64>) -> f64 {
     x.re * y.re - x.im * y.im
 }
 
-/// How strong accelerations and forces are: what the excitation is judged by, for a quarter
-/// of the work that [`Moments`] take.
+/// Powers of accelerations and forces, by which the excitation is judged: a quarter of the work of
+/// [`Moments`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Powers {
     /// `Re Σ a a*`.

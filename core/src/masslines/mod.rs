@@ -55,7 +55,7 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 /// Most pairs in one set: one a direction, or with method a one a run.
 pub(crate) const MAX_PAIRS: usize = 24;
 
-/// What keeps a method from giving masslines.
+/// Reason why a method gives no masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -41,7 +41,7 @@ pub(super) struct Regression {
     /// Real equations per row of f.
     count: f64,
     correlation: f64,
-    /// Whether the residuals of different resultants are taken as independent.
+    /// `true` if the residuals of different resultants are taken as independent.
     independent: bool,
 }
 
@@ -60,7 +60,7 @@ pub(super) struct Solution {
     terms: heapless::Vec<usize, MAX_TERMS>,
     /// Coefficients of the chosen terms, in their order: `rank` rows each.
     coefficients: Right,
-    /// What is left for the first term when the others are eliminated.
+    /// Information on the first term after elimination of the others.
     schur: Matrix6<f64>,
     /// Covariance of one real equation, in measured-equation coordinates.
     residual: Matrix6<f64>,
@@ -309,7 +309,7 @@ impl Regression {
         }
     }
 
-    /// What of a solution others are compared with by [`Self::risk`].
+    /// The part of a solution with which [`Self::risk`] compares others.
     pub(super) fn first_term(&self, solution: &Solution) -> Option<FirstTerm> {
         Some(FirstTerm {
             coefficients: solution.coefficients.fixed_rows::<6>(0).into(),
@@ -383,8 +383,8 @@ impl Regression {
         ((self.count - unknowns as f64) / self.correlation).max(1.0)
     }
 
-    /// What second moments of acceleration, real part, contribute to each pair: its share
-    /// of the pair's power, apart from what the other terms take.
+    /// Contribution of second moments of acceleration, real part, to each pair: the share
+    /// of the pair's power, without that of the other terms.
     pub(super) fn powers(&self, solution: &Solution, moments: &Matrix6<f64>) -> [f64; 6] {
         let rank = self.excitation.rank();
         let mut to_pairs = solution.schur;
@@ -470,7 +470,7 @@ impl Solution {
         inflation: 0.0,
     };
 
-    /// Whether it has a coefficient of this term.
+    /// `true` if it has a coefficient of this term.
     pub(super) fn has(&self, term: usize) -> bool {
         self.terms.contains(&term)
     }

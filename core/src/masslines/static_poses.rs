@@ -38,8 +38,7 @@ pub struct StaticFit {
 
 impl StaticPoses {
     /// No pose yet.
-    #[must_use]
-    pub fn new() -> Self {
+    fn new() -> Self {
         Self {
             count: 0.0,
             mean_a: Vector6::zeros(),

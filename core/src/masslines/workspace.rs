@@ -5,8 +5,8 @@ use super::regression::{Regression, Solution};
 use super::{ApparentMass, FreeModes};
 use crate::modes::PoleSearch;
 
-/// What a method works in, and what it leaves beside the masslines. Too large for the stack
-/// of a small chip, so it is lent.
+/// Working memory of a method, and its results beside the masslines. It is lent, since the stack of
+/// a small chip is too small.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     pub(super) regression: Regression,
@@ -21,7 +21,7 @@ pub struct Workspace {
     pub(super) found: Found,
 }
 
-/// What a method has left beside the masslines.
+/// Result of a method beside the masslines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
     Nothing,

@@ -17,7 +17,7 @@ const STEPS: usize = 40;
 type Normal = Triangle<{ triangle_len(UNKNOWNS) }>;
 type Parameters = SVector<f64, UNKNOWNS>;
 
-/// What is known of the residues beforehand.
+/// Prior knowledge of the residues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Residues {
     /// Positive, as in a power-like scalar of the apparent mass: no two modes cancel.
@@ -27,7 +27,7 @@ pub(crate) enum Residues {
     Complex,
 }
 
-/// What poles are looked for in: too large for the stack of a small chip, so it is lent.
+/// Working memory of the search: it is lent, since the stack of a small chip is too small.
 #[derive(Clone, Debug)]
 pub(crate) struct PoleSearch {
     normal: Normal,
@@ -109,7 +109,7 @@ impl Fit {
         }
     }
 
-    /// What the fit leaves of a line.
+    /// Residual of the fit at a line.
     fn left(
         &self,
         trace: &Trace<'_>,
@@ -175,7 +175,7 @@ impl Fit {
         }
     }
 
-    /// Where a mode's unknowns begin: residue, frequency, damping, and the quadrature
+    /// Index of the first unknown of a mode: residue, frequency, damping, and the quadrature
     /// residue where there is one.
     fn at(&self, mode: usize) -> usize {
         let each = match self.residues {
@@ -336,8 +336,8 @@ impl Fit {
         bounded
     }
 
-    /// Whether a mode is none: outside the lines, without mass, overdamped, or a second
-    /// one where there is one already.
+    /// `true` if one of the modes is implausible: outside the lines, without mass, overdamped, or
+    /// within two lines of another mode.
     fn implausible(&self, lines: usize, frequency: &dyn Fn(usize) -> f64) -> bool {
         let (first, last) = (frequency(0), frequency(lines.saturating_sub(1)));
         let spacing = frequency(1) - first;
@@ -360,7 +360,7 @@ impl Fit {
     }
 }
 
-/// What a mode's amplification at `f` Hz has below the fraction bar, inverted: one division,
+/// Reciprocal of the denominator of a mode's amplification at `f` Hz: one division,
 /// which costs as much as ten products where the processor has no `f64`.
 fn inverse(frequency: f64, damping: f64, f: f64, square: f64) -> Complex<f64> {
     let re = frequency * frequency - square;

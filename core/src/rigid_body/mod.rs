@@ -53,7 +53,7 @@ impl Parameter {
         Self::Iyz,
     ];
 
-    /// What an engineer calls it.
+    /// Name in tables and messages.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -84,8 +84,7 @@ pub struct RigidBody {
 
 impl RigidBody {
     /// Inertia about any point (m), by the parallel-axis rule.
-    #[must_use]
-    pub fn inertia_about(&self, point: &Vector3<f64>) -> Inertia {
+    pub(crate) fn inertia_about(&self, point: &Vector3<f64>) -> Inertia {
         self.inertia
             .about_point_off_cg(self.mass, &(self.centre_of_gravity - point))
     }

@@ -28,7 +28,7 @@ pub enum Verdict {
     Undecided,
 }
 
-/// How far one condition is from being violated.
+/// Distance of one condition from its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -49,7 +49,7 @@ impl Margin {
         }
     }
 
-    /// Whether the condition holds, by more than its error bar.
+    /// The verdict on the condition, with its error bar.
     #[must_use]
     pub fn verdict(self) -> Verdict {
         if self.relative > self.uncertainty {
@@ -79,7 +79,7 @@ pub struct Plausibility {
 }
 
 impl Plausibility {
-    /// Whether such a body could exist. It is [`Verdict::Undecided`], too, where the mass or
+    /// The verdict on the existence of such a body. It is [`Verdict::Undecided`], too, where the mass or
     /// every moment about S is unknown; a plane problem is judged by the moments it knows.
     #[must_use]
     pub fn verdict(&self) -> Verdict {

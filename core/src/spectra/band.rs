@@ -177,14 +177,8 @@ impl LineRange {
 
     /// Number of lines.
     #[must_use]
-    pub const fn len(&self) -> usize {
+    pub(crate) const fn len(&self) -> usize {
         (self.end - self.start) as usize
-    }
-
-    /// Whether there is none.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// Number of lines that they were chosen from.
@@ -255,7 +249,7 @@ mod tests {
         let rounded = LineRange::between(60, halves, [0.5 + 1e-12, 14.5 - 1e-12]);
         assert_eq!(rounded.unwrap(), band);
         let between = LineRange::between(60, halves, [1.1, 1.4]).unwrap();
-        assert!(between.is_empty());
+        assert_eq!(between.len(), 0);
     }
 
     #[test]

@@ -56,12 +56,6 @@ impl<'s> Blocks<'s> {
         })
     }
 
-    /// Forgets the history: the next block starts with the next sample. To be called
-    /// where samples were lost, so that no block straddles the gap.
-    pub fn restart(&mut self) {
-        self.rings.restart(self.history);
-    }
-
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero.
     /// Returns the spectra whenever a block is complete.
     pub fn push(&mut self, sample: &[f32]) -> Option<BlockSpectra<'_>> {

@@ -63,7 +63,7 @@ impl<'s> CrossAverage<'s> {
     }
 }
 
-/// Where the real part of pair i < j lies in a line's sums.
+/// Index of the real part of pair i < j in the sums of a line.
 const fn pair(i: usize, j: usize) -> usize {
     let before = i * RESULTANTS - i * (i + 1) / 2;
     RESULTANTS + 2 * (before + j - i - 1)

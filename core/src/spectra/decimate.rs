@@ -15,7 +15,7 @@
 //! | last | 59 | 0.1953125, ripple 5e-6 | 0.3046875 and up, -107 dB |
 //! | before | 19 | 0.09765625, ripple 3e-6 | 0.40234375 and up, -111 dB |
 //!
-//! What folds onto a line is uncorrelated with it, so it biases averaged spectra by its
+//! A frequency that folds onto a line is uncorrelated with it, so it biases averaged spectra by its
 //! power, 1e-10, and makes them scatter by its amplitude, 5e-6.
 
 /// Share of the decimated block up to which lines may be kept: the pass band's edge.
@@ -94,21 +94,21 @@ const fn half(is_last: bool) -> usize {
     if is_last { LAST.len() } else { EARLY.len() }
 }
 
-/// Where all channels of a decimator stand: they march in step.
+/// State that all channels of a decimator have in common.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Phase {
     stages: usize,
     lines: [LinePhase; MAX_STAGES],
 }
 
-/// Where a stage's delay line stands.
+/// State of the delay line of a stage.
 #[derive(Clone, Copy, Debug)]
 struct LinePhase {
-    /// Whether the next sample completes a pair.
+    /// `true` if the next sample completes a pair.
     second: bool,
-    /// How much of the slack the even samples have taken.
+    /// Elements of the slack that even samples have taken.
     even: usize,
-    /// Where the oldest odd sample lies, whose place the next one takes.
+    /// Index of the oldest odd sample, which the next one replaces.
     odd: usize,
 }
 
@@ -125,7 +125,7 @@ impl Phase {
         }
     }
 
-    /// Whether the sample that is being pushed yields an output.
+    /// `true` if the sample that is being pushed yields an output.
     pub(super) fn yields(&self) -> bool {
         self.lines.iter().take(self.stages).all(|line| line.second)
     }
@@ -218,7 +218,7 @@ impl Phase {
 }
 
 impl LinePhase {
-    /// Where the next sample goes in a delay line of a filter with so many coefficients.
+    /// Index of the next sample in a delay line of a filter with so many coefficients.
     const fn place(&self, half: usize) -> usize {
         if self.second {
             3 * half + self.even - 1
@@ -229,10 +229,10 @@ impl LinePhase {
     }
 }
 
-/// What a filter sees of a channel's state, once a second sample is in its place.
+/// The part of a channel's state that a filter reads once the second sample of a pair is there.
 #[derive(Clone, Copy)]
 struct Taps {
-    /// Where the even samples begin.
+    /// Index of the first even sample.
     evens: usize,
     /// Of as many odd samples as there are coefficients, the oldest is the middle one.
     middle: usize,

@@ -184,7 +184,7 @@ impl Average for DriveAverage<'_> {
 /// with what the estimators must know of their noise.
 #[derive(Clone, Copy, Debug)]
 pub struct RunResponses<'a> {
-    /// Where the lines lie.
+    /// Frequencies of the lines.
     pub grid: LineGrid,
     /// H, line after line, twelve resultants each: `(a, f)` at A per unit drive.
     pub responses: &'a [[Complex32; RESULTANTS]],

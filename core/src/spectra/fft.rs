@@ -9,7 +9,7 @@ pub(crate) const MAX_BLOCK_LENGTH: usize = if cfg!(feature = "long-blocks") {
     1024
 };
 
-/// Whether a block of `length` samples can be transformed.
+/// `true` if a block of `length` samples can be transformed.
 pub(super) const fn supported(length: usize) -> bool {
     length.is_power_of_two() && length >= 16 && length <= MAX_BLOCK_LENGTH
 }

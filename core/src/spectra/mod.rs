@@ -33,7 +33,7 @@ pub use window::Window;
 
 pub use microfft::Complex32;
 
-/// What makes spectral settings unusable.
+/// Reason why spectral settings or storage are unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

@@ -4,7 +4,7 @@ use super::decimate::{MAX_STAGES, USABLE, settling, state_len};
 use super::fft::supported;
 use super::{BandError, LineGrid, SpectraError, Window};
 
-/// How a stream is cut and transformed.
+/// Settings of the blocks: length, hop, window and kept lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockSettings {
     block_length: usize,
@@ -59,7 +59,7 @@ impl BlockSettings {
             },
         })?;
         let (first, last) = (1 + lines.start(), lines.end());
-        if lines.is_empty() {
+        if lines.len() == 0 {
             return Err(SpectraError::Band {
                 first,
                 last,

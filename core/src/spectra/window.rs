@@ -68,7 +68,7 @@ impl Window {
         self.mean(|w, _| w * w, 0.0)
     }
 
-    /// How much the variance of a mean over neighbouring lines exceeds that of
+    /// Variance of a mean over neighbouring lines relative to that over
     /// independent lines: `N Σw⁴ / (Σw²)²`.
     ///
     /// The window makes neighbouring lines resemble each other. A frequency response's
@@ -81,7 +81,7 @@ impl Window {
         self.mean(|w, _| w * w * w * w, 0.0) / (power * power)
     }
 
-    /// How much the variance of a mean over blocks `hop / N` apart exceeds that of
+    /// Variance of a mean over blocks `hop / N` apart relative to that over
     /// independent blocks: `1 + 2 Σ ρ²`, with ρ the correlation of the overlapping
     /// windows (Welch 1967). 1.06 for Hann at half overlap.
     #[must_use]

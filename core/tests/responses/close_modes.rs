@@ -10,7 +10,7 @@ fn modes(measured: &Measured) -> Vec<FixedMode> {
     measured.read(|lines| {
         let band = lines_between(lines, [1.0, 10.0]).unwrap();
         let all = LineRange::all(measured.frequencies.len());
-        let mut work = vec![Complex::new(0.0, 0.0); 2 * all.len()];
+        let mut work = vec![Complex::new(0.0, 0.0); 2 * measured.frequencies.len()];
         let found = fixed_modes(lines, band, all, &Equations::all(), &mut work).unwrap();
         found.to_vec()
     })

@@ -66,7 +66,7 @@ pub fn hundred() -> RigidBody {
     }
 }
 
-/// What the runs measured, line by line.
+/// Measured responses of the runs, line by line.
 pub struct Measured {
     pub frequencies: Vec<f64>,
     runs: Vec<Vec<[Complex<f64>; 12]>>,

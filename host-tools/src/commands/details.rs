@@ -58,7 +58,7 @@ fn lines(setup: &Setup, answer: &Answer, result: &ResultDocument) -> Vec<String>
             plain(grid.frequency(0), 4),
             plain(grid.frequency(grid.count.saturating_sub(1)), 4),
             plain(grid.spacing, 4),
-            m.band.len(),
+            m.band.indices().len(),
             p.averaging_band[0],
             p.averaging_band[1]
         ));

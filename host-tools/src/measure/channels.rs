@@ -152,7 +152,7 @@ impl Channels {
             }
         }
         for (run, number) in changed.poses.iter_mut().zip(&self.poses) {
-            run.poses = StaticPoses::new();
+            run.poses = StaticPoses::default();
             for ((a, f), readings) in run.rows.iter_mut().zip(&run.readings) {
                 for (x, column) in readings.iter().zip(&added[*number]) {
                     let x = f64::from(*x) * factor;

@@ -52,7 +52,7 @@ pub(super) fn read(
         recording = setup.open_recording(run, &names)?;
     }
     recording.notice_columns(warnings);
-    let mut poses = StaticPoses::new();
+    let mut poses = StaticPoses::default();
     let mut rows = Vec::new();
     let mut readings = Vec::new();
     let mut health = Health::new(channels);

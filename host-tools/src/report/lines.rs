@@ -60,7 +60,7 @@ impl Excited {
         let mut energy = Moments::default();
         let mut noise = Matrix6::zeros();
         for run in 0..lines.runs() {
-            noise += lines.noise(run).acceleration * band.len() as f64;
+            noise += lines.noise(run).acceleration * band.indices().len() as f64;
             for line in band {
                 lines.add_moments(run, line, 1.0, &mut energy);
             }

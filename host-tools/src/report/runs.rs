@@ -160,7 +160,7 @@ fn processing(setup: &Setup, answer: &Answer, result: &ResultDocument) -> String
                 "{} to {}, {} lines",
                 exact(round(low)),
                 with_unit(&exact(round(high)), "Hz"),
-                m.band.len()
+                m.band.indices().len()
             ),
         ));
     }
@@ -172,7 +172,7 @@ fn processing(setup: &Setup, answer: &Answer, result: &ResultDocument) -> String
                 "{} to {}, {} frequencies",
                 exact(low),
                 with_unit(&exact(high), "Hz"),
-                sine.band.len()
+                sine.band.indices().len()
             ),
         ));
     }

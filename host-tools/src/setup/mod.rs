@@ -275,6 +275,7 @@ impl Processing {
                     sample_rate,
                     limit: spectrum.count as f64 * spacing,
                 })?
+                .indices()
                 .len();
             if lines < FEWEST_LINES {
                 return Err(BandError::TooFewLines {

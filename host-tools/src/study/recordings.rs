@@ -5,7 +5,7 @@ use super::rows::Range;
 use super::{Options, StudyError, Twin};
 use crate::measure::{Accelerations, RunGeometry, Survey, SurveyedRun, WINDOW};
 use crate::simulate::{self, Recording, Simulation, simulate};
-use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
+use massline_core::geometry::{PackedNoise, RESULTANTS};
 use massline_core::masslines::DriveLines;
 use massline_core::spectra::{
     Average, BlockSettings, Blocks, Complex32, DriveAverage, RunResponses, Sum,
@@ -208,7 +208,7 @@ impl Averaged {
             grid: recordings.settings.grid(),
             responses: &self.responses,
             drive: &self.drive,
-            noise: noise.map_or_else(|| ResultantNoise::default().packed(), |(_, noise)| *noise),
+            noise: noise.map_or([0.0; 42], |(_, noise)| *noise),
             blocks: self.blocks,
         }
     }

@@ -16,6 +16,7 @@
 //! * [`fuzz`]: inputs that make the fuzz targets fail.
 //! * [`mutants`]: changes that no test detects.
 //! * [`miri`]: core's tests in an interpreter.
+//! * [`api`]: the public interface of core, against the committed list of it.
 //! * [`image`]: memory of the chip that the firmware takes.
 //! * [`variables`]: memory that its variables take.
 //! * [`panics`]: places where it can panic, by crate, against a budget.
@@ -23,6 +24,7 @@
 
 use std::process::ExitCode;
 
+pub mod api;
 pub mod apt;
 pub mod arguments;
 pub mod fuzz;

@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use crate::emulator;
 
+use super::api;
 use super::fuzz;
 use super::image;
 use super::licences::{self, Allowed};
@@ -131,10 +132,24 @@ pub const STEPS: &[Step] = &[
         run: docs,
     },
     Step {
+        name: "api",
+        about: "core's public items are those of core/api.txt, and each has a user outside of it",
+        needs: &[],
+        remedy: "make what core alone needs `pub(crate)`, or accept the change as the message says",
+        run: interface,
+    },
+    Step {
+        name: "package",
+        about: "massline-core is fit to be published: its package is complete, and builds by itself",
+        needs: &[],
+        remedy: "mend core/Cargo.toml, or bring into core what its package lacks",
+        run: package,
+    },
+    Step {
         name: "core-on-chip",
-        about: "massline-core builds for the chip, alone and with its default features",
+        about: "massline-core builds for the chip, without features and with all that a chip can have",
         needs: &["toolchain"],
-        remedy: "keep `std`, and crates that need it, out of core and its default features",
+        remedy: "keep `std`, and crates that need it, out of core",
         run: core_on_chip,
     },
     Step {
@@ -342,9 +357,45 @@ fn docs(context: &mut Context) -> Result<Ending, StepError> {
 
 fn core_on_chip(context: &mut Context) -> Result<Ending, StepError> {
     let chip = context.chip()?;
-    let arguments = format!("build --release -p massline-core {}", chip.arguments());
-    process::run(&mut context.cargo(chip, &arguments))?;
+    for what in [
+        "--no-default-features",
+        "--no-default-features --example on_chip",
+        "--features defmt",
+    ] {
+        let chip_of = chip.arguments();
+        let arguments = format!("build --release -p massline-core {what} {chip_of}");
+        process::run(&mut context.cargo(chip, &arguments))?;
+    }
     Ok(Ending::Passed(String::new()))
+}
+
+fn interface(context: &mut Context) -> Result<Ending, StepError> {
+    let arguments = format!(
+        "doc -p massline-core --no-deps --all-features --target-dir {}",
+        api::TARGET
+    );
+    process::run(&mut context.cargo(&context.host(), &arguments))?;
+    let found = api::read(context.root())?.judge(context.root())?;
+    Ok(Ending::Passed(found))
+}
+
+fn package(context: &mut Context) -> Result<Ending, StepError> {
+    // Without a registry nothing can be verified against it; the package is complete all the same.
+    let dry_run = "publish --dry-run -p massline-core --allow-dirty --no-verify";
+    let note = match process::run(&mut context.cargo(&context.host(), dry_run)) {
+        Ok(_) => String::new(),
+        Err(error) => format!("not held against a registry: {}", first_line(&error)),
+    };
+    let by_itself = "package -p massline-core --allow-dirty --offline";
+    process::run(&mut context.cargo(&context.host(), by_itself))?;
+    Ok(Ending::Passed(note))
+}
+
+/// The first line of what a program said that names an error.
+fn first_line(error: &StepError) -> String {
+    let text = error.to_string();
+    let line = text.lines().find(|line| line.contains("error"));
+    line.or(text.lines().next()).unwrap_or("").trim().to_owned()
 }
 
 fn firmware(context: &mut Context) -> Result<Ending, StepError> {

@@ -28,7 +28,7 @@ const SECOND: f64 = 0.01;
 /// Share of the bandwidth within which frequencies are one.
 const SAME: f64 = 0.01;
 
-/// Where modes are looked for, and in which motions of the base.
+/// The lines and the motions of the base in which modes are looked for.
 pub(super) struct Neighbourhood<'a, L: ?Sized> {
     pub(super) lines: &'a L,
     pub(super) fit: Range<usize>,
@@ -82,7 +82,7 @@ impl<L: Lines + ?Sized> Neighbourhood<'_, L> {
         Ok(None)
     }
 
-    /// What the equations see of a vector of resultants.
+    /// Projector of resultants on the measured equations.
     fn measured(&self) -> Matrix6<f64> {
         let e = self.equations.rows();
         e.transpose() * e
@@ -288,8 +288,8 @@ fn frequency_index<L: Lines + ?Sized>(lines: &L, fit: &Range<usize>, frequency: 
     fit.clone().rfind(below).unwrap_or(fit.start)
 }
 
-/// Where two modes have one frequency, any turn of their rows describes them: the first takes
-/// all of the first axis that both have much of.
+/// Makes the rows of two modes of one frequency unique, which any rotation of them describes as
+/// well: the first mode takes all of the first axis in which both have much mass.
 fn canonical(modes: &mut [FixedMode]) {
     let [a, b] = modes else { return };
     let bandwidth = 2.0 * a.pole.damping * a.pole.frequency;

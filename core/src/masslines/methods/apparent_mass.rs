@@ -32,11 +32,11 @@ pub(in crate::masslines) mod residuals;
 pub struct ApparentMass {
     /// Poles of the fixed structure found in the lines.
     pub poles: heapless::Vec<Pole, MAX_MODES>,
-    /// What each pole's term was multiplied with in the averaging band, if it was needed
+    /// Coefficient of each pole's term in the averaging band, if the term was needed
     /// there. Below the modes their terms resemble each other and share what they explain;
-    /// for effective masses see [`super::fixed_modes`].
+    /// for effective masses see [`crate::masslines::fixed_modes`].
     pub elastic: [Option<Matrix6<f64>>; MAX_MODES],
-    /// What all modes above add per (Hz)², if that term was needed.
+    /// Contribution of all modes above the lines, per (Hz)², if that term was needed.
     pub upper: Option<Matrix6<f64>>,
     /// M₀ before the structure of equation (1) is imposed.
     pub rigid: Matrix6<f64>,
@@ -286,10 +286,10 @@ impl Basis {
 pub(in crate::masslines) struct Fit<'s> {
     pub(in crate::masslines) regression: &'s mut Regression,
     pub(in crate::masslines) solution: &'s mut Solution,
-    /// What is compared with it.
+    /// Solution that is compared with it.
     pub(in crate::masslines) candidate: &'s mut Solution,
     pub(in crate::masslines) residuals: &'s mut Residuals,
-    /// What each run's squares count.
+    /// Weight of the squares of each run.
     pub(in crate::masslines) weights: [f64; MAX_RUNS],
     pub(in crate::masslines) runs: usize,
     /// Covariance of the noise of the accelerations, summed like their powers.

@@ -12,7 +12,7 @@ use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
 const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 6]; 6]));
 
-/// What is done with the band averages of the power spectra.
+/// Treatment of the band averages of the power spectra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Factorisation {
     /// The columns of `Re G_AF` and `Re G_FF` are the pairs. Only for structures whose
@@ -116,7 +116,7 @@ fn noise_of_pairs<L: Lines + ?Sized>(
     noise
 }
 
-/// What multiplies the spectra from the right in place of the identity: R⁻¹, left in `inner`.
+/// The matrix R⁻¹ that multiplies the spectra from the right, left in `inner`.
 ///
 /// With fewer runs than degrees of freedom G_FF is singular. Then the factor is
 /// taken in the subspace of the strongest forces, as many as there are independent

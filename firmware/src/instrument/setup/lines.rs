@@ -88,10 +88,10 @@ impl Lines {
         // Lines far up in the spectrum leave less to decimate, so that a block takes more room.
         fits(Item::Sample, settings.transform_length(), TRANSFORM)?;
         let band = lines_of(&grid, Field::AveragingBand, p.averaging_band)?;
-        if band.len() < MIN_LINES {
+        if band.indices().len() < MIN_LINES {
             return Err(Problem::Count {
                 item: Item::Line,
-                found: band.len() as u32,
+                found: band.indices().len() as u32,
                 expected: MIN_LINES as u32,
             });
         }
@@ -99,7 +99,7 @@ impl Lines {
             Some(band) => Some(lines_of(&grid, Field::ModeBand, band)?),
             None => None,
         };
-        if modes.as_ref().is_some_and(LineRange::is_empty) {
+        if modes.as_ref().is_some_and(|band| band.indices().is_empty()) {
             return Err(Problem::Missing {
                 item: Item::ModeBand,
                 index: 0,

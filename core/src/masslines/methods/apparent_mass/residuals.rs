@@ -1,5 +1,5 @@
-//! What a fit of the apparent mass leaves in each run, and what follows from it: how much
-//! runs count whose noise differs, and the variances of the pairs.
+//! Residuals of a fit of the apparent mass in each run, and their consequences: weights of runs
+//! whose noise differs, and variances of the pairs.
 
 use super::{Basis, Fit};
 use crate::algebra::{multiply_left, multiply_right, not_negative};
@@ -13,7 +13,7 @@ const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 
 const NO_MODEL: Complex6 =
     Complex6::from_array_storage(ArrayStorage([[Complex::new(0.0, 0.0); 6]; 6]));
 
-/// What a fit leaves in each run.
+/// Residuals of a fit in each run.
 #[derive(Clone, Debug)]
 pub(in crate::masslines) struct Residuals {
     /// Powers of each run over the averaging band.
