@@ -167,9 +167,9 @@ mod tests {
     #[test]
     fn a_check_holds_up_to_its_bound_and_not_without_a_number() {
         let check = |found: Option<f64>| Check {
-            truth: 2.0.into(),
-            found: found.map(Into::into),
-            bound: 0.5.into(),
+            truth: 2.0,
+            found,
+            bound: 0.5,
         };
         assert!(holds(&check(Some(1.5))) && holds(&check(Some(2.5))));
         assert!(!holds(&check(Some(2.6))) && !holds(&check(None)));
