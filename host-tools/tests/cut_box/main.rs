@@ -184,8 +184,10 @@ fn check(case: &Case, finished: &Finished, cut: Cut, whole: &Finished) {
             assert_eq!(errors, 1, "{about}");
             let words = [
                 "connection is lost",
-                // The box has said something by itself, and was gone before it was opened.
+                // The box has sent something by itself, and its end was closed before the program
+                // had opened the other one, or while it did.
                 "No such file or directory; this machine has",
+                "I/O error; this machine has",
                 "no answer to ",
                 "no samples for ",
                 "does not come back",
