@@ -104,7 +104,7 @@ impl ResultantNoise {
         packed
     }
 
-    /// The reverse of [`Self::packed`].
+    /// The noise of the numbers that were packed.
     #[must_use]
     pub fn unpacked(packed: &[f32; 2 * TRIANGLE]) -> Self {
         let mut noise = Self::NONE;

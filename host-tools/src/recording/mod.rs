@@ -12,7 +12,7 @@
 //! | `checksum` | the identity of a file |
 //!
 //! A new format is a file in this folder with a type that implements [`Source`] and a
-//! [`Format`], and its two lines in this one (`mod` and [`FORMATS`]).
+//! `Format`, and its two lines in this one (`mod` and `FORMATS`).
 
 mod checksum;
 mod csv;
