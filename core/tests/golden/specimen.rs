@@ -4,35 +4,15 @@ use massline_core::geometry::{Accelerometer, LoadCell, LoadShares, Mount, Quanti
 use massline_core::nalgebra::{Vector3, Vector6};
 use massline_core::rigid_body::{Inertia, RigidBody};
 
+#[path = "shaking.rs"]
+mod shaking;
+use shaking::{Noise, Sprung};
+
 /// Six on the interface, two on the structure.
 pub const ACCELEROMETERS: usize = 8;
 /// Three at each of four corners.
 pub const CELLS: usize = 12;
 const SENSORS: usize = ACCELEROMETERS + CELLS;
-
-/// Numbers between -1 and 1, by whole numbers and one division: the same everywhere.
-struct Noise(u32);
-
-impl Noise {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from((self.0 >> 8) as i32 - (1 << 23)) / f64::from(1 << 23)
-    }
-}
-
-/// A mass on a spring: its coordinate by the recursion `y = c y₁ - r² y₂ + x`.
-#[derive(Clone, Copy, Default)]
-struct Sprung {
-    last: [f64; 2],
-}
-
-impl Sprung {
-    fn follow(&mut self, c: f64, x: f64) -> f64 {
-        let y = c * self.last[0] - 0.98 * self.last[1] + x;
-        self.last = [y, self.last[0]];
-        y
-    }
-}
 
 pub struct Specimen {
     pub accelerometers: Vec<Accelerometer>,

@@ -30,9 +30,9 @@
 //! | none | IWDG | watchdog |
 //! | none | CAN1's first interrupt, CAN2's | interrupts of tasks without hardware of their own |
 //!
-//! Everything that is reset sits on APB1 on purpose. The HAL resets a peripheral when it takes it over, and
-//! newer emulators crash on a reset through APB2; so does not use USART1, USART6, SPI1, the ADC,
-//! SDIO or TIM8 here. SYSCFG, which leads pins to EXTI, is there, too, but is only switched on.
+//! Every peripheral that is reset is on APB1, on purpose. The HAL resets a peripheral when it takes
+//! it over, and newer emulators crash on a reset through APB2: no USART1, USART6, SPI1, ADC, SDIO
+//! or TIM8 here. SYSCFG, which leads pins to EXTI, is there, too, but is only switched on.
 
 pub mod bus;
 pub mod clocks;

@@ -13,7 +13,7 @@ pub struct Identity<'m> {
     pub firmware: &'m str,
     /// Version of the firmware.
     pub version: &'m str,
-    /// Source revision of the firmware.
+    /// Identifier of the build, which distinguishes two builds of a version.
     pub build: &'m str,
     /// Name of the chip.
     pub chip: &'m str,

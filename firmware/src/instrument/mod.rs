@@ -7,8 +7,8 @@
 //! Nothing here waits or takes long: [`Instrument::request`], [`Instrument::sample`] and
 //! [`Instrument::poll`] return after the samples of one message, or one block, at the
 //! most. An identification, which takes seconds, leaves as a [`Job`], which a task of low
-//! priority runs while requests are still answered. How many instructions a request may take on the chip is in
-//! the firmware's README; it depends on the message's length and on the set-up, never on a
+//! priority runs while requests are still answered. The most instructions that a request takes on
+//! the chip are in the firmware's README; their number depends on the message's length and on the set-up, never on a
 //! number that is sent, such as that of a sample.
 //!
 //! | file | holds |
@@ -152,7 +152,7 @@ impl<'m> Instrument<'m> {
         }
     }
 
-    /// ChannelRole out one request, and answers it exactly once: here, or by [`Self::finish`]
+    /// Carries out one request, and answers it exactly once: here, or by [`Self::finish`]
     /// where it takes a [`Job`].
     pub fn request(
         &mut self,

@@ -12,34 +12,14 @@ use massline_core::identify;
 use massline_firmware::wire::*;
 use std::fmt::Write as _;
 
+#[path = "../../../core/tests/golden/shaking.rs"]
+mod shaking;
+use shaking::{Noise, Sprung};
+
 /// Samples of a run: 15 blocks of 256 that overlap by half.
 const SAMPLES: usize = 2048;
 /// Sensors of the plan, two more on the structure, and the drive.
 const CHANNELS: usize = 15;
-
-/// Numbers between -1 and 1, by whole numbers and one division: the same everywhere.
-struct Noise(u32);
-
-impl Noise {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from((self.0 >> 8) as i32 - (1 << 23)) / f64::from(1 << 23)
-    }
-}
-
-/// A mass on a spring: its coordinate by the recursion `y = c y₁ - r² y₂ + x`.
-#[derive(Clone, Copy, Default)]
-struct Sprung {
-    last: [f64; 2],
-}
-
-impl Sprung {
-    fn follow(&mut self, c: f64, x: f64) -> f64 {
-        let y = c * self.last[0] - 0.98 * self.last[1] + x;
-        self.last = [y, self.last[0]];
-        y
-    }
-}
 
 /// A run's samples: the table mostly moves along one of its axes, a body of 100 kg with two
 /// sprung masses on it answers, and every sensor has noise of its own.
