@@ -20,6 +20,7 @@ pub mod replay;
 pub mod report;
 pub mod result;
 pub mod rig;
+pub mod sample_rate;
 pub mod setup;
 pub mod simulate;
 pub mod study;

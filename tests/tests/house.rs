@@ -117,6 +117,41 @@ fn circles(folder: &str) -> Vec<String> {
     circular.map(|module| module.join("::")).collect()
 }
 
+/// Folders, or files that stand alone, right below a folder of sources that lie on a circle of such.
+/// `entries` are where a program begins: like `main`, they know what lies around them.
+fn circular_folders(folder: &str, entries: &[&str]) -> Vec<String> {
+    let mut all = BTreeMap::new();
+    modules(Path::new(folder), &Vec::new(), &mut all);
+    let mut graph: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (module, text) in &all {
+        let is_test = module.iter().any(|part| part == "tests");
+        let (Some(from), false) = (module.first(), is_test) else {
+            continue;
+        };
+        let known = graph.entry(from.clone()).or_default();
+        if !entries.contains(&&*module.join("::")) {
+            let tops = named(module, text, &all).into_iter();
+            known.extend(tops.filter_map(|other| other.into_iter().next()));
+        }
+        known.remove(from);
+    }
+    let reaches_itself = |start: &String| {
+        let mut seen = BTreeSet::new();
+        let mut next: Vec<&String> = graph[start].iter().collect();
+        while let Some(top) = next.pop() {
+            if seen.insert(top) {
+                next.extend(graph.get(top).into_iter().flatten());
+            }
+        }
+        seen.contains(start)
+    };
+    graph
+        .keys()
+        .filter(|top| reaches_itself(top))
+        .cloned()
+        .collect()
+}
+
 /// Crates of this workspace among the dependencies of a manifest, those of its tests left out.
 fn dependencies(manifest: &str) -> Vec<&str> {
     let own = manifest.split("dev-dependencies]").next().unwrap_or("");
@@ -138,6 +173,18 @@ fn core_knows_nobody_the_box_knows_core_the_host_knows_both() {
 fn no_circle_of_files_but_a_module_and_its_children() {
     for folder in ["../core/src", "../firmware/src", "../host-tools/src"] {
         assert_eq!(circles(folder), [""; 0], "{folder}");
+    }
+}
+
+#[test]
+fn no_circle_of_folders() {
+    let folders = [
+        ("../core/src", &[][..]),
+        ("../firmware/src", &["board::tasks"]),
+        ("../host-tools/src", &[]),
+    ];
+    for (folder, entries) in folders {
+        assert_eq!(circular_folders(folder, entries), [""; 0], "{folder}");
     }
 }
 

@@ -20,7 +20,7 @@
 //! in a run ([`massline_firmware::calibration::Channel`]).
 //!
 //! The rate at which samples really come is measured against this computer's clock and stands
-//! in the recording ([`crate::device::SampleRate`]).
+//! in the recording ([`crate::sample_rate::SampleRate`]).
 
 mod error;
 mod fault;

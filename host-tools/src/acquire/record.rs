@@ -3,11 +3,12 @@
 use super::file::Growing;
 use super::follow::{Course, Taker, follow, sample_rate};
 use super::{AcquireError, Intake, Level};
-use crate::device::{Client, Port, SampleRate};
+use crate::device::{Client, Port};
 use crate::inputs::{InputEntry, day};
 use crate::limits;
 use crate::output::part_of;
 use crate::recording::{Preamble, Traceability, TrueRate};
+use crate::sample_rate::SampleRate;
 use massline_firmware::wire::{Event, Fault, Health};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};

@@ -15,7 +15,6 @@ mod host_board;
 mod host_box;
 mod noisy_line;
 mod port;
-mod sample_rate;
 mod serial;
 #[cfg(test)]
 mod tests;
@@ -28,5 +27,4 @@ pub use emulator::{Emulator, EmulatorError};
 pub use host_box::{HostBox, HostBoxMemory};
 pub use noisy_line::{Damage, Noise, NoisyLine};
 pub use port::{Port, PortError};
-pub use sample_rate::SampleRate;
 pub use serial::{BAUD, Serial, names as serial_ports};

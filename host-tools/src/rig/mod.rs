@@ -23,8 +23,8 @@ pub use inputs::{Inputs, Shaker};
 pub use sensors::Outfit;
 pub use trouble::{Trouble, Troubles};
 
-use crate::device::SampleRate;
 use crate::recording::{Preamble, Traceability};
+use crate::sample_rate::SampleRate;
 use crate::simulate::{Recording, Simulation, Stream};
 use massline_firmware::acquisition::Sample;
 use massline_firmware::calibration::Channel;
