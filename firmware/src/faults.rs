@@ -144,8 +144,8 @@ pub unsafe fn is_memory(address: *mut u32) -> bool {
 /// The handler of all faults of the processor.
 ///
 /// While [`read_if_there`] is trying, the fault is the answer: the handler notes it and returns
-/// behind the instruction. Else the program has ended. The stack may be what failed, so the rest runs
-/// from the stack's top, whose contents nobody will need again.
+/// behind the instruction. Else the program has ended. The stack may be what failed, so the rest
+/// runs from the stack's top, whose contents nobody will need again.
 ///
 /// # Safety
 ///

@@ -60,7 +60,8 @@ const DEVIATION: f64 = 6.7e-5;
 /// term and one of ω² are eliminated: sum of the magnitudes in the first row of the
 /// pseudo-inverse of their columns over the 39 lines.
 const AMPLIFICATION: f64 = 1.7;
-/// Relative rounding error of a transform of 1024 numbers in `f32`: ten stages, each rounded by 2⁻²⁴.
+/// Relative rounding error of a transform of 1024 numbers in `f32`: ten stages, each rounded by
+/// 2⁻²⁴.
 const ROUNDING: f64 = 1e-6;
 
 impl Instrument<'_> {

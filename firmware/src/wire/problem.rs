@@ -39,7 +39,8 @@ pub enum Problem {
         expected: State,
     },
     /// The box is still working on an earlier request of this number. The number of
-    /// [`Request::Subscribe`] means that samples are being recorded, which the request would disturb.
+    /// [`Request::Subscribe`] means that samples are being recorded, which the request would
+    /// disturb.
     Busy(u8),
     /// The firmware does not support this.
     Unsupported(Item),
