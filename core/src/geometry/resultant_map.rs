@@ -280,4 +280,9 @@ mod tests {
         );
         assert!((noise.force - expected.force).norm() < 1e-6, "{noise:?}");
     }
+
+    #[test]
+    fn no_power_is_no_noise() {
+        assert_eq!(small_map().noise(&[0.0; RESULTANTS]), ResultantNoise::NONE);
+    }
 }

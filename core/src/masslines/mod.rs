@@ -374,4 +374,13 @@ mod tests {
         // A dozen roundings of numbers below ten.
         assert!((body.mass_matrix(&there) * pair.acceleration - pair.force).norm() < 1e-14);
     }
+
+    #[test]
+    fn a_full_set_says_how_many_it_takes() {
+        let pair = (Vector6::zeros(), Vector6::zeros());
+        let refused = Masslines::exact(Vector3::zeros(), [pair; MAX_PAIRS + 1]);
+        let (limit, found) = (MAX_PAIRS, MAX_PAIRS + 1);
+        let expected = MasslineError::TooManyPairs { limit, found };
+        assert_eq!(refused.unwrap_err(), expected);
+    }
 }
