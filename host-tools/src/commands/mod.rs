@@ -23,7 +23,7 @@ pub use table::print_numbers;
 
 use crate::printable::{printable, printable_json, printable_lines};
 use crate::report::TrueBody;
-use crate::simulate::{InertiaTruth, Truth};
+use crate::simulate::Truth;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -128,12 +128,11 @@ pub fn warn(warnings: &[String], verbosity: Verbosity) {
 /// The truth of a simulation as the report wants it.
 #[must_use]
 pub fn true_body(truth: &Truth) -> TrueBody {
-    let terms = |i: &InertiaTruth| [i.xx, i.yy, i.zz, i.xy, i.xz, i.yz];
     TrueBody {
         mass: Some(truth.mass),
         centre_of_gravity: truth.centre_of_gravity,
-        inertia_reference: terms(&truth.inertia_reference),
-        inertia_cg: terms(&truth.inertia_cg),
+        inertia_reference: truth.inertia_reference.terms(),
+        inertia_cg: truth.inertia_cg.terms(),
     }
 }
 

@@ -435,17 +435,13 @@ mod tests {
     #[test]
     fn complaints_name_line_key_and_a_way_out() {
         let twice = cell("") + &cell("");
+        let input = |keys: &str| format!("[[input]]\n{keys}");
+        let long = "serial = \"0123456789012345678901234567890123\"";
         for (text, words) in [
             (String::new(), &["`input` is missing", "[[input]]"][..]),
-            (
-                "[[input]]\ncircuit = \"iepe\"".to_owned(),
-                &["line 1", "`input`"],
-            ),
-            ("[[input]]\ninput = 0".to_owned(), &["line 2", "from 1"]),
-            (
-                "[[input]]\ninput = 2".to_owned(),
-                &["`circuit` is missing", "bridge"],
-            ),
+            (input("circuit = \"iepe\""), &["line 1", "`input`"]),
+            (input("input = 0"), &["line 2", "from 1"]),
+            (input("input = 2"), &["`circuit` is missing", "bridge"]),
             (cell("range = 5"), &["line 6", "no key `range`"]),
             (cell("supply = -1"), &["line 6", "supply, V"]),
             (cell("calibrated = \"2.3.2026\""), &["line 6", "2026-03-02"]),
@@ -454,17 +450,14 @@ mod tests {
             (cell("limits = [5, 4]"), &["line 6", "in order"]),
             (cell("gain = 3"), &["line 6", "128"]),
             (cell("offset = 1e12"), &["line 6", "24 bits"]),
-            (
-                cell("serial = \"0123456789012345678901234567890123\""),
-                &["line 6", "34 bytes long", "at most 32"],
-            ),
+            (cell(long), &["line 6", "34 bytes long", "at most 32"]),
             (twice, &["line 8", "each input once"]),
             (
-                "[[input]]\ninput = 1\ncircuit = \"digital\"".to_owned(),
+                input("input = 1\ncircuit = \"digital\""),
                 &["`per_count` is missing"],
             ),
             (
-                "[[input]]\ninput = 1\ncircuit = \"iepe\"\nsensitivity = 1".to_owned(),
+                input("input = 1\ncircuit = \"iepe\"\nsensitivity = 1"),
                 &["`range` is missing", "largest value"],
             ),
         ] {

@@ -147,7 +147,7 @@ impl<'a> Document<'a> {
             Some((_, "a sequence")) => format!("a list of tables, each headed [[{key}]]"),
             Some((_, "a boolean")) => "true or false".to_owned(),
             Some((_, expected)) => expected.to_owned(),
-            None => format!("something else ({})", quoted(message)),
+            None => format!("a value that can be read ({})", quoted(message)),
         };
         section.unexpected(key, describe(value), expected)
     }

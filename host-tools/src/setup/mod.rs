@@ -28,8 +28,6 @@ use std::path::{Path, PathBuf};
 pub(crate) use document::{Document, Keys, Section, Source, nearest};
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::{read as read_document, read_of as read_document_of};
-#[cfg(test)]
-pub(crate) use keys::unit;
 pub use massline_core::geometry::{Mount, Quantity};
 pub(crate) use parse::{block_length, overlap, quantity};
 pub use uncertainty::{Defaults, Uncertainty};
@@ -219,6 +217,44 @@ pub const BLOCK_LENGTHS: RangeInclusive<usize> = 16..=32768;
 pub const OVERLAPS: RangeInclusive<f64> = 0.0..=0.95;
 /// Fewer lines than this in a band say nothing about a trend over frequency.
 pub const FEWEST_LINES: usize = 3;
+
+impl AccelerometerEntry {
+    /// A sensor that records m/s² and states no uncertainty.
+    pub(crate) fn new(
+        channel: String,
+        position: impl Into<[f64; 3]>,
+        direction: impl Into<[f64; 3]>,
+        mount: Mount,
+    ) -> Self {
+        Self {
+            channel,
+            position: position.into(),
+            direction: direction.into(),
+            mount,
+            scale: 1.0,
+            uncertainty: Uncertainty::default(),
+        }
+    }
+}
+
+impl LoadCellEntry {
+    /// A load cell that records N or N m and states no uncertainty.
+    pub(crate) fn new(
+        channel: String,
+        position: impl Into<[f64; 3]>,
+        direction: impl Into<[f64; 3]>,
+        quantity: Quantity,
+    ) -> Self {
+        Self {
+            channel,
+            position: position.into(),
+            direction: direction.into(),
+            quantity,
+            scale: 1.0,
+            uncertainty: Uncertainty::default(),
+        }
+    }
+}
 
 impl Setup {
     /// Reads and checks a setup file.

@@ -11,7 +11,7 @@ use crate::printable::quoted;
 use crate::setup::keys::{self, outside};
 use crate::setup::{
     AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Processing,
-    Quantity, Uncertainty, block_length, default_block_length, default_overlap, overlap,
+    Quantity, block_length, default_block_length, default_overlap, overlap,
 };
 
 /// Everything that is simulated, in SI units.
@@ -141,6 +141,29 @@ pub enum Shaking {
     Poses(Vec<[f64; 3]>),
 }
 
+impl Plan {
+    /// A run of the specimen as its coordinates say it stands.
+    pub(crate) fn new(name: impl Into<String>, excitation: Shaking) -> Self {
+        Self {
+            name: name.into(),
+            excitation,
+            rotation: [0.0; 3],
+            translation: [0.0; 3],
+        }
+    }
+}
+
+impl Shaking {
+    /// White noise over the whole band of the drive.
+    pub(crate) const fn random(motion: [f64; 6], drive: bool) -> Self {
+        Self::Random {
+            motion,
+            band: None,
+            drive,
+        }
+    }
+}
+
 impl Default for Table {
     /// Six free axes, no cross-talk, no internal forces.
     fn default() -> Self {
@@ -233,43 +256,24 @@ fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
         .iter()
         .zip(reduced.sensors)
         .enumerate()
-        .map(|(index, (sensor, (position, shape)))| MotionSensor {
-            entry: AccelerometerEntry {
-                channel: format!("a{}", index + 1),
-                position,
-                direction: sensor.direction().into(),
-                mount: if sensor.base_plate {
-                    Mount::Interface
-                } else {
-                    Mount::Structure
-                },
-                scale: 1.0,
-                uncertainty: Uncertainty::default(),
-            },
-            shape,
+        .map(|(index, (sensor, (position, shape)))| {
+            let mount = if sensor.base_plate {
+                Mount::Interface
+            } else {
+                Mount::Structure
+            };
+            let channel = format!("a{}", index + 1);
+            let entry = AccelerometerEntry::new(channel, position, sensor.direction(), mount);
+            MotionSensor { entry, shape }
         })
         .collect();
-    let cell = |channel: &str, direction, quantity| LoadCellEntry {
-        channel: channel.to_owned(),
-        position: base,
-        direction,
-        quantity,
-        scale: 1.0,
-        uncertainty: Uncertainty::default(),
+    let cell = |channel: &str, direction: [f64; 3], quantity| {
+        LoadCellEntry::new(channel.to_owned(), base, direction, quantity)
     };
     let run = |name: &str, axis: usize, level: f64| {
         let mut motion = [0.0; 6];
         motion[axis] = level;
-        Plan {
-            name: name.to_owned(),
-            excitation: Shaking::Random {
-                motion,
-                band: None,
-                drive: true,
-            },
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
-        }
+        Plan::new(name, Shaking::random(motion, true))
     };
     let measurement = plane_measurement(&reduced.specimen);
     Model {

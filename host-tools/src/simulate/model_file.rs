@@ -12,8 +12,8 @@ use super::error::ModelError;
 use super::lumped::{Body, SprungMass, reading, specimen};
 use super::model::{AXES, Measurement, Model, MotionSensor, Plan, Shaking, Table};
 use crate::setup::{
-    AccelerometerEntry, Document, Keys, LoadCellEntry, Mount, Quantity, Section, Source,
-    Uncertainty, keys, nearest, quantity,
+    AccelerometerEntry, Document, Keys, LoadCellEntry, Mount, Quantity, Section, Source, keys,
+    nearest, quantity,
 };
 
 /// Longest chain of files that extend each other.
@@ -243,14 +243,8 @@ fn model(first: Source) -> Result<Model, ModelError> {
     let mut load_cells = Vec::new();
     for (section, keys) in layers.list("load_cell", |file| file.load_cell.take()) {
         for (channel, direction) in channels(&section, &keys.name, keys.direction, &mut taken)? {
-            load_cells.push(LoadCellEntry {
-                channel,
-                position: keys.position,
-                direction,
-                quantity: keys.quantity,
-                scale: 1.0,
-                uncertainty: Uncertainty::default(),
-            });
+            let cell = LoadCellEntry::new(channel, keys.position, direction, keys.quantity);
+            load_cells.push(cell);
         }
     }
     let table = layers.take(|file| file.table.take()).1.unwrap_or_default();
@@ -340,6 +334,10 @@ fn accelerometer(
             name: on.to_owned(),
         });
     }
+    let mount = match on {
+        "interface" => Mount::Interface,
+        _ => Mount::Structure,
+    };
     let carrier = sprung.iter().find(|mass| mass.name == on);
     let own = carrier.map(|mass| mass.position.into());
     let position = keys.position.or(own);
@@ -351,17 +349,7 @@ fn accelerometer(
         });
         sensors.push(MotionSensor {
             shape: shape.collect(),
-            entry: AccelerometerEntry {
-                channel,
-                position,
-                direction,
-                mount: match on {
-                    "interface" => Mount::Interface,
-                    _ => Mount::Structure,
-                },
-                scale: 1.0,
-                uncertainty: Uncertainty::default(),
-            },
+            entry: AccelerometerEntry::new(channel, position, direction, mount),
         });
     }
     Ok(())

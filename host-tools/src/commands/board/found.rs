@@ -2,9 +2,8 @@
 
 use super::columns::{self, Wanted};
 use crate::box_runs::{BoxRunError, BoxTest, Found};
-use crate::commands::Verbosity;
 use crate::commands::procedure::Procedure;
-use crate::commands::{Failure, print_json, print_numbers, refuse, warn};
+use crate::commands::{Failure, Verbosity, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
 use crate::identification::{notice_numbers, recommended};
 use crate::inputs::InputEntry;

@@ -1,9 +1,8 @@
 //! `massline board identify`: the ten numbers from the runs that the box has stored.
 
 use super::found::Asked;
-use crate::commands::Failure;
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
+use crate::commands::{Failure, Verbosity};
 use crate::rig::Troubles;
 use crate::setup::Setup;
 use std::path::PathBuf;

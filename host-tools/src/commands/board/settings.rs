@@ -2,9 +2,8 @@
 
 use super::change::{Change, Order, parse};
 use super::print_row;
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, print_json, warn};
+use crate::commands::{Failure, Verbosity, print_json, warn};
 use crate::device::{Client, ClientError, Port};
 use crate::format::plain;
 use crate::inputs::{self, InputEntry};

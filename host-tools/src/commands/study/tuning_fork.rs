@@ -1,7 +1,6 @@
 //! `massline study tuning-fork`: the paper's numerical example, row by row.
 
-use crate::commands::Verbosity;
-use crate::commands::{Bar, Failure, print_json};
+use crate::commands::{Bar, Failure, Verbosity, print_json};
 use crate::output::{self, Existing};
 use crate::study::{self, Document, NoiseKind, Options, StudyError, WeightRule};
 use std::path::PathBuf;

@@ -1,10 +1,9 @@
 //! Errors of an emulator, with enough detail that a failed test needs no second run.
 
 use std::ffi::OsString;
-use std::fmt;
-use std::io;
 use std::process::ExitStatus;
 use std::time::Duration;
+use std::{fmt, io};
 
 use super::QEMU;
 

@@ -36,13 +36,16 @@ use std::io::Write;
 use tell::{Verdict, tell};
 
 /// Options of the study.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
 pub struct Options {
-    /// Number of plans.
+    /// Number of plans
+    #[arg(long, value_name = "N", default_value_t = Self::default().plans)]
     pub plans: usize,
-    /// Seed of the first; each next one has the next.
+    /// Seed of the first plan; each next one has the next
+    #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
-    /// Threads; as many as there are processors if `None`.
+    /// Threads; the outcome does not depend on it [default: one a processor]
+    #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
 }
 
