@@ -143,9 +143,3 @@ fn booted<P: Port>(client: &mut Client<'_, P>) -> Result<(), ClientError> {
     }
     Ok(())
 }
-
-impl From<ClientError> for Failure {
-    fn from(error: ClientError) -> Self {
-        Self::input(error)
-    }
-}

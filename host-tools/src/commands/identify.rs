@@ -70,7 +70,7 @@ fn parse_method(name: &str) -> Result<Wanted, String> {
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let setup = Setup::read(&arguments.setup)?;
     let truth = arguments.truth.as_deref().map(read_truth).transpose()?;
     let choice = Choice {
         method: match arguments.method {
@@ -150,6 +150,6 @@ fn read_truth(path: &Path) -> Result<Truth, Failure> {
             path.display()
         ))
     };
-    let text = read_document(path).map_err(Failure::input)?;
+    let text = read_document(path)?;
     serde_json::from_slice(&text).map_err(|e| wrong(&e))
 }

@@ -72,16 +72,38 @@ impl Failure {
     }
 }
 
-impl From<crate::identification::AnswerError> for Failure {
-    fn from(error: crate::identification::AnswerError) -> Self {
-        Self::because(error.exit_code(), error)
-    }
+/// Errors that mean unusable input, and those that know their exit code.
+macro_rules! failures {
+    (input: $($input:ty)*; by code: $($coded:ty)*;) => {
+        $(impl From<$input> for Failure {
+            fn from(error: $input) -> Self {
+                Self::input(error)
+            }
+        })*
+        $(impl From<$coded> for Failure {
+            fn from(error: $coded) -> Self {
+                Self::because(error.exit_code(), error)
+            }
+        })*
+    };
 }
 
-impl From<crate::output::OutputError> for Failure {
-    fn from(error: crate::output::OutputError) -> Self {
-        Self::input(error)
-    }
+failures! {
+    input:
+        crate::device::ClientError
+        crate::output::OutputError
+        crate::result::ReadError
+        crate::setup::DocumentError
+        crate::setup::SetupError
+        crate::simulate::ModelError
+        crate::simulate::SimulationError
+        crate::study::StudyError
+        crate::study::coverage::CoverageError
+        crate::study::plans::PlansError;
+    by code:
+        crate::box_runs::BoxRunError
+        crate::identification::AnswerError
+        crate::replay::ReplayError;
 }
 
 /// Prints the failure and turns it into the exit code.

@@ -7,7 +7,8 @@
 
 use super::drives::DrivesAverage;
 use super::geometry::channel_names;
-use super::random::{drive_columns, stream};
+use super::random::drive_columns;
+use super::stream::stream;
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;

@@ -14,7 +14,9 @@ mod rejected;
 mod samples;
 mod silent;
 mod sine;
+mod stream;
 mod survey;
+mod unexplained;
 
 pub use crate::setup::WINDOW;
 pub(crate) use change::Change;

@@ -6,7 +6,8 @@
 
 use super::drives::DrivesAverage;
 use super::geometry::{Accelerations, RunGeometry, channel_names};
-use super::random::{drive_columns, settle, stream};
+use super::random::{drive_columns, settle};
+use super::stream::stream;
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};

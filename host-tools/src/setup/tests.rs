@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::keys::unit;
 use super::*;
 use crate::limits;
 

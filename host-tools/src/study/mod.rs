@@ -38,6 +38,7 @@
 //! | `coverage` | how many 95 % intervals hold the truth |
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
+//! | `scratch` | recordings of a trial in files |
 //! | `structures` | random structures and sensors |
 //! | `chance` | random choices |
 
@@ -57,6 +58,7 @@ pub mod plans;
 mod recordings;
 mod responses;
 mod rows;
+mod scratch;
 mod structures;
 mod terminal;
 mod trial;

@@ -89,7 +89,7 @@ pub(super) fn choose<P: Port>(
             chosen
         }
         Some(Wanted::File(file)) => {
-            let entries = inputs::read(file).map_err(Failure::input)?;
+            let entries = inputs::read(file)?;
             for entry in entries.iter().filter(|e| e.is_used()) {
                 if find(&wired, entry.input)?.certificate != entry.certificate {
                     return Err(Failure::input(format!(

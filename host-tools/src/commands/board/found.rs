@@ -1,7 +1,7 @@
 //! The box's answer, on a terminal or as a document.
 
 use super::columns::{self, Wanted};
-use crate::box_runs::{BoxRunError, BoxTest, Found};
+use crate::box_runs::{BoxTest, Found};
 use crate::commands::procedure::Procedure;
 use crate::commands::{Failure, Verbosity, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
@@ -40,12 +40,6 @@ fn parse_method(name: &str) -> Result<Method, String> {
         let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
         format!("the methods are: {}", names.join(", "))
     })
-}
-
-impl From<BoxRunError> for Failure {
-    fn from(error: BoxRunError) -> Self {
-        Self::because(error.exit_code(), error)
-    }
 }
 
 impl Asked {

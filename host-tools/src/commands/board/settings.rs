@@ -96,10 +96,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         output::check(file, inputs, existing)?;
     }
     let file = arguments.inputs.as_deref().map(inputs::read);
-    let wired = file
-        .transpose()
-        .map_err(Failure::input)?
-        .unwrap_or_default();
+    let wired = file.transpose()?.unwrap_or_default();
     let order = Order {
         reset: arguments.reset,
         set: &arguments.set,

@@ -2,7 +2,7 @@
 
 use crate::commands::{Bar, Failure, Verbosity, print_json};
 use crate::output;
-use crate::study::coverage::{self, CoverageError, Document, Options};
+use crate::study::coverage::{self, Document, Options};
 use std::path::{Path, PathBuf};
 
 /// Count how many 95 % intervals hold the truth, over many simulated tests
@@ -19,12 +19,6 @@ pub struct Arguments {
     /// Write the table into a Markdown page, between `<!-- coverage: begin -->` and `<!-- coverage: end -->`
     #[arg(long, value_name = "FILE.md")]
     page: Option<PathBuf>,
-}
-
-impl From<CoverageError> for Failure {
-    fn from(error: CoverageError) -> Self {
-        Self::input(error)
-    }
 }
 
 /// Runs the command.

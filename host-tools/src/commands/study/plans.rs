@@ -1,7 +1,7 @@
 //! `massline study plans`: whether what a test cannot tell has no number.
 
 use crate::commands::{Bar, Failure, Verbosity, print_json};
-use crate::study::plans::{self, Options, PlansError};
+use crate::study::plans::{self, Options};
 
 /// Try random test plans: what a plan cannot tell has no number, what it tells has one
 #[derive(clap::Args)]
@@ -14,12 +14,6 @@ pub struct Arguments {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-}
-
-impl From<PlansError> for Failure {
-    fn from(error: PlansError) -> Self {
-        Self::input(error)
-    }
 }
 
 /// Runs the command.
