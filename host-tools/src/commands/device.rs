@@ -1,4 +1,4 @@
-//! Which box a command talks to, and how it is reached.
+//! The box that a command talks to, and the way to it.
 
 use super::Failure;
 use crate::device::{

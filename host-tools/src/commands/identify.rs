@@ -1,6 +1,6 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::procedure::Procedure;
+use super::procedure::{Procedure, parse_method};
 use super::progress::reading;
 use super::{Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
 use crate::commands::Verbosity;
@@ -22,7 +22,7 @@ pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
     /// Method that finds the masslines; the recommended one if absent
-    #[arg(long, value_parser = parse_method, value_name = "NAME|all")]
+    #[arg(long, value_parser = parse_wanted, value_name = "NAME|all")]
     method: Option<Wanted>,
     #[command(flatten)]
     procedure: Procedure,
@@ -50,19 +50,11 @@ enum Wanted {
     All,
 }
 
-fn parse_method(name: &str) -> Result<Wanted, String> {
-    let known = || {
-        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
-        names.join(", ")
-    };
-    if name == "all" {
-        return Ok(Wanted::All);
+fn parse_wanted(name: &str) -> Result<Wanted, String> {
+    match name {
+        "all" => Ok(Wanted::All),
+        name => parse_method(name, ", and all").map(Wanted::One),
     }
-    Method::ALL
-        .into_iter()
-        .find(|m| m.name() == name)
-        .map(Wanted::One)
-        .ok_or_else(|| format!("the methods are: {}, and all", known()))
 }
 
 /// Runs the command.

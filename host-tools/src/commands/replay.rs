@@ -1,7 +1,7 @@
 //! `massline replay`: recordings through the box, compared by bits with this machine.
 
 use super::device::Device;
-use super::procedure::Procedure;
+use super::procedure::{Procedure, parse_method};
 use super::{Bar, Failure, print_json, warn};
 use crate::commands::Verbosity;
 use crate::device::{Client, Port};
@@ -55,10 +55,7 @@ fn parse_methods(names: &str) -> Result<Wanted, String> {
     }
     let mut methods = Vec::new();
     for name in names.split(',').map(str::trim) {
-        let Some(method) = Method::ALL.into_iter().find(|m| m.name() == name) else {
-            let known: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
-            return Err(format!("the methods are: {}, and all", known.join(", ")));
-        };
+        let method = parse_method(name, ", and all")?;
         if !methods.contains(&method) {
             methods.push(method);
         }

@@ -6,7 +6,7 @@ use super::page::Section;
 use crate::result::{FixedModeDocument, FreeModeDocument, ResultDocument};
 use std::fmt::Write;
 
-/// The section, or `None` where nobody asked for modes or none was found.
+/// The section, or `None` where no modes were asked for or found.
 pub(super) fn section(result: &ResultDocument) -> Option<Section> {
     let (fixed, free) = (&result.fixed_modes, &result.free_modes);
     if fixed.is_empty() && free.is_empty() {

@@ -1,4 +1,4 @@
-//! Every sentence a wrong setup earns, and the round trip.
+//! The messages about wrong setups, and the round trip.
 
 use std::path::Path;
 
@@ -185,7 +185,7 @@ fn lines_of_a_band() {
     ));
 }
 
-/// What is changed in the good setup, to what, and words of the message; `\n` ends a line.
+/// Wrong changes of the good setup, each with words of its message; `\n` ends a line.
 const MISTAKES: &str = r#"
 title = "Tuning fork on the shaker" => title = => bench/setup.toml, line 2 | not TOML
 direction = [1, 2, 2] => direction = [0, 0, 0] => line 22 | [[accelerometer]] 2 (channel "a4") | zero vector

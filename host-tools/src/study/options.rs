@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Heading in the help of the command.
 const OPEN: &str = "What the paper leaves open";
 
-/// Everything about the study that somebody may want otherwise.
+/// Conditions of the study.
 #[derive(Clone, Debug, PartialEq, Serialize, clap::Args)]
 pub struct Options {
     /// Amplitude of runs X and Z, m/s²
@@ -32,7 +32,8 @@ pub struct Options {
     /// Band in which the weighting looks for the first modes, Hz
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "28,50", help_heading = OPEN)]
     pub mode_band: [f64; 2],
-    /// Which runs share weights: by-method (each its own for a, one set for b to e), per-run, joined
+    /// Which runs share weights: by-method (each its own for a, one set for b to e), per-run,
+    /// joined
     #[arg(long, value_enum, hide_possible_values = true, value_name = "RULE", default_value_t, help_heading = OPEN)]
     pub weights: WeightRule,
     /// Band in which methods d and e fit elastic modes, Hz [default: all lines]

@@ -53,7 +53,8 @@ pub(super) struct Conditions {
     pub(super) sines: Vec<f64>,
     /// `true` if the mass is stated as weighed.
     pub(super) weighed: bool,
-    /// Number of the run whose motion each simulated run belongs to; those of one number are shaken at
+    /// Number of the run whose motion each simulated run belongs to; those of one number are shaken
+    /// at
     /// once, by drives of their own. Empty where every run is its own.
     pub(super) together: Vec<usize>,
 }

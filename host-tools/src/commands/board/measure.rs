@@ -96,7 +96,7 @@ fn runs(setup: &Setup, wanted: &[String]) -> Result<Vec<usize>, Failure> {
     Ok(these.map(|(number, _)| number).collect())
 }
 
-/// Whoever sits at the terminal.
+/// The user at the terminal.
 struct Table<'a> {
     setup: &'a Setup,
     arguments: &'a Arguments,

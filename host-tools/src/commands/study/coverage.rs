@@ -16,7 +16,8 @@ pub struct Arguments {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-    /// Write the table into a Markdown page, between `<!-- coverage: begin -->` and `<!-- coverage: end -->`
+    /// Write the table into a Markdown page, between `<!-- coverage: begin -->` and `<!-- coverage:
+    /// end -->`
     #[arg(long, value_name = "FILE.md")]
     page: Option<PathBuf>,
 }

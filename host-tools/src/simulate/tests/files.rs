@@ -142,7 +142,7 @@ fn extending_hides_whole_sections() {
     assert_ne!(child.title, base.title);
 }
 
-/// What is changed in the small model, to what, and words of the message; `\n` ends a line.
+/// Wrong changes of the small model, each with words of its message; `\n` ends a line.
 const MISTAKES: &str = r#"
 title = "Small" => title => small.toml, line 2 | not TOML
 mass = 10.0 => mass = -10.0 => line 6 | `mass` is -10

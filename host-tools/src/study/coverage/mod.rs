@@ -36,7 +36,8 @@ pub struct Options {
     /// Draws a cell: a case at a level of noise by a method
     #[arg(long, value_name = "N", default_value_t = Self::default().draws)]
     pub draws: usize,
-    /// One case only; may be given several times [possible: fork, satellite, elastic, remounted, sine, poses, no-drive, twelve-blocks]
+    /// One case only; may be given several times [possible: fork, satellite, elastic, remounted,
+    /// sine, poses, no-drive, twelve-blocks]
     #[arg(long = "case", value_name = "NAME")]
     pub cases: Vec<String>,
     /// Levels of noise, each a share of a channel's RMS over all runs

@@ -394,7 +394,8 @@ fn cell_entries(
     )
 }
 
-/// Excited directions and measured resultants of a simulated plan's runs, about its reference point.
+/// Excited directions and measured resultants of a simulated plan's runs, about its reference
+/// point.
 pub(super) fn excited(drawn: &Drawn, trial: &Trial, seed: u64) -> Vec<Excited> {
     let model = trial.model();
     let to_reference = shift(&Vector3::from(model.reference_point));

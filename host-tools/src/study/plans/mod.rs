@@ -7,7 +7,8 @@
 //!   runs, directions (six axes, translations only, one axis, a plane, one rotation, re-mounted,
 //!   several drives at once), kind (random with or without a drive channel, stepped sine, static
 //!   poses), weighed or not, noise from 1e-4 to 3e-2 of each channel's RMS.
-//! * **What it can tell comes from exact kinematics** (module `tell`): the directions that are excited
+//! * **What it can tell comes from exact kinematics** (module `tell`): the directions that are
+//!   excited
 //!   are zero or they are not, and the rank of (8) follows without samples.
 //! * **No plan stands on the border.** One where an excited direction is less than 1000 times
 //!   its noise in power, where a singular value lies between 1e-9 and 1e-4 of the largest, where a
