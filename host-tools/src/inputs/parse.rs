@@ -183,8 +183,7 @@ pub(super) fn document(source: &Source) -> Result<Vec<InputEntry>, DocumentError
         return Err(document.top().missing("input", expected));
     }
     let mut entries: Vec<InputEntry> = Vec::new();
-    for (number, keys) in file.input.into_iter().enumerate() {
-        let section = document.section("input", number);
+    for (section, keys) in document.sections("input").into_iter().zip(file.input) {
         let entry = input(&section, keys)?;
         if entries.iter().any(|e| e.input == entry.input) {
             return Err(section.unexpected("input", entry.number(), "each input once"));

@@ -98,17 +98,18 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Its `[key]` table, or number `index` (from zero) of its `[[key]]` tables; its top if there
-    /// is none.
-    pub(crate) fn section(&self, key: &str, index: usize) -> Section<'_> {
+    /// Its `[key]` table, or all of its `[[key]]` tables.
+    pub(crate) fn sections(&self, key: &str) -> Vec<Section<'_>> {
         let top = self.top();
         let entry = top.table.get_key_value(key);
-        let mut below = entry.map_or_else(Vec::new, |(key, value)| top.below(key, value));
-        if index < below.len() {
-            below.swap_remove(index)
-        } else {
-            top
-        }
+        entry.map_or_else(Vec::new, |(key, value)| top.below(key, value))
+    }
+
+    /// Its `[key]` table, or number `index` (from zero) of its `[[key]]` tables; its top if there
+    /// is none. For one table only: the others are looked through.
+    pub(crate) fn section(&self, key: &str, index: usize) -> Section<'_> {
+        let found = self.sections(key).into_iter().nth(index);
+        found.unwrap_or_else(|| self.top())
     }
 
     fn explain(&self, error: &toml::de::Error, required: &[(&str, &'static str)]) -> DocumentError {

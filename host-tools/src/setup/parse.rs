@@ -300,14 +300,8 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         }
     }
     one_sensor_a_channel(&document, &file)?;
-    for (number, run) in file.run.iter().enumerate() {
-        check_run(
-            &document.section("run", number),
-            run,
-            number,
-            &file,
-            &document,
-        )?;
+    for (number, section) in document.sections("run").iter().enumerate() {
+        check_run(section, number, &file, &document)?;
     }
     Ok(Setup {
         title: file.title.unwrap_or_else(|| stem(&source.file)),
@@ -381,12 +375,11 @@ impl super::BandError {
 /// Checks run `number` against the sensors and the runs before it.
 fn check_run(
     section: &Section<'_>,
-    run: &Run,
     number: usize,
     file: &File,
     document: &Document<'_>,
 ) -> Result<(), SetupError> {
-    let before = &file.run[..number];
+    let (run, before) = (&file.run[number], &file.run[..number]);
     if !run.references.is_empty() && run.excitation != Excitation::Random {
         return Err(SetupError::ReferenceUnused {
             place: section.place_of("reference"),

@@ -209,13 +209,13 @@ block_length = 1024 => block_length = 1024.5 => power of two
 [28.0, 50.0] => [28.0, 28.0] => `mode_band`
 [0.5, 14.5] => [0.5, 300.0] => ends at 300 Hz | 255 Hz
 [0.5, 14.5] => [0.5, 1.0] => holds 2 line(s) | 0.5 Hz | block_length
-averaging_band = [0.5, 14.5]\n => => line 7 | [processing] | `averaging_band` is missing | in Hz
+averaging_band = [0.5, 14.5]\n => => line 6 | [processing] | `averaging_band` is missing | in Hz
 sample_rate = 512.0 => sample_rate = 0 => `sample_rate` is 0
 { a4 = 0.5 } => { a5 = 0.5 } => [[run]] 1 (name "lateral X") | "a5" | known are `a1`, `a4`
 { a4 = 0.5 } => { fx = 0.5 } => load cell "fx"
 { a4 = 0.5 } => { a4 = 0 } => weight of "a4" is 0
 { a4 = 0.5 } => { a4 = 1.1 } => at most 1
-{ a4 = 0.5 } => [0.5] => line 42 | `weights` is a list | a table
+{ a4 = 0.5 } => [0.5] => line 40 | `weights` is a list | a table
 "random" => "noise" => "noise" | "random" or "sine" or "static"
 name = "poses" => name = "lateral X" => [[run]] 2 | [[run]] 1 | own name
 rotation = [0.0, 0.0, 90.0] => rotation = [90.0] => `rotation` is a list of 1 values | 3 numbers
@@ -225,7 +225,7 @@ scale = -9.81 => scale = 0 => `scale` is 0
 mount = "interface" => monut = "interface" => line 17 | `monut` | did you mean `mount`?
 mount = "interface" => xyz = 1 => known are `channel`, `position`
 [processing] => [procesing] => did you mean `processing`?
-title = "Tuning fork on the shaker" => processing = 1 # => line 2 | `processing` is the integer 1 | a table
+[processing] => processing = 1\n[x] => line 6 | `processing` is the integer 1 | a table
 title = "Tuning fork on the shaker" => estimation = { modes = 9 } # => [estimation] | `modes` is 9 | from 1 to 4
 [[run]]\nname = "poses" => [[run]]\nchecksum = { bytes = 1 }\nname = "poses" => `checksum` | `crc32` is missing | hexadecimal
 [[run]]\nname = "poses" => [[run]]\nchecksum = { crc32 = "x", bytes = 1 }\nname = "poses" => `crc32` is "x" | hexadecimal

@@ -185,9 +185,8 @@ impl<'a> Layers<'a> {
         key: impl Fn(&mut File) -> Option<Vec<T>>,
     ) -> Vec<(Section<'_>, T)> {
         let (document, list) = self.take(key);
-        let list = list.unwrap_or_default().into_iter().enumerate();
-        list.map(|(number, entry)| (document.section(name, number), entry))
-            .collect()
+        let sections = document.sections(name).into_iter();
+        sections.zip(list.unwrap_or_default()).collect()
     }
 }
 

@@ -23,6 +23,7 @@ pub struct Options {
     /// Highest line, Hz
     #[arg(long, value_name = "HZ", default_value_t = Self::default().highest, help_heading = OPEN)]
     pub highest: f64,
+    // The nearest line counts.
     /// Ends of ranges I and II, shares of the fixed system's first natural frequency
     #[arg(long, value_name = "I,II", value_parser = pair, default_value = "0.45,0.8", help_heading = OPEN)]
     pub ranges: [f64; 2],
@@ -39,6 +40,7 @@ pub struct Options {
     /// Band in which methods d and e fit elastic modes, Hz [default: all lines]
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, help_heading = OPEN)]
     pub fit_band: Option<[f64; 2]>,
+    // Around the first modes, as `massline identify` does with lines up to the mode band's end.
     /// Band in which the apparent mass looks for the fixed system's poles, Hz
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "0.5,50", help_heading = OPEN)]
     pub pole_band: [f64; 2],
@@ -57,17 +59,18 @@ pub struct Options {
         value_enum,
         hide_possible_values = true,
         value_name = "WHERE",
-        default_value_t
+        default_value_t,
+        display_order = 3
     )]
     pub noise_kind: NoiseKind,
     /// Levels of noise, each a share of a channel's RMS over all runs
-    #[arg(long, value_name = "R,R,…", value_delimiter = ',', default_values_t = Self::default().noise)]
+    #[arg(long, value_name = "R,R,…", value_delimiter = ',', default_values_t = Self::default().noise, display_order = 1)]
     pub noise: Vec<f64>,
     /// Draws per level of noise; 0 for the noise-free rows only
-    #[arg(long, value_name = "N", default_value_t = Self::default().draws)]
+    #[arg(long, value_name = "N", default_value_t = Self::default().draws, display_order = 0)]
     pub draws: usize,
     /// Seed of the first draw; each next one has the next
-    #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
+    #[arg(long, value_name = "N", default_value_t = Self::default().seed, display_order = 2)]
     pub seed: u64,
     /// Length of a simulated recording, s
     #[arg(long, value_name = "S", default_value_t = Self::default().duration, help_heading = OPEN)]
