@@ -51,14 +51,7 @@ pub(crate) fn channels(
     };
     let mut runs = Vec::new();
     for number in of(Excitation::Random) {
-        let mut report = |share| {
-            progress(Progress {
-                run: number,
-                runs: setup.runs.len(),
-                name: &setup.runs[number].name,
-                share,
-            });
-        };
+        let mut report = |share| progress(Progress::of(setup, number, share));
         let measured = measurement.runs.iter().find(|run| run.number == number);
         let Some(measured) = measured else { continue };
         runs.extend(of_run(setup, number, measured, limit, &mut report)?);

@@ -50,6 +50,17 @@ pub struct Progress<'a> {
     pub share: f64,
 }
 
+impl<'a> Progress<'a> {
+    fn of(setup: &'a Setup, run: usize, share: f64) -> Self {
+        Self {
+            run,
+            runs: setup.runs.len(),
+            name: &setup.runs[run].name,
+            share,
+        }
+    }
+}
+
 /// Everything the estimators need, and what was noticed on the way.
 #[derive(Clone)]
 pub struct Measurement {
@@ -115,14 +126,7 @@ pub fn measure_first(
     let mut health = Vec::new();
     let mut fingerprints: HashMap<u64, String> = HashMap::new();
     for (number, run) in setup.runs.iter().enumerate() {
-        let mut report = |share| {
-            progress(Progress {
-                run: number,
-                runs: setup.runs.len(),
-                name: &run.name,
-                share,
-            });
-        };
+        let mut report = |share| progress(Progress::of(setup, number, share));
         let geometry = RunGeometry::new(setup, number, accelerations)?;
         geometry.warn(&mut measurement.warnings);
         let fingerprint = match run.excitation {
