@@ -5,6 +5,7 @@
 
 use std::env;
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -283,18 +284,15 @@ fn format(context: &mut Context) -> Result<Ending, StepError> {
 
 fn licences(context: &mut Context) -> Result<Ending, StepError> {
     let path = context.root.join(licences::CONFIGURATION);
-    let unusable = |problem: String| StepError::File {
-        path: path.display().to_string(),
-        problem,
-    };
-    let text = fs::read_to_string(&path).map_err(|error| unusable(error.to_string()))?;
-    let allowed = Allowed::read(&text)
-        .ok_or_else(|| unusable("names no licence under [licenses] allow".to_owned()))?;
+    let unusable = |problem: &dyn Display| StepError::file(&path, problem);
+    let text = fs::read_to_string(&path).map_err(|error| unusable(&error))?;
+    let allowed =
+        Allowed::read(&text).ok_or_else(|| unusable(&"names no licence under [licenses] allow"))?;
     let mut tree = context.cargo(&context.host(), "");
     let listing = process::answer(tree.args(licences::LISTING))?;
     match licences::check(&listing, &allowed) {
         Ok(count) => Ok(Ending::Passed(format!("{count} packages"))),
-        Err(findings) => Err(unusable(format!("does not allow this\n{findings}"))),
+        Err(findings) => Err(unusable(&format!("does not allow this\n{findings}"))),
     }
 }
 
@@ -447,29 +445,20 @@ fn emulator(context: &mut Context) -> Result<Ending, StepError> {
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 
-/// What a firmware takes of the memories that the map declares.
+/// Use of the memories of the map by a firmware, as text.
 fn size_of(elf: &Path, map: &Path) -> Result<String, StepError> {
-    let unusable = |path: &Path, problem: String| StepError::File {
-        path: path.display().to_string(),
-        problem,
-    };
-    let script = fs::read_to_string(map).map_err(|error| unusable(map, error.to_string()))?;
-    let bytes = fs::read(elf).map_err(|error| unusable(elf, error.to_string()))?;
-    image::usage(&bytes, &image::regions(&script))
-        .map(|usages| image::summary(&usages))
-        .ok_or_else(|| unusable(elf, "not an ELF for the chip".to_owned()))
+    let script = fs::read_to_string(map).map_err(|error| StepError::file(map, error))?;
+    let bytes = fs::read(elf).map_err(|error| StepError::file(elf, error))?;
+    let usages = image::usage(&bytes, &image::regions(&script));
+    let usages = usages.map_err(|error| StepError::file(elf, error))?;
+    Ok(image::summary(&usages))
 }
 
-/// Where a firmware can panic, within the budget.
+/// Places where a firmware can panic, as text; an error if they are beyond the budget.
 fn places_of(elf: &Path) -> Result<String, StepError> {
-    let unusable = |problem: String| StepError::File {
-        path: elf.display().to_string(),
-        problem,
-    };
-    let bytes = fs::read(elf).map_err(|error| unusable(error.to_string()))?;
-    let places = panics::places(&bytes);
-    let places = places.ok_or_else(|| unusable("not an ELF for the chip".to_owned()))?;
-    panics::judge(&places, &panics::BUDGET).map_err(unusable)
+    let bytes = fs::read(elf).map_err(|error| StepError::file(elf, error))?;
+    let places = panics::places(&bytes).map_err(|error| StepError::file(elf, error))?;
+    panics::judge(&places, &panics::BUDGET).map_err(|beyond| StepError::file(elf, beyond))
 }
 
 /// The last program that cargo says it has made.
