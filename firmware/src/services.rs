@@ -198,13 +198,12 @@ impl Board for Services {
         match self.rate {
             Some(running) if running == sample_rate => return Ok(()),
             Some(running) => {
-                return Err(Problem::Range {
-                    field: Field::SampleRate,
-                    index: 0,
-                    found: sample_rate,
-                    low: running,
-                    high: running,
-                });
+                return Err(Problem::range(
+                    Field::SampleRate,
+                    0,
+                    sample_rate,
+                    [running, running],
+                ));
             }
             None => {}
         }

@@ -1,6 +1,5 @@
 //! Calibration of one input: sensitivity, uncertainty, laboratory and date.
 
-use super::scale::range;
 use super::{Channel, Limits, Scale, Watch};
 use crate::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 use heapless::String;
@@ -47,42 +46,47 @@ impl Certificate {
     /// two up to 128, limits that do not lie in order within 24 bits, no day of the calendar.
     /// [`Problem::Capacity`]: a text that is too long.
     pub fn new(input: &Input) -> Result<Self, Problem> {
-        Self::check(input).map_err(|problem| match problem {
-            Problem::Range {
-                field,
-                found,
-                low,
-                high,
-                ..
-            } => Problem::Range {
-                field,
-                index: u32::from(input.input),
-                found,
-                low,
-                high,
-            },
-            other => other,
-        })
+        Self::check(input).map_err(|problem| problem.about(input.input.into()))
     }
 
     fn check(input: &Input) -> Result<Self, Problem> {
         Scale::new(input.per_count, input.offset)?;
         if !(0.0..1.0).contains(&input.uncertainty) {
-            return Err(range(Field::Uncertainty, input.uncertainty, 0.0, 1.0));
+            return Err(Problem::range(
+                Field::Uncertainty,
+                0,
+                input.uncertainty,
+                [0.0, 1.0],
+            ));
         }
         if !input.gain.is_power_of_two() {
-            return Err(range(Field::Gain, f64::from(input.gain), 1.0, 128.0));
+            return Err(Problem::range(
+                Field::Gain,
+                0,
+                f64::from(input.gain),
+                [1.0, 128.0],
+            ));
         }
         let [low, high] = input.limits;
         let ends = Limits::CONVERTER;
         if low < ends.low || low >= high {
             let highest = f64::from(high.min(ends.high)) - 1.0;
             let lowest = f64::from(ends.low);
-            return Err(range(Field::CountLimit, f64::from(low), lowest, highest));
+            return Err(Problem::range(
+                Field::CountLimit,
+                0,
+                f64::from(low),
+                [lowest, highest],
+            ));
         }
         if high > ends.high {
             let [found, low, end] = [high, low, ends.high].map(f64::from);
-            return Err(range(Field::CountLimit, found, low + 1.0, end));
+            return Err(Problem::range(
+                Field::CountLimit,
+                0,
+                found,
+                [low + 1.0, end],
+            ));
         }
         if let Some(date) = input.calibrated {
             check_date(date)?;
@@ -159,11 +163,7 @@ impl Default for Certificate {
 }
 
 fn text(found: &str) -> Result<Text, Problem> {
-    Text::try_from(found).map_err(|_| Problem::Capacity {
-        item: Item::Byte,
-        found: u32::try_from(found.len()).unwrap_or(u32::MAX),
-        limit: NAME_MAX as u32,
-    })
+    Text::try_from(found).map_err(|_| Problem::capacity(Item::Byte, found.len(), NAME_MAX))
 }
 
 fn check_date(date: Date) -> Result<(), Problem> {
@@ -174,13 +174,20 @@ fn check_date(date: Date) -> Result<(), Problem> {
         4 | 6 | 9 | 11 => 30,
         2 if leap => 29,
         2 => 28,
-        month => return Err(range(Field::Date, f64::from(month), 1.0, 12.0)),
+        month => {
+            return Err(Problem::range(
+                Field::Date,
+                0,
+                f64::from(month),
+                [1.0, 12.0],
+            ));
+        }
     };
     if (1..=days).contains(&date.day) {
         Ok(())
     } else {
         let [found, last] = [date.day, days].map(f64::from);
-        Err(range(Field::Date, found, 1.0, last))
+        Err(Problem::range(Field::Date, 0, found, [1.0, last]))
     }
 }
 
@@ -344,11 +351,7 @@ mod tests {
     fn a_text_that_is_too_long_is_refused() {
         let serial = "0123456789012345678901234567890123";
         let refused = Certificate::new(&Input { serial, ..bridge() });
-        let problem = Problem::Capacity {
-            item: Item::Byte,
-            found: 34,
-            limit: 32,
-        };
+        let problem = Problem::capacity(Item::Byte, 34, 32);
         assert_eq!(refused, Err(problem));
     }
 }

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | [`ads131m08`] | the converter ADS131M08: registers, frames, conversions |
 //! | [`adxl355`] | the accelerometer ADXL355 |
+//! | [`board`] | a board without hardware |
 //! | [`flash`] | a NOR flash with power cuts and wrong bits |
 //! | [`rig`] | some ADS131M08 on one clock, with time and faults of wires |
 //! | [`pattern`] | a converter of test patterns |
@@ -13,6 +14,7 @@
 
 pub mod ads131m08;
 pub mod adxl355;
+pub mod board;
 pub mod flash;
 pub mod injector;
 pub mod pattern;

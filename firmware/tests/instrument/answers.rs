@@ -6,7 +6,7 @@
 //! To accept a change, `OVERWRITE=1 cargo test -p massline-firmware --test instrument answers`
 //! writes the new ones, and the commit says why.
 
-use crate::bench::{Bench, Heard, Said, Shelf};
+use crate::bench::{Bench, Heard, Said};
 use crate::plan::Pieces;
 use massline_core::identify;
 use massline_firmware::wire::*;
@@ -91,7 +91,7 @@ fn cells(f: [f64; 6]) -> [f64; 6] {
 }
 
 /// The set-up, with accelerometers on the structure.
-fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weighting) -> Said {
+fn set_up(bench: &mut Bench, accelerations: Accelerations, weighting: Weighting) -> Said {
     let mut pieces = Pieces::new();
     let unit = ScaleSource::Given {
         per_unit: 1.0,
@@ -127,7 +127,7 @@ fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weight
 }
 
 /// Has the box take a run, and notes what it says of it.
-fn measure(bench: &mut Bench<'_>, run: u8, pass: Pass, notes: &mut String) {
+fn measure(bench: &mut Bench, run: u8, pass: Pass, notes: &mut String) {
     bench.done(&Request::Start(Start {
         run,
         pass,
@@ -183,8 +183,7 @@ fn question(method: Method, procedure: Procedure) -> Question {
 
 /// Answers of one set-up to all questions.
 fn answers(accelerations: Accelerations, weighting: Weighting, questions: &[Question]) -> String {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let mut notes = format!("== {accelerations:?}, {weighting:?}\n");
     note(
         &mut notes,

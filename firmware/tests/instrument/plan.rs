@@ -1,6 +1,7 @@
 //! A test with six accelerometers on the interface, six load cells and a drive.
 
 use crate::bench::{Bench, Said};
+use massline_core::identify;
 use massline_firmware::wire::*;
 
 /// Sensors, and with them channels: the drive comes last.
@@ -84,7 +85,7 @@ impl Pieces {
     }
 
     /// Sends all of them but the end.
-    pub fn send(&self, bench: &mut Bench<'_>) {
+    pub fn send(&self, bench: &mut Bench) {
         bench.done(&Request::BeginSetup(self.plan));
         bench.done(&Request::SetProcessing(self.processing));
         for sensor in &self.sensors {
@@ -96,20 +97,28 @@ impl Pieces {
     }
 }
 
+/// A box that has just been set up.
+pub fn ready() -> Bench {
+    let mut bench = Bench::switch_on();
+    set_up(&mut bench);
+    bench
+}
+
 /// Sets the box up.
-pub fn set_up(bench: &mut Bench<'_>) {
+pub fn set_up(bench: &mut Bench) {
     Pieces::new().send(bench);
     let said = bench.ask(&Request::EndSetup);
     assert!(matches!(said, Said::Grid(_)), "{said:?}");
 }
 
-pub fn start(run: u8, source: Source, gaps: Gaps, limit: Option<u64>) -> Start {
-    Start {
-        run,
-        pass: Pass::Measure,
-        source,
-        gaps,
-        limit,
+/// A question about all stored runs, with this number of modes.
+pub fn question(method: Method, modes: u8) -> Question {
+    Question {
+        method,
+        identify: identify::Question::default(),
+        modes,
+        fit_band: None,
+        runs: 0,
     }
 }
 
@@ -127,7 +136,7 @@ pub fn counts(n: u64) -> [i32; CHANNELS] {
 }
 
 /// Sends samples `first` to `end` as one request each.
-pub fn feed(bench: &mut Bench<'_>, first: u64, end: u64) -> Said {
+pub fn feed(bench: &mut Bench, first: u64, end: u64) -> Said {
     let mut last = Said::Done;
     for n in first..end {
         last = bench.ask(&Request::Samples(Samples {
@@ -137,20 +146,6 @@ pub fn feed(bench: &mut Bench<'_>, first: u64, end: u64) -> Said {
         }));
     }
     last
-}
-
-/// The stored lines of a run.
-pub fn lines(bench: &mut Bench<'_>, run: u8) -> Vec<Line> {
-    let mut all = Vec::new();
-    loop {
-        let first = all.len() as u16;
-        let count = u16::MAX;
-        match bench.ask(&Request::ReadLines(ReadLines { run, first, count })) {
-            Said::Lines(lines) => all.extend(lines),
-            Said::Refused(Problem::Index { .. }) => return all,
-            other => panic!("{other:?}"),
-        }
-    }
 }
 
 /// Holds two runs of the same shares against each other. What is averaged differs, so only
