@@ -221,7 +221,8 @@ fn one_bit_of_one_sample_is_noticed() {
         let lines = bits(&stand_in.bench.lines(1));
         let answer = stand_in
             .bench
-            .identify(question(&setup, Method::ApparentMass, false));
+            .identify(question(&setup, Method::ApparentMass, false))
+            .answer;
         all.push((lines, answer));
     }
     assert_ne!(all[0].0, all[1].0);

@@ -205,6 +205,9 @@ fn abuse(seed: u64, frames: u32) {
         link.carry(id, &frame.expect("it fits"), &mut random);
     }
 
+    // A delimiter ends the last frame.
+    link.stream.push(0);
+
     let expected = Expected::new(&link);
     let mut buffer = [0; BODY_MAX];
     let mut receiver = Receiver::<ToBox>::new(&mut buffer);

@@ -1,7 +1,7 @@
 //! Fields of a recording that are no readings.
 
+use crate::X;
 use crate::bench::{Bench, Finished};
-use crate::{X, refused};
 
 /// Row 100 from 0 stands in line 102, below the header.
 fn with_field(field: &str) -> Finished {
@@ -17,67 +17,30 @@ fn with_field(field: &str) -> Finished {
 
 #[test]
 fn text_in_a_number() {
-    refused(
-        &with_field("1.2.3"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "`1.2.3` is not a number",
-            "decimal point",
-        ],
+    with_field("1.2.3").refused_input(
+        "lateral-x.csv … line 102 … channel `a4` … `1.2.3` is not a number … decimal point",
     );
-    refused(
-        &with_field("off"),
-        2,
-        &[X, "line 102", "channel `a4`", "`off` is not a number"],
-    );
-    refused(
-        &with_field(""),
-        2,
-        &[X, "line 102", "channel `a4`", "`` is not a number"],
-    );
+    with_field("off")
+        .refused_input("lateral-x.csv … line 102 … channel `a4` … `off` is not a number");
+    with_field("").refused_input("lateral-x.csv … line 102 … channel `a4` … `` is not a number");
 }
 
 #[test]
 fn nan() {
-    refused(
-        &with_field("NaN"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "NaN is not a finite reading",
-            "cut the recording",
-        ],
+    with_field("NaN").refused_input(
+        "lateral-x.csv … line 102 … channel `a4` … NaN is not a finite reading … cut the \
+             recording",
     );
 }
 
 #[test]
 fn infinity() {
-    refused(
-        &with_field("-inf"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "-inf is not a finite reading",
-            "cut the recording",
-        ],
+    with_field("-inf").refused_input(
+        "lateral-x.csv … line 102 … channel `a4` … -inf is not a finite reading … cut the \
+             recording",
     );
-    refused(
-        &with_field("1e39"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "1e39 is not a finite reading",
-        ],
-    );
+    with_field("1e39")
+        .refused_input("lateral-x.csv … line 102 … channel `a4` … 1e39 is not a finite reading");
 }
 
 #[test]
@@ -94,15 +57,8 @@ fn short_row() {
             })
             .collect()
     };
-    let finished = Bench::fork().edit(X, cut).identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "line 201",
-            "3 fields where the header has 19",
-            "cut the recording before this line",
-        ],
+    Bench::fork().edit(X, cut).identify(&[]).refused_input(
+        "lateral-x.csv … line 201 … 3 fields where the header has 19 … cut the recording \
+             before this line",
     );
 }

@@ -20,6 +20,56 @@ pub struct Finished {
     pub stderr: String,
 }
 
+impl Finished {
+    /// Asserts that wrong usage or unreadable input was refused: exit code 2, and one sentence
+    /// with these words.
+    #[track_caller]
+    pub fn refused_input(&self, words: &str) {
+        self.refused(2, words);
+    }
+
+    /// Asserts that data that allow no answer were refused: exit code 1, and one sentence with
+    /// these words.
+    #[track_caller]
+    pub fn refused_data(&self, words: &str) {
+        self.refused(1, words);
+    }
+
+    #[track_caller]
+    fn refused(&self, code: i32, words: &str) {
+        println!("{}", self.stderr.trim_end());
+        assert_eq!(self.code, Some(code), "{}", self.stderr);
+        assert_eq!(self.stdout, "");
+        let line = self.stderr.strip_prefix("error: ").unwrap();
+        assert_eq!(line.lines().count(), 1, "one sentence: {line}");
+        assert!(!line.contains('\u{1b}'), "colours without a terminal");
+        assert!(!line.contains("panicked"));
+        assert_has(line, words);
+    }
+
+    /// Asserts these words on the standard error.
+    #[track_caller]
+    pub fn says(&self, words: &str) {
+        assert_has(&self.stderr, words);
+    }
+
+    /// Asserts these words on the standard output.
+    #[track_caller]
+    pub fn shows(&self, words: &str) {
+        assert_has(&self.stdout, words);
+    }
+}
+
+/// Asserts that a text has all words between the marks ` … `, in this order.
+#[track_caller]
+fn assert_has(text: &str, words: &str) {
+    let mut rest = text;
+    for word in words.split(" … ") {
+        let found = rest.split_once(word);
+        (_, rest) = found.unwrap_or_else(|| panic!("«{word}» is not in: {text}"));
+    }
+}
+
 /// Runs the binary in a folder.
 pub fn massline<S: AsRef<OsStr>>(
     folder: &Path,
@@ -113,6 +163,15 @@ impl Bench {
     /// Replaces the first occurrence of a text in the setup.
     pub fn setup(self, from: &str, to: &str) -> Self {
         self.edit("setup.toml", |text| text.replacen(from, to, 1))
+    }
+
+    /// Gives a key of the setup another value, where it stands first.
+    pub fn with(self, key: &str, value: &str) -> Self {
+        let begin = format!("{key} = ");
+        self.edit("setup.toml", |text| {
+            let old = text.lines().find(|line| line.starts_with(&begin)).unwrap();
+            text.replacen(old, &format!("{begin}{value}"), 1)
+        })
     }
 
     /// Writes a file as it is.

@@ -13,9 +13,9 @@ use massline_firmware::acquisition::SETTLING;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::models::pattern;
 use massline_firmware::wire::{
-    Accelerations, Direction, Event, FromBox, Gaps, Header, Line, Lines, Outcome, Pass, Ping,
-    Problem, Provoke, ReadLines, Reply, Request, Samples, Source, Start, Status, Stream,
-    Subscription, Summary, ToBox, Values,
+    Accelerations, Direction, Event, FromBox, Gaps, Header, Line, Lines, Outcome, Ping, Problem,
+    Provoke, ReadLines, Reply, Request, Samples, Source, Status, Stream, Subscription, Summary,
+    ToBox, Values,
 };
 
 use crate::bench::{self, Bench, Said};
