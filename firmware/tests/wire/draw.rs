@@ -1,7 +1,8 @@
 //! Messages out of arbitrary bytes: what the generator gives decides every field.
 //!
 //! A [`Draw`] is a deserializer, so that every field and every variant of a message is drawn without
-//! a line here, those that are added later included.
+//! a line here, those that are added later included. Their names decide what they get, and not their
+//! places, so that two fields that change places have other bytes.
 
 use massline_firmware::wire::{Count24, FaultySamples, Line, Lines, NAME_MAX, PANIC_MAX, Word};
 use proptest::prelude::*;
@@ -77,7 +78,7 @@ pub fn material() -> impl Strategy<Value = Material> {
     (entropy, ".{0,40}").prop_map(|(entropy, text)| Material::new(entropy, text))
 }
 
-/// Takes one thing after the other out of some material; zeros when it is used up.
+/// Takes one thing after the other out of some material, again and again; zeros if there is none.
 pub struct Draw<'a> {
     material: &'a Material,
     at: usize,
@@ -94,9 +95,10 @@ impl<'a> Draw<'a> {
     }
 
     fn byte(&mut self) -> u8 {
-        let byte = self.material.entropy.get(self.at).copied().unwrap_or(0);
-        self.at += 1;
-        byte
+        let entropy = &self.material.entropy;
+        let at = self.at.checked_rem(entropy.len());
+        self.at = self.at.wrapping_add(1);
+        at.map_or(0, |at| entropy[at])
     }
 
     /// Any number, but the ends of the range more often than chance has it.
@@ -222,8 +224,11 @@ impl<'a> Deserializer<'a> for &mut Draw<'a> {
         count: usize,
         visitor: V,
     ) -> Result<V::Value, Error> {
-        let places = vec![self.place; count].into_iter();
-        visitor.visit_seq(Parts { draw: self, places })
+        visitor.visit_seq(Parts {
+            begin: None,
+            places: vec![self.place; count].into_iter(),
+            draw: self,
+        })
     }
 
     fn deserialize_struct<V: Visitor<'a>>(
@@ -233,8 +238,11 @@ impl<'a> Deserializer<'a> for &mut Draw<'a> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         self.is_faulty = name == "FaultySamples" || self.is_faulty;
-        let places = fields.iter().map(|field| (name, *field));
-        visitor.visit_seq(Parts { draw: self, places })
+        visitor.visit_seq(Parts {
+            begin: Some(self.at),
+            places: fields.iter().map(|field| (name, *field)),
+            draw: self,
+        })
     }
 
     fn deserialize_enum<V: Visitor<'a>>(
@@ -244,9 +252,11 @@ impl<'a> Deserializer<'a> for &mut Draw<'a> {
         visitor: V,
     ) -> Result<V::Value, Error> {
         let largest = variants.iter().position(|name| LARGEST.contains(name));
+        let mut by_name: Vec<usize> = (0..variants.len()).collect();
+        by_name.sort_by_key(|&index| variants[index]);
         let index = match self.material.full {
             true => largest.unwrap_or(variants.len() - 1),
-            false => usize::from(self.byte()) % variants.len(),
+            false => by_name[usize::from(self.byte()) % variants.len()],
         };
         self.place = (name, variants[index]);
         visitor.visit_enum(Chosen { draw: self, index })
@@ -265,6 +275,8 @@ impl<'a> Deserializer<'a> for &mut Draw<'a> {
 /// Parts of a value, each with its place.
 struct Parts<'d, 'a, P> {
     draw: &'d mut Draw<'a>,
+    /// Where the material of a type with fields begins.
+    begin: Option<usize>,
     places: P,
 }
 
@@ -279,6 +291,10 @@ impl<'a, P: Iterator<Item = (&'static str, &'static str)>> SeqAccess<'a> for Par
             return Ok(None);
         };
         self.draw.place = place;
+        if let Some(begin) = self.begin {
+            let hash = |hash: usize, byte: u8| hash.wrapping_mul(31).wrapping_add(byte.into());
+            self.draw.at = place.1.bytes().fold(begin, hash);
+        }
         seed.deserialize(&mut *self.draw).map(Some)
     }
 }
@@ -319,6 +335,7 @@ impl<'a> VariantAccess<'a> for Chosen<'_, 'a> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Error> {
-        self.draw.deserialize_tuple(fields.len(), visitor)
+        let name = self.draw.place.1;
+        self.draw.deserialize_struct(name, fields, visitor)
     }
 }
