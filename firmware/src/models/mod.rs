@@ -5,21 +5,21 @@
 //! | --- | --- |
 //! | [`ads131m08`] | the converter ADS131M08: registers, frames, conversions |
 //! | [`adxl355`] | the accelerometer ADXL355 |
-//! | [`board`] | a board without hardware |
 //! | [`flash`] | a NOR flash with power cuts and wrong bits |
 //! | [`rig`] | some ADS131M08 on one clock, with time and faults of wires |
 //! | [`pattern`] | a converter of test patterns |
 //! | [`injector`] | random faults, with the counters they should raise |
 //! | [`random`] | random numbers |
+//! | [`setup`] | a small set-up, for tests and the self-test |
 
 pub mod ads131m08;
 pub mod adxl355;
-pub mod board;
 pub mod flash;
 pub mod injector;
 pub mod pattern;
 pub mod random;
 pub mod rig;
+pub mod setup;
 
 /// Error of a model of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,8 @@ use massline_firmware::calibration::Certificate;
 use massline_firmware::instrument::{
     Identity, Instrument, Job, Memory, Persistent, RawSample, RunStorage, Transmit, WorkingStorage,
 };
-use massline_firmware::models::board::{IDENTITY, ModelBoard, TICK_HZ};
+use massline_firmware::model_board::{IDENTITY, ModelBoard, TICK_HZ};
+pub use massline_firmware::models::setup::start;
 use massline_firmware::sampling;
 use massline_firmware::wire::*;
 
@@ -120,17 +121,6 @@ impl Transmit for Host {
             Event::Telemetry(_) => Heard::Telemetry,
             Event::Fault(fault) => Heard::Fault(*fault),
         });
-    }
-}
-
-/// The start of a run that measures.
-pub fn start(run: u8, source: Source, gaps: Gaps, limit: Option<u64>) -> Start {
-    Start {
-        run,
-        pass: Pass::Measure,
-        source,
-        gaps,
-        limit,
     }
 }
 

@@ -2,12 +2,12 @@
 
 use crate::bench::{Bench, Said};
 use massline_core::identify;
+use massline_firmware::models::setup;
+pub use massline_firmware::models::setup::CHANNELS;
 use massline_firmware::wire::*;
 
 /// Sensors, and with them channels: the drive comes last.
-pub const SENSORS: usize = 12;
-/// Channels of a sample.
-pub const CHANNELS: usize = SENSORS + 1;
+pub const SENSORS: usize = setup::SENSORS as usize;
 
 /// Pieces of the set-up.
 pub struct Pieces {
@@ -19,68 +19,21 @@ pub struct Pieces {
 
 impl Pieces {
     pub fn new() -> Self {
-        let places = [
-            ([0.2, 0.2, 0.0], [1.0, 0.0, 0.0]),
-            ([0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-            ([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-            ([-0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-            ([-0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-            ([0.2, -0.2, 0.0], [0.0, 0.0, 1.0]),
-        ];
-        let kinds = [
-            SensorKind::Accelerometer(Mount::Interface),
-            SensorKind::LoadCell(Quantity::Force),
-        ];
-        let sensors = kinds
-            .iter()
-            .flat_map(|kind| places.map(|place| (*kind, place)));
-        let sensors = sensors
-            .zip(0..)
-            .map(|((kind, (position, direction)), sensor)| Sensor {
-                sensor,
-                name: "s",
-                kind,
-                position,
-                direction,
-                scale: ScaleSource::Given {
-                    per_unit: 0.1,
-                    offset: 0.0,
-                },
-            });
         Self {
-            plan: Plan {
-                sensors: SENSORS as u8,
-                runs: 3,
-                reference_point: [0.0; 3],
-                fingerprint: 99,
-            },
+            plan: setup::plan(3, 99),
             processing: Processing {
-                sample_rate: 512.0,
-                block_length: 1024,
-                overlap: 0.5,
-                window: Window::Hann,
-                kept_band: [0.5, 40.0],
-                averaging_band: [1.0, 15.0],
                 mode_band: Some([28.0, 40.0]),
-                accelerations: Accelerations::Interface,
-                weighting: Weighting::Given,
-                minimum_weight: 0.1,
+                ..setup::PROCESSING
             },
-            sensors: sensors.collect(),
-            channels: (0..SENSORS as u8)
-                .chain([ChannelRole::Drive.code()])
-                .collect(),
+            sensors: setup::sensors(0.2, 0.1).collect(),
+            channels: setup::ROLES.to_vec(),
         }
     }
 
     pub fn run(&self, run: u8) -> Run<'_> {
         Run {
-            run,
-            name: "r",
-            excitation: Excitation::Random,
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
             channels: &self.channels,
+            ..setup::run(run)
         }
     }
 

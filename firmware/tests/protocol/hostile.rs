@@ -146,8 +146,7 @@ fn run(
     source: Source,
     hostile: Option<(&mut Hostile<'_>, u64)>,
 ) -> (Summary, Vec<Line>) {
-    let gaps = Gaps::Refuse;
-    bench.start(0, source, gaps, None);
+    bench.start(0, source, Gaps::Refuse, None);
     bench.hardware.ticks = 0;
     let mut body = [0; BODY_MAX];
     let mut receiver = Receiver::new(&mut body);

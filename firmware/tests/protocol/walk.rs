@@ -9,6 +9,7 @@ use crate::random::{Random, wanted};
 use massline_core::identify;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::instrument::Job;
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 
 /// A request that does more events than these is not bounded by its samples.
@@ -24,14 +25,12 @@ fn processing(random: &mut Random) -> Processing {
     Processing {
         sample_rate: RATE,
         block_length: 64,
-        overlap: 0.5,
-        window: Window::Hann,
         kept_band: [8.0, 100.0],
         averaging_band: [8.0, 60.0],
         mode_band: random.pick(&[None, Some([60.0, 100.0]), Some([60.0, 100.0])]),
         accelerations,
         weighting,
-        minimum_weight: 0.25,
+        ..setup::PROCESSING
     }
 }
 
@@ -57,12 +56,8 @@ const CARRIED: [u8; CHANNELS] = [0, 1, 2, 3, ChannelRole::Drive.code()];
 
 fn run(number: u8) -> Run<'static> {
     Run {
-        run: number,
-        name: "r",
-        excitation: Excitation::Random,
-        rotation: [0.0; 3],
-        translation: [0.0; 3],
         channels: &CARRIED,
+        ..setup::run(number)
     }
 }
 

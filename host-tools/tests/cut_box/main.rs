@@ -19,14 +19,13 @@ use massline::device::{Cut, CutLine, HostBox, HostBoxMemory, Place, Port, PortEr
 use massline::limits;
 use massline::printable::steers;
 use massline::recording::Recording;
-use massline::rig::Inputs;
 use massline_firmware::wire::{
     BODY_MAX, FRAME_MAX, Received, Receiver, Reply, Request, Sender, ToBox,
 };
-use stand_in::begin;
+use stand_in::beside;
+use std::ops::Deref;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// The box in this program, which also starts anew where it is asked to.
@@ -113,12 +112,17 @@ const TALK: Case = Case {
 /// What became of a command.
 #[derive(Debug)]
 struct Finished {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-    took: Duration,
+    program: stand_in::Ended,
     folder: TempDir,
     passed: [u64; 2],
+}
+
+impl Deref for Finished {
+    type Target = stand_in::Ended;
+
+    fn deref(&self) -> &stand_in::Ended {
+        &self.program
+    }
 }
 
 /// A request that is not answered is sent eight times, a second apart, and once more it is tried
@@ -127,16 +131,14 @@ fn silence() -> Duration {
     2 * (Duration::from_secs(2 * u64::from(limits::ATTEMPTS)) + limits::SILENCE)
 }
 
-fn run(case: &Case, inputs: &Inputs, cut: Cut, place: Place) -> Finished {
+fn run(case: &Case, cut: Cut, place: Place) -> Finished {
     let folder = tempfile::tempdir().unwrap();
     FORK.copy(folder.path());
     if let Some(file) = case.writes {
         std::fs::write(folder.path().join(file), case.old).unwrap();
     }
-    let since = Instant::now();
-    let bound = silence() + case.works;
     let (mut memory, mut body) = (HostBoxMemory::new(), [0; BODY_MAX]);
-    let mut host_box = HostBox::with_inputs(&mut memory, 1, inputs.clone());
+    let mut host_box = HostBox::with_inputs(&mut memory, 1, FORK.inputs());
     (case.prepare)(&mut host_box);
     let restarting = Restarting {
         host_box,
@@ -145,25 +147,11 @@ fn run(case: &Case, inputs: &Inputs, cut: Cut, place: Place) -> Finished {
         said: Vec::new(),
     };
     let mut line = CutLine::new(restarting, cut, place);
-    let program = stand_in::serve(
-        &mut line,
-        |path| begin(command(folder.path(), case.command.split(' ')), path),
-        |program| {
-            let status = program.child.try_wait().unwrap();
-            if status.is_none() && since.elapsed() > bound {
-                program.child.kill().unwrap();
-                panic!("{:?}, {cut:?} {place:?}: it goes on", case.command);
-            }
-            program.code = status.and_then(|status| status.code());
-            status.is_some()
-        },
-    );
-    let [stdout, stderr] = program.streams.map(|stream| stream.join().unwrap());
+    let command = command(folder.path(), case.command.split(' '));
+    let bound = silence() + case.works;
+    let about = (case.command, cut, place);
     Finished {
-        code: program.code,
-        stdout,
-        stderr,
-        took: since.elapsed(),
+        program: stand_in::run(&mut line, command, bound, &about),
         folder,
         passed: line.passed(),
     }
@@ -227,8 +215,7 @@ const STRIDE: u64 = 11;
 
 /// Runs a command with the link cut at every frame.
 fn at_every_frame(case: &Case) {
-    let inputs = FORK.inputs();
-    let whole = run(case, &inputs, Cut::Gone, Place::Frame(u64::MAX));
+    let whole = run(case, Cut::Gone, Place::Frame(u64::MAX));
     assert_eq!(whole.code, Some(0), "{whole:#?}");
     check(case, &whole, Cut::Gone, &whole);
     let frames = whole.passed[0];
@@ -240,27 +227,17 @@ fn at_every_frame(case: &Case) {
             cases.push((Cut::Silent, n));
         }
     }
-    let next = AtomicUsize::new(0);
-    let longest = std::thread::scope(|scope| {
-        let worker = || {
-            // The models cannot be shared.
-            let inputs = FORK.inputs();
-            let mut longest = Duration::ZERO;
-            while let Some(&(cut, n)) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let finished = run(case, &inputs, cut, Place::Frame(n));
-                check(case, &finished, cut, &whole);
-                longest = longest.max(finished.took);
-            }
-            longest
-        };
-        let workers: Vec<_> = (0..BESIDE).map(|_| scope.spawn(worker)).collect();
-        let longest = workers.into_iter().map(|worker| worker.join().unwrap());
-        longest.max().unwrap()
+    let count = cases.len();
+    let took = beside(BESIDE, cases, |(cut, n)| {
+        let finished = run(case, cut, Place::Frame(n));
+        check(case, &finished, cut, &whole);
+        finished.took
     });
+    let longest = took.into_iter().max().unwrap();
     println!(
         "{:?}: {frames} frames, {} cuts, the longest took {longest:.1?} of {:?}",
         case.command,
-        cases.len(),
+        count,
         silence() + case.works
     );
 }

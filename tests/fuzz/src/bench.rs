@@ -5,7 +5,7 @@ use crate::link::{self, Piece};
 use massline_firmware::instrument::{
     Identity, Instrument, Memory, Persistent, RunStorage, Transmit, WorkingStorage,
 };
-use massline_firmware::models::board::{IDENTITY, ModelBoard};
+use massline_firmware::model_board::{IDENTITY, ModelBoard};
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{
     BODY_MAX, Event, FRAME_MAX, FromBox, Received, Receiver, Reply, Request, Sender, ToHost,

@@ -4,6 +4,7 @@ use crate::link;
 use crate::script::push;
 use massline_core::identify;
 use massline_firmware::calibration::Preset;
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 use std::fmt::Write;
 
@@ -46,63 +47,19 @@ fn message(message: &FromBox<'_>) -> Vec<u8> {
 
 /// Six accelerometers on the interface, six load cells, and a drive.
 fn set_up(weighting: Weighting, runs: u8) -> Vec<Vec<u8>> {
-    let places = [
-        ([0.2, 0.2, 0.0], [1.0, 0.0, 0.0]),
-        ([0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-        ([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-        ([-0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-        ([-0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-        ([0.2, -0.2, 0.0], [0.0, 0.0, 1.0]),
-    ];
-    let kinds = [
-        SensorKind::Accelerometer(Mount::Interface),
-        SensorKind::LoadCell(Quantity::Force),
-    ];
     let mut all = vec![
-        Request::BeginSetup(Plan {
-            sensors: 12,
-            runs,
-            reference_point: [0.0; 3],
-            fingerprint: 99,
-        }),
+        Request::BeginSetup(setup::plan(runs, 99)),
         Request::SetProcessing(Processing {
-            sample_rate: 512.0,
             block_length: 64,
-            overlap: 0.5,
-            window: Window::Hann,
             kept_band: [8.0, 100.0],
             averaging_band: [8.0, 60.0],
             mode_band: Some([64.0, 100.0]),
-            accelerations: Accelerations::Interface,
             weighting,
-            minimum_weight: 0.1,
+            ..setup::PROCESSING
         }),
     ];
-    let sensors = kinds.iter().flat_map(|kind| places.map(|at| (*kind, at)));
-    for (sensor, (kind, (position, direction))) in (0..).zip(sensors) {
-        all.push(Request::SetSensor(Sensor {
-            sensor,
-            name: "s",
-            kind,
-            position,
-            direction,
-            scale: ScaleSource::Given {
-                per_unit: 0.1,
-                offset: 0.0,
-            },
-        }));
-    }
-    let channels: Vec<u8> = (0..12).chain([ChannelRole::Drive.code()]).collect();
-    for run in 0..runs {
-        all.push(Request::SetRun(Run {
-            run,
-            name: "r",
-            excitation: Excitation::Random,
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
-            channels: &channels,
-        }));
-    }
+    all.extend(setup::sensors(0.2, 0.1).map(Request::SetSensor));
+    all.extend((0..runs).map(|run| Request::SetRun(setup::run(run))));
     all.push(Request::EndSetup);
     all.iter().map(request).collect()
 }

@@ -113,11 +113,8 @@ impl StandIn {
         mut change: impl FnMut(usize, &mut [f32]),
     ) -> Summary {
         self.done(&Request::Start(Start {
-            run: number as u8,
             pass,
-            source: Source::Host,
-            gaps: Gaps::Refuse,
-            limit: None,
+            ..bench::start(number as u8, Source::Host, Gaps::Refuse, None)
         }));
         let mut rows = rows(setup, number);
         let channels = rows[0].len();
