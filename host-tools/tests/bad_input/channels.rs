@@ -7,7 +7,6 @@ use crate::bench::{self, Bench, Finished, RECORDINGS};
 fn missing_channel() {
     Bench::fork()
         .edit(X, |text| text.replacen(",a4,", ",A4,", 1))
-        .identify(&[])
         .refused_input("lateral-x.csv … line 1 … there is no channel `a4` … did you mean `A4`?");
 }
 
@@ -15,7 +14,6 @@ fn missing_channel() {
 fn missing_drive() {
     Bench::fork()
         .with("reference", "\"generator\"")
-        .identify(&[])
         .refused_input(
             "lateral-x.csv … there is no channel `generator` … columns without a sensor are drive \
              … correct",
@@ -26,7 +24,6 @@ fn missing_drive() {
 fn duplicate_channel_in_the_recording() {
     Bench::fork()
         .edit(X, |text| text.replacen(",a4,", ",a5,", 1))
-        .identify(&[])
         .refused_input(
             "lateral-x.csv … line 1 … channel `a5` stands there twice, in columns 5 and 6 … \
              rename one",
@@ -35,24 +32,18 @@ fn duplicate_channel_in_the_recording() {
 
 #[test]
 fn duplicate_channel_in_the_setup() {
-    Bench::fork()
-        .setup("\"a4\"", "\"a5\"")
-        .identify(&[])
-        .refused_input(
-            "setup.toml, line … [[accelerometer]] 5 … channel \"a5\" belongs to [[accelerometer]] \
+    Bench::fork().setup("\"a4\"", "\"a5\"").refused_input(
+        "setup.toml, line … [[accelerometer]] 5 … channel \"a5\" belongs to [[accelerometer]] \
              4 … correct the name",
-        );
+    );
 }
 
 #[test]
 fn a_sensor_as_the_drive() {
-    Bench::fork()
-        .with("reference", "\"a1\"")
-        .identify(&[])
-        .refused_input(
-            "setup.toml, line … `reference` names \"a1\", which is a sensor … leave `reference` \
+    Bench::fork().with("reference", "\"a1\"").refused_input(
+        "setup.toml, line … `reference` names \"a1\", which is a sensor … leave `reference` \
              out",
-        );
+    );
 }
 
 fn constant_everywhere(channel: &str, reading: &str) -> Finished {
@@ -84,7 +75,6 @@ fn channel_that_dies_between_runs() {
     Bench::fork()
         .channel(RECORDINGS[1], "a1", |_, _| "0.0".to_owned())
         .channel(RECORDINGS[2], "a1", |_, _| "0.0".to_owned())
-        .identify(&[])
         .refused_data("lateral-z.csv … channel `a1` … it reads 0 throughout … repair it");
 }
 
@@ -92,7 +82,6 @@ fn channel_that_dies_between_runs() {
 fn dead_drive() {
     Bench::fork()
         .channel(X, "drive", |_, _| "0.0".to_owned())
-        .identify(&[])
         .refused_data(
             "lateral-x.csv … channel `drive` … nothing can be referred to it … check the \
              generator's cable",
@@ -105,13 +94,10 @@ fn clipped_channel() {
         let reading: f64 = field.parse().unwrap();
         reading.clamp(-1.5, 1.5).to_string()
     };
-    Bench::fork()
-        .channel(X, "a1", stop)
-        .identify(&[])
-        .refused_data(
-            "lateral-x.csv … channel `a1` … samples sit at 1.5 … the signal is clipped … lower \
+    Bench::fork().channel(X, "a1", stop).refused_data(
+        "lateral-x.csv … channel `a1` … samples sit at 1.5 … the signal is clipped … lower \
              the gain",
-        );
+    );
 }
 
 #[test]
@@ -120,12 +106,12 @@ fn runs_that_are_copies_of_each_other() {
                  its own";
     // Named twice.
     let named = Bench::fork().setup(RECORDINGS[1], X);
-    named.identify(&[]).refused_data(words);
+    named.refused_data(words);
     // Copied under another name and exported anew, so that the texts differ.
     let bench = Bench::fork();
     let text = std::fs::read_to_string(bench.file(X)).unwrap();
     let copied = bench.write(RECORDINGS[1], text.replace(',', ", "));
-    copied.identify(&[]).refused_data(words);
+    copied.refused_data(words);
 }
 
 /// Without noise, a sensor that looks across the motion reads exactly zero and is well.

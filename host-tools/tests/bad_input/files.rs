@@ -21,7 +21,6 @@ fn lines(text: &str, count: usize) -> String {
 fn empty_file() {
     Bench::fork()
         .write(X, "")
-        .identify(&[])
         .refused_input("lateral-x.csv … the file is empty … expected a header");
 }
 
@@ -30,16 +29,13 @@ fn empty_file_in_gzip() {
     let bench = Bench::fork()
         .setup(X, "x.csv.gz")
         .write("x.csv.gz", gzip(""));
-    bench
-        .identify(&[])
-        .refused_input("x.csv.gz … the file is empty … expected a header");
+    bench.refused_input("x.csv.gz … the file is empty … expected a header");
 }
 
 #[test]
 fn header_only() {
     Bench::fork()
         .edit(X, |text| lines(text, 1))
-        .identify(&[])
         .refused_input("lateral-x.csv … not one row of numbers … export the recording again");
 }
 
@@ -47,7 +43,6 @@ fn header_only() {
 fn no_header() {
     Bench::fork()
         .edit(X, |text| text.split_once('\n').unwrap().1.to_owned())
-        .identify(&[])
         .refused_input(
             "lateral-x.csv … line 1 … starts with the number … put a line with the channel names",
         );
@@ -57,7 +52,6 @@ fn no_header() {
 fn too_short_a_recording() {
     Bench::fork()
         .edit(X, |text| lines(text, 1000))
-        .identify(&[])
         .refused_data("lateral-x.csv … 999 samples give 0 block(s) of 1024 … record longer");
 }
 
@@ -65,11 +59,9 @@ fn too_short_a_recording() {
 fn files_that_are_not_there() {
     Bench::fork()
         .setup(X, "lateral-y.csv")
-        .identify(&[])
         .refused_input("lateral-y.csv … cannot be read … check the `recording`");
     Bench::fork()
         .setup(X, ".")
-        .identify(&[])
         .refused_input("cannot be read … directory … check the `recording`");
     let bench = Bench::fork();
     bench::massline(bench.path(), ["identify", "nowhere.toml"])
@@ -83,13 +75,11 @@ fn files_of_another_kind() {
     let utf16: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
     Bench::fork()
         .write(X, [&[0xff, 0xfe], utf16.as_slice()].concat())
-        .identify(&[])
         .refused_input("lateral-x.csv … line 1 … UTF-16 … save it as UTF-8");
     let finished = Bench::fork().write(X, text.replace(',', ";")).identify(&[]);
     finished.refused_input("lateral-x.csv … line 1 … separated by semicolons … with commas");
     bench
         .write(X, [0x1f, 0x8b, 9])
-        .identify(&[])
         .refused_input("lateral-x.csv … line 1 … breaks off or is damaged");
 }
 
@@ -104,9 +94,7 @@ fn a_kind_is_told_by_content_and_not_by_name() {
     let plain = Bench::fork().setup(X, "x.csv.gz").write("x.csv.gz", &text);
     assert_eq!(plain.identify(&["--json"]).stdout, expected);
     let twice = Bench::fork().write(X, gzip(gzip(&text)));
-    twice
-        .identify(&[])
-        .refused_input("lateral-x.csv … line 1 … gzip twice");
+    twice.refused_input("lateral-x.csv … line 1 … gzip twice");
 }
 
 #[test]
@@ -116,9 +104,7 @@ fn gzip_that_breaks_off() {
     let bench = bench
         .setup(X, "x.csv.gz")
         .write("x.csv.gz", &zipped[..zipped.len() / 2]);
-    bench
-        .identify(&[])
-        .refused_input("x.csv.gz, line … breaks off or is damaged … copy or export it again");
+    bench.refused_input("x.csv.gz, line … breaks off or is damaged … copy or export it again");
 }
 
 #[test]
@@ -141,7 +127,6 @@ fn a_number_that_may_be_cut_is_noted() {
     let last = text.rsplit_once(',').unwrap().0;
     fields
         .write(X, last)
-        .identify(&[])
         .refused_input("lateral-x.csv … fields where the header has … cut");
 }
 
@@ -172,14 +157,11 @@ fn columns_by_the_hundred_thousand_are_left_out_with_a_short_note() {
         notes[0]
     );
     // A comparison of each name with all before it would take half a minute.
-    bench
-        .identify(&[])
-        .refused_data("lateral-x.csv … 3 samples give 0 block(s)");
+    bench.refused_data("lateral-x.csv … 3 samples give 0 block(s)");
     // One more than there may be.
     let names: String = (0..131_073).map(|k| format!("c{k},")).collect();
     Bench::fork()
         .write(X, format!("{}\n", names.trim_end_matches(',')))
-        .identify(&[])
         .refused_input("lateral-x.csv … 131073 columns … at most 131072");
 }
 
@@ -191,12 +173,9 @@ fn a_pipe_is_no_recording() {
         .arg(bench.file("pipe"))
         .status();
     assert!(made.unwrap().success());
-    bench
-        .identify(&[])
-        .refused_input("pipe … no file … save it to a file");
+    bench.refused_input("pipe … no file … save it to a file");
     Bench::fork()
         .setup(X, "/dev/zero")
-        .identify(&[])
         .refused_input("/dev/zero … no file … save it to a file");
 }
 

@@ -18,7 +18,6 @@ fn with_time(text: &str, rate: f64, late: usize) -> String {
 fn wrong_sample_rate() {
     Bench::fork()
         .edit(X, |text| with_time(text, 256.0, 0))
-        .identify(&[])
         .refused_input(
             "lateral-x.csv … its time column says 256 samples per second, the setup says 512 … \
              correct `sample_rate`",
@@ -29,7 +28,6 @@ fn wrong_sample_rate() {
 fn no_sample_rate() {
     Bench::fork()
         .setup("sample_rate", "# sample_rate")
-        .identify(&[])
         .refused_input("lateral-x.csv … no `time` column … no `sample_rate` … write `sample_rate`");
 }
 
@@ -38,7 +36,6 @@ fn lost_samples() {
     // Two samples are gone before row 1500, which stands in line 1502.
     Bench::fork()
         .edit(X, |text| with_time(text, 512.0, 2))
-        .identify(&[])
         .refused_input("lateral-x.csv … line 1502 … samples are missing or doubled … record again");
 }
 
@@ -48,7 +45,6 @@ fn runs_at_different_rates() {
         .setup("sample_rate", "# sample_rate")
         .edit(X, |text| with_time(text, 512.0, 0))
         .edit(RECORDINGS[1], |text| with_time(text, 256.0, 0))
-        .identify(&[])
         .refused_input("lateral-z.csv … 256 … 512 … record all runs at one rate");
 }
 
@@ -58,7 +54,6 @@ fn band_outside_the_spectrum_of_the_recording() {
         .setup("sample_rate", "# sample_rate")
         .with("averaging_band", "[0.5, 300.0]")
         .edit(X, |text| with_time(text, 512.0, 0))
-        .identify(&[])
         .refused_input(
             "lateral-x.csv … `averaging_band` ends at 300 Hz … the spectrum ends at 255 Hz … \
              lower the band",

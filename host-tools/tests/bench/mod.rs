@@ -218,6 +218,18 @@ impl Bench {
         })
     }
 
+    /// [`Finished::refused_input`] of `massline identify setup.toml`.
+    #[track_caller]
+    pub fn refused_input(&self, words: &str) {
+        self.identify(&[]).refused_input(words);
+    }
+
+    /// [`Finished::refused_data`] of `massline identify setup.toml`.
+    #[track_caller]
+    pub fn refused_data(&self, words: &str) {
+        self.identify(&[]).refused_data(words);
+    }
+
     /// `massline identify setup.toml` with more arguments.
     pub fn identify(&self, arguments: &[&str]) -> Finished {
         massline(
