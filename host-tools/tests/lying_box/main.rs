@@ -11,6 +11,9 @@ mod bench;
 mod fork;
 mod peer;
 mod proxy;
+#[path = "../../../firmware/tests/wire/reference.rs"]
+#[allow(dead_code, reason = "no test begins with any header")]
+mod reference;
 #[path = "../cut_box/stand_in.rs"]
 mod stand_in;
 mod tales;
