@@ -42,7 +42,7 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// What can happen to bytes on their way.
+/// Damage to bytes on their way.
 #[derive(Clone, Debug)]
 enum Damage {
     Replace(Vec<u8>),

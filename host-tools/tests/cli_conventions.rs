@@ -1,4 +1,4 @@
-//! What all commands have in common: streams, exit codes, help, colours, silence.
+//! Properties of all commands: streams, exit codes, help, colours, silence.
 
 mod bench;
 

@@ -1,4 +1,4 @@
-//! What is said of the numbers: data that do not allow an answer are refused, and error bars
+//! Statements about the numbers: data that do not allow an answer are refused, and error bars
 //! mean one thing everywhere.
 
 mod bench;

@@ -5,10 +5,10 @@ mod stand_in;
 
 use massline::rig::{self, Outfit, Trouble, Troubles};
 use massline::simulate::{Model, Options, Simulation, simulate};
-use massline_core::identify;
 use massline_core::masslines::Method;
+use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    Accelerations, Answer, Gaps, Health, Outcome, Pass, Question, Request, Source, Start, Summary,
+    Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Request, Source, Start, Summary,
 };
 use stand_in::StandIn;
 use stand_in::bench::Heard;
@@ -66,13 +66,10 @@ fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answe
         assert_eq!(summary.samples + summary.missing, length);
         summaries.push(summary);
     }
-    let found = stand_in.bench.identify(Question {
-        method: Method::ApparentMass,
-        identify: identify::Question::default(),
-        modes: 2,
-        fit_band: None,
-        runs: 0,
-    });
+    let found =
+        stand_in
+            .bench
+            .identify(setup::question(Method::ApparentMass, Procedure::Direct, 2));
     (summaries, found.answer)
 }
 

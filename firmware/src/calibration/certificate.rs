@@ -242,76 +242,45 @@ mod tests {
 
     #[test]
     fn each_value_out_of_range_is_refused_by_its_name() {
-        let bad_day = |year, month, day| {
+        type Change = fn(&mut Input<'_>);
+        let values: [(Change, Field, f64); 6] = [
+            (|i| i.per_count = 0.0, Field::Scale, 0.0),
+            (|i| i.offset = f64::NAN, Field::Offset, f64::NAN),
+            (|i| i.uncertainty = -0.1, Field::Uncertainty, -0.1),
+            (|i| i.uncertainty = 1.0, Field::Uncertainty, 1.0),
+            (|i| i.gain = 0, Field::Gain, 0.0),
+            (|i| i.gain = 3, Field::Gain, 3.0),
+        ];
+        let values = values.map(|(change, field, value)| {
+            let mut input = bridge();
+            change(&mut input);
+            (input, field, value)
+        });
+        let bad_limits = |limits| Input { limits, ..bridge() };
+        let limits = [
+            ([5, 5], 5),
+            ([i32::MIN, 5], i32::MIN),
+            ([0, i32::MAX], i32::MAX),
+        ];
+        let limits =
+            limits.map(|(limits, value)| (bad_limits(limits), Field::CountLimit, f64::from(value)));
+        let days = [
+            (2023, 2, 29),
+            (1900, 2, 29),
+            (2024, 4, 31),
+            (2024, 13, 1),
+            (2024, 1, 0),
+        ];
+        let days = days.map(|(year, month, day)| {
             let calibrated = Some(Date { year, month, day });
-            Input {
+            let found = if month > 12 { month } else { day };
+            let input = Input {
                 calibrated,
                 ..bridge()
-            }
-        };
-        let bad_limits = |limits| Input { limits, ..bridge() };
-        let per_count = 0.0;
-        let offset = f64::NAN;
-        let cases = [
-            (
-                Input {
-                    per_count,
-                    ..bridge()
-                },
-                Field::Scale,
-                0.0,
-            ),
-            (Input { offset, ..bridge() }, Field::Offset, f64::NAN),
-            (
-                Input {
-                    uncertainty: -0.1,
-                    ..bridge()
-                },
-                Field::Uncertainty,
-                -0.1,
-            ),
-            (
-                Input {
-                    uncertainty: 1.0,
-                    ..bridge()
-                },
-                Field::Uncertainty,
-                1.0,
-            ),
-            (
-                Input {
-                    gain: 0,
-                    ..bridge()
-                },
-                Field::Gain,
-                0.0,
-            ),
-            (
-                Input {
-                    gain: 3,
-                    ..bridge()
-                },
-                Field::Gain,
-                3.0,
-            ),
-            (bad_limits([5, 5]), Field::CountLimit, 5.0),
-            (
-                bad_limits([i32::MIN, 5]),
-                Field::CountLimit,
-                -2_147_483_648.0,
-            ),
-            (
-                bad_limits([0, i32::MAX]),
-                Field::CountLimit,
-                2_147_483_647.0,
-            ),
-            (bad_day(2023, 2, 29), Field::Date, 29.0),
-            (bad_day(1900, 2, 29), Field::Date, 29.0),
-            (bad_day(2024, 4, 31), Field::Date, 31.0),
-            (bad_day(2024, 13, 1), Field::Date, 13.0),
-            (bad_day(2024, 1, 0), Field::Date, 0.0),
-        ];
-        for (input, field, value) in cases {
+            };
+            (input, Field::Date, f64::from(found))
+        });
+        for (input, field, value) in values.into_iter().chain(limits).chain(days) {
             let refused = Certificate::new(&input).unwrap_err();
             let Problem::Range {
                 field: named,

@@ -10,7 +10,7 @@ use crate::wire::{
     Check, Gaps, Health, Method, Problem, Procedure, Processing, Question, Reply, Request,
     Selftest, Source, Start, State, Window,
 };
-use massline_core::identify::{self, Identification};
+use massline_core::identify::Identification;
 
 /// Runs of the self-test: one an axis.
 pub(super) const RUNS: u8 = 3;
@@ -129,13 +129,7 @@ pub(super) const fn start(run: u8) -> Start {
 }
 
 /// Question to the runs.
-pub(super) const QUESTION: Question = Question {
-    method: Method::ApparentMass,
-    identify: identify::Question::new(None, Procedure::Direct),
-    modes: 1,
-    fit_band: None,
-    runs: 0,
-};
+pub(super) const QUESTION: Question = models::question(Method::ApparentMass, Procedure::Direct, 1);
 
 /// Compares an answer, if there is one, with the body.
 pub(super) fn judge(answer: Option<&Identification>, health: Health) -> Selftest {

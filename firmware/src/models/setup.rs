@@ -2,9 +2,10 @@
 //! the same places, and a drive.
 
 use crate::wire::{
-    Accelerations, ChannelRole, Excitation, Gaps, Mount, Pass, Plan, Processing, Quantity, Run,
-    ScaleSource, Sensor, SensorKind, Source, Start, Weighting, Window,
+    Accelerations, ChannelRole, Excitation, Gaps, Method, Mount, Pass, Plan, Procedure, Processing,
+    Quantity, Question, Run, ScaleSource, Sensor, SensorKind, Source, Start, Weighting, Window,
 };
+use massline_core::identify;
 
 /// Sensors: accelerometers, then load cells.
 pub const SENSORS: u8 = 12;
@@ -101,5 +102,17 @@ pub const fn start(run: u8, source: Source, gaps: Gaps, limit: Option<u64>) -> S
         source,
         gaps,
         limit,
+    }
+}
+
+/// A question about all stored runs, of which no mass is known.
+#[must_use]
+pub const fn question(method: Method, procedure: Procedure, modes: u8) -> Question {
+    Question {
+        method,
+        identify: identify::Question::new(None, procedure),
+        modes,
+        fit_band: None,
+        runs: 0,
     }
 }

@@ -9,6 +9,7 @@
 use crate::bench::{Bench, Heard, Said};
 use crate::plan::Pieces;
 use massline_core::identify;
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 use std::fmt::Write as _;
 
@@ -172,13 +173,7 @@ fn note(notes: &mut String, what: &str, value: &dyn std::fmt::Debug) {
 }
 
 fn question(method: Method, procedure: Procedure) -> Question {
-    Question {
-        method,
-        identify: identify::Question::new(None, procedure),
-        modes: 2,
-        fit_band: None,
-        runs: 0,
-    }
+    setup::question(method, procedure, 2)
 }
 
 /// Answers of one set-up to all questions.

@@ -1,8 +1,9 @@
 //! The instrument at its capacity: as many runs and lines as there is room for.
 
 use crate::bench::{Bench, Said};
-use crate::plan::{Pieces, question};
+use crate::plan::Pieces;
 use massline_firmware::capacity::{LINES, RUNS};
+use massline_firmware::models::setup::question;
 use massline_firmware::wire::*;
 
 #[test]
@@ -37,7 +38,9 @@ fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
             assert_eq!(lines == others, (run - before) % 6 == 0, "{run} {before}");
         }
     }
-    let answer = bench.identify(question(Method::ApparentMass, 1)).answer;
+    let answer = bench
+        .identify(question(Method::ApparentMass, Procedure::Direct, 1))
+        .answer;
     assert_eq!(answer.question.runs, (1 << RUNS) - 1);
     let mass = answer.identification.mass.expect("it is observable").value;
     // Body, sensors, block and band are the self-test's, and so is the bound of the mass:

@@ -1,7 +1,8 @@
 //! A bad sample never reaches an average, and every result says what was left out.
 
 use crate::bench::{Bench, Heard, INPUTS, Said};
-use crate::plan::{CHANNELS, SENSORS, assert_same_shares, counts, question, ready};
+use crate::plan::{CHANNELS, SENSORS, assert_same_shares, counts, ready};
+use massline_firmware::models::setup::question;
 use massline_firmware::wire::*;
 
 const KINDS: [Health; Health::KINDS] = [
@@ -96,13 +97,13 @@ fn every_answer_says_what_was_rejected_and_why() {
         n != 4000
     });
     // Interface accelerometers alone are none of method a's runs.
-    let unfit = question(Method::FrequencyResponses, 0);
+    let unfit = question(Method::FrequencyResponses, Procedure::Direct, 0);
     let refused = bench.refused(&Request::Identify(unfit));
     assert!(
         matches!(refused, Problem::Accelerations { run: 0, .. }),
         "{refused:?}"
     );
-    let found = bench.identify(question(Method::ApparentMass, 0));
+    let found = bench.identify(question(Method::ApparentMass, Procedure::Direct, 0));
     let quality = found.answer.quality;
     let first = bench.summary(&Request::ReadSummary(0));
     assert_eq!(quality.blocks, first.blocks + other.blocks);

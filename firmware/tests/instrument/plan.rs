@@ -1,7 +1,6 @@
 //! A test with six accelerometers on the interface, six load cells and a drive.
 
 use crate::bench::{Bench, Said};
-use massline_core::identify;
 use massline_firmware::models::setup;
 pub use massline_firmware::models::setup::CHANNELS;
 use massline_firmware::wire::*;
@@ -62,17 +61,6 @@ pub fn set_up(bench: &mut Bench) {
     Pieces::new().send(bench);
     let said = bench.ask(&Request::EndSetup);
     assert!(matches!(said, Said::Grid(_)), "{said:?}");
-}
-
-/// A question about all stored runs, with this number of modes.
-pub fn question(method: Method, modes: u8) -> Question {
-    Question {
-        method,
-        identify: identify::Question::default(),
-        modes,
-        fit_band: None,
-        runs: 0,
-    }
 }
 
 /// Shares of the channels, all different.

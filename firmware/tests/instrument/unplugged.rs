@@ -2,8 +2,8 @@
 //! when the host comes back.
 
 use crate::bench::Said;
-use crate::plan::{question, ready};
-use massline_core::identify;
+use crate::plan::ready;
+use massline_firmware::models::setup::question;
 use massline_firmware::wire::*;
 
 #[test]
@@ -28,10 +28,11 @@ fn the_run_goes_on_and_its_results_wait() {
             all.push((summary, bench.lines(run)));
         }
         // Unplugged again while it works on the answer, which waits, too.
-        let id = bench.send(&Request::Identify(Question {
-            identify: identify::Question::new(None, Procedure::ITERATIVE),
-            ..question(Method::ApparentMass, 1)
-        }));
+        let id = bench.send(&Request::Identify(question(
+            Method::ApparentMass,
+            Procedure::ITERATIVE,
+            1,
+        )));
         bench.host.unplugged = true;
         bench.work();
         bench.host.unplugged = false;

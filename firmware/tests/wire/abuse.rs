@@ -1,6 +1,6 @@
 //! A link that garbles, cuts, loses, repeats, delays and invents: 100,000 frames.
 //!
-//! What arrived is decided without the code under test: the stream is cut at its zeros,
+//! The frames that arrived are decided without the code under test: the stream is cut at its zeros,
 //! and a piece is a frame if it is, byte for byte, one that was sent. Everything that the
 //! receiver says must follow from that list: messages, losses, repetitions, restarts, and
 //! the number of broken pieces.

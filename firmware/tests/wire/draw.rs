@@ -275,7 +275,7 @@ impl<'a> Deserializer<'a> for &mut Draw<'a> {
 /// Parts of a value, each with its place.
 struct Parts<'d, 'a, P> {
     draw: &'d mut Draw<'a>,
-    /// Where the material of a type with fields begins.
+    /// Begin of the material of a type with fields.
     begin: Option<usize>,
     places: P,
 }

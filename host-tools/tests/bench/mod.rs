@@ -12,7 +12,7 @@ use std::process::Command;
 use std::sync::LazyLock;
 use tempfile::TempDir;
 
-/// What a command left behind.
+/// Exit code and outputs of a command.
 #[derive(Debug)]
 pub struct Finished {
     pub code: Option<i32>,

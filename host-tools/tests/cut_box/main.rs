@@ -1,7 +1,7 @@
 //! Every command that talks to a box, as a user runs it, with the link cut at the n-th frame for
 //! every n: the port is gone, nothing arrives any more, or that one frame is lost.
 //!
-//! What is lost once is made up for. What is cut ends the command within the stated limits, with
+//! A frame that is lost is sent again. A cut ends the command within the stated limits, with
 //! a message that names what did not come; a file is then the old one or the whole new one, and
 //! nothing lies beside it. `cut_link.rs` does the same to the library, where a silence costs
 //! nothing; here it takes eight seconds, so that behind the first frames it comes at some only
@@ -94,7 +94,7 @@ struct Case {
     writes: Option<&'static str>,
     /// Its content before.
     old: &'static [u8],
-    /// Whether what was written instead is whole.
+    /// `true` if a file that was written instead is whole.
     is_whole: fn(&Path) -> bool,
     /// Longest that the command may take beyond the silence of a request.
     works: Duration,
@@ -109,7 +109,7 @@ const TALK: Case = Case {
     works: Duration::from_secs(3),
 };
 
-/// What became of a command.
+/// The end of a command.
 #[derive(Debug)]
 struct Finished {
     program: stand_in::Ended,
@@ -157,7 +157,7 @@ fn run(case: &Case, cut: Cut, place: Place) -> Finished {
     }
 }
 
-/// What holds of every end.
+/// Asserts the properties of every end.
 fn check(case: &Case, finished: &Finished, cut: Cut, whole: &Finished) {
     let about = format!("{:?} {finished:#?}", case.command);
     assert!(!finished.stderr.contains("panicked"), "{about}");
@@ -274,7 +274,7 @@ fn settings_that_are_written_to_a_file() {
     });
 }
 
-/// Whether a file is a recording to its end, of all rows that it says.
+/// `true` if a file is a recording to its end, of all rows that it says.
 fn is_recording(path: &Path) -> bool {
     let mut recording = Recording::open(path, &[]).unwrap();
     while recording.next_row(&mut []).unwrap() {}

@@ -146,7 +146,7 @@ pub fn begin(mut command: Command, path: &str) -> Program {
     }
 }
 
-/// What is on its way between a line and a terminal.
+/// Bytes on their way between a line and a terminal.
 struct Link {
     /// Of the program, up to the end of a frame.
     frame: Vec<u8>,

@@ -28,7 +28,7 @@ use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// What became of a command.
+/// The end of a command.
 #[derive(Debug)]
 struct Ended {
     lie: Lie,
@@ -82,7 +82,7 @@ fn run(lie: Lie, arguments: &'static [&'static str], bound: Duration) -> Ended {
     finish(program, lie, arguments, bound, folder)
 }
 
-/// What holds of every end.
+/// Asserts the properties of every end.
 fn check(ended: &Ended) {
     let about = format!("{ended:#?}");
     assert!(matches!(ended.code, Some(0..=2)), "{about}");

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// What the box does in place of what the contract says.
+/// A breach of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lie {
     /// Nothing: it is sound, and its two inputs sample.
@@ -65,7 +65,7 @@ pub enum Lie {
     Trickle,
 }
 
-/// What a box may call itself to take a terminal over.
+/// A name by which a box takes a terminal over.
 pub const EVIL: &str = "\u{1b}]0;x\u{7}\u{1b}[2J\u{9b}31m\nerror: a\u{202e}b";
 /// Samples of a message.
 const SAMPLES: usize = 5;
@@ -76,7 +76,7 @@ pub const INPUTS: u8 = 2;
 
 /// The box, for as long as this lives.
 pub struct Peer {
-    /// Where a program finds it.
+    /// Path of the port for a program.
     pub path: String,
     stop: Arc<AtomicBool>,
     // The other end is not gone while nobody has it open.
@@ -177,7 +177,7 @@ impl Liar {
         self.random >> 8
     }
 
-    /// What it says unasked.
+    /// Sends events.
     fn speak(&mut self) {
         match self.lie {
             Lie::Noise(value) => {

@@ -11,7 +11,7 @@ use massline::printable::steers;
 use std::ops::Deref;
 use std::time::Duration;
 
-/// What became of a command.
+/// The end of a command.
 #[derive(Debug)]
 struct Told {
     tale: Tale,

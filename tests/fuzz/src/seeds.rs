@@ -2,7 +2,6 @@
 
 use crate::link;
 use crate::script::push;
-use massline_core::identify;
 use massline_firmware::calibration::Preset;
 use massline_firmware::models::setup;
 use massline_firmware::wire::*;
@@ -75,19 +74,11 @@ fn start(run: u8, pass: Pass, source: Source, gaps: Gaps) -> Vec<u8> {
 }
 
 fn question(method: Method) -> Vec<u8> {
-    request(&Request::Identify(Question {
-        method,
-        identify: identify::Question::new(
-            None,
-            Procedure::Iterative {
-                tolerance: 1e-7,
-                limit: 20,
-            },
-        ),
-        modes: 2,
-        fit_band: None,
-        runs: 0,
-    }))
+    let procedure = Procedure::Iterative {
+        tolerance: 1e-7,
+        limit: 20,
+    };
+    request(&Request::Identify(setup::question(method, procedure, 2)))
 }
 
 fn reading() -> Vec<Vec<u8>> {

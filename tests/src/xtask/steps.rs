@@ -1,4 +1,4 @@
-//! What is tested, in which order, and what to do about a failure.
+//! The steps of a test run in their order, each with the remedy for its failure.
 //!
 //! Everything but this very program is built with the release profile: numerical tests are heavy,
 //! and the steps then share what they build.
@@ -28,13 +28,13 @@ const FIRMWARE: &str = "massline-firmware";
 /// Something that has to pass.
 #[derive(Debug)]
 pub struct Step {
-    /// What it is called on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// What it does, in a line.
+    /// Description, in a line.
     pub about: &'static str,
     /// The steps whose results it uses.
     pub needs: &'static [&'static str],
-    /// What to do when it fails; continues "What to do:".
+    /// Remedy for its failure; continues "Remedy:".
     pub remedy: &'static str,
     /// Does it.
     pub run: fn(&mut Context) -> Result<Ending, StepError>,
@@ -47,7 +47,7 @@ impl PartialEq for Step {
 }
 
 impl Step {
-    /// Whether the other is this step or one that this needs, directly or not.
+    /// `true` if the other is this step or one that this needs, directly or not.
     pub fn needs_also(&self, other: &Step) -> bool {
         self == other
             || self
@@ -181,7 +181,7 @@ pub fn find(name: &str) -> Option<&'static Step> {
     STEPS.iter().find(|step| step.name == name)
 }
 
-/// What the steps know, and what they tell each other.
+/// Tools and results that the steps share.
 #[derive(Debug)]
 pub struct Context {
     root: PathBuf,
@@ -478,7 +478,7 @@ fn executable(messages: &str) -> Option<PathBuf> {
     }
 }
 
-/// How many tests ran, summed over the programs that cargo ran.
+/// Number of tests that ran, summed over the programs that cargo ran.
 fn counts(output: &str) -> String {
     let sum = |word: &str| -> usize {
         output

@@ -7,11 +7,10 @@ use std::fmt::Write as _;
 use std::fs;
 
 use massline::device::firmware;
-use massline_core::identify;
 use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    Accelerations, Event, Gaps, Grid, Method, Outcome, Procedure, Processing, Provoke, Question,
-    Reply, Request, Setting, Source, Stream, Subscription, Telemetry, Window,
+    Accelerations, Event, Gaps, Grid, Method, Outcome, Procedure, Processing, Provoke, Reply,
+    Request, Setting, Source, Stream, Subscription, Telemetry, Window,
 };
 
 use massline_tests::readme;
@@ -121,14 +120,8 @@ fn measure(talk: &mut Talk) -> u32 {
 
 /// Instructions from request to answer.
 fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
-    let question = Question {
-        method,
-        identify: identify::Question::new(None, procedure),
-        modes: 1,
-        fit_band: None,
-        runs: 0,
-    };
-    talk.exchange(&Request::Identify(question), |reply| match reply {
+    let question = Request::Identify(setup::question(method, procedure, 1));
+    talk.exchange(&question, |reply| match reply {
         Reply::Identified(found) => {
             let identification = found.answer.identification;
             assert!(identification.mass.is_some(), "{identification:?}");

@@ -20,7 +20,7 @@ use crate::talk::Talk;
 
 /// The costliest requests, with the most instructions for each: a million are 8 ms at 168 MHz, by
 /// 1.3 cycles each. A budget is lowered freely, and raised only with the reason in the commit.
-/// Where the arrival of bytes depends on the emulator's host there is room for that: measured were
+/// There is room for the arrival of bytes, which depends on the emulator's host: measured were
 /// 0.07 million for `SetRun`, 14.8 for `EndSetup`, 4.4 for `Start`, 0.1 for `ReadLines`, 5.4 for
 /// `Stop`, 4.2 and 4.9 for samples, and 0.03 for the gap.
 const BUDGET: [(&str, u64); 8] = [
