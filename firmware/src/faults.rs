@@ -122,7 +122,7 @@ pub unsafe fn read_if_there(address: *const u32) -> Option<u32> {
     (TRYING.swap(0, Ordering::SeqCst) == 1).then_some(word)
 }
 
-/// Whether there is memory at an address: it reads back what is written. The word is lost.
+/// `true` if there is memory at an address: it reads back what is written. The word is lost.
 ///
 /// # Safety
 ///
