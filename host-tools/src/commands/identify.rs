@@ -2,9 +2,10 @@
 
 use super::procedure::{Procedure, parse_method};
 use super::progress::reading;
-use super::{Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
+use super::{Failure, check, compare, details, print_json, print_numbers, refuse, true_body, warn};
 use crate::commands::Verbosity;
-use crate::identification::{Answer, Choice, Session};
+use crate::detective::Findings;
+use crate::identification::{Answer, Choice, Session, WARNED};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -92,7 +93,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::KeepUnlessReport.or_force(arguments.force);
         output::check(path, inputs, existing)?;
     }
-    let answer = with_progress(&setup, &choice, verbosity)?;
+    let (answer, findings) = with_progress(&setup, &choice, verbosity)?;
     let result = ResultDocument::new(&setup, &answer);
     if let Some(path) = &arguments.report {
         let truth = truth.as_ref().map(true_body);
@@ -104,6 +105,9 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         return refuse(result.refused.as_deref());
     }
     warn(&result.warnings, verbosity);
+    if let Some(findings) = &findings {
+        warn(&check::notes(findings), verbosity);
+    }
     details::show(&setup, &answer, &result, verbosity);
     if result.refused.is_none() || arguments.anyway {
         show(&result, truth.as_ref())?;
@@ -116,7 +120,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     refuse(result.refused.as_deref())
 }
 
-/// The answer to a setup, with a bar on the terminal meanwhile.
+/// The answer to a setup, with a bar on the terminal meanwhile; where the data contradict it, what
+/// they say of the sensors, too.
 ///
 /// # Errors
 /// As [`Session::answer`].
@@ -124,10 +129,17 @@ pub(super) fn with_progress(
     setup: &Setup,
     choice: &Choice,
     verbosity: Verbosity,
-) -> Result<Answer, Failure> {
+) -> Result<(Answer, Option<Findings>), Failure> {
     let mut session = Session::new(setup).with_type_b();
     reading(verbosity, |progress| {
-        Ok(session.answer_with_modes(choice, progress)?)
+        let answer = session.answer_with_modes(choice, progress)?;
+        let doubtful = answer.refused.is_some()
+            || answer
+                .consistency
+                .is_some_and(|test| test.probability < WARNED);
+        // What cannot be examined has been answered all the same.
+        let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
+        Ok((answer, findings.filter(|findings| !findings.clean())))
     })
 }
 

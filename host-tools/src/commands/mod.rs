@@ -1,6 +1,7 @@
 //! One file a command; what they share of talking to the user.
 
 pub mod board;
+pub mod check;
 pub mod demo;
 pub mod export;
 pub mod flash;

@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::model::{Kind, Sensor};
-use super::table::Row;
+use super::search::State;
+use super::table::{Row, UNKNOWN};
 use massline_core::geometry::Quantity;
 
 /// One fault of a set-up. Channels are numbered as the sensors: accelerometers, then load cells.
@@ -68,10 +69,10 @@ pub enum Fault {
         /// The channel.
         channel: usize,
     },
-    /// The channel is late.
+    /// Channels are late.
     Delayed {
-        /// The channel.
-        channel: usize,
+        /// The channels.
+        channels: Vec<usize>,
         /// Samples; negative: early.
         samples: f64,
     },
@@ -120,10 +121,10 @@ pub(super) const FACTORS: [f64; 10] = [
 ];
 
 /// Channels at one place, of one kind.
-pub(super) fn places(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Vec<usize>> {
+pub(super) fn places(sensors: &[Sensor], live: &dyn Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let mut places: Vec<Vec<usize>> = Vec::new();
     for (i, sensor) in sensors.iter().enumerate() {
-        if rows[i].is_none() || sensor.kind == Kind::Cell(Quantity::Moment) {
+        if !live(i) || sensor.kind == Kind::Cell(Quantity::Moment) {
             continue;
         }
         let same = |place: &&mut Vec<usize>| {
@@ -163,7 +164,7 @@ fn cube() -> Vec<Matrix3<f64>> {
 /// All hypotheses without free parameters.
 pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis> {
     let live: Vec<usize> = (0..sensors.len()).filter(|&i| rows[i].is_some()).collect();
-    let places = places(sensors, rows);
+    let places = places(sensors, &|i| rows[i].is_some());
     let mut all = Vec::new();
     let mut class = |faults: Vec<Fault>| {
         let class = faults.len();
@@ -173,7 +174,11 @@ pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis>
             class,
         }));
     };
-    class(live.iter().map(|&channel| Fault::Inverted { channel }).collect());
+    class(
+        live.iter()
+            .map(|&channel| Fault::Inverted { channel })
+            .collect(),
+    );
     class(
         live.iter()
             .flat_map(|&channel| FACTORS.map(|factor| Fault::Factor { channel, factor }))
@@ -234,9 +239,8 @@ fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
         let low = others.iter().fold(others[0], |a, b| a.inf(b));
         let high = others.iter().fold(others[0], |a, b| a.sup(b));
         let margin = (high - low).norm() * 0.5;
-        let outside = |p: &Vector3<f64>| {
-            (0..3).any(|i| p[i] < low[i] - margin || p[i] > high[i] + margin)
-        };
+        let outside =
+            |p: &Vector3<f64>| (0..3).any(|i| p[i] < low[i] - margin || p[i] > high[i] + margin);
         let mut add = |position: Vector3<f64>, mistake| {
             if (position - here).norm() > 1e-6 {
                 all.push(Fault::Position {
@@ -267,7 +271,8 @@ fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
 
 impl Fault {
     /// Changes sensors and rows to what they would be without the fault.
-    pub(super) fn repair(&self, sensors: &mut [Sensor], rows: &mut [Option<Row>]) {
+    pub(super) fn repair(&self, state: &mut State) {
+        let State { sensors, rows, .. } = state;
         let mut scale = |channel: usize, factor: f64| {
             if let Some(row) = &mut rows[channel] {
                 row.k *= factor;
@@ -279,7 +284,7 @@ impl Fault {
             Self::Factor { channel, factor } | Self::Gain { channel, factor } => {
                 scale(*channel, 1.0 / factor);
             }
-            Self::Swapped { channels: [a, b] } => rows.swap(*a, *b),
+            Self::Swapped { channels } => state.swap(*channels),
             Self::PlacesExchanged { places: [a, b] } => {
                 let (here, there) = (sensors[a[0]].position, sensors[b[0]].position);
                 a.iter().for_each(|&i| sensors[i].position = there);
@@ -312,7 +317,7 @@ impl Fault {
                     if let Some(row) = &mut rows[*channel] {
                         let level = row.k.norm_squared().max(f64::MIN_POSITIVE);
                         for j in 0..row.k.len() {
-                            row.noise[(j, j)] += 1e6 * level;
+                            row.noise[(j, j)] += UNKNOWN * level;
                         }
                     }
                 } else {
@@ -333,9 +338,9 @@ impl Fault {
             | Self::Gain { channel, .. }
             | Self::CrossTalk { channel, .. }
             | Self::Dead { channel }
-            | Self::Delayed { channel, .. }
             | Self::Unlisted { channel } => vec![*channel],
             Self::Swapped { channels } => channels.to_vec(),
+            Self::Delayed { channels, .. } => channels.clone(),
             Self::PlacesExchanged { places: [a, b] } => [a.as_slice(), b].concat(),
             Self::Turned { place, .. } | Self::Position { place, .. } => place.clone(),
         }

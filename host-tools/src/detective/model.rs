@@ -148,7 +148,10 @@ fn level(sensors: &[Sensor], rows: &[Option<Row>], cells: bool) -> f64 {
             continue;
         }
         let square = row.k.norm_squared();
-        match places.iter_mut().find(|(p, _)| (p - sensor.position).norm() < 1e-9) {
+        match places
+            .iter_mut()
+            .find(|(p, _)| (p - sensor.position).norm() < 1e-9)
+        {
             Some((_, sum)) => *sum += square,
             None => places.push((sensor.position, square)),
         }
@@ -158,7 +161,54 @@ fn level(sensors: &[Sensor], rows: &[Option<Row>], cells: bool) -> f64 {
     squares.get(squares.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// A set-up whose contradiction is asked for.
+struct Posed<'a> {
+    bench: &'a Bench,
+    sensors: &'a [Sensor],
+    rows: &'a [Option<Row>],
+    /// Square of the tolerance.
+    square: f64,
+    /// Mean squares of accelerometers and of load cells at a place.
+    levels: [f64; 2],
+}
+
+/// The motion of the interface that explains the accelerometers best.
+pub(super) struct Motion {
+    /// Six accelerations about the origin along each motion of the gauge, rotations times the
+    /// length.
+    rows: DMatrix<f64>,
+    covariance: DMatrix<f64>,
+    chi2: f64,
+    freedom: f64,
+}
+
 impl Bench {
+    fn posed<'a>(
+        &'a self,
+        sensors: &'a [Sensor],
+        rows: &'a [Option<Row>],
+        tolerance: f64,
+    ) -> Posed<'a> {
+        Posed {
+            bench: self,
+            sensors,
+            rows,
+            square: tolerance * tolerance,
+            levels: [false, true].map(|cells| level(sensors, rows, cells)),
+        }
+    }
+
+    /// The motion alone, `tolerance` times the usual differences of sensors. `None` if it cannot be
+    /// solved for.
+    pub(super) fn motion(
+        &self,
+        sensors: &[Sensor],
+        rows: &[Option<Row>],
+        tolerance: f64,
+    ) -> Option<Motion> {
+        self.posed(sensors, rows, tolerance).motion()
+    }
+
     /// Contradiction of rows and sensors, `tolerance` times the usual differences of sensors.
     /// `None` if the motion cannot be solved for.
     pub(super) fn score(
@@ -167,33 +217,67 @@ impl Bench {
         rows: &[Option<Row>],
         tolerance: f64,
     ) -> Option<Score> {
-        let d = self.motions;
-        let square = tolerance * tolerance;
-        let levels = [false, true].map(|cells| level(sensors, rows, cells));
-        let scaled = |sensor: &Sensor| {
-            let mut row = sensor.rigid();
-            for i in 3..6 {
-                row[i] /= self.length;
-            }
-            row
+        let posed = self.posed(sensors, rows, tolerance);
+        posed.score(&posed.motion()?)
+    }
+
+    /// The same with the motion that is known, since the accelerometers are as they were.
+    pub(super) fn score_moved(
+        &self,
+        sensors: &[Sensor],
+        rows: &[Option<Row>],
+        tolerance: f64,
+        motion: &Motion,
+    ) -> Option<Score> {
+        self.posed(sensors, rows, tolerance).score(motion)
+    }
+}
+
+impl Posed<'_> {
+    /// The sensor's rigid-body row with moments and rotations over the length.
+    fn scaled(&self, sensor: &Sensor) -> Vector6<f64> {
+        let mut row = sensor.rigid();
+        for i in 3..6 {
+            row[i] /= self.bench.length;
+        }
+        row
+    }
+
+    /// Covariance of a row but for the sensor's place.
+    fn spread(&self, sensor: &Sensor, row: &Row) -> DMatrix<f64> {
+        let d = self.bench.motions;
+        let level = self.levels[usize::from(sensor.kind.is_cell())];
+        let mut v = row.noise.clone();
+        v.ger(self.square * GAIN * GAIN, &row.k, &row.k, 1.0);
+        let turned = self.square * DIRECTION * DIRECTION * level / d as f64;
+        let floor = 1e-12 * (level + row.k.norm_squared()) / d as f64;
+        for j in 0..d {
+            v[(j, j)] += turned + floor;
+        }
+        v
+    }
+
+    fn score(&self, motion: &Motion) -> Option<Score> {
+        let mut score = Score {
+            chi2: motion.chi2,
+            freedom: motion.freedom,
+            body: None,
         };
-        // Covariance of a row but for the sensor's place.
-        let spread = |sensor: &Sensor, row: &Row| {
-            let level = levels[usize::from(sensor.kind.is_cell())];
-            let mut v = row.noise.clone();
-            v.ger(square * GAIN * GAIN, &row.k, &row.k, 1.0);
-            let turned = square * DIRECTION * DIRECTION * level / d as f64;
-            let floor = 1e-12 * (level + row.k.norm_squared()) / d as f64;
-            for j in 0..d {
-                v[(j, j)] += turned + floor;
-            }
-            v
-        };
+        if let Some((chi2, freedom, body)) = self.forces(motion) {
+            score.chi2 += chi2;
+            score.freedom += freedom;
+            score.body = Some(body);
+        }
+        score.chi2.is_finite().then_some(score)
+    }
+
+    fn motion(&self) -> Option<Motion> {
+        let d = self.bench.motions;
         // Motion that no accelerometer sees is zero, as the set-up has it.
         let mut gram = Matrix6::<f64>::zeros();
-        for (sensor, row) in sensors.iter().zip(rows) {
+        for (sensor, row) in self.sensors.iter().zip(self.rows) {
             if row.is_some() && !sensor.kind.is_cell() {
-                let phi = scaled(sensor) / scaled(sensor).norm();
+                let phi = self.scaled(sensor) / self.scaled(sensor).norm();
                 gram += phi * phi.transpose();
             }
         }
@@ -212,21 +296,21 @@ impl Bench {
             let mut right = DVector::<f64>::zeros(r * d);
             let mut whole = 0.0;
             let mut count = 0;
-            for (sensor, row) in sensors.iter().zip(rows) {
+            for (sensor, row) in self.sensors.iter().zip(self.rows) {
                 let Some(row) = row.as_ref().filter(|_| !sensor.kind.is_cell()) else {
                     continue;
                 };
-                let mut v = spread(sensor, row);
+                let mut v = self.spread(sensor, row);
                 if pass > 0 {
                     // A shifted sensor reads ω x δ along its axis.
                     let across = nalgebra::Matrix3::identity()
                         - sensor.direction * sensor.direction.transpose();
-                    let turning = motion.rows(3, 3) / self.length;
+                    let turning = motion.rows(3, 3) / self.bench.length;
                     let across = DMatrix::from_fn(3, 3, |i, j| across[(i, j)]);
-                    v += turning.tr_mul(&across) * &turning * (square * POSITION * POSITION);
+                    v += turning.tr_mul(&across) * &turning * (self.square * POSITION * POSITION);
                 }
                 let weight = v.cholesky()?.inverse();
-                let phi = seen.tr_mul(&scaled(sensor));
+                let phi = seen.tr_mul(&self.scaled(sensor));
                 add_kronecker(&mut normal, phi.as_slice(), &weight);
                 let weighed = &weight * &row.k;
                 for i in 0..r {
@@ -245,56 +329,40 @@ impl Bench {
             covariance = factor.inverse();
         }
         let seen = blocks(&seen, d);
-        let covariance = &seen * covariance * seen.transpose();
-        let forces = self.forces(sensors, rows, &motion, &covariance, square, &spread, &scaled);
-        let mut score = Score {
+        Some(Motion {
+            rows: motion,
+            covariance: &seen * covariance * seen.transpose(),
             chi2,
             freedom,
-            body: None,
-        };
-        if let Some((chi2, freedom, body)) = forces {
-            score.chi2 += chi2;
-            score.freedom += freedom;
-            score.body = Some(body);
-        }
-        score.chi2.is_finite().then_some(score)
+        })
     }
 
     /// The balance of the load cells: its sum of squares, degrees of freedom, and body.
-    #[allow(clippy::too_many_arguments)] // The parts of one least-squares problem.
-    fn forces(
-        &self,
-        sensors: &[Sensor],
-        rows: &[Option<Row>],
-        motion: &DMatrix<f64>,
-        covariance: &DMatrix<f64>,
-        square: f64,
-        spread: &dyn Fn(&Sensor, &Row) -> DMatrix<f64>,
-        scaled: &dyn Fn(&Sensor) -> Vector6<f64>,
-    ) -> Option<(f64, f64, [f64; 10])> {
-        let d = self.motions;
-        let count = self.equations.nrows();
+    fn forces(&self, motion: &Motion) -> Option<(f64, f64, [f64; 10])> {
+        let d = self.bench.motions;
+        let count = self.bench.equations.nrows();
         if count == 0 {
             return None;
         }
         let mut resultants = DMatrix::<f64>::zeros(6, d);
         let mut noise = DMatrix::<f64>::zeros(6 * d, 6 * d);
-        for (sensor, row) in sensors.iter().zip(rows) {
+        for (sensor, row) in self.sensors.iter().zip(self.rows) {
             let Some(row) = row.as_ref().filter(|_| sensor.kind.is_cell()) else {
                 continue;
             };
-            let x = scaled(sensor);
+            let x = self.scaled(sensor);
             for i in 0..6 {
                 for j in 0..d {
                     resultants[(i, j)] += x[i] * row.k[j];
                 }
             }
-            add_kronecker(&mut noise, x.as_slice(), &spread(sensor, row));
+            add_kronecker(&mut noise, x.as_slice(), &self.spread(sensor, row));
             if sensor.kind == Kind::Cell(Quantity::Force) {
                 // A shifted load cell adds the moment δ x F.
-                let product = &row.k * row.k.transpose() * (square * POSITION * POSITION);
+                let product = &row.k * row.k.transpose() * (self.square * POSITION * POSITION);
                 for axis in 0..3 {
-                    let moment = Vector3::ith(axis, 1.0).cross(&sensor.direction) / self.length;
+                    let moment =
+                        Vector3::ith(axis, 1.0).cross(&sensor.direction) / self.bench.length;
                     let x = Vector6::new(0.0, 0.0, 0.0, moment.x, moment.y, moment.z);
                     add_kronecker(&mut noise, x.as_slice(), &product);
                 }
@@ -302,13 +370,13 @@ impl Bench {
         }
         let parts = parts();
         let wide = |m: &DMatrix<f64>| blocks(m, d);
-        let select = wide(&self.equations);
+        let select = wide(&self.bench.equations);
         let pile = |m: &DMatrix<f64>| DVector::from_fn(6 * d, |i, _| m[(i / d, i % d)]);
         let target = &select * pile(&resultants);
         let mut design = DMatrix::<f64>::zeros(count * d, 10);
         for (p, part) in parts.iter().enumerate() {
             let part = DMatrix::from_fn(6, 6, |i, j| part[(i, j)]);
-            design.set_column(p, &(&select * pile(&(part * motion))));
+            design.set_column(p, &(&select * pile(&(part * &motion.rows))));
         }
         let mut body = [0.0; 10];
         let (mut chi2, mut freedom) = (0.0, 0.0);
@@ -320,7 +388,7 @@ impl Bench {
                     m += DMatrix::from_fn(6, 6, |i, j| part[(i, j)] * value);
                 }
                 let m = wide(&m);
-                v += &m * covariance * m.transpose();
+                v += &m * &motion.covariance * m.transpose();
             }
             let v = &select * v * select.transpose();
             let v = (&v + v.transpose()) * 0.5;
@@ -356,8 +424,8 @@ impl Bench {
         // Back to metres.
         let power = |p: usize| match p {
             0 => 1.0,
-            1..=3 => self.length,
-            _ => self.length * self.length,
+            1..=3 => self.bench.length,
+            _ => self.bench.length * self.bench.length,
         };
         for (p, value) in body.iter_mut().enumerate() {
             *value *= power(p);

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::hypothesis::{Fault, Hypothesis, Mistake, fixed, places};
-use super::model::{Bench, Score, Sensor};
+use super::model::{Bench, Kind, Motion, Score, Sensor};
 use super::table::Row;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
@@ -15,6 +15,8 @@ const SECOND: usize = 80;
 const GAIN_OF: [f64; 2] = [15.0, 25.0];
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
+/// Most faults that are named.
+const MOST: usize = 2;
 /// Sum of squares over its degrees of freedom that contradicts the set-up.
 pub(super) const CONTRADICTS: f64 = 1.5;
 /// Smallest errors that are named: gain, cross-talk, m.
@@ -25,13 +27,28 @@ const SMALLEST: (f64, f64, f64) = (0.03, 0.03, 0.010);
 pub(super) struct State {
     pub(super) sensors: Vec<Sensor>,
     pub(super) rows: Vec<Option<Row>>,
+    /// The rows as they are if an interface accelerometer is taken for another sensor, and the other
+    /// way round.
+    pub(super) others: Vec<Option<Row>>,
 }
 
 impl State {
     fn without(&self, fault: &Fault) -> Self {
         let mut other = self.clone();
-        fault.repair(&mut other.sensors, &mut other.rows);
+        fault.repair(&mut other);
         other
+    }
+
+    /// Exchanges the readings of two channels.
+    pub(super) fn swap(&mut self, [a, b]: [usize; 2]) {
+        self.rows.swap(a, b);
+        self.others.swap(a, b);
+        let elastic = |kind: Kind| kind != Kind::Interface;
+        if elastic(self.sensors[a].kind) != elastic(self.sensors[b].kind) {
+            for channel in [a, b] {
+                std::mem::swap(&mut self.rows[channel], &mut self.others[channel]);
+            }
+        }
     }
 }
 
@@ -52,6 +69,20 @@ pub(super) struct Found {
     /// The contradiction at first and at the end, at the usual tolerance.
     pub(super) before: Score,
     pub(super) after: Score,
+    /// The sensors after the repairs.
+    pub(super) sensors: Vec<Sensor>,
+}
+
+impl Found {
+    /// A fault that was found before the search.
+    pub(super) fn certain(&self, fault: Fault) -> Candidate {
+        Candidate {
+            fault,
+            score: self.before.chi2,
+            left: self.before.clone(),
+            free: 0,
+        }
+    }
 }
 
 fn penalty(hypothesis: &Hypothesis, state: &State, motions: usize) -> f64 {
@@ -59,14 +90,31 @@ fn penalty(hypothesis: &Hypothesis, state: &State, motions: usize) -> f64 {
     hypothesis.free as f64 * count.ln() + 2.0 * (hypothesis.class.max(1) as f64).ln()
 }
 
+/// What is left without a fault. `motion` is that of the state, which load cells do not change.
+fn mended(
+    bench: &Bench,
+    state: &State,
+    fault: &Fault,
+    tolerance: f64,
+    motion: &Motion,
+) -> Option<Score> {
+    let other = state.without(fault);
+    let cells = |channel: &usize| state.sensors[*channel].kind.is_cell();
+    if fault.channels().iter().all(cells) {
+        bench.score_moved(&other.sensors, &other.rows, tolerance, motion)
+    } else {
+        bench.score(&other.sensors, &other.rows, tolerance)
+    }
+}
+
 fn judged(
     bench: &Bench,
     state: &State,
     hypothesis: &Hypothesis,
     tolerance: f64,
+    motion: &Motion,
 ) -> Option<Candidate> {
-    let other = state.without(&hypothesis.fault);
-    let left = bench.score(&other.sensors, &other.rows, tolerance)?;
+    let left = mended(bench, state, &hypothesis.fault, tolerance, motion)?;
     Some(Candidate {
         fault: hypothesis.fault.clone(),
         score: left.chi2 + penalty(hypothesis, state, bench.motions),
@@ -104,11 +152,8 @@ fn lowest(f: &dyn Fn(f64) -> Option<f64>, start: f64, step: f64) -> Option<f64> 
 }
 
 /// Hypotheses with free numbers, each at its best.
-fn fitted(bench: &Bench, state: &State, tolerance: f64) -> Vec<Hypothesis> {
-    let chi2 = |fault: &Fault| {
-        let other = state.without(fault);
-        Some(bench.score(&other.sensors, &other.rows, tolerance)?.chi2)
-    };
+fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<Hypothesis> {
+    let chi2 = |fault: &Fault| Some(mended(bench, state, fault, tolerance, motion)?.chi2);
     let live: Vec<usize> = (0..state.sensors.len())
         .filter(|&i| state.rows[i].is_some())
         .collect();
@@ -134,7 +179,7 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64) -> Vec<Hypothesis> {
             class,
         });
     }
-    let places = places(&state.sensors, &state.rows);
+    let places = places(&state.sensors, &|i| state.rows[i].is_some());
     for place in &places {
         let here = state.sensors[place[0]].position;
         let of = |shift: Vector3<f64>| Fault::Position {
@@ -177,8 +222,7 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64) -> Vec<Hypothesis> {
                 share,
             };
             // The first parabola tells whether it is worth going on.
-            let (Some(a), Some(b), Some(c)) =
-                (chi2(&of(-0.05)), chi2(&of(0.0)), chi2(&of(0.05)))
+            let (Some(a), Some(b), Some(c)) = (chi2(&of(-0.05)), chi2(&of(0.0)), chi2(&of(0.05)))
             else {
                 continue;
             };
@@ -199,10 +243,18 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64) -> Vec<Hypothesis> {
 }
 
 /// All candidates at a tolerance, best first.
-fn ranked(bench: &Bench, state: &State, hypotheses: &[Hypothesis], t: f64) -> Vec<Candidate> {
+fn ranked(
+    bench: &Bench,
+    state: &State,
+    hypotheses: &[Hypothesis],
+    tolerance: f64,
+) -> Vec<Candidate> {
+    let Some(motion) = bench.motion(&state.sensors, &state.rows, tolerance) else {
+        return Vec::new();
+    };
     let mut all: Vec<Candidate> = hypotheses
         .iter()
-        .filter_map(|h| judged(bench, state, h, t))
+        .filter_map(|h| judged(bench, state, h, tolerance, &motion))
         .collect();
     all.sort_by(|a, b| a.score.total_cmp(&b.score));
     all
@@ -222,7 +274,8 @@ fn generalises(wide: &Candidate, narrow: &Candidate) -> bool {
 fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
     let base = bench.score(&state.sensors, &state.rows, 1.0)?;
     let mut hypotheses = fixed(&state.sensors, &state.rows);
-    hypotheses.extend(fitted(bench, state, 1.0));
+    let motion = bench.motion(&state.sensors, &state.rows, 1.0)?;
+    hypotheses.extend(fitted(bench, state, 1.0, &motion));
     let first = ranked(bench, state, &hypotheses, 1.0);
     let best = first.first()?;
     let ratio = best.left.ratio().min(base.ratio());
@@ -261,30 +314,51 @@ fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
     Some((all, after))
 }
 
-/// Names faults one after the other, as long as each explains what the others do not.
-pub(super) fn search(bench: &Bench, state: &State) -> Option<Found> {
+/// Names faults one after the other, as long as each explains what the others do not. `rows` gives
+/// the rows anew for channels that were exchanged.
+pub(super) fn search(
+    bench: &Bench,
+    state: &State,
+    rows: &dyn Fn(&[[usize; 2]], &State) -> Option<State>,
+) -> Option<Found> {
     let before = bench.score(&state.sensors, &state.rows, 1.0)?;
     let mut found = Found {
         named: Vec::new(),
         before: before.clone(),
         after: before,
+        sensors: Vec::new(),
     };
     let mut state = state.clone();
-    for _ in 0..2 {
+    let (mut exchanged, mut repaired) = (Vec::new(), Vec::new());
+    for _ in 0..MOST {
         let Some((candidates, after)) = single(bench, &state) else {
             break;
         };
         let best = candidates[0].fault.clone();
-        let again = found
-            .named
-            .iter()
-            .any(|named| named[0].fault.channels().iter().any(|c| best.channels().contains(c)));
-        if again {
+        let known = |named: &Vec<Candidate>| {
+            let channels = named[0].fault.channels();
+            channels.iter().any(|c| best.channels().contains(c))
+        };
+        if found.named.iter().any(known) {
             break;
         }
-        best.repair(&mut state.sensors, &mut state.rows);
         found.named.push(candidates);
         found.after = after;
+        if let Fault::Swapped { channels } = best {
+            // The other channel was part of the motion, or not.
+            exchanged.push(channels);
+            let Some(mut anew) = rows(&exchanged, &state) else {
+                break;
+            };
+            repaired
+                .iter()
+                .for_each(|fault: &Fault| fault.repair(&mut anew));
+            state = anew;
+        } else {
+            best.repair(&mut state);
+            repaired.push(best);
+        }
     }
+    found.sensors = state.sensors;
     Some(found)
 }

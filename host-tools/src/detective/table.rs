@@ -22,6 +22,8 @@ pub(super) struct Line {
 
 /// Directions of the gauge below this share of the strongest one's power are noise.
 const WEAKEST: f64 = 0.002;
+/// Variance of what is not known, over the mean square of its kind.
+pub(super) const UNKNOWN: f64 = 1e6;
 /// Share of the ω⁴ term that the next term of the series may have.
 const NEXT_TERM: f64 = 0.03;
 
@@ -34,12 +36,14 @@ pub(super) struct Row {
     pub(super) noise: DMatrix<f64>,
 }
 
-/// Rows of all channels. Channels that are left out have none.
-#[derive(Clone, Debug)]
-pub(super) struct Table {
-    pub(super) rows: Vec<Option<Row>>,
-    /// Independent motions.
-    pub(super) motions: usize,
+impl Row {
+    /// The row of a channel that tells nothing, among others of this mean square.
+    pub(super) fn unknown(motions: usize, level: f64) -> Self {
+        Self {
+            k: DVector::zeros(motions),
+            noise: DMatrix::identity(motions, motions) * (UNKNOWN * level),
+        }
+    }
 }
 
 /// The gauge: combinations of channels that are the motions.
@@ -155,7 +159,10 @@ impl<'a> Regression<'a> {
             // Re of the channel times the motions' conjugates.
             let along = DVector::from_fn(d, |j, _| {
                 let column = self.gauge.directions.column(j);
-                x.iter().zip(column.iter()).map(|(x, g)| x.re * g).sum::<f64>()
+                x.iter()
+                    .zip(column.iter())
+                    .map(|(x, g)| x.re * g)
+                    .sum::<f64>()
             });
             for (t, &a) in phi.iter().enumerate() {
                 for (u, &b) in phi.iter().enumerate() {
