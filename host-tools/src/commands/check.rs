@@ -26,7 +26,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let setup = Setup::read(&arguments.setup)?;
     let mut session = Session::new(&setup);
     let findings = reading(verbosity, |progress| Ok(session.examine(progress)?))?;
     if arguments.json {

@@ -4,7 +4,8 @@
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 
 use super::model::{Bench, Kind, Sensor, equations};
-use super::search::{Found, State, search};
+use super::search::{Found, search};
+use super::state::State;
 use super::table::{Gauge, Line, Regression};
 use super::{Fault, Undecided};
 use crate::measure::{Channels, Measurement};

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::model::{Kind, Sensor};
-use super::search::State;
+use super::state::State;
 use super::table::{Row, UNKNOWN};
 use massline_core::geometry::Quantity;
 

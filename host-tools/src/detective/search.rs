@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::hypothesis::{Fault, Hypothesis, Mistake, fixed, places};
-use super::model::{Bench, Kind, Motion, Score, Sensor};
-use super::table::Row;
+use super::model::{Bench, Motion, Score, Sensor};
+use super::state::State;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
 /// sharper limits.
@@ -21,36 +21,6 @@ const MOST: usize = 2;
 pub(super) const CONTRADICTS: f64 = 1.5;
 /// Smallest errors that are named: gain, cross-talk, m.
 const SMALLEST: (f64, f64, f64) = (0.03, 0.03, 0.010);
-
-/// The state of a set-up: its sensors and rows, perhaps repaired.
-#[derive(Clone)]
-pub(super) struct State {
-    pub(super) sensors: Vec<Sensor>,
-    pub(super) rows: Vec<Option<Row>>,
-    /// The rows as they are if an interface accelerometer is taken for another sensor, and the other
-    /// way round.
-    pub(super) others: Vec<Option<Row>>,
-}
-
-impl State {
-    fn without(&self, fault: &Fault) -> Self {
-        let mut other = self.clone();
-        fault.repair(&mut other);
-        other
-    }
-
-    /// Exchanges the readings of two channels.
-    pub(super) fn swap(&mut self, [a, b]: [usize; 2]) {
-        self.rows.swap(a, b);
-        self.others.swap(a, b);
-        let elastic = |kind: Kind| kind != Kind::Interface;
-        if elastic(self.sensors[a].kind) != elastic(self.sensors[b].kind) {
-            for channel in [a, b] {
-                std::mem::swap(&mut self.rows[channel], &mut self.others[channel]);
-            }
-        }
-    }
-}
 
 /// A fault with the sum of squares that is left without it, penalties included.
 #[derive(Clone, Debug)]
@@ -90,6 +60,12 @@ fn penalty(hypothesis: &Hypothesis, state: &State, motions: usize) -> f64 {
     hypothesis.free as f64 * count.ln() + 2.0 * (hypothesis.class.max(1) as f64).ln()
 }
 
+fn without(state: &State, fault: &Fault) -> State {
+    let mut other = state.clone();
+    fault.repair(&mut other);
+    other
+}
+
 /// What is left without a fault. `motion` is that of the state, which load cells do not change.
 fn mended(
     bench: &Bench,
@@ -98,7 +74,7 @@ fn mended(
     tolerance: f64,
     motion: &Motion,
 ) -> Option<Score> {
-    let other = state.without(fault);
+    let other = without(state, fault);
     let cells = |channel: &usize| state.sensors[*channel].kind.is_cell();
     if fault.channels().iter().all(cells) {
         bench.score_moved(&other.sensors, &other.rows, tolerance, motion)
@@ -309,18 +285,17 @@ fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
         .cloned();
     let mut all = vec![best.clone()];
     all.extend(ties);
-    let left = state.without(&best.fault);
+    let left = without(state, &best.fault);
     let after = bench.score(&left.sensors, &left.rows, 1.0)?;
     Some((all, after))
 }
 
+/// The rows anew, with the readings of these channels exchanged.
+pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<State>;
+
 /// Names faults one after the other, as long as each explains what the others do not. `rows` gives
 /// the rows anew for channels that were exchanged.
-pub(super) fn search(
-    bench: &Bench,
-    state: &State,
-    rows: &dyn Fn(&[[usize; 2]], &State) -> Option<State>,
-) -> Option<Found> {
+pub(super) fn search(bench: &Bench, state: &State, rows: Anew<'_>) -> Option<Found> {
     let before = bench.score(&state.sensors, &state.rows, 1.0)?;
     let mut found = Found {
         named: Vec::new(),
