@@ -12,17 +12,16 @@ fn blocks(events: &[Heard]) -> Vec<Block> {
     events.iter().filter_map(block).collect()
 }
 
+/// The reply to samples.
+fn taken(next: u64, missing: u64) -> Said {
+    Said::Progress(Progress { next, missing })
+}
+
 #[test]
 fn blocks_are_told_as_they_come_and_the_summary_counts_them() {
     let mut bench = ready();
     bench.start(1, Source::Host, Gaps::Refuse, None);
-    assert_eq!(
-        feed(&mut bench, 0, 4000),
-        Said::Progress(Progress {
-            next: 4000,
-            missing: 0
-        })
-    );
+    assert_eq!(feed(&mut bench, 0, 4000), taken(4000, 0));
     let running = bench.status().running.unwrap();
     let told = blocks(&bench.events());
     assert!(told.len() >= 5);
@@ -57,11 +56,7 @@ fn blocks_are_told_as_they_come_and_the_summary_counts_them() {
 fn a_run_ends_by_itself_at_its_limit() {
     let mut bench = ready();
     bench.start(0, Source::Host, Gaps::Refuse, Some(3000));
-    let taken = Said::Progress(Progress {
-        next: 3000,
-        missing: 0,
-    });
-    assert_eq!(feed(&mut bench, 0, 3000), taken);
+    assert_eq!(feed(&mut bench, 0, 3000), taken(3000, 0));
     let events = bench.events();
     let Some(Heard::RunEnded(summary)) = events.last() else {
         panic!("{:?}", events.last());
@@ -69,7 +64,7 @@ fn a_run_ends_by_itself_at_its_limit() {
     assert_eq!((summary.outcome, summary.samples), (Outcome::Limit, 3000));
     assert_eq!(bench.status().state, State::Ready);
     // The last request, sent again because its reply was lost.
-    assert_eq!(feed(&mut bench, 2999, 3000), taken);
+    assert_eq!(feed(&mut bench, 2999, 3000), taken(3000, 0));
     assert_eq!(bench.ask(&Request::Stop), Said::Summary(*summary));
 }
 
@@ -108,11 +103,7 @@ fn a_gap_is_refused_where_the_host_can_send_again() {
         expected: 100,
     };
     assert_eq!(feed(&mut bench, 101, 102), Said::Refused(gap));
-    let taken = Progress {
-        next: 101,
-        missing: 0,
-    };
-    assert_eq!(feed(&mut bench, 100, 101), Said::Progress(taken));
+    assert_eq!(feed(&mut bench, 100, 101), taken(101, 0));
     // Half a sample would shift every channel behind it.
     let values = [1, 2, 3, 4, 5, 6, 7];
     for channels in [CHANNELS as u8, 7] {
@@ -142,11 +133,7 @@ fn a_gap_that_is_counted_costs_its_block_and_shifts_no_channel() {
     bench.start(1, Source::Host, Gaps::Count, None);
     feed(&mut bench, 0, 2100);
     // Of a number of samples that no number of channels divides.
-    let taken = Progress {
-        next: 2118,
-        missing: 17,
-    };
-    assert_eq!(feed(&mut bench, 2117, 2118), Said::Progress(taken));
+    assert_eq!(feed(&mut bench, 2117, 2118), taken(2118, 17));
     feed(&mut bench, 2118, 6000);
     let told = blocks(&bench.events());
     let bad: Vec<&Block> = told.iter().filter(|b| !b.health.is_good()).collect();
@@ -179,7 +166,6 @@ fn a_message_without_samples_is_a_gap_like_any_other() {
     let mut bench = ready();
     bench.start(0, Source::Host, Gaps::Refuse, None);
     feed(&mut bench, 0, 100);
-    let taken = |next, missing| Said::Progress(Progress { next, missing });
     // Where the run is, or behind it, there is nothing to do.
     for first in [0, 99, 100] {
         assert_eq!(bench.ask(&nothing(first)), taken(100, 0));
@@ -227,12 +213,8 @@ fn a_gap_beyond_the_limit_ends_the_run_and_may_be_told_again() {
     let limit = Some(3000);
     bench.start(0, Source::Host, Gaps::Count, limit);
     feed(&mut bench, 0, 2990);
-    let taken = Said::Progress(Progress {
-        next: 3000,
-        missing: 10,
-    });
     for _ in 0..2 {
-        assert_eq!(bench.ask(&nothing(1 << 60)), taken);
+        assert_eq!(bench.ask(&nothing(1 << 60)), taken(3000, 10));
         assert_eq!(bench.status().state, State::Ready);
     }
     let summary = bench.stop();
@@ -246,12 +228,8 @@ fn a_gap_beyond_the_limit_ends_the_run_and_may_be_told_again() {
         channels: CHANNELS as u8,
         values: Values::Counts(Packed::new(&values)),
     });
-    let taken = Said::Progress(Progress {
-        next: 3000,
-        missing: 0,
-    });
     for _ in 0..2 {
-        assert_eq!(bench.ask(&across), taken);
+        assert_eq!(bench.ask(&across), taken(3000, 0));
     }
     let summary = bench.summary(&Request::ReadSummary(1));
     assert_eq!((summary.missing, summary.samples), (0, 3000));
