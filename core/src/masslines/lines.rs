@@ -15,7 +15,8 @@ use nalgebra::{Complex, Vector6};
 pub type Amplitudes = (Vector6<Complex<f64>>, Vector6<Complex<f64>>);
 
 /// Averaged spectra of one or more runs that share a reference point, a frame and the
-/// equations their load cells complete: [`DriveLines`], [`CrossLines`] and [`super::SineLines`].
+/// equations their load cells complete: [`super::DriveLines`], [`super::CrossLines`] and
+/// [`super::SineLines`].
 pub trait Lines: Internals {
     /// Number of lines.
     fn count(&self) -> usize;
