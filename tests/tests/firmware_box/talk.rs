@@ -12,7 +12,7 @@ use massline_firmware::wire::{
 
 /// Longest time for anything in a test. The emulator needs milliseconds for most of it, but may
 /// share two cores with a compiler.
-pub const PATIENCE: Duration = Duration::from_secs(30);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A box, and the host's side of its link.
 pub struct Talk {
