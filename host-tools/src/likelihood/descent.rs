@@ -191,6 +191,9 @@ pub(super) struct Descent {
 
 /// Fall of V at which a descent ends.
 const SETTLED: f64 = 0.05;
+/// Fall of V in the last step up to which a descent that was cut off counts as converged: half the
+/// fall that one standard deviation of one parameter makes.
+const NEARLY: f64 = 0.25;
 
 /// Follows the misfit downwards for at most `limit` steps. `progress` hears the number of the step
 /// and V.
@@ -237,12 +240,10 @@ pub(super) fn descend(
             lambda *= 10.0;
         }
         done.model = model.clone();
-        match fell {
-            Some(by) if by >= SETTLED => {}
-            _ => {
-                done.converged = true;
-                break;
-            }
+        let by = fell.unwrap_or(0.0);
+        done.converged = by < NEARLY;
+        if by < SETTLED {
+            break;
         }
     }
     Some(done)

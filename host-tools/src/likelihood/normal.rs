@@ -17,7 +17,7 @@ type C = Complex<f64>;
 /// Terms (jω)ⁿ of the leakage of each resultant, n from zero.
 const POLYNOMIAL: usize = 2;
 /// Modes up to this share of a record's highest line have leakage terms of their own.
-const LEAKING: f64 = 1.05;
+const LEAKING: f64 = 1.4;
 /// Stretches of frequency that each record's score is summed over.
 pub(super) const STRETCHES: usize = 20;
 
@@ -60,6 +60,11 @@ fn leaking(record: &Record, model: &Model) -> Vec<usize> {
     let modes = model.modes.iter().enumerate();
     let near = modes.filter(|(_, mode)| mode.frequency() <= highest);
     near.map(|(r, _)| r).collect()
+}
+
+/// Number of leakage coefficients of a record.
+pub(super) fn leakage_terms(record: &Record, model: &Model) -> usize {
+    2 * leaking(record, model).len() + POLYNOMIAL * record.equation_count()
 }
 
 /// Sums of one record at a model; `None` where numbers are not finite.

@@ -127,3 +127,158 @@ fn offsets_cost_what_their_prior_says() {
     let after = problem.misfit(&model, Freedom::ALL).unwrap();
     assert!((after - before - 0.5).abs() < 1e-9, "{before} {after}");
 }
+
+/// The information about everything, base accelerations of every line included, from differences
+/// of the means of what is measured; its inverse over σ is the bound.
+#[test]
+fn the_bound_is_the_inverse_of_the_whole_information() {
+    let truth = {
+        let mut model = Model::rigid(body(), 60.0, 6);
+        model.modes.push(two_modes(6).modes[0].clone());
+        model
+    };
+    let records: Vec<Record> = (0..6).map(|e| record(&truth, e, 9, false)).collect();
+    let bounded = bound::bound(&records, &truth).unwrap();
+
+    let whiten = |m: &Matrix6<f64>| m.cholesky().unwrap().l().try_inverse().unwrap();
+    let places = Freedom::LEAST.places(&truth);
+    let lines: usize = records.iter().map(|r| r.frequencies.len()).sum();
+    let count = places.len() + 12 * lines;
+    let mut information = nalgebra::DMatrix::<f64>::zeros(count, count);
+    let mut line = 0;
+    for record in &records {
+        let (base, force) = (
+            whiten(&record.noise.base).map(Complex::from),
+            whiten(&record.noise.force).map(Complex::from),
+        );
+        for (k, &frequency) in record.frequencies.iter().enumerate() {
+            let own = places.len() + 12 * line;
+            let mut slopes: Vec<(usize, Complex6, Complex6)> = Vec::new();
+            for (i, &place) in places.iter().enumerate() {
+                let h = 1e-6;
+                let at = |d: f64| {
+                    let mut step = vec![0.0; truth.parameters()];
+                    step[place] = d;
+                    let mut moved = truth.clone();
+                    moved.step(&step);
+                    moved.at(record.run, frequency) * record.base[k]
+                };
+                let slope = (at(h) - at(-h)) * Complex::from(0.5 / h);
+                slopes.push((i, Complex6::zeros(), force * slope));
+            }
+            let m = truth.at(record.run, frequency);
+            for j in 0..12 {
+                let mut unit = Complex6::zeros();
+                unit[j % 6] = if j < 6 {
+                    Complex::from(1.0)
+                } else {
+                    Complex::new(0.0, 1.0)
+                };
+                slopes.push((own + j, base * unit, force * (m * unit)));
+            }
+            for (a, xa, ya) in &slopes {
+                for (b, xb, yb) in &slopes {
+                    // Twice the real part: amplitudes have independent real and imaginary parts.
+                    information[(*a, *b)] += 2.0 * (xa.dotc(xb) + ya.dotc(yb)).re;
+                }
+            }
+            line += 1;
+        }
+    }
+    let full =
+        super::normal::solve_symmetric(information, &nalgebra::DMatrix::identity(count, count))
+            .unwrap();
+    for i in 0..RIGID {
+        let (a, b) = (bounded[(i, i)], full[(i, i)]);
+        // Differences of step 1e-6 err by some 1e-8 of a slope, and by (1e-6 / ζ)² = 1e-8.
+        assert!((a / b - 1.0).abs() < 1e-5, "{i}: {a} {b}");
+    }
+}
+
+/// Records of a structure that rings when they begin and end: with its leakage terms the true model
+/// leaves the noise, without them a hundred times as much.
+#[test]
+fn leakage_terms_explain_how_a_record_begins_and_ends() {
+    use crate::simulate::{Options, simulate};
+    let model = crate::simulate::Model::fork().unwrap();
+    let options = Options {
+        noise: Some(0.0),
+        duration: Some(20.0),
+        ..Options::default()
+    };
+    let simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+    let highest = 60.0;
+    let truth = true_model(&model, highest);
+    let mut misfits = Vec::new();
+    let records: Vec<Record> = (0..3)
+        .map(|run| fork_record(&simulation, run, highest))
+        .collect();
+    for leakage in [true, false] {
+        let problem = Problem {
+            records: &records,
+            leakage,
+            threads: 1,
+        };
+        misfits.push(problem.misfit(&truth, Freedom::LEAST).unwrap());
+    }
+    println!(
+        "V with leakage terms {}, without {}",
+        misfits[0], misfits[1]
+    );
+    assert!(misfits[0] * 100.0 < misfits[1], "{misfits:?}");
+}
+
+fn true_model(model: &crate::simulate::Model, unit: f64) -> Model {
+    let mut truth = Model::rigid(
+        sigma_of(&model.specimen.mass_matrix),
+        unit,
+        model.runs.len(),
+    );
+    for mode in &model.specimen.modes {
+        truth.push(FittedMode::new(
+            mode.frequency,
+            mode.damping,
+            mode.participation,
+        ));
+    }
+    truth
+}
+
+/// Lines of a run of the simulated fork with noise of a thousandth of its resultants.
+fn fork_record(simulation: &crate::simulate::Simulation, run: usize, highest: f64) -> Record {
+    use crate::measure::{Accelerations, RunGeometry};
+    let geometry = RunGeometry::new(&simulation.setup, run, &Accelerations::Interface).unwrap();
+    let recording = &simulation.recordings[run];
+    let at = |name: &String| recording.channels.iter().position(|c| c == name).unwrap();
+    let columns: Vec<usize> = geometry.channels.iter().map(at).collect();
+    let samples = recording.samples[0].len();
+    let mut signals = vec![vec![0.0_f32; samples]; 12];
+    for n in 0..samples {
+        let sample: Vec<f32> = columns.iter().map(|&c| recording.samples[c][n]).collect();
+        for (signal, x) in signals.iter_mut().zip(geometry.resultants(&sample)) {
+            signal[n] = x;
+        }
+    }
+    let lines = transform(&signals, recording.sample_rate.unwrap(), [1.0, highest]);
+    let six = |first: usize| -> Vec<Complex6> {
+        let at = |k: usize| Complex6::from_fn(|i, _| lines.signals[first + i][k]);
+        (0..lines.frequencies.len()).map(at).collect()
+    };
+    let (base, force) = (six(0), six(6));
+    let variances = |of: &[Complex6]| {
+        let power = |i: usize| of.iter().map(|x| x[i].norm_sqr()).sum::<f64>() / of.len() as f64;
+        Matrix6::from_diagonal(&Vector6::from_fn(|i, _| 1e-6 * power(i).max(1e-12)))
+    };
+    Record {
+        run,
+        frequencies: lines.frequencies.clone(),
+        noise: Noise {
+            base: variances(&base),
+            force: variances(&force),
+        },
+        base,
+        force,
+        level: Vec::new(),
+        equations: *geometry.equations.rows(),
+    }
+}

@@ -1,0 +1,272 @@
+//! A first look for a resonance: the frequency and damping at which a free 6 x 6 residue explains
+//! most of what rigid body, term in ω² and known modes leave.
+
+use super::excited::Excited;
+use super::model::{FittedMode, Model, Resonance};
+use super::record::Record;
+use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
+
+type C = Complex<f64>;
+
+/// Ratio of neighbouring frequencies of the grid, less one.
+const STEP: f64 = 0.004;
+/// Dampings of the grid.
+const DAMPINGS: [f64; 2] = [0.004, 0.015];
+/// The grid ends at this share of the highest line.
+const BEYOND: f64 = 1.35;
+/// Least width of a group of lines, Hz.
+const WIDTH: f64 = 0.15;
+
+/// Sums of products over a group of lines, along the excited directions.
+struct Group {
+    frequency: f64,
+    /// Σ y y*, k x k.
+    base: DMatrix<C>,
+    /// Σ f y*, 6 x k, with resultants whose noise is one.
+    cross: DMatrix<C>,
+}
+
+/// Groups of lines of all records.
+pub(super) struct Groups {
+    groups: Vec<Group>,
+    highest: f64,
+    /// From resultants whose noise is one to those of the sensors.
+    unwhiten: Matrix6<f64>,
+    force_information: Matrix6<f64>,
+    base_noise: Matrix6<f64>,
+    excited: Excited,
+}
+
+impl Groups {
+    /// Of records that measure the same equations; `None` where the noise of these is singular.
+    pub(super) fn new(records: &[Record], excited: &Excited) -> Option<Self> {
+        let rows = &records.first()?.equations;
+        let lines: f64 = records.iter().map(|r| r.frequencies.len() as f64).sum();
+        let mean = |of: &dyn Fn(&Record) -> Matrix6<f64>| {
+            let each = records
+                .iter()
+                .map(|r| of(r) * (r.frequencies.len() as f64 / lines));
+            each.fold(Matrix6::zeros(), |sum, m| sum + m)
+        };
+        let mut noise = rows * mean(&|r| r.noise.force) * rows.transpose();
+        for i in 0..6 {
+            if rows.row(i).norm_squared() == 0.0 {
+                noise[(i, i)] = 1.0;
+            }
+        }
+        let factor = noise.cholesky()?.l();
+        let whiten = factor.try_inverse()? * rows;
+        let complex = whiten.map(Complex::from);
+        let k = excited.power.len();
+        let coordinates = excited.coordinates.map(Complex::from);
+        let highest = super::record::highest(records);
+        let mut groups: Vec<Group> = Vec::new();
+        let mut cells: std::collections::BTreeMap<usize, Group> = std::collections::BTreeMap::new();
+        for record in records {
+            for (n, &frequency) in record.frequencies.iter().enumerate() {
+                let group = cells.entry(cell(frequency)).or_insert_with(|| Group {
+                    frequency: middle(cell(frequency)),
+                    base: DMatrix::zeros(k, k),
+                    cross: DMatrix::zeros(6, k),
+                });
+                let weight = 1.0 / record.level(n);
+                let y = &coordinates * DVector::from_fn(6, |i, _| record.base[n][i]);
+                let f = complex * record.force[n];
+                for j in 0..k {
+                    let c = y[j].conj() * weight;
+                    for i in 0..k {
+                        group.base[(i, j)] += y[i] * c;
+                    }
+                    for i in 0..6 {
+                        group.cross[(i, j)] += f[i] * c;
+                    }
+                }
+            }
+        }
+        groups.extend(cells.into_values());
+        Some(Self {
+            groups,
+            highest,
+            unwhiten: rows.transpose() * factor,
+            force_information: whiten.transpose() * whiten,
+            base_noise: mean(&|r| r.noise.base),
+            excited: excited.clone(),
+        })
+    }
+
+    /// The mode that explains most beside those of a model.
+    pub(super) fn best(&self, model: &Model) -> Option<FittedMode> {
+        let k = self.excited.power.len();
+        let known = 2 + model.modes.len();
+        // Functions of frequency of the known terms, group by group, and weights.
+        let mut functions: Vec<Vec<C>> = Vec::with_capacity(self.groups.len());
+        let mut weights = Vec::with_capacity(self.groups.len());
+        for group in &self.groups {
+            let ratio = group.frequency / self.highest;
+            let mut of = vec![Complex::from(1.0), Complex::from(ratio * ratio)];
+            for mode in &model.modes {
+                of.push(
+                    Resonance::new(
+                        group.frequency / mode.frequency(),
+                        mode.damping(),
+                        mode.exponent,
+                    )
+                    .response(),
+                );
+            }
+            functions.push(of);
+            let m = model.at(usize::MAX, group.frequency);
+            let spread = m * self.base_noise.map(Complex::from) * m.adjoint();
+            let information = self.force_information.map(Complex::from);
+            weights.push(1.0 / (1.0 + (spread * information).trace().re / 6.0));
+        }
+        let size = k * known;
+        let mut normal = DMatrix::<f64>::zeros(size, size);
+        let mut right = DMatrix::<f64>::zeros(size, 6);
+        for ((group, of), weight) in self.groups.iter().zip(&functions).zip(&weights) {
+            for (b, phi) in of.iter().enumerate() {
+                add_right(&mut right, b * k, group, *phi, *weight);
+                for (c, psi) in of.iter().enumerate() {
+                    let product = phi.conj() * psi * *weight;
+                    add_product(&mut normal, (b * k, c * k), group, product);
+                }
+            }
+        }
+        let scale = DVector::from_fn(size, |i, _| {
+            let d = normal[(i, i)];
+            if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
+        });
+        for j in 0..size {
+            for i in 0..size {
+                normal[(i, j)] *= scale[i] * scale[j];
+            }
+            normal[(j, j)] += 1e-10;
+        }
+        let factor = normal.cholesky()?;
+        let scaled = |mut m: DMatrix<f64>| {
+            for j in 0..m.ncols() {
+                for i in 0..size {
+                    m[(i, j)] *= scale[i];
+                }
+            }
+            m
+        };
+        // L⁻¹ of the right sides: products with it take off what the known terms explain.
+        let right = factor.l().solve_lower_triangular(&scaled(right))?;
+        let lower = factor.l();
+        let lowest = self.groups.first()?.frequency;
+        let steps = (self.highest * BEYOND / (4.0 * lowest)).ln() / STEP.ln_1p();
+        let mut best: Option<(f64, f64, f64, DMatrix<f64>)> = None;
+        for step in 0..=(steps.max(0.0) as usize) {
+            let frequency = 4.0 * lowest * (step as f64 * STEP.ln_1p()).exp();
+            for damping in DAMPINGS {
+                let mut cross = DMatrix::<f64>::zeros(size, k);
+                let mut own = DMatrix::<f64>::zeros(k, k);
+                let mut rest = DMatrix::<f64>::zeros(k, 6);
+                for ((group, of), weight) in self.groups.iter().zip(&functions).zip(&weights) {
+                    let d = Resonance::new(group.frequency / frequency, damping, 1.0).response();
+                    add_right(&mut rest, 0, group, d, *weight);
+                    add_product(
+                        &mut own,
+                        (0, 0),
+                        group,
+                        Complex::from(d.norm_sqr() * weight),
+                    );
+                    for (b, phi) in of.iter().enumerate() {
+                        add_product(&mut cross, (b * k, 0), group, phi.conj() * d * *weight);
+                    }
+                }
+                let Some(cross) = lower.solve_lower_triangular(&scaled(cross)) else {
+                    continue;
+                };
+                let diagonal: f64 = own.trace();
+                own -= cross.transpose() * &cross;
+                rest -= cross.transpose() * &right;
+                for j in 0..k {
+                    own[(j, j)] += 1e-9 * diagonal / k as f64;
+                }
+                let Some(factor) = own.cholesky() else {
+                    continue;
+                };
+                let residue = factor.solve(&rest);
+                let gain = residue.dot(&rest);
+                if best.as_ref().is_none_or(|b| gain > b.0) {
+                    best = Some((gain, frequency, damping, residue));
+                }
+            }
+        }
+        let (_, frequency, damping, residue) = best?;
+        let participation = self.participation(&residue)?;
+        Some(FittedMode::new(frequency, damping, participation))
+    }
+
+    /// L of the residue that is nearest to rank one: from the direction of most power.
+    fn participation(&self, residue: &DMatrix<f64>) -> Option<Vector6<f64>> {
+        let k = self.excited.power.len();
+        // Forces per coordinate, 6 x k.
+        let whitened = residue.transpose();
+        let forces = DMatrix::from_fn(6, k, |i, j| {
+            (0..6)
+                .map(|l| self.unwhiten[(i, l)] * whitened[(l, j)])
+                .sum()
+        });
+        let work = self.excited.directions.transpose() * &forces;
+        let root: Vec<f64> = self.excited.power.iter().map(|p| p.sqrt()).collect();
+        let symmetric = DMatrix::from_fn(k, k, |i, j| {
+            0.5 * (work[(i, j)] + work[(j, i)]) * root[i] * root[j]
+        });
+        let eigen = symmetric.symmetric_eigen();
+        let top = eigen.eigenvalues.imax();
+        let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
+        let square = v.dot(&(&work * &v));
+        if square.is_nan() || square <= 0.0 {
+            return None;
+        }
+        let l = forces * v / square.sqrt();
+        Some(Vector6::from_fn(|i, _| l[i]))
+    }
+}
+
+/// Number of the group that a frequency belongs to: groups are 0.4 % wide, or 0.15 Hz.
+fn cell(frequency: f64) -> usize {
+    let corner = WIDTH / STEP;
+    if frequency < corner {
+        (frequency / WIDTH) as usize
+    } else {
+        (corner / WIDTH + (frequency / corner).ln() / STEP) as usize
+    }
+}
+
+/// Frequency in the middle of a group, Hz.
+fn middle(cell: usize) -> f64 {
+    let (corner, place) = (WIDTH / STEP, cell as f64 + 0.5);
+    let straight = corner / WIDTH;
+    if place < straight {
+        place * WIDTH
+    } else {
+        corner * ((place - straight) * STEP).exp()
+    }
+}
+
+/// Adds Re(product · Σ y y*) transposed, so that rows belong to the conjugated factor.
+fn add_product(into: &mut DMatrix<f64>, at: (usize, usize), group: &Group, product: C) {
+    let k = group.base.nrows();
+    for j in 0..k {
+        for i in 0..k {
+            let s = group.base[(j, i)];
+            into[(at.0 + i, at.1 + j)] += product.re * s.re - product.im * s.im;
+        }
+    }
+}
+
+/// Adds Re(conj(φ) f y*) transposed.
+fn add_right(into: &mut DMatrix<f64>, at: usize, group: &Group, phi: C, weight: f64) {
+    let k = group.base.nrows();
+    let phi = phi.conj() * weight;
+    for i in 0..6 {
+        for j in 0..k {
+            let s = group.cross[(i, j)];
+            into[(at + j, i)] += phi.re * s.re - phi.im * s.im;
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Start values: modes are added one by one until the data no longer ask for more.
+
+use super::descent::{self, Descent, Freedom, Problem};
+use super::excited::Excited;
+use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC};
+use super::normal::Detail;
+use super::record::{Record, highest, real_equations};
+use super::search::Groups;
+use super::{Progress, Stage};
+use nalgebra::{DMatrix, DVector, Vector6};
+
+/// Lines of each record in the refits.
+const LINES: usize = 450;
+/// The same in the last look for modes beyond the lines.
+const MORE_LINES: usize = 2500;
+/// Most steps of a refit.
+const STEPS: usize = 6;
+/// Most modes.
+pub const MOST_MODES: usize = 30;
+/// Share of the highest line at which a mode beyond it is started.
+const BEYOND: [f64; 2] = [1.15, 1.6];
+/// Wald statistic of the 21 terms of E above which they are kept: their mean plus three standard
+/// deviations of what chance gives.
+pub(super) const KEPT: f64 = 40.0;
+/// The same above which a mode beyond the lines is tried on more lines.
+const TRIED: f64 = 30.0;
+
+/// Model with as many modes as the data support, ready for all lines; `None` where a fit without
+/// any mode fails.
+pub(super) fn start(
+    records: &[Record],
+    excited: &Excited,
+    threads: usize,
+    progress: &mut dyn FnMut(Progress),
+) -> Option<Model> {
+    let runs = 1 + records.iter().map(|r| r.run).max()?;
+    let lines = records.iter().map(|r| r.frequencies.len()).max()?;
+    let thin = |wanted: usize| -> (usize, Vec<Record>) {
+        let step = (lines / wanted).max(1);
+        let thinned = records.iter().enumerate();
+        // Records take turns, so that together they miss nothing.
+        let of = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
+        (step, thinned.map(of).collect())
+    };
+    let (step, some) = thin(LINES);
+    let problem = Problem {
+        records: &some,
+        leakage: true,
+        threads,
+    };
+    let unit = highest(records);
+    let groups = Groups::new(records, excited)?;
+    let count = real_equations(records) as f64;
+    let threshold = (8.0 + 2.0 * runs as f64) * count.ln();
+
+    let mut model = Model::rigid([0.0; RIGID], unit, runs);
+    model.upper = Some([0.0; SYMMETRIC]);
+    let mut tell = |modes: usize, misfit: f64| {
+        progress(Progress {
+            stage: Stage::Modes,
+            modes,
+            iteration: 0,
+            misfit,
+        });
+    };
+    let mut now = refit(&problem, &model)?;
+    while now.model.modes.len() < MOST_MODES {
+        tell(now.model.modes.len(), now.misfit);
+        let Some(mode) = groups.best(&now.model) else {
+            break;
+        };
+        let mut tried = now.model.clone();
+        tried.push(mode);
+        let Some(better) = refit(&problem, &tried) else {
+            break;
+        };
+        if 2.0 * (now.misfit - better.misfit) * step as f64 <= threshold {
+            break;
+        }
+        now = better;
+    }
+    let enough = 21.0 * count.ln();
+    for (threshold, wanted) in [(enough, LINES), (TRIED, MORE_LINES)] {
+        let (step, some) = thin(wanted);
+        let problem = Problem {
+            records: &some,
+            ..problem
+        };
+        if wanted != LINES {
+            now = refit(&problem, &now.model)?;
+        }
+        for _ in 0..2 {
+            let wald = step as f64 * wald(&problem, &now.model, Freedom::LEAST)?;
+            if wald <= threshold {
+                break;
+            }
+            let tried = BEYOND.iter().filter_map(|share| {
+                let mut model = now.model.clone();
+                model.push(beyond(&model, excited, unit * share)?);
+                model.upper = Some([0.0; SYMMETRIC]);
+                refit(&problem, &model)
+            });
+            let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
+            let Some(better) = best.filter(|b| {
+                let gain = 2.0 * (now.misfit - b.misfit) * step as f64;
+                gain > threshold
+            }) else {
+                break;
+            };
+            now = better;
+            tell(now.model.modes.len(), now.misfit);
+        }
+    }
+    Some(now.model)
+}
+
+fn refit(problem: &Problem<'_>, model: &Model) -> Option<Descent> {
+    descent::descend(problem, model, Freedom::LEAST, STEPS, &mut |_, _| ())
+}
+
+/// Wald statistic of E: how far it is from zero, in the squares of what its noise explains.
+pub(super) fn wald(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Option<f64> {
+    let Some(upper) = &model.upper else {
+        return Some(0.0);
+    };
+    let system = problem.system(model, freedom, Detail::Step)?;
+    let places = freedom.places(model);
+    let inverse = descent::inverse(&system.information, &places)?;
+    let first = RIGID + OF_MODE * model.modes.len();
+    let at: Vec<usize> = (0..places.len())
+        .filter(|&i| (first..first + SYMMETRIC).contains(&places[i]))
+        .collect();
+    // Terms along directions that do not move have no information, and no part in it.
+    let seen: Vec<usize> = (0..at.len())
+        .filter(|&i| system.information[(places[at[i]], places[at[i]])] > 0.0)
+        .collect();
+    let n = seen.len();
+    let covariance = DMatrix::from_fn(n, n, |i, j| 0.5 * inverse[(at[seen[i]], at[seen[j]])]);
+    let e = DVector::from_fn(n, |i, _| upper[seen[i]]);
+    let right = DMatrix::from_column_slice(n, 1, e.as_slice());
+    let solved = super::normal::solve_symmetric(covariance, &right)?;
+    Some(e.dot(&solved.column(0)))
+}
+
+/// A mode beyond the lines from the largest eigenpair of E.
+fn beyond(model: &Model, excited: &Excited, frequency: f64) -> Option<FittedMode> {
+    let e = model.upper_matrix();
+    let k = excited.power.len();
+    let directions = &excited.directions;
+    let whole = DMatrix::from_fn(6, 6, |i, j| e[(i, j)]);
+    let root: Vec<f64> = excited.power.iter().map(|p| p.sqrt()).collect();
+    let work = directions.transpose() * &whole * directions;
+    let symmetric = DMatrix::from_fn(k, k, |i, j| work[(i, j)] * root[i] * root[j]);
+    let eigen = symmetric.symmetric_eigen();
+    let top = eigen.eigenvalues.imax();
+    let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
+    let square = v.dot(&(&work * &v));
+    if square.is_nan() || square <= 0.0 {
+        return None;
+    }
+    // E = L Lᵀ (ω_hi/ω_r)² far below the mode.
+    let forces = whole * directions * v / square.sqrt() * (frequency / model.unit);
+    let participation = Vector6::from_fn(|i, _| forces[i]);
+    Some(FittedMode::new(frequency, 0.01, participation))
+}
