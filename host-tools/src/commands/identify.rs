@@ -4,7 +4,7 @@ use super::procedure::Procedure;
 use super::progress::reading;
 use super::{Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
 use crate::commands::Verbosity;
-use crate::identification::{Answer, Choice, Session};
+use crate::identification::{Answer, Choice, LIKELIHOOD, Session};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Identify the ten rigid-body properties from recordings
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --method all"
+    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --method ml\n  massline identify setup.toml --method all"
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs
@@ -47,16 +47,21 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Wanted {
     One(Method),
+    Likelihood,
     All,
 }
 
 fn parse_method(name: &str) -> Result<Wanted, String> {
     let known = || {
-        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+        let names = Method::ALL.iter().map(|m| m.name());
+        let names: Vec<&str> = names.chain([LIKELIHOOD]).collect();
         names.join(", ")
     };
     if name == "all" {
         return Ok(Wanted::All);
+    }
+    if name == LIKELIHOOD {
+        return Ok(Wanted::Likelihood);
     }
     Method::ALL
         .into_iter()
@@ -100,7 +105,15 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::KeepUnlessReport.or_force(arguments.force);
         output::check(path, inputs, existing)?;
     }
-    let answer = with_progress(&setup, &choice, verbosity)?;
+    let answer = if arguments.method == Some(Wanted::Likelihood) {
+        let mut session = Session::new(&setup).with_type_b();
+        reading(verbosity, |progress| {
+            let answer = session.answer_by_likelihood(&choice, progress)?;
+            Ok(session.add_modes(answer, progress)?)
+        })?
+    } else {
+        with_progress(&setup, &choice, verbosity)?
+    };
     let result = ResultDocument::new(&setup, &answer);
     if let Some(path) = &arguments.report {
         let truth = truth.as_ref().map(true_body);

@@ -37,6 +37,51 @@ pub struct Found {
 /// Noise of a run from its drives and twelve resultants; `None` where there are too few lines.
 #[must_use]
 pub fn beside_drives(drives: &[&[C]], resultants: &[&[C]; RESULTANTS]) -> Option<Found> {
+    beside(drives, None, resultants)
+}
+
+/// Noise of a run without a drive, from the known noise of its six base accelerations: their
+/// strongest combination takes the drive's place, and what its noise leaves is taken off. Motion
+/// that it does not explain counts as noise of the resultants.
+#[must_use]
+pub fn beside_base(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -> Option<Found> {
+    let scale: [f64; 6] = core::array::from_fn(|i| {
+        let v = base_noise[(i, i)];
+        if v > 0.0 { 1.0 / v.sqrt() } else { 0.0 }
+    });
+    let lines = resultants[0].len();
+    let mut power = Matrix6::<f64>::zeros();
+    for k in 0..lines {
+        for j in 0..6 {
+            for i in 0..6 {
+                let product = (resultants[i][k] * resultants[j][k].conj()).re;
+                power[(i, j)] += product * scale[i] * scale[j];
+            }
+        }
+    }
+    let eigen = power.symmetric_eigen();
+    let top = eigen
+        .eigenvectors
+        .column(eigen.eigenvalues.imax())
+        .into_owned();
+    let weights: [f64; 6] = core::array::from_fn(|i| top[i] * scale[i]);
+    let strongest: Vec<C> = (0..lines)
+        .map(|k| (0..6).map(|i| resultants[i][k] * weights[i]).sum())
+        .collect();
+    let mut variance = 0.0;
+    for j in 0..6 {
+        for i in 0..6 {
+            variance += weights[i] * base_noise[(i, j)] * weights[j];
+        }
+    }
+    let mut found = beside(&[&strongest], Some(variance), resultants)?;
+    found.noise.base = *base_noise;
+    Some(found)
+}
+
+/// Noise beside drives whose own noise is known, or shows in what accelerations and resultants have
+/// in common.
+fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) -> Option<Found> {
     let lines = resultants[0].len();
     let terms = TERMS * (1 + drives.len());
     if drives.is_empty() || lines < 4 * WINDOW || terms + 6 > WINDOW {
@@ -51,7 +96,7 @@ pub fn beside_drives(drives: &[&[C]], resultants: &[&[C]; RESULTANTS]) -> Option
         return None;
     }
     for drive in 0..drives.len() {
-        take_drive_noise(&mut left, drive);
+        take_drive_noise(&mut left, drive, known);
     }
     let power = |w: &Window, c: usize| w.left[(c, c)].max(0.0);
     let medians: [f64; RESULTANTS] = core::array::from_fn(|c| {
@@ -148,7 +193,7 @@ impl Window {
 
 /// Takes off what noise of a drive's own recording leaves: the response h to it once more, σ² h h*.
 /// It shows in what accelerations and resultants have in common, of which their own noise has none.
-fn take_drive_noise(windows: &mut [Window], drive: usize) {
+fn take_drive_noise(windows: &mut [Window], drive: usize, known: Option<f64>) {
     let scale: [f64; RESULTANTS] = core::array::from_fn(|c| {
         let all: Vec<f64> = windows.iter().map(|w| w.left[(c, c)]).collect();
         let middle = median(all);
@@ -168,7 +213,7 @@ fn take_drive_noise(windows: &mut [Window], drive: usize) {
     };
     // Window by window: what the drive's noise happens to be there is the same in all resultants.
     for window in windows {
-        let variance = common(window);
+        let variance = known.unwrap_or_else(|| common(window));
         window.left -= &window.responses[drive] * variance;
     }
 }

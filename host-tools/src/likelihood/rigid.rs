@@ -58,6 +58,37 @@ pub fn numbers(
     (values, slopes)
 }
 
+/// The same where the mass is known: Δ, centre of gravity and inertia about it, equation (7).
+#[must_use]
+pub fn numbers_weighed(
+    sigma: &[f64; RIGID],
+    reference: &Vector3<f64>,
+    mass: f64,
+) -> ([f64; RIGID], SMatrix<f64, RIGID, RIGID>) {
+    let r = [sigma[1] / mass, sigma[2] / mass, sigma[3] / mass];
+    let mut values = *sigma;
+    let mut slopes = SMatrix::<f64, RIGID, RIGID>::identity();
+    values[0] = sigma[0] / mass;
+    slopes[(0, 0)] = 1.0 / mass;
+    for i in 0..3 {
+        values[1 + i] = reference[i] + r[i];
+        slopes[(1 + i, 1 + i)] = 1.0 / mass;
+    }
+    let mut take = |j: usize, p: usize, q: usize| {
+        values[4 + j] -= mass * r[p] * r[q];
+        slopes[(4 + j, 1 + p)] -= r[q];
+        slopes[(4 + j, 1 + q)] -= r[p];
+    };
+    for (j, (p, q)) in MOMENTS.into_iter().enumerate() {
+        take(j, p, p);
+        take(j, q, q);
+    }
+    for (j, (p, q)) in PRODUCTS.into_iter().enumerate() {
+        take(3 + j, p, q);
+    }
+    (values, slopes)
+}
+
 /// Covariance of some of ten numbers, `None` for those that are not observable.
 #[must_use]
 pub fn covariance_of(
