@@ -2,7 +2,9 @@
 
 use super::procedure::Procedure;
 use super::progress::reading;
-use super::{Failure, compare, details, print_json, print_numbers, refuse, true_body, warn};
+use super::{
+    Failure, compare, details, fitted, print_json, print_numbers, refuse, true_body, warn,
+};
 use crate::commands::Verbosity;
 use crate::identification::{Answer, Choice, LIKELIHOOD, Session};
 use crate::output::{self, Existing};
@@ -128,6 +130,9 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     details::show(&setup, &answer, &result, verbosity);
     if result.refused.is_none() || arguments.anyway {
         show(&result, truth.as_ref())?;
+        if let Some(fit) = &result.likelihood {
+            fitted::print(&mut anstream::stdout(), fit).map_err(|e| Failure::stdout(&e))?;
+        }
     }
     if let Some(path) = &arguments.report
         && !verbosity.quiet

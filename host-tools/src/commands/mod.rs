@@ -3,6 +3,7 @@
 pub mod board;
 pub mod demo;
 pub mod export;
+mod fitted;
 pub mod flash;
 pub mod identify;
 pub mod replay;

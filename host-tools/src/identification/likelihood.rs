@@ -17,6 +17,10 @@ use nalgebra::{SMatrix, SVector, Vector6};
 /// Name of the method.
 pub const NAME: &str = "ml";
 
+/// Description of the method in words.
+pub(crate) const DESCRIPTION: &str =
+    "maximum likelihood fit of the apparent mass through the resonances";
+
 /// Share of a mode's frequency at which fewer lines end.
 const ABOVE: f64 = 1.2;
 /// Scores a record gives, which the larger covariance rests on.

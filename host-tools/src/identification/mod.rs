@@ -13,8 +13,10 @@ mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
 pub use error::AnswerError;
+pub(crate) use likelihood::{
+    DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, identification as identification_of_fit,
+};
 pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
-pub(crate) use likelihood::{fit_records, identification as identification_of_fit};
 pub(crate) use notice::notice_numbers;
 pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};

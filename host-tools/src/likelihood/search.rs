@@ -156,29 +156,33 @@ impl Groups {
         let lower = factor.l();
         let lowest = self.groups.first()?.frequency;
         let steps = (self.highest * BEYOND / (4.0 * lowest)).ln() / STEP.ln_1p();
+        let blocks: Vec<Blocks> = (self.groups.iter().zip(&functions).zip(&weights))
+            .map(|((group, of), weight)| Blocks::new(group, of, *weight))
+            .collect();
         let mut best: Option<(f64, f64, f64, DMatrix<f64>)> = None;
+        let mut cross = vec![0.0; size * k];
+        let mut own = vec![0.0; k * k];
+        let mut rest = vec![0.0; k * 6];
         for step in 0..=(steps.max(0.0) as usize) {
             let frequency = 4.0 * lowest * (step as f64 * STEP.ln_1p()).exp();
             for damping in DAMPINGS {
-                let mut cross = DMatrix::<f64>::zeros(size, k);
-                let mut own = DMatrix::<f64>::zeros(k, k);
-                let mut rest = DMatrix::<f64>::zeros(k, 6);
-                for ((group, of), weight) in self.groups.iter().zip(&functions).zip(&weights) {
+                cross.fill(0.0);
+                own.fill(0.0);
+                rest.fill(0.0);
+                for (group, blocks) in self.groups.iter().zip(&blocks) {
                     let d = Resonance::new(group.frequency / frequency, damping, 1.0).response();
-                    add_right(&mut rest, 0, group, d, *weight);
-                    add_product(
-                        &mut own,
-                        (0, 0),
-                        group,
-                        Complex::from(d.norm_sqr() * weight),
-                    );
-                    for (b, phi) in of.iter().enumerate() {
-                        add_product(&mut cross, (b * k, 0), group, phi.conj() * d * *weight);
-                    }
+                    add_scaled(&mut cross, d.re, &blocks.cross_re);
+                    add_scaled(&mut cross, -d.im, &blocks.cross_im);
+                    add_scaled(&mut own, d.norm_sqr(), &blocks.own);
+                    add_scaled(&mut rest, d.re, &blocks.rest_re);
+                    add_scaled(&mut rest, d.im, &blocks.rest_im);
                 }
-                let Some(cross) = lower.solve_lower_triangular(&scaled(cross)) else {
+                let cross = scaled(DMatrix::from_column_slice(size, k, &cross));
+                let Some(cross) = lower.solve_lower_triangular(&cross) else {
                     continue;
                 };
+                let mut own = DMatrix::from_column_slice(k, k, &own);
+                let mut rest = DMatrix::from_column_slice(k, 6, &rest);
                 let diagonal: f64 = own.trace();
                 own -= cross.transpose() * &cross;
                 rest -= cross.transpose() * &right;
@@ -224,6 +228,55 @@ impl Groups {
         }
         let l = forces * v / square.sqrt();
         Some(Vector6::from_fn(|i, _| l[i]))
+    }
+}
+
+/// Products of one group with the known functions, column after column: a candidate's sums are these,
+/// times real and imaginary part of its response.
+struct Blocks {
+    cross_re: Vec<f64>,
+    cross_im: Vec<f64>,
+    own: Vec<f64>,
+    rest_re: Vec<f64>,
+    rest_im: Vec<f64>,
+}
+
+impl Blocks {
+    fn new(group: &Group, of: &[C], weight: f64) -> Self {
+        let k = group.base.nrows();
+        let mut blocks = Self {
+            cross_re: Vec::with_capacity(of.len() * k * k),
+            cross_im: Vec::with_capacity(of.len() * k * k),
+            own: Vec::with_capacity(k * k),
+            rest_re: Vec::with_capacity(k * 6),
+            rest_im: Vec::with_capacity(k * 6),
+        };
+        for j in 0..k {
+            for phi in of {
+                for i in 0..k {
+                    let product = phi.conj() * group.base[(j, i)] * weight;
+                    blocks.cross_re.push(product.re);
+                    blocks.cross_im.push(product.im);
+                }
+            }
+            for i in 0..k {
+                blocks.own.push(group.base[(j, i)].re * weight);
+            }
+        }
+        for i in 0..6 {
+            for j in 0..k {
+                let product = group.cross[(i, j)] * weight;
+                blocks.rest_re.push(product.re);
+                blocks.rest_im.push(product.im);
+            }
+        }
+        blocks
+    }
+}
+
+fn add_scaled(into: &mut [f64], factor: f64, x: &[f64]) {
+    for (sum, x) in into.iter_mut().zip(x) {
+        *sum += factor * x;
     }
 }
 

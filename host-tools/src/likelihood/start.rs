@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector, Vector6};
 /// Lines of each record in the refits.
 const LINES: usize = 450;
 /// The same in the last look for modes beyond the lines.
-const MORE_LINES: usize = 2500;
+const MORE_LINES: usize = 1200;
 /// Most steps of a refit.
 const STEPS: usize = 6;
 /// Most modes.
@@ -74,25 +74,25 @@ pub(super) fn start(
         let Some(better) = refit(&problem, &tried) else {
             break;
         };
-        if 2.0 * (now.misfit - better.misfit) * step as f64 <= threshold {
+        if (2.0 * (now.misfit - better.misfit) - 8.0) * step as f64 <= threshold {
             break;
         }
         now = better;
     }
     let enough = 21.0 * count.ln();
+    let all = Problem { records, ..problem };
     for (threshold, wanted) in [(enough, LINES), (TRIED, MORE_LINES)] {
         let (step, some) = thin(wanted);
         let problem = Problem {
             records: &some,
             ..problem
         };
-        if wanted != LINES {
-            now = refit(&problem, &now.model)?;
-        }
-        for _ in 0..2 {
-            let wald = step as f64 * wald(&problem, &now.model, Freedom::LEAST)?;
-            if wald <= threshold {
+        for turn in 0..2 {
+            if wald(&all, &now.model, Freedom::LEAST)? <= threshold {
                 break;
+            }
+            if wanted != LINES && turn == 0 {
+                now = refit(&problem, &now.model)?;
             }
             let tried = BEYOND.iter().filter_map(|share| {
                 let mut model = now.model.clone();
@@ -102,8 +102,9 @@ pub(super) fn start(
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let Some(better) = best.filter(|b| {
-                let gain = 2.0 * (now.misfit - b.misfit) * step as f64;
-                gain > threshold
+                // Eight parameters more fit that much of the noise.
+                let gain = 2.0 * (now.misfit - b.misfit) - 8.0;
+                gain * step as f64 > threshold
             }) else {
                 break;
             };
@@ -118,7 +119,8 @@ fn refit(problem: &Problem<'_>, model: &Model) -> Option<Descent> {
     descent::descend(problem, model, Freedom::LEAST, STEPS, &mut |_, _| ())
 }
 
-/// Wald statistic of E: how far it is from zero, in the squares of what its noise explains.
+/// Wald statistic of E: how far it is from zero, in the squares of what its noise explains. E is the one
+/// that a step of Gauss and Newton leads to.
 pub(super) fn wald(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Option<f64> {
     let Some(upper) = &model.upper else {
         return Some(0.0);
@@ -136,7 +138,9 @@ pub(super) fn wald(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Op
         .collect();
     let n = seen.len();
     let covariance = DMatrix::from_fn(n, n, |i, j| 0.5 * inverse[(at[seen[i]], at[seen[j]])]);
-    let e = DVector::from_fn(n, |i, _| upper[seen[i]]);
+    let score = DVector::from_fn(places.len(), |i, _| system.score[places[i]]);
+    let step = &inverse * score;
+    let e = DVector::from_fn(n, |i, _| upper[seen[i]] + step[at[seen[i]]]);
     let right = DMatrix::from_column_slice(n, 1, e.as_slice());
     let solved = super::normal::solve_symmetric(covariance, &right)?;
     Some(e.dot(&solved.column(0)))
