@@ -5,6 +5,8 @@ use nalgebra::{DMatrix, Matrix6};
 
 /// Power of a direction over its noise from which it counts as excited.
 const EXCITED: f64 = 3.0;
+/// Share of the strongest component's power below which a component is rounding.
+const ROUNDING: f64 = 1e-20;
 
 /// Directions in which the base moves.
 #[derive(Clone, Debug)]
@@ -41,9 +43,14 @@ impl Excited {
         noise /= lines;
         // Noise along directions that no accelerometer sees is zero, and so is their power. Scales
         // make translations and rotations comparable.
+        let most = power.diagonal().max();
         let scale: [f64; 6] = core::array::from_fn(|i| {
             let p: f64 = power[(i, i)];
-            if p > 0.0 { 1.0 / p.sqrt() } else { 0.0 }
+            if p > ROUNDING * most {
+                1.0 / p.sqrt()
+            } else {
+                0.0
+            }
         });
         let scaled = |m: &Matrix6<f64>| Matrix6::from_fn(|i, j| m[(i, j)] * scale[i] * scale[j]);
         let (power, noise) = (scaled(&power), scaled(&noise));

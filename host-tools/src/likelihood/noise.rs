@@ -20,6 +20,8 @@ const MEDIAN: f64 = 0.978;
 const SMOOTHED: usize = 15;
 /// Least eigenvalue of a covariance, as a share of the largest of its correlations.
 const LEAST: f64 = 0.02;
+/// Share of the largest noise of accelerations, or of resultants, that is rounding.
+const ROUNDING: f64 = 1e-20;
 /// Ratio of a run's noise to the mean of all up to which they count as one.
 const ALIKE: f64 = 2.0;
 /// Ratio of high to low levels from which noise counts as coloured.
@@ -103,11 +105,11 @@ fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) 
         let all: Vec<f64> = left.iter().map(|w| power(w, c)).collect();
         median(all) / MEDIAN
     });
-    // A resultant that is not measured is zero and has no noise.
+    let visible = visible(&medians);
     let shares: Vec<f64> = left
         .iter()
         .map(|w| {
-            let seen = (0..RESULTANTS).filter(|&c| medians[c] > 0.0);
+            let seen = (0..RESULTANTS).filter(|&c| visible[c]);
             let shares: Vec<f64> = seen.map(|c| power(w, c) / medians[c]).collect();
             shares.iter().sum::<f64>() / shares.len().max(1) as f64
         })
@@ -191,14 +193,21 @@ impl Window {
     }
 }
 
+/// Resultants with noise: one that is not measured is zero, but for rounding.
+fn visible(medians: &[f64; RESULTANTS]) -> [bool; RESULTANTS] {
+    let largest = |half: &[f64]| half.iter().copied().fold(0.0, f64::max);
+    let (base, force) = (largest(&medians[..6]), largest(&medians[6..]));
+    core::array::from_fn(|c| medians[c] > ROUNDING * if c < 6 { base } else { force })
+}
+
 /// Takes off what noise of a drive's own recording leaves: the response h to it once more, σ² h h*.
 /// It shows in what accelerations and resultants have in common, of which their own noise has none.
 fn take_drive_noise(windows: &mut [Window], drive: usize, known: Option<f64>) {
-    let scale: [f64; RESULTANTS] = core::array::from_fn(|c| {
-        let all: Vec<f64> = windows.iter().map(|w| w.left[(c, c)]).collect();
-        let middle = median(all);
-        if middle > 0.0 { 1.0 / middle } else { 0.0 }
-    });
+    let medians: [f64; RESULTANTS] =
+        core::array::from_fn(|c| median(windows.iter().map(|w| w.left[(c, c)]).collect()));
+    let visible = visible(&medians);
+    let scale: [f64; RESULTANTS] =
+        core::array::from_fn(|c| if visible[c] { 1.0 / medians[c] } else { 0.0 });
     let common = |w: &Window| {
         let h = &w.responses[drive];
         let (mut up, mut down) = (0.0, 0.0);

@@ -19,6 +19,8 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6};
 const MOST: usize = 1 << 20;
 /// Least lines of a stretch between faulty samples.
 const LEAST_LINES: f64 = 200.0;
+/// Share of a component that counts as none of it.
+const UNSEEN: f64 = 1e-9;
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
 
@@ -164,6 +166,17 @@ impl<'a> Intake<'a> {
                 };
                 let signals = if parts == 1 { &stretch.signals } else { &cut };
                 lines.push(transform(signals, rate, band));
+            }
+        }
+        let determined = self.geometry.determined();
+        let seen = |c: usize| match c {
+            0..6 => determined[c] > UNSEEN,
+            _ => self.geometry.equations.measured(c - 6) > UNSEEN,
+        };
+        // Rounding of what no sensor sees is no signal.
+        for lines in &mut lines {
+            for c in (0..RESULTANTS).filter(|&c| !seen(c)) {
+                lines.signals[c].fill(Complex::default());
             }
         }
         let Some(longest) = lines.iter().max_by_key(|l| l.frequencies.len()) else {
