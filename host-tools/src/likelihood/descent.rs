@@ -204,6 +204,17 @@ pub(super) fn descend(
     limit: usize,
     progress: &mut dyn FnMut(usize, f64),
 ) -> Option<Descent> {
+    descend_until(problem, start, freedom, (limit, [SETTLED, 0.0]), progress)
+}
+
+/// The same until a step takes no more than so much off V, or so large a share of it.
+pub(super) fn descend_until(
+    problem: &Problem<'_>,
+    start: &Model,
+    freedom: Freedom,
+    (limit, [fall, share]): (usize, [f64; 2]),
+    progress: &mut dyn FnMut(usize, f64),
+) -> Option<Descent> {
     let mut model = start.clone();
     let places = freedom.places(&model);
     let mut lambda = 1e-3;
@@ -242,7 +253,7 @@ pub(super) fn descend(
         done.model = model.clone();
         let by = fell.unwrap_or(0.0);
         done.converged = by < NEARLY;
-        if by < SETTLED {
+        if by < fall.max(share * done.misfit) {
             break;
         }
     }

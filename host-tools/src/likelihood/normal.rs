@@ -15,9 +15,9 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
 type C = Complex<f64>;
 
 /// Terms (jω)ⁿ of the leakage of each resultant, n from zero.
-const POLYNOMIAL: usize = 2;
+const POLYNOMIAL: usize = 4;
 /// Modes up to this share of a record's highest line have leakage terms of their own.
-const LEAKING: f64 = 1.4;
+const LEAKING: f64 = 3.0;
 /// Stretches of frequency that each record's score is summed over.
 pub(super) const STRETCHES: usize = 20;
 
@@ -144,8 +144,6 @@ pub(super) fn solve_symmetric(
         for i in 0..n {
             matrix[(i, j)] *= scale[i] * scale[j];
         }
-        // What rounding leaves of a column that depends on others.
-        matrix[(j, j)] += 1e-12;
     }
     let mut scaled = right.clone();
     for j in 0..scaled.ncols() {
@@ -153,7 +151,17 @@ pub(super) fn solve_symmetric(
             scaled[(i, j)] *= scale[i];
         }
     }
-    let mut solved = matrix.cholesky()?.solve(&scaled);
+    // What rounding leaves of columns that depend on others, from little to much.
+    let factor = [1e-12, 1e-11, 1e-10, 1e-9, 1e-8]
+        .into_iter()
+        .find_map(|ridge| {
+            let mut raised = matrix.clone();
+            for j in 0..n {
+                raised[(j, j)] += ridge;
+            }
+            raised.cholesky()
+        });
+    let mut solved = factor?.solve(&scaled);
     for j in 0..solved.ncols() {
         for i in 0..n {
             solved[(i, j)] *= scale[i];

@@ -14,8 +14,15 @@ const STEP: f64 = 0.004;
 const DAMPINGS: [f64; 2] = [0.004, 0.015];
 /// The grid ends at this share of the highest line.
 const BEYOND: f64 = 1.35;
+/// Distance from a known mode, as a share of its frequency, that counts as away from it.
+const NEAR: f64 = 0.04;
+/// Share of the highest line from which on a mode is sought by itself.
+const LAST: f64 = 0.97;
 /// Least width of a group of lines, Hz.
 const WIDTH: f64 = 0.15;
+
+/// Gain, frequency in Hz, damping and residue of a candidate.
+type Candidate = (f64, f64, f64, DMatrix<f64>);
 
 /// Sums of products over a group of lines, along the excited directions.
 struct Group {
@@ -94,8 +101,25 @@ impl Groups {
         })
     }
 
-    /// The mode that explains most beside those of a model.
-    pub(super) fn best(&self, model: &Model) -> Option<FittedMode> {
+    /// Modes that explain most beside those of a model: of all, of those away from known modes, and of
+    /// those around the last line and beyond it. Leakage, which this search leaves out, makes
+    /// candidates next to a strong resonance look better than they are.
+    pub(super) fn best(&self, model: &Model) -> Vec<FittedMode> {
+        let found = self.candidates(model).unwrap_or_default();
+        let mut modes: Vec<FittedMode> = Vec::new();
+        for (_, frequency, damping, residue) in found.into_iter().flatten() {
+            let same = |m: &FittedMode| (m.frequency() / frequency - 1.0).abs() < STEP;
+            if let Some(l) = self.participation(&residue)
+                && !modes.iter().any(same)
+            {
+                modes.push(FittedMode::new(frequency, damping, l));
+            }
+        }
+        modes
+    }
+
+    /// Gain, frequency, damping and residue of the best candidate of each kind.
+    fn candidates(&self, model: &Model) -> Option<[Option<Candidate>; 3]> {
         let k = self.excited.power.len();
         let known = 2 + model.modes.len();
         // Functions of frequency of the known terms, group by group, and weights.
@@ -159,7 +183,7 @@ impl Groups {
         let blocks: Vec<Blocks> = (self.groups.iter().zip(&functions).zip(&weights))
             .map(|((group, of), weight)| Blocks::new(group, of, *weight))
             .collect();
-        let mut best: Option<(f64, f64, f64, DMatrix<f64>)> = None;
+        let mut best: [Option<Candidate>; 3] = [None, None, None];
         let mut cross = vec![0.0; size * k];
         let mut own = vec![0.0; k * k];
         let mut rest = vec![0.0; k * 6];
@@ -194,14 +218,20 @@ impl Groups {
                 };
                 let residue = factor.solve(&rest);
                 let gain = residue.dot(&rest);
-                if best.as_ref().is_none_or(|b| gain > b.0) {
-                    best = Some((gain, frequency, damping, residue));
+                let away = |m: &FittedMode| (m.frequency() / frequency - 1.0).abs() > NEAR;
+                let kinds = [
+                    true,
+                    model.modes.iter().all(away),
+                    frequency > LAST * self.highest,
+                ];
+                for (slot, kind) in best.iter_mut().zip(kinds) {
+                    if kind && slot.as_ref().is_none_or(|b| gain > b.0) {
+                        *slot = Some((gain, frequency, damping, residue.clone()));
+                    }
                 }
             }
         }
-        let (_, frequency, damping, residue) = best?;
-        let participation = self.participation(&residue)?;
-        Some(FittedMode::new(frequency, damping, participation))
+        Some(best)
     }
 
     /// L of the residue that is nearest to rank one: from the direction of most power.

@@ -14,11 +14,15 @@ const LINES: usize = 450;
 /// The same in the last look for modes beyond the lines.
 const MORE_LINES: usize = 1200;
 /// Most steps of a refit.
-const STEPS: usize = 6;
+const STEPS: usize = 30;
+/// Fall of V, and share of V, at which a refit ends: far below what decides on a mode.
+const SETTLED: [f64; 2] = [1.0, 2e-4];
 /// Most modes.
 pub const MOST_MODES: usize = 30;
 /// Share of the highest line at which a mode beyond it is started.
 const BEYOND: [f64; 2] = [1.15, 1.6];
+/// Difference of ln ω of two modes from which one of them may stand for a misplaced other.
+const DOUBLE: f64 = 0.02;
 /// Wald statistic of the 21 terms of E above which they are kept: their mean plus three standard
 /// deviations of what chance gives.
 pub(super) const KEPT: f64 = 40.0;
@@ -66,12 +70,12 @@ pub(super) fn start(
     let mut now = refit(&problem, &model)?;
     while now.model.modes.len() < MOST_MODES {
         tell(now.model.modes.len(), now.misfit);
-        let Some(mode) = groups.best(&now.model) else {
-            break;
-        };
-        let mut tried = now.model.clone();
-        tried.push(mode);
-        let Some(better) = refit(&problem, &tried) else {
+        let tried = groups.best(&now.model).into_iter().filter_map(|mode| {
+            let mut tried = now.model.clone();
+            tried.push(mode);
+            refit(&problem, &tried)
+        });
+        let Some(better) = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit)) else {
             break;
         };
         if (2.0 * (now.misfit - better.misfit) - 8.0) * step as f64 <= threshold {
@@ -79,6 +83,7 @@ pub(super) fn start(
         }
         now = better;
     }
+    now = pruned(&problem, now, threshold / step as f64)?;
     let enough = 21.0 * count.ln();
     let all = Problem { records, ..problem };
     for (threshold, wanted) in [(enough, LINES), (TRIED, MORE_LINES)] {
@@ -116,7 +121,59 @@ pub(super) fn start(
 }
 
 fn refit(problem: &Problem<'_>, model: &Model) -> Option<Descent> {
-    descent::descend(problem, model, Freedom::LEAST, STEPS, &mut |_, _| ())
+    let until = (STEPS, SETTLED);
+    descent::descend_until(problem, model, Freedom::LEAST, until, &mut |_, _| ())
+}
+
+/// The same without modes that were added before others had found their place, and are no longer
+/// worth the fall of 2V that `threshold` asks for.
+fn pruned(problem: &Problem<'_>, mut now: Descent, threshold: f64) -> Option<Descent> {
+    while now.model.modes.len() > 1 {
+        let system = problem.system(&now.model, Freedom::LEAST, Detail::Step)?;
+        let places = Freedom::LEAST.places(&now.model);
+        let inverse = descent::inverse(&system.information, &places)?;
+        // Eight free parameters a mode: ln ω, ln ζ and six participations.
+        let strength = |r: usize| {
+            let first = RIGID + (OF_MODE - 1) * r + 2;
+            let seen: Vec<usize> = (0..6)
+                .filter(|j| system.information[(places[first + j], places[first + j])] > 0.0)
+                .collect();
+            let n = seen.len();
+            let covariance = DMatrix::from_fn(n, n, |i, j| {
+                0.5 * inverse[(first + seen[i], first + seen[j])]
+            });
+            let l = &now.model.modes[r].participation;
+            let right = DMatrix::from_fn(n, 1, |i, _| l[seen[i]]);
+            let solved = super::normal::solve_symmetric(covariance, &right);
+            solved.map_or(0.0, |s| right.dot(&s))
+        };
+        let modes = &now.model.modes;
+        let beside = |r: usize| {
+            let close =
+                |o: usize| o != r && (modes[o].ln_frequency - modes[r].ln_frequency).abs() < DOUBLE;
+            (0..modes.len()).any(close)
+        };
+        // A strong mode by itself is not worth the time of a refit.
+        let mut doubtful: Vec<(f64, usize)> = (0..modes.len())
+            .map(|r| (strength(r), r))
+            .filter(|(strength, r)| *strength < 10.0 * threshold || beside(*r))
+            .collect();
+        doubtful.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let without = |r: usize| {
+            let mut fewer = now.model.clone();
+            fewer.modes.remove(r);
+            for run in &mut fewer.offsets {
+                run.remove(r);
+            }
+            let tried = refit(problem, &fewer)?;
+            (2.0 * (tried.misfit - now.misfit) - 8.0 <= threshold).then_some(tried)
+        };
+        let Some(tried) = doubtful.iter().find_map(|(_, r)| without(*r)) else {
+            break;
+        };
+        now = tried;
+    }
+    Some(now)
 }
 
 /// Wald statistic of E: how far it is from zero, in the squares of what its noise explains. E is the one
