@@ -70,6 +70,7 @@ pub fn widest_band(setup: &Setup) -> Option<[f64; 2]> {
 pub(crate) fn fit_records(
     read: &Records,
     band: &[f64; 2],
+    rigid: [bool; RIGID],
     threads: usize,
     progress: &mut dyn FnMut(likelihood::Progress),
 ) -> Likelihood {
@@ -84,6 +85,7 @@ pub(crate) fn fit_records(
     let options = Options {
         start: None,
         threads,
+        rigid: Some(rigid),
     };
     // Two narrower bands: above the second mode, and above the first.
     for _ in 0..3 {
@@ -106,7 +108,7 @@ pub(crate) fn fit_records(
         let model = fit.model.clone();
         found.fit = Some(fit);
         let Some(doubt) = doubt else {
-            if let Ok(bound) = bound::bound(&cut, &model) {
+            if let Ok(bound) = bound::bound(&cut, &model, rigid) {
                 found.over_bound = Some(ratio(&covariance, &bound));
             }
             return found;
@@ -126,6 +128,15 @@ pub(crate) fn fit_records(
         .collect();
     found.stepped_back = Some(reasons.join("; "));
     found
+}
+
+/// Parameters σ that the band's method observes.
+pub(crate) fn told_of(band: &Identification) -> [bool; RIGID] {
+    core::array::from_fn(|i| match i {
+        0 => band.mass.is_some(),
+        1..4 => band.centre_of_gravity[i - 1].is_some(),
+        _ => band.inertia_reference[i - 4].is_some() || band.inertia_cg[i - 4].is_some(),
+    })
 }
 
 /// Root mean square ratio of standard deviations, over those that the bound has.
@@ -162,15 +173,21 @@ impl Session<'_> {
                 Ok(read) => {
                     let threads = std::thread::available_parallelism().map_or(1, usize::from);
                     let runs = setup.runs.len();
-                    fit_records(&read, &band, threads, &mut |p| {
-                        let (name, share) = told(p);
-                        progress(Progress {
-                            run: runs.saturating_sub(1),
-                            runs,
-                            name: &name,
-                            share,
-                        });
-                    })
+                    fit_records(
+                        &read,
+                        &band,
+                        told_of(&answer.identification),
+                        threads,
+                        &mut |p| {
+                            let (name, share) = told(p);
+                            progress(Progress {
+                                run: runs.saturating_sub(1),
+                                runs,
+                                name: &name,
+                                share,
+                            });
+                        },
+                    )
                 }
             },
         };

@@ -15,6 +15,7 @@ pub use consistency::{Consistency, REFUSED, WARNED};
 pub use error::AnswerError;
 pub(crate) use likelihood::{
     DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, identification as identification_of_fit,
+    told_of,
 };
 pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
 pub(crate) use notice::notice_numbers;

@@ -5,17 +5,22 @@
 
 use super::descent::{self, Freedom, Problem};
 use super::excited::Excited;
-use super::fit::{Covariance10, FitError};
+use super::fit::{Covariance10, FitError, corner};
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::Record;
 
-/// Bound of the covariance of σ for records without noise of their own, whose `noise` is that of
-/// the test, and the true model.
+/// Bound of the covariance of those of σ that the test tells, `rigid`, for records without noise of
+/// their own, whose `noise` is that of the test, and the true model.
 ///
 /// # Errors
 /// [`FitError`] where nothing moves, or numbers are not finite.
-pub fn bound(records: &[Record], model: &Model) -> Result<Covariance10, FitError> {
+pub fn bound(
+    records: &[Record],
+    model: &Model,
+    rigid: [bool; RIGID],
+) -> Result<Covariance10, FitError> {
+    let freedom = Freedom::least(rigid);
     let excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
     let mut records = records.to_vec();
     excited.project(&mut records);
@@ -25,15 +30,9 @@ pub fn bound(records: &[Record], model: &Model) -> Result<Covariance10, FitError
         threads: 1,
     };
     let system = problem
-        .system(model, Freedom::LEAST, Detail::Step)
+        .system(model, freedom, Detail::Step)
         .ok_or(FitError::Singular)?;
-    let places = Freedom::LEAST.places(model);
+    let places = freedom.places(model);
     let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
-    Ok(Covariance10::from_fn(|i, j| 0.5 * inverse[(i, j)]))
-}
-
-/// Number of parameters that a bound is over.
-#[must_use]
-pub fn parameters(model: &Model) -> usize {
-    RIGID + 8 * model.modes.len()
+    Ok(corner(&inverse, &places) * 0.5)
 }

@@ -19,6 +19,8 @@ const CLIP: [f64; 3] = [0.05, 0.7, 0.5];
 /// Parameters that may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Freedom {
+    /// Parameters of the rigid body that the test tells; the others stay zero.
+    pub(super) rigid: [bool; RIGID],
     /// Exponents of the damping.
     pub(super) exponents: bool,
     /// Offsets between runs.
@@ -27,15 +29,22 @@ pub(super) struct Freedom {
 
 impl Freedom {
     /// Neither exponents nor offsets.
-    pub(super) const LEAST: Self = Self {
-        exponents: false,
-        offsets: false,
-    };
-    /// All of them.
-    pub(super) const ALL: Self = Self {
-        exponents: true,
-        offsets: true,
-    };
+    pub(super) fn least(rigid: [bool; RIGID]) -> Self {
+        Self {
+            rigid,
+            exponents: false,
+            offsets: false,
+        }
+    }
+
+    /// All parameters but those of the rigid body that the test does not tell.
+    pub(super) fn all(rigid: [bool; RIGID]) -> Self {
+        Self {
+            rigid,
+            exponents: true,
+            offsets: true,
+        }
+    }
 
     /// Places of the free parameters of a model.
     pub(super) fn places(self, model: &Model) -> Vec<usize> {
@@ -43,7 +52,8 @@ impl Freedom {
         let free = |&i: &usize| {
             let exponent = (RIGID..modes).contains(&i) && (i - RIGID) % OF_MODE == OF_MODE - 1;
             let offset = i >= model.shared();
-            (!exponent || self.exponents) && (!offset || self.offsets)
+            let told = self.rigid.get(i).is_none_or(|told| *told);
+            told && (!exponent || self.exponents) && (!offset || self.offsets)
         };
         (0..model.parameters()).filter(free).collect()
     }

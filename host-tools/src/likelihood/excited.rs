@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix6};
 
 /// Power of a direction over its noise from which it counts as excited.
 const EXCITED: f64 = 3.0;
-/// Share of the strongest component's power below which a component is rounding.
+/// Share of the noisiest component's noise below which a component is rounding.
 const ROUNDING: f64 = 1e-20;
 
 /// Directions in which the base moves.
@@ -41,13 +41,13 @@ impl Excited {
         }
         power /= lines;
         noise /= lines;
-        // Noise along directions that no accelerometer sees is zero, and so is their power. Scales
-        // make translations and rotations comparable.
-        let most = power.diagonal().max();
+        // Noise along directions that no accelerometer sees is zero, but for rounding. Scales make
+        // translations and rotations comparable.
+        let most = noise.diagonal().max();
         let scale: [f64; 6] = core::array::from_fn(|i| {
-            let p: f64 = power[(i, i)];
-            if p > ROUNDING * most {
-                1.0 / p.sqrt()
+            let v: f64 = noise[(i, i)];
+            if v > ROUNDING * most {
+                1.0 / v.sqrt()
             } else {
                 0.0
             }

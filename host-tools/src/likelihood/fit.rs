@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 pub type Covariance10 = SMatrix<f64, RIGID, RIGID>;
 
 /// Most steps of the last descent.
-const STEPS: usize = 15;
+const STEPS: usize = 40;
 /// Share of the first mode up to which lines are low.
 const LOW: f64 = 0.35;
 /// 2V over degrees of freedom from which the model does not explain the lines.
@@ -52,6 +52,8 @@ pub struct Options {
     pub start: Option<Model>,
     /// Threads; none or one: no others are started.
     pub threads: usize,
+    /// Parameters σ that the test tells; all if `None`. The others are left out.
+    pub rigid: Option<[bool; RIGID]>,
 }
 
 /// A fit and its tests.
@@ -166,6 +168,7 @@ pub fn fit(
     excited.project(&mut projected);
     let records = &projected;
     let threads = options.threads.max(1);
+    let rigid = options.rigid.unwrap_or([true; RIGID]);
     let problem = Problem {
         records,
         leakage: true,
@@ -173,12 +176,15 @@ pub fn fit(
     };
     let mut model = match &options.start {
         Some(model) => model.clone(),
-        None => start::start(records, &excited, threads, progress).ok_or(FitError::Singular)?,
+        None => {
+            start::start(records, &excited, rigid, threads, progress).ok_or(FitError::Singular)?
+        }
     };
-    let mut freedom = Freedom::ALL;
-    if model.modes.is_empty() {
-        freedom = Freedom::LEAST;
-    }
+    let freedom = if model.modes.is_empty() {
+        Freedom::least(rigid)
+    } else {
+        Freedom::all(rigid)
+    };
     let mut last = |modes: usize, iteration: usize, misfit: f64| {
         progress(Progress {
             stage: Stage::Lines,
@@ -210,15 +216,16 @@ pub fn fit(
     let places = freedom.places(&model);
     let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
     // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
-    let by_information = corner(&inverse) * 0.5;
+    let by_information = corner(&inverse, &places) * 0.5;
     let mut scatter = DMatrix::zeros(places.len(), places.len());
     for score in &system.scores {
         let free = DVector::from_fn(places.len(), |i, _| score[places[i]]);
         scatter.ger(1.0, &free, &free, 1.0);
     }
-    let by_score = corner(&(&inverse * scatter * &inverse));
+    let by_score = corner(&(&inverse * scatter * &inverse), &places);
     let wider = SMatrix::<f64, RIGID, 1>::from_fn(|i, _| {
-        (by_score[(i, i)] / by_information[(i, i)]).sqrt().max(1.0)
+        let ratio = by_score[(i, i)] / by_information[(i, i)];
+        if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
     });
     let covariance = Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j]);
     let deviation = |place: usize| {
@@ -230,7 +237,7 @@ pub fn fit(
         .collect();
     let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
     let free = (places.len() + leaked) as f64;
-    let disagreement = low_lines(records, &model, &by_information, threads);
+    let disagreement = low_lines(records, &model, &by_information, rigid, threads);
     let expected = |r: &Record| r.equation_count() as f64;
     let residuals = records
         .iter()
@@ -259,8 +266,15 @@ pub fn fit(
     })
 }
 
-fn corner(matrix: &DMatrix<f64>) -> Covariance10 {
-    Covariance10::from_fn(|i, j| matrix[(i, j)])
+/// Covariance of σ from that of the free parameters; zero for those that are left out.
+pub(super) fn corner(matrix: &DMatrix<f64>, places: &[usize]) -> Covariance10 {
+    let mut covariance = Covariance10::zeros();
+    for (i, &a) in places.iter().enumerate().filter(|(_, p)| **p < RIGID) {
+        for (j, &b) in places.iter().enumerate().filter(|(_, p)| **p < RIGID) {
+            covariance[(a, b)] = matrix[(i, j)];
+        }
+    }
+    covariance
 }
 
 /// Means of |ε|² over its expectation in stretches of frequency.
@@ -281,6 +295,7 @@ fn low_lines(
     records: &[Record],
     model: &Model,
     covariance: &Covariance10,
+    told: [bool; RIGID],
     threads: usize,
 ) -> Option<f64> {
     let first = model.modes.iter().map(super::FittedMode::frequency);
@@ -301,9 +316,12 @@ fn low_lines(
     // Modes stay where they are; E is free, and takes what they miss in ω². The shape of ω⁴ is theirs.
     let mut fixed = model.clone();
     fixed.upper = Some(model.upper.unwrap_or([0.0; 21]));
-    let system = problem.system(&fixed, Freedom::LEAST, Detail::Step)?;
+    let system = problem.system(&fixed, Freedom::least(told), Detail::Step)?;
     let shared = RIGID + super::model::OF_MODE * fixed.modes.len();
-    let places: Vec<usize> = (0..RIGID).chain(shared..shared + 21).collect();
+    let places: Vec<usize> = (0..RIGID)
+        .filter(|&i| told[i])
+        .chain(shared..shared + 21)
+        .collect();
     let seen: Vec<usize> = places
         .iter()
         .copied()

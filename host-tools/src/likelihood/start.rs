@@ -34,9 +34,11 @@ const TRIED: f64 = 30.0;
 pub(super) fn start(
     records: &[Record],
     excited: &Excited,
+    rigid: [bool; RIGID],
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
+    let freedom = Freedom::least(rigid);
     let runs = 1 + records.iter().map(|r| r.run).max()?;
     let lines = records.iter().map(|r| r.frequencies.len()).max()?;
     let thin = |wanted: usize| -> (usize, Vec<Record>) {
@@ -67,13 +69,13 @@ pub(super) fn start(
             misfit,
         });
     };
-    let mut now = refit(&problem, &model)?;
+    let mut now = refit(&problem, freedom, &model)?;
     while now.model.modes.len() < MOST_MODES {
         tell(now.model.modes.len(), now.misfit);
         let tried = groups.best(&now.model).into_iter().filter_map(|mode| {
             let mut tried = now.model.clone();
             tried.push(mode);
-            refit(&problem, &tried)
+            refit(&problem, freedom, &tried)
         });
         let Some(better) = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit)) else {
             break;
@@ -83,7 +85,7 @@ pub(super) fn start(
         }
         now = better;
     }
-    now = pruned(&problem, now, threshold / step as f64)?;
+    now = pruned(&problem, freedom, now, threshold / step as f64)?;
     let enough = 21.0 * count.ln();
     let all = Problem { records, ..problem };
     for (threshold, wanted) in [(enough, LINES), (TRIED, MORE_LINES)] {
@@ -93,17 +95,17 @@ pub(super) fn start(
             ..problem
         };
         for turn in 0..2 {
-            if wald(&all, &now.model, Freedom::LEAST)? <= threshold {
+            if wald(&all, &now.model, freedom)? <= threshold {
                 break;
             }
             if wanted != LINES && turn == 0 {
-                now = refit(&problem, &now.model)?;
+                now = refit(&problem, freedom, &now.model)?;
             }
             let tried = BEYOND.iter().filter_map(|share| {
                 let mut model = now.model.clone();
                 model.push(beyond(&model, excited, unit * share)?);
                 model.upper = Some([0.0; SYMMETRIC]);
-                refit(&problem, &model)
+                refit(&problem, freedom, &model)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let Some(better) = best.filter(|b| {
@@ -120,21 +122,27 @@ pub(super) fn start(
     Some(now.model)
 }
 
-fn refit(problem: &Problem<'_>, model: &Model) -> Option<Descent> {
+fn refit(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Descent> {
     let until = (STEPS, SETTLED);
-    descent::descend_until(problem, model, Freedom::LEAST, until, &mut |_, _| ())
+    descent::descend_until(problem, model, freedom, until, &mut |_, _| ())
 }
 
 /// The same without modes that were added before others had found their place, and are no longer
 /// worth the fall of 2V that `threshold` asks for.
-fn pruned(problem: &Problem<'_>, mut now: Descent, threshold: f64) -> Option<Descent> {
+fn pruned(
+    problem: &Problem<'_>,
+    freedom: Freedom,
+    mut now: Descent,
+    threshold: f64,
+) -> Option<Descent> {
     while now.model.modes.len() > 1 {
-        let system = problem.system(&now.model, Freedom::LEAST, Detail::Step)?;
-        let places = Freedom::LEAST.places(&now.model);
+        let system = problem.system(&now.model, freedom, Detail::Step)?;
+        let places = freedom.places(&now.model);
         let inverse = descent::inverse(&system.information, &places)?;
         // Eight free parameters a mode: ln ω, ln ζ and six participations.
         let strength = |r: usize| {
-            let first = RIGID + (OF_MODE - 1) * r + 2;
+            let told = freedom.rigid.iter().filter(|told| **told).count();
+            let first = told + (OF_MODE - 1) * r + 2;
             let seen: Vec<usize> = (0..6)
                 .filter(|j| system.information[(places[first + j], places[first + j])] > 0.0)
                 .collect();
@@ -165,7 +173,7 @@ fn pruned(problem: &Problem<'_>, mut now: Descent, threshold: f64) -> Option<Des
             for run in &mut fewer.offsets {
                 run.remove(r);
             }
-            let tried = refit(problem, &fewer)?;
+            let tried = refit(problem, freedom, &fewer)?;
             (2.0 * (tried.misfit - now.misfit) - 8.0 <= threshold).then_some(tried)
         };
         let Some(tried) = doubtful.iter().find_map(|(_, r)| without(*r)) else {

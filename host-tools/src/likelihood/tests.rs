@@ -88,13 +88,15 @@ fn the_gradient_is_that_of_differences() {
             leakage,
             threads: 1,
         };
-        let system = problem.system(&model, Freedom::ALL, Detail::Step).unwrap();
+        let system = problem
+            .system(&model, Freedom::all([true; RIGID]), Detail::Step)
+            .unwrap();
         let at = |i: usize, h: f64| {
             let mut step = vec![0.0; model.parameters()];
             step[i] = h;
             let mut moved = model.clone();
             moved.step(&step);
-            problem.misfit(&moved, Freedom::ALL).unwrap()
+            problem.misfit(&moved, Freedom::all([true; RIGID])).unwrap()
         };
         for i in 0..model.parameters() {
             let h = 1e-5;
@@ -120,11 +122,11 @@ fn offsets_cost_what_their_prior_says() {
         leakage: false,
         threads: 1,
     };
-    let before = problem.misfit(&truth, Freedom::ALL).unwrap();
+    let before = problem.misfit(&truth, Freedom::all([true; RIGID])).unwrap();
     let mut model = truth.clone();
     // The record is of run 0, so that only the prior sees run 1.
     model.offsets[1][0] = [OFFSET, 0.0];
-    let after = problem.misfit(&model, Freedom::ALL).unwrap();
+    let after = problem.misfit(&model, Freedom::all([true; RIGID])).unwrap();
     assert!((after - before - 0.5).abs() < 1e-9, "{before} {after}");
 }
 
@@ -138,10 +140,10 @@ fn the_bound_is_the_inverse_of_the_whole_information() {
         model
     };
     let records: Vec<Record> = (0..6).map(|e| record(&truth, e, 9, false)).collect();
-    let bounded = bound::bound(&records, &truth).unwrap();
+    let bounded = bound::bound(&records, &truth, [true; RIGID]).unwrap();
 
     let whiten = |m: &Matrix6<f64>| m.cholesky().unwrap().l().try_inverse().unwrap();
-    let places = Freedom::LEAST.places(&truth);
+    let places = Freedom::least([true; RIGID]).places(&truth);
     let lines: usize = records.iter().map(|r| r.frequencies.len()).sum();
     let count = places.len() + 12 * lines;
     let mut information = nalgebra::DMatrix::<f64>::zeros(count, count);
@@ -219,7 +221,11 @@ fn leakage_terms_explain_how_a_record_begins_and_ends() {
             leakage,
             threads: 1,
         };
-        misfits.push(problem.misfit(&truth, Freedom::LEAST).unwrap());
+        misfits.push(
+            problem
+                .misfit(&truth, Freedom::least([true; RIGID]))
+                .unwrap(),
+        );
     }
     println!(
         "V with leakage terms {}, without {}",

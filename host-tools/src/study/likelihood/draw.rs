@@ -1,7 +1,7 @@
 //! One draw: a random structure, its test, its bound, both answers.
 
 use super::{Case, Disturbance, Drawn, NUMBERS, Options, Scored};
-use crate::identification::{fit_records, identification_of_fit};
+use crate::identification::{fit_records, identification_of_fit, told_of};
 use crate::likelihood::{
     Covariance10, FittedMode, Model as Fitted, Record, bound, numbers, sigma_of,
 };
@@ -134,6 +134,8 @@ pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Draw
         .iter()
         .filter(|m| m.frequency <= highest)
         .count();
+    // Translations tell mass and centre of gravity.
+    let told = core::array::from_fn(|i| i < 4 || !case.translations);
     let mut all = Vec::with_capacity(options.noise.len());
     for &level in &options.noise {
         let noise = trial.resultant_noise(level)?;
@@ -146,7 +148,7 @@ pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Draw
                     ..r.thinned(0, 1, highest)
                 })
                 .collect();
-            bound::bound(&records, &truth).ok()
+            bound::bound(&records, &truth, told).ok()
         };
         all.push(one(
             &trial,
@@ -179,7 +181,8 @@ fn one(
     };
     let began = Instant::now();
     let read = trial.lines(Some(level), [LOWEST, highest]);
-    let found = read.map(|read| fit_records(&read, &[LOWEST, highest], 1, &mut |_| ()));
+    let found =
+        read.map(|read| fit_records(&read, &[LOWEST, highest], told_of(&today), 1, &mut |_| ()));
     drawn.work = began.elapsed();
     let mut given = today;
     match found {
