@@ -122,7 +122,7 @@ pub unsafe fn read_if_there(address: *const u32) -> Option<u32> {
     (TRYING.swap(0, Ordering::SeqCst) == 1).then_some(word)
 }
 
-/// Whether there is memory at an address: it reads back what is written. The word is lost.
+/// `true` if there is memory at an address: it reads back what is written. The word is lost.
 ///
 /// # Safety
 ///
@@ -144,8 +144,8 @@ pub unsafe fn is_memory(address: *mut u32) -> bool {
 /// The handler of all faults of the processor.
 ///
 /// While [`read_if_there`] is trying, the fault is the answer: the handler notes it and returns
-/// behind the instruction. Else the program has ended. The stack may be what failed, so the rest runs
-/// from the stack's top, whose contents nobody will need again.
+/// behind the instruction. Else the program has ended. The stack may be what failed, so the rest
+/// runs from the stack's top, whose contents nobody will need again.
 ///
 /// # Safety
 ///

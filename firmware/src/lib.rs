@@ -11,6 +11,7 @@ pub mod capacity;
 pub mod drivers;
 pub mod instrument;
 pub mod link;
+pub mod model_board;
 pub mod models;
 pub mod retained;
 pub mod sampling;

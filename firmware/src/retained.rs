@@ -11,26 +11,14 @@ use crate::wire::{CRC32, FaultCounters, PANIC_MAX, ResetReason};
 /// Bytes of a record in memory, its checksum included.
 pub const SIZE: usize = 4 * WORDS + 2 + 2 + 1 + 1 + PANIC_MAX + 2 + 4;
 
+/// Number of fault counters.
+const FAULTS: usize = 11;
+
 /// Words of 32 bits at the beginning: mark, resets and fault counters.
-const WORDS: usize = 2 + 11;
+const WORDS: usize = 2 + FAULTS;
 
 /// First word of a record; its last digit is the version of the layout.
 const MARK: u32 = 0x6D4C_0001;
-
-/// [`FaultCounters::default`], as a constant.
-const NO_FAULTS: FaultCounters = FaultCounters {
-    watchdog: 0,
-    brown_out: 0,
-    panic: 0,
-    hard_fault: 0,
-    stack_overflow: 0,
-    converter_checksum: 0,
-    converter_missed: 0,
-    converter_reset: 0,
-    out_of_step: 0,
-    overrun: 0,
-    storage: 0,
-};
 
 /// Cause of a reset that the program itself has noted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,11 +136,11 @@ impl Record {
         (record, reason)
     }
 
-    const fn new(session: u16) -> Self {
+    fn new(session: u16) -> Self {
         Self {
             resets: 0,
             session,
-            faults: NO_FAULTS,
+            faults: FaultCounters::default(),
             cause: None,
             message: Text::new(),
         }
@@ -191,23 +179,10 @@ impl Record {
     #[must_use]
     pub fn to_bytes(&self) -> [u8; SIZE] {
         let mut bytes = [0; SIZE];
-        let faults = &self.faults;
         let mut rest = &mut bytes[..];
-        for word in [
-            MARK,
-            self.resets,
-            faults.watchdog,
-            faults.brown_out,
-            faults.panic,
-            faults.hard_fault,
-            faults.stack_overflow,
-            faults.converter_checksum,
-            faults.converter_missed,
-            faults.converter_reset,
-            faults.out_of_step,
-            faults.overrun,
-            faults.storage,
-        ] {
+        let mut faults = self.faults;
+        let faults = counters(&mut faults).map(|counter| *counter);
+        for word in [MARK, self.resets].into_iter().chain(faults) {
             put(&mut rest, word.to_le_bytes());
         }
         put(&mut rest, self.session.to_le_bytes());
@@ -228,25 +203,12 @@ impl Record {
             return None;
         }
         let mut rest = covered;
-        let mut words = [0; WORDS];
-        for word in &mut words {
-            *word = u32::from_le_bytes(take(&mut rest)?);
+        let mark = u32::from_le_bytes(take(&mut rest)?);
+        let resets = u32::from_le_bytes(take(&mut rest)?);
+        let mut faults = FaultCounters::default();
+        for counter in counters(&mut faults) {
+            *counter = u32::from_le_bytes(take(&mut rest)?);
         }
-        let [
-            mark,
-            resets,
-            watchdog,
-            brown_out,
-            panic,
-            hard_fault,
-            stack_overflow,
-            converter_checksum,
-            converter_missed,
-            converter_reset,
-            out_of_step,
-            overrun,
-            storage,
-        ] = words;
         let session = u16::from_le_bytes(take(&mut rest)?);
         let length = u16::from_le_bytes(take(&mut rest)?);
         let [code, _] = take(&mut rest)?;
@@ -257,23 +219,28 @@ impl Record {
         (mark == MARK).then_some(Self {
             resets,
             session,
-            faults: FaultCounters {
-                watchdog,
-                brown_out,
-                panic,
-                hard_fault,
-                stack_overflow,
-                converter_checksum,
-                converter_missed,
-                converter_reset,
-                out_of_step,
-                overrun,
-                storage,
-            },
+            faults,
             cause: Cause::from_code(code),
             message: text,
         })
     }
+}
+
+/// The fault counters in their order in memory.
+const fn counters(faults: &mut FaultCounters) -> [&mut u32; FAULTS] {
+    [
+        &mut faults.watchdog,
+        &mut faults.brown_out,
+        &mut faults.panic,
+        &mut faults.hard_fault,
+        &mut faults.stack_overflow,
+        &mut faults.converter_checksum,
+        &mut faults.converter_missed,
+        &mut faults.converter_reset,
+        &mut faults.out_of_step,
+        &mut faults.overrun,
+        &mut faults.storage,
+    ]
 }
 
 fn count(counter: &mut u32) {

@@ -22,7 +22,7 @@ pub static COUNTERS: Counters = Counters::new();
 static STACK_USED: AtomicU32 = AtomicU32::new(0);
 /// Ticks that the processor has slept.
 static ASLEEP: AtomicU32 = AtomicU32::new(0);
-/// Whether the block task is to hang.
+/// `true` if the block task is to hang.
 static HANG: AtomicBool = AtomicBool::new(false);
 
 /// Measures how deep the stack has been.
@@ -198,13 +198,12 @@ impl Board for Services {
         match self.rate {
             Some(running) if running == sample_rate => return Ok(()),
             Some(running) => {
-                return Err(Problem::Range {
-                    field: Field::SampleRate,
-                    index: 0,
-                    found: sample_rate,
-                    low: running,
-                    high: running,
-                });
+                return Err(Problem::range(
+                    Field::SampleRate,
+                    0,
+                    sample_rate,
+                    [running, running],
+                ));
             }
             None => {}
         }

@@ -372,13 +372,7 @@ fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
         (1.0, 256.0, 256.0),
         (1e5, 32_768.0, 32_768.0),
     ] {
-        let expected = Problem::Range {
-            field: Field::SampleRate,
-            index: 0,
-            found: rate,
-            low,
-            high,
-        };
+        let expected = Problem::range(Field::SampleRate, 0, rate, [low, high]);
         assert_eq!(Plan::new(&settings, rate, TICK_HZ), Err(expected));
     }
     let plan = Plan::new(&wired(&[3, 33]), 4096.0, TICK_HZ).unwrap();

@@ -1,7 +1,7 @@
 //! The command line: one file a command, in [`crate::commands`].
 
 use crate::commands::{
-    self, Failure, Verbosity, board, demo, export, flash, identify, replay, simulate, study,
+    self, Failure, Verbosity, board, check, demo, export, flash, identify, replay, simulate, study,
 };
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -26,6 +26,7 @@ struct Cli {
 enum Command {
     Demo(demo::Arguments),
     Identify(identify::Arguments),
+    Check(check::Arguments),
     Export(export::Arguments),
     Simulate(simulate::Arguments),
     Study(study::Arguments),
@@ -63,6 +64,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
     match cli.command {
         Command::Demo(a) => demo::run(&a, verbosity),
         Command::Identify(a) => identify::run(&a, verbosity),
+        Command::Check(a) => check::run(&a, verbosity),
         Command::Export(a) => export::run(&a, verbosity),
         Command::Simulate(a) => simulate::run(&a, verbosity),
         Command::Study(a) => study::run(&a, verbosity),

@@ -4,6 +4,7 @@ pub mod acquire;
 pub mod box_runs;
 pub mod cli;
 pub mod commands;
+pub mod detective;
 pub mod device;
 pub mod export;
 pub mod format;

@@ -13,58 +13,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// A small setup that uses every section.
-const SETUP: &str = r#"
-title = "any bytes"
-reference_point = [0.0, 0.0, 0.0]
-known_mass = 2.0
-
-[processing]
-sample_rate = 128.0
-block_length = 16
-overlap = 0.5
-averaging_band = [8.0, 24.0]
-mode_band = [24.0, 48.0]
-
-[estimation]
-minimum_weight = 0.25
-modes = 2
-tolerance = 1e-6
-iterations = 9
-
-[[accelerometer]]
-channel = "ax"
-position = [0.1, 0.0, 0.2]
-direction = [1, 0, 0]
-mount = "interface"
-
-[[accelerometer]]
-channel = "az"
-position = [0.0, 0.3, 0.0]
-direction = [0, 0, 1]
-scale = -1.0
-
-[[load_cell]]
-channel = "fx"
-position = [0.0, 0.0, 0.0]
-direction = [1, 0, 0]
-
-[[load_cell]]
-channel = "ty"
-direction = [0, 1, 0]
-quantity = "moment"
-
-[[run]]
-name = "one"
-recording = "one.csv"
-reference = "drive"
-weights = { ax = 0.5 }
-
-[[run]]
-name = "two"
-recording = "two.csv.gz"
-rotation = [0.0, 0.0, 90.0]
-translation = [0.0, 0.1, 0.0]
-"#;
+const SETUP: &str = include_str!("../../tests/fuzz/seeds/setup.toml");
 
 /// A recording of a body of 2 kg whose readings are some pseudo-random numbers.
 fn recording(rows: usize, seed: u32) -> String {
@@ -93,7 +42,7 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// What can happen to bytes on their way.
+/// Damage to bytes on their way.
 #[derive(Clone, Debug)]
 enum Damage {
     Replace(Vec<u8>),

@@ -32,7 +32,7 @@ fn a_replay_is_identical_and_says_so() {
         "ten numbers by a ",
         "weighted",
     ] {
-        assert!(finished.stdout.contains(words), "{}", finished.stdout);
+        finished.shows(words);
     }
     assert!(!finished.stdout.contains("differ"), "{}", finished.stdout);
 }
@@ -48,7 +48,7 @@ fn a_flipped_bit_is_code_1_with_its_run_and_line_named() {
     let differing: Vec<&str> = table.lines().filter(|l| l.ends_with(" differ")).collect();
     assert!(differing[0].contains("lateral Z"), "{table}");
     assert!(table.contains("    line 0 ("), "{table}");
-    assert!(finished.stderr.contains("flipped bit was noticed"));
+    finished.says("flipped bit was noticed");
 }
 
 #[test]
@@ -58,7 +58,7 @@ fn a_flip_beyond_the_blocks_is_said_to_hit_nothing() {
         &["--blocks", "2", "--flip", "1:100000:a1:0"],
     );
     assert_eq!(finished.code, Some(0), "{finished:?}");
-    assert!(finished.stderr.contains("changed nothing"), "{finished:?}");
+    finished.says("changed nothing");
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn faulty_samples_are_replayed_as_such_and_told() {
     assert_eq!(finished.code, Some(0), "{finished:?}");
     let note = "note: run \"lateral Z\": faulty samples (1) went to the box";
     assert_eq!(finished.stderr.matches("note:").count(), 1, "{finished:?}");
-    assert!(finished.stderr.contains(note), "{}", finished.stderr);
+    finished.says(note);
     let document = document(&replay(&bench, &["--no-weights", "--json"]));
     let runs = &document["compared"].as_array().unwrap()[1..4];
     let of = |key: &str| runs.iter().map(|r| r[key].as_u64()).collect::<Vec<_>>();
@@ -108,7 +108,7 @@ fn faulty_samples_are_replayed_as_such_and_told() {
 
 #[test]
 fn what_cannot_be_replayed_is_said_with_a_way_out() {
-    let long = |bench: Bench| bench.setup("block_length = 1024", "block_length = 2048");
+    let long = |bench: Bench| bench.with("block_length", "2048");
     let undriven = |bench: Bench| {
         bench.edit("setup.toml", |text| {
             let kept = text.lines().filter(|line| !line.starts_with("reference ="));
@@ -117,14 +117,14 @@ fn what_cannot_be_replayed_is_said_with_a_way_out() {
     };
     let short = replay(&Bench::fork(), &["--blocks", "2", "--method", "a"]);
     assert_eq!(short.code, Some(1), "{short:?}");
-    assert!(short.stderr.contains("--no-weights"), "{}", short.stderr);
+    short.says("--no-weights");
     for (bench, words) in [
         (long(Bench::fork()), "set `block_length = 1024`"),
         (undriven(Bench::fork()), "record it and name its channel"),
     ] {
         let finished = replay(&bench, &[]);
         assert_eq!(finished.code, Some(2), "{finished:?}");
-        assert!(finished.stderr.contains(words), "{}", finished.stderr);
+        finished.says(words);
     }
 }
 
@@ -143,7 +143,7 @@ fn exactly_one_place_of_the_box_is_named() {
     ] {
         let finished = run(arguments);
         assert_eq!(finished.code, Some(2), "{arguments:?}");
-        assert!(finished.stderr.contains(word), "{}", finished.stderr);
+        finished.says(word);
     }
 }
 
@@ -266,11 +266,7 @@ fn inputs_are_wired_by_a_file_shown_and_exported_again() {
     .unwrap();
     let refused = settings(&["--inputs", "in.toml"]);
     assert_eq!(refused.code, Some(2));
-    assert!(
-        refused
-            .stderr
-            .contains("input 36: this box has inputs 1 to 35")
-    );
+    refused.says("input 36: this box has inputs 1 to 35");
 }
 
 #[test]
@@ -278,19 +274,15 @@ fn settings_are_changed_and_what_is_not_kept_is_said() {
     let changes = ["settings", "--set", "name=table 2", "--set", "rate=256"];
     let finished = board(&changes);
     assert_eq!(finished.code, Some(0), "{finished:?}");
-    assert!(finished.stdout.contains("name            table 2\n"));
-    assert!(finished.stdout.contains("256 samples/s"));
-    assert!(finished.stderr.contains("--save"), "{}", finished.stderr);
+    finished.shows("name            table 2\n");
+    finished.shows("256 samples/s");
+    finished.says("--save");
     let finished = board(&[&changes[..], &["--save", "--json"]].concat());
     assert_eq!(document(&finished)["saved"], true);
-    assert!(finished.stderr.contains("until it is switched off"));
+    finished.says("until it is switched off");
     let finished = board(&["settings", "--set", "rate=0"]);
     assert_eq!(finished.code, Some(2));
-    assert!(
-        finished.stderr.contains("256 to 32768"),
-        "{}",
-        finished.stderr
-    );
+    finished.says("256 to 32768");
 }
 
 #[test]
@@ -309,11 +301,7 @@ fn flash_says_what_it_would_run_and_what_is_missing() {
     without.env("PATH", folder.path());
     let finished = finish(without);
     assert_eq!(finished.code, Some(2), "{finished:?}");
-    assert!(
-        finished
-            .stderr
-            .contains("cargo install probe-rs-tools --locked")
-    );
+    finished.says("cargo install probe-rs-tools --locked");
 }
 
 // A stand-in for probe-rs: what it is asked goes into a file, and it fails on request.

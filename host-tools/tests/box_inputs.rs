@@ -76,14 +76,10 @@ fn a_recording_full_of_faults_is_no_answer() {
         &[&record[..], &faults, &["--inputs", &inputs]].concat(),
     );
     assert_eq!(finished.code, Some(0), "{finished:?}");
-    assert!(
-        finished.stdout.contains("checksum ("),
-        "{}",
-        finished.stdout
-    );
+    finished.shows("checksum (");
     let (finished, document) = identify(folder.path());
     assert_eq!((finished.code, document), (Some(1), Value::Null));
-    assert!(finished.stderr.contains("without a faulty sample"));
+    finished.says("without a faulty sample");
 }
 
 #[test]
@@ -114,7 +110,7 @@ fn a_file_of_inputs_names_columns_and_has_to_agree_with_the_box() {
     let refused = record("y.csv");
     assert_eq!(refused.code, Some(2));
     let words = "input 1 is calibrated otherwise";
-    assert!(refused.stderr.contains(words), "{}", refused.stderr);
+    refused.says(words);
 }
 
 #[test]
@@ -136,20 +132,12 @@ fn what_cannot_be_recorded_is_said_with_a_way_out() {
     ] {
         let finished = board(folder.path(), &[arguments, &["--host"]].concat());
         assert_eq!(finished.code, Some(2), "{arguments:?}");
-        assert!(
-            finished.stderr.contains(words),
-            "{words}: {}",
-            finished.stderr
-        );
+        finished.says(words);
         assert!(!folder.path().join("y.csv").exists(), "{arguments:?}");
     }
     let elsewhere = ["monitor", "--port", "none", "--fault", "open"];
     let finished = board(folder.path(), &elsewhere);
-    assert!(
-        finished.stderr.contains("cannot be used with"),
-        "{}",
-        finished.stderr
-    );
+    finished.says("cannot be used with");
 }
 
 #[test]

@@ -85,7 +85,7 @@ fn the_box_finds_the_fork_that_is_wired_to_it() {
         "1 of 3: shake \"lateral X\", random, measurement, 60 s",
         "30720 samples in 60 s, 58 blocks",
     ] {
-        assert!(finished.stderr.contains(words), "{}", finished.stderr);
+        finished.says(words);
     }
 }
 
@@ -121,11 +121,7 @@ fn the_table_is_that_of_identify() {
         "not observable from this test: CG y, Θxx",
         "identified by the box (massline",
     ] {
-        assert!(
-            finished.stdout.contains(words),
-            "{words}: {}",
-            finished.stdout
-        );
+        finished.shows(words);
     }
 }
 
@@ -210,18 +206,10 @@ fn what_cannot_be_measured_is_said_with_a_way_out() {
     ] {
         let finished = with(setup, arguments);
         assert_eq!(finished.code, Some(code), "{finished:?}");
-        assert!(
-            finished.stderr.contains(words),
-            "{words}: {}",
-            finished.stderr
-        );
+        finished.says(words);
     }
     let identify = ["board", "identify", "setup.toml", "--host"];
     let finished = massline(folder.path(), identify);
     assert_eq!(finished.code, Some(1));
-    assert!(
-        finished.stderr.contains("massline board measure"),
-        "{}",
-        finished.stderr
-    );
+    finished.says("massline board measure");
 }

@@ -1,31 +1,24 @@
 //! Everything that goes wrong next to a shaker, through the command: a simulated fork is
 //! recorded by the modelled box, faults and all, and identified.
 
+mod bench;
+
+use bench::massline;
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn massline(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_massline"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
 
 /// Records the fork for so many seconds a run.
-fn record(folder: &Path, seconds: &str, more: &[&str]) -> Output {
-    let mut arguments = vec!["simulate", "fork", "--out", "test", "--noise", "0.01"];
-    arguments.extend(["--duration", seconds, "--quiet"]);
-    arguments.extend(more);
-    massline(&arguments, folder)
+fn record(folder: &Path, seconds: &str, more: &[&str]) {
+    let own = ["simulate", "fork", "--out", "test", "--noise", "0.01"];
+    let duration = ["--duration", seconds, "--quiet"];
+    let finished = massline(folder, [&own[..], &duration, more].concat());
+    assert_eq!(finished.code, Some(0), "{finished:?}");
 }
 
 fn identify(folder: &Path) -> (Option<i32>, Value, String) {
-    let output = massline(&["identify", "test/setup.toml", "--json"], folder);
-    let document = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    (output.status.code(), document, errors)
+    let finished = massline(folder, ["identify", "test/setup.toml", "--json"]);
+    let document = serde_json::from_str(&finished.stdout).unwrap_or(Value::Null);
+    (finished.code, document, finished.stderr)
 }
 
 /// The ten numbers with their standard deviations, as far as this plane test tells them.
@@ -67,14 +60,10 @@ const FAULTS: [(&str, &str); 7] = [
 #[test]
 fn a_box_without_faults_records_what_there_is() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(
-        record(folder.path(), "60", &["--through-converters"])
-            .status
-            .success()
-    );
+    record(folder.path(), "60", &["--through-converters"]);
     let (code, through, _) = identify(folder.path());
     assert_eq!(code, Some(0));
-    assert!(record(folder.path(), "60", &[]).status.success());
+    record(folder.path(), "60", &[]);
     let (_, direct, _) = identify(folder.path());
     for ((name, a, std), (_, b, _)) in ten(&through).iter().zip(ten(&direct)) {
         // The converters add noise at 1e-6 of full scale to sensors' noise of 1e-2: the numbers
@@ -98,11 +87,7 @@ fn a_box_without_faults_records_what_there_is() {
 #[test]
 fn each_fault_is_named_and_the_ten_numbers_stay() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(
-        record(folder.path(), "60", &["--through-converters"])
-            .status
-            .success()
-    );
+    record(folder.path(), "60", &["--through-converters"]);
     let (_, whole, _) = identify(folder.path());
     let truth = ten(&whole);
     assert_eq!(
@@ -112,7 +97,7 @@ fn each_fault_is_named_and_the_ten_numbers_stay() {
     );
     for (fault, flag) in FAULTS {
         let more = ["--fault", fault, "--fault-rate", "5"];
-        assert!(record(folder.path(), "60", &more).status.success());
+        record(folder.path(), "60", &more);
         let (code, document, errors) = identify(folder.path());
         assert_eq!(code, Some(0), "{fault}: {errors}");
         assert!(rejected(&document, flag) > 0, "{fault}: {document:#}");
@@ -138,7 +123,7 @@ fn where_no_good_block_is_left_there_is_no_answer() {
         let folder = tempfile::tempdir().unwrap();
         // Blocks last two seconds: one in a hundred or so would be spared.
         let more = ["--fault", fault, "--fault-rate", "300"];
-        assert!(record(folder.path(), "12", &more).status.success());
+        record(folder.path(), "12", &more);
         let (code, document, errors) = identify(folder.path());
         assert_eq!(code, Some(1), "{fault}: {errors}");
         assert_eq!(document, Value::Null);

@@ -16,7 +16,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What the demo prints, and its report.
+/// Output of the demo, and its report.
 fn demo() -> (String, String) {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_massline"))
@@ -73,7 +73,7 @@ fn chart(report: &str, description: &str) -> String {
     .to_owned()
 }
 
-/// Where no noise stands on a logarithmic axis, per cent.
+/// Place of no noise on a logarithmic axis, per cent.
 const NONE: f64 = 0.03;
 
 /// Errors over noise of one row a method, all four numbers together.

@@ -1,4 +1,4 @@
-//! What is said of the numbers: data that do not allow an answer are refused, and error bars
+//! Statements about the numbers: data that do not allow an answer are refused, and error bars
 //! mean one thing everywhere.
 
 mod bench;
@@ -99,11 +99,7 @@ fn is_refused(setup: &Setup, words: &[&str]) {
     assert_eq!(finished.code, Some(1), "{}", finished.stderr);
     assert_eq!(finished.stdout, "", "no numbers on the terminal");
     for word in words.iter().chain(&["--anyway"]) {
-        assert!(
-            finished.stderr.contains(word),
-            "{word}: {}",
-            finished.stderr
-        );
+        finished.says(word);
     }
     // What has another cause leads away from this one.
     for word in ["mode_band", "no real body"] {
@@ -119,7 +115,7 @@ fn is_refused(setup: &Setup, words: &[&str]) {
     assert!(document["mass"]["value"].is_f64(), "{document}");
     let anyway = setup.run(&["--anyway"]);
     assert_eq!(anyway.code, Some(1));
-    assert!(anyway.stdout.contains("CG x"), "{}", anyway.stdout);
+    anyway.shows("CG x");
 }
 
 #[test]
@@ -193,12 +189,12 @@ fn all_methods_side_by_side_refuse_each_for_itself() {
         let method = result["method"].as_str().unwrap();
         assert!(result["refused"].is_string(), "{method}");
         let line = format!("{method}: refused: ");
-        assert!(finished.stdout.contains(&line), "{}", finished.stdout);
+        finished.shows(&line);
     }
     assert!(!finished.stdout.contains('±'), "{}", finished.stdout);
     let anyway = setup.run(&["--method", "all", "--anyway"]);
     assert_eq!(anyway.code, Some(1));
-    assert!(anyway.stdout.contains('±'), "{}", anyway.stdout);
+    anyway.shows("±");
 }
 
 /// Scales that alternate between 3 % too much and too little are a poor calibration, not
@@ -389,12 +385,12 @@ fn what_the_box_finds_is_refused_as_well() {
     let finished = measure(&[]);
     assert_eq!(finished.code, Some(1), "{finished:?}");
     assert_eq!(finished.stdout, "");
-    assert!(finished.stderr.contains("opposite signs"), "{finished:?}");
+    finished.says("opposite signs");
     let finished = measure(&["--json"]);
     assert_eq!(finished.code, Some(1), "{finished:?}");
     let document: Value = serde_json::from_str(&finished.stdout).unwrap();
     assert!(document["refused"].as_str().unwrap().contains("negative"));
     let finished = measure(&["--anyway"]);
     assert_eq!(finished.code, Some(1), "{finished:?}");
-    assert!(finished.stdout.contains("CG x"), "{finished:?}");
+    finished.shows("CG x");
 }

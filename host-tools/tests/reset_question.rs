@@ -23,12 +23,12 @@ struct Asked {
     /// Both ends: what was said last is lost where nobody holds the other one.
     terminal: Option<[TTYPort; 2]>,
     answer: Option<&'static str>,
-    /// What it has said to the terminal.
+    /// Its output on the terminal.
     said: String,
     since: Instant,
 }
 
-/// What became of it: exit code, the document, and what was said.
+/// The end of a program: exit code, document, and output on the terminal.
 #[derive(Debug)]
 struct Ended {
     code: Option<i32>,

@@ -9,6 +9,10 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 use std::fmt::Write;
 use std::path::Path;
 
+#[path = "../../core/tests/draws/mod.rs"]
+mod draws;
+use draws::Draws;
+
 const POSITIONS: [[f64; 3]; 6] = [
     [0.5, 0.5, 0.0],
     [0.5, 0.5, 0.0],
@@ -35,22 +39,6 @@ fn body() -> RigidBody {
     }
 }
 
-struct Noise(u64);
-
-impl Noise {
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        let (u, v) = (self.uniform(), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (core::f64::consts::TAU * v).cos()
-    }
-}
-
 /// 40 seconds of six shakers, each of which moves the table mainly one way; 1 % of noise on
 /// every sensor. The seventh drive is the sum of the first two. Returns the setup's text.
 fn record(folder: &Path) -> String {
@@ -68,7 +56,7 @@ fn record(folder: &Path) -> String {
     let to_resultants = Matrix6::from_fn(|i, j| cells[j].rigid_body_row(&origin)[i]);
     let to_cells = to_resultants.try_inverse().unwrap();
     let matrix = body().mass_matrix(&origin);
-    let mut noise = Noise(88_172_645_463_325_252);
+    let mut noise = Draws::new(1);
     let gains = Matrix6::from_fn(|i, j| {
         let gain = if i < 3 { 1.0 } else { 2.0 };
         if i == j {
@@ -137,7 +125,7 @@ fn answer(
     Session::new(&setup.unwrap()).answer(&choice, &mut |_| ())
 }
 
-/// How many of the ten are told, and the largest error among them in standard deviations.
+/// Number of the ten that are told, and the largest error among them in standard deviations.
 fn told(answer: &Answer) -> (usize, f64) {
     let exact = body();
     let c = exact.centre_of_gravity;

@@ -1,22 +1,19 @@
 //! `massline identify --method all` and `massline study` as a user runs them.
 
-use serde_json::Value;
-use std::path::PathBuf;
-use std::process::{Command, Output};
+mod bench;
 
-fn massline(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_massline"))
-        .args(arguments)
-        .env("NO_COLOR", "1")
-        .output()
-        .unwrap()
+use bench::Finished;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+fn massline(arguments: &[&str]) -> Finished {
+    bench::massline(Path::new("."), arguments)
 }
 
 #[track_caller]
-fn stdout(output: &Output) -> String {
-    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    text(&output.stdout)
+fn stdout(finished: Finished) -> String {
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    finished.stdout
 }
 
 fn setup() -> String {
@@ -37,7 +34,7 @@ const METHODS: [&str; 8] = [
 
 #[test]
 fn all_methods_stand_side_by_side_and_the_recommended_one_is_marked() {
-    let text = stdout(&massline(&["identify", &setup(), "--method", "all"]));
+    let text = stdout(massline(&["identify", &setup(), "--method", "all"]));
     let headings: Vec<&str> = text
         .lines()
         .filter(|l| l.contains("b-cholesky") || l.contains("c-squared"))
@@ -60,7 +57,7 @@ fn all_methods_stand_side_by_side_and_the_recommended_one_is_marked() {
 
 #[test]
 fn the_comparison_is_one_json_document() {
-    let text = stdout(&massline(&[
+    let text = stdout(massline(&[
         "identify",
         &setup(),
         "--method",
@@ -84,7 +81,7 @@ fn the_study_prints_tables_and_writes_its_report() {
     let report = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("study.html");
     let report = report.to_str().unwrap();
     let arguments = ["study", "tuning-fork", "--draws", "0", "--report", report];
-    let text = stdout(&massline(&arguments));
+    let text = stdout(massline(&arguments));
     for heading in [
         "Table 1: natural frequencies of the fixed system",
         "Table 2: natural frequencies of the free system",
@@ -113,7 +110,7 @@ fn the_study_json_is_alone_on_stdout_and_its_noise_free_claims_hold() {
         "--fit-band",
         "0.5,200",
     ];
-    let document: Value = serde_json::from_str(&stdout(&massline(&arguments))).unwrap();
+    let document: Value = serde_json::from_str(&stdout(massline(&arguments))).unwrap();
     assert_eq!(document["schema"], "massline/study/1");
     assert_eq!(document["options"]["fit_band"][1], 200.0);
     let pattern = document["pattern"].as_array().unwrap();
@@ -125,11 +122,7 @@ fn the_study_json_is_alone_on_stdout_and_its_noise_free_claims_hold() {
 
 #[test]
 fn an_option_out_of_range_ends_with_code_two() {
-    let output = massline(&["study", "tuning-fork", "--ranges", "0.8,0.45"]);
-    assert_eq!(output.status.code(), Some(2));
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert!(
-        text.contains("--ranges") && text.contains("expected"),
-        "{text}"
-    );
+    let finished = massline(&["study", "tuning-fork", "--ranges", "0.8,0.45"]);
+    assert_eq!(finished.code, Some(2));
+    finished.says("--ranges … expected");
 }

@@ -3,28 +3,16 @@
 use massline::identification::{Answer, AnswerError, Choice, Session, number};
 use massline::result::ResultDocument;
 use massline::setup::Setup;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use std::fmt::Write as _;
 use tempfile::TempDir;
+
+#[path = "../../core/tests/draws/mod.rs"]
+mod draws;
+use draws::Draws;
 
 const MASS: f64 = 3.0;
 /// Radius of the ring of sensors, m.
 const RADIUS: f64 = 0.2;
-
-struct Chance(ChaCha8Rng);
-
-impl Chance {
-    fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    fn normal(&mut self) -> f64 {
-        let mut uniform = || (f64::from(self.0.next_u32()) + 0.5) / 4_294_967_296.0;
-        let radius = (-2.0 * f64::ln(uniform())).sqrt();
-        radius * (2.0 * std::f64::consts::PI * uniform()).cos()
-    }
-}
 
 const PLACES: [[f64; 3]; 4] = [
     [RADIUS, 0.0, 0.0],
@@ -65,7 +53,7 @@ fn header(count: usize) -> Vec<String> {
     names
 }
 
-/// What the channels read under a translation `a`: a point mass at (0.01, 0.02, 0.05).
+/// Readings of the channels under a translation `a`: a point mass at (0.01, 0.02, 0.05).
 fn readings(count: usize, a: [f64; 3]) -> Vec<f64> {
     let mut all: Vec<f64> = (0..count).flat_map(|_| a).collect();
     let f = a.map(|x| MASS * x);
@@ -82,7 +70,7 @@ fn readings(count: usize, a: [f64; 3]) -> Vec<f64> {
 /// Stepped sine runs along x, y, z at `lines` frequencies, each read `times` times, with noise of
 /// the accelerometers and of the load cells (N; N m a tenth of it).
 fn sine(folder: &TempDir, lines: usize, times: usize, noise: [f64; 2]) -> String {
-    let mut chance = Chance::new(3);
+    let mut chance = Draws::new(3);
     let mut runs = String::new();
     for time in 0..times {
         for axis in 0..3 {
@@ -223,7 +211,7 @@ fn repeats_of_a_stepped_sine_tell_its_noise() {
 const FORCE: f64 = 0.01;
 
 fn poses(folder: &TempDir, times: usize, labelled: bool, noise: f64) -> String {
-    let mut chance = Chance::new(5);
+    let mut chance = Draws::new(5);
     let mut names = header(1);
     if labelled {
         names.push("pose".to_owned());
@@ -288,7 +276,7 @@ fn poses_of_one_triaxial_accelerometer_need_to_be_told_their_noise() {
 fn few_blocks_without_a_drive_need_to_be_told_their_noise() {
     let folder = tempfile::tempdir().unwrap();
     let noise = [1e-2, 3e-2];
-    let mut chance = Chance::new(9);
+    let mut chance = Draws::new(9);
     let mut runs = String::new();
     for axis in 0..3 {
         let mut text = header(4).join(",");

@@ -5,11 +5,13 @@ use massline::result::ResultDocument;
 use massline::setup::{Setup, Uncertainty};
 use massline::simulate::{Model, Options, simulate};
 use massline_core::masslines::Method;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use std::fmt::Write as _;
 use std::path::Path;
 use tempfile::TempDir;
+
+#[path = "../../core/tests/draws/mod.rs"]
+mod draws;
+use draws::Draws;
 
 /// A short test of the rigid box: six runs, six-axis table.
 fn rigid_box(folder: &TempDir, drive: bool, noise: f64) -> Setup {
@@ -36,11 +38,11 @@ fn identify(setup: &Setup, method: Option<Method>) -> Answer {
 
 /// Uniaxial: one accelerometer, one load cell, a body of 12.5 kg under it.
 fn uniaxial(folder: &TempDir) -> Setup {
-    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut rng = Draws::new(7);
     let mut rows = "az,fz,drive\n".to_owned();
     let mut z = 0.0_f64;
     for _ in 0..8192 {
-        z = 0.7 * z + normal(&mut rng);
+        z = 0.7 * z + rng.normal();
         // The accelerometer counts in g.
         let _ = writeln!(rows, "{:e},{:e},{:e}", z / 9.80665, 12.5 * z, z);
     }
@@ -50,12 +52,6 @@ fn uniaxial(folder: &TempDir) -> Setup {
         [[load_cell]]\nchannel = \"fz\"\nposition = [0, 0, 0]\ndirection = [0, 0, 1]\n\
         [[run]]\nname = \"z\"\nrecording = \"z.csv\"\nreference = \"drive\"\n";
     Setup::from_str(text, &folder.path().join("setup.toml")).unwrap()
-}
-
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || (f64::from(rng.next_u32()) + 0.5) / 4_294_967_296.0;
-    let radius = (-2.0 * f64::ln(uniform())).sqrt();
-    radius * (2.0 * std::f64::consts::PI * uniform()).cos()
 }
 
 fn share(u: f64) -> Uncertainty {
@@ -216,16 +212,16 @@ fn perturbed_setups_scatter_as_the_derivative_says() {
         let answer = identify(&stated, method);
         let b = type_b(&answer);
         let before = estimates(&answer.identification);
-        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let mut rng = Draws::new(11);
         let mut squares = [0.0; massline::identification::NUMBERS];
         for _ in 0..DRAWS {
             let mut setup = nominal.clone();
             // Channels of one place move as one.
             let mut moved: Vec<([f64; 3], u8, [f64; 3])> = Vec::new();
-            let mut shift = |position: &mut [f64; 3], kind: u8, rng: &mut ChaCha8Rng| {
+            let mut shift = |position: &mut [f64; 3], kind: u8, rng: &mut Draws| {
                 let known = moved.iter().find(|(p, k, _)| p == position && *k == kind);
                 let by = known.map(|(_, _, by)| *by).unwrap_or_else(|| {
-                    let by = [(); 3].map(|()| place * normal(rng));
+                    let by = [(); 3].map(|()| place * rng.normal());
                     moved.push((*position, kind, by));
                     by
                 });
@@ -235,11 +231,11 @@ fn perturbed_setups_scatter_as_the_derivative_says() {
             };
             for a in &mut setup.accelerometers {
                 shift(&mut a.position, a.mount as u8, &mut rng);
-                a.scale *= 1.0 + gain * normal(&mut rng);
+                a.scale *= 1.0 + gain * rng.normal();
             }
             for c in &mut setup.load_cells {
                 shift(&mut c.position, 2, &mut rng);
-                c.scale *= 1.0 + gain * normal(&mut rng);
+                c.scale *= 1.0 + gain * rng.normal();
             }
             let found = estimates(&identify(&setup, method).identification);
             for (sum, (after, before)) in squares.iter_mut().zip(found.iter().zip(&before)) {

@@ -5,13 +5,13 @@ mod stand_in;
 
 use massline::rig::{self, Outfit, Trouble, Troubles};
 use massline::simulate::{Model, Options, Simulation, simulate};
-use massline_core::identify;
 use massline_core::masslines::Method;
+use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    Accelerations, Answer, Gaps, Health, Outcome, Pass, Question, Request, Source, Start, Summary,
+    Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Request, Source, Start, Summary,
 };
 use stand_in::StandIn;
-use stand_in::bench::{Heard, Shelf};
+use stand_in::bench::Heard;
 
 /// A minute of the fork in each run, with the drive as the last channel, as from the stand-in.
 fn fork() -> Simulation {
@@ -32,9 +32,8 @@ fn fork() -> Simulation {
 /// Measures all runs with the box; returns their summaries, and the answer.
 fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answer) {
     let outfit = Outfit::new(&simulation.setup, &simulation.recordings).unwrap();
-    let mut shelf = Shelf::default();
     let inputs = outfit.certificates(&simulation.recordings[0]);
-    let mut stand_in = StandIn::new(&mut shelf, inputs);
+    let mut stand_in = StandIn::new(&inputs);
     stand_in.set_up(&simulation.setup, Accelerations::Interface);
     let mut summaries = Vec::new();
     for (k, recording) in simulation.recordings.iter().enumerate() {
@@ -67,14 +66,11 @@ fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answe
         assert_eq!(summary.samples + summary.missing, length);
         summaries.push(summary);
     }
-    let answer = stand_in.identify(Question {
-        method: Method::ApparentMass,
-        identify: identify::Question::default(),
-        modes: 2,
-        fit_band: None,
-        runs: 0,
-    });
-    (summaries, answer)
+    let found =
+        stand_in
+            .bench
+            .identify(setup::question(Method::ApparentMass, Procedure::Direct, 2));
+    (summaries, found.answer)
 }
 
 /// The mass and its standard deviation, kg.

@@ -15,7 +15,6 @@ use massline_firmware::wire::{
     Weighting,
 };
 use stand_in::StandIn;
-use stand_in::bench::Shelf;
 
 fn fork() -> Setup {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/fork/setup.toml");
@@ -116,8 +115,7 @@ fn bits(lines: &[Line]) -> Vec<u32> {
 
 /// One measurement, and all identifications of it.
 fn compare(setup: &Setup, weighted: bool, methods: &[(Method, bool)]) {
-    let mut shelf = Shelf::default();
-    let mut stand_in = StandIn::new(&mut shelf, Vec::new());
+    let mut stand_in = StandIn::new(&[]);
     let mut session = Session::new(setup);
     let mut measured = false;
     for &(method, iterative) in methods {
@@ -131,7 +129,10 @@ fn compare(setup: &Setup, weighted: bool, methods: &[(Method, bool)]) {
             measured = true;
             measure(&mut stand_in, setup, &found, method);
         }
-        let box_answer = stand_in.identify(question(setup, method, iterative));
+        let box_answer = stand_in
+            .bench
+            .identify(question(setup, method, iterative))
+            .answer;
         let host_answer = expected(&found, &box_answer);
         assert_eq!(
             message(&box_answer),
@@ -144,12 +145,7 @@ fn compare(setup: &Setup, weighted: bool, methods: &[(Method, bool)]) {
     }
 }
 
-fn measure(
-    stand_in: &mut StandIn<'_>,
-    setup: &Setup,
-    found: &identification::Answer,
-    method: Method,
-) {
+fn measure(stand_in: &mut StandIn, setup: &Setup, found: &identification::Answer, method: Method) {
     let accelerations = match &found.weights {
         _ if method.interface_only() => Accelerations::Interface,
         Some(_) => Accelerations::Weighted,
@@ -168,7 +164,11 @@ fn measure(
         let noise = ResultantNoise::unpacked(&measured.responses().unwrap().noise);
         let noise = noise.variances().map(|v| (v as f32).to_bits());
         assert_eq!(summary.noise.map(|all| all.map(f32::to_bits)), Some(noise));
-        assert_eq!(bits(&stand_in.lines(run)), bits(host), "run {run}");
+        assert_eq!(
+            bits(&stand_in.bench.lines(run as u8)),
+            bits(host),
+            "run {run}"
+        );
     }
 }
 
@@ -208,8 +208,7 @@ fn one_bit_of_one_sample_is_noticed() {
     let setup = short_fork(&folder);
     let mut all = Vec::new();
     for flip in [None, Some(2500)] {
-        let mut shelf = Shelf::default();
-        let mut stand_in = StandIn::new(&mut shelf, Vec::new());
+        let mut stand_in = StandIn::new(&[]);
         stand_in.set_up(&setup, Accelerations::Interface);
         for run in 0..3 {
             stand_in.run(&setup, run, Pass::Measure, |n, row| {
@@ -219,8 +218,11 @@ fn one_bit_of_one_sample_is_noticed() {
                 }
             });
         }
-        let lines = bits(&stand_in.lines(1));
-        let answer = stand_in.identify(question(&setup, Method::ApparentMass, false));
+        let lines = bits(&stand_in.bench.lines(1));
+        let answer = stand_in
+            .bench
+            .identify(question(&setup, Method::ApparentMass, false))
+            .answer;
         all.push((lines, answer));
     }
     assert_ne!(all[0].0, all[1].0);
@@ -248,8 +250,7 @@ fn a_survey_finds_the_workstations_weights() {
         survey.lines(band).unwrap(),
         setup.estimation.minimum_weight,
     );
-    let mut shelf = Shelf::default();
-    let mut stand_in = StandIn::new(&mut shelf, Vec::new());
+    let mut stand_in = StandIn::new(&[]);
     stand_in.weighting = Weighting::EachRun;
     stand_in.set_up(&setup, Accelerations::Weighted);
     for (run, host) in host.iter().enumerate() {

@@ -190,4 +190,17 @@ mod tests {
         assert_eq!(row(2.1e-13).rows()[(0, 4)], 1.05e-13);
         assert_eq!(row(1.9e-13).measured(2), 1.0);
     }
+
+    #[test]
+    fn equations_are_alike_up_to_rounding() {
+        let vertical = |beside: f64| {
+            let mut rows = Matrix6::zeros();
+            rows[(0, 2)] = 1.0;
+            rows[(0, 4)] = beside;
+            Equations::spanned(&rows, 1)
+        };
+        assert!(vertical(0.0).alike(&vertical(0.0)));
+        assert!(vertical(0.0).alike(&vertical(0.9e-9)));
+        assert!(!vertical(0.0).alike(&vertical(1.1e-9)));
+    }
 }

@@ -12,6 +12,7 @@ mod load_shares;
 mod noise;
 mod placement;
 mod reference;
+mod resultant_map;
 mod resultants;
 mod run;
 
@@ -21,8 +22,8 @@ pub use noise::{PackedNoise, ResultantNoise};
 pub(crate) use noise::{least_translation, move_accelerations};
 pub use placement::Placement;
 pub(crate) use reference::{resultants_at, transfer};
+pub use resultant_map::{RESULTANTS, ResultantMap};
 use resultants::{AccelerationFit, ForceResultants};
-pub use resultants::{RESULTANTS, ResultantMap};
 pub use run::{RunGeometry, RunSensor};
 
 use nalgebra::{Matrix3, RowVector6, Vector3};

@@ -274,8 +274,8 @@ fn scale(m: &mut Matrix10, d: &Vector10) {
 
 /// Solves for the body behind the sets about one point, and leaves the solution in `space`.
 ///
-/// The rotation of directions by noise acts as a force of the body, which must be known for it: with
-/// such directions the equations are solved twice.
+/// The rotation of directions by noise acts as a force of the body, which must be known for it:
+/// with such directions the equations are solved twice.
 pub(super) fn solve<const PAIRS: usize>(
     sets: &[Masslines<PAIRS>],
     point: &Vector3<f64>,

@@ -59,8 +59,8 @@ pub(super) struct Weighed {
 impl Weighed {
     /// About a point that is `shift` (m) away from the set's. The noise along the directions that
     /// a set does not excite turns those that it does, see [`turn`]. No scatter of the lines shows
-    /// that, and it is the same for all of them. With `body`, which is σ about that point, the forces that go with
-    /// it are weighed like those that the lines leave.
+    /// that, and it is the same for all of them. With `body`, which is σ about that point, the
+    /// forces that go with it are weighed like those that the lines leave.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     pub(super) fn new<const PAIRS: usize>(
         set: &Masslines<PAIRS>,
@@ -132,7 +132,8 @@ impl Weighed {
     }
 }
 
-/// `true` if noise turns the directions of a set, that is if the set does not excite all directions.
+/// `true` if noise turns the directions of a set, that is if the set does not excite all
+/// directions.
 pub(super) fn is_turned<const PAIRS: usize>(set: &Masslines<PAIRS>) -> bool {
     // Of the noise, that is rounding.
     const NOTHING: f64 = 1e-9;

@@ -10,7 +10,8 @@
 
 use super::averaging::{LinePair, RealMoments, noise_of_runs};
 use super::excitation::IDENTITY;
-use super::lines::{Squares, add_scaled, add_squares, indices, two_a_line};
+use super::lines::{add_squares, indices, two_a_line};
+use super::moments::{Squares, add_scaled};
 use super::regression::between;
 use super::{
     Complex6, EquationWeights, Excitation, Lines, MasslineError, Masslines, Moments, Workspace,

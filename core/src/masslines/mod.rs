@@ -12,7 +12,8 @@
 //! | `condense` | averaged lines in, masslines out, by any method |
 //! | `fixed_modes` | effective masses of the fixed structure, close modes among them |
 //! | `static_poses` | masslines of a DC-coupled measurement |
-//! | `lines`, `sine`, `moved` | averaged spectra as the methods read them |
+//! | `lines`, `moments` | averaged spectra as the methods read them, second moments at a line |
+//! | `drive_lines`, `cross_lines`, `sine`, `moved` | lines by drive, without drive, of a sine, moved |
 //! | `regression`, `averaging`, `free_system` | estimators that several methods share |
 //! | `excitation` | directions that rise above their noise |
 //! | `run_powers` | powers of each run over a band |
@@ -21,11 +22,14 @@
 mod averaging;
 mod bands;
 mod condense;
+mod cross_lines;
+mod drive_lines;
 mod excitation;
 mod fixed_modes;
 mod free_system;
 mod lines;
 mod methods;
+mod moments;
 mod moved;
 mod regression;
 mod run_powers;
@@ -36,15 +40,19 @@ mod workspace;
 pub use averaging::MIN_LINES;
 pub use bands::{Bands, EquationWeights};
 pub use condense::{Condensed, condense, condense_into};
+pub use cross_lines::CrossLines;
+use cross_lines::MAX_RUNS;
+pub use drive_lines::DriveLines;
 use excitation::Excitation;
 pub use excitation::{EXCITED, excited_directions};
 pub use fixed_modes::{FixedMode, fixed_modes};
 pub use free_system::FreeModes;
 use free_system::FreeSystem;
-use lines::{Complex6, MAX_RUNS, Powers, Squares};
-pub use lines::{CrossLines, DriveLines, Lines, Moments, lines_between};
+pub use lines::{Lines, lines_between};
 pub use methods::Method;
 pub use methods::apparent_mass::ApparentMass;
+pub use moments::Moments;
+use moments::{Complex6, Powers, Squares};
 pub use sine::{SineLines, SineRun};
 pub use static_poses::{StaticFit, StaticPoses};
 pub use workspace::Workspace;
@@ -189,8 +197,8 @@ pub struct Massline {
     pub variance: Vector6<f64>,
 }
 
-/// Up to `PAIRS` masslines (24 where nothing else is said) that share a reference point and the equations that hold for
-/// them.
+/// Up to `PAIRS` masslines (24 where nothing else is said) that share a reference point and the
+/// equations that hold for them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     /// The reference point A, m.
@@ -365,5 +373,14 @@ mod tests {
         assert_eq!(pair.force, resultants_at(&there, &f));
         // A dozen roundings of numbers below ten.
         assert!((body.mass_matrix(&there) * pair.acceleration - pair.force).norm() < 1e-14);
+    }
+
+    #[test]
+    fn a_full_set_says_how_many_it_takes() {
+        let pair = (Vector6::zeros(), Vector6::zeros());
+        let refused = Masslines::exact(Vector3::zeros(), [pair; MAX_PAIRS + 1]);
+        let (limit, found) = (MAX_PAIRS, MAX_PAIRS + 1);
+        let expected = MasslineError::TooManyPairs { limit, found };
+        assert_eq!(refused.unwrap_err(), expected);
     }
 }

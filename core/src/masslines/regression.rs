@@ -83,8 +83,8 @@ impl Regression {
         independent: false,
     };
 
-    /// Begins a regression with so many terms, which [`Self::restart`] goes on with. `correlation` is the variance of a mean
-    /// over lines relative to independent ones.
+    /// Begins a regression with so many terms, which [`Self::restart`] goes on with. `correlation`
+    /// is the variance of a mean over lines relative to independent ones.
     pub(super) fn begin(&mut self, equations: &Equations, terms: usize, correlation: f64) {
         self.equations = *equations;
         self.terms = terms.clamp(1, MAX_TERMS);

@@ -1,7 +1,8 @@
 //! Powers of each run over a band, summed once: runs are weighed anew while they are fitted, and
 //! each sum over a band is as much work as a hundredth of an identification on a small chip.
 
-use super::lines::{add_powers, add_scaled};
+use super::lines::add_powers;
+use super::moments::add_scaled;
 use super::{Lines, MAX_RUNS, Powers};
 use core::ops::Range;
 

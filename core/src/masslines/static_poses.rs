@@ -146,8 +146,9 @@ impl Default for StaticPoses {
 mod tests {
     use super::*;
 
-    /// A body of 2 kg at A, put down in so many ways.
-    fn put_down(poses: usize) -> Result<StaticFit, MasslineError> {
+    /// A body of 2 kg at A, put down in so many ways. Its residuals are those of a free fit, or of
+    /// a body of `known` mass.
+    fn weighed(poses: usize, known: Option<f64>) -> Result<StaticFit, MasslineError> {
         const DIRECTIONS: [[f64; 3]; 5] = [
             [1.0, 0.0, 0.0],
             [0.0, 1.0, 0.0],
@@ -161,7 +162,12 @@ mod tests {
             all.add(&gravity, &(gravity * 2.0));
         }
         let noise = Matrix6::identity() * 1e-6;
-        all.masslines(Vector3::zeros(), &Equations::all(), &noise, None)
+        let matrix = known.map(|mass| Matrix6::identity() * mass);
+        all.masslines(Vector3::zeros(), &Equations::all(), &noise, matrix.as_ref())
+    }
+
+    fn put_down(poses: usize) -> Result<StaticFit, MasslineError> {
+        weighed(poses, None)
     }
 
     /// Three directions and an offset are four unknowns of each resultant: the fifth pose is the
@@ -182,5 +188,19 @@ mod tests {
         };
         assert_eq!(put_down(3), Err(refusal));
         assert_eq!(put_down(1), Err(MasslineError::NoExcitation));
+    }
+
+    /// The equation of fx is weighted by what the body leaves of it: a square that grows with that of
+    /// the error of the mass.
+    #[test]
+    fn a_known_body_leaves_what_it_does_not_explain() {
+        let left = |mass| {
+            let fit = weighed(5, Some(mass)).unwrap();
+            fit.masslines.equations().rows()[(0, 0)].powi(-2)
+        };
+        let (right, light, lighter) = (left(2.0), left(1.8), left(1.6));
+        // The noise of accelerations is left as well: 4e-6 N² beside 0.04 times 96 N².
+        assert!(right < 1e-5 * light, "{right} {light}");
+        assert!((lighter / light - 4.0).abs() < 1e-4, "{lighter} {light}");
     }
 }

@@ -43,9 +43,9 @@ impl PoleSearch {
     };
 }
 
-/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace whose lines lie at
-/// `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones;
-/// none if no peak rises above what the lines scatter by.
+/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace whose lines lie
+/// at `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones; none if
+/// no peak rises above what the lines scatter by.
 #[must_use]
 pub(crate) fn find_poles(
     trace: &Trace<'_>,

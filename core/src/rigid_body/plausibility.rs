@@ -79,8 +79,8 @@ pub struct Plausibility {
 }
 
 impl Plausibility {
-    /// The verdict on the existence of such a body. It is [`Verdict::Undecided`], too, where the mass or
-    /// every moment about S is unknown; a plane problem is judged by the moments it knows.
+    /// The verdict on the existence of such a body. It is [`Verdict::Undecided`], too, where the
+    /// mass or every moment about S is unknown; a plane problem is judged by the moments it knows.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         let all = [self.mass, self.positive_definite, self.triangle];

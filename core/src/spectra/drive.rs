@@ -272,3 +272,34 @@ fn noise_power(average: &DriveAverage<'_>, c: usize, k: usize) -> f64 {
     let left = average.power(c, k) - (re * re + im * im) / drive;
     not_negative(left) / (blocks - 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two lines of one response, of which the second is silent.
+    #[test]
+    fn products_with_the_drive() {
+        let z = Complex32::new;
+        let mut sums = [Sum::ZERO; 8];
+        let mut average = DriveAverage::resume(2, 1, &mut sums, 0).unwrap();
+        let drive = [z(3.0, 4.0), z(1.0, -2.0)];
+        average.add_drive(&drive);
+        average.add_response(0, &drive, &[z(1.0, 2.0), z(0.0, 0.0)]);
+        assert_eq!(average.blocks(), 1);
+        assert_eq!(
+            (average.drive_power(0), average.drive_power(1)),
+            (25.0, 5.0)
+        );
+        // (1 + 2j)(3 - 4j)
+        assert_eq!(
+            (average.cross(0, 0), average.power(0, 0)),
+            ((11.0, 2.0), 5.0)
+        );
+        assert_eq!(
+            (average.coherence(0, 0), average.coherence(0, 1)),
+            (1.0, 0.0)
+        );
+        assert_eq!(average.mean_coherence(0, LineRange::all(2)), 0.5);
+    }
+}

@@ -205,4 +205,14 @@ mod tests {
         assert_eq!(settings.lines_len(1), 96);
         assert_eq!(settings.history_len(13), 13 * settings.history_len(1));
     }
+
+    /// White noise of unit density at a sample rate of 128 Hz has a variance of 64; weighted by
+    /// Hann's window, 256 such samples have a squared line of 256 · 3/8 · 64.
+    #[test]
+    fn density_of_white_noise() {
+        let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 48.0]).unwrap();
+        assert_eq!(settings.decimation(), 4);
+        let line = 256.0 * 0.375 * 64.0;
+        assert!((settings.density() * line - 1.0).abs() < 1e-12);
+    }
 }

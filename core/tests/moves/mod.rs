@@ -1,4 +1,5 @@
-//! Equation (2): accelerations and resultants about another reference point, as the paper writes it.
+//! Equation (2): accelerations and resultants about another reference point, as the paper writes
+//! it.
 
 use nalgebra::{Matrix6, Vector3};
 

@@ -4,31 +4,9 @@ use massline_core::masslines::{SineLines, SineRun};
 use massline_core::rigid_body::{Inertia, RigidBody};
 use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 
-/// Normal numbers, the same for a seed on every machine.
-pub struct Noise(u64);
-
-impl Noise {
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
-    }
-
-    fn uniform(&mut self) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    pub fn normal(&mut self) -> f64 {
-        let (u, v) = (self.uniform(), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (core::f64::consts::TAU * v).cos()
-    }
-
-    /// A complex number whose parts each have this standard deviation.
-    pub fn complex(&mut self, std: f64) -> Complex<f64> {
-        Complex::new(std * self.normal(), std * self.normal())
-    }
-}
+#[path = "../draws/mod.rs"]
+mod draws;
+use draws::Draws;
 
 /// A sprung mass: its pole, and L of `M(ω) = M₀ + Σ Lᵀ L D(ω)`.
 #[derive(Clone, Copy)]
@@ -107,10 +85,10 @@ impl Measured {
         });
         // Half of a complex number's power is in each of its parts.
         let std = power.map(|p| noise * (p / 2.0).sqrt());
-        let mut source = Noise::new(2026);
+        let mut draws = Draws::new(2026);
         for line in runs.iter_mut().flatten() {
             for (x, std) in line.iter_mut().zip(std) {
-                *x += source.complex(std);
+                *x += Complex::new(draws.normal(), draws.normal()) * std;
             }
         }
         Self {

@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::{
 use stm32f4xx_hal::flash::FlashExt;
 use stm32f4xx_hal::pac::FLASH;
 
-/// Where settings are, from the beginning of the flash. `memory.x` keeps the program out of it.
+/// Place of the settings, from the beginning of the flash. `memory.x` keeps the program out of it.
 pub const SETTINGS: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 
 /// The longest that the chip may stand still while a sector is erased, as its maker has it for

@@ -23,7 +23,7 @@ unsafe impl Sync for Place {}
 #[unsafe(link_section = ".ccm.runs")]
 static RUNS: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// Where emulators have those 64 KiB that know the chip's 192 KiB as one piece (QEMU before 8.0).
+/// Address of those 64 KiB in emulators that know the chip's 192 KiB as one piece (QEMU before 8.0).
 const BEHIND_THE_SRAM: *mut u32 = 0x2002_0000 as *mut u32;
 
 /// The storage of runs, all zero. `None` on every later call, and on a chip without that memory.

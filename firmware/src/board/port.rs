@@ -14,7 +14,7 @@ use stm32f4xx_hal::time::Hertz;
 /// number, and must not keep tasks of lower priority waiting.
 const AT_ONCE: usize = 8;
 
-/// Whether the port has more to move than one interrupt does.
+/// `true` if the port has more to move than one interrupt does.
 static MORE: AtomicBool = AtomicBool::new(false);
 
 /// The port, served by its interrupt.
@@ -45,7 +45,7 @@ impl Port {
         ended || sent || is_more
     }
 
-    /// Whether a frame has ended, and whether there is more to receive.
+    /// The first is `true` if a frame has ended, the second if there is more to receive.
     fn receive(&mut self) -> (bool, bool) {
         let mut ended = false;
         for _ in 0..AT_ONCE {
@@ -63,7 +63,7 @@ impl Port {
         (ended, true)
     }
 
-    /// Whether anything was sent, and whether the port would take more.
+    /// The first is `true` if anything was sent, the second if the port would take more.
     fn send(&mut self) -> (bool, bool) {
         for moved in 0..AT_ONCE {
             let Some(byte) = self.queues.to_send() else {

@@ -55,7 +55,7 @@ mod app {
 
     /// Pieces of the block task's work that are done in a row, 8 samples each.
     const TOGETHER: usize = 16;
-    /// Whether the block task has more to do once the tasks of lower priority have run.
+    /// `true` if the block task has more to do once the tasks of lower priority have run.
     static MORE: AtomicBool = AtomicBool::new(false);
 
     #[shared]

@@ -1,6 +1,5 @@
 //! Calibration of one input: sensitivity, uncertainty, laboratory and date.
 
-use super::scale::range;
 use super::{Channel, Limits, Scale, Watch};
 use crate::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 use heapless::String;
@@ -47,42 +46,47 @@ impl Certificate {
     /// two up to 128, limits that do not lie in order within 24 bits, no day of the calendar.
     /// [`Problem::Capacity`]: a text that is too long.
     pub fn new(input: &Input) -> Result<Self, Problem> {
-        Self::check(input).map_err(|problem| match problem {
-            Problem::Range {
-                field,
-                found,
-                low,
-                high,
-                ..
-            } => Problem::Range {
-                field,
-                index: u32::from(input.input),
-                found,
-                low,
-                high,
-            },
-            other => other,
-        })
+        Self::check(input).map_err(|problem| problem.about(input.input.into()))
     }
 
     fn check(input: &Input) -> Result<Self, Problem> {
         Scale::new(input.per_count, input.offset)?;
         if !(0.0..1.0).contains(&input.uncertainty) {
-            return Err(range(Field::Uncertainty, input.uncertainty, 0.0, 1.0));
+            return Err(Problem::range(
+                Field::Uncertainty,
+                0,
+                input.uncertainty,
+                [0.0, 1.0],
+            ));
         }
         if !input.gain.is_power_of_two() {
-            return Err(range(Field::Gain, f64::from(input.gain), 1.0, 128.0));
+            return Err(Problem::range(
+                Field::Gain,
+                0,
+                f64::from(input.gain),
+                [1.0, 128.0],
+            ));
         }
         let [low, high] = input.limits;
         let ends = Limits::CONVERTER;
         if low < ends.low || low >= high {
             let highest = f64::from(high.min(ends.high)) - 1.0;
             let lowest = f64::from(ends.low);
-            return Err(range(Field::CountLimit, f64::from(low), lowest, highest));
+            return Err(Problem::range(
+                Field::CountLimit,
+                0,
+                f64::from(low),
+                [lowest, highest],
+            ));
         }
         if high > ends.high {
             let [found, low, end] = [high, low, ends.high].map(f64::from);
-            return Err(range(Field::CountLimit, found, low + 1.0, end));
+            return Err(Problem::range(
+                Field::CountLimit,
+                0,
+                found,
+                [low + 1.0, end],
+            ));
         }
         if let Some(date) = input.calibrated {
             check_date(date)?;
@@ -159,11 +163,7 @@ impl Default for Certificate {
 }
 
 fn text(found: &str) -> Result<Text, Problem> {
-    Text::try_from(found).map_err(|_| Problem::Capacity {
-        item: Item::Byte,
-        found: u32::try_from(found.len()).unwrap_or(u32::MAX),
-        limit: NAME_MAX as u32,
-    })
+    Text::try_from(found).map_err(|_| Problem::capacity(Item::Byte, found.len(), NAME_MAX))
 }
 
 fn check_date(date: Date) -> Result<(), Problem> {
@@ -174,13 +174,20 @@ fn check_date(date: Date) -> Result<(), Problem> {
         4 | 6 | 9 | 11 => 30,
         2 if leap => 29,
         2 => 28,
-        month => return Err(range(Field::Date, f64::from(month), 1.0, 12.0)),
+        month => {
+            return Err(Problem::range(
+                Field::Date,
+                0,
+                f64::from(month),
+                [1.0, 12.0],
+            ));
+        }
     };
     if (1..=days).contains(&date.day) {
         Ok(())
     } else {
         let [found, last] = [date.day, days].map(f64::from);
-        Err(range(Field::Date, found, 1.0, last))
+        Err(Problem::range(Field::Date, 0, found, [1.0, last]))
     }
 }
 
@@ -235,76 +242,45 @@ mod tests {
 
     #[test]
     fn each_value_out_of_range_is_refused_by_its_name() {
-        let bad_day = |year, month, day| {
+        type Change = fn(&mut Input<'_>);
+        let values: [(Change, Field, f64); 6] = [
+            (|i| i.per_count = 0.0, Field::Scale, 0.0),
+            (|i| i.offset = f64::NAN, Field::Offset, f64::NAN),
+            (|i| i.uncertainty = -0.1, Field::Uncertainty, -0.1),
+            (|i| i.uncertainty = 1.0, Field::Uncertainty, 1.0),
+            (|i| i.gain = 0, Field::Gain, 0.0),
+            (|i| i.gain = 3, Field::Gain, 3.0),
+        ];
+        let values = values.map(|(change, field, value)| {
+            let mut input = bridge();
+            change(&mut input);
+            (input, field, value)
+        });
+        let bad_limits = |limits| Input { limits, ..bridge() };
+        let limits = [
+            ([5, 5], 5),
+            ([i32::MIN, 5], i32::MIN),
+            ([0, i32::MAX], i32::MAX),
+        ];
+        let limits =
+            limits.map(|(limits, value)| (bad_limits(limits), Field::CountLimit, f64::from(value)));
+        let days = [
+            (2023, 2, 29),
+            (1900, 2, 29),
+            (2024, 4, 31),
+            (2024, 13, 1),
+            (2024, 1, 0),
+        ];
+        let days = days.map(|(year, month, day)| {
             let calibrated = Some(Date { year, month, day });
-            Input {
+            let found = if month > 12 { month } else { day };
+            let input = Input {
                 calibrated,
                 ..bridge()
-            }
-        };
-        let bad_limits = |limits| Input { limits, ..bridge() };
-        let per_count = 0.0;
-        let offset = f64::NAN;
-        let cases = [
-            (
-                Input {
-                    per_count,
-                    ..bridge()
-                },
-                Field::Scale,
-                0.0,
-            ),
-            (Input { offset, ..bridge() }, Field::Offset, f64::NAN),
-            (
-                Input {
-                    uncertainty: -0.1,
-                    ..bridge()
-                },
-                Field::Uncertainty,
-                -0.1,
-            ),
-            (
-                Input {
-                    uncertainty: 1.0,
-                    ..bridge()
-                },
-                Field::Uncertainty,
-                1.0,
-            ),
-            (
-                Input {
-                    gain: 0,
-                    ..bridge()
-                },
-                Field::Gain,
-                0.0,
-            ),
-            (
-                Input {
-                    gain: 3,
-                    ..bridge()
-                },
-                Field::Gain,
-                3.0,
-            ),
-            (bad_limits([5, 5]), Field::CountLimit, 5.0),
-            (
-                bad_limits([i32::MIN, 5]),
-                Field::CountLimit,
-                -2_147_483_648.0,
-            ),
-            (
-                bad_limits([0, i32::MAX]),
-                Field::CountLimit,
-                2_147_483_647.0,
-            ),
-            (bad_day(2023, 2, 29), Field::Date, 29.0),
-            (bad_day(1900, 2, 29), Field::Date, 29.0),
-            (bad_day(2024, 4, 31), Field::Date, 31.0),
-            (bad_day(2024, 13, 1), Field::Date, 13.0),
-            (bad_day(2024, 1, 0), Field::Date, 0.0),
-        ];
-        for (input, field, value) in cases {
+            };
+            (input, Field::Date, f64::from(found))
+        });
+        for (input, field, value) in values.into_iter().chain(limits).chain(days) {
             let refused = Certificate::new(&input).unwrap_err();
             let Problem::Range {
                 field: named,
@@ -344,11 +320,7 @@ mod tests {
     fn a_text_that_is_too_long_is_refused() {
         let serial = "0123456789012345678901234567890123";
         let refused = Certificate::new(&Input { serial, ..bridge() });
-        let problem = Problem::Capacity {
-            item: Item::Byte,
-            found: 34,
-            limit: 32,
-        };
+        let problem = Problem::capacity(Item::Byte, 34, 32);
         assert_eq!(refused, Err(problem));
     }
 }

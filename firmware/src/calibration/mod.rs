@@ -9,14 +9,14 @@
 //!
 //! # Design
 //!
-//! One call of [`Channel::count`] converts one sample of one channel: it takes a count and the faults
-//! that the driver of the converter has found, and gives SI and all faults. The value of a faulty
-//! sample is still computed from its count; its [`Health`] alone decides if it may be used.
+//! One call of [`Channel::count`] converts one sample of one channel: it takes a count and the
+//! faults that the driver of the converter has found, and gives SI and all faults. The value of a
+//! faulty sample is still computed from its count; its [`Health`] alone decides if it may be used.
 //!
 //! Only one fault is found late: a reading that stops changing is found after
-//! [`watch::STUCK_AFTER`] samples. The block in which these samples end may already be complete, but
-//! they are its last few, where the window is almost zero: Hann's window over 1024 samples is below
-//! 0.0023 on the last 15 of them.
+//! [`watch::STUCK_AFTER`] samples. The block in which these samples end may already be complete,
+//! but they are its last few, where the window is almost zero: Hann's window over 1024 samples is
+//! below 0.0023 on the last 15 of them.
 
 mod certificate;
 mod preset;
@@ -38,8 +38,8 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Creates a channel whose readings are only checked for finite numbers: for recordings, and for
-    /// inputs to which nothing is wired.
+    /// Creates a channel whose readings are only checked for finite numbers: for recordings, and
+    /// for inputs to which nothing is wired.
     #[must_use]
     pub const fn unwatched(scale: Scale) -> Self {
         Self { scale, watch: None }
@@ -63,8 +63,8 @@ impl Channel {
     /// Converts one count with its known faults, in the order of the samples. Returns SI and all
     /// faults.
     ///
-    /// A count with a fault is not a reading of the sensor, so that the watch ignores its value; only
-    /// the hold-off goes on.
+    /// A count with a fault is not a reading of the sensor, so that the watch ignores its value;
+    /// only the hold-off goes on.
     #[inline]
     pub fn count(&mut self, count: i32, known: Health) -> (f32, Health) {
         let found = match &mut self.watch {

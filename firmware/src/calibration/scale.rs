@@ -43,10 +43,15 @@ impl Scale {
         let size = per_unit.abs();
         if !(1.0 / SENSITIVITY_MAX..=SENSITIVITY_MAX).contains(&size) {
             let end = SENSITIVITY_MAX;
-            return Err(range(Field::Scale, per_unit, -end, end));
+            return Err(Problem::range(Field::Scale, 0, per_unit, [-end, end]));
         }
         if !(-OFFSET_MAX..=OFFSET_MAX).contains(&offset) {
-            return Err(range(Field::Offset, offset, -OFFSET_MAX, OFFSET_MAX));
+            return Err(Problem::range(
+                Field::Offset,
+                0,
+                offset,
+                [-OFFSET_MAX, OFFSET_MAX],
+            ));
         }
         let whole = libm::round(offset);
         Ok(Self {
@@ -80,17 +85,6 @@ impl Scale {
     #[must_use]
     pub fn reading(&self, reading: f32) -> f32 {
         (reading - self.offset) * self.per_unit
-    }
-}
-
-/// Refusal of a value outside its range; the caller sets the number of the sensor or input.
-pub(super) fn range(field: Field, found: f64, low: f64, high: f64) -> Problem {
-    Problem::Range {
-        field,
-        index: 0,
-        found,
-        low,
-        high,
     }
 }
 

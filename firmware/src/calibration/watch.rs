@@ -9,10 +9,10 @@
 //!
 //! **Open.** The wiring ties each input weakly to the positive supply, so that an input that
 //! no sensor drives goes to the upper end of the range and stays there. Shaking reaches the end,
-//! too, but comes back within half a period; [`OPEN_AFTER`] seconds without a return, as long as the half
-//! of a period of 0.5 Hz, are [`Health::OPEN`]. Until then the samples are overloads, so that
-//! none of them counts as good. The input stays open until it has been away from the end for the
-//! hold-off.
+//! too, but comes back within half a period; [`OPEN_AFTER`] seconds without a return, as long as
+//! the half of a period of 0.5 Hz, are [`Health::OPEN`]. Until then the samples are overloads, so
+//! that none of them counts as good. The input stays open until it has been away from the end for
+//! the hold-off.
 //!
 //! **Stuck.** A converter of 24 bits never reads the same number for long: even a shorted input
 //! has a noise of some ten counts (the ADS131M08's data sheet gives 1.9 µV RMS at gain 1 and its
@@ -81,8 +81,8 @@ struct State {
 }
 
 impl Watch {
-    /// Creates the supervision at a sample rate in Hz. An invalid rate gives the shortest times, one
-    /// sample.
+    /// Creates the supervision at a sample rate in Hz. An invalid rate gives the shortest times,
+    /// one sample.
     #[must_use]
     pub fn new(limits: Limits, sample_rate: f32) -> Self {
         // A cast saturates, and takes what is not a number for zero.

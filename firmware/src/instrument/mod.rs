@@ -8,8 +8,8 @@
 //! [`Instrument::poll`] return after the samples of one message, or one block, at the
 //! most. An identification, which takes seconds, leaves as a [`Job`], which a task of low
 //! priority runs while requests are still answered. The most instructions that a request takes on
-//! the chip are in the firmware's README; their number depends on the message's length and on the set-up, never on a
-//! number that is sent, such as that of a sample.
+//! the chip are in the firmware's README; their number depends on the message's length and on the
+//! set-up, never on a number that is sent, such as that of a sample.
 //!
 //! | file | holds |
 //! | --- | --- |

@@ -1,6 +1,5 @@
 //! The question, checked against the stored runs.
 
-use super::limits::missing;
 use super::limits::within;
 use super::setup::lines_of;
 use super::setup::{SetUp, bit};
@@ -68,10 +67,10 @@ impl Asked {
         };
         for run in (0..u32::BITS as u8).filter(|run| runs & bit(u32::from(*run)) != 0) {
             let at = setup.run_index(run)?;
-            stored.kept(at).ok_or(missing(Item::Run, at))?;
+            stored.kept(at).ok_or(Problem::missing(Item::Run, at))?;
         }
         if runs == 0 {
-            return Err(missing(Item::Run, 0));
+            return Err(Problem::missing(Item::Run, 0));
         }
         Ok(Self {
             question: Question { runs, ..*question },

@@ -1,6 +1,5 @@
 //! Requests, one by one: each is checked whole before it changes anything.
 
-use super::limits::missing;
 use super::setup::{self, SetUp};
 use super::{Activity, Board, Instrument, Phase, Session, Storage, Transmit};
 use crate::capacity::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
@@ -99,7 +98,7 @@ impl<'m> Instrument<'m> {
             Request::ReadSummary(run) => {
                 let at = self.run_index(*run)?;
                 let summary = self.summaries.get(at).copied().flatten();
-                Reply::Summary(summary.ok_or(missing(Item::Summary, at))?)
+                Reply::Summary(summary.ok_or(Problem::missing(Item::Summary, at))?)
             }
             Request::ReadLines(read) => return self.read_lines(id, read, out),
             Request::ReadPeaks(run) => return self.read_peaks(id, *run, out),
@@ -138,7 +137,10 @@ impl<'m> Instrument<'m> {
     #[inline(never)]
     fn read_peaks(&self, id: u16, run: u8, out: &mut impl Transmit) -> Result<(), Problem> {
         let at = self.run_index(run)?;
-        let peaks = self.setup.peaks(at).ok_or(missing(Item::Survey, at))?;
+        let peaks = self
+            .setup
+            .peaks(at)
+            .ok_or(Problem::missing(Item::Survey, at))?;
         let peaks = Packed::new(peaks);
         out.reply(id, &Reply::Peaks(Peaks { run, peaks }));
         Ok(())
@@ -203,11 +205,11 @@ impl<'m> Instrument<'m> {
     #[inline(never)]
     pub(super) fn read_answer(&self, id: u16, out: &mut impl Transmit) -> Result<(), Problem> {
         let answered = self.phase.session().and_then(|session| session.answered);
-        let ticks = answered.ok_or(missing(Item::Answer, 0))?;
+        let ticks = answered.ok_or(Problem::missing(Item::Answer, 0))?;
         let Some(storage) = self.phase.storage() else {
             return self.phase.not_busy();
         };
-        let answer = storage.answer.ok_or(missing(Item::Answer, 0))?;
+        let answer = storage.answer.ok_or(Problem::missing(Item::Answer, 0))?;
         out.reply(id, &Reply::Identified(Identified { ticks, answer }));
         Ok(())
     }

@@ -1,6 +1,5 @@
 //! A run from its start to its end, and its lines afterwards.
 
-use super::limits::{missing, range};
 use super::memory::{SUMS, TRANSFORM};
 use super::readings::{Channels, Sample};
 use super::run::{Ended, Feed, Prepared, Run, Task};
@@ -56,19 +55,18 @@ impl Instrument<'_> {
         let channels = run.channels();
         let count = samples.count();
         let (Some(count), true) = (count, usize::from(samples.channels) == channels) else {
-            return Err(Problem::Count {
-                item: Item::Channel,
-                found: u32::from(samples.channels),
-                expected: channels as u32,
-            });
+            return Err(Problem::count(
+                Item::Channel,
+                usize::from(samples.channels),
+                channels,
+            ));
         };
         if samples.first.checked_add(count as u64).is_none() {
-            return Err(range(
+            return Err(Problem::range(
                 Field::Limit,
                 0,
                 samples.first as f64,
-                0.0,
-                (u64::MAX - count as u64) as f64,
+                [0.0, (u64::MAX - count as u64) as f64],
             ));
         }
         if samples.first > run.next() {
@@ -96,7 +94,7 @@ impl Instrument<'_> {
             self.meter();
         }
         let run = self.phase.run();
-        let taken = run.map(Run::taken).ok_or(missing(Item::Run, 0))?;
+        let taken = run.map(Run::taken).ok_or(Problem::missing(Item::Run, 0))?;
         self.end_if_complete(board, out);
         Ok(taken)
     }
@@ -109,10 +107,10 @@ impl Instrument<'_> {
             return Ok(summary);
         }
         let ended = self.phase.session().and_then(|session| session.ended);
-        let run = ended.ok_or(missing(Item::Summary, 0))?.start.run;
+        let run = ended.ok_or(Problem::missing(Item::Summary, 0))?.start.run;
         let at = usize::from(run);
         let summary = self.summaries.get(at).copied().flatten();
-        summary.ok_or(missing(Item::Summary, at))
+        summary.ok_or(Problem::missing(Item::Summary, at))
     }
 
     /// Discards the run, unless it is one of a self-test.
@@ -183,15 +181,11 @@ impl Instrument<'_> {
         };
         let count = match (self.phase.session(), storage.runs.kept(at)) {
             (Some(session), Some(_)) => session.lines.settings.grid().count,
-            _ => return Err(missing(Item::Run, at)),
+            _ => return Err(Problem::missing(Item::Run, at)),
         };
         let first = usize::from(read.first);
         if first >= count {
-            return Err(Problem::Index {
-                item: Item::Line,
-                found: u32::from(read.first),
-                limit: count as u32,
-            });
+            return Err(Problem::index(Item::Line, usize::from(read.first), count));
         }
         let wanted = usize::from(read.count).min(Lines::FIT).min(count - first);
         let lines: heapless::Vec<Line, { Lines::FIT }> = (first..first + wanted)
@@ -236,14 +230,14 @@ pub(super) fn prepare(
 ) -> Result<Prepared, Problem> {
     let number = setup.run_index(start.run)?;
     if start.limit == Some(0) {
-        return Err(range(Field::Limit, 0, 0.0, 1.0, u64::MAX as f64));
+        return Err(Problem::range(Field::Limit, 0, 0.0, [1.0, u64::MAX as f64]));
     }
     storage.scratch.clear_for_run();
     let room = storage.scratch.run_mut();
     let room = room.ok_or(Problem::Busy(Request::Start(*start).number()))?;
     let task = match start.pass {
         Pass::Survey => {
-            let modes = lines.modes.ok_or(missing(Item::ModeBand, 0))?;
+            let modes = lines.modes.ok_or(Problem::missing(Item::ModeBand, 0))?;
             let accelerometers = setup.arrangement().accelerometers();
             Task::Survey(Survey::new(accelerometers, modes.indices(), SUMS)?)
         }
@@ -257,10 +251,8 @@ pub(super) fn prepare(
     route(setup, number, start.source, board, &mut room.channels)?;
     let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history);
     // `EndSetup` has seen that blocks fit.
-    let rings = rings.map_err(|_| Problem::Capacity {
-        item: Item::Sample,
-        found: lines.settings.transform_length() as u32,
-        limit: TRANSFORM as u32,
+    let rings = rings.map_err(|_| {
+        Problem::capacity(Item::Sample, lines.settings.transform_length(), TRANSFORM)
     })?;
     let feed = match start.source {
         Source::Host => Feed::Host,
@@ -269,11 +261,11 @@ pub(super) fn prepare(
                 return Err(Problem::Unsupported(Item::Source));
             }
             if room.channels.count() > inputs {
-                return Err(Problem::Capacity {
-                    item: Item::Input,
-                    found: room.channels.count() as u32,
-                    limit: inputs as u32,
-                });
+                return Err(Problem::capacity(
+                    Item::Input,
+                    room.channels.count(),
+                    inputs,
+                ));
             }
             board.start_inputs(setup.sample_rate())?;
             Feed::Inputs { origin: None }
@@ -311,7 +303,7 @@ fn route(
                 let input = stored(board, number)?;
                 // Boards leave out inputs that nothing is wired to.
                 if carries != ChannelRole::Unused && input.circuit() == Circuit::Unused {
-                    return Err(missing(Item::Input, number));
+                    return Err(Problem::missing(Item::Input, number));
                 }
                 Channel::watched(scale, Watch::new(input.limits(), rate))
             }

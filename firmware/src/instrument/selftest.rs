@@ -5,43 +5,19 @@ use super::runs::prepare;
 use super::setup::SetUp;
 use super::synthetic::{PERIOD, PLACE, SPRUNG, body};
 use super::{Activity, Asked, Board, Instrument, Pending, Phase, SelfTest, Transmit};
+use crate::models::setup as models;
 use crate::wire::{
-    Accelerations, ChannelRole, Check, Excitation, Gaps, Health, Method, Mount, Pass, Plan,
-    Problem, Procedure, Processing, Quantity, Question, Reply, Request, Run, ScaleSource, Selftest,
-    Sensor, SensorKind, Source, Start, State, Weighting, Window,
+    Check, Gaps, Health, Method, Problem, Procedure, Processing, Question, Reply, Request,
+    Selftest, Source, Start, State, Window,
 };
-use massline_core::identify::{self, Identification};
+use massline_core::identify::Identification;
 
 /// Runs of the self-test: one an axis.
 pub(super) const RUNS: u8 = 3;
 /// Samples of each run: the settling of the filters, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
-/// Channels: six accelerometers, six load cells, the drive.
-const CHANNELS: [u8; 13] = [
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    10,
-    11,
-    ChannelRole::Drive.code(),
-];
-/// Places and directions of both, three, two and one: they determine six motions, and six
-/// resultants.
-const SENSORS: [([f64; 3], [f64; 3]); 6] = [
-    ([0.15, 0.15, 0.0], [1.0, 0.0, 0.0]),
-    ([0.15, 0.15, 0.0], [0.0, 1.0, 0.0]),
-    ([0.15, 0.15, 0.0], [0.0, 0.0, 1.0]),
-    ([-0.15, 0.15, 0.0], [0.0, 1.0, 0.0]),
-    ([-0.15, 0.15, 0.0], [0.0, 0.0, 1.0]),
-    ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
-];
+/// Reach of the sensors, m.
+const REACH: f64 = 0.15;
 
 /// Largest deviation of the elastic term of the sampled mode from any that is fitted, in the
 /// averaging band.
@@ -60,7 +36,8 @@ const DEVIATION: f64 = 6.7e-5;
 /// term and one of ω² are eliminated: sum of the magnitudes in the first row of the
 /// pseudo-inverse of their columns over the 39 lines.
 const AMPLIFICATION: f64 = 1.7;
-/// Relative rounding error of a transform of 1024 numbers in `f32`: ten stages, each rounded by 2⁻²⁴.
+/// Relative rounding error of a transform of 1024 numbers in `f32`: ten stages, each rounded by
+/// 2⁻²⁴.
 const ROUNDING: f64 = 1e-6;
 
 impl Instrument<'_> {
@@ -130,76 +107,29 @@ impl Instrument<'_> {
 
 /// Sets up the self-test.
 pub(super) fn set_up(setup: &mut SetUp) -> Result<(), Problem> {
-    setup.begin(&Plan {
-        sensors: 2 * SENSORS.len() as u8,
-        runs: RUNS,
-        reference_point: [0.0; 3],
-        fingerprint: 0,
-    })?;
+    setup.begin(&models::plan(RUNS, 0))?;
     setup.set_processing(&Processing {
-        sample_rate: 512.0,
         block_length: PERIOD,
-        overlap: 0.5,
         // The noise is periodic in the block.
         window: Window::Rectangular,
         kept_band: [1.0, 50.0],
         averaging_band: [1.0, 20.0],
-        mode_band: None,
-        accelerations: Accelerations::Interface,
-        weighting: Weighting::Given,
         minimum_weight: 1.0,
+        ..models::PROCESSING
     })?;
-    let kinds = [
-        SensorKind::Accelerometer(Mount::Interface),
-        SensorKind::LoadCell(Quantity::Force),
-    ];
-    for (half, kind) in kinds.into_iter().enumerate() {
-        for (k, (position, direction)) in SENSORS.into_iter().enumerate() {
-            setup.set_sensor(&Sensor {
-                sensor: (half * SENSORS.len() + k) as u8,
-                name: "",
-                kind,
-                position,
-                direction,
-                scale: ScaleSource::Given {
-                    per_unit: 1.0,
-                    offset: 0.0,
-                },
-            })?;
-        }
+    for sensor in models::sensors(REACH, 1.0) {
+        setup.set_sensor(&sensor)?;
     }
-    for run in 0..RUNS {
-        setup.set_run(&Run {
-            run,
-            name: "",
-            excitation: Excitation::Random,
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
-            channels: &CHANNELS,
-        })?;
-    }
-    Ok(())
+    (0..RUNS).try_for_each(|run| setup.set_run(&models::run(run)))
 }
 
 /// Start of a run.
 pub(super) const fn start(run: u8) -> Start {
-    Start {
-        run,
-        pass: Pass::Measure,
-        source: Source::Synthetic,
-        gaps: Gaps::Count,
-        limit: Some(SAMPLES),
-    }
+    models::start(run, Source::Synthetic, Gaps::Count, Some(SAMPLES))
 }
 
 /// Question to the runs.
-pub(super) const QUESTION: Question = Question {
-    method: Method::ApparentMass,
-    identify: identify::Question::new(None, Procedure::Direct),
-    modes: 1,
-    fit_band: None,
-    runs: 0,
-};
+pub(super) const QUESTION: Question = models::question(Method::ApparentMass, Procedure::Direct, 1);
 
 /// Compares an answer, if there is one, with the body.
 pub(super) fn judge(answer: Option<&Identification>, health: Health) -> Selftest {

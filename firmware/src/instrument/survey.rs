@@ -52,11 +52,11 @@ impl Survey {
         let each = survey.room_of_a_group();
         let (found, limit) = (survey.groups(), room / each.max(1));
         if found > limit {
-            return Err(Problem::Capacity {
-                item: Item::Line,
-                found: found.saturating_mul(survey.lines.len()) as u32,
-                limit: limit.saturating_mul(survey.lines.len()) as u32,
-            });
+            return Err(Problem::capacity(
+                Item::Line,
+                found.saturating_mul(survey.lines.len()),
+                limit.saturating_mul(survey.lines.len()),
+            ));
         }
         Ok(survey)
     }

@@ -10,6 +10,7 @@
 //! | [`pattern`] | a converter of test patterns |
 //! | [`injector`] | random faults, with the counters they should raise |
 //! | [`random`] | random numbers |
+//! | [`setup`] | a small set-up, for tests and the self-test |
 
 pub mod ads131m08;
 pub mod adxl355;
@@ -18,6 +19,7 @@ pub mod injector;
 pub mod pattern;
 pub mod random;
 pub mod rig;
+pub mod setup;
 
 /// Error of a model of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

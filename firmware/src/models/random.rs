@@ -23,6 +23,21 @@ impl Random {
         ((u128::from(self.bits()) * u128::from(end)) >> 64) as u64
     }
 
+    /// An index of a list of this length, zero if that is zero.
+    pub fn index(&mut self, length: usize) -> usize {
+        self.below(length as u64) as usize
+    }
+
+    /// An item of a list, which must not be empty.
+    pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.index(of.len())]
+    }
+
+    /// `true` once in so many times.
+    pub fn once_in(&mut self, times: usize) -> bool {
+        self.index(times) == 0
+    }
+
     /// `true` with this probability.
     pub fn chance(&mut self, probability: f64) -> bool {
         // An f64 holds 53 bits.

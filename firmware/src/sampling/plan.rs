@@ -31,13 +31,7 @@ impl Plan {
     pub fn new(settings: &Settings<INPUTS>, rate: f64, tick_hz: u32) -> Result<Self, Problem> {
         let [low, high] = rates_near(rate);
         if low != rate || high != rate {
-            return Err(Problem::Range {
-                field: Field::SampleRate,
-                index: 0,
-                found: rate,
-                low,
-                high,
-            });
+            return Err(Problem::range(Field::SampleRate, 0, rate, [low, high]));
         }
         let mut plan = Self {
             period: (f64::from(tick_hz) / rate) as f32,

@@ -87,11 +87,8 @@ impl<const INPUTS: usize> Settings<INPUTS> {
     pub fn set(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
         match *setting {
             Setting::Name(name) => {
-                self.name = Text::try_from(name).map_err(|_| Problem::Capacity {
-                    item: Item::Byte,
-                    found: u32::try_from(name.len()).unwrap_or(u32::MAX),
-                    limit: NAME_MAX as u32,
-                })?;
+                self.name = Text::try_from(name)
+                    .map_err(|_| Problem::capacity(Item::Byte, name.len(), NAME_MAX))?;
             }
             Setting::LinkBaud(baud) => {
                 let range = LINK_BAUD_RANGE.map(f64::from);
@@ -128,24 +125,14 @@ impl<const INPUTS: usize> Settings<INPUTS> {
 }
 
 fn no_input<const INPUTS: usize>(number: u8) -> Problem {
-    Problem::Index {
-        item: Item::Input,
-        found: number.into(),
-        limit: INPUTS as u32,
-    }
+    Problem::index(Item::Input, number.into(), INPUTS)
 }
 
 fn check(field: Field, found: f64, [low, high]: [f64; 2]) -> Result<(), Problem> {
     if (low..=high).contains(&found) {
         return Ok(());
     }
-    Err(Problem::Range {
-        field,
-        index: 0,
-        found,
-        low,
-        high,
-    })
+    Err(Problem::range(field, 0, found, [low, high]))
 }
 
 #[cfg(test)]
@@ -195,11 +182,7 @@ mod tests {
             assert!(settings.set(&setting).is_err(), "{setting:?}");
             assert_eq!(settings, Settings::DELIVERED);
         }
-        let index = Problem::Index {
-            item: Item::Input,
-            found: 4,
-            limit: 4,
-        };
+        let index = Problem::index(Item::Input, 4, 4);
         assert_eq!(settings.get(SettingKey::Input(4)), Err(index));
     }
 }

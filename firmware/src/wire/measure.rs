@@ -24,8 +24,8 @@ pub struct Start {
 /// Purpose of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Pass {
-    /// The run measures the amplitude of each accelerometer near the first elastic modes, from which
-    /// weights follow as [`super::Weighting`] says. No lines are stored.
+    /// The run measures the amplitude of each accelerometer near the first elastic modes, from
+    /// which weights follow as [`super::Weighting`] says. No lines are stored.
     Survey,
     /// The run measures lines, which replace the stored run of the same number.
     Measure,
@@ -48,17 +48,17 @@ pub enum Gaps {
     /// Samples beyond a gap are refused with [`super::Problem::Gap`], and the host sends again from
     /// the sample that is expected. This suits a replay over a link that loses frames.
     Refuse,
-    /// Missing samples are counted, the block that lacks them is rejected, and the next block begins
-    /// behind the gap. This suits a source that has really lost them. A gap of any length is one
-    /// rejected block; a gap up to the limit of the run ends the run.
+    /// Missing samples are counted, the block that lacks them is rejected, and the next block
+    /// begins behind the gap. This suits a source that has really lost them. A gap of any length is
+    /// one rejected block; a gap up to the limit of the run ends the run.
     Count,
 }
 
 /// Consecutive samples of all channels.
 ///
-/// Samples that the box already has are skipped, so that a request may be repeated. The index of the
-/// first sample may be any: one that is ahead makes a gap, which is treated as [`Gaps`] says, even
-/// if the message holds no sample. Only a last index beyond 2⁶⁴ - 1 is refused.
+/// Samples that the box already has are skipped, so that a request may be repeated. The index of
+/// the first sample may be any: one that is ahead makes a gap, which is treated as [`Gaps`] says,
+/// even if the message holds no sample. Only a last index beyond 2⁶⁴ - 1 is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Samples<'a> {
     /// Index of the first sample; the first of a run is 0.
@@ -113,8 +113,8 @@ impl FaultySamples<'_> {
     pub const FIT: usize = PAYLOAD_MAX - (2 + 2 * 64) - BEFORE;
 }
 
-/// Largest number of bytes of [`Samples`] before the values: the index takes up to ten, channels and
-/// kind one each, the length two.
+/// Largest number of bytes of [`Samples`] before the values: the index takes up to ten, channels
+/// and kind one each, the length two.
 const BEFORE: usize = 10 + 1 + 1 + 2;
 
 /// Values of samples.

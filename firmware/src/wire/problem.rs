@@ -39,7 +39,8 @@ pub enum Problem {
         expected: State,
     },
     /// The box is still working on an earlier request of this number. The number of
-    /// [`Request::Subscribe`] means that samples are being recorded, which the request would disturb.
+    /// [`Request::Subscribe`] means that samples are being recorded, which the request would
+    /// disturb.
     Busy(u8),
     /// The firmware does not support this.
     Unsupported(Item),
@@ -117,6 +118,66 @@ pub enum Problem {
         /// Fault of the converter.
         fault: ConverterFault,
     },
+}
+
+impl Problem {
+    /// [`Self::Index`].
+    #[must_use]
+    pub fn index(item: Item, found: usize, limit: usize) -> Self {
+        let [found, limit] = [found, limit].map(number);
+        Self::Index { item, found, limit }
+    }
+
+    /// [`Self::Capacity`].
+    #[must_use]
+    pub fn capacity(item: Item, found: usize, limit: usize) -> Self {
+        let [found, limit] = [found, limit].map(number);
+        Self::Capacity { item, found, limit }
+    }
+
+    /// [`Self::Count`].
+    #[must_use]
+    pub fn count(item: Item, found: usize, expected: usize) -> Self {
+        let [found, expected] = [found, expected].map(number);
+        Self::Count {
+            item,
+            found,
+            expected,
+        }
+    }
+
+    /// [`Self::Missing`].
+    #[must_use]
+    pub fn missing(item: Item, index: usize) -> Self {
+        let index = number(index);
+        Self::Missing { item, index }
+    }
+
+    /// [`Self::Range`].
+    #[must_use]
+    pub const fn range(field: Field, index: u32, found: f64, [low, high]: [f64; 2]) -> Self {
+        Self::Range {
+            field,
+            index,
+            found,
+            low,
+            high,
+        }
+    }
+
+    /// The same problem, of the sensor, run or input of this number.
+    #[must_use]
+    pub fn about(mut self, number: u32) -> Self {
+        if let Self::Range { index, .. } = &mut self {
+            *index = number;
+        }
+        self
+    }
+}
+
+/// A number of items; the largest number that can be sent if there are more.
+fn number(items: usize) -> u32 {
+    u32::try_from(items).unwrap_or(u32::MAX)
 }
 
 /// Fault of a converter that does not start.

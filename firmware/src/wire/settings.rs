@@ -18,8 +18,8 @@ pub enum SettingKey {
     Input(u8),
 }
 
-/// A setting with its value. A message has one setting, so that each fits a frame and an unknown one
-/// is refused without harm to the others.
+/// A setting with its value. A message has one setting, so that each fits a frame and an unknown
+/// one is refused without harm to the others.
 ///
 /// A new value holds at once, except the bit rate of the link, which holds from the next start. The
 /// value is stored once [`super::Request::SaveSettings`] was answered.
@@ -27,8 +27,9 @@ pub enum SettingKey {
 pub enum Setting<'a> {
     /// Name of the box, at most 32 bytes.
     Name(&'a str),
-    /// Bit rate of the link, baud. A box that receives bytes for a minute after a start, but no valid
-    /// frame, listens at the factory bit rate, and alternates between both until a valid frame comes.
+    /// Bit rate of the link, baud. A box that receives bytes for a minute after a start, but no
+    /// valid frame, listens at the factory bit rate, and alternates between both until a valid
+    /// frame comes.
     LinkBaud(u32),
     /// Sample rate of the box's converters, Hz.
     SampleRate(f64),

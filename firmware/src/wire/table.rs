@@ -106,14 +106,15 @@ messages! {
         0x03 Status;
         /// Subscribes to events. [`Reply::Done`]. In any state; replaces the subscription before.
         0x04 Subscribe(Subscription);
-        /// Sets the fault counters to zero and deletes the panic text. [`Reply::Done`]. In any state.
+        /// Sets the fault counters to zero and deletes the panic text. [`Reply::Done`]. In any
+        /// state.
         0x05 ForgetFaults;
         /// Restarts the box. [`Reply::Done`] at once, then [`Event::Started`]. In any state; ends a
         /// run and deletes it.
         0x06 Reboot;
         /// Provokes a fault, or starts the test pattern, for tests. [`Reply::Done`] at once, or
-        /// unsupported. A fault in any state, which ends a run; the test pattern not while running or
-        /// while samples are recorded.
+        /// unsupported. A fault in any state, which ends a run; the test pattern not while running
+        /// or while samples are recorded.
         0x07 Provoke(Provoke);
         /// Measures the synthetic body. [`Reply::Selftest`] when it is done. Not while running;
         /// deletes the set-up and stored runs, and leaves the box empty.
@@ -128,8 +129,8 @@ messages! {
         0x12 SetSensor(Sensor<'a>);
         /// Sets one run. [`Reply::Done`]. While setting up.
         0x13 SetRun(Run<'a>);
-        /// Sets the weights of a run. [`Reply::Done`]. While setting up, and when ready: they replace
-        /// those of a survey.
+        /// Sets the weights of a run. [`Reply::Done`]. While setting up, and when ready: they
+        /// replace those of a survey.
         0x14 SetWeights(Weights<'a>);
         /// Ends the set-up. [`Reply::Grid`], and the box is ready.
         0x15 EndSetup;
@@ -138,13 +139,14 @@ messages! {
         /// nothing.
         0x20 Start(Start);
         /// Sends samples of the run. [`Reply::Progress`]. While running from the host. At most
-        /// [`super::Capacity::window`] of them are unanswered at a time. Samples that reach the limit
-        /// of the run end it.
+        /// [`super::Capacity::window`] of them are unanswered at a time. Samples that reach the
+        /// limit of the run end it.
         0x21 Samples(Samples<'a>);
-        /// Ends the run. [`Reply::Summary`]. While running; without a run, the reply is the summary of
-        /// the run that ended last. The runs of a self-test do not count.
+        /// Ends the run. [`Reply::Summary`]. While running; without a run, the reply is the summary
+        /// of the run that ended last. The runs of a self-test do not count.
         0x22 Stop;
-        /// Ends the run and deletes it. [`Reply::Done`]. In any state; without a run nothing happens.
+        /// Ends the run and deletes it. [`Reply::Done`]. In any state; without a run nothing
+        /// happens.
         0x23 Abort;
 
         /// Reads the summary of a finished run. [`Reply::Summary`].
@@ -156,19 +158,19 @@ messages! {
         /// Reads the present weights of a run. [`Reply::Weights`].
         0x33 ReadWeights(u8);
 
-        /// Identifies the body. [`Reply::Identified`] when it is done; other requests are answered in
-        /// the meantime. When ready.
+        /// Identifies the body. [`Reply::Identified`] when it is done; other requests are answered
+        /// in the meantime. When ready.
         0x40 Identify(Question);
         /// Reads the last answer. [`Reply::Identified`].
         0x41 ReadAnswer;
 
         /// Reads one setting. [`Reply::Setting`]. In any state.
         0x50 ReadSetting(SettingKey);
-        /// Changes one setting. [`Reply::Done`]. Not while running; an input and the sample rate not
-        /// while samples are recorded, either.
+        /// Changes one setting. [`Reply::Done`]. Not while running; an input and the sample rate
+        /// not while samples are recorded, either.
         0x51 WriteSetting(Setting<'a>);
-        /// Stores the settings. [`Reply::Saved`]. Not while running, identifying or while samples are
-        /// recorded: the flash stops the core.
+        /// Stores the settings. [`Reply::Saved`]. Not while running, identifying or while samples
+        /// are recorded: the flash stops the core.
         0x52 SaveSettings;
         /// Restores the factory settings. [`Reply::Done`]. Not while running, nor while samples are
         /// recorded; not stored until saved.
@@ -213,8 +215,8 @@ messages! {
 }
 
 messages! {
-    /// Messages that the box sends without a request. An event that finds no room is dropped, and its
-    /// sequence number is missing.
+    /// Messages that the box sends without a request. An event that finds no room is dropped, and
+    /// its sequence number is missing.
     Event {
         /// The box has started.
         0xC0 Started(Started);
@@ -233,8 +235,8 @@ messages! {
         0xC6 Telemetry(Telemetry);
         /// A fault of the box.
         0xC7 Fault(Fault);
-        /// Samples of the box's own converters, some of whose inputs are faulty. By subscription, with
-        /// [`Event::Recorded`].
+        /// Samples of the box's own converters, some of whose inputs are faulty. By subscription,
+        /// with [`Event::Recorded`].
         0xC8 RecordedFaulty(FaultySamples<'a>);
     }
 }

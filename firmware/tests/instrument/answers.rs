@@ -6,9 +6,10 @@
 //! To accept a change, `OVERWRITE=1 cargo test -p massline-firmware --test instrument answers`
 //! writes the new ones, and the commit says why.
 
-use crate::bench::{Bench, Heard, Said, Shelf};
+use crate::bench::{Bench, Heard, Said};
 use crate::plan::Pieces;
 use massline_core::identify;
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 use std::fmt::Write as _;
 
@@ -91,7 +92,7 @@ fn cells(f: [f64; 6]) -> [f64; 6] {
 }
 
 /// The set-up, with accelerometers on the structure.
-fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weighting) -> Said {
+fn set_up(bench: &mut Bench, accelerations: Accelerations, weighting: Weighting) -> Said {
     let mut pieces = Pieces::new();
     let unit = ScaleSource::Given {
         per_unit: 1.0,
@@ -127,7 +128,7 @@ fn set_up(bench: &mut Bench<'_>, accelerations: Accelerations, weighting: Weight
 }
 
 /// Has the box take a run, and notes what it says of it.
-fn measure(bench: &mut Bench<'_>, run: u8, pass: Pass, notes: &mut String) {
+fn measure(bench: &mut Bench, run: u8, pass: Pass, notes: &mut String) {
     bench.done(&Request::Start(Start {
         run,
         pass,
@@ -172,19 +173,12 @@ fn note(notes: &mut String, what: &str, value: &dyn std::fmt::Debug) {
 }
 
 fn question(method: Method, procedure: Procedure) -> Question {
-    Question {
-        method,
-        identify: identify::Question::new(None, procedure),
-        modes: 2,
-        fit_band: None,
-        runs: 0,
-    }
+    setup::question(method, procedure, 2)
 }
 
 /// Answers of one set-up to all questions.
 fn answers(accelerations: Accelerations, weighting: Weighting, questions: &[Question]) -> String {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let mut notes = format!("== {accelerations:?}, {weighting:?}\n");
     note(
         &mut notes,

@@ -1,194 +1,20 @@
-//! A box on a bench: the instrument, a board whose inputs and clock the test has in its
-//! hand, and a host that keeps all it hears.
+//! A box on a bench: the instrument, a model of its board, and a host that keeps all messages.
 
 use massline_firmware::calibration::Certificate;
 use massline_firmware::instrument::{
-    Board, Identity, Instrument, Job, Memory, Persistent, RawSample, RunStorage, Transmit, Vitals,
-    WorkingStorage,
+    Identity, Instrument, Job, Memory, Persistent, RawSample, RunStorage, Transmit, WorkingStorage,
 };
+use massline_firmware::model_board::{IDENTITY, ModelBoard, TICK_HZ};
+pub use massline_firmware::models::setup::start;
+use massline_firmware::sampling;
 use massline_firmware::wire::*;
 
 /// Inputs of the box's own converters.
-pub const INPUTS: u8 = 16;
-
-/// Settings, as a board keeps them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    pub name: String,
-    pub baud: u32,
-    pub rate: f64,
-    /// Calibrations of the inputs.
-    pub inputs: Vec<Certificate>,
-}
-
-impl Settings {
-    fn delivered(inputs: Vec<Certificate>) -> Self {
-        Self {
-            name: String::new(),
-            baud: 921_600,
-            rate: 512.0,
-            inputs,
-        }
-    }
-
-    pub fn get(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        Ok(match key {
-            SettingKey::Name => Setting::Name(&self.name),
-            SettingKey::LinkBaud => Setting::LinkBaud(self.baud),
-            SettingKey::SampleRate => Setting::SampleRate(self.rate),
-            SettingKey::Input(number) => {
-                let input = self.inputs.get(usize::from(number));
-                Setting::Input(input.ok_or(self.no_input(number))?.input(number))
-            }
-        })
-    }
-
-    pub fn set(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
-        let within = |field, found: f64, [low, high]: [f64; 2]| {
-            if (low..=high).contains(&found) {
-                return Ok(());
-            }
-            Err(Problem::Range {
-                field,
-                index: 0,
-                found,
-                low,
-                high,
-            })
-        };
-        match *setting {
-            Setting::Name(name) if name.len() > NAME_MAX => {
-                return Err(Problem::Capacity {
-                    item: Item::Byte,
-                    found: name.len() as u32,
-                    limit: NAME_MAX as u32,
-                });
-            }
-            Setting::Name(name) => self.name = name.to_owned(),
-            Setting::LinkBaud(baud) => {
-                within(Field::LinkBaud, baud.into(), [9_600.0, 2_000_000.0])?;
-                self.baud = baud;
-            }
-            Setting::SampleRate(rate) => {
-                within(Field::SampleRate, rate, [256.0, 32_768.0])?;
-                self.rate = rate;
-            }
-            Setting::Input(ref input) => {
-                let certificate = Certificate::new(input)?;
-                let none = self.no_input(input.input);
-                let place = self.inputs.get_mut(usize::from(input.input));
-                *place.ok_or(none)? = certificate;
-            }
-        }
-        Ok(())
-    }
-
-    fn no_input(&self, number: u8) -> Problem {
-        Problem::Index {
-            item: Item::Input,
-            found: number.into(),
-            limit: self.inputs.len() as u32,
-        }
-    }
-}
-
-/// The board.
-pub struct Hardware {
-    pub ticks: u64,
-    /// Rate at which the converters run.
-    pub converting: Option<f64>,
-    pub settings: Settings,
-    /// As they were when they were kept last, and as they are delivered.
-    pub kept: Settings,
-    delivered: Settings,
-    /// Times that it was told to fail or to start afresh.
-    pub endings: u32,
-    pub rehearsals: u32,
-}
-
-impl Hardware {
-    fn new(inputs: Vec<Certificate>) -> Self {
-        let settings = Settings::delivered(inputs);
-        Self {
-            ticks: 0,
-            converting: None,
-            kept: settings.clone(),
-            delivered: settings.clone(),
-            settings,
-            endings: 0,
-            rehearsals: 0,
-        }
-    }
-}
-
-impl Board for Hardware {
-    fn ticks(&self) -> u64 {
-        self.ticks
-    }
-
-    fn faults(&self) -> FaultCounters {
-        FaultCounters::default()
-    }
-
-    fn forget_faults(&mut self) {}
-
-    fn vitals(&mut self) -> Vitals {
-        Vitals::default()
-    }
-
-    fn start_inputs(&mut self, rate: f64) -> Result<(), Problem> {
-        match self.converting {
-            Some(running) if running != rate => Err(Problem::Range {
-                field: Field::SampleRate,
-                index: 0,
-                found: rate,
-                low: running,
-                high: running,
-            }),
-            _ => {
-                self.converting = Some(rate);
-                Ok(())
-            }
-        }
-    }
-
-    fn stop_inputs(&mut self) {
-        self.converting = None;
-    }
-
-    fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        self.settings.get(key)
-    }
-
-    fn write_setting(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
-        self.settings.set(setting)
-    }
-
-    fn save_settings(&mut self) -> Result<Storage, Problem> {
-        self.kept = self.settings.clone();
-        Ok(Storage::Volatile)
-    }
-
-    fn reset_settings(&mut self) {
-        self.settings = self.delivered.clone();
-    }
-
-    fn unsaved(&self) -> bool {
-        self.settings != self.kept
-    }
-
-    fn reboot(&mut self) {
-        self.endings += 1;
-    }
-
-    fn provoke(&mut self, fault: Provoke) -> bool {
-        match fault {
-            Provoke::TestPattern => self.rehearsals += 1,
-            _ => self.endings += 1,
-        }
-        true
-    }
-}
+pub const INPUTS: u8 = sampling::INPUTS as u8;
+/// Ticks of a millisecond.
+pub const MILLISECOND: u64 = TICK_HZ as u64 / 1000;
+/// Settings of the box.
+pub type Settings = massline_firmware::settings::Settings<{ sampling::INPUTS }>;
 
 /// A reply, kept.
 #[derive(Clone, Debug, PartialEq)]
@@ -298,68 +124,56 @@ impl Transmit for Host {
     }
 }
 
-/// Memory for an instrument.
-#[derive(Default)]
-pub struct Shelf {
-    working: Box<WorkingStorage>,
-    runs: Box<RunStorage>,
-    persistent: Box<Persistent>,
+/// The box on its bench.
+pub struct Bench {
+    pub instrument: Instrument<'static>,
+    pub hardware: ModelBoard,
+    pub host: Host,
+    ids: RequestIds,
 }
 
-impl Shelf {
-    /// A box that has just been switched on, to whose inputs voltages are wired: counts stay
+/// Memory that is never given back: a test ends soon.
+fn lent<T: Default>() -> &'static mut T {
+    Box::leak(Box::default())
+}
+
+impl Bench {
+    /// A box that has just been switched on, to all inputs of which voltages are wired: counts stay
     /// counts.
-    pub fn switch_on(&mut self) -> Bench<'_> {
+    pub fn switch_on() -> Self {
         let unused = Certificate::UNUSED;
         let voltage = Input {
             circuit: Circuit::Voltage,
             ..unused.input(0)
         };
         let voltage = Certificate::new(&voltage).expect("it is like one that is unused");
-        self.with_inputs(vec![voltage; usize::from(INPUTS)])
+        Self::with_inputs(&vec![voltage; sampling::INPUTS])
     }
 
-    /// One whose inputs are calibrated like this.
-    pub fn with_inputs(&mut self, inputs: Vec<Certificate>) -> Bench<'_> {
+    /// One whose first inputs have these calibrations; without any, it has no converters.
+    pub fn with_inputs(inputs: &[Certificate]) -> Self {
         let memory = Memory {
-            working: &mut self.working,
-            runs: &mut self.runs,
-            persistent: &mut self.persistent,
+            working: lent::<WorkingStorage>(),
+            runs: lent::<RunStorage>(),
+            persistent: lent::<Persistent>(),
         };
         let identity = Identity {
-            firmware: "bench",
-            version: "0",
-            build: "host",
-            chip: "none",
-            serial: [0; 12],
-            clock: ClockSource::Internal,
-            clock_hz: 1,
-            tick_hz: 1000,
-            storage: Storage::Volatile,
-            reset: ResetReason::PowerOn,
-            resets: 0,
-            panic: None,
             inputs: inputs.len() as u8,
-            window: 8,
+            ..IDENTITY
         };
-        Bench {
+        let mut delivered = Settings::DELIVERED;
+        for (number, input) in (0..).zip(inputs) {
+            let set = delivered.set(&Setting::Input(input.input(number)));
+            set.expect("there is such an input");
+        }
+        Self {
             instrument: Instrument::new(memory, identity),
-            hardware: Hardware::new(inputs),
+            hardware: ModelBoard::new(delivered),
             host: Host::default(),
             ids: RequestIds::new(),
         }
     }
-}
 
-/// The box on its bench.
-pub struct Bench<'m> {
-    pub instrument: Instrument<'m>,
-    pub hardware: Hardware,
-    pub host: Host,
-    ids: RequestIds,
-}
-
-impl<'m> Bench<'m> {
     /// Lets the box do what it has to, jobs included.
     pub fn work(&mut self) {
         loop {
@@ -373,7 +187,7 @@ impl<'m> Bench<'m> {
     }
 
     /// Gives a job back.
-    pub fn give_back(&mut self, job: Job<'m>) {
+    pub fn give_back(&mut self, job: Job<'static>) {
         self.instrument
             .finish(job, &mut self.hardware, &mut self.host);
     }
@@ -438,15 +252,55 @@ impl<'m> Bench<'m> {
         }
     }
 
+    /// Starts a run that measures.
+    pub fn start(&mut self, run: u8, source: Source, gaps: Gaps, limit: Option<u64>) {
+        self.done(&Request::Start(start(run, source, gaps, limit)));
+    }
+
+    /// Stops the run.
+    pub fn stop(&mut self) -> Summary {
+        self.summary(&Request::Stop)
+    }
+
+    /// The summary that this request asks for.
+    pub fn summary(&mut self, request: &Request<'_>) -> Summary {
+        match self.ask(request) {
+            Said::Summary(summary) => summary,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// All stored lines of a run.
+    pub fn lines(&mut self, run: u8) -> Vec<Line> {
+        let mut all = Vec::new();
+        loop {
+            let first = all.len() as u16;
+            let count = u16::MAX;
+            match self.ask(&Request::ReadLines(ReadLines { run, first, count })) {
+                Said::Lines(lines) => all.extend(lines),
+                Said::Refused(Problem::Index { .. }) => return all,
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    /// The answer to a question.
+    pub fn identify(&mut self, question: Question) -> Box<Identified> {
+        match self.await_reply(&Request::Identify(question)) {
+            Said::Identified(found) => found,
+            other => panic!("{other:?}"),
+        }
+    }
+
     /// One sample of the converters, all of whose channels are good but those named.
     pub fn convert(&mut self, number: u64, counts: &[i32], health: &[Health]) {
         let sample = RawSample {
-            ticks: self.hardware.ticks(),
+            ticks: self.hardware.ticks,
             number,
             counts,
             health,
         };
-        self.hardware.ticks += 2;
+        self.hardware.ticks += 2 * MILLISECOND;
         self.instrument
             .sample(&sample, &mut self.hardware, &mut self.host);
     }

@@ -1,15 +1,14 @@
 //! The instrument at its capacity: as many runs and lines as there is room for.
 
-use crate::bench::{Said, Shelf};
-use crate::plan::{Pieces, lines, start};
-use massline_core::identify;
+use crate::bench::{Bench, Said};
+use crate::plan::Pieces;
 use massline_firmware::capacity::{LINES, RUNS};
+use massline_firmware::models::setup::question;
 use massline_firmware::wire::*;
 
 #[test]
 fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let mut pieces = Pieces::new();
     pieces.plan.runs = RUNS as u8;
     // Lines are 0.5 Hz apart. The body is shaken by noise that is periodic in a block.
@@ -25,17 +24,11 @@ fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
     };
     assert_eq!((grid.lines.first, grid.lines.count), (1, LINES));
     for run in 0..RUNS as u8 {
-        let limit = Some(4000);
-        bench.done(&Request::Start(start(
-            run,
-            Source::Synthetic,
-            Gaps::Count,
-            limit,
-        )));
+        bench.start(run, Source::Synthetic, Gaps::Count, Some(4000));
         bench.work();
     }
     assert_eq!(bench.status().stored, (1 << RUNS) - 1);
-    let all: Vec<Vec<Line>> = (0..RUNS as u8).map(|run| lines(&mut bench, run)).collect();
+    let all: Vec<Vec<Line>> = (0..RUNS as u8).map(|run| bench.lines(run)).collect();
     for (run, lines) in all.iter().enumerate() {
         assert_eq!(lines.len(), LINES, "run {run}");
         let is_there = |line: &Line| line.drive > 0.0 && line.responses != [[0.0; 2]; 12];
@@ -45,24 +38,11 @@ fn every_run_has_all_its_lines_and_a_part_in_the_answer() {
             assert_eq!(lines == others, (run - before) % 6 == 0, "{run} {before}");
         }
     }
-    let question = Question {
-        method: Method::ApparentMass,
-        identify: identify::Question::default(),
-        modes: 1,
-        fit_band: None,
-        runs: 0,
-    };
-    let said = bench.await_reply(&Request::Identify(question));
-    let Said::Identified(found) = said else {
-        panic!("{said:?}");
-    };
-    assert_eq!(found.answer.question.runs, (1 << RUNS) - 1);
-    let mass = found
-        .answer
-        .identification
-        .mass
-        .expect("the mass is observable")
-        .value;
+    let answer = bench
+        .identify(question(Method::ApparentMass, Procedure::Direct, 1))
+        .answer;
+    assert_eq!(answer.question.runs, (1 << RUNS) - 1);
+    let mass = answer.identification.mass.expect("it is observable").value;
     // Body, sensors, block and band are the self-test's, and so is the bound of the mass:
     // 1.7 of 6.7e-5 of the 1.5 kg that swing, and 1e-6 of 12 kg for rounding.
     assert!((mass - 12.0).abs() <= 1.83e-4, "{mass}");

@@ -1,8 +1,8 @@
 //! A bad sample never reaches an average, and every result says what was left out.
 
-use crate::bench::{Bench, Heard, INPUTS, Said, Shelf};
-use crate::plan::{CHANNELS, SENSORS, assert_same_shares, counts, lines, set_up, start};
-use massline_core::identify;
+use crate::bench::{Bench, Heard, INPUTS, Said};
+use crate::plan::{CHANNELS, SENSORS, assert_same_shares, counts, ready};
+use massline_firmware::models::setup::question;
 use massline_firmware::wire::*;
 
 const KINDS: [Health; Health::KINDS] = [
@@ -18,16 +18,11 @@ const KINDS: [Health; Health::KINDS] = [
 
 /// A run on the box's converters; `change` has the counts and faults of a sample in hand.
 fn run(
-    bench: &mut Bench<'_>,
+    bench: &mut Bench,
     run: u8,
     mut change: impl FnMut(u64, &mut [i32], &mut [Health]) -> bool,
 ) -> Summary {
-    bench.done(&Request::Start(start(
-        run,
-        Source::Inputs,
-        Gaps::Count,
-        None,
-    )));
+    bench.start(run, Source::Inputs, Gaps::Count, None);
     assert_eq!(bench.hardware.converting, Some(512.0));
     for n in 0..6000 {
         let mut all = [0; INPUTS as usize];
@@ -38,14 +33,11 @@ fn run(
             bench.convert(70_000 + n, &all, &health);
         }
     }
-    match bench.ask(&Request::Stop) {
-        Said::Summary(summary) => summary,
-        other => panic!("{other:?}"),
-    }
+    bench.stop()
 }
 
 /// Indices of the first samples of rejected blocks, with the reasons.
-fn rejected(bench: &mut Bench<'_>) -> Vec<(u64, Health)> {
+fn rejected(bench: &mut Bench) -> Vec<(u64, Health)> {
     let events = bench.events();
     let block = |e: &Heard| match e {
         Heard::Block(b) if !b.health.is_good() => Some((b.first, b.health)),
@@ -56,11 +48,9 @@ fn rejected(bench: &mut Bench<'_>) -> Vec<(u64, Health)> {
 
 #[test]
 fn each_fault_costs_the_blocks_it_lies_in_and_is_told_by_its_name() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
+    let mut bench = ready();
     let whole = run(&mut bench, 0, |_, _, _| true);
-    let expected = lines(&mut bench, 0);
+    let expected = bench.lines(0);
     assert_eq!((whole.rejected, whole.samples), (0, 6000));
     for (k, kind) in KINDS.into_iter().enumerate() {
         bench.events();
@@ -87,15 +77,13 @@ fn each_fault_costs_the_blocks_it_lies_in_and_is_told_by_its_name() {
         by[k] = summary.rejected;
         assert_eq!((summary.rejected_by, summary.health), (by, kind));
         assert_eq!(summary.overloads, u64::from(kind == Health::OVERLOAD));
-        assert_same_shares(&expected, &lines(&mut bench, 1));
+        assert_same_shares(&expected, &bench.lines(1));
     }
 }
 
 #[test]
 fn every_answer_says_what_was_rejected_and_why() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
+    let mut bench = ready();
     run(&mut bench, 0, |n, _, health| {
         if n == 2000 {
             health[0] = Health::CHECKSUM;
@@ -108,31 +96,16 @@ fn every_answer_says_what_was_rejected_and_why() {
         }
         n != 4000
     });
-    let question = Question {
-        method: Method::FrequencyResponses,
-        identify: identify::Question::default(),
-        modes: 0,
-        fit_band: None,
-        runs: 0,
-    };
     // Interface accelerometers alone are none of method a's runs.
-    let refused = bench.refused(&Request::Identify(question));
+    let unfit = question(Method::FrequencyResponses, Procedure::Direct, 0);
+    let refused = bench.refused(&Request::Identify(unfit));
     assert!(
         matches!(refused, Problem::Accelerations { run: 0, .. }),
         "{refused:?}"
     );
-    let question = Question {
-        method: Method::ApparentMass,
-        ..question
-    };
-    let said = bench.await_reply(&Request::Identify(question));
-    let Said::Identified(found) = said else {
-        panic!("{said:?}");
-    };
+    let found = bench.identify(question(Method::ApparentMass, Procedure::Direct, 0));
     let quality = found.answer.quality;
-    let Said::Summary(first) = bench.ask(&Request::ReadSummary(0)) else {
-        panic!("no summary");
-    };
+    let first = bench.summary(&Request::ReadSummary(0));
     assert_eq!(quality.blocks, first.blocks + other.blocks);
     assert_eq!(quality.rejected, first.rejected + other.rejected);
     assert_eq!((quality.missing, other.missing), (1, 1));
@@ -149,9 +122,7 @@ fn every_answer_says_what_was_rejected_and_why() {
 
 #[test]
 fn a_count_at_its_limit_is_an_overload_until_the_hold_off_is_over() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
+    let mut bench = ready();
     let summary = run(&mut bench, 0, |n, counts, _| {
         if n == 3000 {
             counts[2] = (1 << 23) - 1;
@@ -174,9 +145,7 @@ fn a_count_at_its_limit_is_an_overload_until_the_hold_off_is_over() {
 
 #[test]
 fn a_channel_that_nobody_wants_has_no_faults() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
+    let mut bench = ready();
     let summary = run(&mut bench, 0, |_, _, health| {
         health[CHANNELS..].fill(Health::OPEN);
         true
@@ -186,26 +155,22 @@ fn a_channel_that_nobody_wants_has_no_faults() {
 
 #[test]
 fn lost_samples_of_the_converters_shift_nothing() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
+    let mut bench = ready();
     run(&mut bench, 0, |_, _, _| true);
-    let expected = lines(&mut bench, 0);
+    let expected = bench.lines(0);
     let summary = run(&mut bench, 1, |n, _, _| !(2500..2511).contains(&n));
     assert_eq!((summary.missing, summary.samples), (11, 6000 - 11));
     assert_eq!((summary.rejected, summary.rejected_by[1]), (1, 1));
     // By the bench's clock, 2 ms a sample that has come.
     let rate = summary.sample_rate.unwrap();
     assert!((rate - 500.0 * 5999.0 / 5988.0).abs() < 1e-9, "{rate}");
-    assert_same_shares(&expected, &lines(&mut bench, 1));
+    assert_same_shares(&expected, &bench.lines(1));
 }
 
 #[test]
 fn a_converter_that_falls_silent_ends_the_run_and_keeps_what_there_is() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
-    bench.done(&Request::Start(start(0, Source::Inputs, Gaps::Count, None)));
+    let mut bench = ready();
+    bench.start(0, Source::Inputs, Gaps::Count, None);
     for n in 0..4000 {
         bench.convert(n, &counts(n), &[]);
     }

@@ -1,12 +1,12 @@
 //! A test with six accelerometers on the interface, six load cells and a drive.
 
 use crate::bench::{Bench, Said};
+use massline_firmware::models::setup;
+pub use massline_firmware::models::setup::CHANNELS;
 use massline_firmware::wire::*;
 
 /// Sensors, and with them channels: the drive comes last.
-pub const SENSORS: usize = 12;
-/// Channels of a sample.
-pub const CHANNELS: usize = SENSORS + 1;
+pub const SENSORS: usize = setup::SENSORS as usize;
 
 /// Pieces of the set-up.
 pub struct Pieces {
@@ -18,73 +18,26 @@ pub struct Pieces {
 
 impl Pieces {
     pub fn new() -> Self {
-        let places = [
-            ([0.2, 0.2, 0.0], [1.0, 0.0, 0.0]),
-            ([0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-            ([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-            ([-0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-            ([-0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-            ([0.2, -0.2, 0.0], [0.0, 0.0, 1.0]),
-        ];
-        let kinds = [
-            SensorKind::Accelerometer(Mount::Interface),
-            SensorKind::LoadCell(Quantity::Force),
-        ];
-        let sensors = kinds
-            .iter()
-            .flat_map(|kind| places.map(|place| (*kind, place)));
-        let sensors = sensors
-            .zip(0..)
-            .map(|((kind, (position, direction)), sensor)| Sensor {
-                sensor,
-                name: "s",
-                kind,
-                position,
-                direction,
-                scale: ScaleSource::Given {
-                    per_unit: 0.1,
-                    offset: 0.0,
-                },
-            });
         Self {
-            plan: Plan {
-                sensors: SENSORS as u8,
-                runs: 3,
-                reference_point: [0.0; 3],
-                fingerprint: 99,
-            },
+            plan: setup::plan(3, 99),
             processing: Processing {
-                sample_rate: 512.0,
-                block_length: 1024,
-                overlap: 0.5,
-                window: Window::Hann,
-                kept_band: [0.5, 40.0],
-                averaging_band: [1.0, 15.0],
                 mode_band: Some([28.0, 40.0]),
-                accelerations: Accelerations::Interface,
-                weighting: Weighting::Given,
-                minimum_weight: 0.1,
+                ..setup::PROCESSING
             },
-            sensors: sensors.collect(),
-            channels: (0..SENSORS as u8)
-                .chain([ChannelRole::Drive.code()])
-                .collect(),
+            sensors: setup::sensors(0.2, 0.1).collect(),
+            channels: setup::ROLES.to_vec(),
         }
     }
 
     pub fn run(&self, run: u8) -> Run<'_> {
         Run {
-            run,
-            name: "r",
-            excitation: Excitation::Random,
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
             channels: &self.channels,
+            ..setup::run(run)
         }
     }
 
     /// Sends all of them but the end.
-    pub fn send(&self, bench: &mut Bench<'_>) {
+    pub fn send(&self, bench: &mut Bench) {
         bench.done(&Request::BeginSetup(self.plan));
         bench.done(&Request::SetProcessing(self.processing));
         for sensor in &self.sensors {
@@ -96,21 +49,18 @@ impl Pieces {
     }
 }
 
+/// A box that has just been set up.
+pub fn ready() -> Bench {
+    let mut bench = Bench::switch_on();
+    set_up(&mut bench);
+    bench
+}
+
 /// Sets the box up.
-pub fn set_up(bench: &mut Bench<'_>) {
+pub fn set_up(bench: &mut Bench) {
     Pieces::new().send(bench);
     let said = bench.ask(&Request::EndSetup);
     assert!(matches!(said, Said::Grid(_)), "{said:?}");
-}
-
-pub fn start(run: u8, source: Source, gaps: Gaps, limit: Option<u64>) -> Start {
-    Start {
-        run,
-        pass: Pass::Measure,
-        source,
-        gaps,
-        limit,
-    }
 }
 
 /// Shares of the channels, all different.
@@ -127,7 +77,7 @@ pub fn counts(n: u64) -> [i32; CHANNELS] {
 }
 
 /// Sends samples `first` to `end` as one request each.
-pub fn feed(bench: &mut Bench<'_>, first: u64, end: u64) -> Said {
+pub fn feed(bench: &mut Bench, first: u64, end: u64) -> Said {
     let mut last = Said::Done;
     for n in first..end {
         last = bench.ask(&Request::Samples(Samples {
@@ -137,20 +87,6 @@ pub fn feed(bench: &mut Bench<'_>, first: u64, end: u64) -> Said {
         }));
     }
     last
-}
-
-/// The stored lines of a run.
-pub fn lines(bench: &mut Bench<'_>, run: u8) -> Vec<Line> {
-    let mut all = Vec::new();
-    loop {
-        let first = all.len() as u16;
-        let count = u16::MAX;
-        match bench.ask(&Request::ReadLines(ReadLines { run, first, count })) {
-            Said::Lines(lines) => all.extend(lines),
-            Said::Refused(Problem::Index { .. }) => return all,
-            other => panic!("{other:?}"),
-        }
-    }
 }
 
 /// Holds two runs of the same shares against each other. What is averaged differs, so only

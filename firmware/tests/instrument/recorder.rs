@@ -1,8 +1,9 @@
 //! The converters' samples on their way to a host: each arrives with its own number, counts
 //! and faults, or not at all.
 
-use crate::bench::{Heard, Recorded, Shelf};
-use massline_firmware::calibration::{Certificate, Preset};
+use crate::bench::{Bench, Heard, Recorded};
+use massline_firmware::calibration::Preset;
+use massline_firmware::models::random::Random;
 use massline_firmware::wire::*;
 
 fn subscription(samples: Stream) -> Request<'static> {
@@ -48,40 +49,26 @@ fn rows(events: Vec<Heard>) -> Vec<Row> {
     rows
 }
 
-/// A sequence that repeats after 2^32 numbers.
-fn random(state: &mut u64) -> u64 {
-    *state = state
-        .wrapping_mul(6_364_136_223_846_793_005)
-        .wrapping_add(1_442_695_040_888_963_407);
-    *state >> 32
-}
-
 #[test]
 fn every_sample_arrives_with_its_number_its_counts_and_its_faults() {
     for channels in [1, 13, 35, 48] {
-        let mut shelf = Shelf::default();
-        let mut bench = shelf.switch_on();
+        let mut bench = Bench::switch_on();
         bench.done(&subscription(Stream::Counts));
-        let (mut state, mut number) = (channels as u64, 5);
+        let (mut random, mut number) = (Random::new(channels as u64), 5);
         let mut health = vec![Health::GOOD; channels];
         let mut sent = Vec::new();
         for _ in 0..3000 {
             // A gap now and then, and faults that come and go, all of them at times.
-            number += if random(&mut state).is_multiple_of(50) {
-                7
-            } else {
-                1
-            };
-            if random(&mut state).is_multiple_of(20) {
-                let at = random(&mut state) as usize % channels;
-                health[at] = Health(1 << (random(&mut state) % 16));
+            number += if random.below(50) == 0 { 7 } else { 1 };
+            if random.below(20) == 0 {
+                let at = random.below(channels as u64) as usize;
+                health[at] = Health(1 << random.below(16));
             }
-            if random(&mut state).is_multiple_of(40) {
+            if random.below(40) == 0 {
                 health.fill(Health::GOOD);
             }
-            let counts: Vec<i32> = (0..channels)
-                .map(|_| random(&mut state) as i32 >> 8)
-                .collect();
+            let counts = (0..channels).map(|_| random.bits() as i32 >> 8);
+            let counts: Vec<i32> = counts.collect();
             bench.convert(number, &counts, &health);
             sent.push(Row {
                 number,
@@ -109,11 +96,10 @@ fn every_sample_arrives_with_its_number_its_counts_and_its_faults() {
 
 #[test]
 fn readings_are_in_si_and_good_where_nobody_says_otherwise() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let preset = Preset::iepe(0.01, 0.1, 500.0);
     let input = preset.input(1, "", "", None, 0.0);
-    bench.hardware.settings.inputs[1] = Certificate::new(&input).unwrap();
+    bench.done(&Request::WriteSetting(Setting::Input(input)));
     bench.done(&subscription(Stream::Readings));
     // As many as fit two messages of twelve values each, and one more.
     let fit = 840 / (4 * 12);
@@ -136,8 +122,7 @@ fn readings_are_in_si_and_good_where_nobody_says_otherwise() {
 
 #[test]
 fn counts_beyond_24_bits_stay_at_their_end() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     bench.done(&subscription(Stream::Counts));
     bench.convert(0, &[i32::MAX, i32::MIN, -1], &[]);
     bench.done(&subscription(Stream::Off));

@@ -1,7 +1,7 @@
 //! Requests that do not fit are refused with the reason, and change nothing.
 
-use crate::bench::{Said, Shelf};
-use crate::plan::{Pieces, set_up, start};
+use crate::bench::{Bench, Said, start};
+use crate::plan::{Pieces, ready, set_up};
 use massline_firmware::calibration::Certificate;
 use massline_firmware::capacity::{BLOCK_LENGTH, LINES, RUNS, SENSORS};
 use massline_firmware::wire::*;
@@ -15,8 +15,7 @@ fn range(problem: Problem) -> (Field, u32) {
 
 #[test]
 fn a_processing_is_refused_by_the_field_that_is_wrong() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let good = Pieces::new();
     good.send(&mut bench);
     type Change = fn(&mut Processing);
@@ -40,14 +39,10 @@ fn a_processing_is_refused_by_the_field_that_is_wrong() {
     }
     let mut processing = good.processing;
     // Lines are 0.5 Hz apart.
-    let found = LINES as u32 + 20;
-    processing.kept_band = [0.5, 0.5 * f64::from(found)];
+    let found = LINES + 20;
+    processing.kept_band = [0.5, 0.5 * found as f64];
     let problem = bench.refused(&Request::SetProcessing(processing));
-    let full = Problem::Capacity {
-        item: Item::Line,
-        found,
-        limit: LINES as u32,
-    };
+    let full = Problem::capacity(Item::Line, found, LINES);
     assert_eq!(problem, full);
     processing = good.processing;
     processing.averaging_band = [1.0, 1.4];
@@ -66,8 +61,7 @@ fn a_processing_is_refused_by_the_field_that_is_wrong() {
 
 #[test]
 fn a_sensor_is_refused_by_its_number_and_field() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let good = Pieces::new();
     good.send(&mut bench);
     type Change = fn(&mut Sensor<'_>);
@@ -92,19 +86,14 @@ fn a_sensor_is_refused_by_its_number_and_field() {
         sensor: 12,
         ..good.sensors[0]
     };
-    let none = Problem::Index {
-        item: Item::Sensor,
-        found: 12,
-        limit: 12,
-    };
+    let none = Problem::index(Item::Sensor, 12, 12);
     assert_eq!(bench.refused(&Request::SetSensor(sensor)), none);
     assert!(matches!(bench.ask(&Request::EndSetup), Said::Grid(_)));
 }
 
 #[test]
 fn a_run_is_refused_for_what_its_channels_lack() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let good = Pieces::new();
     good.send(&mut bench);
     let run = good.run(1);
@@ -113,29 +102,9 @@ fn a_run_is_refused_for_what_its_channels_lack() {
     let twice = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 10, drive];
     let unknown = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 40, drive];
     let wrong = [
-        (
-            &without[..],
-            Problem::Missing {
-                item: Item::Drive,
-                index: 1,
-            },
-        ),
-        (
-            &twice,
-            Problem::Count {
-                item: Item::Sensor,
-                found: 2,
-                expected: 1,
-            },
-        ),
-        (
-            &unknown,
-            Problem::Index {
-                item: Item::Sensor,
-                found: 40,
-                limit: 12,
-            },
-        ),
+        (&without[..], Problem::missing(Item::Drive, 1)),
+        (&twice, Problem::count(Item::Sensor, 2, 1)),
+        (&unknown, Problem::index(Item::Sensor, 40, 12)),
     ];
     for (channels, problem) in wrong {
         assert_eq!(
@@ -159,19 +128,15 @@ fn a_run_is_refused_for_what_its_channels_lack() {
         channels: &channels,
         ..run
     }));
-    let missing = Problem::Missing {
-        item: Item::Channel,
-        index: 10,
-    };
+    let missing = Problem::missing(Item::Channel, 10);
     assert_eq!(bench.refused(&Request::EndSetup), missing);
 }
 
 #[test]
 fn a_set_up_ends_only_when_it_is_whole() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let good = Pieces::new();
-    let missing = |item, index| Problem::Missing { item, index };
+    let missing = |item, index| Problem::missing(item, index);
     bench.done(&Request::BeginSetup(good.plan));
     assert_eq!(
         bench.refused(&Request::EndSetup),
@@ -193,9 +158,7 @@ fn a_set_up_ends_only_when_it_is_whole() {
     sensors.sensors = SENSORS as u8 + 1;
     runs.runs = RUNS as u8 + 1;
     for (too_many, item, limit) in [(sensors, Item::Sensor, SENSORS), (runs, Item::Run, RUNS)] {
-        let limit = limit as u32;
-        let found = limit + 1;
-        let full = Problem::Capacity { item, found, limit };
+        let full = Problem::capacity(item, limit + 1, limit);
         assert_eq!(bench.refused(&Request::BeginSetup(too_many)), full);
     }
     // A set-up that was refused has not thrown the other one away.
@@ -204,8 +167,7 @@ fn a_set_up_ends_only_when_it_is_whole() {
 
 #[test]
 fn each_request_has_its_state() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let good = Pieces::new();
     let state = |found, expected| Problem::State { found, expected };
     let begin = Request::Start(start(0, Source::Host, Gaps::Refuse, None));
@@ -229,15 +191,11 @@ fn each_request_has_its_state() {
 
 #[test]
 fn a_run_from_inputs_is_refused_where_nothing_is_wired() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
-    bench.hardware.settings.inputs[3] = Certificate::UNUSED;
+    let mut bench = ready();
+    let unused = Certificate::UNUSED;
+    bench.done(&Request::WriteSetting(Setting::Input(unused.input(3))));
     let from_inputs = Request::Start(start(0, Source::Inputs, Gaps::Count, None));
-    let missing = Problem::Missing {
-        item: Item::Input,
-        index: 3,
-    };
+    let missing = Problem::missing(Item::Input, 3);
     assert_eq!(bench.refused(&from_inputs), missing);
     assert_eq!(bench.status().state, State::Ready);
     assert_eq!(bench.hardware.converting, None);
@@ -245,8 +203,7 @@ fn a_run_from_inputs_is_refused_where_nothing_is_wired() {
 
 #[test]
 fn what_samples_are_made_of_stays_while_they_are_recorded() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let stream = |samples| {
         Request::Subscribe(Subscription {
             samples,
@@ -269,7 +226,7 @@ fn what_samples_are_made_of_stays_while_they_are_recorded() {
         assert_eq!(bench.refused(request), busy, "{request:?}");
     }
     assert_eq!(bench.hardware.settings, before);
-    assert_eq!(bench.hardware.rehearsals, 0);
+    assert_eq!(bench.hardware.test_patterns, 0);
     assert_eq!(bench.hardware.converting, Some(512.0));
     // A name is no part of a sample.
     bench.done(&Request::WriteSetting(Setting::Name("table 2")));
@@ -280,7 +237,7 @@ fn what_samples_are_made_of_stays_while_they_are_recorded() {
     }
     // Nor do they change while a run takes samples, wherever these come from.
     set_up(&mut bench);
-    bench.done(&Request::Start(start(0, Source::Host, Gaps::Refuse, None)));
+    bench.start(0, Source::Host, Gaps::Refuse, None);
     for request in &disturbing {
         let problem = bench.refused(request);
         assert!(matches!(problem, Problem::State { .. }), "{problem:?}");

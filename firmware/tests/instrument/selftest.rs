@@ -1,12 +1,11 @@
 //! The self-test: the box's own body, through the whole box, and back.
 
-use crate::bench::{Heard, Said, Shelf};
+use crate::bench::{Bench, Heard, Said};
 use massline_firmware::wire::*;
 
 #[test]
 fn the_body_comes_back_within_its_bound() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let Said::Selftest(found) = bench.await_reply(&Request::Selftest) else {
         panic!("no self-test");
     };
@@ -27,16 +26,14 @@ fn the_body_comes_back_within_its_bound() {
 
 #[test]
 fn it_says_the_same_every_time() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let first = bench.await_reply(&Request::Selftest);
     assert_eq!(bench.await_reply(&Request::Selftest), first);
 }
 
 #[test]
 fn while_it_goes_on_the_box_answers_and_starts_nothing_else() {
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let id = bench.send(&Request::Selftest);
     for _ in 0..50 {
         assert!(bench.poll());
@@ -55,10 +52,7 @@ fn while_it_goes_on_the_box_answers_and_starts_nothing_else() {
         assert_eq!(bench.refused(&request), Problem::Busy(number));
     }
     // A run that nobody has started can be neither stopped nor thrown away.
-    let missing = Problem::Missing {
-        item: Item::Summary,
-        index: 0,
-    };
+    let missing = Problem::missing(Item::Summary, 0);
     assert_eq!(bench.refused(&Request::Stop), missing);
     bench.done(&Request::Abort);
     bench.work();

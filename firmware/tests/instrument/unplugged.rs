@@ -1,26 +1,18 @@
 //! The host is unplugged in the middle of a run: it goes on, and the results are there
 //! when the host comes back.
 
-use crate::bench::{Said, Shelf};
-use crate::plan::{lines, set_up, start};
-use massline_core::identify;
+use crate::bench::Said;
+use crate::plan::ready;
+use massline_firmware::models::setup::question;
 use massline_firmware::wire::*;
 
 #[test]
 fn the_run_goes_on_and_its_results_wait() {
-    let limit = Some(5000);
-    let mut shelf = Shelf::default();
     let mut all = Vec::new();
     for unplug in [false, true] {
-        let mut bench = shelf.switch_on();
-        set_up(&mut bench);
+        let mut bench = ready();
         for run in 0..3 {
-            bench.done(&Request::Start(start(
-                run,
-                Source::Synthetic,
-                Gaps::Count,
-                limit,
-            )));
+            bench.start(run, Source::Synthetic, Gaps::Count, Some(5000));
             for _ in 0..100 {
                 assert!(bench.poll());
             }
@@ -31,20 +23,16 @@ fn the_run_goes_on_and_its_results_wait() {
             let status = bench.status();
             assert_eq!((status.state, status.fingerprint), (State::Ready, Some(99)));
             assert_eq!(status.stored, (1 << (run + 1)) - 1);
-            let Said::Summary(summary) = bench.ask(&Request::ReadSummary(run)) else {
-                panic!("no summary");
-            };
+            let summary = bench.summary(&Request::ReadSummary(run));
             assert_eq!((summary.outcome, summary.samples), (Outcome::Limit, 5000));
-            all.push((summary, lines(&mut bench, run)));
+            all.push((summary, bench.lines(run)));
         }
         // Unplugged again while it works on the answer, which waits, too.
-        let id = bench.send(&Request::Identify(Question {
-            method: Method::ApparentMass,
-            identify: identify::Question::new(None, Procedure::ITERATIVE),
-            modes: 1,
-            fit_band: None,
-            runs: 0,
-        }));
+        let id = bench.send(&Request::Identify(question(
+            Method::ApparentMass,
+            Procedure::ITERATIVE,
+            1,
+        )));
         bench.host.unplugged = true;
         bench.work();
         bench.host.unplugged = false;

@@ -43,14 +43,14 @@ pub fn corpus(
 
 /// The next piece: one of the corpus as it is, one whose bytes were changed, or random bytes.
 pub fn piece(corpus: &[Piece], random: &mut Random) -> Piece {
-    let mut piece = corpus[random.below(corpus.len())].clone();
-    match random.below(8) {
+    let mut piece = corpus[random.index(corpus.len())].clone();
+    match random.index(8) {
         0 => {
-            piece.payload = (0..random.below(60)).map(|_| random.bits() as u8).collect();
+            piece.payload = (0..random.index(60)).map(|_| random.bits() as u8).collect();
             piece.number = random.bits() as u8;
         }
         1..6 => {
-            let other = &corpus[random.below(corpus.len())].payload;
+            let other = &corpus[random.index(corpus.len())].payload;
             mutate(&mut piece.payload, other, random);
         }
         _ => {}
@@ -61,7 +61,7 @@ pub fn piece(corpus: &[Piece], random: &mut Random) -> Piece {
 /// Turns a bit of one frame in sixteen, which its checksum does not know of.
 pub fn damage(frame: &mut [u8], random: &mut Random) {
     if random.once_in(16) {
-        let bit = random.below(8 * frame.len());
+        let bit = random.index(8 * frame.len());
         frame[bit / 8] ^= 1 << (bit % 8);
     }
 }
@@ -69,12 +69,12 @@ pub fn damage(frame: &mut [u8], random: &mut Random) {
 /// Changes some bytes, or cuts, or joins with another payload.
 fn mutate(payload: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     const ENDS: [u8; 7] = [0, 1, 0x7F, 0x80, 0xFE, 0xFF, 0x3F];
-    for _ in 0..random.below(4) {
-        let at = random.below(payload.len() + 1);
-        match random.below(8) {
+    for _ in 0..random.index(4) {
+        let at = random.index(payload.len() + 1);
+        match random.index(8) {
             0..3 => {
                 if let Some(byte) = payload.get_mut(at) {
-                    *byte ^= 1 << random.below(8);
+                    *byte ^= 1 << random.index(8);
                 }
             }
             3 => {
@@ -91,7 +91,7 @@ fn mutate(payload: &mut Vec<u8>, other: &[u8], random: &mut Random) {
             }
             _ => {
                 payload.truncate(at);
-                payload.extend(&other[random.below(other.len() + 1)..]);
+                payload.extend(&other[random.index(other.len() + 1)..]);
             }
         }
     }

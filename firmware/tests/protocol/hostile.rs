@@ -8,9 +8,9 @@
 //! MASSLINE_FRAMES=10_000_000 cargo test --profile checked -p massline-firmware --test protocol -- --nocapture hostile
 //! ```
 
-use crate::bench::{Bench, INPUTS, Said, Shelf};
+use crate::bench::{Bench, INPUTS, MILLISECOND, Said, start};
 use crate::frames::{Piece, corpus, damage, piece};
-use crate::plan::{CHANNELS, Pieces, counts, lines, set_up, start};
+use crate::plan::{CHANNELS, Pieces, counts, ready};
 use crate::random::{Random, wanted};
 use crate::reference;
 use massline_firmware::wire::*;
@@ -26,8 +26,8 @@ const SOURCES: [Source; 3] = [Source::Inputs, Source::Host, Source::Synthetic];
 /// and none, and the pieces of its set-up.
 fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     let pieces = Pieces::new();
-    let first = random.below(2 * SAMPLES as usize) as u64;
-    let values: Vec<i32> = (0..random.below(4))
+    let first = random.index(2 * SAMPLES as usize) as u64;
+    let values: Vec<i32> = (0..random.index(4))
         .flat_map(|n| counts(n as u64))
         .collect();
     keep(&Request::Samples(Samples {
@@ -35,7 +35,7 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
         channels: CHANNELS as u8,
         values: Values::Counts(Packed::new(&values)),
     }));
-    let run = random.below(3) as u8;
+    let run = random.index(3) as u8;
     for source in SOURCES {
         keep(&Request::Start(start(run, source, Gaps::Count, None)));
     }
@@ -89,10 +89,10 @@ impl Hostile<'_> {
         let random = &mut self.random;
         let Piece { number, payload } = piece(self.corpus, random);
         self.sequence = self.sequence.wrapping_add(1);
-        let mut header = reference::header(number, self.sequence, 1 + random.below(60_000) as u16);
+        let mut header = reference::header(number, self.sequence, 1 + random.index(60_000) as u16);
         header[2..4].copy_from_slice(&self.session.to_le_bytes());
         if random.once_in(32) {
-            let at = random.below(HEADER);
+            let at = random.index(HEADER);
             header[at] = random.bits() as u8;
             // Whoever hears of another session or of a number far ahead takes no more of these.
             self.session = self.session.wrapping_add(1);
@@ -106,7 +106,7 @@ impl Hostile<'_> {
     fn attack(
         &mut self,
         receiver: &mut Receiver<'_, ToBox>,
-        bench: &mut Bench<'_>,
+        bench: &mut Bench,
         (source, next): (Source, u64),
         frames: u64,
     ) {
@@ -133,7 +133,7 @@ impl Hostile<'_> {
                 self.tally.done += u64::from(!matches!(said, Said::Refused(_)));
             }
             if self.random.once_in(64) {
-                bench.hardware.ticks += 1;
+                bench.hardware.ticks += MILLISECOND;
                 bench.host.events.clear();
             }
         }
@@ -142,12 +142,11 @@ impl Hostile<'_> {
 
 /// A run that is attacked by so many frames, or left alone.
 fn run(
-    bench: &mut Bench<'_>,
+    bench: &mut Bench,
     source: Source,
     hostile: Option<(&mut Hostile<'_>, u64)>,
 ) -> (Summary, Vec<Line>) {
-    let gaps = Gaps::Refuse;
-    bench.done(&Request::Start(start(0, source, gaps, None)));
+    bench.start(0, source, Gaps::Refuse, None);
     bench.hardware.ticks = 0;
     let mut body = [0; BODY_MAX];
     let mut receiver = Receiver::new(&mut body);
@@ -162,7 +161,7 @@ fn run(
             hostile.attack(&mut receiver, bench, (source, n), due - sent);
             sent = due;
         }
-        bench.hardware.ticks = 2 * n;
+        bench.hardware.ticks = 2 * n * MILLISECOND;
         match source {
             Source::Inputs => {
                 let mut all = [0; INPUTS as usize];
@@ -189,10 +188,8 @@ fn run(
     }
     let running = bench.status().running.expect("the run goes on");
     assert!(running.next >= SAMPLES, "{running:?}");
-    let Said::Summary(summary) = bench.ask(&Request::Stop) else {
-        panic!("no summary");
-    };
-    (summary, lines(bench, 0))
+    let summary = bench.stop();
+    (summary, bench.lines(0))
 }
 
 #[test]
@@ -207,9 +204,7 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
         sequence: 0,
         tally: Tally::default(),
     };
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
-    set_up(&mut bench);
+    let mut bench = ready();
     let left_alone = SOURCES.map(|source| run(&mut bench, source, None));
     for (summary, lines) in &left_alone {
         assert!(summary.blocks >= 2 && !lines.is_empty(), "{summary:?}");
@@ -230,5 +225,8 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     assert!(2 * tally.taken > tally.frames, "{tally:?}");
     assert!(5 * tally.requests > tally.frames, "{tally:?}");
     assert!(20 * tally.done > tally.frames, "{tally:?}");
-    assert_eq!((bench.hardware.endings, bench.hardware.rehearsals), (0, 0));
+    assert_eq!(
+        (bench.hardware.resets, bench.hardware.test_patterns),
+        (0, 0)
+    );
 }

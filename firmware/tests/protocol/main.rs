@@ -15,14 +15,8 @@ mod hostile;
 mod messages;
 mod model;
 #[allow(dead_code)]
-#[path = "../wire/parts.rs"]
-mod parts;
-#[allow(dead_code)]
 #[path = "../instrument/plan.rs"]
 mod plan;
-#[allow(dead_code)]
-#[path = "../wire/problems.rs"]
-mod problems;
 mod random;
 #[allow(dead_code)]
 #[path = "../wire/reference.rs"]

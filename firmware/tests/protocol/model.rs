@@ -62,7 +62,7 @@ pub struct Model {
     pub is_streaming: bool,
     pub converting: Option<f64>,
     pub settings: Settings,
-    pub kept: Settings,
+    pub saved: Settings,
     delivered: Settings,
 }
 
@@ -77,10 +77,10 @@ pub const FIELDS: [&str; 16] = [
     "surveyed",
     "answered",
     "settings",
-    "kept",
+    "saved",
     "converting",
-    "endings",
-    "rehearsals",
+    "resets",
+    "test patterns",
     "weights",
     "peaks",
     "summaries",
@@ -114,9 +114,9 @@ pub fn may_change(request: &Request<'_>) -> &'static [&'static str] {
     ];
     match request {
         Request::Subscribe(_) => &["converting"],
-        Request::Reboot => &["endings"],
-        Request::Provoke(Provoke::TestPattern) => &["rehearsals"],
-        Request::Provoke(_) => &["endings"],
+        Request::Reboot => &["resets"],
+        Request::Provoke(Provoke::TestPattern) => &["test patterns"],
+        Request::Provoke(_) => &["resets"],
         Request::Selftest | Request::BeginSetup(_) => FORGET,
         Request::SetWeights(_) => &["weights"],
         Request::EndSetup => &["state", "lines"],
@@ -125,7 +125,7 @@ pub fn may_change(request: &Request<'_>) -> &'static [&'static str] {
         Request::Abort => &["state", "running", "converting"],
         Request::Identify(_) => &["busy"],
         Request::WriteSetting(_) | Request::ResetSettings => &["settings"],
-        Request::SaveSettings => &["kept"],
+        Request::SaveSettings => &["saved"],
         _ => &[],
     }
 }
@@ -149,7 +149,7 @@ impl Model {
             is_streaming: false,
             converting: None,
             settings: settings.clone(),
-            kept: settings.clone(),
+            saved: settings.clone(),
             delivered: settings.clone(),
         }
     }
@@ -246,7 +246,7 @@ impl Model {
                     || self.weighted[usize::from(start.run)]
             }
         };
-        let wired = self.settings.inputs[..CHANNELS].iter();
+        let wired = self.settings.inputs()[..CHANNELS].iter();
         let is_wired = wired
             .clone()
             .all(|input| input.circuit() != Circuit::Unused);
@@ -296,11 +296,11 @@ impl Model {
             return Verdict::Because(Problem::Busy(Request::Start(run.start).number()));
         }
         if usize::from(samples.channels) != CHANNELS || count.is_none() {
-            return Verdict::Because(Problem::Count {
-                item: Item::Channel,
-                found: samples.channels.into(),
-                expected: CHANNELS as u32,
-            });
+            return Verdict::Because(Problem::count(
+                Item::Channel,
+                samples.channels.into(),
+                CHANNELS,
+            ));
         }
         if count.and_then(end).is_none() {
             return Verdict::Refused;
@@ -320,7 +320,7 @@ impl Model {
             Request::Subscribe(subscription) => {
                 self.is_streaming = subscription.samples != Stream::Off;
                 if self.is_streaming && self.converting.is_none() {
-                    self.converting = Some(self.settings.rate);
+                    self.converting = Some(self.settings.sample_rate());
                 }
                 self.tend();
             }
@@ -364,7 +364,7 @@ impl Model {
                 assert_eq!(written, Ok(()), "{act:?} was granted");
             }
             Request::ResetSettings => self.settings = self.delivered.clone(),
-            Request::SaveSettings => self.kept = self.settings.clone(),
+            Request::SaveSettings => self.saved = self.settings.clone(),
             _ => {}
         }
     }
@@ -470,7 +470,7 @@ impl Model {
             stored: stored.fold(0, |bits, (k, run)| bits | u32::from(run.is_some()) << k),
             surveyed: self.surveyed,
             answer: self.answered,
-            unsaved: self.settings != self.kept,
+            unsaved: self.settings != self.saved,
         }
     }
 }

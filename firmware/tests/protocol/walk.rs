@@ -3,12 +3,13 @@
 //!
 //! The short form runs with all tests; `MASSLINE_STEPS=1_000_000` makes it longer.
 
-use crate::bench::{Bench, Heard, INPUTS, Said, Shelf};
+use crate::bench::{Bench, Heard, INPUTS, MILLISECOND, Said};
 use crate::model::{Act, CHANNELS, FIELDS, Going, Model, RATE, RUNS, SENSORS, Verdict, may_change};
 use crate::random::{Random, wanted};
 use massline_core::identify;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::instrument::Job;
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 
 /// A request that does more events than these is not bounded by its samples.
@@ -24,14 +25,12 @@ fn processing(random: &mut Random) -> Processing {
     Processing {
         sample_rate: RATE,
         block_length: 64,
-        overlap: 0.5,
-        window: Window::Hann,
         kept_band: [8.0, 100.0],
         averaging_band: [8.0, 60.0],
         mode_band: random.pick(&[None, Some([60.0, 100.0]), Some([60.0, 100.0])]),
         accelerations,
         weighting,
-        minimum_weight: 0.25,
+        ..setup::PROCESSING
     }
 }
 
@@ -57,12 +56,8 @@ const CARRIED: [u8; CHANNELS] = [0, 1, 2, 3, ChannelRole::Drive.code()];
 
 fn run(number: u8) -> Run<'static> {
     Run {
-        run: number,
-        name: "r",
-        excitation: Excitation::Random,
-        rotation: [0.0; 3],
-        translation: [0.0; 3],
         channels: &CARRIED,
+        ..setup::run(number)
     }
 }
 
@@ -96,19 +91,22 @@ impl Material {
 }
 
 /// Choices of [`draw`] that are made more often where they lead somewhere.
+const SETUP: usize = 7;
+const STARTS: usize = 30;
 const STOP: usize = 48;
 const IDENTIFY: usize = 50;
 
 /// The next request. What leads on is asked for more often, so that walks come to all states.
 fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
     let is_sound = !random.once_in(4);
-    let number = random.below(RUNS) as u8;
+    let number = random.index(RUNS) as u8;
     let act = |request, is_sound| Act { request, is_sound };
     let has_stored = model.stored.iter().any(Option::is_some);
     let choice = match model.state {
         State::Ready if has_stored && random.once_in(4) => IDENTIFY,
         State::Running if random.once_in(16) => STOP,
-        _ => random.below(64),
+        State::SettingUp if random.once_in(2) => SETUP + random.index(STARTS - SETUP),
+        _ => random.index(64),
     };
     match choice {
         0 => act(
@@ -117,8 +115,8 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
         ),
         1..4 => {
             let subscription = Subscription {
-                telemetry: random.below(3) as u16,
-                levels: random.below(3) as u16,
+                telemetry: random.index(3) as u16,
+                levels: random.index(3) as u16,
                 samples: random.pick(&[Stream::Off, Stream::Off, Stream::Readings, Stream::Counts]),
             };
             act(Request::Subscribe(subscription), true)
@@ -142,7 +140,7 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
             };
             act(Request::BeginSetup(plan), is_sound)
         }
-        7..10 => {
+        SETUP..10 => {
             let mut p = processing(random);
             if !is_sound {
                 p.overlap = random.pick(&[1.0, f64::NAN, -0.5]);
@@ -150,9 +148,9 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
             act(Request::SetProcessing(p), is_sound)
         }
         10..18 => {
-            let mut sensor = sensor(random.below(SENSORS));
+            let mut sensor = sensor(random.index(SENSORS));
             if !is_sound {
-                match random.below(3) {
+                match random.index(3) {
                     0 => sensor.sensor = SENSORS as u8,
                     1 => sensor.direction = [0.0; 3],
                     _ => sensor.position[2] = f64::INFINITY,
@@ -163,7 +161,7 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
         18..24 => {
             let mut run = run(number);
             if !is_sound {
-                match random.below(3) {
+                match random.index(3) {
                     0 => run.run = RUNS as u8,
                     1 => run.channels = &CARRIED[..SENSORS],
                     _ => run.rotation[0] = f64::NAN,
@@ -178,8 +176,8 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
             };
             act(Request::SetWeights(weights), is_sound)
         }
-        26..30 => act(Request::EndSetup, true),
-        30..36 => {
+        26..STARTS => act(Request::EndSetup, true),
+        STARTS..36 => {
             let same = model.run.filter(|_| random.once_in(2)).map(|run| run.start);
             let start = same.unwrap_or(Start {
                 run: random.pick(&[number, number, number, RUNS as u8]),
@@ -193,10 +191,10 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
         36..48 => {
             let next = model.run.or(model.ended).map_or(0, |run| run.next);
             let ahead = random.pick(&[1, 7, 600, 1 << 60, u64::MAX - next]);
-            let first = match random.below(8) {
+            let first = match random.index(8) {
                 0 if random.once_in(8) => next.saturating_add(ahead),
-                0 => next.saturating_add(random.below(20) as u64),
-                1 => next.saturating_sub(random.below(80) as u64),
+                0 => next.saturating_add(random.index(20) as u64),
+                1 => next.saturating_sub(random.index(80) as u64),
                 _ => next,
             };
             let count = random.pick(&[0, 1, 40, 64]);
@@ -226,18 +224,18 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
         }
         51 => act(Request::ReadAnswer, true),
         52 => {
-            let number = random.below(1 + INPUTS as usize) as u8;
+            let number = random.index(1 + INPUTS as usize) as u8;
             let key = random.pick(&[SettingKey::Name, SettingKey::Input(number)]);
             let is_there = key == SettingKey::Name || number < INPUTS;
             act(Request::ReadSetting(key), is_there)
         }
         53..58 => {
-            let input = random.below(INPUTS as usize) as u8;
+            let input = random.index(INPUTS as usize) as u8;
             let certificate = match random.once_in(16) {
                 true => &m.unused,
                 false => &m.input,
             };
-            let setting = match random.below(4) {
+            let setting = match random.index(4) {
                 0 if is_sound => Setting::Name("table 2"),
                 0 => Setting::Name("a name that is much longer than any box should have"),
                 1 if is_sound => Setting::LinkBaud(115_200),
@@ -270,7 +268,7 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
 }
 
 /// Properties that can be seen of the box, in the order of [`FIELDS`].
-fn look(bench: &mut Bench<'_>) -> Vec<String> {
+fn look(bench: &mut Bench) -> Vec<String> {
     let status = bench.status();
     let hardware = &bench.hardware;
     let mut seen = vec![
@@ -282,10 +280,10 @@ fn look(bench: &mut Bench<'_>) -> Vec<String> {
         format!("{:?}", status.surveyed),
         format!("{:?}", status.answer),
         format!("{:?}", hardware.settings),
-        format!("{:?}", hardware.kept),
+        format!("{:?}", hardware.saved),
         format!("{:?}", hardware.converting),
-        format!("{:?}", hardware.endings),
-        format!("{:?}", hardware.rehearsals),
+        format!("{:?}", hardware.resets),
+        format!("{:?}", hardware.test_patterns),
     ];
     let mut all = |read: fn(u8) -> Request<'static>| {
         let runs = 0..RUNS as u8;
@@ -306,19 +304,19 @@ fn look(bench: &mut Bench<'_>) -> Vec<String> {
 }
 
 /// Holds the box against the model.
-fn compare(bench: &mut Bench<'_>, model: &Model) {
+fn compare(bench: &mut Bench, model: &Model) {
     let mut status = bench.status();
     if let Some(running) = &mut status.running {
         running.blocks = 0;
     }
     assert_eq!(status, model.status());
     assert_eq!(bench.hardware.settings, model.settings);
-    assert_eq!(bench.hardware.kept, model.kept);
+    assert_eq!(bench.hardware.saved, model.saved);
     assert_eq!(bench.hardware.converting, model.converting);
 }
 
 /// Ends the run in the model if the box says that it has ended.
-fn hear_of_ends(bench: &mut Bench<'_>, model: &mut Model) {
+fn hear_of_ends(bench: &mut Bench, model: &mut Model) {
     for event in bench.events() {
         if let Heard::RunEnded(summary) = event {
             assert!(model.is_complete(), "{summary:?}");
@@ -342,16 +340,16 @@ struct Clock {
 }
 
 /// Something that happens between requests: samples, jobs, time.
-fn live<'m>(
-    bench: &mut Bench<'m>,
+fn live(
+    bench: &mut Bench,
     model: &mut Model,
-    job: &mut Option<Job<'m>>,
+    job: &mut Option<Job<'static>>,
     clock: &mut Clock,
     random: &mut Random,
 ) {
-    match random.below(4) {
+    match random.index(4) {
         0 => {
-            for _ in 0..random.below(60) {
+            for _ in 0..random.index(60) {
                 clock.converted += if random.once_in(200) { 5 } else { 1 };
                 let counts = [(); INPUTS as usize].map(|()| random.bits() as i16 as i32);
                 let run = model.run.filter(|run| run.start.source == Source::Inputs);
@@ -367,7 +365,7 @@ fn live<'m>(
             }
         }
         1 => {
-            for _ in 0..random.below(30) {
+            for _ in 0..random.index(30) {
                 bench.poll();
                 let run = model
                     .run
@@ -397,14 +395,13 @@ fn live<'m>(
             }
         }
     }
-    bench.hardware.ticks += 1;
+    bench.hardware.ticks += MILLISECOND;
 }
 
 fn walk(seed: u64, steps: u64, tally: &mut Tally) {
     let mut random = Random::new(seed);
     let material = Material::new(&mut random);
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.switch_on();
+    let mut bench = Bench::switch_on();
     let mut model = Model::new(&bench.hardware.settings);
     let (mut job, mut clock) = (None, Clock::default());
     for _ in 0..steps {
@@ -473,7 +470,7 @@ fn walk(seed: u64, steps: u64, tally: &mut Tally) {
         }
         compare(&mut bench, &model);
         if act.request == Request::SaveSettings && refused.is_none() {
-            assert_eq!(model.kept, model.settings, "what is confirmed survives");
+            assert_eq!(model.saved, model.settings, "what is confirmed survives");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A link that garbles, cuts, loses, repeats, delays and invents: 100,000 frames.
 //!
-//! What arrived is decided without the code under test: the stream is cut at its zeros,
+//! The frames that arrived are decided without the code under test: the stream is cut at its zeros,
 //! and a piece is a frame if it is, byte for byte, one that was sent. Everything that the
 //! receiver says must follow from that list: messages, losses, repetitions, restarts, and
 //! the number of broken pieces.
@@ -10,30 +10,14 @@
 //! be the judge, so with another seed that has a chance of 3,400 / 2³² = 8e-7, and such a
 //! piece would still have to be a well-formed message.
 
+use massline_firmware::models::random::{Random, mix};
 use massline_firmware::wire::*;
 use std::collections::{HashMap, HashSet};
 
-/// Sebastiano Vigna's SplitMix64: short, and the same everywhere.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    fn bytes(&mut self, most: usize) -> Vec<u8> {
-        (0..self.below(most + 1))
-            .map(|_| self.next() as u8)
-            .collect()
-    }
+/// At most so many random bytes.
+fn noise(random: &mut Random, most: usize) -> Vec<u8> {
+    let count = random.index(most + 1);
+    (0..count).map(|_| random.bits() as u8).collect()
 }
 
 /// A frame: the ordinal of its session, and its number in it.
@@ -57,8 +41,8 @@ impl Link {
         let inner = &frame[1..frame.len() - 1];
         assert!(self.sent.insert(inner.to_vec(), id).is_none());
         let mut frame = frame.to_vec();
-        let at = random.below(frame.len());
-        match random.below(40) {
+        let at = random.index(frame.len());
+        match random.index(40) {
             0 => {
                 // Never sent at all.
                 self.removed += 1;
@@ -67,37 +51,37 @@ impl Link {
             1 => frame.truncate(at),
             2 => drop(frame.drain(..at)),
             3 => {
-                let end = at + random.below(frame.len() - at + 1);
+                let end = at + random.index(frame.len() - at + 1);
                 drop(frame.drain(at..end));
             }
             4 => {
-                for _ in 0..=random.below(4) {
-                    let bit = random.below(8 * frame.len());
+                for _ in 0..=random.index(4) {
+                    let bit = random.index(8 * frame.len());
                     frame[bit / 8] ^= 1 << (bit % 8);
                 }
             }
             5 => {
-                let burst = random.bytes(40);
+                let burst = noise(random, 40);
                 for (byte, noise) in frame[at..].iter_mut().zip(burst) {
                     *byte = noise;
                 }
             }
-            6 => drop(frame.splice(at..at, random.bytes(20))),
+            6 => drop(frame.splice(at..at, noise(random, 20))),
             7 => frame[at] = 0,
             8 => {
                 // A repetition at once, up to three times.
                 let once = frame.clone();
-                for _ in 0..=random.below(3) {
+                for _ in 0..=random.index(3) {
                     frame.extend(&once);
                 }
             }
-            9 => self.late.push((1 + random.below(50), frame.clone())),
+            9 => self.late.push((1 + random.index(50), frame.clone())),
             10 => {
                 // Overtaken: it comes later, and only then.
-                self.late.push((1 + random.below(50), frame.clone()));
+                self.late.push((1 + random.index(50), frame.clone()));
                 frame.clear();
             }
-            11 => self.stream.extend(random.bytes(3000)),
+            11 => self.stream.extend(noise(random, 3000)),
             12 => {
                 frame.pop();
             }
@@ -171,7 +155,7 @@ impl Expected {
 
 /// A message whose content is decided by who it is.
 fn with_content<T>(id: Id, send: impl FnOnce(&Request<'_>) -> T) -> T {
-    let stamp = Random(u64::from(id.0) << 32 | u64::from(id.1)).next();
+    let stamp = mix(u64::from(id.0) << 32 | u64::from(id.1));
     let values: Vec<f32> = (0..stamp % 150)
         .map(|i| (stamp >> (i % 40)) as f32)
         .collect();
@@ -192,7 +176,7 @@ fn with_content<T>(id: Id, send: impl FnOnce(&Request<'_>) -> T) -> T {
 }
 
 fn abuse(seed: u64, frames: u32) {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut link = Link::default();
     let mut sender = Sender::new(0);
     let mut sent_in_session = 0;
@@ -200,14 +184,14 @@ fn abuse(seed: u64, frames: u32) {
     let mut out = [0; FRAME_MAX];
     for _ in 0..frames {
         // Sessions outlast the delays, so that only the last one's frames come late.
-        if sent_in_session > 200 && random.below(2000) == 0 {
+        if sent_in_session > 200 && random.index(2000) == 0 {
             session += 1;
             sender = Sender::new(session as u16);
             sent_in_session = 0;
         }
         let id = (session, sender.produced());
         sent_in_session += 1;
-        if random.below(100) == 0 {
+        if random.index(100) == 0 {
             // The queue was full.
             sender.skip();
             link.removed += 1;
@@ -221,13 +205,16 @@ fn abuse(seed: u64, frames: u32) {
         link.carry(id, &frame.expect("it fits"), &mut random);
     }
 
+    // A delimiter ends the last frame.
+    link.stream.push(0);
+
     let expected = Expected::new(&link);
     let mut buffer = [0; BODY_MAX];
     let mut receiver = Receiver::<ToBox>::new(&mut buffer);
     let mut taken = expected.taken.iter();
     let mut bytes = &link.stream[..];
     while !bytes.is_empty() {
-        let (mut chunk, rest) = bytes.split_at(1 + random.below(bytes.len().min(700)));
+        let (mut chunk, rest) = bytes.split_at(1 + random.index(bytes.len().min(700)));
         bytes = rest;
         while let Some(received) = receiver.next(&mut chunk) {
             let Received::Message(header, message) = received else {
@@ -284,7 +271,7 @@ fn other_abuse() {
 #[test]
 fn loss_is_what_was_removed_where_nothing_else_happens() {
     // Without damage the list of arrivals is not needed: what the test takes out is lost.
-    let mut random = Random(77);
+    let mut random = Random::new(77);
     let mut sender = Sender::new(3);
     let mut out = [0; FRAME_MAX];
     let mut buffer = [0; BODY_MAX];
@@ -295,7 +282,7 @@ fn loss_is_what_was_removed_where_nothing_else_happens() {
             .request(1, &Request::Status, &mut out)
             .expect("it fits");
         // The ends stay, as loss shows only between frames that arrive.
-        if i > 0 && i < 49_999 && random.below(3) == 0 {
+        if i > 0 && i < 49_999 && random.index(3) == 0 {
             removed += 1;
             continue;
         }

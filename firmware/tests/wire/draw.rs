@@ -1,34 +1,35 @@
 //! Messages out of arbitrary bytes: what the generator gives decides every field.
+//!
+//! A [`Draw`] is a deserializer, so that every field and every variant of a message is drawn without
+//! a line here, those that are added later included. Their names decide what they get, and not their
+//! places, so that two fields that change places have other bytes.
 
-use massline_firmware::wire::{Count24, Line, Packed, Word};
+use massline_firmware::wire::{Count24, FaultySamples, Line, Lines, NAME_MAX, PANIC_MAX, Word};
 use proptest::prelude::*;
+use serde::de::value::Error;
+use serde::de::{
+    Deserialize, DeserializeSeed, Deserializer, EnumAccess, IntoDeserializer, SeqAccess,
+    VariantAccess, Visitor,
+};
 
 /// Longest list of readings: 12 channels, 20 samples.
-pub const READINGS: usize = 240;
+const READINGS: usize = 240;
 /// Sensors and channels of the largest set-up.
-pub const SENSORS: usize = 64;
+const SENSORS: usize = 64;
+/// Variants that take more bytes than the last one of their type.
+const LARGEST: [&str; 5] = ["Readings", "Given", "Iterative", "Range", "Register"];
 
 /// Material that messages are made of.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Numbers and choices.
-    pub entropy: Vec<u8>,
+    entropy: Vec<u8>,
     /// Texts are its beginnings.
-    pub text: String,
-    /// Lists are their beginnings.
-    pub singles: Vec<f32>,
-    /// The same.
-    pub doubles: Vec<f64>,
-    /// The same.
-    pub counts: Vec<i32>,
-    /// The same.
-    pub counts24: Vec<Count24>,
-    /// The same.
-    pub flags: Vec<u16>,
-    /// The same.
-    pub lines: Vec<Line>,
+    text: String,
+    /// Lists are its beginnings.
+    list: Vec<u8>,
     /// Every number at its largest, every option given, every list full.
-    pub full: bool,
+    full: bool,
 }
 
 impl Material {
@@ -42,24 +43,10 @@ impl Material {
                     w = (w ^ u64::from(*b) ^ i as u64).wrapping_mul(0x0000_0100_0000_01B3);
                 }
             }
-            w ^ (w >> 29)
+            (w ^ (w >> 29)).to_le_bytes()
         };
-        let single = |w: u64| f32::from_bits(w as u32);
         Self {
-            singles: (0..READINGS).map(&mut word).map(single).collect(),
-            doubles: (0..SENSORS).map(&mut word).map(f64::from_bits).collect(),
-            counts: (0..READINGS).map(&mut word).map(|w| w as i32).collect(),
-            counts24: (0..READINGS)
-                .map(&mut word)
-                .filter_map(|w| Count24::new((w as i32) >> 8))
-                .collect(),
-            flags: (0..SENSORS).map(&mut word).map(|w| w as u16).collect(),
-            lines: (0..9)
-                .map(|_| Line {
-                    drive: single(word(0)),
-                    responses: [[0, 1]; 12].map(|pair| pair.map(|i| single(word(i)))),
-                })
-                .collect(),
+            list: (0..READINGS).flat_map(&mut word).collect(),
             entropy,
             text,
             full: false,
@@ -79,6 +66,8 @@ impl Material {
         Draw {
             material: self,
             at: 0,
+            place: ("", ""),
+            is_faulty: false,
         }
     }
 }
@@ -89,21 +78,31 @@ pub fn material() -> impl Strategy<Value = Material> {
     (entropy, ".{0,40}").prop_map(|(entropy, text)| Material::new(entropy, text))
 }
 
-/// Takes one thing after the other out of some material; zeros when it is used up.
+/// Takes one thing after the other out of some material, again and again; zeros if there is none.
 pub struct Draw<'a> {
     material: &'a Material,
     at: usize,
+    /// The type and its field or variant that is drawn: they bound texts and lists.
+    place: (&'static str, &'static str),
+    /// `true` within faulty samples, of which fewer fit.
+    is_faulty: bool,
 }
 
 impl<'a> Draw<'a> {
+    /// A value of any type.
+    pub fn any<T: Deserialize<'a>>(&mut self) -> T {
+        T::deserialize(self).expect("everything can be drawn")
+    }
+
     fn byte(&mut self) -> u8 {
-        let byte = self.material.entropy.get(self.at).copied().unwrap_or(0);
-        self.at += 1;
-        byte
+        let entropy = &self.material.entropy;
+        let at = self.at.checked_rem(entropy.len());
+        self.at = self.at.wrapping_add(1);
+        at.map_or(0, |at| entropy[at])
     }
 
     /// Any number, but the ends of the range more often than chance has it.
-    pub fn u64(&mut self) -> u64 {
+    fn number(&mut self) -> u64 {
         if self.material.full {
             return u64::MAX;
         }
@@ -115,61 +114,20 @@ impl<'a> Draw<'a> {
         }
     }
 
-    pub fn u32(&mut self) -> u32 {
-        self.u64() as u32
-    }
-
-    pub fn u16(&mut self) -> u16 {
-        self.u64() as u16
-    }
-
-    pub fn u8(&mut self) -> u8 {
-        self.u64() as u8
-    }
-
-    pub fn bool(&mut self) -> bool {
-        self.u8() & 1 == 1
-    }
-
-    /// Any bits.
-    pub fn f64(&mut self) -> f64 {
-        f64::from_bits(self.u64())
-    }
-
-    pub fn f32(&mut self) -> f32 {
-        f32::from_bits(self.u32())
-    }
-
-    /// `N` times the same.
-    pub fn array<T, const N: usize>(&mut self, mut one: impl FnMut(&mut Self) -> T) -> [T; N] {
-        [(); N].map(|()| one(self))
-    }
-
-    pub fn option<T>(&mut self, mut one: impl FnMut(&mut Self) -> T) -> Option<T> {
-        self.bool().then(|| one(self))
-    }
-
-    /// One of several; the last of them in the largest message.
-    pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
-        let i = if self.material.full {
-            of.len() - 1
-        } else {
-            usize::from(self.byte()) % of.len()
-        };
-        of[i]
-    }
-
     fn length(&mut self, most: usize) -> usize {
         if self.material.full {
             most
         } else {
-            usize::from(self.u16()) % (most + 1)
+            usize::from(self.number() as u16) % (most + 1)
         }
     }
 
-    /// At most so many bytes.
-    pub fn text(&mut self, most: usize) -> &'a str {
+    fn text(&mut self) -> &'a str {
         let text = &self.material.text;
+        let most = match self.place {
+            (_, "panic") => PANIC_MAX,
+            _ => NAME_MAX,
+        };
         let mut end = self.length(most).min(text.len());
         while !text.is_char_boundary(end) {
             end -= 1;
@@ -177,37 +135,207 @@ impl<'a> Draw<'a> {
         &text[..end]
     }
 
-    /// At most so many bytes.
-    pub fn bytes(&mut self, most: usize) -> &'a [u8] {
-        let bytes = &self.material.entropy;
-        &bytes[..self.length(most).min(bytes.len())]
+    /// A list of whole values.
+    fn list(&mut self) -> &'a [u8] {
+        let readings = match self.is_faulty {
+            true => FaultySamples::FIT / 4,
+            false => READINGS,
+        };
+        let (size, most) = match self.place {
+            ("Values", "Counts24") => (Count24::SIZE, readings),
+            ("Values", _) => (f32::SIZE, readings),
+            ("Weights" | "Peaks", _) => (f64::SIZE, SENSORS),
+            ("Levels", _) => (f32::SIZE, SENSORS),
+            ("Lines", _) => (Line::SIZE, Lines::FIT),
+            ("ChannelHealth" | "FaultySamples", _) => (u16::SIZE, SENSORS),
+            ("Run", "channels") => (1, SENSORS),
+            other => panic!("no list is known in {other:?}"),
+        };
+        &self.material.list[..size * self.length(most)]
+    }
+}
+
+macro_rules! numbers {
+    ($($method:ident $visit:ident $type:ty),* $(,)?) => {$(
+        fn $method<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+            visitor.$visit(self.number() as $type)
+        }
+    )*};
+}
+
+impl<'a> Deserializer<'a> for &mut Draw<'a> {
+    type Error = Error;
+
+    numbers! {
+        deserialize_u8 visit_u8 u8,
+        deserialize_u16 visit_u16 u16,
+        deserialize_u32 visit_u32 u32,
+        deserialize_i32 visit_i32 i32,
     }
 
-    fn list<T: Word>(&mut self, values: &'a [T], most: usize) -> Packed<'a, T> {
-        Packed::new(&values[..self.length(most.min(values.len()))])
+    fn deserialize_u64<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        let number = self.number();
+        visitor.visit_u64(match self.place {
+            // Counts of the chip's own width.
+            ("LineGrid" | "MasslineError", _) => number & u64::from(u32::MAX),
+            _ => number,
+        })
     }
 
-    pub fn singles(&mut self, most: usize) -> Packed<'a, f32> {
-        self.list(&self.material.singles, most)
+    fn deserialize_bool<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        visitor.visit_bool(self.number() & 1 == 1)
     }
 
-    pub fn doubles(&mut self, most: usize) -> Packed<'a, f64> {
-        self.list(&self.material.doubles, most)
+    /// Any bits.
+    fn deserialize_f32<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        visitor.visit_f32(f32::from_bits(self.number() as u32))
     }
 
-    pub fn counts(&mut self, most: usize) -> Packed<'a, i32> {
-        self.list(&self.material.counts, most)
+    /// Any bits.
+    fn deserialize_f64<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        visitor.visit_f64(f64::from_bits(self.number()))
     }
 
-    pub fn counts24(&mut self, most: usize) -> Packed<'a, Count24> {
-        self.list(&self.material.counts24, most)
+    fn deserialize_option<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        match self.number() & 1 {
+            1 => visitor.visit_some(self),
+            _ => visitor.visit_none(),
+        }
     }
 
-    pub fn flags(&mut self, most: usize) -> Packed<'a, u16> {
-        self.list(&self.material.flags, most)
+    fn deserialize_str<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        visitor.visit_borrowed_str(self.text())
     }
 
-    pub fn lines(&mut self, most: usize) -> Packed<'a, Line> {
-        self.list(&self.material.lines, most)
+    fn deserialize_bytes<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Error> {
+        visitor.visit_borrowed_bytes(self.list())
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'a>>(
+        self,
+        _: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    fn deserialize_tuple<V: Visitor<'a>>(
+        self,
+        count: usize,
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        visitor.visit_seq(Parts {
+            begin: None,
+            places: vec![self.place; count].into_iter(),
+            draw: self,
+        })
+    }
+
+    fn deserialize_struct<V: Visitor<'a>>(
+        self,
+        name: &'static str,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        self.is_faulty = name == "FaultySamples" || self.is_faulty;
+        visitor.visit_seq(Parts {
+            begin: Some(self.at),
+            places: fields.iter().map(|field| (name, *field)),
+            draw: self,
+        })
+    }
+
+    fn deserialize_enum<V: Visitor<'a>>(
+        self,
+        name: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        let largest = variants.iter().position(|name| LARGEST.contains(name));
+        let mut by_name: Vec<usize> = (0..variants.len()).collect();
+        by_name.sort_by_key(|&index| variants[index]);
+        let index = match self.material.full {
+            true => largest.unwrap_or(variants.len() - 1),
+            false => by_name[usize::from(self.byte()) % variants.len()],
+        };
+        self.place = (name, variants[index]);
+        visitor.visit_enum(Chosen { draw: self, index })
+    }
+
+    fn deserialize_any<V: Visitor<'a>>(self, _: V) -> Result<V::Value, Error> {
+        panic!("no message has had anything like {:?}", self.place)
+    }
+
+    serde::forward_to_deserialize_any! {
+        <V: Visitor<'a>>
+        i8 i16 i64 char string byte_buf unit unit_struct seq tuple_struct map identifier ignored_any
+    }
+}
+
+/// Parts of a value, each with its place.
+struct Parts<'d, 'a, P> {
+    draw: &'d mut Draw<'a>,
+    /// Begin of the material of a type with fields.
+    begin: Option<usize>,
+    places: P,
+}
+
+impl<'a, P: Iterator<Item = (&'static str, &'static str)>> SeqAccess<'a> for Parts<'_, 'a, P> {
+    type Error = Error;
+
+    fn next_element_seed<T: DeserializeSeed<'a>>(
+        &mut self,
+        seed: T,
+    ) -> Result<Option<T::Value>, Error> {
+        let Some(place) = self.places.next() else {
+            return Ok(None);
+        };
+        self.draw.place = place;
+        if let Some(begin) = self.begin {
+            let hash = |hash: usize, byte: u8| hash.wrapping_mul(31).wrapping_add(byte.into());
+            self.draw.at = place.1.bytes().fold(begin, hash);
+        }
+        seed.deserialize(&mut *self.draw).map(Some)
+    }
+}
+
+/// A variant and what it holds.
+struct Chosen<'d, 'a> {
+    draw: &'d mut Draw<'a>,
+    index: usize,
+}
+
+impl<'a> EnumAccess<'a> for Chosen<'_, 'a> {
+    type Error = Error;
+    type Variant = Self;
+
+    fn variant_seed<T: DeserializeSeed<'a>>(self, seed: T) -> Result<(T::Value, Self), Error> {
+        let index = self.index as u32;
+        Ok((seed.deserialize(index.into_deserializer())?, self))
+    }
+}
+
+impl<'a> VariantAccess<'a> for Chosen<'_, 'a> {
+    type Error = Error;
+
+    fn unit_variant(self) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn newtype_variant_seed<T: DeserializeSeed<'a>>(self, seed: T) -> Result<T::Value, Error> {
+        seed.deserialize(self.draw)
+    }
+
+    fn tuple_variant<V: Visitor<'a>>(self, count: usize, visitor: V) -> Result<V::Value, Error> {
+        self.draw.deserialize_tuple(count, visitor)
+    }
+
+    fn struct_variant<V: Visitor<'a>>(
+        self,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Error> {
+        let name = self.draw.place.1;
+        self.draw.deserialize_struct(name, fields, visitor)
     }
 }

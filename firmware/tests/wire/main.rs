@@ -5,7 +5,5 @@ mod any_bytes;
 mod draw;
 mod golden;
 mod messages;
-mod parts;
-mod problems;
 mod reference;
 mod round_trip;

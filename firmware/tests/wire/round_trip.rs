@@ -2,6 +2,7 @@
 
 use crate::draw::{Material, material};
 use crate::messages::{event, reply, request};
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 use proptest::prelude::*;
 
@@ -193,12 +194,8 @@ fn the_role_of_a_channel_is_one_byte() {
     }
     let channels = [0, 3, ChannelRole::Unused.code(), ChannelRole::Drive.code()];
     let run = Run {
-        run: 0,
-        name: "",
-        excitation: Excitation::Random,
-        rotation: [0.0; 3],
-        translation: [0.0; 3],
         channels: &channels,
+        ..setup::run(0)
     };
     assert_eq!(run.drive(), Some(3));
     assert_eq!(run.channel_roles().nth(1), Some(ChannelRole::Sensor(3)));

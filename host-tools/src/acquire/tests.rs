@@ -325,13 +325,7 @@ impl<P: Port> Port for Drawn<P> {
         self.port.receive(into, timeout)
     }
 
-    fn patience(&self) -> Duration {
-        self.port.patience()
-    }
-
-    fn seconds(&self) -> f64 {
-        self.port.seconds()
-    }
+    crate::device::port::ask_within!(self, self.port);
 }
 
 #[test]

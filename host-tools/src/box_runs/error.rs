@@ -135,7 +135,7 @@ impl BoxRunError {
 }
 
 impl From<ClientError> for BoxRunError {
-    /// Puts what the box refuses in the words of whoever stands next to it.
+    /// The refusal of the box in the words of its user.
     fn from(error: ClientError) -> Self {
         let ClientError::Refused(Refused { problem, .. }) = &error else {
             return Self::Client(error);

@@ -39,7 +39,8 @@ pub struct StoredRun {
 }
 
 impl StoredRun {
-    /// Sample rate by the clock of the box. Converters that are restarted leave their grid by half a
+    /// Sample rate by the clock of the box. Converters that are restarted leave their grid by half
+    /// a
     /// period at most at either end, so that the rate is uncertain by one sample of the run.
     #[must_use]
     pub fn sample_rate(&self) -> Option<TrueRate> {

@@ -17,7 +17,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Milliseconds between two looks at the levels.
 const LEVELS: u16 = 500;
 
-/// Whoever stands next to the shaker.
+/// The person next to the shaker.
 pub trait Operator {
     /// A run is next: returns when the table shakes.
     ///

@@ -1,4 +1,4 @@
-//! Which input of the box each channel of a set-up is read by.
+//! The inputs of the box that read the channels of a set-up.
 
 use super::BoxRunError;
 use crate::inputs::InputEntry;
@@ -90,7 +90,8 @@ impl Wiring {
 }
 
 impl Feed for Wiring {
-    /// ScaleSource from counts to SI, by the box's calibration; the set-up's scale is a factor of it.
+    /// ScaleSource from counts to SI, by the box's calibration; the set-up's scale is a factor of
+    /// it.
     fn scale(&self, sensor: usize, given: ScaleSource) -> ScaleSource {
         match (self.sensors.get(sensor), given) {
             (Some(entry), ScaleSource::Given { per_unit, .. }) if per_unit != 1.0 => {

@@ -65,15 +65,15 @@ pub(crate) fn leave(
     force: bool,
     verbosity: Verbosity,
 ) -> Result<Left, Failure> {
-    let model = Model::fork().map_err(Failure::input)?;
+    let model = Model::fork()?;
     let simulation = simulate::with_progress(&model, options, verbosity)?;
     let html = folder.join("report.html");
     output::check(&html, [], Existing::KeepUnlessReport.or_force(force))?;
     simulation.check(folder, &[], force)?;
     let path = simulation.write(folder)?;
     let truth = simulation.truth;
-    let setup = Setup::read(&path).map_err(Failure::input)?;
-    let answer = identify::with_progress(&setup, &Choice::default(), verbosity)?;
+    let setup = Setup::read(&path)?;
+    let (answer, _) = identify::with_progress(&setup, &Choice::default(), verbosity)?;
     let result = ResultDocument::new(&setup, &answer);
     let page = report::render(&setup, &answer, &result, Some(&true_body(&truth)));
     output::write(&html, page.as_bytes())?;

@@ -1,4 +1,4 @@
-//! Which box a command talks to, and how it is reached.
+//! The box that a command talks to, and the way to it.
 
 use super::Failure;
 use crate::device::{
@@ -142,10 +142,4 @@ fn booted<P: Port>(client: &mut Client<'_, P>) -> Result<(), ClientError> {
         waited += LOOK;
     }
     Ok(())
-}
-
-impl From<ClientError> for Failure {
-    fn from(error: ClientError) -> Self {
-        Self::input(error)
-    }
 }

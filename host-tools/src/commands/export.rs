@@ -4,7 +4,7 @@ use super::{Failure, refuse};
 use crate::commands::Verbosity;
 use crate::export::{Export, ExportError, FORMATS, find};
 use crate::output::{self, Existing};
-use crate::result::{ReadError, ResultDocument};
+use crate::result::ResultDocument;
 use clap::builder::PossibleValue;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -54,12 +54,6 @@ impl clap::builder::TypedValueParser for Formats {
         let value =
             |format: &dyn Export| PossibleValue::new(format.name()).help(format.description());
         Some(Box::new(FORMATS.into_iter().map(value)))
-    }
-}
-
-impl From<ReadError> for Failure {
-    fn from(error: ReadError) -> Self {
-        Self::input(error)
     }
 }
 

@@ -1,12 +1,13 @@
 //! `massline identify`: recordings to ten numbers.
 
-use super::procedure::Procedure;
+use super::procedure::{Procedure, parse_method};
 use super::progress::reading;
 use super::{
-    Failure, compare, details, fitted, print_json, print_numbers, refuse, true_body, warn,
+    Failure, check, compare, details, fitted, print_json, print_numbers, refuse, true_body, warn,
 };
 use crate::commands::Verbosity;
-use crate::identification::{Answer, Choice, LIKELIHOOD, Session};
+use crate::detective::Findings;
+use crate::identification::{Answer, Choice, LIKELIHOOD, Session, WARNED};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -24,7 +25,7 @@ pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
     /// Method that finds the masslines; the recommended one if absent
-    #[arg(long, value_parser = parse_method, value_name = "NAME|all")]
+    #[arg(long, value_parser = parse_wanted, value_name = "NAME|all")]
     method: Option<Wanted>,
     #[command(flatten)]
     procedure: Procedure,
@@ -53,23 +54,12 @@ enum Wanted {
     All,
 }
 
-fn parse_method(name: &str) -> Result<Wanted, String> {
-    let known = || {
-        let names = Method::ALL.iter().map(|m| m.name());
-        let names: Vec<&str> = names.chain([LIKELIHOOD]).collect();
-        names.join(", ")
-    };
-    if name == "all" {
-        return Ok(Wanted::All);
+fn parse_wanted(name: &str) -> Result<Wanted, String> {
+    match name {
+        "all" => Ok(Wanted::All),
+        LIKELIHOOD => Ok(Wanted::Likelihood),
+        name => parse_method(name, ", ml, and all").map(Wanted::One),
     }
-    if name == LIKELIHOOD {
-        return Ok(Wanted::Likelihood);
-    }
-    Method::ALL
-        .into_iter()
-        .find(|m| m.name() == name)
-        .map(Wanted::One)
-        .ok_or_else(|| format!("the methods are: {}, and all", known()))
 }
 
 /// Runs the command.
@@ -77,7 +67,7 @@ fn parse_method(name: &str) -> Result<Wanted, String> {
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let setup = Setup::read(&arguments.setup)?;
     let truth = arguments.truth.as_deref().map(read_truth).transpose()?;
     let choice = Choice {
         method: match arguments.method {
@@ -107,12 +97,13 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::KeepUnlessReport.or_force(arguments.force);
         output::check(path, inputs, existing)?;
     }
-    let answer = if arguments.method == Some(Wanted::Likelihood) {
+    let (answer, findings) = if arguments.method == Some(Wanted::Likelihood) {
         let mut session = Session::new(&setup).with_type_b();
-        reading(verbosity, |progress| {
+        let answer = reading(verbosity, |progress| {
             let answer = session.answer_by_likelihood(&choice, progress)?;
             Ok(session.add_modes(answer, progress)?)
-        })?
+        })?;
+        (answer, None)
     } else {
         with_progress(&setup, &choice, verbosity)?
     };
@@ -127,6 +118,9 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         return refuse(result.refused.as_deref());
     }
     warn(&result.warnings, verbosity);
+    if let Some(findings) = &findings {
+        warn(&check::notes(findings), verbosity);
+    }
     details::show(&setup, &answer, &result, verbosity);
     if result.refused.is_none() || arguments.anyway {
         show(&result, truth.as_ref())?;
@@ -142,7 +136,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     refuse(result.refused.as_deref())
 }
 
-/// The answer to a setup, with a bar on the terminal meanwhile.
+/// The answer to a setup, with a bar on the terminal meanwhile; where the data contradict it, what
+/// they say of the sensors, too.
 ///
 /// # Errors
 /// As [`Session::answer`].
@@ -150,10 +145,17 @@ pub(super) fn with_progress(
     setup: &Setup,
     choice: &Choice,
     verbosity: Verbosity,
-) -> Result<Answer, Failure> {
+) -> Result<(Answer, Option<Findings>), Failure> {
     let mut session = Session::new(setup).with_type_b();
     reading(verbosity, |progress| {
-        Ok(session.answer_with_modes(choice, progress)?)
+        let answer = session.answer_with_modes(choice, progress)?;
+        let doubtful = answer.refused.is_some()
+            || answer
+                .consistency
+                .is_some_and(|test| test.probability < WARNED);
+        // What cannot be examined has been answered all the same.
+        let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
+        Ok((answer, findings.filter(|findings| !findings.clean())))
     })
 }
 
@@ -168,6 +170,6 @@ fn read_truth(path: &Path) -> Result<Truth, Failure> {
             path.display()
         ))
     };
-    let text = read_document(path).map_err(Failure::input)?;
+    let text = read_document(path)?;
     serde_json::from_slice(&text).map_err(|e| wrong(&e))
 }

@@ -1,6 +1,7 @@
 //! One file a command; what they share of talking to the user.
 
 pub mod board;
+pub mod check;
 pub mod demo;
 pub mod export;
 mod fitted;
@@ -24,7 +25,7 @@ pub use table::print_numbers;
 
 use crate::printable::{printable, printable_json, printable_lines};
 use crate::report::TrueBody;
-use crate::simulate::{InertiaTruth, Truth};
+use crate::simulate::Truth;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -73,16 +74,39 @@ impl Failure {
     }
 }
 
-impl From<crate::identification::AnswerError> for Failure {
-    fn from(error: crate::identification::AnswerError) -> Self {
-        Self::because(error.exit_code(), error)
-    }
+/// Errors that mean unusable input, and those that know their exit code.
+macro_rules! failures {
+    (input: $($input:ty)*; by code: $($coded:ty)*;) => {
+        $(impl From<$input> for Failure {
+            fn from(error: $input) -> Self {
+                Self::input(error)
+            }
+        })*
+        $(impl From<$coded> for Failure {
+            fn from(error: $coded) -> Self {
+                Self::because(error.exit_code(), error)
+            }
+        })*
+    };
 }
 
-impl From<crate::output::OutputError> for Failure {
-    fn from(error: crate::output::OutputError) -> Self {
-        Self::input(error)
-    }
+failures! {
+    input:
+        crate::device::ClientError
+        crate::output::OutputError
+        crate::result::ReadError
+        crate::setup::DocumentError
+        crate::setup::SetupError
+        crate::simulate::ModelError
+        crate::simulate::SimulationError
+        crate::study::StudyError
+        crate::study::coverage::CoverageError
+        crate::study::likelihood::LikelihoodError
+        crate::study::plans::PlansError;
+    by code:
+        crate::box_runs::BoxRunError
+        crate::identification::AnswerError
+        crate::replay::ReplayError;
 }
 
 /// Prints the failure and turns it into the exit code.
@@ -129,12 +153,11 @@ pub fn warn(warnings: &[String], verbosity: Verbosity) {
 /// The truth of a simulation as the report wants it.
 #[must_use]
 pub fn true_body(truth: &Truth) -> TrueBody {
-    let terms = |i: &InertiaTruth| [i.xx, i.yy, i.zz, i.xy, i.xz, i.yz];
     TrueBody {
         mass: Some(truth.mass),
         centre_of_gravity: truth.centre_of_gravity,
-        inertia_reference: terms(&truth.inertia_reference),
-        inertia_cg: terms(&truth.inertia_cg),
+        inertia_reference: truth.inertia_reference.terms(),
+        inertia_cg: truth.inertia_cg.terms(),
     }
 }
 

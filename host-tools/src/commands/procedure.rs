@@ -1,5 +1,16 @@
 //! Options that all commands that identify have in common.
 
+use massline_core::masslines::Method;
+
+/// Reads the name of a method; `also` is what else may stand in its place.
+pub(super) fn parse_method(name: &str, also: &str) -> Result<Method, String> {
+    let found = Method::ALL.into_iter().find(|m| m.name() == name);
+    found.ok_or_else(|| {
+        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
+        format!("the methods are: {}{also}", names.join(", "))
+    })
+}
+
 /// Procedure and weights of an identification.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct Procedure {

@@ -1,14 +1,12 @@
 //! `massline replay`: recordings through the box, compared by bits with this machine.
 
 use super::device::Device;
-use super::procedure::Procedure;
+use super::procedure::{Procedure, parse_method};
 use super::{Bar, Failure, print_json, warn};
 use crate::commands::Verbosity;
 use crate::device::{Client, Port};
 use crate::identification::recommended;
-use crate::replay::{
-    Comparison, Flip, Order, Outcome, ReplayDocument, ReplayError, RunOutcome, replay,
-};
+use crate::replay::{Comparison, Flip, Order, Outcome, ReplayDocument, RunOutcome, replay};
 use crate::setup::Setup;
 use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
@@ -57,10 +55,7 @@ fn parse_methods(names: &str) -> Result<Wanted, String> {
     }
     let mut methods = Vec::new();
     for name in names.split(',').map(str::trim) {
-        let Some(method) = Method::ALL.into_iter().find(|m| m.name() == name) else {
-            let known: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
-            return Err(format!("the methods are: {}, and all", known.join(", ")));
-        };
+        let method = parse_method(name, ", and all")?;
         if !methods.contains(&method) {
             methods.push(method);
         }
@@ -68,18 +63,12 @@ fn parse_methods(names: &str) -> Result<Wanted, String> {
     Ok(Wanted::These(methods))
 }
 
-impl From<ReplayError> for Failure {
-    fn from(error: ReplayError) -> Self {
-        Self::because(error.exit_code(), error)
-    }
-}
-
 /// Runs the command.
 ///
 /// # Errors
 /// [`Failure`] if the replay cannot be done, or if box and machine differ.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let setup = Setup::read(&arguments.setup)?;
     let flip = arguments.flip.as_deref();
     let flip = flip.map(|text| Flip::parse(text, &setup)).transpose()?;
     let mut outcome = arguments.device.talk(|client| {

@@ -59,8 +59,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             Model::files(&arguments.model),
         )
     };
-    let model = model.map_err(Failure::input)?;
-    let inputs = inputs.map_err(Failure::input)?;
+    let (model, inputs) = (model?, inputs?);
     let options = Options {
         noise: arguments.noise,
         seed: arguments.seed,

@@ -129,17 +129,7 @@ impl<P: Port> Port for CutLine<P> {
         Ok(into.len() - before)
     }
 
-    fn patience(&self) -> Duration {
-        self.port.patience()
-    }
-
-    fn longest_work(&self) -> Duration {
-        self.port.longest_work()
-    }
-
-    fn seconds(&self) -> f64 {
-        self.port.seconds()
-    }
+    super::port::ask_within!(self, self.port);
 }
 
 #[cfg(test)]

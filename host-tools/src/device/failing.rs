@@ -50,15 +50,5 @@ impl Port for Failing<'_> {
         self.inner.receive(into, timeout)
     }
 
-    fn patience(&self) -> Duration {
-        self.inner.patience()
-    }
-
-    fn longest_work(&self) -> Duration {
-        self.inner.longest_work()
-    }
-
-    fn seconds(&self) -> f64 {
-        self.inner.seconds()
-    }
+    super::port::ask_within!(self, self.inner);
 }

@@ -14,7 +14,7 @@ pub mod firmware;
 mod host_board;
 mod host_box;
 mod noisy_line;
-mod port;
+pub(crate) mod port;
 mod serial;
 #[cfg(test)]
 mod tests;

@@ -105,54 +105,42 @@ impl Port for Emulator {
     }
 }
 
-impl<P: Port + ?Sized> Port for Box<P> {
-    fn name(&self) -> String {
-        (**self).name()
-    }
+/// Answers what is asked of a [`Port`] about itself by the end of the link within it.
+macro_rules! ask_within {
+    ($this:ident, $within:expr) => {
+        fn patience(&$this) -> std::time::Duration {
+            $within.patience()
+        }
 
-    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
-        (**self).send(bytes)
-    }
+        fn longest_work(&$this) -> std::time::Duration {
+            $within.longest_work()
+        }
 
-    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
-        (**self).receive(into, timeout)
-    }
+        fn seconds(&$this) -> f64 {
+            $within.seconds()
+        }
+    };
+}
+pub(crate) use ask_within;
 
-    fn patience(&self) -> Duration {
-        (**self).patience()
-    }
+macro_rules! pointers {
+    ($($pointer:ty)*) => {$(
+        impl<P: Port + ?Sized> Port for $pointer {
+            fn name(&self) -> String {
+                (**self).name()
+            }
 
-    fn longest_work(&self) -> Duration {
-        (**self).longest_work()
-    }
+            fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
+                (**self).send(bytes)
+            }
 
-    fn seconds(&self) -> f64 {
-        (**self).seconds()
-    }
+            fn receive(&mut self, into: &mut Vec<u8>, time: Duration) -> Result<usize, PortError> {
+                (**self).receive(into, time)
+            }
+
+            ask_within!(self, (**self));
+        }
+    )*};
 }
 
-impl<P: Port + ?Sized> Port for &mut P {
-    fn name(&self) -> String {
-        (**self).name()
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> Result<(), PortError> {
-        (**self).send(bytes)
-    }
-
-    fn receive(&mut self, into: &mut Vec<u8>, timeout: Duration) -> Result<usize, PortError> {
-        (**self).receive(into, timeout)
-    }
-
-    fn patience(&self) -> Duration {
-        (**self).patience()
-    }
-
-    fn longest_work(&self) -> Duration {
-        (**self).longest_work()
-    }
-
-    fn seconds(&self) -> f64 {
-        (**self).seconds()
-    }
-}
+pointers!(Box<P> &mut P);

@@ -84,3 +84,42 @@ fn row<'a>(property: &Property<'a>, result: &ResultDocument) -> Row<'a> {
         },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::result::tests::FORK;
+    use std::collections::BTreeMap;
+
+    /// The fork's weighed result with type B: combined error bars and the point of each number.
+    #[test]
+    fn rows_have_the_combined_error_bars_and_the_point_of_their_number() {
+        let mut text = Vec::new();
+        Csv.write(&FORK, &mut text).unwrap();
+        let mut rows = csv::Reader::from_reader(&*text);
+        let rows: Vec<BTreeMap<String, String>> = rows.deserialize().map(Result::unwrap).collect();
+        let row = |name: &str| rows.iter().find(|row| row["parameter"] == name).unwrap();
+        let numbers = |row: &BTreeMap<String, String>, keys: &[&str]| -> Vec<Option<f64>> {
+            keys.iter().map(|key| row[*key].parse().ok()).collect()
+        };
+        let combined = ["combined_std", "combined_interval_95"];
+        let both = FORK.inertia_cg.yy.combined.unwrap();
+        assert!(both.interval > Some(both.std));
+        let found = numbers(row("inertia_cg.yy"), &combined);
+        assert_eq!(found, [Some(both.std), both.interval]);
+        assert_eq!(numbers(row("inertia_cg.xx"), &combined), [None, None]);
+        let [x, _, z] = FORK.centre_of_gravity.each_ref().map(|n| n.value);
+        let points = [
+            ("indicator", "", [None; 3]),
+            ("centre_of_gravity.x", "origin", [Some(0.0); 3]),
+            ("inertia_reference.yy", "A", FORK.reference_point.map(Some)),
+            // Across its plane the fork's centre of gravity is not observable.
+            ("inertia_cg.yy", "S", [x, None, z]),
+        ];
+        for (name, point, coordinates) in points {
+            assert_eq!(row(name)["point"], point);
+            let keys = ["point_x_m", "point_y_m", "point_z_m"];
+            assert_eq!(numbers(row(name), &keys), coordinates, "{name}");
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! Why there is no answer, and what to do about it.
 
+use crate::detective::Undecided;
 use crate::measure::{MeasureError, Measurement};
 use massline_core::identify::IdentifyError;
 use massline_core::masslines::MasslineError;
@@ -53,6 +54,17 @@ pub enum AnswerError {
         /// Advice to the user.
         advice: &'static str,
     },
+}
+
+/// Why sensors cannot be examined.
+#[derive(Debug, thiserror::Error)]
+pub enum ExamineError {
+    /// The recordings cannot be measured.
+    #[error(transparent)]
+    Answer(#[from] AnswerError),
+    /// The recordings say nothing of the sensors.
+    #[error(transparent)]
+    Undecided(#[from] Undecided),
 }
 
 impl AnswerError {

@@ -12,7 +12,7 @@ mod type_b;
 mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
-pub use error::AnswerError;
+pub use error::{AnswerError, ExamineError};
 pub(crate) use likelihood::{
     DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, identification as identification_of_fit,
     told_of,
@@ -22,6 +22,7 @@ pub(crate) use notice::notice_numbers;
 pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
+use crate::detective::{self, Findings, Undecided};
 use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
 pub mod modal;
 use crate::setup::{Mount, Setup};
@@ -334,6 +335,22 @@ impl<'s> Session<'s> {
         let survey = Rc::new(measure::survey_first(self.setup, self.limit, progress)?);
         self.survey = Some(Rc::clone(&survey));
         Ok(survey)
+    }
+
+    /// Examines the sensors: which of them the recordings contradict.
+    ///
+    /// # Errors
+    /// [`ExamineError`].
+    pub fn examine(&mut self, progress: OnProgress<'_>) -> Result<Findings, ExamineError> {
+        let setup = self.setup;
+        let interface = |a: &crate::setup::AccelerometerEntry| a.mount == Mount::Interface;
+        if !setup.accelerometers.iter().any(interface) {
+            return Err(Undecided::NoInterface.into());
+        }
+        let measurement = self.measurement(&Accelerations::Interface, progress)?;
+        let channels = measure::channels(setup, &measurement, self.limit, progress)
+            .map_err(AnswerError::from)?;
+        Ok(detective::examine(setup, &measurement, &channels)?)
     }
 
     /// The setup this session is about.

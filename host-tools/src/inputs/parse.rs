@@ -2,9 +2,11 @@
 
 use super::InputEntry;
 use crate::printable::quoted;
-use crate::setup::{DocumentError, Section, Source};
+use crate::setup::keys::{self, outside};
+use crate::setup::{Document, DocumentError, Keys, Section, Source};
 use massline_firmware::calibration::{Certificate, Limits, Preset};
 use massline_firmware::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
+use serde::{Deserialize, Deserializer};
 
 /// Supply of bridges that the wiring page describes, V.
 const SUPPLY: f64 = 3.3;
@@ -49,176 +51,109 @@ const OWN: [&str; 11] = [
     "limits",
 ];
 
-pub(super) fn document(source: &Source) -> Result<Vec<InputEntry>, DocumentError> {
-    let document = source.parse()?;
-    let root = Section::root(source, &document);
-    root.only(&["input"])?;
-    let found = root.count("input");
-    if found > MOST {
-        let expected = format!("at most {MOST}, one for each input");
-        return Err(root.unexpected("input", format!("a list of {found}"), expected));
-    }
-    let sections = root.sections("input", "channel")?;
-    if sections.is_empty() {
-        return Err(root.missing("input", "one [[input]] for each input that is wired"));
-    }
-    let mut entries: Vec<InputEntry> = Vec::new();
-    for section in &sections {
-        let entry = input(section)?;
-        if entries.iter().any(|e| e.input == entry.input) {
-            let expected = "each input once";
-            return Err(section.unexpected("input", entry.number(), expected));
-        }
-        if let Some(channel) = &entry.channel
-            && entries.iter().any(|e| e.column() == *channel)
-        {
-            let expected = "a name that no other input has";
-            return Err(section.unexpected(
-                "channel",
-                format!("\"{}\"", quoted(channel)),
-                expected,
-            ));
-        }
-        entries.push(entry);
-    }
-    Ok(entries)
+/// The file as a whole.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+struct File {
+    input: Vec<InputKeys>,
 }
 
-fn input(section: &Section<'_>) -> Result<InputEntry, DocumentError> {
-    let whole = |x: f64| x.fract() == 0.0 && (1.0..=256.0).contains(&x);
-    let expected = "the number of an input, from 1";
-    let number = section
-        .number_where("input", expected, whole)?
-        .ok_or_else(|| section.missing("input", "the number of the input, from 1"))?;
-    let kind = section.choice("circuit", &KINDS)?.ok_or_else(|| {
-        section.missing(
+impl Keys for File {
+    const REQUIRED: &'static [(&'static str, &'static str)] = &[
+        ("input", "the number of the input, from 1"),
+        (
             "circuit",
             "\"bridge\", \"charge\", \"iepe\", \"voltage\", \"adxl355\", \"digital\" or \"unused\"",
-        )
-    })?;
-    let preset = preset(section, kind)?;
-    let number = (number - 1.0) as u8;
-    let [serial, certificate] = [text(section, "serial")?, text(section, "certificate")?];
-    let mut input = preset.input(number, &serial, &certificate, date(section)?, 0.0);
-    if let Some(uncertainty) = section.number("uncertainty")? {
-        input.uncertainty = uncertainty;
-    }
-    if let Some(per_count) = section.number("per_count")? {
-        input.per_count = per_count;
-    }
-    if let Some(offset) = section.number("offset")? {
-        input.offset = offset;
-    }
-    let power = |x: f64| (0..8).any(|k| f64::from(1 << k) == x);
-    if let Some(gain) = section.number_where("gain", "1, 2, 4, 8, 16, 32, 64 or 128", power)? {
-        input.gain = gain as u8;
-    }
-    if let Some(limits) = section.vector::<2>("limits")? {
-        input.limits = limits.map(|x| x as i32);
-    }
-    Ok(InputEntry {
-        input: number,
-        channel: section.text("channel")?,
-        certificate: Certificate::new(&input).map_err(|p| refused(section, &input, &p))?,
+        ),
+    ];
+}
+
+/// An `[[input]]` as it is written; which keys of a data sheet it may have depends on the circuit.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+struct InputKeys {
+    #[serde(deserialize_with = "number")]
+    input: u16,
+    #[serde(default, deserialize_with = "keys::text")]
+    channel: Option<String>,
+    #[serde(deserialize_with = "kind")]
+    circuit: Kind,
+    #[serde(default, deserialize_with = "name")]
+    serial: String,
+    #[serde(default, deserialize_with = "name")]
+    certificate: String,
+    #[serde(default, deserialize_with = "date")]
+    calibrated: Option<Date>,
+    #[serde(default, deserialize_with = "keys::any")]
+    uncertainty: Option<f64>,
+    #[serde(default, deserialize_with = "keys::any")]
+    per_count: Option<f64>,
+    #[serde(default, deserialize_with = "keys::any")]
+    offset: Option<f64>,
+    #[serde(default, deserialize_with = "gain")]
+    gain: Option<f64>,
+    #[serde(default, deserialize_with = "keys::pair")]
+    limits: Option<[f64; 2]>,
+    #[serde(default, deserialize_with = "rated_load")]
+    rated_load: Option<f64>,
+    #[serde(default, deserialize_with = "rated_output")]
+    rated_output: Option<f64>,
+    #[serde(default, deserialize_with = "supply")]
+    supply: Option<f64>,
+    #[serde(default, deserialize_with = "sensitivity")]
+    sensitivity: Option<f64>,
+    #[serde(default, deserialize_with = "amplifier")]
+    amplifier: Option<f64>,
+    #[serde(default, deserialize_with = "divider")]
+    divider: Option<f64>,
+    #[serde(default, deserialize_with = "range")]
+    range: Option<f64>,
+}
+
+const RATED_LOAD: &str = "the rated load, N or N m";
+const RATED_OUTPUT: &str = "V per V of supply at the rated load, such as 2e-3";
+const AMPLIFIER: &str = "V per C of the charge amplifier, such as 1e9";
+const RANGE: &str = "the largest value to be measured, SI";
+
+keys::numbers! {
+    gain:
+        "1, 2, 4, 8, 16, 32, 64 or 128",
+        |x| (0..8).any(|k| f64::from(1 << k) == x);
+    rated_load: RATED_LOAD, |x| x > 0.0;
+    rated_output: RATED_OUTPUT, |x| x != 0.0;
+    supply: "the bridge's supply, V", |x| x > 0.0;
+    sensitivity:
+        "V (of a charge sensor C) per SI unit, such as 0.0102 for 100 mV/g or 4e-12 for 4 pC",
+        |x| x != 0.0;
+    amplifier: AMPLIFIER, |x| x > 0.0;
+    divider:
+        "the share of the voltage that reaches the input, above 0 and at most 1",
+        |x| x > 0.0 && x <= 1.0;
+    range: RANGE, |x| x > 0.0;
+}
+
+fn number<'de, D: Deserializer<'de>>(value: D) -> Result<u16, D::Error> {
+    keys::whole(value, "the number of an input, from 1", |x| {
+        (1..=256).contains(&x)
     })
 }
 
-/// Calibration that follows from the data sheet, or the circuit alone where `per_count` is given
-/// in its place.
-fn preset(section: &Section<'_>, kind: Kind) -> Result<Preset, DocumentError> {
-    let sheet: &[&'static str] = match kind {
-        Kind::Unused | Kind::Digital | Kind::Adxl355 => &[],
-        Kind::Voltage => &["sensitivity", "range"],
-        Kind::Bridge => &["rated_load", "rated_output", "supply"],
-        Kind::Charge => &["sensitivity", "amplifier", "divider", "range"],
-        Kind::Iepe => &["sensitivity", "divider", "range"],
-    };
-    let known: Vec<&str> = match kind {
-        // An input that nothing is wired to has no calibration.
-        Kind::Unused => vec!["input", "channel", "circuit"],
-        _ => OWN.iter().chain(sheet).copied().collect(),
-    };
-    section.only(&known)?;
-    let circuit = match kind {
-        Kind::Unused => Circuit::Unused,
-        Kind::Voltage => Circuit::Voltage,
-        Kind::Bridge => Circuit::Bridge,
-        Kind::Charge => Circuit::Charge,
-        Kind::Iepe => Circuit::Iepe,
-        Kind::Digital => Circuit::Digital,
-        Kind::Adxl355 => return Ok(Preset::adxl355()),
-    };
-    let direct = section.has("per_count") && !sheet.iter().any(|key| section.has(key));
-    if direct || kind == Kind::Unused {
-        return Ok(Preset {
-            circuit,
-            per_count: 1.0,
-            gain: 1,
-            limits: Limits::CONVERTER,
-        });
-    }
-    let positive = |key: &'static str, expected: &'static str| {
-        let found = section.number_where(key, expected, |x| x > 0.0)?;
-        found.ok_or_else(|| section.missing(key, expected))
-    };
-    let signed = |key: &'static str, expected: &'static str| {
-        let found = section.number_where(key, expected, |x| x != 0.0)?;
-        found.ok_or_else(|| section.missing(key, expected))
-    };
-    let share = || {
-        let expected = "the share of the voltage that reaches the input, above 0 and at most 1";
-        let found = section.number_where("divider", expected, |x| x > 0.0 && x <= 1.0)?;
-        Ok(found.unwrap_or(1.0))
-    };
-    let range = || positive("range", "the largest value to be measured, SI");
-    Ok(match kind {
-        Kind::Bridge => {
-            let supply = section.number_where("supply", "the bridge's supply, V", |x| x > 0.0)?;
-            Preset::bridge(
-                positive("rated_load", "the rated load, N or N m")?,
-                signed(
-                    "rated_output",
-                    "V per V of supply at the rated load, such as 2e-3",
-                )?,
-                supply.unwrap_or(SUPPLY),
-            )
-        }
-        Kind::Charge => Preset::charge(
-            signed("sensitivity", "C per SI unit, such as 4e-12")?,
-            positive("amplifier", "V per C of the charge amplifier, such as 1e9")?,
-            share()?,
-            range()?,
-        ),
-        Kind::Iepe => Preset::iepe(
-            signed("sensitivity", "V per SI unit, such as 0.0102 for 100 mV/g")?,
-            share()?,
-            range()?,
-        ),
-        Kind::Voltage => Preset::voltage(
-            circuit,
-            signed("sensitivity", "V per SI unit, or V per V")?,
-            range()?,
-        ),
-        _ => {
-            let expected = "m/s², N or N m per count";
-            return Err(section.missing("per_count", expected));
-        }
-    })
+fn kind<'de, D: Deserializer<'de>>(value: D) -> Result<Kind, D::Error> {
+    keys::word(value, &KINDS)
 }
 
-fn text(section: &Section<'_>, key: &str) -> Result<String, DocumentError> {
-    let text = section.text(key)?.unwrap_or_default();
+/// Text that fits into the box.
+fn name<'de, D: Deserializer<'de>>(value: D) -> Result<String, D::Error> {
+    let text: String = keys::text(value)?;
     if text.len() > NAME_MAX {
-        let found = format!("{} bytes long", text.len());
-        return Err(section.unexpected(key, found, format!("at most {NAME_MAX} bytes")));
+        let found = format_args!("{} bytes long", text.len());
+        return Err(outside(found, format_args!("at most {NAME_MAX} bytes")));
     }
     Ok(text)
 }
 
-fn date(section: &Section<'_>) -> Result<Option<Date>, DocumentError> {
-    let Some(text) = section.text("calibrated")? else {
-        return Ok(None);
-    };
+fn date<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Date>, D::Error> {
+    let text: String = keys::text(value)?;
     let mut parts = text.split('-').map(str::parse::<u16>);
     let mut part = || parts.next().and_then(Result::ok);
     let date = (part(), part(), part());
@@ -231,7 +166,117 @@ fn date(section: &Section<'_>) -> Result<Option<Date>, DocumentError> {
         return Ok(Some(Date { year, month, day }));
     }
     let expected = "a day as year-month-day, such as \"2026-03-02\"";
-    Err(section.unexpected("calibrated", format!("\"{}\"", quoted(&text)), expected))
+    Err(outside(format_args!("\"{}\"", quoted(&text)), expected))
+}
+
+pub(super) fn document(source: &Source) -> Result<Vec<InputEntry>, DocumentError> {
+    let document = Document::new(source)?;
+    let found = document.count("input");
+    if found > MOST {
+        let expected = format_args!("at most {MOST}, one for each input");
+        let found = format_args!("a list of {found}");
+        return Err(document.top().unexpected("input", found, expected));
+    }
+    let file: File = document.read()?;
+    if file.input.is_empty() {
+        let expected = "one [[input]] for each input that is wired";
+        return Err(document.top().missing("input", expected));
+    }
+    let mut entries: Vec<InputEntry> = Vec::new();
+    for (section, keys) in document.sections("input").into_iter().zip(file.input) {
+        let entry = input(&section, keys)?;
+        if entries.iter().any(|e| e.input == entry.input) {
+            return Err(section.unexpected("input", entry.number(), "each input once"));
+        }
+        if let Some(channel) = &entry.channel
+            && entries.iter().any(|e| e.column() == *channel)
+        {
+            let found = format_args!("\"{}\"", quoted(channel));
+            let expected = "a name that no other input has";
+            return Err(section.unexpected("channel", found, expected));
+        }
+        entries.push(entry);
+    }
+    Ok(entries)
+}
+
+fn input(section: &Section<'_>, keys: InputKeys) -> Result<InputEntry, DocumentError> {
+    let preset = preset(section, &keys)?;
+    let number = (keys.input - 1) as u8;
+    let mut input = preset.input(
+        number,
+        &keys.serial,
+        &keys.certificate,
+        keys.calibrated,
+        0.0,
+    );
+    input.uncertainty = keys.uncertainty.unwrap_or(input.uncertainty);
+    input.per_count = keys.per_count.unwrap_or(input.per_count);
+    input.offset = keys.offset.unwrap_or(input.offset);
+    input.gain = keys.gain.map_or(input.gain, |gain| gain as u8);
+    input.limits = keys
+        .limits
+        .map_or(input.limits, |limits| limits.map(|x| x as i32));
+    Ok(InputEntry {
+        input: number,
+        certificate: Certificate::new(&input).map_err(|p| refused(section, &input, &p))?,
+        channel: keys.channel,
+    })
+}
+
+/// Calibration that follows from the data sheet, or the circuit alone where `per_count` is given
+/// in its place.
+fn preset(section: &Section<'_>, keys: &InputKeys) -> Result<Preset, DocumentError> {
+    let (circuit, sheet): (Circuit, &[&str]) = match keys.circuit {
+        Kind::Unused => (Circuit::Unused, &[]),
+        Kind::Voltage => (Circuit::Voltage, &["sensitivity", "range"]),
+        Kind::Bridge => (Circuit::Bridge, &["rated_load", "rated_output", "supply"]),
+        Kind::Charge => (
+            Circuit::Charge,
+            &["sensitivity", "amplifier", "divider", "range"],
+        ),
+        Kind::Iepe => (Circuit::Iepe, &["sensitivity", "divider", "range"]),
+        Kind::Digital | Kind::Adxl355 => (Circuit::Digital, &[]),
+    };
+    let known: Vec<&str> = match keys.circuit {
+        // An input that nothing is wired to has no calibration.
+        Kind::Unused => vec!["input", "channel", "circuit"],
+        _ => OWN.iter().chain(sheet).copied().collect(),
+    };
+    section.only(&known)?;
+    let direct = keys.per_count.is_some() && !sheet.iter().any(|key| section.has(key));
+    let given =
+        |key, value: Option<f64>, expected| value.ok_or_else(|| section.missing(key, expected));
+    let per_si = |expected| given("sensitivity", keys.sensitivity, expected);
+    let range = || given("range", keys.range, RANGE);
+    let divider = keys.divider.unwrap_or(1.0);
+    Ok(match keys.circuit {
+        Kind::Adxl355 => Preset::adxl355(),
+        kind if direct || kind == Kind::Unused => Preset {
+            circuit,
+            per_count: 1.0,
+            gain: 1,
+            limits: Limits::CONVERTER,
+        },
+        Kind::Bridge => Preset::bridge(
+            given("rated_load", keys.rated_load, RATED_LOAD)?,
+            given("rated_output", keys.rated_output, RATED_OUTPUT)?,
+            keys.supply.unwrap_or(SUPPLY),
+        ),
+        Kind::Charge => Preset::charge(
+            per_si("C per SI unit, such as 4e-12")?,
+            given("amplifier", keys.amplifier, AMPLIFIER)?,
+            divider,
+            range()?,
+        ),
+        Kind::Iepe => Preset::iepe(
+            per_si("V per SI unit, such as 0.0102 for 100 mV/g")?,
+            divider,
+            range()?,
+        ),
+        Kind::Voltage => Preset::voltage(circuit, per_si("V per SI unit, or V per V")?, range()?),
+        _ => return Err(section.missing("per_count", "m/s², N or N m per count")),
+    })
 }
 
 /// The box's reason to refuse a certificate, in the words of the file.
@@ -389,17 +434,13 @@ mod tests {
     #[test]
     fn complaints_name_line_key_and_a_way_out() {
         let twice = cell("") + &cell("");
+        let input = |keys: &str| format!("[[input]]\n{keys}");
+        let long = "serial = \"0123456789012345678901234567890123\"";
         for (text, words) in [
             (String::new(), &["`input` is missing", "[[input]]"][..]),
-            (
-                "[[input]]\ncircuit = \"iepe\"".to_owned(),
-                &["line 1", "`input`"],
-            ),
-            ("[[input]]\ninput = 0".to_owned(), &["line 2", "from 1"]),
-            (
-                "[[input]]\ninput = 2".to_owned(),
-                &["`circuit` is missing", "bridge"],
-            ),
+            (input("circuit = \"iepe\""), &["line 1", "`input`"]),
+            (input("input = 0"), &["line 2", "from 1"]),
+            (input("input = 2"), &["`circuit` is missing", "bridge"]),
             (cell("range = 5"), &["line 6", "no key `range`"]),
             (cell("supply = -1"), &["line 6", "supply, V"]),
             (cell("calibrated = \"2.3.2026\""), &["line 6", "2026-03-02"]),
@@ -408,17 +449,14 @@ mod tests {
             (cell("limits = [5, 4]"), &["line 6", "in order"]),
             (cell("gain = 3"), &["line 6", "128"]),
             (cell("offset = 1e12"), &["line 6", "24 bits"]),
-            (
-                cell("serial = \"0123456789012345678901234567890123\""),
-                &["line 6", "34 bytes long", "at most 32"],
-            ),
+            (cell(long), &["line 6", "34 bytes long", "at most 32"]),
             (twice, &["line 8", "each input once"]),
             (
-                "[[input]]\ninput = 1\ncircuit = \"digital\"".to_owned(),
+                input("input = 1\ncircuit = \"digital\""),
                 &["`per_count` is missing"],
             ),
             (
-                "[[input]]\ninput = 1\ncircuit = \"iepe\"\nsensitivity = 1".to_owned(),
+                input("input = 1\ncircuit = \"iepe\"\nsensitivity = 1"),
                 &["`range` is missing", "largest value"],
             ),
         ] {

@@ -220,7 +220,8 @@ mod tests {
         }
     }
 
-    /// A component that a plane set-up does not see stays unseen when a sensor is turned out of the plane.
+    /// A component that a plane set-up does not see stays unseen when a sensor is turned out of the
+    /// plane.
     #[test]
     fn no_direction_is_seen_of_a_sudden() {
         let mut text = String::from("[processing]\naveraging_band = [2, 20]\n");

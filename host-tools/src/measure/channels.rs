@@ -7,7 +7,8 @@
 
 use super::drives::DrivesAverage;
 use super::geometry::channel_names;
-use super::random::{drive_columns, stream};
+use super::random::drive_columns;
+use super::stream::stream;
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
@@ -25,8 +26,14 @@ pub(crate) struct Channels {
 }
 
 enum OfRun {
-    /// Responses to the drive, line by line, a column each.
-    Drive(DMatrix<Complex<f64>>),
+    Drive {
+        /// Responses to the drive, line by line, a column each.
+        responses: DMatrix<Complex<f64>>,
+        /// Power of the drive, line by line.
+        power: Vec<f64>,
+        /// Coherence of each channel with the drive, line by line, a column each.
+        coherence: DMatrix<f64>,
+    },
     /// Products of the channels summed over the blocks, a matrix a line.
     Cross(Vec<DMatrix<Complex<f64>>>),
 }
@@ -50,14 +57,7 @@ pub(crate) fn channels(
     };
     let mut runs = Vec::new();
     for number in of(Excitation::Random) {
-        let mut report = |share| {
-            progress(Progress {
-                run: number,
-                runs: setup.runs.len(),
-                name: &setup.runs[number].name,
-                share,
-            });
-        };
+        let mut report = |share| progress(Progress::of(setup, number, share));
         let measured = measurement.runs.iter().find(|run| run.number == number);
         let Some(measured) = measured else { continue };
         runs.extend(of_run(setup, number, measured, limit, &mut report)?);
@@ -109,7 +109,7 @@ fn of_run(
         let file = setup.recording_path(run);
         let spectral = |source| MeasureError::Spectra { file, source };
         let average = found.average(&mut part).map_err(spectral)?;
-        all.push(OfRun::Drive(DMatrix::from_fn(count, lines, |c, line| {
+        let responses = DMatrix::from_fn(count, lines, |c, line| {
             let power = average.drive_power(line);
             let (re, im) = average.cross(c, line);
             if power > 0.0 {
@@ -117,7 +117,12 @@ fn of_run(
             } else {
                 Complex::new(0.0, 0.0)
             }
-        })));
+        });
+        all.push(OfRun::Drive {
+            responses,
+            power: (0..lines).map(|line| average.drive_power(line)).collect(),
+            coherence: DMatrix::from_fn(count, lines, |c, line| average.coherence(c, line)),
+        });
     }
     Ok(all)
 }
@@ -132,6 +137,40 @@ fn add_to(resultants: &mut [Complex<f64>; RESULTANTS], x: Complex<f64>, column: 
 }
 
 impl Channels {
+    /// Products of all channels at a line of run `index` of the measurement, in recorded units: the
+    /// part that is coherent with the drive, or all of them without one.
+    pub(crate) fn products(&self, index: usize, line: usize) -> DMatrix<Complex<f64>> {
+        match &self.runs[index] {
+            OfRun::Drive {
+                responses, power, ..
+            } => {
+                let x = responses.column(line);
+                x * x.adjoint() * Complex::new(power[line], 0.0)
+            }
+            OfRun::Cross(products) => products[line].clone(),
+        }
+    }
+
+    /// Complex equations that a line of run `index` holds, of `blocks` blocks.
+    pub(crate) fn equations(&self, index: usize, blocks: u32) -> usize {
+        match &self.runs[index] {
+            OfRun::Drive { .. } => 1,
+            OfRun::Cross(_) => blocks as usize,
+        }
+    }
+
+    /// Mean coherence of each channel with the drive of run `index` over these lines; one without
+    /// a drive.
+    pub(crate) fn coherence(&self, index: usize, lines: std::ops::Range<usize>) -> Vec<f64> {
+        match &self.runs[index] {
+            OfRun::Drive { coherence, .. } => coherence
+                .row_iter()
+                .map(|row| row.columns(lines.start, lines.len()).mean())
+                .collect(),
+            OfRun::Cross(products) => vec![1.0; products.first().map_or(0, DMatrix::nrows)],
+        }
+    }
+
     /// The measurement as it would be with `factor` times these columns added to those of each
     /// run of the setup. The noise stays what it is: its change is of second order.
     pub(crate) fn with_columns(
@@ -168,7 +207,13 @@ impl Channels {
 
 fn change_run(run: &mut MeasuredRun, channels: &OfRun, added: &Added, factor: f64) {
     match (&mut run.spectra, channels) {
-        (Spectra::Drive { responses, .. }, OfRun::Drive(channels)) => {
+        (
+            Spectra::Drive { responses, .. },
+            OfRun::Drive {
+                responses: channels,
+                ..
+            },
+        ) => {
             for (response, readings) in responses.iter_mut().zip(channels.column_iter()) {
                 let mut sum = [Complex::default(); RESULTANTS];
                 for (x, column) in readings.iter().zip(added) {

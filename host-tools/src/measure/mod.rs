@@ -15,7 +15,9 @@ mod rejected;
 mod samples;
 mod silent;
 mod sine;
+mod stream;
 mod survey;
+mod unexplained;
 
 pub use crate::setup::WINDOW;
 pub(crate) use change::Change;
@@ -49,6 +51,17 @@ pub struct Progress<'a> {
     pub name: &'a str,
     /// Share of this run's recording that was read, 0 to 1.
     pub share: f64,
+}
+
+impl<'a> Progress<'a> {
+    fn of(setup: &'a Setup, run: usize, share: f64) -> Self {
+        Self {
+            run,
+            runs: setup.runs.len(),
+            name: &setup.runs[run].name,
+            share,
+        }
+    }
 }
 
 /// Everything the estimators need, and what was noticed on the way.
@@ -116,14 +129,7 @@ pub fn measure_first(
     let mut health = Vec::new();
     let mut fingerprints: HashMap<u64, String> = HashMap::new();
     for (number, run) in setup.runs.iter().enumerate() {
-        let mut report = |share| {
-            progress(Progress {
-                run: number,
-                runs: setup.runs.len(),
-                name: &run.name,
-                share,
-            });
-        };
+        let mut report = |share| progress(Progress::of(setup, number, share));
         let geometry = RunGeometry::new(setup, number, accelerations)?;
         geometry.warn(&mut measurement.warnings);
         let fingerprint = match run.excitation {

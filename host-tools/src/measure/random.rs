@@ -3,19 +3,17 @@
 use super::drives::{DrivesAverage, Parts};
 use super::geometry::{RunGeometry, channel_names};
 use super::noise::{NoiseOrigin, RunNoise, Stated};
-use super::rejected::{Gate, Rejected};
-use super::{MeasureError, WINDOW};
+use super::stream::stream;
+use super::unexplained::Unexplained;
+use super::{MeasureError, Rejected, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
-use massline_core::geometry::{PackedNoise, RESULTANT_NAMES, RESULTANTS, ResultantNoise};
+use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
+    Average, BlockSettings, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
     RunResponses, SpectraError, Sum,
 };
 use std::path::Path;
-
-/// Rows between two reports of progress.
-const REPORT_ROWS: u64 = 4096;
 
 /// Averaged spectra of one run.
 #[derive(Clone)]
@@ -260,7 +258,7 @@ pub(super) fn read(
     let preamble = recording.preamble().clone();
     let first = averaged.first().map(|(_, (spectra, ..))| spectra);
     if let Some(Spectra::Drive { coherence, .. }) = first {
-        let told = Told {
+        let unexplained = Unexplained {
             setup,
             run,
             geometry: &geometry,
@@ -269,7 +267,7 @@ pub(super) fn read(
             coherence,
             unused: &unused,
         };
-        warnings.extend(told.too_little(limit)?);
+        warnings.extend(unexplained.warning(limit)?);
     }
     let stated = Stated::of(setup, &geometry, warnings);
     let stated = stated.whole.iter().all(|w| *w).then_some(stated.noise);
@@ -344,146 +342,6 @@ fn parts_of_drives(
         averaged.push((name, (spectra, density, blocks)));
     }
     Ok(averaged)
-}
-
-/// A run whose drives may explain little of it.
-struct Told<'a> {
-    setup: &'a Setup,
-    run: &'a Run,
-    geometry: &'a RunGeometry,
-    settings: &'a BlockSettings,
-    band: LineRange,
-    coherence: &'a [[f32; RESULTANTS]],
-    /// Columns of the recording that nothing reads.
-    unused: &'a str,
-}
-
-/// Share of a resultant's power below which its drives explain little of it.
-const LITTLE: f64 = 0.5;
-/// Share from which the accelerations explain it nevertheless.
-const MOVED: f64 = 0.9;
-
-impl Told<'_> {
-    /// A warning where the drives explain little of forces that the accelerations do explain:
-    /// something else has moved the table. The recording is read once more only where the first
-    /// of the two is so.
-    fn too_little(&self, limit: Option<u64>) -> Result<Option<String>, MeasureError> {
-        let mean = |c: usize| {
-            let lines = self.coherence.get(self.band.indices()).unwrap_or_default();
-            lines.iter().map(|l| f64::from(l[c])).sum::<f64>() / lines.len().max(1) as f64
-        };
-        let little = |c: &usize| mean(*c) < LITTLE && self.geometry.equations.measured(c - 6) > 0.5;
-        let suspects: Vec<usize> = (6..RESULTANTS).filter(little).collect();
-        if suspects.is_empty() {
-            return Ok(None);
-        }
-        let names = channel_names(self.setup, self.run);
-        let mut recording = self.setup.open_recording(self.run, &names)?;
-        recording.limit(limit);
-        recording.settle_rate(self.setup.processing.as_ref().and_then(|p| p.sample_rate))?;
-        // The six accelerations in place of the drives.
-        let mut average = DrivesAverage::new(self.settings, 6, 6);
-        let resultants = |sample: &[f32], into: &mut [f32]| {
-            into.copy_from_slice(&self.geometry.resultants(sample));
-        };
-        stream(
-            &mut recording,
-            self.settings,
-            &[],
-            RESULTANTS,
-            &resultants,
-            &mut average,
-            &mut |_| {},
-            &mut |_| {},
-        )?;
-        if average.blocks() < 12 {
-            // Six accelerations explain anything in so few blocks.
-            return Ok(None);
-        }
-        let parts = average.parts(self.band.indices());
-        let moved = |c: &&usize| {
-            let lines = parts.coherence.get(self.band.indices()).unwrap_or_default();
-            lines.iter().map(|l| l[**c - 6]).sum::<f64>() > MOVED * lines.len() as f64
-        };
-        let driven_otherwise: Vec<&str> = suspects
-            .iter()
-            .filter(moved)
-            .map(|&c| RESULTANT_NAMES[c - 6])
-            .collect();
-        if driven_otherwise.is_empty() {
-            return Ok(None);
-        }
-        let named = self.run.references.join(", ");
-        let advice = if self.unused.is_empty() {
-            "record the other drives' signals, or leave `reference` out".to_owned()
-        } else {
-            format!(
-                "name every drive, as in `reference = [\"a\", \"b\"]`; columns that nothing reads yet: {}",
-                self.unused
-            )
-        };
-        Ok(Some(format!(
-            "run \"{}\": `reference` ({named}) explains less than half of {}, which the accelerations explain: something else moves the table, too, and what it moves is thrown away as noise; {advice}",
-            self.run.name,
-            driven_otherwise.join(", ")
-        )))
-    }
-}
-
-/// Streams a recording through blocks into an average. `transform` turns a sample of all
-/// channels into the `channels` numbers that are averaged; the drives, whose columns are given,
-/// come before them. A block with a faulty sample goes nowhere, and `watch` sees
-/// good samples only.
-#[allow(clippy::too_many_arguments)]
-pub(super) fn stream(
-    recording: &mut Recording,
-    settings: &BlockSettings,
-    drives: &[usize],
-    channels: usize,
-    transform: &dyn Fn(&[f32], &mut [f32]),
-    average: &mut dyn Average,
-    watch: &mut dyn FnMut(&[f32]),
-    progress: &mut dyn FnMut(f64),
-) -> Result<Rejected, MeasureError> {
-    let lead = drives.len();
-    let zero = Complex32::new(0.0, 0.0);
-    let mut history = vec![0.0; settings.history_len(lead + channels)];
-    let mut work = vec![zero; settings.block_length()];
-    let mut lines = vec![zero; settings.lines_len(lead + channels)];
-    let blocks = Blocks::new(
-        *settings,
-        lead + channels,
-        &mut history,
-        &mut work,
-        &mut lines,
-    );
-    let mut blocks = blocks.map_err(|source| MeasureError::Spectra {
-        file: recording.file().to_owned(),
-        source,
-    })?;
-    let mut sample = vec![0.0_f32; recording.channels()];
-    let mut input = vec![0.0_f32; lead + channels];
-    let mut gate = Gate::new(settings);
-    while recording.next_row(&mut sample)? {
-        gate.sample(recording.health());
-        if recording.health().is_good() {
-            watch(&sample);
-        }
-        let (head, tail) = input.split_at_mut(lead);
-        for (slot, at) in head.iter_mut().zip(drives) {
-            *slot = sample.get(*at).copied().unwrap_or(0.0);
-        }
-        transform(&sample, tail);
-        if let Some(block) = blocks.push(&input)
-            && gate.admits()
-        {
-            average.add(&block);
-        }
-        if recording.rows().is_multiple_of(REPORT_ROWS) {
-            progress(recording.progress());
-        }
-    }
-    Ok(gate.rejected)
 }
 
 pub(super) type Finished = (Spectra, Vec<[f64; RESULTANTS]>, u32);

@@ -1,10 +1,11 @@
 //! Random runs from samples in memory: what [`super::measure`] does with recordings, for
 //! studies that draw thousands of them.
 
-use super::Rejected;
 use super::noise::Stated;
 use super::random::{densities, finish_drive, settings_at};
-use super::{Accelerations, MeasureError, MeasuredRun, Measurement, RunGeometry, Spectra};
+use super::{
+    Accelerations, MeasureError, MeasuredRun, Measurement, Rejected, RunGeometry, Spectra,
+};
 use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::RESULTANTS;

@@ -6,7 +6,8 @@
 
 use super::drives::DrivesAverage;
 use super::geometry::{Accelerations, RunGeometry, channel_names};
-use super::random::{drive_columns, settle, stream};
+use super::random::{drive_columns, settle};
+use super::stream::stream;
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};
@@ -66,14 +67,7 @@ pub fn survey_first(
     };
     let mut settings: Option<BlockSettings> = None;
     for (number, run) in setup.runs.iter().enumerate() {
-        let mut report = |share| {
-            progress(Progress {
-                run: number,
-                runs: setup.runs.len(),
-                name: &run.name,
-                share,
-            });
-        };
+        let mut report = |share| progress(Progress::of(setup, number, share));
         // Without interface accelerometers there is no exact base acceleration, but peaks
         // and shapes do not need it.
         let geometry = RunGeometry::new(setup, number, &Accelerations::Interface)

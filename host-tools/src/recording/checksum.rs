@@ -1,4 +1,4 @@
-//! Which bytes a recording has, so that a setup can tell its own recording from another one.
+//! Length and checksum of a recording, by which a setup tells it from another one.
 
 use std::io::{self, Read, Write};
 use std::path::Path;

@@ -4,7 +4,7 @@ use super::lines::fitted;
 use super::markup::escape;
 use super::number::{fixed, significant};
 use super::page::{Section, panels};
-use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, Tone, legend};
+use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Tone, legend};
 use super::response::{Entries, Entry, entries};
 use super::scales::axis_factor;
 use crate::identification::Answer;
@@ -129,20 +129,15 @@ fn magnitude(entry: &Entry, view: &View<'_>) -> String {
         Axis::linear("Hz", [0.0, view.top]),
         Axis::new(detail(entry, ""), Mapping::Log, domain),
     );
-    chart.spans.push(band(view, "averaging band"));
+    chart.shade(view.band, "averaging band");
     chart.rules = poles(view);
-    chart.series.push(Series::new(
+    chart.draw(
         "identified rigid body",
         Tone::Identified,
         Mark::Dashed,
         rigid,
-    ));
-    chart.series.push(Series::new(
-        "measured",
-        Tone::Measured,
-        Mark::Dots,
-        measured,
-    ));
+    );
+    chart.draw("measured", Tone::Measured, Mark::Dots, measured);
     push_fit(&mut chart, view, fit);
     chart.svg()
 }
@@ -201,14 +196,14 @@ fn real_part(entry: &Entry, view: &View<'_>) -> String {
         Axis::linear("Hz", [(low - margin).max(0.0), high + margin]),
         Axis::linear(detail(entry, &prefix), domain.map(|v| v * factor)),
     );
-    chart.spans.push(band(view, ""));
+    chart.shade(view.band, "");
     match entry.rigid.as_slice() {
         // A constant is a rule with its value at the end.
-        [[_, a], [_, b]] if a == b => chart.rules.push(Rule::Horizontal {
-            y: a * factor,
-            label: significant(a * factor, 5),
-            tone: Tone::Identified,
-        }),
+        [[_, a], [_, b]] if a == b => chart.rules.push(Rule::horizontal(
+            a * factor,
+            significant(a * factor, 5),
+            Tone::Identified,
+        )),
         rigid => chart.series.push(Series::new(
             "identified rigid body",
             Tone::Identified,
@@ -216,19 +211,19 @@ fn real_part(entry: &Entry, view: &View<'_>) -> String {
             scaled(&mut rigid.iter().filter(|p| inside(p[0])).copied()),
         )),
     }
-    chart.series.push(Series::new(
+    chart.draw(
         "measured",
         Tone::Measured,
         Mark::Dots,
         scaled(&mut measured.into_iter()),
-    ));
+    );
     let fit = entry.fit.iter().filter(|(f, _)| inside(*f));
-    chart.series.push(Series::new(
+    chart.draw(
         "fit",
         Tone::Fit,
         Mark::Thin,
         scaled(&mut fit.map(|(f, z)| [*f, z.re])),
-    ));
+    );
     chart.svg()
 }
 
@@ -256,21 +251,10 @@ fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
     part("fit", Mark::Line, low, high);
 }
 
-fn band(view: &View<'_>, label: &str) -> Span {
-    Span {
-        x: view.band,
-        label: label.to_owned(),
-    }
-}
-
 fn poles(view: &View<'_>) -> Vec<Rule> {
     let poles = view.fit.into_iter().flat_map(|f| &f.poles);
     poles
-        .map(|p| Rule::Vertical {
-            x: p.frequency,
-            label: significant(p.frequency, 3),
-            tone: Tone::Muted,
-        })
+        .map(|p| Rule::vertical(p.frequency, significant(p.frequency, 3), Tone::Muted))
         .collect()
 }
 

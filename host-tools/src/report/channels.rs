@@ -1,6 +1,6 @@
 //! The table of channels: where each sensor sits, what it read, what it weighed.
 
-use super::markup::{escape, shortened};
+use super::markup::{escape, push_number, shortened};
 use super::number::{exact, fixed, significant};
 use crate::identification::Answer;
 use crate::measure::MeasuredRun;
@@ -66,7 +66,7 @@ pub(super) fn table(setup: &Setup, answer: &Answer) -> String {
             channel.unit
         );
         if let Some(weights) = weights {
-            let _ = write!(html, "<td class=\"num\">{}</td>", weight(weights, at));
+            push_number(&mut html, &weight(weights, at));
         }
         let rms = |run: &MeasuredRun| {
             let rms = run.health.get(at).map_or(f64::NAN, |h| h.rms);
@@ -78,7 +78,7 @@ pub(super) fn table(setup: &Setup, answer: &Answer) -> String {
             runs.iter().map(rms).collect()
         };
         for level in levels {
-            let _ = write!(html, "<td class=\"num\">{}</td>", significant(level, 3));
+            push_number(&mut html, &significant(level, 3));
         }
         if remarkable {
             let _ = write!(html, "<td class=\"wrap\">{remark}</td>");

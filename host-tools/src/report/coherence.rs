@@ -4,7 +4,7 @@ use super::lines::{Excited, comparable, determined_accelerations, measured_force
 use super::markup::escape;
 use super::number::{exact, significant, with_unit};
 use super::page::{Section, captioned, panels};
-use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Series, Span, Tone, legend};
+use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Series, Tone, legend};
 use super::scales::lever;
 use crate::identification::Answer;
 use crate::measure::{MeasuredRun, Spectra};
@@ -116,10 +116,7 @@ fn chart(
         Axis::linear("Hz", [0.0, top]),
         Axis::new("γ²", Mapping::Nines, domain),
     );
-    chart.spans.push(Span {
-        x: grid.ends(band),
-        label: String::new(),
-    });
+    chart.shade(grid.ends(band), "");
     for kind in curves {
         if kind.components.len() <= FEW {
             for (name, values) in &kind.components {
@@ -154,9 +151,7 @@ fn push_range(chart: &mut LineChart, kind: &Curves, grid: &LineGrid) {
     let range = format!("{}, lowest to highest", kind.name);
     chart.series.push(Series::area(range, kind.tone, high, low));
     let middle = ranked(|v| v.get(v.len() / 2));
-    chart
-        .series
-        .push(Series::new(kind.name, kind.tone, Mark::Thin, middle));
+    chart.draw(kind.name, kind.tone, Mark::Thin, middle);
 }
 
 /// The lowest in the band, and who is not in the picture.

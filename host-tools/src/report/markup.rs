@@ -24,6 +24,13 @@ pub fn escape(text: &str) -> String {
     out
 }
 
+/// Adds a cell of a table with a number in it, HTML.
+pub fn push_number(html: &mut String, number: &str) {
+    html.push_str("<td class=\"num\">");
+    html.push_str(number);
+    html.push_str("</td>");
+}
+
 /// At most `most` characters, the last an ellipsis where something was cut off.
 #[must_use]
 pub fn shortened(text: &str, most: usize) -> String {

@@ -1,11 +1,12 @@
 //! The section on modes: the other result that interface forces allow.
 
+use super::markup::push_number;
 use super::number::{fixed, significant, with_unit};
 use super::page::Section;
 use crate::result::{FixedModeDocument, FreeModeDocument, ResultDocument};
 use std::fmt::Write;
 
-/// The section, or `None` where nobody asked for modes or none was found.
+/// The section, or `None` where no modes were asked for or found.
 pub(super) fn section(result: &ResultDocument) -> Option<Section> {
     let (fixed, free) = (&result.fixed_modes, &result.free_modes);
     if fixed.is_empty() && free.is_empty() {
@@ -67,13 +68,13 @@ fn fixed_modes(modes: &[FixedModeDocument]) -> String {
         );
         for j in along.iter().chain(&about) {
             let text = share(mode, *j).map_or_else(String::new, percent);
-            let _ = write!(html, "<td class=\"num\">{text}</td>");
+            push_number(&mut html, &text);
         }
         if with_mass {
             let text = mode
                 .modal_mass
                 .map_or_else(String::new, |m| significant(m, 3));
-            let _ = write!(html, "<td class=\"num\">{text}</td>");
+            push_number(&mut html, &text);
         }
         let _ = write!(html, "<td class=\"num\">{}</td></tr>", percent(mode.purity));
     }
@@ -81,7 +82,7 @@ fn fixed_modes(modes: &[FixedModeDocument]) -> String {
         html.push_str("<tr><th scope=\"row\" colspan=\"2\">Together</th>");
         for j in along.iter().chain(&about) {
             let sum = modes.iter().filter_map(|m| share(m, *j)).sum();
-            let _ = write!(html, "<td class=\"num\">{}</td>", percent(sum));
+            push_number(&mut html, &percent(sum));
         }
         let rest = if with_mass { 2 } else { 1 };
         let _ = write!(html, "<td colspan=\"{rest}\"></td></tr>");

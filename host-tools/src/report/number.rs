@@ -9,7 +9,7 @@ pub const NO_NUMBER: &str = "–";
 
 /// Outside these powers of ten a number is written with an exponent.
 const PLAIN: core::ops::RangeInclusive<i32> = -6..=6;
-/// Beyond this many decimals nobody counts zeros.
+/// Most decimals; a smaller number has an exponent.
 const MOST_DECIMALS: i32 = 9;
 
 /// `value` with a number of decimals.
@@ -40,7 +40,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
-/// `value` as somebody wrote it: no more digits than it takes to read it back.
+/// `value` as it was written: no more digits than it takes to read it back.
 #[must_use]
 pub fn exact(value: f64) -> String {
     if !value.is_finite() {

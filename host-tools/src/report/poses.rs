@@ -1,12 +1,11 @@
 //! The section on static poses: forces over specific force, and what is left of them.
 
-use super::lines;
-use super::markup::escape;
+use super::markup::{escape, push_number};
 use super::number::{fixed, significant, with_unit};
 use super::page::{Section, panels};
-use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Series, Tone, legend};
-use super::rigid;
+use super::plot::{Axis, Extent, LineChart, Mapping, Mark, Tone, legend};
 use super::scales::axis_factor;
+use super::{lines, rigid};
 use crate::identification::Answer;
 use crate::measure::MeasuredPoses;
 use crate::result::ResultDocument;
@@ -102,18 +101,8 @@ fn load(c: &Compared<'_>, i: usize) -> String {
         Axis::linear(title, x),
         Axis::linear(unit, y),
     );
-    chart.series.push(Series::new(
-        "identified",
-        Tone::Identified,
-        Mark::Line,
-        line,
-    ));
-    chart.series.push(Series::new(
-        "measured",
-        Tone::Measured,
-        Mark::Points,
-        measured,
-    ));
+    chart.draw("identified", Tone::Identified, Mark::Line, line);
+    chart.draw("measured", Tone::Measured, Mark::Points, measured);
     chart.svg()
 }
 
@@ -131,12 +120,7 @@ fn left(c: &Compared<'_>, i: usize) -> String {
     chart.size[1] = 160.0;
     let points = residual.iter().enumerate();
     let points = points.map(|(k, r)| [k as f64 + 1.0, r * factor]).collect();
-    chart.series.push(Series::new(
-        "residual",
-        Tone::Measured,
-        Mark::Points,
-        points,
-    ));
+    chart.draw("residual", Tone::Measured, Mark::Points, points);
     chart.svg()
 }
 
@@ -153,22 +137,14 @@ fn offsets(c: &Compared<'_>, shown: &[usize]) -> String {
     }
     html.push_str("</tr></thead><tbody><tr><th scope=\"row\">Offset</th>");
     for &i in shown {
-        let _ = write!(
-            html,
-            "<td class=\"num\">{}</td>",
-            with_unit(&fixed(c.offsets[i], 4), unit(i))
-        );
+        push_number(&mut html, &with_unit(&fixed(c.offsets[i], 4), unit(i)));
     }
     html.push_str("</tr><tr><th scope=\"row\">Residual, RMS</th>");
     for &i in shown {
         let residual = c.residual(i);
         let squares = residual.iter().map(|r| r * r).sum::<f64>();
         let rms = (squares / residual.len().max(1) as f64).sqrt();
-        let _ = write!(
-            html,
-            "<td class=\"num\">{}</td>",
-            with_unit(&significant(rms, 2), unit(i))
-        );
+        push_number(&mut html, &with_unit(&significant(rms, 2), unit(i)));
     }
     html.push_str("</tr></tbody></table></div>");
     html

@@ -1,10 +1,9 @@
 //! The section on runs, channels and processing, and how to read the error bars.
 
-use super::channels;
 use super::markup::escape;
 use super::number::{exact, fixed, significant, with_unit};
 use super::page::Section;
-use super::traceability;
+use super::{channels, traceability};
 use crate::identification::Answer;
 use crate::measure::WINDOW;
 use crate::result::ResultDocument;

@@ -42,7 +42,7 @@ fn simulated(model: &str, folder: &Folder, drive: bool) -> (Setup, TrueBody) {
     let simulation = simulate(&Model::read(&path).unwrap(), &options, &mut |_| ()).unwrap();
     let setup = simulation.write(&folder.0).unwrap();
     let t = &simulation.truth;
-    let terms = |i: &crate::simulate::InertiaTruth| [i.xx, i.yy, i.zz, i.xy, i.xz, i.yz];
+    let terms = crate::simulate::InertiaTruth::terms;
     let truth = TrueBody {
         mass: Some(t.mass),
         centre_of_gravity: t.centre_of_gravity,

@@ -1,7 +1,7 @@
 //! True properties, where they are known.
 
 /// The true body of a simulated or otherwise known specimen. SI units, in the frame of
-/// the results; `None` where nobody knows, as out of the plane of a plane model.
+/// the results; `None` where unknown, as out of the plane of a plane model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrueBody {
     /// Overall mass, kg.

@@ -27,9 +27,21 @@ pub enum Trouble {
     Open,
 }
 
+/// In the order of [`Trouble`], each with its name on the command line and the fault that it has to
+/// be found out as.
+const KINDS: [(Trouble, &str, Health); 7] = [
+    (Trouble::Checksum, "checksum", Health::CHECKSUM),
+    (Trouble::Missed, "missed", Health::MISSING),
+    (Trouble::Reset, "reset", Health::CONVERTER_RESET),
+    (Trouble::OutOfStep, "out-of-step", Health::OUT_OF_STEP),
+    (Trouble::StuckLine, "stuck-line", Health::STUCK),
+    (Trouble::Overload, "overload", Health::OVERLOAD),
+    (Trouble::Open, "open", Health::OPEN),
+];
+
 impl Trouble {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; KINDS.len()] = [
         Self::Checksum,
         Self::Missed,
         Self::Reset,
@@ -42,15 +54,7 @@ impl Trouble {
     /// Its name on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Checksum => "checksum",
-            Self::Missed => "missed",
-            Self::Reset => "reset",
-            Self::OutOfStep => "out-of-step",
-            Self::StuckLine => "stuck-line",
-            Self::Overload => "overload",
-            Self::Open => "open",
-        }
+        KINDS[self as usize].1
     }
 
     /// The one of that name.
@@ -58,23 +62,17 @@ impl Trouble {
     /// # Errors
     /// The names that there are.
     pub fn parse(name: &str) -> Result<Self, String> {
-        let known = || Self::ALL.map(Self::name).join(", ");
-        let found = Self::ALL.into_iter().find(|t| t.name() == name);
-        found.ok_or_else(|| format!("the faults are: {}", known()))
+        let found = KINDS.iter().find(|kind| kind.1 == name);
+        found.map(|kind| kind.0).ok_or_else(|| {
+            let known = KINDS.map(|kind| kind.1);
+            format!("the faults are: {}", known.join(", "))
+        })
     }
 
     /// The fault that it has to be found out as.
     #[must_use]
     pub const fn flag(self) -> Health {
-        match self {
-            Self::Checksum => Health::CHECKSUM,
-            Self::Missed => Health::MISSING,
-            Self::Reset => Health::CONVERTER_RESET,
-            Self::OutOfStep => Health::OUT_OF_STEP,
-            Self::StuckLine => Health::STUCK,
-            Self::Overload => Health::OVERLOAD,
-            Self::Open => Health::OPEN,
-        }
+        KINDS[self as usize].2
     }
 }
 

@@ -1,22 +1,20 @@
-//! A TOML file read key by key, so that every complaint names file, line and section.
+//! A TOML document through serde, and what is wrong with it in the words of the user: file, line,
+//! section and key, the value that was found, and the values that are expected.
 //!
-//! Serde would stop at "invalid type: string, expected f64"; an engineer with forty
-//! sensor entries needs to hear which entry, on which line, and what to write instead.
-//! Setup files and structural models are both read through here.
+//! serde knows the keys of each table, `toml` the span of each error. Line, section and key follow
+//! from the span. The sentences are this module's and those of the functions in `keys`: "invalid
+//! type: string, expected f64" leaves an engineer with forty sensors to search.
 
-use std::fmt;
+use std::fmt::Display;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use serde::de::DeserializeOwned;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{DocumentError, Place};
-use crate::printable::{quoted, steers};
-
-/// Numbers beyond this are typing errors; below it, products of three of them, mass times
-/// length squared, stay finite.
-const LARGEST: f64 = 1e100;
+use crate::printable::quoted;
 
 /// The text of a file, kept for its line numbers.
 pub(crate) struct Source {
@@ -45,45 +43,138 @@ impl Source {
         &self.text
     }
 
-    pub(crate) fn parse(&self) -> Result<Spanned<DeTable<'_>>, DocumentError> {
-        DeTable::parse(&self.text).map_err(|e| DocumentError::Syntax {
+    fn line(&self, offset: usize) -> usize {
+        let end = offset.min(self.text.len());
+        let before = &self.text.as_bytes()[..end];
+        1 + before.iter().filter(|&&byte| byte == b'\n').count()
+    }
+}
+
+/// The keys of a document.
+pub(crate) trait Keys: DeserializeOwned {
+    /// Keys that cannot be left out, each with what to write.
+    const REQUIRED: &'static [(&'static str, &'static str)];
+}
+
+/// A document without errors of syntax, with the spans of its keys.
+pub(crate) struct Document<'a> {
+    source: &'a Source,
+    table: Spanned<DeTable<'a>>,
+}
+
+impl<'a> Document<'a> {
+    pub(crate) fn new(source: &'a Source) -> Result<Self, DocumentError> {
+        let table = DeTable::parse(&source.text).map_err(|e| DocumentError::Syntax {
             place: Box::new(Place {
-                file: self.file.clone(),
-                line: e.span().map(|span| self.line(span.start)),
+                file: source.file.clone(),
+                line: e.span().map(|span| source.line(span.start)),
                 section: String::new(),
             }),
             message: quoted(e.message()),
-        })
+        })?;
+        Ok(Self { source, table })
     }
 
-    fn line(&self, offset: usize) -> usize {
-        let end = offset.min(self.text.len());
-        1 + self.text.as_bytes()[..end]
-            .iter()
-            .filter(|&&byte| byte == b'\n')
-            .count()
+    /// The values of its keys.
+    pub(crate) fn read<T: Keys>(&self) -> Result<T, DocumentError> {
+        toml::from_str(&self.source.text).map_err(|e| self.explain(&e, T::REQUIRED))
     }
-}
 
-/// One table of the file: its top, a `[section]`, or one of `[[sections]]`.
-pub(crate) struct Section<'a> {
-    source: &'a Source,
-    table: &'a DeTable<'a>,
-    span: Range<usize>,
-    /// Name in messages; empty for the top of the file.
-    pub(crate) title: String,
-}
+    /// Number of the `[[list]]` tables.
+    pub(crate) fn count(&self, list: &str) -> usize {
+        match self.table.get_ref().get(list).map(Spanned::get_ref) {
+            Some(DeValue::Array(list)) => list.len(),
+            _ => 0,
+        }
+    }
 
-impl<'a> Section<'a> {
-    pub(crate) fn root(source: &'a Source, table: &'a Spanned<DeTable<'a>>) -> Self {
-        Self {
-            source,
-            table: table.get_ref(),
+    /// Its top.
+    pub(crate) fn top(&self) -> Section<'_> {
+        Section {
+            source: self.source,
+            table: self.table.get_ref(),
             span: 0..0,
             title: String::new(),
         }
     }
 
+    /// Its `[key]` table, or all of its `[[key]]` tables.
+    pub(crate) fn sections(&self, key: &str) -> Vec<Section<'_>> {
+        let top = self.top();
+        let entry = top.table.get_key_value(key);
+        entry.map_or_else(Vec::new, |(key, value)| top.below(key, value))
+    }
+
+    /// Its `[key]` table, or number `index` (from zero) of its `[[key]]` tables; its top if there
+    /// is none. For one table only: the others are looked through.
+    pub(crate) fn section(&self, key: &str, index: usize) -> Section<'_> {
+        let found = self.sections(key).into_iter().nth(index);
+        found.unwrap_or_else(|| self.top())
+    }
+
+    fn explain(&self, error: &toml::de::Error, required: &[(&str, &'static str)]) -> DocumentError {
+        let message = error.message();
+        let found = error.span().and_then(|span| self.top().find(span.start));
+        if let Some(key) = message.strip_prefix("missing field `") {
+            let key = key.trim_end_matches('`');
+            let table = found.map_or_else(|| self.top(), |found| found.table);
+            let hint = required.iter().find(|(name, _)| *name == key);
+            return table.missing(key, hint.map_or("its value", |(_, hint)| hint));
+        }
+        let Some(Found {
+            section,
+            key,
+            value,
+            ..
+        }) = found
+        else {
+            return DocumentError::Syntax {
+                place: self.top().place(),
+                message: quoted(message),
+            };
+        };
+        if message.starts_with("unknown field `") {
+            let known = message.rsplit_once(", expected ").map_or("", |(_, k)| k);
+            let known = known.split('`').skip(1).step_by(2);
+            return section.unknown(key, known);
+        }
+        // Of the functions in `keys`, with the value or without it; then serde's own.
+        if let Some(message) = message.strip_prefix("is ")
+            && let Some((found, expected)) = message.rsplit_once("; expected ")
+        {
+            return section.unexpected(key, found, expected);
+        }
+        let expected = match message.rsplit_once("expected ") {
+            Some((_, "a sequence")) => format!("a list of tables, each headed [[{key}]]"),
+            Some((_, "a boolean")) => "true or false".to_owned(),
+            Some((_, expected)) => expected.to_owned(),
+            None => format!("a value that can be read ({})", quoted(message)),
+        };
+        section.unexpected(key, describe(value), expected)
+    }
+}
+
+/// One table of a document: its top, a `[section]`, or one of `[[sections]]`.
+#[derive(Clone)]
+pub(crate) struct Section<'a> {
+    source: &'a Source,
+    table: &'a DeTable<'a>,
+    span: Range<usize>,
+    /// Name in messages; empty for the top of the document.
+    pub(crate) title: String,
+}
+
+/// The key or the table at a place of the text.
+struct Found<'a> {
+    /// Table of the key.
+    section: Section<'a>,
+    key: &'a str,
+    value: &'a DeValue<'a>,
+    /// The value, where it is a table; otherwise as `section`.
+    table: Section<'a>,
+}
+
+impl<'a> Section<'a> {
     /// Place at which this section starts.
     pub(crate) fn place(&self) -> Box<Place> {
         self.place_at(&self.span)
@@ -91,7 +182,8 @@ impl<'a> Section<'a> {
 
     /// Place of a key of it, or of the section itself when the key is absent.
     pub(crate) fn place_of(&self, key: &str) -> Box<Place> {
-        self.place_at(&self.span_of(key).unwrap_or_else(|| self.span.clone()))
+        let key = self.table.get_key_value(key);
+        self.place_at(&key.map_or_else(|| self.span.clone(), |(key, _)| key.span()))
     }
 
     fn place_at(&self, span: &Range<usize>) -> Box<Place> {
@@ -103,37 +195,41 @@ impl<'a> Section<'a> {
         })
     }
 
-    fn span_of(&self, key: &str) -> Option<Range<usize>> {
-        self.table.get_key_value(key).map(|(name, _)| name.span())
-    }
-
     pub(crate) fn has(&self, key: &str) -> bool {
         self.table.contains_key(key)
     }
 
-    /// Refuses every key that is not in the list.
+    /// Refuses every key that is not in the list, where the keys depend on a value.
     pub(crate) fn only(&self, known: &[&str]) -> Result<(), DocumentError> {
-        for name in self.table.keys() {
-            if !known.contains(&name.get_ref().as_ref()) {
-                return Err(DocumentError::UnknownKey {
-                    place: self.place_at(&name.span()),
-                    key: quoted(name.get_ref()),
-                    hint: nearest(name.get_ref(), known.iter().copied()),
-                });
-            }
+        let is_known = |key: &&str| known.contains(key);
+        match self
+            .table
+            .keys()
+            .map(|key| key.get_ref().as_ref())
+            .find(|key| !is_known(key))
+        {
+            Some(key) => Err(self.unknown(key, known.iter().copied())),
+            None => Ok(()),
         }
-        Ok(())
     }
 
-    fn value(&self, key: &str) -> Option<&'a DeValue<'a>> {
-        self.table.get(key).map(Spanned::get_ref)
+    fn unknown<'k>(
+        &self,
+        key: &str,
+        known: impl Iterator<Item = &'k str> + Clone,
+    ) -> DocumentError {
+        DocumentError::UnknownKey {
+            place: self.place_of(key),
+            key: quoted(key),
+            hint: nearest(key, known),
+        }
     }
 
     pub(crate) fn unexpected(
         &self,
         key: &str,
-        found: impl fmt::Display,
-        expected: impl fmt::Display,
+        found: impl Display,
+        expected: impl Display,
     ) -> DocumentError {
         DocumentError::Unexpected {
             place: self.place_of(key),
@@ -143,251 +239,72 @@ impl<'a> Section<'a> {
         }
     }
 
-    pub(crate) fn missing(&self, key: &'static str, expected: &'static str) -> DocumentError {
+    pub(crate) fn missing(&self, key: &str, expected: &'static str) -> DocumentError {
         DocumentError::Missing {
             place: self.place(),
-            key,
+            key: key.to_owned(),
             expected,
         }
     }
 
-    /// A finite number; integers are numbers too.
-    pub(crate) fn number(&self, key: &str) -> Result<Option<f64>, DocumentError> {
-        self.value(key)
-            .map(|value| self.finite(key, value, "a number"))
-            .transpose()
-    }
-
-    /// A number that must satisfy a condition, described by `expected`.
-    pub(crate) fn number_where(
-        &self,
-        key: &str,
-        expected: &str,
-        allowed: impl Fn(f64) -> bool,
-    ) -> Result<Option<f64>, DocumentError> {
-        match self.number(key)? {
-            Some(found) if !allowed(found) => Err(self.unexpected(key, found, expected)),
-            found => Ok(found),
-        }
-    }
-
-    fn finite(&self, key: &str, value: &DeValue<'_>, expected: &str) -> Result<f64, DocumentError> {
-        match number_of(value) {
-            Some(number) if number.abs() <= LARGEST => Ok(number),
-            Some(number) if number.is_finite() => {
-                Err(self.unexpected(key, number, format!("{expected} of a size that exists")))
+    /// The tables that a key of this one holds. Those of a list are numbered from one and carry
+    /// their name or channel.
+    fn below(&self, key: &Spanned<impl AsRef<str>>, value: &'a Spanned<DeValue<'a>>) -> Vec<Self> {
+        let name = key.get_ref().as_ref();
+        let section = |table, span, title| Section {
+            source: self.source,
+            table,
+            span,
+            title,
+        };
+        match value.get_ref() {
+            DeValue::Table(table) => {
+                let title = match self.title.as_str() {
+                    "" => format!("[{name}]"),
+                    outer => format!("{outer}, `{name}`"),
+                };
+                vec![section(table, key.span(), title)]
             }
-            Some(number) => Err(self.unexpected(key, number, format!("{expected} that is finite"))),
-            None => Err(self.unexpected(key, describe(value), expected)),
-        }
-    }
-
-    /// A list of exactly `N` finite numbers.
-    pub(crate) fn vector<const N: usize>(
-        &self,
-        key: &str,
-    ) -> Result<Option<[f64; N]>, DocumentError> {
-        let expected = format!("a list of {N} numbers");
-        let Some(value) = self.value(key) else {
-            return Ok(None);
-        };
-        let DeValue::Array(list) = value else {
-            return Err(self.unexpected(key, describe(value), expected));
-        };
-        if list.len() != N {
-            let found = format!("a list of {} values", list.len());
-            return Err(self.unexpected(key, found, expected));
-        }
-        let mut vector = [0.0; N];
-        for (slot, item) in vector.iter_mut().zip(list.iter()) {
-            *slot = self.finite(key, item.get_ref(), &expected)?;
-        }
-        Ok(Some(vector))
-    }
-
-    /// A list of any number of 3-vectors.
-    pub(crate) fn vectors(&self, key: &str) -> Result<Option<Vec<[f64; 3]>>, DocumentError> {
-        const EXPECTED: &str = "a list of lists of 3 numbers";
-        let Some(value) = self.value(key) else {
-            return Ok(None);
-        };
-        let DeValue::Array(list) = value else {
-            return Err(self.unexpected(key, describe(value), EXPECTED));
-        };
-        let mut vectors = Vec::with_capacity(list.len());
-        for item in list.iter() {
-            let DeValue::Array(inner) = item.get_ref() else {
-                return Err(self.unexpected(key, describe(item.get_ref()), EXPECTED));
-            };
-            if inner.len() != 3 {
-                let found = format!("a list that holds one of {} values", inner.len());
-                return Err(self.unexpected(key, found, EXPECTED));
-            }
-            let mut vector = [0.0; 3];
-            for (slot, number) in vector.iter_mut().zip(inner.iter()) {
-                *slot = self.finite(key, number.get_ref(), EXPECTED)?;
-            }
-            vectors.push(vector);
-        }
-        Ok(Some(vectors))
-    }
-
-    /// Number of the `[[key]]` tables.
-    pub(crate) fn count(&self, key: &str) -> usize {
-        match self.value(key) {
-            Some(DeValue::Array(list)) => list.len(),
-            _ => 0,
-        }
-    }
-
-    /// Text that is not blank, of one line, and shows as it stands wherever it is printed.
-    pub(crate) fn text(&self, key: &str) -> Result<Option<String>, DocumentError> {
-        match self.value(key) {
-            None => Ok(None),
-            Some(DeValue::String(text)) if text.trim().is_empty() => {
-                Err(self.unexpected(key, "empty", "a name"))
-            }
-            Some(value @ DeValue::String(text)) if text.contains(steers) => {
-                let expected = "text of one line without control characters";
-                Err(self.unexpected(key, describe(value), expected))
-            }
-            Some(DeValue::String(text)) => Ok(Some(text.to_string())),
-            Some(other) => Err(self.unexpected(key, describe(other), "text in quotes")),
-        }
-    }
-
-    /// One text or a list of them, none of them blank.
-    pub(crate) fn texts(&self, key: &str) -> Result<Vec<String>, DocumentError> {
-        const EXPECTED: &str = "text in quotes, or a list of such texts";
-        let Some(DeValue::Array(list)) = self.value(key) else {
-            return Ok(self.text(key)?.into_iter().collect());
-        };
-        if list.is_empty() {
-            return Err(self.unexpected(key, "an empty list", EXPECTED));
-        }
-        let text = |entry: &DeValue<'_>| match entry {
-            DeValue::String(text) if !text.trim().is_empty() => Ok(text.to_string()),
-            DeValue::String(_) => Err(self.unexpected(key, "empty", "names")),
-            other => Err(self.unexpected(key, describe(other), EXPECTED)),
-        };
-        list.iter().map(|entry| text(entry.get_ref())).collect()
-    }
-
-    pub(crate) fn flag(&self, key: &str) -> Result<Option<bool>, DocumentError> {
-        match self.value(key) {
-            None => Ok(None),
-            Some(DeValue::Boolean(flag)) => Ok(Some(*flag)),
-            Some(other) => Err(self.unexpected(key, describe(other), "true or false")),
-        }
-    }
-
-    /// One of a few words.
-    pub(crate) fn choice<T: Copy>(
-        &self,
-        key: &str,
-        words: &[(&str, T)],
-    ) -> Result<Option<T>, DocumentError> {
-        let Some(text) = self.text(key)? else {
-            return Ok(None);
-        };
-        match words.iter().find(|(word, _)| *word == text) {
-            Some((_, value)) => Ok(Some(*value)),
-            None => {
-                let words: Vec<String> = words.iter().map(|(w, _)| format!("\"{w}\"")).collect();
-                Err(self.unexpected(key, format!("\"{}\"", quoted(&text)), words.join(" or ")))
-            }
-        }
-    }
-
-    /// A list of words.
-    pub(crate) fn words(&self, key: &str) -> Result<Option<Vec<String>>, DocumentError> {
-        const EXPECTED: &str = "a list of texts in quotes";
-        match self.value(key) {
-            None => Ok(None),
-            Some(DeValue::Array(list)) => list
-                .iter()
-                .map(|item| match item.get_ref() {
-                    DeValue::String(word) if !word.contains(steers) => Ok(word.to_string()),
-                    other => Err(self.unexpected(key, describe(other), EXPECTED)),
-                })
-                .collect::<Result<_, _>>()
-                .map(Some),
-            Some(other) => Err(self.unexpected(key, describe(other), EXPECTED)),
-        }
-    }
-
-    /// The `[key]` table, or an inline one.
-    pub(crate) fn section(&self, key: &str) -> Result<Option<Section<'a>>, DocumentError> {
-        match self.value(key) {
-            None => Ok(None),
-            Some(DeValue::Table(table)) => Ok(Some(Section {
-                source: self.source,
-                table,
-                span: self.span_of(key).unwrap_or_else(|| self.span.clone()),
-                title: match self.title.as_str() {
-                    "" => format!("[{key}]"),
-                    outer => format!("{outer}, `{key}`"),
-                },
-            })),
-            Some(other) => Err(self.unexpected(key, describe(other), "a table")),
-        }
-    }
-
-    /// The `[[key]]` tables; none is an empty list. Titles are numbered from one
-    /// and carry the value of the naming key where there is one.
-    pub(crate) fn sections(
-        &self,
-        key: &str,
-        naming: &str,
-    ) -> Result<Vec<Section<'a>>, DocumentError> {
-        let expected = format!("a list of tables, each headed [[{key}]]");
-        let list = match self.value(key) {
-            None => return Ok(Vec::new()),
-            Some(DeValue::Array(list)) => list,
-            Some(other) => return Err(self.unexpected(key, describe(other), expected)),
-        };
-        list.iter()
-            .enumerate()
-            .map(|(index, item)| match item.get_ref() {
-                DeValue::Table(table) => {
-                    let number = index + 1;
-                    let name = match table.get(naming).map(Spanned::get_ref) {
-                        Some(DeValue::String(name)) => {
-                            format!(" ({naming} \"{}\")", quoted(name))
-                        }
-                        _ => String::new(),
+            DeValue::Array(list) => (1..)
+                .zip(list.iter())
+                .filter_map(|(number, item)| {
+                    let DeValue::Table(table) = item.get_ref() else {
+                        return None;
                     };
-                    Ok(Section {
-                        source: self.source,
-                        table,
-                        span: item.span(),
-                        title: format!("[[{key}]] {number}{name}"),
-                    })
-                }
-                other => Err(self.unexpected(key, describe(other), &expected)),
-            })
-            .collect()
+                    let own = ["name", "channel"].into_iter().find_map(|naming| {
+                        let own = table.get(naming)?.get_ref().as_str()?;
+                        Some(format!(" ({naming} \"{}\")", quoted(own)))
+                    });
+                    let title = format!("[[{name}]] {number}{}", own.unwrap_or_default());
+                    Some(section(table, item.span(), title))
+                })
+                .collect(),
+            _ => Vec::new(),
+        }
     }
 
-    /// Every key of this section with its finite number, in the order of the keys.
-    pub(crate) fn numbers(&self) -> Result<Vec<(String, f64)>, DocumentError> {
-        self.table
-            .iter()
-            .map(|(name, value)| {
-                let number = self.finite(name.get_ref(), value.get_ref(), "a number")?;
-                Ok((name.get_ref().to_string(), number))
-            })
-            .collect()
-    }
-}
-
-fn number_of(value: &DeValue<'_>) -> Option<f64> {
-    match value {
-        DeValue::Float(float) => float.as_str().parse().ok(),
-        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
-            .ok()
-            .map(|integer| integer as f64),
-        _ => None,
+    /// The key, the value or the table that stands at an offset of the text.
+    fn find(&self, at: usize) -> Option<Found<'a>> {
+        for (key, value) in self.table {
+            let below = self.below(key, value);
+            let own = |table: &Self| Found {
+                section: self.clone(),
+                key: key.get_ref(),
+                value: value.get_ref(),
+                table: table.clone(),
+            };
+            if key.span().start == at || (below.is_empty() && value.span().contains(&at)) {
+                return Some(own(self));
+            }
+            let within = |table: &Self| match table.span.start == at || value.span().start == at {
+                true => Some(own(table)),
+                false => table.find(at),
+            };
+            if let Some(found) = below.iter().find_map(within) {
+                return Some(found);
+            }
+        }
+        None
     }
 }
 

@@ -92,7 +92,7 @@ pub enum DocumentError {
         /// File, line and section.
         place: Box<Place>,
         /// The missing key.
-        key: &'static str,
+        key: String,
         /// The keys or values that would be right.
         expected: &'static str,
     },
@@ -142,15 +142,6 @@ pub enum SetupError {
         /// Advice to the user.
         advice: &'static str,
     },
-    /// A direction without direction.
-    #[error(
-        "{place}: `direction` is the zero vector; give the axis along which the channel \
-         reads positive, for example [0, 0, 1]"
-    )]
-    ZeroDirection {
-        /// File, line and section.
-        place: Box<Place>,
-    },
     /// Two sensors that claim the same column.
     #[error(
         "{place}: channel \"{channel}\" belongs to {first} already; every channel of the \
@@ -185,19 +176,6 @@ pub enum SetupError {
     NoProcessing {
         /// The run that asks for it.
         place: Box<Place>,
-    },
-    /// A band whose ends do not make one.
-    #[error(
-        "{place}: `{key}` is [{}, {}]; expected two frequencies in Hz, the lower first and \
-         not negative", found[0], found[1]
-    )]
-    Band {
-        /// File, line and section.
-        place: Box<Place>,
-        /// `averaging_band` or `mode_band`.
-        key: &'static str,
-        /// As written.
-        found: [f64; 2],
     },
     /// A band that the spectrum cannot serve at the stated sample rate.
     #[error("{place}: {source}")]

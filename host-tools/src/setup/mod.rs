@@ -11,6 +11,7 @@
 mod document;
 mod error;
 mod file;
+pub(crate) mod keys;
 mod parse;
 mod print;
 #[cfg(test)]
@@ -19,15 +20,16 @@ mod uncertainty;
 
 use crate::recording::{Checksum, Recording, RecordingError};
 use massline_core::spectra::{LineGrid, Window};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-pub(crate) use document::{Section, Source, nearest};
+pub(crate) use document::{Document, Keys, Section, Source, nearest};
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::{read as read_document, read_of as read_document_of};
 pub use massline_core::geometry::{Mount, Quantity};
-pub(crate) use parse::unit;
+pub(crate) use parse::{block_length, overlap, quantity};
 pub use uncertainty::{Defaults, Uncertainty};
 
 /// The window of all random runs.
@@ -61,32 +63,44 @@ pub struct Setup {
 }
 
 /// Settings of the averaging of time recordings, and the bands of lines that count.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Processing {
     /// Samples per second, Hz; `None`: the recording carries it.
+    #[serde(default, deserialize_with = "parse::sample_rate")]
     pub sample_rate: Option<f64>,
     /// Samples of one transform, a power of two.
+    #[serde(default = "default_block_length", deserialize_with = "block_length")]
     pub block_length: usize,
     /// Share of a block that the next one uses again, 0 to 0.95.
+    #[serde(default = "default_overlap", deserialize_with = "overlap")]
     pub overlap: f64,
     /// Lower and upper frequency of the lines that the rigid body is read from, Hz.
+    #[serde(deserialize_with = "keys::band")]
     pub averaging_band: [f64; 2],
     /// Band in which the weighting strategy looks for the first elastic modes, Hz (chapter 7).
+    #[serde(default, deserialize_with = "keys::band")]
     pub mode_band: Option<[f64; 2]>,
 }
 
 /// Choices of the estimators, chapters 5 to 7.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Estimation {
     /// W_min: the weight of the accelerometer that sees the first modes most.
+    #[serde(deserialize_with = "parse::minimum_weight")]
     pub minimum_weight: f64,
     /// Most elastic modes that methods d and e fit.
+    #[serde(deserialize_with = "parse::modes")]
     pub modes: usize,
     /// Band in which methods d and e fit, Hz; `None`: all lines that are kept.
+    #[serde(deserialize_with = "keys::band")]
     pub fit_band: Option<[f64; 2]>,
     /// Distance of CG and reference point at which the iteration ends, m.
+    #[serde(deserialize_with = "parse::tolerance")]
     pub tolerance: f64,
     /// Most iterations.
+    #[serde(deserialize_with = "parse::iterations")]
     pub iterations: u32,
 }
 
@@ -103,7 +117,8 @@ impl Default for Estimation {
 }
 
 /// One channel of an accelerometer: a point and a direction (a row of X_a, eq 4).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(from = "parse::AccelerometerKeys")]
 pub struct AccelerometerEntry {
     /// Column of the recordings.
     pub channel: String,
@@ -120,7 +135,8 @@ pub struct AccelerometerEntry {
 }
 
 /// One channel of a load cell (a row of X_f, eq 5).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(try_from = "parse::LoadCellKeys")]
 pub struct LoadCellEntry {
     /// Column of the recordings.
     pub channel: String,
@@ -137,33 +153,44 @@ pub struct LoadCellEntry {
 }
 
 /// One excitation configuration.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Run {
     /// Unique among the runs.
+    #[serde(deserialize_with = "keys::text")]
     pub name: String,
     /// As written: absolute, or relative to the setup file. See [`Setup::recording_path`].
+    #[serde(deserialize_with = "keys::text")]
     pub recording: PathBuf,
     /// Length and checksum of the recording, where the program that wrote the setup wrote it, too.
+    #[serde(default, deserialize_with = "parse::checksum")]
     pub checksum: Option<Checksum>,
     /// Kind of the recording.
+    #[serde(default, deserialize_with = "parse::excitation")]
     pub excitation: Excitation,
     /// Channels of the generator's drive signals, random runs only: one a shaker that is driven
     /// by itself. None: spectra are referred to nothing.
+    #[serde(default, rename = "reference", deserialize_with = "keys::texts")]
     pub references: Vec<String>,
     /// The run before it that this one repeats: sine runs only.
+    #[serde(default, deserialize_with = "keys::text")]
     pub repeats: Option<String>,
     /// Weights given by hand, by accelerometer channel, each in (0, 1]; this run only.
+    #[serde(default, deserialize_with = "keys::numbered")]
     pub weights: BTreeMap<String, f64>,
     /// Rotation vector in degrees: x_interface = R x_specimen + translation.
+    #[serde(default, deserialize_with = "keys::vector")]
     pub rotation: [f64; 3],
     /// Shift in m: where the specimen frame's origin lies in interface coordinates.
+    #[serde(default, deserialize_with = "keys::vector")]
     pub translation: [f64; 3],
 }
 
 /// Kind of a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Excitation {
     /// Time samples under random excitation.
+    #[default]
     Random,
     /// Frequency responses of a stepped sine test.
     Sine,
@@ -175,12 +202,59 @@ pub enum Excitation {
 pub const DEFAULT_BLOCK_LENGTH: usize = 1024;
 /// Overlap where the file names none: what suits the Hann window.
 pub const DEFAULT_OVERLAP: f64 = 0.5;
+
+pub(crate) fn default_block_length() -> usize {
+    DEFAULT_BLOCK_LENGTH
+}
+
+pub(crate) fn default_overlap() -> f64 {
+    DEFAULT_OVERLAP
+}
+
 /// Allowed block lengths are the powers of two in this range.
 pub const BLOCK_LENGTHS: RangeInclusive<usize> = 16..=32768;
 /// A block that shares more than this with the next costs time and says nothing new.
 pub const OVERLAPS: RangeInclusive<f64> = 0.0..=0.95;
 /// Fewer lines than this in a band say nothing about a trend over frequency.
 pub const FEWEST_LINES: usize = 3;
+
+impl AccelerometerEntry {
+    /// A sensor that records m/s² and states no uncertainty.
+    pub(crate) fn new(
+        channel: String,
+        position: impl Into<[f64; 3]>,
+        direction: impl Into<[f64; 3]>,
+        mount: Mount,
+    ) -> Self {
+        Self {
+            channel,
+            position: position.into(),
+            direction: direction.into(),
+            mount,
+            scale: 1.0,
+            uncertainty: Uncertainty::default(),
+        }
+    }
+}
+
+impl LoadCellEntry {
+    /// A load cell that records N or N m and states no uncertainty.
+    pub(crate) fn new(
+        channel: String,
+        position: impl Into<[f64; 3]>,
+        direction: impl Into<[f64; 3]>,
+        quantity: Quantity,
+    ) -> Self {
+        Self {
+            channel,
+            position: position.into(),
+            direction: direction.into(),
+            quantity,
+            scale: 1.0,
+            uncertainty: Uncertainty::default(),
+        }
+    }
+}
 
 impl Setup {
     /// Reads and checks a setup file.

@@ -1,17 +1,19 @@
-//! From the sections of a setup file to [`Setup`], with everything checked on the way.
+//! From a setup file to [`Setup`]: serde reads its keys, and what several of them say together is
+//! checked here.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::document::{Section, Source, nearest};
+use serde::{Deserialize, Deserializer};
+
+use super::document::{Document, Keys, Section, Source, nearest};
+use super::keys::{self, outside, text, vector, word};
 use super::{
-    AccelerometerEntry, BLOCK_LENGTHS, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, Estimation,
-    Excitation, LoadCellEntry, Mount, OVERLAPS, Processing, Quantity, Run, Setup, SetupError,
-    uncertainty,
+    AccelerometerEntry, BLOCK_LENGTHS, Defaults, Estimation, Excitation, LoadCellEntry, Mount,
+    OVERLAPS, Processing, Quantity, Run, Setup, SetupError, Uncertainty, uncertainty,
 };
 use crate::limits;
-use crate::printable::printable;
-use crate::printable::quoted;
+use crate::printable::{printable, quoted};
 use crate::recording::Checksum;
 
 pub(super) const MOUNTS: [(&str, Mount); 2] = [
@@ -41,116 +43,288 @@ impl Excitation {
     }
 }
 
-/// Sensor in which each channel was first seen.
-type Channels = BTreeMap<String, String>;
+/// The file as a whole.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+struct File {
+    #[serde(deserialize_with = "text")]
+    title: Option<String>,
+    #[serde(deserialize_with = "vector")]
+    reference_point: [f64; 3],
+    #[serde(deserialize_with = "known_mass")]
+    known_mass: Option<f64>,
+    #[serde(deserialize_with = "known_mass_uncertainty")]
+    known_mass_uncertainty: Option<f64>,
+    processing: Option<Processing>,
+    estimation: Estimation,
+    defaults: Defaults,
+    accelerometer: Vec<AccelerometerEntry>,
+    load_cell: Vec<LoadCellEntry>,
+    run: Vec<Run>,
+}
+
+impl Keys for File {
+    const REQUIRED: &'static [(&'static str, &'static str)] = &[
+        (
+            "averaging_band",
+            "[low, high] in Hz, well below the first elastic natural frequency",
+        ),
+        ("channel", "the column's name in the recordings"),
+        ("position", "[x, y, z] in m"),
+        (
+            "direction",
+            "the axis along which the channel reads positive, for example [0, 0, 1]",
+        ),
+        ("name", "what the run is called in results"),
+        ("recording", "the recording's file name"),
+        ("crc32", CRC32),
+        ("bytes", BYTES),
+    ];
+}
+
+const MASS_UNCERTAINTY: &str =
+    "the standard uncertainty of `known_mass` in kg, more than 0, beside a `known_mass`";
+const CRC32: &str = "the CRC-32 of the recording in eight hexadecimal digits, such as \"cbf43926\"";
+const BYTES: &str = "the recording's length, a whole number of bytes";
+
+keys::numbers! {
+    known_mass:
+        "the weighed mass in kg, more than 0 (leave it out to have the mass identified)",
+        |mass| mass > 0.0;
+    known_mass_uncertainty: MASS_UNCERTAINTY, |u| u > 0.0;
+    sample_rate: "samples per second in Hz, more than 0", |rate| rate > 0.0;
+    overlap:
+        format_args!("a share of the block from {} to {}", OVERLAPS.start(), OVERLAPS.end()),
+        |overlap| OVERLAPS.contains(&overlap);
+    minimum_weight:
+        "the weight of the accelerometer that sees the modes most, more than 0 and at most 1",
+        |weight| weight > 0.0 && weight <= 1.0;
+    tolerance: "a distance in m, more than 0", |distance| distance > 0.0;
+    scale: "SI units per recorded unit, not 0", |scale| scale != 0.0;
+    // Up to 2^53 every whole number has its own f64.
+    bytes: BYTES, |n| n.fract() == 0.0 && (0.0..=9e15).contains(&n);
+}
+
+pub(crate) fn block_length<'de, D: Deserializer<'de>>(value: D) -> Result<usize, D::Error> {
+    let (low, high) = (BLOCK_LENGTHS.start(), BLOCK_LENGTHS.end());
+    let expected = format_args!("a power of two from {low} to {high}");
+    keys::whole(value, expected, |length| {
+        length.is_power_of_two() && BLOCK_LENGTHS.contains(&length.into())
+    })
+}
+
+pub(super) fn modes<'de, D: Deserializer<'de>>(value: D) -> Result<usize, D::Error> {
+    let most = Estimation::default().modes;
+    let expected = format_args!("a whole number of modes from 1 to {most}");
+    keys::whole(value, expected, |modes| (1..=most).contains(&modes.into()))
+}
+
+pub(super) fn iterations<'de, D: Deserializer<'de>>(value: D) -> Result<u32, D::Error> {
+    let expected = "a whole number from 1 to 1000";
+    keys::whole(value, expected, |n| (1..=1000).contains(&n))
+}
+
+pub(super) fn excitation<'de, D: Deserializer<'de>>(value: D) -> Result<Excitation, D::Error> {
+    word(value, &EXCITATIONS)
+}
+
+fn mount<'de, D: Deserializer<'de>>(value: D) -> Result<Mount, D::Error> {
+    word(value, &MOUNTS)
+}
+
+pub(crate) fn quantity<'de, D: Deserializer<'de>>(value: D) -> Result<Quantity, D::Error> {
+    word(value, &QUANTITIES)
+}
+
+fn structure() -> Mount {
+    Mount::Structure
+}
+
+fn force() -> Quantity {
+    Quantity::Force
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// An `[[accelerometer]]` as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub(super) struct AccelerometerKeys {
+    #[serde(deserialize_with = "text")]
+    channel: String,
+    #[serde(deserialize_with = "vector")]
+    position: [f64; 3],
+    #[serde(deserialize_with = "keys::direction")]
+    direction: [f64; 3],
+    #[serde(default = "structure", deserialize_with = "mount")]
+    mount: Mount,
+    #[serde(default = "one", deserialize_with = "scale")]
+    scale: f64,
+    #[serde(default, deserialize_with = "uncertainty::noise")]
+    noise: Option<f64>,
+    #[serde(default, deserialize_with = "uncertainty::calibration")]
+    calibration_uncertainty: Option<f64>,
+    #[serde(default, deserialize_with = "uncertainty::position")]
+    position_uncertainty: Option<f64>,
+    #[serde(default, deserialize_with = "uncertainty::direction")]
+    direction_uncertainty: Option<f64>,
+}
+
+impl From<AccelerometerKeys> for AccelerometerEntry {
+    fn from(keys: AccelerometerKeys) -> Self {
+        Self {
+            channel: keys.channel,
+            position: keys.position,
+            direction: keys.direction,
+            mount: keys.mount,
+            scale: keys.scale,
+            uncertainty: Uncertainty {
+                noise: keys.noise,
+                calibration: keys.calibration_uncertainty,
+                position: keys.position_uncertainty,
+                direction: keys.direction_uncertainty,
+            },
+        }
+    }
+}
+
+/// A `[[load_cell]]` as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub(super) struct LoadCellKeys {
+    #[serde(deserialize_with = "text")]
+    channel: String,
+    #[serde(default, deserialize_with = "vector")]
+    position: Option<[f64; 3]>,
+    #[serde(deserialize_with = "keys::direction")]
+    direction: [f64; 3],
+    #[serde(default = "force", deserialize_with = "quantity")]
+    quantity: Quantity,
+    #[serde(default = "one", deserialize_with = "scale")]
+    scale: f64,
+    #[serde(default, deserialize_with = "uncertainty::noise")]
+    noise: Option<f64>,
+    #[serde(default, deserialize_with = "uncertainty::calibration")]
+    calibration_uncertainty: Option<f64>,
+    #[serde(default, deserialize_with = "uncertainty::position")]
+    position_uncertainty: Option<f64>,
+    #[serde(default, deserialize_with = "uncertainty::direction")]
+    direction_uncertainty: Option<f64>,
+}
+
+impl TryFrom<LoadCellKeys> for LoadCellEntry {
+    type Error = &'static str;
+
+    fn try_from(keys: LoadCellKeys) -> Result<Self, Self::Error> {
+        // A pure moment is the same everywhere.
+        let position = match keys.quantity {
+            Quantity::Force => keys.position.ok_or("missing field `position`")?,
+            Quantity::Moment => keys.position.unwrap_or_default(),
+        };
+        Ok(Self {
+            channel: keys.channel,
+            position,
+            direction: keys.direction,
+            quantity: keys.quantity,
+            scale: keys.scale,
+            uncertainty: Uncertainty {
+                noise: keys.noise,
+                calibration: keys.calibration_uncertainty,
+                position: keys.position_uncertainty,
+                direction: keys.direction_uncertainty,
+            },
+        })
+    }
+}
+
+pub(super) fn checksum<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Checksum>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields, expecting = "a table")]
+    struct ChecksumKeys {
+        #[serde(deserialize_with = "crc32")]
+        crc32: u32,
+        #[serde(deserialize_with = "bytes")]
+        bytes: f64,
+    }
+    let keys = ChecksumKeys::deserialize(value)?;
+    Ok(Some(Checksum {
+        crc32: keys.crc32,
+        bytes: keys.bytes as u64,
+    }))
+}
+
+fn crc32<'de, D: Deserializer<'de>>(value: D) -> Result<u32, D::Error> {
+    let digits: String = text(value)?;
+    let is_hex = digits.len() == 8 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    let sum = u32::from_str_radix(&digits, 16).ok().filter(|_| is_hex);
+    sum.ok_or_else(|| outside(format_args!("\"{}\"", quoted(&digits)), CRC32))
+}
 
 pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
-    let table = source.parse()?;
-    let root = Section::root(source, &table);
-    root.only(&[
-        "title",
-        "reference_point",
-        "known_mass",
-        "known_mass_uncertainty",
-        "processing",
-        "estimation",
-        "defaults",
-        "accelerometer",
-        "load_cell",
-        "run",
-    ])?;
-
-    fits(source, &root)?;
-
-    let known_mass = root.number_where(
-        "known_mass",
-        "the weighed mass in kg, more than 0 (leave it out to have the mass identified)",
-        |mass| mass > 0.0,
-    )?;
-    let known_mass_uncertainty = root.number_where(
-        "known_mass_uncertainty",
-        "the standard uncertainty of `known_mass` in kg, more than 0, beside a `known_mass`",
-        |u| u > 0.0 && known_mass.is_some(),
-    )?;
-    let processing = root
-        .section("processing")?
-        .map(|section| processing(&section))
-        .transpose()?;
-
-    let estimation = root
-        .section("estimation")?
-        .map(|section| estimation(&section))
-        .transpose()?
-        .unwrap_or_default();
-    let defaults = root
-        .section("defaults")?
-        .map(|section| uncertainty::defaults(&section))
-        .transpose()?
-        .unwrap_or_default();
-
-    let mut seen = Channels::new();
-    let accelerometers = root
-        .sections("accelerometer", "channel")?
-        .iter()
-        .map(|section| accelerometer(section, &mut seen))
-        .collect::<Result<Vec<_>, _>>()?;
-    let load_cells = root
-        .sections("load_cell", "channel")?
-        .iter()
-        .map(|section| load_cell(section, &mut seen))
-        .collect::<Result<Vec<_>, _>>()?;
-    not_empty(
-        source,
-        "accelerometer",
-        "no motion is known",
-        &accelerometers,
-    )?;
-    not_empty(source, "load_cell", "no force is known", &load_cells)?;
-
-    let sections = root.sections("run", "name")?;
-    not_empty(source, "run", "there is nothing to evaluate", &sections)?;
-    let mut names = BTreeMap::new();
-    let mut runs: Vec<Run> = Vec::with_capacity(sections.len());
-    for section in &sections {
-        let run = run(section, &accelerometers, &load_cells)?;
-        repeats(section, &run, &runs)?;
-        if let Some(first) = names.insert(run.name.clone(), section.title.clone()) {
-            return Err(SetupError::DuplicateRun {
-                place: section.place_of("name"),
-                name: run.name,
-                first,
-            });
-        }
-        if processing.is_none() && run.excitation != Excitation::Static {
-            return Err(SetupError::NoProcessing {
-                place: section.place(),
-            });
-        }
-        runs.push(run);
+    let document = Document::new(source)?;
+    fits(source, &document)?;
+    let file: File = document.read()?;
+    if let (Some(found), None) = (file.known_mass_uncertainty, file.known_mass) {
+        let key = "known_mass_uncertainty";
+        return Err(document
+            .top()
+            .unexpected(key, found, MASS_UNCERTAINTY)
+            .into());
     }
-
+    if let Some(processing) = &file.processing
+        && let Some(rate) = processing.sample_rate
+    {
+        let check = processing.check_bands(rate);
+        check.map_err(|source| SetupError::BandLines {
+            place: document.section("processing", 0).place_of(source.key()),
+            source,
+        })?;
+    }
+    for (list, reason, found) in [
+        (
+            "accelerometer",
+            "no motion is known",
+            file.accelerometer.len(),
+        ),
+        ("load_cell", "no force is known", file.load_cell.len()),
+        ("run", "there is nothing to evaluate", file.run.len()),
+    ] {
+        if found == 0 {
+            return Err(SetupError::NoEntries {
+                file: source.file.clone(),
+                list,
+                reason,
+            });
+        }
+    }
+    one_sensor_a_channel(&document, &file)?;
+    for (number, section) in document.sections("run").iter().enumerate() {
+        check_run(section, number, &file, &document)?;
+    }
     Ok(Setup {
-        title: root.text("title")?.unwrap_or_else(|| stem(&source.file)),
-        reference_point: root.vector("reference_point")?.unwrap_or_default(),
-        known_mass,
-        known_mass_uncertainty,
-        processing,
-        estimation,
-        defaults,
-        accelerometers,
-        load_cells,
-        runs,
+        title: file.title.unwrap_or_else(|| stem(&source.file)),
+        reference_point: file.reference_point,
+        known_mass: file.known_mass,
+        known_mass_uncertainty: file.known_mass_uncertainty,
+        processing: file.processing,
+        estimation: file.estimation,
+        defaults: file.defaults,
+        accelerometers: file.accelerometer,
+        load_cells: file.load_cell,
+        runs: file.run,
         folder: source.file.parent().map(Path::to_owned).unwrap_or_default(),
     })
 }
 
 /// Refuses more entries than can be used before any of them is looked at.
-fn fits(source: &Source, root: &Section<'_>) -> Result<(), SetupError> {
-    let sensors = root.count("accelerometer") + root.count("load_cell");
+fn fits(source: &Source, document: &Document<'_>) -> Result<(), SetupError> {
+    let sensors = document.count("accelerometer") + document.count("load_cell");
     let split = "do the test in parts, each with a setup of its own";
     for (what, found, limit, advice) in [
         ("sensors", sensors, limits::SENSORS, "leave some out"),
-        ("runs", root.count("run"), limits::RUNS, split),
+        ("runs", document.count("run"), limits::RUNS, split),
     ] {
         if found > limit {
             return Err(SetupError::TooMany {
@@ -172,113 +346,22 @@ fn stem(file: &Path) -> String {
     )
 }
 
-fn not_empty<T>(
-    source: &Source,
-    list: &'static str,
-    reason: &'static str,
-    entries: &[T],
-) -> Result<(), SetupError> {
-    if entries.is_empty() {
-        return Err(SetupError::NoEntries {
-            file: source.file.clone(),
-            list,
-            reason,
-        });
+fn one_sensor_a_channel(document: &Document<'_>, file: &File) -> Result<(), SetupError> {
+    let motion = file.accelerometer.iter().map(|a| &a.channel).enumerate();
+    let motion = motion.map(|(number, channel)| ("accelerometer", number, channel));
+    let force = file.load_cell.iter().map(|c| &c.channel).enumerate();
+    let force = force.map(|(number, channel)| ("load_cell", number, channel));
+    let mut seen = BTreeMap::new();
+    for (list, number, channel) in motion.chain(force) {
+        if let Some((list_of_first, first)) = seen.insert(channel, (list, number)) {
+            return Err(SetupError::DuplicateChannel {
+                place: document.section(list, number).place_of("channel"),
+                channel: channel.clone(),
+                first: document.section(list_of_first, first).title,
+            });
+        }
     }
     Ok(())
-}
-
-fn processing(section: &Section<'_>) -> Result<Processing, SetupError> {
-    section.only(&[
-        "sample_rate",
-        "block_length",
-        "overlap",
-        "averaging_band",
-        "mode_band",
-    ])?;
-    let sample_rate = section.number_where(
-        "sample_rate",
-        "samples per second in Hz, more than 0",
-        |rate| rate > 0.0,
-    )?;
-    let block_length = section.number_where(
-        "block_length",
-        &format!(
-            "a power of two from {} to {}",
-            BLOCK_LENGTHS.start(),
-            BLOCK_LENGTHS.end()
-        ),
-        // The cast is exact where it matters: what it would change fails the comparison.
-        |length| {
-            let whole = length as usize;
-            whole as f64 == length && whole.is_power_of_two() && BLOCK_LENGTHS.contains(&whole)
-        },
-    )?;
-    let overlap = section.number_where(
-        "overlap",
-        &format!(
-            "a share of the block from {} to {}",
-            OVERLAPS.start(),
-            OVERLAPS.end()
-        ),
-        |overlap| OVERLAPS.contains(&overlap),
-    )?;
-    let processing = Processing {
-        sample_rate,
-        block_length: block_length.map_or(DEFAULT_BLOCK_LENGTH, |length| length as usize),
-        overlap: overlap.unwrap_or(DEFAULT_OVERLAP),
-        averaging_band: band(section, "averaging_band")?.ok_or_else(|| {
-            section.missing(
-                "averaging_band",
-                "[low, high] in Hz, well below the first elastic natural frequency",
-            )
-        })?,
-        mode_band: band(section, "mode_band")?,
-    };
-    if let Some(rate) = sample_rate {
-        processing
-            .check_bands(rate)
-            .map_err(|source| SetupError::BandLines {
-                place: section.place_of(source.key()),
-                source,
-            })?;
-    }
-    Ok(processing)
-}
-
-fn estimation(section: &Section<'_>) -> Result<Estimation, SetupError> {
-    section.only(&[
-        "minimum_weight",
-        "modes",
-        "fit_band",
-        "tolerance",
-        "iterations",
-    ])?;
-    let default = Estimation::default();
-    let most = default.modes as f64;
-    let whole = |number: f64| number.fract() == 0.0;
-    let minimum_weight = section.number_where(
-        "minimum_weight",
-        "the weight of the accelerometer that sees the modes most, more than 0 and at most 1",
-        |weight| weight > 0.0 && weight <= 1.0,
-    )?;
-    let modes = section.number_where(
-        "modes",
-        &format!("a whole number of modes from 1 to {most}"),
-        |modes| whole(modes) && (1.0..=most).contains(&modes),
-    )?;
-    let tolerance =
-        section.number_where("tolerance", "a distance in m, more than 0", |t| t > 0.0)?;
-    let iterations = section.number_where("iterations", "a whole number from 1 to 1000", |n| {
-        whole(n) && (1.0..=1000.0).contains(&n)
-    })?;
-    Ok(Estimation {
-        minimum_weight: minimum_weight.unwrap_or(default.minimum_weight),
-        modes: modes.map_or(default.modes, |modes| modes as usize),
-        fit_band: band(section, "fit_band")?,
-        tolerance: tolerance.unwrap_or(default.tolerance),
-        iterations: iterations.map_or(default.iterations, |n| n as u32),
-    })
 }
 
 impl super::BandError {
@@ -289,190 +372,58 @@ impl super::BandError {
     }
 }
 
-fn band(section: &Section<'_>, key: &'static str) -> Result<Option<[f64; 2]>, SetupError> {
-    match section.vector::<2>(key)? {
-        Some(found) if found[0] < 0.0 || found[1] <= found[0] => Err(SetupError::Band {
-            place: section.place_of(key),
-            key,
-            found,
-        }),
-        band => Ok(band),
-    }
-}
-
-/// Refuses keys that are neither among these nor say how sure a sensor is.
-fn only(section: &Section<'_>, known: &[&str]) -> Result<(), SetupError> {
-    let all: Vec<&str> = known.iter().copied().chain(uncertainty::KEYS).collect();
-    Ok(section.only(&all)?)
-}
-
-fn accelerometer(
+/// Checks run `number` against the sensors and the runs before it.
+fn check_run(
     section: &Section<'_>,
-    seen: &mut Channels,
-) -> Result<AccelerometerEntry, SetupError> {
-    only(
-        section,
-        &["channel", "position", "direction", "mount", "scale"],
-    )?;
-    Ok(AccelerometerEntry {
-        channel: channel(section, seen)?,
-        position: position(section)?,
-        direction: direction(section)?,
-        mount: section
-            .choice("mount", &MOUNTS)?
-            .unwrap_or(Mount::Structure),
-        scale: scale(section)?,
-        uncertainty: uncertainty::read(section)?,
-    })
-}
-
-fn load_cell(section: &Section<'_>, seen: &mut Channels) -> Result<LoadCellEntry, SetupError> {
-    only(
-        section,
-        &["channel", "position", "direction", "quantity", "scale"],
-    )?;
-    let quantity = section
-        .choice("quantity", &QUANTITIES)?
-        .unwrap_or(Quantity::Force);
-    Ok(LoadCellEntry {
-        channel: channel(section, seen)?,
-        position: match quantity {
-            Quantity::Force => position(section)?,
-            Quantity::Moment => section.vector("position")?.unwrap_or_default(),
-        },
-        direction: direction(section)?,
-        quantity,
-        scale: scale(section)?,
-        uncertainty: uncertainty::read(section)?,
-    })
-}
-
-fn channel(section: &Section<'_>, seen: &mut Channels) -> Result<String, SetupError> {
-    let channel = section
-        .text("channel")?
-        .ok_or_else(|| section.missing("channel", "the column's name in the recordings"))?;
-    if let Some(first) = seen.insert(channel.clone(), section.title.clone()) {
-        return Err(SetupError::DuplicateChannel {
-            place: section.place_of("channel"),
-            channel,
-            first,
-        });
-    }
-    Ok(channel)
-}
-
-fn position(section: &Section<'_>) -> Result<[f64; 3], SetupError> {
-    Ok(section
-        .vector("position")?
-        .ok_or_else(|| section.missing("position", "[x, y, z] in m"))?)
-}
-
-fn direction(section: &Section<'_>) -> Result<[f64; 3], SetupError> {
-    let found = section.vector("direction")?.ok_or_else(|| {
-        section.missing(
-            "direction",
-            "the axis along which the channel reads positive, for example [0, 0, 1]",
-        )
-    })?;
-    unit(found).ok_or_else(|| SetupError::ZeroDirection {
-        place: section.place_of("direction"),
-    })
-}
-
-fn scale(section: &Section<'_>) -> Result<f64, SetupError> {
-    Ok(section
-        .number_where("scale", "SI units per recorded unit, not 0", |scale| {
-            scale != 0.0
-        })?
-        .unwrap_or(1.0))
-}
-
-/// The vector at unit length, `None` for the zero vector.
-///
-/// A vector that is a unit vector to rounding is returned untouched, so that a setup
-/// that was written and read again is bit for bit the same.
-pub(crate) fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
-    // Scaled by the largest component first: squares of 1e-200 would vanish.
-    let largest = vector.iter().fold(0.0_f64, |max, c| max.max(c.abs()));
-    if largest == 0.0 {
-        return None;
-    }
-    let square: f64 = vector.iter().map(|c| c * c).sum();
-    // Three squares, two sums and the rounding of three components: below 8 ε.
-    if (square - 1.0).abs() <= 8.0 * f64::EPSILON {
-        return Some(vector);
-    }
-    let scaled = vector.map(|c| c / largest);
-    let length = scaled.iter().map(|c| c * c).sum::<f64>().sqrt();
-    Some(scaled.map(|c| c / length))
-}
-
-fn run(
-    section: &Section<'_>,
-    accelerometers: &[AccelerometerEntry],
-    load_cells: &[LoadCellEntry],
-) -> Result<Run, SetupError> {
-    section.only(&[
-        "name",
-        "recording",
-        "checksum",
-        "excitation",
-        "reference",
-        "repeats",
-        "weights",
-        "rotation",
-        "translation",
-    ])?;
-    let excitation = section
-        .choice("excitation", &EXCITATIONS)?
-        .unwrap_or(Excitation::Random);
-    let references = section.texts("reference")?;
-    if !references.is_empty() && excitation != Excitation::Random {
+    number: usize,
+    file: &File,
+    document: &Document<'_>,
+) -> Result<(), SetupError> {
+    let (run, before) = (&file.run[number], &file.run[..number]);
+    if !run.references.is_empty() && run.excitation != Excitation::Random {
         return Err(SetupError::ReferenceUnused {
             place: section.place_of("reference"),
-            excitation: excitation.word(),
+            excitation: run.excitation.word(),
         });
     }
-    for (k, channel) in references.iter().enumerate() {
-        let sensors = accelerometers.iter().map(|a| &a.channel);
-        let mut sensors = sensors.chain(load_cells.iter().map(|c| &c.channel));
+    for (k, channel) in run.references.iter().enumerate() {
+        let sensors = file.accelerometer.iter().map(|a| &a.channel);
+        let mut sensors = sensors.chain(file.load_cell.iter().map(|c| &c.channel));
         if sensors.any(|c| c == channel) {
             return Err(SetupError::ReferenceIsSensor {
                 place: section.place_of("reference"),
                 channel: channel.clone(),
             });
         }
-        if references[..k].contains(channel) {
+        if run.references[..k].contains(channel) {
             return Err(SetupError::ReferenceTwice {
                 place: section.place_of("reference"),
                 channel: channel.clone(),
             });
         }
     }
-    Ok(Run {
-        name: section
-            .text("name")?
-            .ok_or_else(|| section.missing("name", "what the run is called in results"))?,
-        recording: section
-            .text("recording")?
-            .map(PathBuf::from)
-            .ok_or_else(|| section.missing("recording", "the recording's file name"))?,
-        checksum: checksum(section)?,
-        excitation,
-        references,
-        repeats: section.text("repeats")?,
-        weights: weights(section, accelerometers, load_cells)?,
-        rotation: section.vector("rotation")?.unwrap_or_default(),
-        translation: section.vector("translation")?.unwrap_or_default(),
-    })
+    check_weights(section, run, file)?;
+    check_repeats(section, run, before)?;
+    if let Some(first) = before.iter().position(|other| other.name == run.name) {
+        return Err(SetupError::DuplicateRun {
+            place: section.place_of("name"),
+            name: run.name.clone(),
+            first: document.section("run", first).title,
+        });
+    }
+    if file.processing.is_none() && run.excitation != Excitation::Static {
+        return Err(SetupError::NoProcessing {
+            place: section.place(),
+        });
+    }
+    Ok(())
 }
 
 /// Refuses a run that repeats what is no run before it, or not the same test.
-fn repeats(section: &Section<'_>, run: &Run, before: &[Run]) -> Result<(), SetupError> {
+fn check_repeats(section: &Section<'_>, run: &Run, before: &[Run]) -> Result<(), SetupError> {
     let Some(name) = &run.repeats else {
         return Ok(());
     };
-    let found = format!("\"{}\"", quoted(name));
     let expected = if run.excitation != Excitation::Sine {
         "only in a run of `excitation = \"sine\"`: blocks of a random run repeat it, and poses are told to be the same by a column `pose` of their recording"
     } else {
@@ -491,69 +442,35 @@ fn repeats(section: &Section<'_>, run: &Run, before: &[Run]) -> Result<(), Setup
             Some(_) => return Ok(()),
         }
     };
+    let found = format_args!("\"{}\"", quoted(name));
     Err(section.unexpected("repeats", found, expected).into())
 }
 
-fn checksum(section: &Section<'_>) -> Result<Option<Checksum>, SetupError> {
-    let Some(table) = section.section("checksum")? else {
-        return Ok(None);
-    };
-    table.only(&["crc32", "bytes"])?;
-    let expected = "the CRC-32 of the recording in eight hexadecimal digits, such as \"cbf43926\"";
-    let crc32 = table
-        .text("crc32")?
-        .ok_or_else(|| table.missing("crc32", expected))?;
-    let is_hex = crc32.len() == 8 && crc32.bytes().all(|b| b.is_ascii_hexdigit());
-    let Some(crc32) = u32::from_str_radix(&crc32, 16).ok().filter(|_| is_hex) else {
-        return Err(table
-            .unexpected("crc32", format!("\"{crc32}\""), expected)
-            .into());
-    };
-    // Up to 2^53 every whole number has its own f64.
-    let length = "the recording's length, a whole number of bytes";
-    let bytes = table
-        .number_where("bytes", length, |n| {
-            n.fract() == 0.0 && (0.0..=9e15).contains(&n)
-        })?
-        .ok_or_else(|| table.missing("bytes", length))?;
-    Ok(Some(Checksum {
-        crc32,
-        bytes: bytes as u64,
-    }))
-}
-
-fn weights(
-    section: &Section<'_>,
-    accelerometers: &[AccelerometerEntry],
-    load_cells: &[LoadCellEntry],
-) -> Result<BTreeMap<String, f64>, SetupError> {
-    let mut weights = BTreeMap::new();
-    let Some(table) = section.section("weights")? else {
-        return Ok(weights);
-    };
-    for (channel, weight) in table.numbers()? {
+fn check_weights(section: &Section<'_>, run: &Run, file: &File) -> Result<(), SetupError> {
+    for (channel, &weight) in &run.weights {
         // The line of a place is counted from the file's beginning, so only where it is told.
         let place = || section.place_of("weights");
-        if load_cells.iter().any(|cell| cell.channel == channel) {
-            let place = place();
-            return Err(SetupError::WeightOnLoadCell { place, channel });
+        let sensors = file.accelerometer.iter().map(|a| a.channel.as_str());
+        if file.load_cell.iter().any(|cell| cell.channel == *channel) {
+            return Err(SetupError::WeightOnLoadCell {
+                place: place(),
+                channel: channel.clone(),
+            });
         }
-        if !accelerometers.iter().any(|a| a.channel == channel) {
-            let hint = nearest(&channel, accelerometers.iter().map(|a| a.channel.as_str()));
+        if !sensors.clone().any(|sensor| sensor == channel) {
             return Err(SetupError::WeightUnknown {
                 place: place(),
-                channel: quoted(&channel),
-                hint,
+                channel: quoted(channel),
+                hint: nearest(channel, sensors),
             });
         }
         if !(weight > 0.0 && weight <= 1.0) {
             return Err(SetupError::WeightRange {
                 place: place(),
-                channel,
+                channel: channel.clone(),
                 found: weight,
             });
         }
-        weights.insert(channel, weight);
     }
-    Ok(weights)
+    Ok(())
 }

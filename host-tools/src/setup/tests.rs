@@ -1,7 +1,8 @@
-//! Every sentence a wrong setup earns, and the round trip.
+//! The messages about wrong setups, and the round trip.
 
 use std::path::Path;
 
+use super::keys::unit;
 use super::*;
 use crate::limits;
 
@@ -184,150 +185,62 @@ fn lines_of_a_band() {
     ));
 }
 
+/// Wrong changes of the good setup, each with words of its message; `\n` ends a line.
+const MISTAKES: &str = r#"
+title = "Tuning fork on the shaker" => title = => bench/setup.toml, line 2 | not TOML
+direction = [1, 2, 2] => direction = [0, 0, 0] => line 22 | [[accelerometer]] 2 (channel "a4") | zero vector
+channel = "a4" => channel = "a1" => line 20 | [[accelerometer]] 2 | [[accelerometer]] 1 (channel "a1")
+channel = "fx" => channel = "a4" => [[load_cell]] 1 | [[accelerometer]] 2
+position = [0.1, 0.2, 0.3]\n => => line 19 | `position` is missing | in m
+position = [0, 0, 0]\n => => [[load_cell]] 1 | `position` is missing
+position = [0.1, 0.2, 0.3] => position = [0.1, nan, 0.3] => line 21 | `position` is NaN | finite
+position = [0.1, 0.2, 0.3] => position = [0.1, 1e300, 0.3] => of a size that exists
+position = [0.1, 0.2, 0.3] => position = [0.1, 0.2] => a list of 2 values | a list of 3 numbers
+position = [0.1, 0.2, 0.3] => position = "top" => the text "top" | a list of 3 numbers
+known_mass = 0.63076 => known_mass = 0 => line 4 | `known_mass` is 0 | more than 0
+known_mass = 0.63076 => known_mass = -1.5 => `known_mass` is -1.5
+known_mass = 0.63076 => known_mass = 1e400 => line 4 | `known_mass` is the number 1e400
+overlap = 0.5 => overlap = 0.96 => [processing] | `overlap` is 0.96 | 0.95
+block_length = 1024 => block_length = 1000 => `block_length` is 1000 | power of two from 16 to 32768
+block_length = 1024 => block_length = 65536 => power of two
+block_length = 1024 => block_length = 1024.5 => power of two
+[0.5, 14.5] => [14.5, 0.5] => line 10 | `averaging_band` is [14.5, 0.5] | lower first
+[0.5, 14.5] => [-0.5, 14.5] => not negative
+[28.0, 50.0] => [28.0, 28.0] => `mode_band`
+[0.5, 14.5] => [0.5, 300.0] => ends at 300 Hz | 255 Hz
+[0.5, 14.5] => [0.5, 1.0] => holds 2 line(s) | 0.5 Hz | block_length
+averaging_band = [0.5, 14.5]\n => => line 6 | [processing] | `averaging_band` is missing | in Hz
+sample_rate = 512.0 => sample_rate = 0 => `sample_rate` is 0
+{ a4 = 0.5 } => { a5 = 0.5 } => [[run]] 1 (name "lateral X") | "a5" | known are `a1`, `a4`
+{ a4 = 0.5 } => { fx = 0.5 } => load cell "fx"
+{ a4 = 0.5 } => { a4 = 0 } => weight of "a4" is 0
+{ a4 = 0.5 } => { a4 = 1.1 } => at most 1
+{ a4 = 0.5 } => [0.5] => line 40 | `weights` is a list | a table
+"random" => "noise" => "noise" | "random" or "sine" or "static"
+name = "poses" => name = "lateral X" => [[run]] 2 | [[run]] 1 | own name
+rotation = [0.0, 0.0, 90.0] => rotation = [90.0] => `rotation` is a list of 1 values | 3 numbers
+recording = "poses.csv" => recording = " " => `recording` is empty
+excitation = "static" => excitation = "static"\nreference = "drive" => `reference` | static run
+scale = -9.81 => scale = 0 => `scale` is 0
+mount = "interface" => monut = "interface" => line 17 | `monut` | did you mean `mount`?
+mount = "interface" => xyz = 1 => known are `channel`, `position`
+[processing] => [procesing] => did you mean `processing`?
+[processing] => processing = 1\n[x] => line 6 | `processing` is the integer 1 | a table
+title = "Tuning fork on the shaker" => estimation = { modes = 9 } # => [estimation] | `modes` is 9 | from 1 to 4
+[[run]]\nname = "poses" => [[run]]\nchecksum = { bytes = 1 }\nname = "poses" => `checksum` | `crc32` is missing | hexadecimal
+[[run]]\nname = "poses" => [[run]]\nchecksum = { crc32 = "x", bytes = 1 }\nname = "poses" => `crc32` is "x" | hexadecimal
+"#;
+
 #[test]
 fn every_mistake_is_located_and_explained() {
-    let cases: &[(String, &[&str])] = &[
-        ("title = ".into(), &["bench/setup.toml, line 1", "not TOML"]),
-        (
-            with("direction = [1, 2, 2]", "direction = [0, 0, 0]"),
-            &[
-                "line 22",
-                "[[accelerometer]] 2 (channel \"a4\")",
-                "zero vector",
-            ],
-        ),
-        (
-            with("channel = \"a4\"", "channel = \"a1\""),
-            &[
-                "line 20",
-                "[[accelerometer]] 2",
-                "[[accelerometer]] 1 (channel \"a1\")",
-            ],
-        ),
-        (
-            with("channel = \"fx\"", "channel = \"a4\""),
-            &["[[load_cell]] 1", "[[accelerometer]] 2"],
-        ),
-        (
-            with("position = [0.1, 0.2, 0.3]\n", ""),
-            &["line 19", "`position` is missing", "in m"],
-        ),
-        (
-            with("position = [0.1, 0.2, 0.3]", "position = [0.1, nan, 0.3]"),
-            &["line 21", "`position` is NaN", "finite"],
-        ),
-        (
-            with("position = [0.1, 0.2, 0.3]", "position = [0.1, 1e300, 0.3]"),
-            &["of a size that exists"],
-        ),
-        (
-            with("position = [0.1, 0.2, 0.3]", "position = [0.1, 0.2]"),
-            &["a list of 2 values", "a list of 3 numbers"],
-        ),
-        (
-            with("position = [0.1, 0.2, 0.3]", "position = \"top\""),
-            &["the text \"top\"", "a list of 3 numbers"],
-        ),
-        (
-            with("known_mass = 0.63076", "known_mass = 0"),
-            &["line 4", "`known_mass` is 0", "more than 0"],
-        ),
-        (
-            with("known_mass = 0.63076", "known_mass = -1.5"),
-            &["`known_mass` is -1.5"],
-        ),
-        (
-            with("overlap = 0.5", "overlap = 0.96"),
-            &["[processing]", "`overlap` is 0.96", "0.95"],
-        ),
-        (
-            with("block_length = 1024", "block_length = 1000"),
-            &["`block_length` is 1000", "power of two from 16 to 32768"],
-        ),
-        (
-            with("block_length = 1024", "block_length = 65536"),
-            &["power of two"],
-        ),
-        (
-            with("block_length = 1024", "block_length = 1024.5"),
-            &["power of two"],
-        ),
-        (
-            with("[0.5, 14.5]", "[14.5, 0.5]"),
-            &["line 10", "`averaging_band` is [14.5, 0.5]", "lower first"],
-        ),
-        (with("[0.5, 14.5]", "[-0.5, 14.5]"), &["not negative"]),
-        (with("[28.0, 50.0]", "[28.0, 28.0]"), &["`mode_band`"]),
-        (
-            with("[0.5, 14.5]", "[0.5, 300.0]"),
-            &["ends at 300 Hz", "255 Hz"],
-        ),
-        (
-            with("[0.5, 14.5]", "[0.5, 1.0]"),
-            &["holds 2 line(s)", "0.5 Hz", "block_length"],
-        ),
-        (
-            with("averaging_band = [0.5, 14.5]\n", ""),
-            &["`averaging_band` is missing"],
-        ),
-        (
-            with("sample_rate = 512.0", "sample_rate = 0"),
-            &["`sample_rate` is 0"],
-        ),
-        (
-            with("{ a4 = 0.5 }", "{ a5 = 0.5 }"),
-            &[
-                "[[run]] 1 (name \"lateral X\")",
-                "\"a5\"",
-                "known are `a1`, `a4`",
-            ],
-        ),
-        (with("{ a4 = 0.5 }", "{ fx = 0.5 }"), &["load cell \"fx\""]),
-        (
-            with("{ a4 = 0.5 }", "{ a4 = 0 }"),
-            &["weight of \"a4\" is 0"],
-        ),
-        (with("{ a4 = 0.5 }", "{ a4 = 1.1 }"), &["at most 1"]),
-        (
-            with("\"random\"", "\"noise\""),
-            &["\"noise\"", "\"random\" or \"sine\" or \"static\""],
-        ),
-        (
-            with("name = \"poses\"", "name = \"lateral X\""),
-            &["[[run]] 2", "[[run]] 1", "own name"],
-        ),
-        (
-            with("rotation = [0.0, 0.0, 90.0]", "rotation = [90.0]"),
-            &["`rotation` is a list of 1 values", "3 numbers"],
-        ),
-        (
-            with("recording = \"poses.csv\"", "recording = \" \""),
-            &["`recording` is empty"],
-        ),
-        (
-            with(
-                "excitation = \"static\"",
-                "excitation = \"static\"\nreference = \"drive\"",
-            ),
-            &["`reference`", "static run"],
-        ),
-        (with("scale = -9.81", "scale = 0"), &["`scale` is 0"]),
-        (
-            with("mount = \"interface\"", "monut = \"interface\""),
-            &["line 17", "`monut`", "did you mean `mount`?"],
-        ),
-        (
-            with("mount = \"interface\"", "xyz = 1"),
-            &["known are `channel`, `position`"],
-        ),
-        (
-            with("[processing]", "[procesing]"),
-            &["did you mean `processing`?"],
-        ),
-    ];
-    for (text, parts) in cases {
-        let message = refused(text);
-        for part in *parts {
+    for case in MISTAKES.trim().lines() {
+        let case = case.replace("\\n", "\n");
+        let [from, to, parts] = case.split("=>").collect::<Vec<_>>()[..] else {
+            panic!("{case}");
+        };
+        let trimmed = |text: &str| text.trim_matches(' ').to_owned();
+        let message = refused(&with(&trimmed(from), &trimmed(to)));
+        for part in parts.split('|').map(str::trim) {
             assert!(message.contains(part), "«{part}» is not in: {message}");
         }
         assert!(message.starts_with("bench/setup.toml"), "{message}");
@@ -351,71 +264,43 @@ fn uncertainty_is_that_of_the_sensor_its_kind_or_all() {
     let setup = read(&text).unwrap();
     assert_eq!(read(&setup.to_toml()).unwrap(), setup);
     let all = |u: Uncertainty| [u.noise, u.calibration, u.position, u.direction];
-    let expected = [
-        (
-            setup.accelerometer_uncertainty(0),
-            [Some(0.003), Some(0.02), Some(0.002), None],
-        ),
-        (
-            setup.accelerometer_uncertainty(1),
-            [Some(0.004), Some(0.02), Some(0.0), None],
-        ),
-        (
-            setup.load_cell_uncertainty(0),
-            [None, Some(0.01), Some(0.002), None],
-        ),
-        (
-            setup.load_cell_uncertainty(1),
-            [Some(0.5), Some(0.01), Some(0.002), Some(1.0)],
-        ),
-    ];
-    for (found, expected) in expected {
-        assert_eq!(all(found), expected);
-    }
-    let head = |keys: &str| GOOD.replacen("[processing]", &format!("{keys}\n[processing]"), 1);
-    let sensor = |keys: &str| GOOD.replacen("scale = -9.81", keys, 1);
-    for (text, parts) in [
-        (
-            head("[defaults]\nnoise = 1"),
-            ["`noise`", "[defaults.accelerometer]"],
-        ),
-        (
-            head("[defaults]\npositon_uncertainty = 1"),
-            ["`positon_uncertainty`", "did you mean"],
-        ),
-        (
-            head("[defaults.load_cell]\nnoise = 1"),
-            ["`load_cell`", "`force`"],
-        ),
-        (
-            head("[defaults.force]\nnoise = 0"),
-            ["[defaults], `force`", "more than 0"],
-        ),
-        (sensor("noise = -1"), ["(channel \"a4\")", "more than 0"]),
-        (
-            sensor("calibration_uncertainty = 1"),
-            ["`calibration_uncertainty` is 1", "0.01 for one per cent"],
-        ),
-        (
-            sensor("position_uncertainty = 2"),
-            ["`position_uncertainty` is 2", "in m"],
-        ),
-        (
-            sensor("direction_uncertainty = 90"),
-            ["`direction_uncertainty` is 90", "in degrees"],
-        ),
-        (sensor("noise = \"low\""), ["the text \"low\"", "a number"]),
-        (
-            head("").replacen("known_mass = 0.63076", "known_mass_uncertainty = 0.1", 1),
-            ["`known_mass_uncertainty`", "beside a `known_mass`"],
-        ),
-    ] {
-        let message = refused(&text);
-        for part in parts {
+    let (a, f) = (
+        |k| all(setup.accelerometer_uncertainty(k)),
+        |k| all(setup.load_cell_uncertainty(k)),
+    );
+    assert_eq!(a(0), [Some(0.003), Some(0.02), Some(0.002), None]);
+    assert_eq!(a(1), [Some(0.004), Some(0.02), Some(0.0), None]);
+    assert_eq!(f(0), [None, Some(0.01), Some(0.002), None]);
+    assert_eq!(f(1), [Some(0.5), Some(0.01), Some(0.002), Some(1.0)]);
+    for case in WRONG_UNCERTAINTIES.trim().lines() {
+        let (keys, parts) = case.split_once("=>").unwrap();
+        let (at, keys) = match keys.split_once("scale:") {
+            Some((_, keys)) => ("scale = -9.81", keys.to_owned()),
+            None => ("[processing]", keys.replace(';', "\n") + "\n[processing]"),
+        };
+        let message = refused(&GOOD.replacen(at, &keys, 1));
+        for part in parts.split('|').map(str::trim) {
             assert!(message.contains(part), "«{part}» is not in: {message}");
         }
     }
+    let alone = with("known_mass = 0.63076", "known_mass_uncertainty = 0.1");
+    let message = refused(&alone);
+    assert!(message.contains("`known_mass_uncertainty`"), "{message}");
+    assert!(message.contains("beside a `known_mass`"), "{message}");
 }
+
+/// Keys before `[processing]`, or in place of the scale of a4, and words of the message.
+const WRONG_UNCERTAINTIES: &str = r#"
+[defaults];noise = 1 => `noise` | [defaults.accelerometer]
+[defaults];positon_uncertainty = 1 => `positon_uncertainty` | did you mean
+[defaults.load_cell];noise = 1 => `load_cell` | `force`
+[defaults.force];noise = 0 => [defaults], `force` | more than 0
+scale: noise = -1 => (channel "a4") | more than 0
+scale: calibration_uncertainty = 1 => `calibration_uncertainty` is 1 | 0.01 for one per cent
+scale: position_uncertainty = 2 => `position_uncertainty` is 2 | in m
+scale: direction_uncertainty = 90 => `direction_uncertainty` is 90 | in degrees
+scale: noise = "low" => the text "low" | a number
+"#;
 
 #[test]
 fn lists_must_not_be_empty() {

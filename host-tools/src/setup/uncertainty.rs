@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
-use super::document::Section;
-use super::error::DocumentError;
+use serde::{Deserialize, Deserializer};
+
+use super::keys::outside;
 use super::{Quantity, Setup};
 
 /// The keys that sensors and defaults share.
-pub(super) const KEYS: [&str; 4] = [
+const KEYS: [&str; 4] = [
     "noise",
     "calibration_uncertainty",
     "position_uncertainty",
@@ -16,22 +17,28 @@ pub(super) const KEYS: [&str; 4] = [
 
 /// Noise and uncertainty that are stated of one sensor, or of all that state none themselves.
 /// Uncertainties are standard uncertainties (k = 1) in the sense of the GUM.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Uncertainty {
     /// Standard deviation of the noise in SI, after `scale`: of the samples of a random run
     /// between 0 Hz and half the sample rate, of a complex amplitude (root of the sum of the
     /// variances of both parts) of a stepped sine, of the averaged reading of a pose.
+    #[serde(deserialize_with = "noise")]
     pub noise: Option<f64>,
     /// Uncertainty of the sensitivity, relative.
+    #[serde(rename = "calibration_uncertainty", deserialize_with = "calibration")]
     pub calibration: Option<f64>,
     /// Uncertainty of each coordinate of the position, m.
+    #[serde(rename = "position_uncertainty", deserialize_with = "position")]
     pub position: Option<f64>,
     /// Uncertainty of the tilt about each axis, degrees.
+    #[serde(rename = "direction_uncertainty", deserialize_with = "direction")]
     pub direction: Option<f64>,
 }
 
 /// Noise and uncertainty of sensors that do not state their own.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(from = "DefaultsKeys")]
 pub struct Defaults {
     /// Uncertainty of every sensor; noise, whose unit differs, is not among it.
     pub all: Uncertainty,
@@ -82,59 +89,58 @@ impl Setup {
     }
 }
 
-/// Reads the keys of one sensor, or of the defaults of one kind of sensor.
-pub(super) fn read(section: &Section<'_>) -> Result<Uncertainty, DocumentError> {
-    let [noise, calibration, position, direction] = KEYS;
-    Ok(Uncertainty {
-        noise: section.number_where(
-            noise,
-            "the standard deviation of the noise in m/s², N or N m, more than 0",
-            |x| x > 0.0,
-        )?,
-        calibration: section.number_where(
-            calibration,
-            "a relative standard uncertainty from 0 to 0.5, such as 0.01 for one per cent",
-            |x| (0.0..=0.5).contains(&x),
-        )?,
-        position: section.number_where(
-            position,
-            "a standard uncertainty in m from 0 to 1, such as 0.001 for one millimetre",
-            |x| (0.0..=1.0).contains(&x),
-        )?,
-        direction: section.number_where(
-            direction,
-            "a standard uncertainty in degrees from 0 to 30",
-            |x| (0.0..=30.0).contains(&x),
-        )?,
-    })
+super::keys::numbers! {
+    noise: "the standard deviation of the noise in m/s², N or N m, more than 0", |x| x > 0.0;
+    calibration:
+        "a relative standard uncertainty from 0 to 0.5, such as 0.01 for one per cent",
+        |x| (0.0..=0.5).contains(&x);
+    position:
+        "a standard uncertainty in m from 0 to 1, such as 0.001 for one millimetre",
+        |x| (0.0..=1.0).contains(&x);
+    direction:
+        "a standard uncertainty in degrees from 0 to 30",
+        |x| (0.0..=30.0).contains(&x);
 }
 
-/// Reads `[defaults]`.
-pub(super) fn defaults(section: &Section<'_>) -> Result<Defaults, DocumentError> {
-    let kinds = ["accelerometer", "force", "moment"];
-    // Noise of sensors of several units would be a number without one.
-    if section.has("noise") {
-        return Err(section.unexpected(
-            "noise",
-            "given for all sensors",
-            "it in [defaults.accelerometer] (m/s²), [defaults.force] (N) or [defaults.moment] (N m)",
-        ));
+/// `[defaults]` as it is written.
+#[derive(Default, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+pub(super) struct DefaultsKeys {
+    #[serde(deserialize_with = "noise_of_all")]
+    noise: Option<f64>,
+    #[serde(deserialize_with = "calibration")]
+    calibration_uncertainty: Option<f64>,
+    #[serde(deserialize_with = "position")]
+    position_uncertainty: Option<f64>,
+    #[serde(deserialize_with = "direction")]
+    direction_uncertainty: Option<f64>,
+    accelerometer: Uncertainty,
+    force: Uncertainty,
+    moment: Uncertainty,
+}
+
+/// Noise of sensors of several units would be a number without one.
+fn noise_of_all<'de, D: Deserializer<'de>>(_: D) -> Result<Option<f64>, D::Error> {
+    Err(outside(
+        "given for all sensors",
+        "it in [defaults.accelerometer] (m/s²), [defaults.force] (N) or [defaults.moment] (N m)",
+    ))
+}
+
+impl From<DefaultsKeys> for Defaults {
+    fn from(keys: DefaultsKeys) -> Self {
+        Self {
+            all: Uncertainty {
+                noise: keys.noise,
+                calibration: keys.calibration_uncertainty,
+                position: keys.position_uncertainty,
+                direction: keys.direction_uncertainty,
+            },
+            accelerometer: keys.accelerometer,
+            force: keys.force,
+            moment: keys.moment,
+        }
     }
-    let known: Vec<&str> = KEYS[1..].iter().copied().chain(kinds).collect();
-    section.only(&known)?;
-    let kind = |key: &str| -> Result<Uncertainty, DocumentError> {
-        let Some(section) = section.section(key)? else {
-            return Ok(Uncertainty::default());
-        };
-        section.only(&KEYS)?;
-        read(&section)
-    };
-    Ok(Defaults {
-        all: read(section)?,
-        accelerometer: kind("accelerometer")?,
-        force: kind("force")?,
-        moment: kind("moment")?,
-    })
 }
 
 /// Writes the keys of one sensor. `unit` is that of the noise.

@@ -114,12 +114,6 @@ pub enum ModelError {
         /// Longest chain allowed.
         limit: usize,
     },
-    /// A direction without direction.
-    #[error("{place}: `direction` is the zero vector; give an axis, for example [0, 0, 1]")]
-    ZeroDirection {
-        /// File, line and section.
-        place: Box<Place>,
-    },
     /// A name that is taken.
     #[error("{place}: the name \"{name}\" belongs to {first} already; choose another")]
     DuplicateName {
@@ -129,18 +123,6 @@ pub enum ModelError {
         name: String,
         /// Section that has the name already.
         first: String,
-    },
-    /// An inertia that no distribution of mass has.
-    #[error(
-        "{place}: no body has this `inertia`: its principal moments are {:.6}, {:.6} and {:.6} \
-         kg m², and none may exceed the sum of the other two; products are ∫xy dm with a plus \
-         sign, about the body's own centre of gravity", principal[0], principal[1], principal[2]
-    )]
-    Inertia {
-        /// File, line and section.
-        place: Box<Place>,
-        /// Ascending, kg m².
-        principal: [f64; 3],
     },
     /// A sensor on something that the file does not have.
     #[error("{place}: `on` names \"{name}\", which is no part of this model; {hint}")]

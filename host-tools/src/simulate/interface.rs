@@ -139,7 +139,7 @@ fn least_norm(geometry: &DMatrix<f64>) -> DMatrix<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::setup::{Uncertainty, unit};
+    use crate::setup::keys::unit;
 
     fn cells() -> Vec<LoadCellEntry> {
         let mut cells = Vec::new();
@@ -150,14 +150,9 @@ mod tests {
             [0.5, -0.4, 0.0],
         ] {
             for direction in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.1, 0.0, 1.0]] {
-                cells.push(LoadCellEntry {
-                    channel: String::new(),
-                    position,
-                    direction: unit(direction).unwrap(),
-                    quantity: Quantity::Force,
-                    scale: 1.0,
-                    uncertainty: Uncertainty::default(),
-                });
+                let direction = unit(direction).unwrap();
+                let cell = LoadCellEntry::new(String::new(), position, direction, Quantity::Force);
+                cells.push(cell);
             }
         }
         cells

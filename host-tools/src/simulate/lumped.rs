@@ -7,35 +7,96 @@
 //! part of the rigid body in full.
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
+use serde::{Deserialize, Deserializer};
 
 use super::specimen::{Mode, Specimen, motion_row, shift};
+use crate::setup::keys::{self, outside};
 
 /// One rigid body.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct Body {
+    #[serde(deserialize_with = "keys::text")]
+    pub(super) name: String,
     /// kg.
+    #[serde(deserialize_with = "keys::positive")]
     pub(super) mass: f64,
     /// m, specimen frame.
+    #[serde(deserialize_with = "keys::vector")]
     pub(super) centre_of_gravity: Vector3<f64>,
     /// Inertia tensor about its own centre of gravity, kg m²; products enter with a
     /// minus sign as in eq (1).
+    #[serde(default, deserialize_with = "inertia")]
     pub(super) inertia: Matrix3<f64>,
 }
 
 /// A point mass that slides on a spring.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct SprungMass {
+    #[serde(deserialize_with = "keys::text")]
     pub(super) name: String,
     /// kg.
+    #[serde(deserialize_with = "keys::positive")]
     pub(super) mass: f64,
     /// m, specimen frame.
+    #[serde(deserialize_with = "keys::vector")]
     pub(super) position: Vector3<f64>,
     /// Unit vector.
+    #[serde(deserialize_with = "keys::direction")]
     pub(super) direction: Vector3<f64>,
     /// Natural frequency on the body held fixed, Hz.
+    #[serde(deserialize_with = "keys::positive")]
     pub(super) frequency: f64,
     /// Share of critical damping.
+    #[serde(default, deserialize_with = "keys::share")]
     pub(super) damping: f64,
+}
+
+/// The inertia tensor of eq (1) from moments and products, the products as ∫xy dm with a plus
+/// sign.
+fn inertia<'de, D: Deserializer<'de>>(value: D) -> Result<Matrix3<f64>, D::Error> {
+    #[derive(Default, Deserialize)]
+    #[serde(default, deny_unknown_fields, expecting = "a table")]
+    struct Terms {
+        #[serde(deserialize_with = "keys::any")]
+        xx: f64,
+        #[serde(deserialize_with = "keys::any")]
+        yy: f64,
+        #[serde(deserialize_with = "keys::any")]
+        zz: f64,
+        #[serde(deserialize_with = "keys::any")]
+        xy: f64,
+        #[serde(deserialize_with = "keys::any")]
+        xz: f64,
+        #[serde(deserialize_with = "keys::any")]
+        yz: f64,
+    }
+    let Terms {
+        xx,
+        yy,
+        zz,
+        xy,
+        xz,
+        yz,
+    } = Terms::deserialize(value)?;
+    let inertia = Matrix3::new(xx, -xy, -xz, -xy, yy, -yz, -xz, -yz, zz);
+    let mut principal: [f64; 3] = inertia.symmetric_eigenvalues().into();
+    principal.sort_by(f64::total_cmp);
+    let [least, middle, most] = principal;
+    // A thin plate reaches equality, and so does a rod with zero: leave room for rounding.
+    let slack = 1e-9 * most.abs();
+    if least < -slack || least + middle < most - slack {
+        return Err(outside(
+            format_args!(
+                "that of no body: its principal moments are {least:.6}, {middle:.6} and \
+                 {most:.6} kg m²"
+            ),
+            "none of these to exceed the sum of the other two; products are ∫xy dm with a plus \
+             sign, about the body's own centre of gravity",
+        ));
+    }
+    Ok(inertia)
 }
 
 /// Bodies and sprung masses as one specimen; modes keep the order of the sprung masses.
@@ -66,12 +127,6 @@ pub(super) fn specimen(bodies: &[Body], sprung: &[SprungMass]) -> Specimen {
 /// Reading of the mode by a sensor along the unit vector `direction` on a sprung mass.
 pub(super) fn reading(mass: &SprungMass, direction: &Vector3<f64>) -> f64 {
     mass.direction.dot(direction) / mass.mass.sqrt()
-}
-
-/// The inertia tensor of eq (1) from moments and products xx, yy, zz, xy, xz, yz, the
-/// products as ∫xy dm with a plus sign.
-pub(super) fn inertia_tensor([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, -xy, -xz, -xy, yy, -yz, -xz, -yz, zz)
 }
 
 /// Mass matrix about the frame's origin: what the body does at its own centre of

@@ -21,11 +21,8 @@ mod lumped;
 mod model;
 mod model_file;
 mod random;
-mod section;
-mod sensor_file;
 mod specimen;
 mod synthesis;
-mod table_file;
 #[cfg(test)]
 mod tests;
 mod truth;

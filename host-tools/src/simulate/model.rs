@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Deserializer};
+
 use super::beam::{BeamModel, ReducedBeam};
 use super::error::ModelError;
 use super::specimen::Specimen;
+use crate::printable::quoted;
+use crate::setup::keys::{self, outside};
 use crate::setup::{
-    AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Quantity,
-    Uncertainty,
+    AccelerometerEntry, DEFAULT_BLOCK_LENGTH, DEFAULT_OVERLAP, LoadCellEntry, Mount, Processing,
+    Quantity, block_length, default_block_length, default_overlap, overlap,
 };
 
 /// Everything that is simulated, in SI units.
@@ -43,49 +47,67 @@ pub struct MotionSensor {
 }
 
 /// The table under the specimen.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Table {
     /// `true` for each of x, y, z, rx, ry, rz that it can move; cross-talk reaches these only.
+    #[serde(deserialize_with = "axes")]
     pub axes: [bool; 6],
     /// Largest entry of the coupling between axes, a share of the driven motion.
+    #[serde(deserialize_with = "keys::share")]
     pub cross_talk: f64,
     /// A resonance of the table that makes the coupling vary with frequency.
     pub resonance: Option<Resonance>,
     /// Lever arm that turns an angular acceleration into a linear one for cross-talk, m.
+    #[serde(deserialize_with = "keys::positive")]
     pub lever_arm: f64,
     /// The point that the runs' motions are about, m, interface frame.
+    #[serde(deserialize_with = "keys::vector")]
     pub reference_point: [f64; 3],
     /// Self-equilibrated forces among the load cells, a share of what they carry.
+    #[serde(deserialize_with = "keys::share")]
     pub internal_forces: f64,
 }
 
 /// A damped resonance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Resonance {
     /// Hz.
+    #[serde(deserialize_with = "keys::positive")]
     pub frequency: f64,
     /// Share of critical damping.
+    #[serde(deserialize_with = "keys::positive")]
     pub damping: f64,
 }
 
 /// Recording of a test, and its evaluation in the setup.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Measurement {
     /// Hz.
+    #[serde(default = "default_sample_rate", deserialize_with = "keys::positive")]
     pub sample_rate: f64,
     /// Length of each recording, s.
+    #[serde(default = "default_duration", deserialize_with = "keys::positive")]
     pub duration: f64,
     /// White noise on every channel, a share of the channel's RMS over all runs.
+    #[serde(default, deserialize_with = "keys::share")]
     pub noise: f64,
     /// Largest constant offset of a channel, a share of the same RMS.
+    #[serde(default, deserialize_with = "keys::share")]
     pub dc_offset: f64,
     /// Samples of one transform.
+    #[serde(default = "default_block_length", deserialize_with = "block_length")]
     pub block_length: usize,
     /// Share of a block that the next one uses again.
+    #[serde(default = "default_overlap", deserialize_with = "overlap")]
     pub overlap: f64,
     /// Hz.
+    #[serde(deserialize_with = "keys::band")]
     pub averaging_band: [f64; 2],
     /// Hz.
+    #[serde(default, deserialize_with = "keys::band")]
     pub mode_band: Option<[f64; 2]>,
 }
 
@@ -119,6 +141,29 @@ pub enum Shaking {
     Poses(Vec<[f64; 3]>),
 }
 
+impl Plan {
+    /// A run of the specimen as its coordinates say it stands.
+    pub(crate) fn new(name: impl Into<String>, excitation: Shaking) -> Self {
+        Self {
+            name: name.into(),
+            excitation,
+            rotation: [0.0; 3],
+            translation: [0.0; 3],
+        }
+    }
+}
+
+impl Shaking {
+    /// White noise over the whole band of the drive.
+    pub(crate) const fn random(motion: [f64; 6], drive: bool) -> Self {
+        Self::Random {
+            motion,
+            band: None,
+            drive,
+        }
+    }
+}
+
 impl Default for Table {
     /// Six free axes, no cross-talk, no internal forces.
     fn default() -> Self {
@@ -133,10 +178,47 @@ impl Default for Table {
     }
 }
 
+/// Names of the table's axes in the order of the six accelerations.
+pub(super) const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+fn axes<'de, D: Deserializer<'de>>(value: D) -> Result<[bool; 6], D::Error> {
+    let mut axes = [false; 6];
+    for word in keys::texts(value)? {
+        let Some(axis) = AXES.iter().position(|axis| *axis == word) else {
+            let found = format_args!("a list with \"{}\"", quoted(&word));
+            let expected = "some of \"x\", \"y\", \"z\", \"rx\", \"ry\", \"rz\"";
+            return Err(outside(found, expected));
+        };
+        axes[axis] = true;
+    }
+    Ok(axes)
+}
+
 /// Default record length, s: about a hundred blocks at the default rate and overlap.
-pub(super) const DEFAULT_DURATION: f64 = 51.0;
+const DEFAULT_DURATION: f64 = 51.0;
 /// Default sample rate, Hz.
-pub(super) const DEFAULT_SAMPLE_RATE: f64 = 512.0;
+const DEFAULT_SAMPLE_RATE: f64 = 512.0;
+
+fn default_sample_rate() -> f64 {
+    DEFAULT_SAMPLE_RATE
+}
+
+fn default_duration() -> f64 {
+    DEFAULT_DURATION
+}
+
+impl Measurement {
+    /// The setup's section.
+    pub(super) fn processing(&self) -> Processing {
+        Processing {
+            sample_rate: Some(self.sample_rate),
+            block_length: self.block_length,
+            overlap: self.overlap,
+            averaging_band: self.averaging_band,
+            mode_band: self.mode_band,
+        }
+    }
+}
 
 impl Model {
     /// A plane beam model from text; `path` names the file in messages.
@@ -174,43 +256,24 @@ fn plane_test(beam: &BeamModel, reduced: ReducedBeam, path: &Path) -> Model {
         .iter()
         .zip(reduced.sensors)
         .enumerate()
-        .map(|(index, (sensor, (position, shape)))| MotionSensor {
-            entry: AccelerometerEntry {
-                channel: format!("a{}", index + 1),
-                position,
-                direction: sensor.direction().into(),
-                mount: if sensor.base_plate {
-                    Mount::Interface
-                } else {
-                    Mount::Structure
-                },
-                scale: 1.0,
-                uncertainty: Uncertainty::default(),
-            },
-            shape,
+        .map(|(index, (sensor, (position, shape)))| {
+            let mount = if sensor.base_plate {
+                Mount::Interface
+            } else {
+                Mount::Structure
+            };
+            let channel = format!("a{}", index + 1);
+            let entry = AccelerometerEntry::new(channel, position, sensor.direction(), mount);
+            MotionSensor { entry, shape }
         })
         .collect();
-    let cell = |channel: &str, direction, quantity| LoadCellEntry {
-        channel: channel.to_owned(),
-        position: base,
-        direction,
-        quantity,
-        scale: 1.0,
-        uncertainty: Uncertainty::default(),
+    let cell = |channel: &str, direction: [f64; 3], quantity| {
+        LoadCellEntry::new(channel.to_owned(), base, direction, quantity)
     };
     let run = |name: &str, axis: usize, level: f64| {
         let mut motion = [0.0; 6];
         motion[axis] = level;
-        Plan {
-            name: name.to_owned(),
-            excitation: Shaking::Random {
-                motion,
-                band: None,
-                drive: true,
-            },
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
-        }
+        Plan::new(name, Shaking::random(motion, true))
     };
     let measurement = plane_measurement(&reduced.specimen);
     Model {

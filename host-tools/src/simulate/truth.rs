@@ -115,6 +115,11 @@ fn mass_and_centre(matrix: &Matrix6<f64>, plane: bool) -> (f64, Vector3<f64>) {
 }
 
 impl InertiaTruth {
+    /// xx, yy, zz, xy, xz, yz.
+    pub(crate) fn terms(&self) -> [Option<f64>; 6] {
+        [self.xx, self.yy, self.zz, self.xy, self.xz, self.yz]
+    }
+
     fn of(matrix: &Matrix6<f64>, plane: bool) -> Self {
         let tensor: Matrix3<f64> = matrix.fixed_view::<3, 3>(3, 3).into_owned();
         let known = |value: f64| (!plane).then_some(value);

@@ -1,10 +1,10 @@
 //! The study as JSON, `massline/study/1`: all rows, so that a script can check the pattern.
 
 use super::estimate::{Answer, Numbers, Outcome};
-use super::monte_carlo::Errors;
+use super::monte_carlo::RowErrors;
 use super::paper::{self, Printed};
 use super::rows::{Range, Row};
-use super::{Check, FrequencyTable, Options, Study};
+use super::{Check, FrequencyRow, Options, Study};
 use serde::Serialize;
 
 /// The document. Lengths in m, inertia in kg m², frequencies in Hz, errors in per cent.
@@ -19,15 +19,15 @@ pub struct Document {
     /// All choices, the defaults included.
     pub options: Options,
     /// True values.
-    pub exact: Values,
+    pub exact: Numbers,
     /// Mass that was given as weighed, kg.
     pub mass: f64,
     /// First and last line of averaging ranges I and II, Hz.
     pub ranges: [[f64; 2]; 2],
     /// Table 1.
-    pub fixed_frequencies: Vec<Frequency>,
+    pub fixed_frequencies: Vec<FrequencyRow>,
     /// Table 2.
-    pub free_frequencies: Vec<Frequency>,
+    pub free_frequencies: Vec<FrequencyRow>,
     /// Weights of chapter 7.
     pub weights: Weights,
     /// Tables 3 and 4 and the rows that the paper lacks, noise-free.
@@ -40,38 +40,6 @@ pub struct Document {
     pub pattern: Vec<Check>,
     /// Notes to the reader.
     pub notes: Vec<&'static str>,
-}
-
-/// x, z, Θ about A and S (both about y), and Δ; null where there is none.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Values {
-    /// CG along x.
-    pub x: f64,
-    /// CG along z.
-    pub z: f64,
-    /// Inertia about A.
-    pub theta_a: f64,
-    /// Inertia about the CG.
-    pub theta_s: f64,
-    /// Δ.
-    pub indicator: f64,
-}
-
-/// One natural frequency.
-#[derive(Debug, Serialize)]
-pub struct Frequency {
-    /// Number of the mode in the paper.
-    pub mode: usize,
-    /// As printed.
-    pub paper: f64,
-    /// From the twin's model.
-    pub twin: f64,
-    /// The twin's over the paper's, per cent.
-    pub difference_percent: f64,
-    /// From the noise-free responses, where the mode lies in the lines.
-    pub identified: Option<f64>,
-    /// Share of critical damping, likewise.
-    pub damping: Option<f64>,
 }
 
 /// Weights of the accelerometers.
@@ -136,9 +104,9 @@ pub struct Key {
 #[derive(Debug, Serialize)]
 pub struct Answered {
     /// The numbers, or null.
-    pub values: Option<Values>,
+    pub values: Option<Numbers>,
     /// Their errors, per cent.
-    pub errors_percent: Option<Values>,
+    pub errors_percent: Option<Numbers>,
     /// Solutions until A and S coincided.
     pub iterations: Option<u32>,
     /// Why there are no numbers.
@@ -184,37 +152,9 @@ pub struct NoisyEntry {
     /// The row.
     #[serde(flatten)]
     pub key: Key,
-    /// Solved once at A.
-    pub direct: ErrorsEntry,
-    /// With A moved to S.
-    pub iterative: ErrorsEntry,
-}
-
-/// Errors over the draws, per cent.
-#[derive(Debug, Serialize)]
-pub struct ErrorsEntry {
-    /// Root mean square.
-    pub rms_percent: Values,
-    /// Mean, the systematic part.
-    pub mean_percent: Values,
-    /// Draws that gave an answer.
-    pub answered: usize,
-    /// Draws that gave none.
-    pub failed: usize,
-    /// Why the first of them gave none.
-    pub reason: Option<String>,
-}
-
-impl From<[f64; Numbers::COUNT]> for Values {
-    fn from([x, z, theta_a, theta_s, indicator]: [f64; Numbers::COUNT]) -> Self {
-        Self {
-            x,
-            z,
-            theta_a,
-            theta_s,
-            indicator,
-        }
-    }
+    /// Its errors, direct and iterative.
+    #[serde(flatten)]
+    pub errors: RowErrors,
 }
 
 impl From<&Row> for Key {
@@ -241,23 +181,11 @@ impl From<Printed> for PrintedEntry {
     }
 }
 
-impl From<&Errors> for ErrorsEntry {
-    fn from(errors: &Errors) -> Self {
-        Self {
-            rms_percent: errors.rms.into(),
-            mean_percent: errors.mean.into(),
-            answered: errors.answered,
-            failed: errors.failed,
-            reason: errors.reason.clone(),
-        }
-    }
-}
-
 impl Answered {
     fn new(outcome: &Outcome, exact: &Numbers) -> Self {
         match outcome {
             Ok(solution) => Self {
-                values: Some(solution.numbers.list().into()),
+                values: Some(solution.numbers),
                 errors_percent: Some(solution.numbers.errors(exact).into()),
                 iterations: Some(solution.iterations),
                 failure: None,
@@ -291,7 +219,7 @@ impl Document {
     /// The document of a study.
     #[must_use]
     pub fn new(study: &Study) -> Self {
-        let [fixed, free] = study.tables().map(|t| frequencies(&t));
+        let [fixed, free] = study.tables();
         let setup = &study.twin.setup;
         let per_run = setup.runs.iter().zip(&study.weights.per_run);
         Self {
@@ -299,7 +227,7 @@ impl Document {
             model: "tuning-fork",
             units: "m, kg, kg m2, Hz; errors in per cent; inertia about the y axis",
             options: study.options.clone(),
-            exact: study.exact.list().into(),
+            exact: study.exact,
             mass: study.twin.truth.mass,
             ranges: [study.range(Range::I), study.range(Range::II)],
             fixed_frequencies: fixed,
@@ -341,8 +269,7 @@ impl Document {
                         .zip(&level.rows)
                         .map(|(row, errors)| NoisyEntry {
                             key: row.into(),
-                            direct: (&errors.direct).into(),
-                            iterative: (&errors.iterative).into(),
+                            errors: errors.clone(),
                         })
                         .collect(),
                 })
@@ -351,17 +278,4 @@ impl Document {
             notes: vec![paper::FOOTNOTE],
         }
     }
-}
-
-fn frequencies(table: &FrequencyTable) -> Vec<Frequency> {
-    let rows = table.modes.iter();
-    rows.map(|row| Frequency {
-        mode: row.number,
-        paper: row.paper,
-        twin: row.twin,
-        difference_percent: 100.0 * (row.twin / row.paper - 1.0),
-        identified: row.identified.map(|p| p.frequency),
-        damping: row.identified.map(|p| p.damping),
-    })
-    .collect()
 }

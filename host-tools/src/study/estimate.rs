@@ -11,9 +11,10 @@ use massline_core::masslines::{
 use massline_core::modes::Pole;
 use massline_core::spectra::BandError;
 use nalgebra::Complex;
+use serde::Serialize;
 
 /// Numbers that the study compares, SI units: m, kg m², 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Numbers {
     /// The CG along x, the paper's ξ_S.
     pub x: f64,
@@ -25,6 +26,18 @@ pub struct Numbers {
     pub theta_s: f64,
     /// Δ.
     pub indicator: f64,
+}
+
+impl From<[f64; Numbers::COUNT]> for Numbers {
+    fn from([x, z, theta_a, theta_s, indicator]: [f64; Numbers::COUNT]) -> Self {
+        Self {
+            x,
+            z,
+            theta_a,
+            theta_s,
+            indicator,
+        }
+    }
 }
 
 impl Numbers {
@@ -42,13 +55,9 @@ impl Numbers {
     pub fn exact(twin: &Twin) -> Self {
         let known = |x: Option<f64>| x.unwrap_or(f64::NAN);
         let [x, _, z] = twin.truth.centre_of_gravity;
-        Self {
-            x: known(x),
-            z: known(z),
-            theta_a: known(twin.truth.inertia_reference.yy),
-            theta_s: known(twin.truth.inertia_cg.yy),
-            indicator: 1.0,
-        }
+        let about_a = known(twin.truth.inertia_reference.yy);
+        let about_s = known(twin.truth.inertia_cg.yy);
+        Self::from([known(x), known(z), about_a, about_s, 1.0])
     }
 
     /// Relative errors of these numbers, in per cent, in the order of the fields.

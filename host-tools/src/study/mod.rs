@@ -39,6 +39,7 @@
 //! | `likelihood` | the maximum likelihood fit beside the Cramér-Rao bound |
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
+//! | `scratch` | recordings of a trial in files |
 //! | `structures` | random structures and sensors |
 //! | `chance` | random choices |
 
@@ -59,6 +60,7 @@ pub mod plans;
 mod recordings;
 mod responses;
 mod rows;
+mod scratch;
 mod structures;
 mod terminal;
 mod trial;
@@ -80,6 +82,7 @@ pub use twin::Twin;
 use crate::parallel;
 use massline_core::masslines::Method;
 use massline_core::modes::Pole;
+use serde::Serialize;
 
 /// Everything the study found.
 #[derive(Debug)]
@@ -230,66 +233,95 @@ impl Study {
         estimate::range_of(&self.options, &self.twin, range)
     }
 
-    /// Natural frequencies of the fixed structure (table 1) and of the free one (table 2).
+    /// Natural frequencies of the fixed structure (table 1) and of the free one (table 2), a row
+    /// for each elastic mode.
     #[must_use]
-    pub fn tables(&self) -> [FrequencyTable; 2] {
-        let identified = |method: Method| {
+    pub fn tables(&self) -> [Vec<FrequencyRow>; 2] {
+        let table = |paper: &[f64], twin: &[f64], method: Method, first: usize| {
             let of_method = self.rows().find(|(row, _)| row.method == method);
-            of_method.map_or(&[][..], |(_, answer)| answer.poles.as_slice())
+            let poles = of_method.map_or(&[][..], |(_, answer)| answer.poles.as_slice());
+            let pairs = paper.iter().zip(twin).zip(first..);
+            pairs
+                .map(|((paper, twin), number)| FrequencyRow::new(number, *paper, *twin, poles))
+                .collect()
         };
         [
-            FrequencyTable::new(
-                &paper::FIXED,
-                &self.twin.fixed,
-                identified(Method::ApparentMass),
-                1,
-            ),
-            FrequencyTable::new(
-                &paper::FREE,
-                &self.twin.free,
-                identified(Method::Synthesis),
-                4,
-            ),
+            table(&paper::FIXED, &self.twin.fixed, Method::ApparentMass, 1),
+            table(&paper::FREE, &self.twin.free, Method::Synthesis, 4),
         ]
+    }
+
+    /// Rows of table 4 and their answers, and at the end those of method e with fewer modes, whose
+    /// number is given.
+    fn iterated(&self) -> Vec<(Row, Option<usize>, &Answer)> {
+        let iterated = Row::iterated();
+        let own = iterated.iter().filter_map(|wanted| {
+            let found = self.rows().find(|(row, _)| row == wanted);
+            found.map(|(row, answer)| (row, None, answer))
+        });
+        let fewer = self.fewer_modes.rows.iter();
+        let fewer = fewer.filter(|(row, _)| iterated.contains(row));
+        let fewer = fewer.map(|(row, answer)| (*row, Some(self.fewer_modes.modes), answer));
+        own.chain(fewer).collect()
+    }
+
+    /// Rows that had no answer in some draws at a level of noise.
+    fn failures(&self) -> impl Iterator<Item = Failure<'_>> {
+        self.levels.iter().flat_map(|level| {
+            let rows = Row::all().into_iter().zip(&level.rows);
+            rows.filter_map(|(row, errors)| {
+                Some(Failure {
+                    row,
+                    noise: level.noise,
+                    failed: errors.direct.failed,
+                    draws: errors.direct.failed + errors.direct.answered,
+                    reason: errors.direct.reason.as_deref()?,
+                })
+            })
+        })
     }
 }
 
-/// Natural frequencies beside each other.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrequencyTable {
-    /// One row a mode.
-    pub modes: Vec<FrequencyRow>,
+/// Draws of a row without an answer.
+struct Failure<'a> {
+    row: Row,
+    noise: f64,
+    failed: usize,
+    draws: usize,
+    /// Why the first of them has none.
+    reason: &'a str,
 }
 
 /// One elastic mode.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FrequencyRow {
     /// Its number in the paper; the free system's first three modes are rigid.
+    #[serde(rename = "mode")]
     pub number: usize,
     /// The paper's natural frequency, Hz.
     pub paper: f64,
     /// The twin's, from its model, Hz.
     pub twin: f64,
-    /// Mode from the noise-free responses, where it lies in the lines.
-    pub identified: Option<Pole>,
+    /// The twin's over the paper's, per cent.
+    #[serde(rename = "difference_percent")]
+    pub difference: f64,
+    /// Natural frequency from the noise-free responses, Hz, where the mode lies in the lines.
+    pub identified: Option<f64>,
+    /// Share of critical damping, likewise.
+    pub damping: Option<f64>,
 }
 
-impl FrequencyTable {
-    fn new(paper: &[f64], twin: &[f64], identified: &[Pole], first: usize) -> Self {
-        let near = |f: f64| {
-            let close = |p: &&Pole| (p.frequency / f - 1.0).abs() < 0.02;
-            identified.iter().find(close).copied()
-        };
-        let pairs = paper.iter().zip(twin).enumerate();
+impl FrequencyRow {
+    fn new(number: usize, paper: f64, twin: f64, identified: &[Pole]) -> Self {
+        let close = |p: &&Pole| (p.frequency / twin - 1.0).abs() < 0.02;
+        let identified = identified.iter().find(close);
         Self {
-            modes: pairs
-                .map(|(i, (&paper, &twin))| FrequencyRow {
-                    number: first + i,
-                    paper,
-                    twin,
-                    identified: near(twin),
-                })
-                .collect(),
+            number,
+            paper,
+            twin,
+            difference: 100.0 * (twin / paper - 1.0),
+            identified: identified.map(|p| p.frequency),
+            damping: identified.map(|p| p.damping),
         }
     }
 }

@@ -1,9 +1,9 @@
 //! The same rows under noise: root mean square errors over many draws.
 
-use super::estimate::{Answer, Numbers, Outcome};
+use super::estimate::{Numbers, Outcome};
 use super::{NoiseKind, Options, Recordings, Responses, Row, StudyError, Twin};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use crate::parallel;
+use serde::{Serialize, Serializer};
 
 /// All rows at one level of noise.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Level {
 }
 
 /// Errors of one row over the draws.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RowErrors {
     /// Solved once at A.
     pub direct: Errors,
@@ -25,11 +25,13 @@ pub struct RowErrors {
 }
 
 /// Relative errors over the draws, per cent, in the order of [`Numbers`].
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Errors {
     /// Root mean square; not a number where no draw gave an answer.
+    #[serde(rename = "rms_percent", serialize_with = "by_name")]
     pub rms: [f64; Numbers::COUNT],
     /// Mean: the systematic part.
+    #[serde(rename = "mean_percent", serialize_with = "by_name")]
     pub mean: [f64; Numbers::COUNT],
     /// Draws that gave an answer.
     pub answered: usize,
@@ -37,6 +39,10 @@ pub struct Errors {
     pub failed: usize,
     /// Why the first of them gave none.
     pub reason: Option<String>,
+}
+
+fn by_name<S: Serializer>(list: &[f64; Numbers::COUNT], to: S) -> Result<S::Ok, S::Error> {
+    Numbers::from(*list).serialize(to)
 }
 
 /// Told now and then which share of all draws is done.
@@ -52,53 +58,38 @@ pub fn levels(options: &Options, progress: OnProgress<'_>) -> Result<Vec<Level>,
     let exact = Responses::exact(&twin, options);
     let mut shares = vec![0.0];
     shares.extend(&options.noise);
-    let jobs: Vec<(usize, u64)> = (0..shares.len())
-        .flat_map(|level| (0..options.draws as u64).map(move |draw| (level, draw)))
-        .collect();
-    let draw = |level: f64, seed: u64| match options.noise_kind {
-        NoiseKind::Recordings => {
-            Recordings::simulate(&twin, options, level, seed)?.answers(&twin, options)
+    let draws = options.draws.max(1);
+    let count = shares.len() * draws;
+    let draw = |job: usize| {
+        let (level, number) = (shares[job / draws], job % draws);
+        let seed = options.seed.wrapping_add(number as u64);
+        match options.noise_kind {
+            NoiseKind::Recordings => {
+                Recordings::simulate(&twin, options, level, seed)?.answers(&twin, options)
+            }
+            NoiseKind::Responses if level == 0.0 => exact.answers(&twin, options),
+            NoiseKind::Responses => exact.with_noise(level, seed).answers(&twin, options),
         }
-        NoiseKind::Responses if level == 0.0 => exact.answers(&twin, options),
-        NoiseKind::Responses => exact.with_noise(level, seed).answers(&twin, options),
     };
-    let next = AtomicUsize::new(0);
-    let (sender, receiver) = mpsc::channel();
-    let workers = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut found: Vec<Vec<Option<Vec<Answer>>>> = vec![vec![None; options.draws]; shares.len()];
-    std::thread::scope(|scope| {
-        for _ in 0..workers.min(jobs.len()) {
-            let (sender, next, jobs, shares, draw) = (sender.clone(), &next, &jobs, &shares, &draw);
-            scope.spawn(move || {
-                while let Some(&(level, number)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let answers = draw(shares[level], options.seed.wrapping_add(number));
-                    // Nobody listens any more after a failure elsewhere.
-                    if sender.send((level, number as usize, answers)).is_err() {
-                        return;
-                    }
-                }
-            });
-        }
-        drop(sender);
-        for (done, (level, number, answers)) in receiver.iter().enumerate() {
-            found[level][number] = Some(answers?);
-            progress((done + 1) as f64 / jobs.len() as f64);
-        }
-        Ok::<(), StudyError>(())
+    let (found, _) = parallel::each(count, None, &draw, &mut |done, _| {
+        progress(done as f64 / count as f64);
     })?;
     let exact = Numbers::exact(&twin);
-    let levels = shares.iter().zip(&found).map(|(&noise, draws)| Level {
-        noise,
-        rows: (0..Row::all().len())
-            .map(|row| {
-                let answers = || draws.iter().flatten().filter_map(|a| a.get(row));
-                RowErrors {
-                    direct: Errors::over(answers().map(|a| &a.direct), &exact),
-                    iterative: Errors::over(answers().map(|a| &a.iterative), &exact),
-                }
-            })
-            .collect(),
-    });
+    let levels = shares
+        .iter()
+        .zip(found.chunks(draws))
+        .map(|(&noise, draws)| Level {
+            noise,
+            rows: (0..Row::all().len())
+                .map(|row| {
+                    let answers = || draws.iter().filter_map(|answers| answers.get(row));
+                    RowErrors {
+                        direct: Errors::over(answers().map(|a| &a.direct), &exact),
+                        iterative: Errors::over(answers().map(|a| &a.iterative), &exact),
+                    }
+                })
+                .collect(),
+        });
     Ok(levels.collect())
 }
 

@@ -5,50 +5,93 @@ use massline_core::modes::MAX_MODES;
 use massline_core::weighting::MINIMUM_WEIGHT;
 use serde::Serialize;
 
-/// Everything about the study that somebody may want otherwise.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// Heading in the help of the command.
+const OPEN: &str = "What the paper leaves open";
+
+/// Conditions of the study.
+#[derive(Clone, Debug, PartialEq, Serialize, clap::Args)]
 pub struct Options {
-    /// Amplitude of the two lateral runs, m/s²: RMS of the random drive where recordings
-    /// are simulated.
+    /// Amplitude of runs X and Z, m/s²
+    #[arg(long, value_name = "A", default_value_t = Self::default().translation, help_heading = OPEN)]
     pub translation: f64,
-    /// Amplitude of the rotational run, rad/s².
+    /// Amplitude of the rotational run in the noise-free rows, rad/s²
+    #[arg(long, value_name = "A", default_value_t = Self::default().rotation, help_heading = OPEN)]
     pub rotation: f64,
-    /// Distance of the frequency lines, Hz; the first line lies at this frequency.
+    /// Distance of the frequency lines and the first of them, Hz
+    #[arg(long, value_name = "HZ", default_value_t = Self::default().spacing, help_heading = OPEN)]
     pub spacing: f64,
-    /// Highest line, Hz.
+    /// Highest line, Hz
+    #[arg(long, value_name = "HZ", default_value_t = Self::default().highest, help_heading = OPEN)]
     pub highest: f64,
-    /// Ends of the averaging ranges I and II as shares of the first natural frequency of
-    /// the fixed structure; the nearest line counts.
+    // The nearest line counts.
+    /// Ends of ranges I and II, shares of the fixed system's first natural frequency
+    #[arg(long, value_name = "I,II", value_parser = pair, default_value = "0.45,0.8", help_heading = OPEN)]
     pub ranges: [f64; 2],
-    /// W_min of chapter 7.
+    /// W_min, the weight of the accelerometer that sees the first modes most
+    #[arg(long, value_name = "W", default_value_t = Self::default().minimum_weight, help_heading = OPEN)]
     pub minimum_weight: f64,
-    /// Band in which the weighting looks for the first elastic modes, Hz.
+    /// Band in which the weighting looks for the first modes, Hz
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "28,50", help_heading = OPEN)]
     pub mode_band: [f64; 2],
-    /// Runs that share weights.
+    /// Which runs share weights: by-method (each its own for a, one set for b to e), per-run,
+    /// joined
+    #[arg(long, value_enum, hide_possible_values = true, value_name = "RULE", default_value_t, help_heading = OPEN)]
     pub weights: WeightRule,
-    /// Band in which methods d and e fit elastic modes, Hz; all lines if null.
+    /// Band in which methods d and e fit elastic modes, Hz [default: all lines]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, help_heading = OPEN)]
     pub fit_band: Option<[f64; 2]>,
-    /// Band in which the apparent mass looks for the poles of the fixed structure, Hz: around the
-    /// first modes, as `massline identify` does with lines up to the mode band's end.
+    // Around the first modes, as `massline identify` does with lines up to the mode band's end.
+    /// Band in which the apparent mass looks for the fixed system's poles, Hz
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "0.5,50", help_heading = OPEN)]
     pub pole_band: [f64; 2],
-    /// Most elastic modes that methods d and e fit.
+    /// Most elastic modes that methods d and e fit
+    #[arg(long, value_name = "N", default_value_t = Self::default().modes, help_heading = OPEN)]
     pub modes: usize,
-    /// Distance of CG and reference point at which the iteration ends, m.
+    /// Distance of A and S at which the iteration ends, m
+    #[arg(long, value_name = "M", default_value_t = Self::default().tolerance, help_heading = OPEN)]
     pub tolerance: f64,
-    /// Most iterations.
+    /// Most iterations
+    #[arg(long, value_name = "N", default_value_t = Self::default().iterations, help_heading = OPEN)]
     pub iterations: u32,
-    /// Signals that noise is added to.
+    /// Signals that noise is added to: recordings of every channel, or responses line by line
+    #[arg(
+        long = "noise-on",
+        value_enum,
+        hide_possible_values = true,
+        value_name = "WHERE",
+        default_value_t,
+        display_order = 3
+    )]
     pub noise_kind: NoiseKind,
-    /// Levels of noise, shares of each channel's RMS over all runs.
+    /// Levels of noise, each a share of a channel's RMS over all runs
+    #[arg(long, value_name = "R,R,…", value_delimiter = ',', default_values_t = Self::default().noise, display_order = 1)]
     pub noise: Vec<f64>,
-    /// Draws per level.
+    /// Draws per level of noise; 0 for the noise-free rows only
+    #[arg(long, value_name = "N", default_value_t = Self::default().draws, display_order = 0)]
     pub draws: usize,
-    /// Seed of the first draw; each next one has the next seed.
+    /// Seed of the first draw; each next one has the next
+    #[arg(long, value_name = "N", default_value_t = Self::default().seed, display_order = 2)]
     pub seed: u64,
-    /// Length of a simulated recording, s.
+    /// Length of a simulated recording, s
+    #[arg(long, value_name = "S", default_value_t = Self::default().duration, help_heading = OPEN)]
     pub duration: f64,
-    /// Amplitude of the rotational run under noise, rad/s².
+    /// Amplitude of the rotational run under noise, rad/s²; `massline simulate fork` has as much
+    #[arg(long, value_name = "A", default_value_t = Self::default().noise_rotation, help_heading = OPEN)]
     pub noise_rotation: f64,
+}
+
+/// Two numbers in one value, `0.5,50`: with several values to an option, the word after it
+/// would be taken for one.
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    let two = text
+        .split_once(',')
+        .ok_or("two numbers are expected, such as 0.5,50")?;
+    let number = |t: &str| {
+        let t = t.trim();
+        t.parse::<f64>()
+            .map_err(|_| format!("`{t}` is not a number"))
+    };
+    Ok([number(two.0)?, number(two.1)?])
 }
 
 /// Runs that share the weights of chapter 7.

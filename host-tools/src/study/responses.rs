@@ -78,19 +78,7 @@ impl Responses {
         };
         for (number, run) in self.runs.iter().enumerate() {
             let geometry = RunGeometry::new(&twin.setup, number, &Accelerations::Interface)?;
-            let twelve: Vec<_> = run.iter().map(|line| resultants(&geometry, line)).collect();
-            let half = |at: usize| -> Vec<Vector6<Complex<f64>>> {
-                let lines = twelve.iter();
-                lines.map(|r| Vector6::from_fn(|i, _| r[at + i])).collect()
-            };
-            survey.runs.push(SurveyedRun {
-                number,
-                sensors: run.iter().map(|line| line[..sensors].to_vec()).collect(),
-                base: half(0),
-                forces: half(6),
-                power: vec![1.0; run.len()],
-                equations: geometry.equations,
-            });
+            survey.runs.push(surveyed(number, geometry, run, sensors));
         }
         Ok(survey)
     }
@@ -133,6 +121,33 @@ impl Responses {
             }
         }
         Ok(answers)
+    }
+}
+
+/// A run as a survey sees it, from the responses of all its channels line by line,
+/// accelerometers first.
+pub(super) fn surveyed(
+    number: usize,
+    geometry: RunGeometry,
+    lines: &[Vec<Complex<f64>>],
+    accelerometers: usize,
+) -> SurveyedRun {
+    let twelve: Vec<_> = lines
+        .iter()
+        .map(|line| resultants(&geometry, line))
+        .collect();
+    let half = |at: usize| -> Vec<Vector6<Complex<f64>>> {
+        let lines = twelve.iter();
+        lines.map(|r| Vector6::from_fn(|i, _| r[at + i])).collect()
+    };
+    let sensors = lines.iter().map(|line| line[..accelerometers].to_vec());
+    SurveyedRun {
+        number,
+        sensors: sensors.collect(),
+        base: half(0),
+        forces: half(6),
+        power: vec![1.0; lines.len()],
+        equations: geometry.equations,
     }
 }
 

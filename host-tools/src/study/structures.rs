@@ -1,7 +1,7 @@
 //! Random structures on random interfaces: what a test may have on its table.
 
 use super::chance::Chance;
-use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity, Uncertainty};
+use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity};
 use crate::simulate::{Mode, MotionSensor, Specimen, shift};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
@@ -83,40 +83,6 @@ pub(super) fn shapes(chance: &mut Chance, structure: &Structure) -> Vec<f64> {
     modes.map(|_| chance.normal() * gain).collect()
 }
 
-/// An accelerometer's entry in a setup.
-pub(super) fn accelerometer(
-    channel: String,
-    position: Vector3<f64>,
-    direction: Vector3<f64>,
-    mount: Mount,
-) -> AccelerometerEntry {
-    AccelerometerEntry {
-        channel,
-        position: position.into(),
-        direction: direction.into(),
-        mount,
-        scale: 1.0,
-        uncertainty: Uncertainty::default(),
-    }
-}
-
-/// A load cell's entry in a setup.
-pub(super) fn load_cell(
-    channel: String,
-    position: Vector3<f64>,
-    direction: Vector3<f64>,
-    quantity: Quantity,
-) -> LoadCellEntry {
-    LoadCellEntry {
-        channel,
-        position: position.into(),
-        direction: direction.into(),
-        quantity,
-        scale: 1.0,
-        uncertainty: Uncertainty::default(),
-    }
-}
-
 /// Points around a ring of about `radius` (m) at height zero: evenly, but for a fifth of a
 /// radian, a fifth of the radius and a tenth of it in height.
 pub(super) fn ring(chance: &mut Chance, count: usize, radius: f64) -> Vec<Vector3<f64>> {
@@ -155,7 +121,7 @@ pub(super) fn motion_sensors(
     for (number, position) in ring(chance, count, radius).into_iter().enumerate() {
         for (axis, direction) in ["x", "y", "z"].iter().zip(triad(chance)) {
             sensors.push(MotionSensor {
-                entry: accelerometer(
+                entry: AccelerometerEntry::new(
                     format!("base{}.{axis}", number + 1),
                     position,
                     direction,
@@ -173,7 +139,7 @@ pub(super) fn motion_sensors(
             chance.between(0.0, structure.size),
         );
         sensors.push(MotionSensor {
-            entry: accelerometer(
+            entry: AccelerometerEntry::new(
                 format!("top{}", number + 1),
                 position,
                 chance.direction(),
@@ -192,7 +158,12 @@ pub(super) fn load_cells(chance: &mut Chance, radius: f64) -> Vec<LoadCellEntry>
     for (number, position) in ring(chance, count, radius).into_iter().enumerate() {
         for (axis, direction) in ["x", "y", "z"].iter().zip(triad(chance)) {
             let channel = format!("cell{}.{axis}", number + 1);
-            cells.push(load_cell(channel, position, direction, Quantity::Force));
+            cells.push(LoadCellEntry::new(
+                channel,
+                position,
+                direction,
+                Quantity::Force,
+            ));
         }
     }
     cells

@@ -77,25 +77,15 @@ fn frequencies(out: &mut dyn Write, study: &Study) -> Result<()> {
             write!(out, "{column:>11}")?;
         }
         writeln!(out, "{DIM:#}")?;
-        for mode in &table.modes {
-            write!(
-                out,
-                "{:<6}{:>11.2}{:>11.3}{:>9} %",
-                mode.number,
-                mode.paper,
-                mode.twin,
-                percent::text(100.0 * (mode.twin / mode.paper - 1.0))
-            )?;
-            match mode.identified {
-                Some(pole) => {
-                    writeln!(
-                        out,
-                        "{:>11.3}{:>9.3} %",
-                        pole.frequency,
-                        100.0 * pole.damping
-                    )?;
+        for mode in &table {
+            let (number, paper, twin) = (mode.number, mode.paper, mode.twin);
+            let difference = percent::text(mode.difference);
+            write!(out, "{number:<6}{paper:>11.2}{twin:>11.3}{difference:>9} %")?;
+            match (mode.identified, mode.damping) {
+                (Some(frequency), Some(damping)) => {
+                    writeln!(out, "{frequency:>11.3}{:>9.3} %", 100.0 * damping)?;
                 }
-                None => writeln!(out, "{:>11}{:>11}", "-", "-")?,
+                _ => writeln!(out, "{:>11}{:>11}", "-", "-")?,
             }
         }
     }
@@ -160,19 +150,11 @@ fn table_4(out: &mut dyn Write, study: &Study) -> Result<()> {
         &values(&study.exact.list(), &shown),
         &printed(&ideal, 3),
     )?;
-    let mut lines = Vec::new();
-    for row in Row::iterated() {
-        if let Some((_, answer)) = study.rows().find(|(r, _)| *r == row) {
-            lines.push((row.method_name().to_owned(), answer, paper::table_4(&row)));
-        }
-    }
-    for (row, answer) in &study.fewer_modes.rows {
-        if Row::iterated().contains(row) {
-            let name = format!("{}, {} modes", row.method_name(), study.fewer_modes.modes);
-            lines.push((name, answer, None));
-        }
-    }
-    for (name, answer, theirs) in lines {
+    for (row, modes, answer) in study.iterated() {
+        let (name, theirs) = match modes {
+            None => (row.method_name().to_owned(), paper::table_4(&row)),
+            Some(modes) => (format!("{}, {modes} modes", row.method_name()), None),
+        };
         let [direct, iterative] = theirs.map_or([None; 2], |pair| pair.map(Some));
         let steps = match &answer.iterative {
             Ok(solution) => format!("iterative ({})", solution.iterations),
@@ -320,27 +302,17 @@ fn noise(out: &mut dyn Write, study: &Study) -> Result<()> {
             &level.rows[at].iterative
         })?;
     }
-    let mut failures = Vec::new();
-    for level in &study.levels {
-        for (row, errors) in rows.iter().zip(&level.rows) {
-            let e = &errors.direct;
-            if let Some(reason) = &e.reason {
-                let draws = e.failed + e.answered;
-                failures.push(format!(
-                    "{} at {}: no answer in {} of {draws} draws: {reason}",
-                    row.name(),
-                    share(level.noise),
-                    e.failed
-                ));
-            }
+    let yellow = AnsiColor::Yellow.on_default();
+    for (number, f) in study.failures().enumerate() {
+        if number == 0 {
+            writeln!(out)?;
         }
-    }
-    if !failures.is_empty() {
-        let yellow = AnsiColor::Yellow.on_default();
-        writeln!(out)?;
-        for failure in failures {
-            writeln!(out, "{yellow}{}{yellow:#}", wrapped(&failure, "* "))?;
-        }
+        let (row, level, failed, draws) = (f.row.name(), share(f.noise), f.failed, f.draws);
+        let text = format!(
+            "{row} at {level}: no answer in {failed} of {draws} draws: {}",
+            f.reason
+        );
+        writeln!(out, "{yellow}{}{yellow:#}", wrapped(&text, "* "))?;
     }
     Ok(())
 }

@@ -13,11 +13,12 @@
 //!   those that a survey pass gives without noise.
 
 use super::chance::Chance;
+use super::responses::surveyed;
+use super::scratch::{Scratch, pose_rows, sine_rows};
 use crate::identification::{Answer, Choice, Session};
 use crate::likelihood::Noise;
 use crate::measure::{
-    Accelerations, MeasureError, NoRecords, Records, RunGeometry, Samples, Survey, SurveyedRun,
-    sampled_records,
+    Accelerations, MeasureError, NoRecords, Records, RunGeometry, Samples, Survey, sampled_records,
 };
 use crate::setup::{Excitation, Quantity, Setup};
 use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
@@ -25,11 +26,8 @@ use massline_core::geometry::ResultantNoise;
 use massline_core::identify::Identification;
 use massline_core::masslines::Method;
 use massline_core::spectra::LineRange;
-use nalgebra::{Complex, Vector6};
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Why there is no trial.
 #[derive(Debug, thiserror::Error)]
@@ -62,7 +60,8 @@ pub(super) struct Conditions {
     pub(super) sines: Vec<f64>,
     /// `true` if the mass is stated as weighed.
     pub(super) weighed: bool,
-    /// Number of the run whose motion each simulated run belongs to; those of one number are shaken at
+    /// Number of the run whose motion each simulated run belongs to; those of one number are shaken
+    /// at
     /// once, by drives of their own. Empty where every run is its own.
     pub(super) together: Vec<usize>,
     /// Factor on the frequency of the first mode in the last run; 1 where `None`.
@@ -387,25 +386,9 @@ impl Trial {
         for number in 0..self.setup.runs.len() {
             let geometry = RunGeometry::new(&self.setup, number, &Accelerations::Interface)?;
             let lines = simulate::responses(&self.model, number, self.seed, &frequencies);
-            let half = |at: usize| -> Vec<Vector6<Complex<f64>>> {
-                let lines = lines.iter();
-                lines
-                    .map(|line| {
-                        Vector6::from_fn(|i, _| {
-                            let terms = line.iter().zip(&geometry.columns);
-                            terms.map(|(x, column)| x * column[at + i]).sum()
-                        })
-                    })
-                    .collect()
-            };
-            survey.runs.push(SurveyedRun {
-                number,
-                sensors: lines.iter().map(|line| line[..sensors].to_vec()).collect(),
-                base: half(0),
-                forces: half(6),
-                power: vec![1.0; lines.len()],
-                equations: geometry.equations,
-            });
+            survey
+                .runs
+                .push(surveyed(number, geometry, &lines, sensors));
         }
         let least = self.setup.estimation.minimum_weight;
         // They are the lines of the mode band already.
@@ -475,62 +458,6 @@ fn join(setup: &mut Setup, runs: &mut Vec<Run>, together: &[usize]) {
     }
     setup.runs = kept;
     *runs = joined.into_iter().map(|(_, run)| run).collect();
-}
-
-fn sine_rows(names: &[&str], frequencies: &[f64], channels: &[Vec<f32>]) -> String {
-    let mut text = "frequency".to_owned();
-    for name in names {
-        // Writing to a string cannot fail.
-        let _ = write!(text, ",{name}.re,{name}.im");
-    }
-    for (line, frequency) in frequencies.iter().enumerate() {
-        let _ = write!(text, "\n{frequency:?}");
-        for channel in channels {
-            let _ = write!(text, ",{:?},{:?}", channel[2 * line], channel[2 * line + 1]);
-        }
-    }
-    text + "\n"
-}
-
-fn pose_rows(names: &[&str], channels: &[Vec<f32>]) -> String {
-    let mut text = names.join(",");
-    for row in 0..channels.first().map_or(0, Vec::len) {
-        text.push('\n');
-        for (c, channel) in channels.iter().enumerate() {
-            let comma = if c == 0 { "" } else { "," };
-            let _ = write!(text, "{comma}{:?}", channel[row]);
-        }
-    }
-    text + "\n"
-}
-
-/// A folder that goes when it is no longer needed.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new() -> Result<Self, TrialError> {
-        static NUMBER: AtomicU64 = AtomicU64::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = format!("massline-study-{}-{number}", std::process::id());
-        let path = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&path).map_err(|source| TrialError::Scratch {
-            path: path.clone(),
-            source,
-        })?;
-        Ok(Self(path))
-    }
-
-    fn write(&self, name: &Path, text: &str) -> Result<(), TrialError> {
-        let path = self.0.join(name);
-        std::fs::write(&path, text).map_err(|source| TrialError::Scratch { path, source })
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // A folder that stays is nothing that a study should fail for.
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }
 
 #[cfg(test)]
@@ -609,15 +536,5 @@ mod tests {
         model.runs.truncate(1);
         let trial = Trial::new(model, 5, &Conditions::default()).unwrap();
         assert!(trial.noise(0.01).iter().all(|noise| *noise > 0.0));
-    }
-
-    #[test]
-    fn scratch_folders_go() {
-        let path = {
-            let scratch = Scratch::new().unwrap();
-            scratch.write(Path::new("a.csv"), "a").unwrap();
-            scratch.0.clone()
-        };
-        assert!(!path.exists());
     }
 }

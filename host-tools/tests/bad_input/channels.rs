@@ -1,87 +1,48 @@
 //! Channels that are missing, twice there, dead or clipped.
 
+use crate::X;
 use crate::bench::{self, Bench, Finished, RECORDINGS};
-use crate::{X, refused};
 
 #[test]
 fn missing_channel() {
-    let finished = Bench::fork()
+    Bench::fork()
         .edit(X, |text| text.replacen(",a4,", ",A4,", 1))
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "line 1",
-            "there is no channel `a4`",
-            "did you mean `A4`?",
-        ],
-    );
+        .refused_input("lateral-x.csv … line 1 … there is no channel `a4` … did you mean `A4`?");
 }
 
 #[test]
 fn missing_drive() {
-    let finished = Bench::fork()
-        .setup("reference = \"drive\"", "reference = \"generator\"")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "there is no channel `generator`",
-            "columns without a sensor are drive",
-            "correct",
-        ],
-    );
+    Bench::fork()
+        .with("reference", "\"generator\"")
+        .refused_input(
+            "lateral-x.csv … there is no channel `generator` … columns without a sensor are drive \
+             … correct",
+        );
 }
 
 #[test]
 fn duplicate_channel_in_the_recording() {
-    let finished = Bench::fork()
+    Bench::fork()
         .edit(X, |text| text.replacen(",a4,", ",a5,", 1))
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "line 1",
-            "channel `a5` stands there twice, in columns 5 and 6",
-            "rename one",
-        ],
-    );
+        .refused_input(
+            "lateral-x.csv … line 1 … channel `a5` stands there twice, in columns 5 and 6 … \
+             rename one",
+        );
 }
 
 #[test]
 fn duplicate_channel_in_the_setup() {
-    let finished = Bench::fork().setup("\"a4\"", "\"a5\"").identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "[[accelerometer]] 5",
-            "channel \"a5\" belongs to [[accelerometer]] 4",
-            "correct the name",
-        ],
+    Bench::fork().setup("\"a4\"", "\"a5\"").refused_input(
+        "setup.toml, line … [[accelerometer]] 5 … channel \"a5\" belongs to [[accelerometer]] \
+             4 … correct the name",
     );
 }
 
 #[test]
 fn a_sensor_as_the_drive() {
-    let finished = Bench::fork()
-        .setup("reference = \"drive\"", "reference = \"a1\"")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "`reference` names \"a1\", which is a sensor",
-            "leave `reference` out",
-        ],
+    Bench::fork().with("reference", "\"a1\"").refused_input(
+        "setup.toml, line … `reference` names \"a1\", which is a sensor … leave `reference` \
+             out",
     );
 }
 
@@ -101,50 +62,30 @@ fn dead_channel() {
     // other accelerometers have neighbours that look their way.
     for channel in ["a1", "a2", "a6", "fx", "ty"] {
         for reading in ["0.0", "0.01"] {
-            let words = [
-                X,
-                &format!("channel `{channel}`"),
-                &format!("it reads {} throughout", reading.trim_end_matches(".0")),
-                repair,
-            ];
-            refused(&constant_everywhere(channel, reading), 1, &words);
+            let said = reading.trim_end_matches(".0");
+            constant_everywhere(channel, reading).refused_data(&format!(
+                "{X} … channel `{channel}` … it reads {said} throughout … {repair}"
+            ));
         }
     }
 }
 
 #[test]
 fn channel_that_dies_between_runs() {
-    let finished = Bench::fork()
+    Bench::fork()
         .channel(RECORDINGS[1], "a1", |_, _| "0.0".to_owned())
         .channel(RECORDINGS[2], "a1", |_, _| "0.0".to_owned())
-        .identify(&[]);
-    refused(
-        &finished,
-        1,
-        &[
-            RECORDINGS[1],
-            "channel `a1`",
-            "it reads 0 throughout",
-            "repair it",
-        ],
-    );
+        .refused_data("lateral-z.csv … channel `a1` … it reads 0 throughout … repair it");
 }
 
 #[test]
 fn dead_drive() {
-    let finished = Bench::fork()
+    Bench::fork()
         .channel(X, "drive", |_, _| "0.0".to_owned())
-        .identify(&[]);
-    refused(
-        &finished,
-        1,
-        &[
-            X,
-            "channel `drive`",
-            "nothing can be referred to it",
-            "check the generator's cable",
-        ],
-    );
+        .refused_data(
+            "lateral-x.csv … channel `drive` … nothing can be referred to it … check the \
+             generator's cable",
+        );
 }
 
 #[test]
@@ -153,36 +94,24 @@ fn clipped_channel() {
         let reading: f64 = field.parse().unwrap();
         reading.clamp(-1.5, 1.5).to_string()
     };
-    let finished = Bench::fork().channel(X, "a1", stop).identify(&[]);
-    refused(
-        &finished,
-        1,
-        &[
-            X,
-            "channel `a1`",
-            "samples sit at 1.5",
-            "the signal is clipped",
-            "lower the gain",
-        ],
+    Bench::fork().channel(X, "a1", stop).refused_data(
+        "lateral-x.csv … channel `a1` … samples sit at 1.5 … the signal is clipped … lower \
+             the gain",
     );
 }
 
 #[test]
 fn runs_that_are_copies_of_each_other() {
-    let same = "runs \"lateral X\" and \"lateral Z\" hold the very same samples";
+    let words = "runs \"lateral X\" and \"lateral Z\" hold the very same samples … give each run \
+                 its own";
     // Named twice.
-    let finished = Bench::fork().setup(RECORDINGS[1], X).identify(&[]);
-    refused(&finished, 1, &[same, "give each run its own"]);
+    let named = Bench::fork().setup(RECORDINGS[1], X);
+    named.refused_data(words);
     // Copied under another name and exported anew, so that the texts differ.
     let bench = Bench::fork();
-    let text = std::fs::read_to_string(bench.file(X))
-        .unwrap()
-        .replace(',', ", ");
-    refused(
-        &bench.write(RECORDINGS[1], text).identify(&[]),
-        1,
-        &[same, "give each run its own"],
-    );
+    let text = std::fs::read_to_string(bench.file(X)).unwrap();
+    let copied = bench.write(RECORDINGS[1], text.replace(',', ", "));
+    copied.refused_data(words);
 }
 
 /// Without noise, a sensor that looks across the motion reads exactly zero and is well.
@@ -214,6 +143,6 @@ fn channels_that_rest_without_noise_are_not_dead() {
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);
         let finished = bench::massline(folder.path(), ["identify", "setup.toml"]);
         assert_eq!(finished.code, Some(0), "{}", finished.stderr);
-        assert!(finished.stderr.contains(rests), "{}", finished.stderr);
+        finished.says(rests);
     }
 }

@@ -1,7 +1,7 @@
 //! Files that are not there, are empty, break off or are of another kind.
 
+use crate::X;
 use crate::bench::{self, Bench};
-use crate::{X, refused};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use massline::recording::Recording;
@@ -19,8 +19,9 @@ fn lines(text: &str, count: usize) -> String {
 
 #[test]
 fn empty_file() {
-    let finished = Bench::fork().write(X, "").identify(&[]);
-    refused(&finished, 2, &[X, "the file is empty", "expected a header"]);
+    Bench::fork()
+        .write(X, "")
+        .refused_input("lateral-x.csv … the file is empty … expected a header");
 }
 
 #[test]
@@ -28,73 +29,43 @@ fn empty_file_in_gzip() {
     let bench = Bench::fork()
         .setup(X, "x.csv.gz")
         .write("x.csv.gz", gzip(""));
-    refused(
-        &bench.identify(&[]),
-        2,
-        &["x.csv.gz", "the file is empty", "expected a header"],
-    );
+    bench.refused_input("x.csv.gz … the file is empty … expected a header");
 }
 
 #[test]
 fn header_only() {
-    let finished = Bench::fork().edit(X, |text| lines(text, 1)).identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[X, "not one row of numbers", "export the recording again"],
-    );
+    Bench::fork()
+        .edit(X, |text| lines(text, 1))
+        .refused_input("lateral-x.csv … not one row of numbers … export the recording again");
 }
 
 #[test]
 fn no_header() {
-    let finished = Bench::fork()
+    Bench::fork()
         .edit(X, |text| text.split_once('\n').unwrap().1.to_owned())
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "line 1",
-            "starts with the number",
-            "put a line with the channel names",
-        ],
-    );
+        .refused_input(
+            "lateral-x.csv … line 1 … starts with the number … put a line with the channel names",
+        );
 }
 
 #[test]
 fn too_short_a_recording() {
-    let finished = Bench::fork()
+    Bench::fork()
         .edit(X, |text| lines(text, 1000))
-        .identify(&[]);
-    refused(
-        &finished,
-        1,
-        &[X, "999 samples give 0 block(s) of 1024", "record longer"],
-    );
+        .refused_data("lateral-x.csv … 999 samples give 0 block(s) of 1024 … record longer");
 }
 
 #[test]
 fn files_that_are_not_there() {
-    let finished = Bench::fork().setup(X, "lateral-y.csv").identify(&[]);
-    refused(
-        &finished,
-        2,
-        &["lateral-y.csv", "cannot be read", "check the `recording`"],
-    );
-    let finished = Bench::fork().setup(X, ".").identify(&[]);
-    refused(
-        &finished,
-        2,
-        &["cannot be read", "directory", "check the `recording`"],
-    );
+    Bench::fork()
+        .setup(X, "lateral-y.csv")
+        .refused_input("lateral-y.csv … cannot be read … check the `recording`");
+    Bench::fork()
+        .setup(X, ".")
+        .refused_input("cannot be read … directory … check the `recording`");
     let bench = Bench::fork();
-    let finished = bench::massline(bench.path(), ["identify", "nowhere.toml"]);
-    refused(
-        &finished,
-        2,
-        &["nowhere.toml", "cannot be read", "check the path"],
-    );
+    bench::massline(bench.path(), ["identify", "nowhere.toml"])
+        .refused_input("nowhere.toml … cannot be read … check the path");
 }
 
 #[test]
@@ -102,18 +73,14 @@ fn files_of_another_kind() {
     let bench = Bench::fork();
     let text = std::fs::read_to_string(bench.file(X)).unwrap();
     let utf16: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
-    let finished = Bench::fork()
+    Bench::fork()
         .write(X, [&[0xff, 0xfe], utf16.as_slice()].concat())
-        .identify(&[]);
-    refused(&finished, 2, &[X, "line 1", "UTF-16", "save it as UTF-8"]);
+        .refused_input("lateral-x.csv … line 1 … UTF-16 … save it as UTF-8");
     let finished = Bench::fork().write(X, text.replace(',', ";")).identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[X, "line 1", "separated by semicolons", "with commas"],
-    );
-    let finished = bench.write(X, [0x1f, 0x8b, 9]).identify(&[]);
-    refused(&finished, 2, &[X, "line 1", "breaks off or is damaged"]);
+    finished.refused_input("lateral-x.csv … line 1 … separated by semicolons … with commas");
+    bench
+        .write(X, [0x1f, 0x8b, 9])
+        .refused_input("lateral-x.csv … line 1 … breaks off or is damaged");
 }
 
 /// A browser may unpack what it loads, and leaves the name.
@@ -127,7 +94,7 @@ fn a_kind_is_told_by_content_and_not_by_name() {
     let plain = Bench::fork().setup(X, "x.csv.gz").write("x.csv.gz", &text);
     assert_eq!(plain.identify(&["--json"]).stdout, expected);
     let twice = Bench::fork().write(X, gzip(gzip(&text)));
-    refused(&twice.identify(&[]), 2, &[X, "line 1", "gzip twice"]);
+    twice.refused_input("lateral-x.csv … line 1 … gzip twice");
 }
 
 #[test]
@@ -137,15 +104,7 @@ fn gzip_that_breaks_off() {
     let bench = bench
         .setup(X, "x.csv.gz")
         .write("x.csv.gz", &zipped[..zipped.len() / 2]);
-    refused(
-        &bench.identify(&[]),
-        2,
-        &[
-            "x.csv.gz, line ",
-            "breaks off or is damaged",
-            "copy or export it again",
-        ],
-    );
+    bench.refused_input("x.csv.gz, line … breaks off or is damaged … copy or export it again");
 }
 
 #[test]
@@ -166,8 +125,9 @@ fn a_number_that_may_be_cut_is_noted() {
     let fields = cut(0);
     let text = std::fs::read_to_string(fields.file(X)).unwrap();
     let last = text.rsplit_once(',').unwrap().0;
-    let finished = fields.write(X, last).identify(&[]);
-    refused(&finished, 2, &[X, "fields where the header has", "cut"]);
+    fields
+        .write(X, last)
+        .refused_input("lateral-x.csv … fields where the header has … cut");
 }
 
 #[test]
@@ -197,13 +157,12 @@ fn columns_by_the_hundred_thousand_are_left_out_with_a_short_note() {
         notes[0]
     );
     // A comparison of each name with all before it would take half a minute.
-    refused(&bench.identify(&[]), 1, &[X, "3 samples give 0 block(s)"]);
+    bench.refused_data("lateral-x.csv … 3 samples give 0 block(s)");
     // One more than there may be.
     let names: String = (0..131_073).map(|k| format!("c{k},")).collect();
-    let finished = Bench::fork()
+    Bench::fork()
         .write(X, format!("{}\n", names.trim_end_matches(',')))
-        .identify(&[]);
-    refused(&finished, 2, &[X, "131073 columns", "at most 131072"]);
+        .refused_input("lateral-x.csv … 131073 columns … at most 131072");
 }
 
 #[cfg(unix)]
@@ -214,13 +173,10 @@ fn a_pipe_is_no_recording() {
         .arg(bench.file("pipe"))
         .status();
     assert!(made.unwrap().success());
-    refused(
-        &bench.identify(&[]),
-        2,
-        &["pipe", "no file", "save it to a file"],
-    );
-    let finished = Bench::fork().setup(X, "/dev/zero").identify(&[]);
-    refused(&finished, 2, &["/dev/zero", "no file", "save it to a file"]);
+    bench.refused_input("pipe … no file … save it to a file");
+    Bench::fork()
+        .setup(X, "/dev/zero")
+        .refused_input("/dev/zero … no file … save it to a file");
 }
 
 #[cfg(unix)]

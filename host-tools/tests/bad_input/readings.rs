@@ -1,108 +1,34 @@
 //! Fields of a recording that are no readings.
 
-use crate::bench::{Bench, Finished};
-use crate::{X, refused};
-
-/// Row 100 from 0 stands in line 102, below the header.
-fn with_field(field: &str) -> Finished {
-    let change = |row: usize, old: &str| {
-        if row == 100 {
-            field.to_owned()
-        } else {
-            old.to_owned()
-        }
-    };
-    Bench::fork().channel(X, "a4", change).identify(&[])
-}
+use crate::X;
+use crate::bench::Bench;
 
 #[test]
-fn text_in_a_number() {
-    refused(
-        &with_field("1.2.3"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "`1.2.3` is not a number",
-            "decimal point",
-        ],
-    );
-    refused(
-        &with_field("off"),
-        2,
-        &[X, "line 102", "channel `a4`", "`off` is not a number"],
-    );
-    refused(
-        &with_field(""),
-        2,
-        &[X, "line 102", "channel `a4`", "`` is not a number"],
-    );
-}
-
-#[test]
-fn nan() {
-    refused(
-        &with_field("NaN"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "NaN is not a finite reading",
-            "cut the recording",
-        ],
-    );
-}
-
-#[test]
-fn infinity() {
-    refused(
-        &with_field("-inf"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "-inf is not a finite reading",
-            "cut the recording",
-        ],
-    );
-    refused(
-        &with_field("1e39"),
-        2,
-        &[
-            X,
-            "line 102",
-            "channel `a4`",
-            "1e39 is not a finite reading",
-        ],
-    );
+fn a_field_that_is_no_reading_is_refused_by_its_line_and_channel() {
+    for (field, words) in [
+        ("1.2.3", "`1.2.3` is not a number … decimal point"),
+        ("off", "`off` is not a number"),
+        ("", "`` is not a number"),
+        ("NaN", "NaN is not a finite reading … cut the recording"),
+        ("-inf", "-inf is not a finite reading … cut the recording"),
+        ("1e39", "1e39 is not a finite reading"),
+    ] {
+        let change = |row: usize, old: &str| if row == 100 { field } else { old }.to_owned();
+        let bench = Bench::fork().channel(X, "a4", change);
+        // Row 100 from 0 stands in line 102, below the header.
+        bench.refused_input(&format!("{X} … line 102 … channel `a4` … {words}"));
+    }
 }
 
 #[test]
 fn short_row() {
     let cut = |text: &str| {
-        text.lines()
-            .enumerate()
-            .map(|(n, l)| {
-                if n == 200 {
-                    "1,2,3\n".to_owned()
-                } else {
-                    format!("{l}\n")
-                }
-            })
-            .collect()
+        let mut lines: Vec<&str> = text.lines().collect();
+        lines[200] = "1,2,3";
+        lines.join("\n") + "\n"
     };
-    let finished = Bench::fork().edit(X, cut).identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "line 201",
-            "3 fields where the header has 19",
-            "cut the recording before this line",
-        ],
+    Bench::fork().edit(X, cut).refused_input(
+        "lateral-x.csv … line 201 … 3 fields where the header has 19 … cut the recording before \
+         this line",
     );
 }

@@ -1,205 +1,92 @@
 //! Set-ups that ask for what cannot be, or say what nobody understands.
 
 use crate::bench::Bench;
-use crate::refused;
 
 #[test]
-fn band_outside_the_spectrum() {
-    let finished = Bench::fork()
-        .setup(
-            "averaging_band = [0.5, 26.0]",
-            "averaging_band = [0.5, 300.0]",
-        )
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "[processing]",
-            "`averaging_band` ends at 300 Hz",
-            "the spectrum ends at 255 Hz",
-            "lower the band",
-        ],
-    );
-    let finished = Bench::fork()
-        .setup("mode_band = [27.5, 48.5]", "mode_band = [27.5, 480.5]")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &["setup.toml, line ", "`mode_band` ends at 480.5 Hz"],
-    );
-}
-
-#[test]
-fn band_with_fewer_than_three_lines() {
-    let finished = Bench::fork()
-        .setup(
-            "averaging_band = [0.5, 26.0]",
-            "averaging_band = [0.5, 1.2]",
-        )
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "`averaging_band` from 0.5 to 1.2 Hz holds 2 line",
-            "at least three",
-            "widen the band",
-        ],
-    );
-}
-
-#[test]
-fn band_that_is_none() {
-    let finished = Bench::fork()
-        .setup(
-            "averaging_band = [0.5, 26.0]",
-            "averaging_band = [26.0, 0.5]",
-        )
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "`averaging_band` is [26, 0.5]",
-            "the lower first",
-        ],
-    );
-}
-
-#[test]
-fn zero_direction() {
-    let finished = Bench::fork()
-        .setup("direction = [1.0, 0.0, 0.0]", "direction = [0, 0, 0]")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "(channel \"a1\")",
-            "`direction` is the zero vector",
-            "for example [0, 0, 1]",
-        ],
-    );
-}
-
-#[test]
-fn known_mass_of_zero_or_below() {
-    for mass in ["0", "-0.63", "0.0"] {
-        let finished = Bench::fork()
-            .edit("setup.toml", |text| {
-                let old = text.lines().find(|l| l.starts_with("known_mass")).unwrap();
-                text.replace(old, &format!("known_mass = {mass}"))
-            })
-            .identify(&[]);
-        refused(
-            &finished,
-            2,
-            &[
-                "setup.toml, line 4",
-                "`known_mass` is ",
-                "more than 0",
-                "leave it out",
-            ],
-        );
+fn a_value_that_cannot_be_is_refused_by_its_line_and_key() {
+    for (key, value, words) in [
+        (
+            "averaging_band",
+            "[0.5, 300.0]",
+            "[processing] … `averaging_band` ends at 300 Hz … the spectrum ends at 255 Hz … lower \
+             the band",
+        ),
+        ("mode_band", "[27.5, 480.5]", "`mode_band` ends at 480.5 Hz"),
+        (
+            "averaging_band",
+            "[0.5, 1.2]",
+            "`averaging_band` from 0.5 to 1.2 Hz holds 2 line … at least three … widen the band",
+        ),
+        (
+            "averaging_band",
+            "[26.0, 0.5]",
+            "`averaging_band` is [26, 0.5] … the lower first",
+        ),
+        (
+            "direction",
+            "[0, 0, 0]",
+            "(channel \"a1\") … `direction` is the zero vector … for example [0, 0, 1]",
+        ),
+        (
+            "known_mass",
+            "0",
+            "`known_mass` is 0 … more than 0 … leave it out",
+        ),
+        (
+            "known_mass",
+            "-0.63",
+            "`known_mass` is -0.63 … more than 0 … leave it out",
+        ),
+        (
+            "known_mass",
+            "0.0",
+            "`known_mass` is 0 … more than 0 … leave it out",
+        ),
+        // It would steer a terminal.
+        (
+            "channel",
+            "\"a\\u001b[2J\"",
+            "`channel` is the text … a\\u{1b}[2J … without control characters",
+        ),
+    ] {
+        let bench = Bench::fork().with(key, value);
+        let text = std::fs::read_to_string(bench.file("setup.toml")).unwrap();
+        let line = text.lines().position(|line| line.starts_with(key)).unwrap();
+        let words = format!("setup.toml, line {} … {words}", line + 1);
+        bench.refused_input(&words);
     }
 }
 
 #[test]
 fn sensors_that_leave_nothing_observable() {
     // Accelerations along x, forces along z: no equation holds both.
-    let finished = Bench::fork().only(&["a1", "fz"]).identify(&[]);
-    refused(
-        &finished,
-        1,
-        &[
-            "the accelerometers see ax",
-            "the load cells measure fz",
-            "nothing of the ten",
-            "add load cells",
-        ],
+    Bench::fork().only(&["a1", "fz"]).refused_data(
+        "the accelerometers see ax … the load cells measure fz … nothing of the ten … add \
+             load cells",
     );
-    let finished = Bench::fork().only(&["a1"]).identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml",
-            "there is no [[load_cell]]",
-            "add at least one",
-            "no force is known",
-        ],
+    Bench::fork().only(&["a1"]).refused_input(
+        "setup.toml … there is no [[load_cell]] … add at least one … no force is known",
     );
-    let finished = Bench::fork().only(&["fx", "fz", "ty"]).identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml",
-            "there is no [[accelerometer]]",
-            "add at least one",
-            "no motion is known",
-        ],
+    Bench::fork().only(&["fx", "fz", "ty"]).refused_input(
+        "setup.toml … there is no [[accelerometer]] … add at least one … no motion is known",
     );
 }
 
 #[test]
 fn setups_that_say_something_else() {
-    let finished = Bench::fork()
+    Bench::fork()
         .setup("averaging_band", "avergaing_band")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "[processing]",
-            "no key `avergaing_band`",
-            "did you mean `averaging_band`?",
-        ],
-    );
-    let finished = Bench::fork()
+        .refused_input(
+            "setup.toml, line … [processing] … no key `avergaing_band` … did you mean \
+             `averaging_band`?",
+        );
+    Bench::fork()
         .setup("[processing]", "[processing")
-        .identify(&[]);
-    refused(&finished, 2, &["setup.toml, line 6", "this is not TOML"]);
-    let finished = Bench::fork()
+        .refused_input("setup.toml, line 6 … this is not TOML");
+    Bench::fork()
         .write("setup.toml", [0xff, 0, 7])
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &["setup.toml", "not UTF-8", "save the file as UTF-8"],
-    );
-    let finished = Bench::fork().write("setup.toml", "").identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml",
-            "there is no [[accelerometer]]",
-            "add at least one",
-        ],
-    );
-}
-
-#[test]
-fn a_name_that_steers_a_terminal() {
-    let finished = Bench::fork()
-        .setup("channel = \"a1\"", "channel = \"a\\u001b[2J\"")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            "setup.toml, line ",
-            "`channel` is the text",
-            "a\\u{1b}[2J",
-            "without control characters",
-        ],
-    );
+        .refused_input("setup.toml … not UTF-8 … save the file as UTF-8");
+    Bench::fork()
+        .write("setup.toml", "")
+        .refused_input("setup.toml … there is no [[accelerometer]] … add at least one");
 }

@@ -1,7 +1,7 @@
 //! Sample rates and times that do not belong to the recording.
 
+use crate::X;
 use crate::bench::{Bench, RECORDINGS};
-use crate::{X, refused};
 
 /// With a column of times at `rate` samples per second, after some rows `late` samples off.
 fn with_time(text: &str, rate: f64, late: usize) -> String {
@@ -16,87 +16,46 @@ fn with_time(text: &str, rate: f64, late: usize) -> String {
 
 #[test]
 fn wrong_sample_rate() {
-    let finished = Bench::fork()
+    Bench::fork()
         .edit(X, |text| with_time(text, 256.0, 0))
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "its time column says 256 samples per second, the setup says 512",
-            "correct `sample_rate`",
-        ],
-    );
+        .refused_input(
+            "lateral-x.csv … its time column says 256 samples per second, the setup says 512 … \
+             correct `sample_rate`",
+        );
 }
 
 #[test]
 fn no_sample_rate() {
-    let finished = Bench::fork()
+    Bench::fork()
         .setup("sample_rate", "# sample_rate")
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "no `time` column",
-            "no `sample_rate`",
-            "write `sample_rate`",
-        ],
-    );
+        .refused_input("lateral-x.csv … no `time` column … no `sample_rate` … write `sample_rate`");
 }
 
 #[test]
 fn lost_samples() {
     // Two samples are gone before row 1500, which stands in line 1502.
-    let finished = Bench::fork()
+    Bench::fork()
         .edit(X, |text| with_time(text, 512.0, 2))
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "line 1502",
-            "samples are missing or doubled",
-            "record again",
-        ],
-    );
+        .refused_input("lateral-x.csv … line 1502 … samples are missing or doubled … record again");
 }
 
 #[test]
 fn runs_at_different_rates() {
-    let finished = Bench::fork()
+    Bench::fork()
         .setup("sample_rate", "# sample_rate")
         .edit(X, |text| with_time(text, 512.0, 0))
         .edit(RECORDINGS[1], |text| with_time(text, 256.0, 0))
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[RECORDINGS[1], "256", "512", "record all runs at one rate"],
-    );
+        .refused_input("lateral-z.csv … 256 … 512 … record all runs at one rate");
 }
 
 #[test]
 fn band_outside_the_spectrum_of_the_recording() {
-    let finished = Bench::fork()
+    Bench::fork()
         .setup("sample_rate", "# sample_rate")
-        .setup(
-            "averaging_band = [0.5, 26.0]",
-            "averaging_band = [0.5, 300.0]",
-        )
+        .with("averaging_band", "[0.5, 300.0]")
         .edit(X, |text| with_time(text, 512.0, 0))
-        .identify(&[]);
-    refused(
-        &finished,
-        2,
-        &[
-            X,
-            "`averaging_band` ends at 300 Hz",
-            "the spectrum ends at 255 Hz",
-            "lower the band",
-        ],
-    );
+        .refused_input(
+            "lateral-x.csv … `averaging_band` ends at 300 Hz … the spectrum ends at 255 Hz … \
+             lower the band",
+        );
 }

@@ -12,12 +12,62 @@ use std::process::Command;
 use std::sync::LazyLock;
 use tempfile::TempDir;
 
-/// What a command left behind.
+/// Exit code and outputs of a command.
 #[derive(Debug)]
 pub struct Finished {
     pub code: Option<i32>,
     pub stdout: String,
     pub stderr: String,
+}
+
+impl Finished {
+    /// Asserts that wrong usage or unreadable input was refused: exit code 2, and one sentence
+    /// with these words.
+    #[track_caller]
+    pub fn refused_input(&self, words: &str) {
+        self.refused(2, words);
+    }
+
+    /// Asserts that data that allow no answer were refused: exit code 1, and one sentence with
+    /// these words.
+    #[track_caller]
+    pub fn refused_data(&self, words: &str) {
+        self.refused(1, words);
+    }
+
+    #[track_caller]
+    fn refused(&self, code: i32, words: &str) {
+        println!("{}", self.stderr.trim_end());
+        assert_eq!(self.code, Some(code), "{}", self.stderr);
+        assert_eq!(self.stdout, "");
+        let line = self.stderr.strip_prefix("error: ").unwrap();
+        assert_eq!(line.lines().count(), 1, "one sentence: {line}");
+        assert!(!line.contains('\u{1b}'), "colours without a terminal");
+        assert!(!line.contains("panicked"));
+        assert_has(line, words);
+    }
+
+    /// Asserts these words on the standard error.
+    #[track_caller]
+    pub fn says(&self, words: &str) {
+        assert_has(&self.stderr, words);
+    }
+
+    /// Asserts these words on the standard output.
+    #[track_caller]
+    pub fn shows(&self, words: &str) {
+        assert_has(&self.stdout, words);
+    }
+}
+
+/// Asserts that a text has all words between the marks ` … `, in this order.
+#[track_caller]
+fn assert_has(text: &str, words: &str) {
+    let mut rest = text;
+    for word in words.split(" … ") {
+        let found = rest.split_once(word);
+        (_, rest) = found.unwrap_or_else(|| panic!("«{word}» is not in: {text}"));
+    }
 }
 
 /// Runs the binary in a folder.
@@ -115,6 +165,15 @@ impl Bench {
         self.edit("setup.toml", |text| text.replacen(from, to, 1))
     }
 
+    /// Gives a key of the setup another value, where it stands first.
+    pub fn with(self, key: &str, value: &str) -> Self {
+        let begin = format!("{key} = ");
+        self.edit("setup.toml", |text| {
+            let old = text.lines().find(|line| line.starts_with(&begin)).unwrap();
+            text.replacen(old, &format!("{begin}{value}"), 1)
+        })
+    }
+
     /// Writes a file as it is.
     pub fn write(self, file: &str, bytes: impl AsRef<[u8]>) -> Self {
         std::fs::write(self.file(file), bytes).unwrap();
@@ -157,6 +216,18 @@ impl Bench {
             let parts: Vec<&str> = text.split("\n[").filter(|part| kept(part)).collect();
             parts.join("\n[")
         })
+    }
+
+    /// [`Finished::refused_input`] of `massline identify setup.toml`.
+    #[track_caller]
+    pub fn refused_input(&self, words: &str) {
+        self.identify(&[]).refused_input(words);
+    }
+
+    /// [`Finished::refused_data`] of `massline identify setup.toml`.
+    #[track_caller]
+    pub fn refused_data(&self, words: &str) {
+        self.identify(&[]).refused_data(words);
     }
 
     /// `massline identify setup.toml` with more arguments.

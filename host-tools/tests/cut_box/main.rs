@@ -1,7 +1,7 @@
 //! Every command that talks to a box, as a user runs it, with the link cut at the n-th frame for
 //! every n: the port is gone, nothing arrives any more, or that one frame is lost.
 //!
-//! What is lost once is made up for. What is cut ends the command within the stated limits, with
+//! A frame that is lost is sent again. A cut ends the command within the stated limits, with
 //! a message that names what did not come; a file is then the old one or the whole new one, and
 //! nothing lies beside it. `cut_link.rs` does the same to the library, where a silence costs
 //! nothing; here it takes eight seconds, so that behind the first frames it comes at some only
@@ -19,14 +19,13 @@ use massline::device::{Cut, CutLine, HostBox, HostBoxMemory, Place, Port, PortEr
 use massline::limits;
 use massline::printable::steers;
 use massline::recording::Recording;
-use massline::rig::Inputs;
 use massline_firmware::wire::{
     BODY_MAX, FRAME_MAX, Received, Receiver, Reply, Request, Sender, ToBox,
 };
-use stand_in::begin;
+use stand_in::beside;
+use std::ops::Deref;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// The box in this program, which also starts anew where it is asked to.
@@ -95,7 +94,7 @@ struct Case {
     writes: Option<&'static str>,
     /// Its content before.
     old: &'static [u8],
-    /// Whether what was written instead is whole.
+    /// `true` if a file that was written instead is whole.
     is_whole: fn(&Path) -> bool,
     /// Longest that the command may take beyond the silence of a request.
     works: Duration,
@@ -110,15 +109,20 @@ const TALK: Case = Case {
     works: Duration::from_secs(3),
 };
 
-/// What became of a command.
+/// The end of a command.
 #[derive(Debug)]
 struct Finished {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-    took: Duration,
+    program: stand_in::Ended,
     folder: TempDir,
     passed: [u64; 2],
+}
+
+impl Deref for Finished {
+    type Target = stand_in::Ended;
+
+    fn deref(&self) -> &stand_in::Ended {
+        &self.program
+    }
 }
 
 /// A request that is not answered is sent eight times, a second apart, and once more it is tried
@@ -127,16 +131,14 @@ fn silence() -> Duration {
     2 * (Duration::from_secs(2 * u64::from(limits::ATTEMPTS)) + limits::SILENCE)
 }
 
-fn run(case: &Case, inputs: &Inputs, cut: Cut, place: Place) -> Finished {
+fn run(case: &Case, cut: Cut, place: Place) -> Finished {
     let folder = tempfile::tempdir().unwrap();
     FORK.copy(folder.path());
     if let Some(file) = case.writes {
         std::fs::write(folder.path().join(file), case.old).unwrap();
     }
-    let since = Instant::now();
-    let bound = silence() + case.works;
     let (mut memory, mut body) = (HostBoxMemory::new(), [0; BODY_MAX]);
-    let mut host_box = HostBox::with_inputs(&mut memory, 1, inputs.clone());
+    let mut host_box = HostBox::with_inputs(&mut memory, 1, FORK.inputs());
     (case.prepare)(&mut host_box);
     let restarting = Restarting {
         host_box,
@@ -145,31 +147,17 @@ fn run(case: &Case, inputs: &Inputs, cut: Cut, place: Place) -> Finished {
         said: Vec::new(),
     };
     let mut line = CutLine::new(restarting, cut, place);
-    let program = stand_in::serve(
-        &mut line,
-        |path| begin(command(folder.path(), case.command.split(' ')), path),
-        |program| {
-            let status = program.child.try_wait().unwrap();
-            if status.is_none() && since.elapsed() > bound {
-                program.child.kill().unwrap();
-                panic!("{:?}, {cut:?} {place:?}: it goes on", case.command);
-            }
-            program.code = status.and_then(|status| status.code());
-            status.is_some()
-        },
-    );
-    let [stdout, stderr] = program.streams.map(|stream| stream.join().unwrap());
+    let command = command(folder.path(), case.command.split(' '));
+    let bound = silence() + case.works;
+    let about = (case.command, cut, place);
     Finished {
-        code: program.code,
-        stdout,
-        stderr,
-        took: since.elapsed(),
+        program: stand_in::run(&mut line, command, bound, &about),
         folder,
         passed: line.passed(),
     }
 }
 
-/// What holds of every end.
+/// Asserts the properties of every end.
 fn check(case: &Case, finished: &Finished, cut: Cut, whole: &Finished) {
     let about = format!("{:?} {finished:#?}", case.command);
     assert!(!finished.stderr.contains("panicked"), "{about}");
@@ -227,8 +215,7 @@ const STRIDE: u64 = 11;
 
 /// Runs a command with the link cut at every frame.
 fn at_every_frame(case: &Case) {
-    let inputs = FORK.inputs();
-    let whole = run(case, &inputs, Cut::Gone, Place::Frame(u64::MAX));
+    let whole = run(case, Cut::Gone, Place::Frame(u64::MAX));
     assert_eq!(whole.code, Some(0), "{whole:#?}");
     check(case, &whole, Cut::Gone, &whole);
     let frames = whole.passed[0];
@@ -240,27 +227,17 @@ fn at_every_frame(case: &Case) {
             cases.push((Cut::Silent, n));
         }
     }
-    let next = AtomicUsize::new(0);
-    let longest = std::thread::scope(|scope| {
-        let worker = || {
-            // The models cannot be shared.
-            let inputs = FORK.inputs();
-            let mut longest = Duration::ZERO;
-            while let Some(&(cut, n)) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let finished = run(case, &inputs, cut, Place::Frame(n));
-                check(case, &finished, cut, &whole);
-                longest = longest.max(finished.took);
-            }
-            longest
-        };
-        let workers: Vec<_> = (0..BESIDE).map(|_| scope.spawn(worker)).collect();
-        let longest = workers.into_iter().map(|worker| worker.join().unwrap());
-        longest.max().unwrap()
+    let count = cases.len();
+    let took = beside(BESIDE, cases, |(cut, n)| {
+        let finished = run(case, cut, Place::Frame(n));
+        check(case, &finished, cut, &whole);
+        finished.took
     });
+    let longest = took.into_iter().max().unwrap();
     println!(
         "{:?}: {frames} frames, {} cuts, the longest took {longest:.1?} of {:?}",
         case.command,
-        cases.len(),
+        count,
         silence() + case.works
     );
 }
@@ -297,7 +274,7 @@ fn settings_that_are_written_to_a_file() {
     });
 }
 
-/// Whether a file is a recording to its end, of all rows that it says.
+/// `true` if a file is a recording to its end, of all rows that it says.
 fn is_recording(path: &Path) -> bool {
     let mut recording = Recording::open(path, &[]).unwrap();
     while recording.next_row(&mut []).unwrap() {}

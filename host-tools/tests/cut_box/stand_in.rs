@@ -2,6 +2,7 @@
 
 use massline::device::{Port, PortError};
 use serialport::{SerialPort, TTYPort};
+use std::fmt::Debug;
 use std::io::{ErrorKind, Read, Write};
 use std::process::{Child, Command, Stdio};
 use std::sync::Mutex;
@@ -59,9 +60,71 @@ fn reader(mut from: impl Read + Send + 'static) -> JoinHandle<String> {
 /// A program that runs.
 pub struct Program {
     pub child: Child,
-    /// What it says to stdout and stderr.
-    pub streams: [JoinHandle<String>; 2],
+    /// Its standard output and its standard error.
+    streams: [JoinHandle<String>; 2],
+    begun: Instant,
+}
+
+/// A program that has ended.
+#[derive(Debug)]
+pub struct Ended {
     pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+    pub took: Duration,
+}
+
+impl Program {
+    /// `true` once it has ended, which it must within `bound` from its begin.
+    pub fn is_over(&mut self, bound: Duration, about: &dyn Debug) -> bool {
+        let is_over = self.child.try_wait().unwrap().is_some();
+        if !is_over && self.begun.elapsed() > bound {
+            self.child.kill().unwrap();
+            self.child.wait().unwrap();
+            panic!("{about:?}: it goes on after {bound:?}");
+        }
+        is_over
+    }
+
+    /// Its end, which is waited for.
+    pub fn ended(mut self) -> Ended {
+        let code = self.child.wait().unwrap().code();
+        let [stdout, stderr] = self.streams.map(|stream| stream.join().unwrap());
+        Ended {
+            code,
+            stdout,
+            stderr,
+            took: self.begun.elapsed(),
+        }
+    }
+}
+
+/// Runs a program to its end, with a box at the other end of `line`.
+pub fn run(line: &mut impl Port, command: Command, bound: Duration, about: &dyn Debug) -> Ended {
+    let begin = |path: &str| begin(command, path);
+    serve(line, begin, |program| program.is_over(bound, about)).ended()
+}
+
+/// Does work for every case, some beside each other: in most of them somebody waits.
+pub fn beside<C: Send, T: Send>(
+    workers: usize,
+    mut cases: Vec<C>,
+    work: impl Fn(C) -> T + Sync,
+) -> Vec<T> {
+    cases.reverse();
+    let (cases, done) = (Mutex::new(cases), Mutex::new(Vec::new()));
+    let next = || cases.lock().unwrap().pop();
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                while let Some(case) = next() {
+                    let one = work(case);
+                    done.lock().unwrap().push(one);
+                }
+            });
+        }
+    });
+    done.into_inner().unwrap()
 }
 
 /// Begins the program, which asks the box at a path.
@@ -79,11 +142,11 @@ pub fn begin(mut command: Command, path: &str) -> Program {
     Program {
         child,
         streams,
-        code: None,
+        begun: Instant::now(),
     }
 }
 
-/// What is on its way between a line and a terminal.
+/// Bytes on their way between a line and a terminal.
 struct Link {
     /// Of the program, up to the end of a frame.
     frame: Vec<u8>,

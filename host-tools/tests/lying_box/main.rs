@@ -11,6 +11,9 @@ mod bench;
 mod fork;
 mod peer;
 mod proxy;
+#[path = "../../../firmware/tests/wire/reference.rs"]
+#[allow(dead_code, reason = "no test begins with any header")]
+mod reference;
 #[path = "../cut_box/stand_in.rs"]
 mod stand_in;
 mod tales;
@@ -19,22 +22,27 @@ use bench::command;
 use massline::limits;
 use massline::printable::steers;
 use peer::{Lie, Peer, RATE};
-use std::io::Read;
-use std::process::{Child, Command, Stdio};
-use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use stand_in::{Program, begin, beside};
+use std::ops::Deref;
+use std::process::Command;
+use std::time::Duration;
 use tempfile::TempDir;
 
-/// What became of a command.
+/// The end of a command.
 #[derive(Debug)]
 struct Ended {
     lie: Lie,
     arguments: &'static [&'static str],
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-    took: Duration,
+    program: stand_in::Ended,
     folder: TempDir,
+}
+
+impl Deref for Ended {
+    type Target = stand_in::Ended;
+
+    fn deref(&self) -> &stand_in::Ended {
+        &self.program
+    }
 }
 
 /// A message waits a second for its reply on a serial port, so a request that is never answered
@@ -43,56 +51,26 @@ fn handshake() -> Duration {
     2 * (Duration::from_secs(limits::ATTEMPTS.into()) + limits::SENDING)
 }
 
-fn spawn(peer: &Peer, arguments: &[&str], folder: &TempDir) -> Child {
-    let port = ["--port", &peer.path];
-    let all = [&["board"], arguments, &port].concat();
-    let mut command: Command = command(folder.path(), all);
-    command
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+fn spawn(peer: &Peer, arguments: &[&str], folder: &TempDir) -> Program {
+    let all = [&["board"], arguments].concat();
+    begin(command(folder.path(), all), &peer.path)
 }
 
-/// All of a stream, beside what else goes on.
-fn reader(mut from: impl Read + Send + 'static) -> std::thread::JoinHandle<String> {
-    std::thread::spawn(move || {
-        let mut bytes = Vec::new();
-        from.read_to_end(&mut bytes).unwrap();
-        String::from_utf8(bytes).unwrap()
-    })
-}
-
-/// Waits for a command, and ends it if it takes longer than `bound`.
+/// Waits for a command, and ends it if it takes longer than `bound` from its begin.
 fn finish(
-    mut child: Child,
+    mut program: Program,
     lie: Lie,
     arguments: &'static [&'static str],
     bound: Duration,
     folder: TempDir,
 ) -> Ended {
-    let since = Instant::now();
-    let stdout = reader(child.stdout.take().unwrap());
-    let stderr = reader(child.stderr.take().unwrap());
-    let status = loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            break status;
-        }
-        if since.elapsed() > bound {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            panic!("{lie:?}, {arguments:?}: it goes on after {bound:?}");
-        }
+    while !program.is_over(bound, &(lie, arguments)) {
         std::thread::sleep(Duration::from_millis(20));
-    };
+    }
     Ended {
         lie,
         arguments,
-        code: status.code(),
-        stdout: stdout.join().unwrap(),
-        stderr: stderr.join().unwrap(),
-        took: since.elapsed(),
+        program: program.ended(),
         folder,
     }
 }
@@ -100,11 +78,11 @@ fn finish(
 fn run(lie: Lie, arguments: &'static [&'static str], bound: Duration) -> Ended {
     let peer = Peer::new(lie);
     let folder = tempfile::tempdir().unwrap();
-    let child = spawn(&peer, arguments, &folder);
-    finish(child, lie, arguments, bound, folder)
+    let program = spawn(&peer, arguments, &folder);
+    finish(program, lie, arguments, bound, folder)
 }
 
-/// What holds of every end.
+/// Asserts the properties of every end.
 fn check(ended: &Ended) {
     let about = format!("{ended:#?}");
     assert!(matches!(ended.code, Some(0..=2)), "{about}");
@@ -141,25 +119,12 @@ const ALL: [&[&str]; 6] = [INFO, SELFTEST, SETTINGS, MONITOR, RECORD, FORGET];
 const BESIDE: usize = 8;
 
 /// Runs commands beside each other, and checks each.
-fn all(mut cases: Vec<(Lie, &'static [&'static str], Duration)>) -> Vec<Ended> {
-    cases.reverse();
-    let (cases, ended) = (Mutex::new(cases), Mutex::new(Vec::new()));
-    std::thread::scope(|scope| {
-        for _ in 0..BESIDE {
-            scope.spawn(|| {
-                loop {
-                    let next = cases.lock().unwrap().pop();
-                    let Some((lie, arguments, bound)) = next else {
-                        return;
-                    };
-                    let one = run(lie, arguments, bound);
-                    check(&one);
-                    ended.lock().unwrap().push(one);
-                }
-            });
-        }
-    });
-    ended.into_inner().unwrap()
+fn all(cases: Vec<(Lie, &'static [&'static str], Duration)>) -> Vec<Ended> {
+    beside(BESIDE, cases, |(lie, arguments, bound)| {
+        let ended = run(lie, arguments, bound);
+        check(&ended);
+        ended
+    })
 }
 
 #[test]
@@ -325,13 +290,14 @@ fn ctrl_c_ends_a_recording_whatever_comes() {
         let peer = Peer::new(lie);
         let folder = tempfile::tempdir().unwrap();
         let arguments: &[&str] = &["record", "x.csv", "--seconds", "100000"];
-        let mut child = spawn(&peer, arguments, &folder);
-        std::thread::sleep(Duration::from_secs(4));
-        assert_eq!(child.try_wait().unwrap(), None, "{lie:?}");
-        let id = child.id().to_string();
+        let mut program = spawn(&peer, arguments, &folder);
+        let runs = Duration::from_secs(4);
+        std::thread::sleep(runs);
+        assert_eq!(program.child.try_wait().unwrap(), None, "{lie:?}");
+        let id = program.child.id().to_string();
         let kill = Command::new("kill").args(["-INT", &id]).status();
         assert!(kill.unwrap().success());
-        let ended = finish(child, lie, arguments, handshake(), folder);
+        let ended = finish(program, lie, arguments, runs + handshake(), folder);
         check(&ended);
         assert_eq!(ended.code, Some(0), "{ended:#?}");
     }

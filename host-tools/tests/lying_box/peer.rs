@@ -1,9 +1,11 @@
 //! A box that lies, at the other end of a pair of pseudo-terminals.
 
+use crate::reference;
 use massline_firmware::wire::{
-    BODY_MAX, Capacity, Circuit, ClockSource, Event, FRAME_MAX, Fault, FaultCounters, FaultKind,
-    Info, Input, MethodSet, Packed, Pong, Received, Receiver, Reply, Request, ResetReason, Samples,
-    Saved, Sender, Setting, SettingKey, State, Status, Storage, Stream, ToBox, Values,
+    BODY_MAX, CHECKSUM, Capacity, Circuit, ClockSource, Event, FRAME_MAX, Fault, FaultCounters,
+    FaultKind, Info, Input, MethodSet, Packed, Pong, Received, Receiver, Reply, Request,
+    ResetReason, Samples, Saved, Sender, Setting, SettingKey, State, Status, Storage, Stream,
+    ToBox, Values,
 };
 use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Write};
@@ -11,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// What the box does in place of what the contract says.
+/// A breach of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lie {
     /// Nothing: it is sound, and its two inputs sample.
@@ -63,7 +65,7 @@ pub enum Lie {
     Trickle,
 }
 
-/// What a box may call itself to take a terminal over.
+/// A name by which a box takes a terminal over.
 pub const EVIL: &str = "\u{1b}]0;x\u{7}\u{1b}[2J\u{9b}31m\nerror: a\u{202e}b";
 /// Samples of a message.
 const SAMPLES: usize = 5;
@@ -74,7 +76,7 @@ pub const INPUTS: u8 = 2;
 
 /// The box, for as long as this lives.
 pub struct Peer {
-    /// Where a program finds it.
+    /// Path of the port for a program.
     pub path: String,
     stop: Arc<AtomicBool>,
     // The other end is not gone while nobody has it open.
@@ -175,7 +177,7 @@ impl Liar {
         self.random >> 8
     }
 
-    /// What it says unasked.
+    /// Sends events.
     fn speak(&mut self) {
         match self.lie {
             Lie::Noise(value) => {
@@ -377,26 +379,9 @@ impl Liar {
 
 /// The frame with header and payload changed and a checksum that fits.
 fn rewritten(frame: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
-    let mut body = Vec::new();
-    let mut rest = &frame[1..frame.len() - 1];
-    while let Some((&code, group)) = rest.split_first() {
-        let (group, more) = group.split_at(usize::from(code) - 1);
-        body.extend_from_slice(group);
-        if code < 255 && !more.is_empty() {
-            body.push(0);
-        }
-        rest = more;
-    }
-    body.truncate(body.len() - 4);
+    let mut body = reference::unstuffed(&frame[1..frame.len() - 1]).unwrap();
+    body.truncate(body.len() - CHECKSUM);
     change(&mut body);
-    body.extend(massline_firmware::wire::CRC32.checksum(&body).to_le_bytes());
-    let mut wire = vec![0];
-    for group in body.split(|&byte| byte == 0) {
-        // Bodies of the messages that are changed have no group of 254 bytes.
-        assert!(group.len() < 254);
-        wire.push(group.len() as u8 + 1);
-        wire.extend_from_slice(group);
-    }
-    wire.push(0);
-    wire
+    let (header, payload) = body.split_first_chunk().unwrap();
+    reference::frame(header, payload)
 }

@@ -8,10 +8,10 @@ use massline_firmware::wire::{
 };
 use std::time::Duration;
 
-/// What a reply says in place of what is so.
+/// A change of replies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tale {
-    /// What is so.
+    /// None.
     None,
     /// Every estimate of an answer is this.
     Estimate(f64),
@@ -54,7 +54,7 @@ pub struct Proxy<'b, 'm> {
     pub host_box: &'b mut HostBox<'m>,
     tale: Tale,
     sender: Sender,
-    /// What was asked last that takes its time.
+    /// `true` once an identification was requested.
     identifying: bool,
 }
 
@@ -68,7 +68,7 @@ impl<'b, 'm> Proxy<'b, 'm> {
         }
     }
 
-    /// What a message becomes, as a frame; none if it is not said at all.
+    /// The frame of a changed message; empty if it is left out.
     fn rewrite(&mut self, id: u16, message: FromBox<'_>) -> Vec<u8> {
         let mut out = [0; FRAME_MAX];
         let (zeros, lines) = ([0.0; 48], [Default::default(); 4]);

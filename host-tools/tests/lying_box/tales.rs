@@ -4,21 +4,27 @@ use crate::bench::command;
 use crate::fork::{FORK, measured};
 use crate::handshake;
 use crate::proxy::{Proxy, Tale};
-use crate::stand_in::{begin, serve};
+use crate::stand_in::{self, beside};
 use massline::device::{HostBox, HostBoxMemory};
 use massline::limits;
 use massline::printable::steers;
-use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::ops::Deref;
+use std::time::Duration;
 
-/// What became of a command.
+/// The end of a command.
 #[derive(Debug)]
 struct Told {
     tale: Tale,
     words: &'static str,
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
+    program: stand_in::Ended,
+}
+
+impl Deref for Told {
+    type Target = stand_in::Ended;
+
+    fn deref(&self) -> &stand_in::Ended {
+        &self.program
+    }
 }
 
 const IDENTIFY: &str = "board identify setup.toml --inputs wired.toml";
@@ -38,29 +44,14 @@ fn run(tale: Tale, words: &'static str) -> Told {
     let folder = tempfile::tempdir().unwrap();
     FORK.copy(folder.path());
     let mut proxy = Proxy::new(&mut host_box, tale);
-    let since = Instant::now();
     let limit = limits::LONGEST_WORK + handshake() + limits::SILENCE;
     let bound = limit + Duration::from_secs_f64(limits::overtime(6.0));
-    let program = serve(
-        &mut proxy,
-        |path| begin(command(folder.path(), words.split(' ')), path),
-        |program| {
-            let status = program.child.try_wait().unwrap();
-            if status.is_none() && since.elapsed() > bound {
-                program.child.kill().unwrap();
-                panic!("{tale:?}, {words}: it goes on");
-            }
-            program.code = status.and_then(|status| status.code());
-            status.is_some()
-        },
-    );
-    let [stdout, stderr] = program.streams.map(|stream| stream.join().unwrap());
+    let command = command(folder.path(), words.split(' '));
+    let program = stand_in::run(&mut proxy, command, bound, &(tale, words));
     let told = Told {
         tale,
         words,
-        code: program.code,
-        stdout,
-        stderr,
+        program,
     };
     let about = format!("{told:#?}");
     assert!(matches!(told.code, Some(0..=2)), "{about}");
@@ -73,28 +64,14 @@ fn run(tale: Tale, words: &'static str) -> Told {
     // What no sound answer has does not pass for one.
     let numbers = ["NaN", "inf"].map(|word| told.stdout.contains(word));
     assert!(told.code != Some(0) || numbers == [false; 2], "{about}");
-    println!("{tale:?} {words}: {:?}, {:.1?}", told.code, since.elapsed());
+    println!("{tale:?} {words}: {:?}, {:.1?}", told.code, told.took);
     println!("    {}", told.stderr.trim_end().replace('\n', "\n    "));
     told
 }
 
 /// Runs commands beside each other.
-fn all(mut cases: Vec<(Tale, &'static str)>) -> Vec<Told> {
-    cases.reverse();
-    let (cases, told) = (Mutex::new(cases), Mutex::new(Vec::new()));
-    std::thread::scope(|scope| {
-        for _ in 0..6 {
-            scope.spawn(|| {
-                loop {
-                    let next = cases.lock().unwrap().pop();
-                    let Some((tale, words)) = next else { return };
-                    let one = run(tale, words);
-                    told.lock().unwrap().push(one);
-                }
-            });
-        }
-    });
-    told.into_inner().unwrap()
+fn all(cases: Vec<(Tale, &'static str)>) -> Vec<Told> {
+    beside(6, cases, |(tale, words)| run(tale, words))
 }
 
 #[test]

@@ -27,10 +27,7 @@ fn leaves_the_old(bench: &Bench, rooms: &[usize], arguments: &[&str]) {
     for &room in rooms {
         let finished = limited(bench.path(), room, arguments);
         assert_eq!(finished.code, Some(2), "{room}: {finished:?}");
-        assert!(
-            finished.stderr.contains("make room on the disk"),
-            "{finished:?}"
-        );
+        finished.says("make room on the disk");
         assert!(files(bench.path()) == before, "{room}: {arguments:?}");
     }
 }
@@ -72,7 +69,7 @@ fn a_recording() {
     let finished = limited(bench.path(), room, &[&record[..], &["--force"]].concat());
     assert_eq!(finished.code, Some(2), "{finished:?}");
     for words in ["make room on the disk", "kept in", "x.csv.part"] {
-        assert!(finished.stderr.contains(words), "{words}: {finished:?}");
+        finished.says(words);
     }
     let left = files(bench.path());
     assert_eq!(left["x.csv"], b"an older recording\n");

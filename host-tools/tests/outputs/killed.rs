@@ -66,7 +66,7 @@ fn a_simulation_leaves_the_old_test_or_the_new_one() {
         } else if !is(old) {
             // Between the first and the last file that was put in its place.
             assert_eq!(finished.code, Some(2), "{finished:?}");
-            assert!(finished.stderr.contains("simulate again"), "{finished:?}");
+            finished.says("simulate again");
             assert_eq!(massline(folder, words(old)).code, Some(0));
             assert!(files(&test) == whole[old]);
             continue;
@@ -171,14 +171,14 @@ fn again(folder: &Path, file: &Path, part: &Path) {
     let refused = massline(folder, own);
     assert_eq!(refused.code, Some(2), "{refused:?}");
     for words in [".csv.part: holds the rows", "rename it", "--force"] {
-        assert!(refused.stderr.contains(words), "{refused:?}");
+        refused.says(words);
     }
     assert!(!file.exists() && std::fs::read(part).unwrap() == left);
     let forced = massline(folder, own.iter().chain(&["--force"]));
     assert_eq!(forced.code, Some(0), "{forced:?}");
     let aside = file.with_extension("csv.1.part");
     let named = aside.file_name().unwrap().to_str().unwrap();
-    assert!(forced.stderr.contains(named), "{forced:?}");
+    forced.says(named);
     assert!(std::fs::read(aside).unwrap() == left && !part.exists());
     // Under another name it is a recording.
     let renamed = file.with_extension("kept.csv");

@@ -1,5 +1,5 @@
-//! What the command writes: which files it may replace, what a full disk leaves, and what is
-//! left when it is killed. Each of its operations on the file system fails in the library's own
+//! Files that the command writes: those that it may replace, and those that a full disk or a kill
+//! leaves. Each of its operations on the file system fails in the library's own
 //! tests; here the command is real, and so are the disk and the kill.
 
 #[path = "../bench/mod.rs"]

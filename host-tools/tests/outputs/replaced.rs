@@ -9,7 +9,7 @@ fn refused(bench: &Bench, arguments: &[&str], words: &[&str]) {
     let finished = massline(bench.path(), arguments);
     assert_eq!(finished.code, Some(2), "{arguments:?}: {finished:?}");
     for word in words {
-        assert!(finished.stderr.contains(word), "{word}: {finished:?}");
+        finished.says(word);
     }
     assert!(files(bench.path()) == before, "{arguments:?}");
 }
@@ -173,7 +173,7 @@ fn a_recording_that_was_exchanged_is_no_answer_and_told_before_anything_else() {
             let finished = massline(folder, command);
             assert_eq!(finished.code, Some(2), "{command:?} {finished:?}");
             for words in ["lateral-z.csv: this is not the recording", "simulate again"] {
-                assert!(finished.stderr.contains(words), "{command:?} {finished:?}");
+                finished.says(words);
             }
         }
     }

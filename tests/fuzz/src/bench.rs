@@ -1,92 +1,15 @@
-//! A test bench: the instrument, and a board with the firmware's settings whose clock and
-//! converters are controlled by a script.
+//! A test bench: the instrument on the model of a board, whose clock and converters are controlled
+//! by a script.
 
 use crate::link::{self, Piece};
 use massline_firmware::instrument::{
-    Board, Identity, Instrument, Memory, Persistent, RunStorage, Transmit, Vitals, WorkingStorage,
+    Identity, Instrument, Memory, Persistent, RunStorage, Transmit, WorkingStorage,
 };
-use massline_firmware::sampling::{INPUTS, Plan};
+use massline_firmware::model_board::{IDENTITY, ModelBoard};
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{
-    BODY_MAX, ClockSource, Event, FRAME_MAX, FaultCounters, FromBox, Problem, Provoke, Received,
-    Receiver, Reply, Request, ResetReason, Sender, Setting, SettingKey, Storage, ToHost,
+    BODY_MAX, Event, FRAME_MAX, FromBox, Received, Receiver, Reply, Request, Sender, ToHost,
 };
-
-/// Ticks per second.
-pub const TICK_HZ: u32 = 1_000_000;
-
-/// The board.
-#[derive(Debug)]
-pub struct Hardware {
-    /// Time, ticks.
-    pub ticks: u64,
-    /// Sample rate of the running converters, Hz.
-    pub converting: Option<f64>,
-    /// Number of the converters' next sample.
-    pub samples: u64,
-    settings: Box<Settings<INPUTS>>,
-    kept: Box<Settings<INPUTS>>,
-}
-
-impl Board for Hardware {
-    fn ticks(&self) -> u64 {
-        self.ticks
-    }
-
-    fn input_samples(&self) -> u64 {
-        self.samples
-    }
-
-    fn faults(&self) -> FaultCounters {
-        FaultCounters::default()
-    }
-
-    fn forget_faults(&mut self) {}
-
-    fn vitals(&mut self) -> Vitals {
-        Vitals::default()
-    }
-
-    fn start_inputs(&mut self, sample_rate: f64) -> Result<(), Problem> {
-        if self.converting.is_none() {
-            Plan::new(&self.settings, sample_rate, TICK_HZ)?;
-            self.converting = Some(sample_rate);
-            self.samples = 0;
-        }
-        Ok(())
-    }
-
-    fn stop_inputs(&mut self) {
-        self.converting = None;
-    }
-
-    fn setting(&self, key: SettingKey) -> Result<Setting<'_>, Problem> {
-        self.settings.get(key)
-    }
-
-    fn write_setting(&mut self, setting: &Setting<'_>) -> Result<(), Problem> {
-        self.settings.set(setting)
-    }
-
-    fn save_settings(&mut self) -> Result<Storage, Problem> {
-        self.kept = self.settings.clone();
-        Ok(Storage::Volatile)
-    }
-
-    fn reset_settings(&mut self) {
-        *self.settings = Settings::DELIVERED;
-    }
-
-    fn unsaved(&self) -> bool {
-        self.settings != self.kept
-    }
-
-    fn reboot(&mut self) {}
-
-    fn provoke(&mut self, _: Provoke) -> bool {
-        false
-    }
-}
 
 /// A message from the box.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -167,7 +90,7 @@ pub struct Bench<'m> {
     /// The instrument.
     pub instrument: Instrument<'m>,
     /// The board of the instrument.
-    pub hardware: Hardware,
+    pub hardware: ModelBoard,
     /// The messages that it sends.
     pub out: Out,
 }
@@ -181,32 +104,14 @@ impl<'m> Bench<'m> {
             runs: &mut shelf.runs,
             persistent: &mut shelf.persistent,
         };
+        // A few requests of samples at a time, so that a client comes to wait.
         let identity = Identity {
-            firmware: "bench",
-            version: "0",
-            build: "host",
-            chip: "none",
-            serial: [0; 12],
-            clock: ClockSource::Internal,
-            clock_hz: TICK_HZ,
-            tick_hz: TICK_HZ,
-            storage: Storage::Volatile,
-            reset: ResetReason::PowerOn,
-            resets: 0,
-            panic: None,
-            inputs: INPUTS as u8,
             window: 3,
+            ..IDENTITY
         };
-        let settings = Box::new(Settings::DELIVERED);
         Self {
             instrument: Instrument::new(memory, identity),
-            hardware: Hardware {
-                ticks: 0,
-                converting: None,
-                samples: 0,
-                kept: settings.clone(),
-                settings,
-            },
+            hardware: ModelBoard::new(Settings::DELIVERED),
             out: Out::default(),
         }
     }

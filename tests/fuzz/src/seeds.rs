@@ -2,8 +2,8 @@
 
 use crate::link;
 use crate::script::push;
-use massline_core::identify;
 use massline_firmware::calibration::Preset;
+use massline_firmware::models::setup;
 use massline_firmware::wire::*;
 use std::fmt::Write;
 
@@ -46,63 +46,19 @@ fn message(message: &FromBox<'_>) -> Vec<u8> {
 
 /// Six accelerometers on the interface, six load cells, and a drive.
 fn set_up(weighting: Weighting, runs: u8) -> Vec<Vec<u8>> {
-    let places = [
-        ([0.2, 0.2, 0.0], [1.0, 0.0, 0.0]),
-        ([0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-        ([0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-        ([-0.2, 0.2, 0.0], [0.0, 1.0, 0.0]),
-        ([-0.2, 0.2, 0.0], [0.0, 0.0, 1.0]),
-        ([0.2, -0.2, 0.0], [0.0, 0.0, 1.0]),
-    ];
-    let kinds = [
-        SensorKind::Accelerometer(Mount::Interface),
-        SensorKind::LoadCell(Quantity::Force),
-    ];
     let mut all = vec![
-        Request::BeginSetup(Plan {
-            sensors: 12,
-            runs,
-            reference_point: [0.0; 3],
-            fingerprint: 99,
-        }),
+        Request::BeginSetup(setup::plan(runs, 99)),
         Request::SetProcessing(Processing {
-            sample_rate: 512.0,
             block_length: 64,
-            overlap: 0.5,
-            window: Window::Hann,
             kept_band: [8.0, 100.0],
             averaging_band: [8.0, 60.0],
             mode_band: Some([64.0, 100.0]),
-            accelerations: Accelerations::Interface,
             weighting,
-            minimum_weight: 0.1,
+            ..setup::PROCESSING
         }),
     ];
-    let sensors = kinds.iter().flat_map(|kind| places.map(|at| (*kind, at)));
-    for (sensor, (kind, (position, direction))) in (0..).zip(sensors) {
-        all.push(Request::SetSensor(Sensor {
-            sensor,
-            name: "s",
-            kind,
-            position,
-            direction,
-            scale: ScaleSource::Given {
-                per_unit: 0.1,
-                offset: 0.0,
-            },
-        }));
-    }
-    let channels: Vec<u8> = (0..12).chain([ChannelRole::Drive.code()]).collect();
-    for run in 0..runs {
-        all.push(Request::SetRun(Run {
-            run,
-            name: "r",
-            excitation: Excitation::Random,
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
-            channels: &channels,
-        }));
-    }
+    all.extend(setup::sensors(0.2, 0.1).map(Request::SetSensor));
+    all.extend((0..runs).map(|run| Request::SetRun(setup::run(run))));
     all.push(Request::EndSetup);
     all.iter().map(request).collect()
 }
@@ -118,19 +74,11 @@ fn start(run: u8, pass: Pass, source: Source, gaps: Gaps) -> Vec<u8> {
 }
 
 fn question(method: Method) -> Vec<u8> {
-    request(&Request::Identify(Question {
-        method,
-        identify: identify::Question::new(
-            None,
-            Procedure::Iterative {
-                tolerance: 1e-7,
-                limit: 20,
-            },
-        ),
-        modes: 2,
-        fit_band: None,
-        runs: 0,
-    }))
+    let procedure = Procedure::Iterative {
+        tolerance: 1e-7,
+        limit: 20,
+    };
+    request(&Request::Identify(setup::question(method, procedure, 2)))
 }
 
 fn reading() -> Vec<Vec<u8>> {
@@ -476,125 +424,9 @@ fn recordings() -> Vec<Vec<u8>> {
 }
 
 pub(crate) const SETUPS: [&str; 3] = [
-    r#"title = "any bytes"
-reference_point = [0.0, 0.1, 0.0]
-known_mass = 2.0
-[processing]
-sample_rate = 128.0
-block_length = 16
-overlap = 0.5
-averaging_band = [8.0, 24.0]
-mode_band = [24.0, 48.0]
-[estimation]
-minimum_weight = 0.25
-modes = 2
-tolerance = 1e-6
-iterations = 9
-fit_band = [8.0, 40.0]
-[[accelerometer]]
-channel = "ax"
-position = [0.1, 0.0, 0.2]
-direction = [1, 0, 0]
-mount = "interface"
-[[accelerometer]]
-channel = "az"
-position = [0.0, 0.3, 0.0]
-direction = [0, 0, 1]
-scale = -1.0
-[[load_cell]]
-channel = "fx"
-position = [0.0, 0.0, 0.0]
-direction = [1, 0, 0]
-[[load_cell]]
-channel = "ty"
-direction = [0, 1, 0]
-quantity = "moment"
-[[run]]
-name = "one"
-recording = "one.csv"
-reference = "drive"
-weights = { ax = 0.5 }
-[[run]]
-name = "two"
-recording = "two.csv.gz"
-rotation = [0.0, 0.0, 90.0]
-translation = [0.0, 0.1, 0.0]
-"#,
-    r#"[processing]
-averaging_band = [8.0, 60.0]
-sample_rate = 512.0
-block_length = 128
-[[accelerometer]]
-channel = "a1"
-position = [0.1, 0.0, 0.0]
-direction = [1, 0, 0]
-mount = "interface"
-[[load_cell]]
-channel = "fx"
-position = [0.0, 0.0, 0.0]
-direction = [1, 0, 0]
-[[run]]
-name = "x"
-recording = "x.csv"
-reference = "drive"
-"#,
-    r#"[[accelerometer]]
-channel = "a1"
-position = [0, 0, 0]
-direction = [0, 0.6, 0.8]
-[[load_cell]]
-channel = "f"
-position = [1e-3, 0, 0]
-direction = [1, 0, 0]
-[[run]]
-name = "poses"
-excitation = "static"
-recording = "poses.csv"
-"#,
+    include_str!("../seeds/setup.toml"),
+    include_str!("../seeds/one-run.toml"),
+    include_str!("../seeds/poses.toml"),
 ];
 
-const INPUTS: &str = r#"[[input]]
-input = 1
-channel = "fx"
-circuit = "bridge"
-serial = "LC-0815"
-certificate = "K 2026-17"
-calibrated = "2026-03-02"
-uncertainty = 0.002
-rated_load = 500.0
-rated_output = 2e-3
-supply = 5
-[[input]]
-input = 2
-circuit = "charge"
-sensitivity = 1e-11
-amplifier = 1e9
-divider = 0.5
-range = 40.0
-[[input]]
-input = 3
-circuit = "iepe"
-sensitivity = 0.01
-range = 50.0
-gain = 4
-limits = [-8000000, 8000000]
-[[input]]
-input = 4
-circuit = "voltage"
-sensitivity = 0.1
-range = 5.0
-per_count = 1e-6
-offset = 12.5
-[[input]]
-input = 9
-circuit = "digital"
-per_count = 1e-6
-gain = 1
-limits = [-9, 9]
-[[input]]
-input = 10
-circuit = "adxl355"
-[[input]]
-input = 11
-circuit = "unused"
-"#;
+const INPUTS: &str = include_str!("../seeds/inputs.toml");

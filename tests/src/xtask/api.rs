@@ -47,7 +47,7 @@ pub fn read(root: &Path) -> Result<Interface, StepError> {
     let pages = root.join(TARGET).join("doc/massline_core");
     let page = |name: &str| {
         let path = pages.join(name);
-        fs::read_to_string(&path).map_err(|error| unusable(&path, error.to_string()))
+        fs::read_to_string(&path).map_err(|error| StepError::file(&path, error))
     };
     let mut interface = Interface::default();
     let all = page("all.html")?;
@@ -64,7 +64,7 @@ pub fn read(root: &Path) -> Result<Interface, StepError> {
     }
     if interface.names.is_empty() {
         let problem = "lists no item: rustdoc writes its pages in another way than it did";
-        return Err(unusable(&pages.join("all.html"), problem.to_owned()));
+        return Err(StepError::file(&pages.join("all.html"), problem));
     }
     Ok(interface)
 }
@@ -112,9 +112,9 @@ impl Interface {
     pub fn judge(&self, root: &Path) -> Result<String, StepError> {
         let list = root.join(LIST);
         if std::env::var_os(OVERWRITE).is_some() {
-            fs::write(&list, &self.text).map_err(|e| unusable(&list, e.to_string()))?;
+            fs::write(&list, &self.text).map_err(|e| StepError::file(&list, e))?;
         }
-        let kept = fs::read_to_string(&list).map_err(|e| unusable(&list, e.to_string()))?;
+        let kept = fs::read_to_string(&list).map_err(|e| StepError::file(&list, e))?;
         let changes = changes(&kept, &self.text);
         if !changes.is_empty() {
             let problem = format!(
@@ -122,12 +122,12 @@ impl Interface {
                  if this is meant, say so in CHANGELOG.md and accept it: \
                  `{OVERWRITE}=1 cargo xtask test --only api`"
             );
-            return Err(unusable(&list, problem));
+            return Err(StepError::file(&list, problem));
         }
         let count = self.names.len();
         if count >= MOST {
             let problem = format!("{count} public items; there should be fewer than {MOST}");
-            return Err(unusable(&list, problem));
+            return Err(StepError::file(&list, problem));
         }
         let unused = self.unused(root)?;
         if !unused.is_empty() {
@@ -135,7 +135,7 @@ impl Interface {
                 "used by no example, no test outside the crate, not by the firmware nor the host: {}",
                 unused.join(", ")
             );
-            return Err(unusable(&list, problem));
+            return Err(StepError::file(&list, problem));
         }
         Ok(format!("{count} public items, each with a user"))
     }
@@ -154,13 +154,13 @@ impl Interface {
 
 /// Adds the words of all sources below a folder.
 fn words_below(folder: &Path, words: &mut BTreeSet<String>) -> Result<(), StepError> {
-    let entries = fs::read_dir(folder).map_err(|error| unusable(folder, error.to_string()))?;
+    let entries = fs::read_dir(folder).map_err(|error| StepError::file(folder, error))?;
     for entry in entries.flatten() {
         let path: PathBuf = entry.path();
         if path.is_dir() {
             words_below(&path, words)?;
         } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let text = fs::read_to_string(&path).map_err(|e| unusable(&path, e.to_string()))?;
+            let text = fs::read_to_string(&path).map_err(|e| StepError::file(&path, e))?;
             let all = text.split(|c: char| !c.is_alphanumeric() && c != '_');
             words.extend(all.map(str::to_owned));
         }
@@ -211,13 +211,6 @@ fn plain(html: &str) -> String {
     ];
     let marks = marks.into_iter();
     marks.fold(words, |text, (from, to)| text.replace(from, to))
-}
-
-fn unusable(path: &Path, problem: String) -> StepError {
-    StepError::File {
-        path: path.display().to_string(),
-        problem,
-    }
 }
 
 #[cfg(test)]

@@ -74,7 +74,7 @@ impl Apt {
         let ask = |arguments: &[&str]| process::answer(apt_config().args(arguments));
         let system = PathBuf::from(shell_value(&ask(&["shell", "X", "Dir::State::status/f"])?));
         let lists = PathBuf::from(shell_value(&ask(&["shell", "X", "Dir::State::lists/d"])?));
-        let text = fs::read_to_string(&system).map_err(|error| file_error(&system, &error))?;
+        let text = fs::read_to_string(&system).map_err(|error| StepError::file(&system, error))?;
         write(&state.join("status"), &installed(&text, source))?;
         let configuration = folder.join("apt.conf");
         write(&configuration, &relocated(&ask(&["dump"])?, folder, &lists))?;
@@ -98,7 +98,7 @@ impl Apt {
         // Files of an attempt with an older index would be unpacked, too.
         if self.archives.exists() {
             let removed = fs::remove_dir_all(&self.archives);
-            removed.map_err(|error| file_error(&self.archives, &error))?;
+            removed.map_err(|error| StepError::file(&self.archives, error))?;
         }
         make_folder(&self.archives.join("partial"))?;
         let mut install = self.get("install");
@@ -109,7 +109,7 @@ impl Apt {
         process::run(&mut install)?;
         let entries = fs::read_dir(&self.archives);
         let mut files: Vec<PathBuf> = entries
-            .map_err(|error| file_error(&self.archives, &error))?
+            .map_err(|error| StepError::file(&self.archives, error))?
             .filter_map(Result::ok)
             .map(|entry| entry.path())
             .filter(|path| path.extension().is_some_and(|extension| extension == "deb"))
@@ -224,18 +224,11 @@ fn installed(database: &str, source: &str) -> String {
 }
 
 fn make_folder(path: &Path) -> Result<(), StepError> {
-    fs::create_dir_all(path).map_err(|error| file_error(path, &error))
+    fs::create_dir_all(path).map_err(|error| StepError::file(path, error))
 }
 
 fn write(path: &Path, text: &str) -> Result<(), StepError> {
-    fs::write(path, text).map_err(|error| file_error(path, &error))
-}
-
-fn file_error(path: &Path, error: &std::io::Error) -> StepError {
-    StepError::File {
-        path: path.display().to_string(),
-        problem: error.to_string(),
-    }
+    fs::write(path, text).map_err(|error| StepError::file(path, error))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The command line of `cargo xtask`.
 
-use std::fmt;
+use lexopt::Parser;
+use lexopt::prelude::*;
 
 use super::steps::{self, Step};
 use super::{fuzz, mutants};
@@ -69,111 +70,49 @@ pub enum Request {
     Miri,
 }
 
-/// Error of the arguments.
-#[derive(Debug, PartialEq)]
-pub enum ArgumentError {
-    /// There is no command.
-    NoCommand,
-    /// There is no command of this name.
-    UnknownCommand(String),
-    /// There is no option of this name.
-    UnknownOption(String),
-    /// An option lacks its value.
-    NoValue(&'static str),
-    /// There is no step of this name.
-    UnknownStep(String),
-    /// There is no fuzz target of this name.
-    UnknownTarget(String),
-    /// A value is not valid for its option.
-    BadValue {
-        /// The option.
-        option: &'static str,
-        /// The value.
-        found: String,
-        /// The valid values.
-        expected: &'static str,
-    },
-    /// `--repeat` needs exactly one target.
-    OneTarget,
-}
-
-impl fmt::Display for ArgumentError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoCommand => write!(f, "a command is missing, for example `cargo xtask test`"),
-            Self::UnknownCommand(name) => write!(f, "there is no command {name:?}"),
-            Self::UnknownOption(name) => write!(f, "there is no option {name:?}"),
-            Self::NoValue(option) => write!(f, "{option} needs a value"),
-            Self::UnknownStep(name) => {
-                write!(f, "there is no step {name:?}; the steps are")?;
-                for (n, step) in steps::STEPS.iter().enumerate() {
-                    write!(f, "{} {}", if n == 0 { "" } else { "," }, step.name)?;
-                }
-                Ok(())
-            }
-            Self::UnknownTarget(name) => write!(
-                f,
-                "there is no fuzz target {name:?}; the targets are {}",
-                fuzz::TARGETS.join(", ")
-            ),
-            Self::BadValue {
-                option,
-                found,
-                expected,
-            } => write!(f, "{option} is {found:?}; expected {expected}"),
-            Self::OneTarget => write!(f, "--repeat needs the name of one target"),
-        }
-    }
-}
-
-impl std::error::Error for ArgumentError {}
-
 /// Parses the arguments, without the program's own name.
 ///
 /// # Errors
 ///
-/// [`ArgumentError`].
-pub fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Request, ArgumentError> {
-    match arguments.next().as_deref() {
-        None => return Err(ArgumentError::NoCommand),
-        Some("test") => {}
-        Some("fuzz") => return parse_fuzz(arguments),
-        Some("mutants") => return parse_mutants(arguments),
-        Some("miri") => {
-            return match arguments.next() {
+/// A message for the user.
+pub fn parse(arguments: impl Iterator<Item = String>) -> Result<Request, lexopt::Error> {
+    let mut parser = Parser::from_args(arguments);
+    match parser.next()? {
+        None => Err("a command is missing, for example `cargo xtask test`".into()),
+        Some(Value(command)) => match command.string()?.as_str() {
+            "test" => parse_test(parser),
+            "fuzz" => parse_fuzz(parser),
+            "mutants" => parse_mutants(parser),
+            "miri" => match parser.next()? {
                 None => Ok(Request::Miri),
-                Some(other) => Err(ArgumentError::UnknownOption(other)),
-            };
-        }
-        Some("--help" | "-h" | "help") => return Ok(Request::Help(help())),
-        Some(other) if other.starts_with('-') => {
-            return Err(ArgumentError::UnknownOption(other.to_owned()));
-        }
-        Some(other) => return Err(ArgumentError::UnknownCommand(other.to_owned())),
+                Some(other) => Err(other.unexpected()),
+            },
+            "help" => Ok(Request::Help(help())),
+            other => Err(format!("there is no command {other:?}").into()),
+        },
+        Some(Long("help") | Short('h')) => Ok(Request::Help(help())),
+        Some(other) => Err(other.unexpected()),
     }
+}
+
+fn parse_test(mut parser: Parser) -> Result<Request, lexopt::Error> {
     let mut only = Vec::new();
     let mut list = false;
-    while let Some(argument) = arguments.next() {
-        match argument.as_str() {
-            "--help" | "-h" => return Ok(Request::Help(help())),
-            "--list" => list = true,
-            "--only" => only.push(step(
-                &arguments.next().ok_or(ArgumentError::NoValue("--only"))?,
-            )?),
-            other => match other.strip_prefix("--only=") {
-                Some(name) => only.push(step(name)?),
-                None => return Err(ArgumentError::UnknownOption(argument)),
-            },
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("help") | Short('h') => return Ok(Request::Help(help())),
+            Long("list") => list = true,
+            Long("only") => only.push(step(&parser.value()?.string()?)?),
+            other => return Err(other.unexpected()),
         }
     }
-    Ok(if list {
-        Request::List
-    } else {
-        Request::Test { only }
+    Ok(match list {
+        true => Request::List,
+        false => Request::Test { only },
     })
 }
 
-fn parse_fuzz(mut arguments: impl Iterator<Item = String>) -> Result<Request, ArgumentError> {
+fn parse_fuzz(mut parser: Parser) -> Result<Request, lexopt::Error> {
     let mut order = fuzz::Order {
         targets: Vec::new(),
         seconds: fuzz::HOUR,
@@ -182,65 +121,63 @@ fn parse_fuzz(mut arguments: impl Iterator<Item = String>) -> Result<Request, Ar
         minimise: false,
         repeat: None,
     };
-    while let Some(argument) = arguments.next() {
-        match argument.as_str() {
-            "--help" | "-h" => return Ok(Request::Help(help())),
-            "--seconds" => order.seconds = number("--seconds", arguments.next())?,
-            "--jobs" => order.jobs = number("--jobs", arguments.next())? as usize,
-            "--table" => order.table = true,
-            "--minimise" => order.minimise = true,
-            "--repeat" => {
-                let file = arguments.next();
-                order.repeat = Some(file.ok_or(ArgumentError::NoValue("--repeat"))?.into());
-            }
-            option if option.starts_with('-') => {
-                return Err(ArgumentError::UnknownOption(argument));
-            }
-            name => match fuzz::TARGETS.into_iter().find(|target| *target == name) {
-                Some(target) => order.targets.push(target),
-                None => return Err(ArgumentError::UnknownTarget(argument)),
-            },
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("help") | Short('h') => return Ok(Request::Help(help())),
+            Long("seconds") => order.seconds = number(&mut parser, "--seconds")?,
+            Long("jobs") => order.jobs = number(&mut parser, "--jobs")? as usize,
+            Long("table") => order.table = true,
+            Long("minimise") => order.minimise = true,
+            Long("repeat") => order.repeat = Some(parser.value()?.into()),
+            Value(name) => order.targets.push(target(&name.string()?)?),
+            other => return Err(other.unexpected()),
         }
     }
     if order.repeat.is_some() && order.targets.len() != 1 {
-        return Err(ArgumentError::OneTarget);
+        return Err("--repeat needs the name of one target".into());
     }
     Ok(Request::Fuzz(order))
 }
 
-fn parse_mutants(mut arguments: impl Iterator<Item = String>) -> Result<Request, ArgumentError> {
+fn parse_mutants(mut parser: Parser) -> Result<Request, lexopt::Error> {
     let mut order = mutants::Order::default();
-    while let Some(argument) = arguments.next() {
-        match argument.as_str() {
-            "--help" | "-h" => return Ok(Request::Help(help())),
-            "--list" => order.list = true,
-            "--shard" => {
-                let shard = arguments.next().ok_or(ArgumentError::NoValue("--shard"))?;
-                order.shard = Some(shard);
-            }
-            "--file" => {
-                let file = arguments.next().ok_or(ArgumentError::NoValue("--file"))?;
-                order.files.push(file);
-            }
-            _ => return Err(ArgumentError::UnknownOption(argument)),
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("help") | Short('h') => return Ok(Request::Help(help())),
+            Long("list") => order.list = true,
+            Long("shard") => order.shard = Some(parser.value()?.string()?),
+            Long("file") => order.files.push(parser.value()?.string()?),
+            other => return Err(other.unexpected()),
         }
     }
     Ok(Request::Mutants(order))
 }
 
-/// A whole number of one or more.
-fn number(option: &'static str, value: Option<String>) -> Result<u64, ArgumentError> {
-    let found = value.ok_or(ArgumentError::NoValue(option))?;
+/// The value of an option, a whole number of one or more.
+fn number(parser: &mut Parser, option: &str) -> Result<u64, lexopt::Error> {
+    let found = parser.value()?.string()?;
     let number = found.parse().ok().filter(|number| *number > 0);
-    number.ok_or(ArgumentError::BadValue {
-        option,
-        found,
-        expected: "a whole number of one or more",
+    number.ok_or_else(|| {
+        format!("{option} is {found:?}; expected a whole number of one or more").into()
     })
 }
 
-fn step(name: &str) -> Result<&'static Step, ArgumentError> {
-    steps::find(name).ok_or_else(|| ArgumentError::UnknownStep(name.to_owned()))
+/// The fuzz target of a name.
+fn target(name: &str) -> Result<&'static str, String> {
+    let known = fuzz::TARGETS.into_iter().find(|target| *target == name);
+    known.ok_or_else(|| {
+        let all = fuzz::TARGETS.join(", ");
+        format!("there is no fuzz target {name:?}; the targets are {all}")
+    })
+}
+
+/// The step of a name.
+fn step(name: &str) -> Result<&'static Step, String> {
+    steps::find(name).ok_or_else(|| {
+        let all: Vec<&str> = steps::STEPS.iter().map(|step| step.name).collect();
+        let all = all.join(", ");
+        format!("there is no step {name:?}; the steps are {all}")
+    })
 }
 
 fn help() -> String {
@@ -255,8 +192,9 @@ fn help() -> String {
 mod tests {
     use super::*;
 
-    fn parsed(line: &str) -> Result<Request, ArgumentError> {
-        parse(line.split_whitespace().map(str::to_owned))
+    fn parsed(line: &str) -> Result<Request, String> {
+        let request = parse(line.split_whitespace().map(str::to_owned));
+        request.map_err(|error| error.to_string())
     }
 
     #[test]
@@ -299,34 +237,35 @@ mod tests {
             Ok(Request::Mutants(mutants))
         );
         assert_eq!(parsed("miri"), Ok(Request::Miri));
-        for (line, error) in [
-            ("fuzz wires", ArgumentError::UnknownTarget("wires".into())),
-            ("fuzz --seconds", ArgumentError::NoValue("--seconds")),
-            ("fuzz --repeat x", ArgumentError::OneTarget),
-            ("fuzz --fast", ArgumentError::UnknownOption("--fast".into())),
-            ("mutants --shard", ArgumentError::NoValue("--shard")),
-            ("miri --fast", ArgumentError::UnknownOption("--fast".into())),
-        ] {
-            assert_eq!(parsed(line), Err(error), "{line}");
-        }
-        let error = parsed("fuzz --jobs 0").unwrap_err().to_string();
-        assert!(error.starts_with("--jobs is \"0\""), "{error}");
     }
 
     #[test]
-    fn names_the_mistake() {
-        assert_eq!(parsed(""), Err(ArgumentError::NoCommand));
-        assert_eq!(
-            parsed("tset"),
-            Err(ArgumentError::UnknownCommand("tset".into()))
-        );
-        assert_eq!(
-            parsed("test --fast"),
-            Err(ArgumentError::UnknownOption("--fast".into()))
-        );
-        assert_eq!(parsed("test --only"), Err(ArgumentError::NoValue("--only")));
-        let error = parsed("test --only lint").unwrap_err().to_string();
-        assert!(error.starts_with("there is no step \"lint\""), "{error}");
-        assert!(error.contains("emulator"), "{error}");
+    fn an_error_names_the_mistake() {
+        for (line, message) in [
+            ("", "a command is missing"),
+            ("tset", "there is no command \"tset\""),
+            ("test --fast", "invalid option '--fast'"),
+            ("test --only", "missing argument for option '--only'"),
+            (
+                "test --only lint",
+                "there is no step \"lint\"; the steps are toolchain, ",
+            ),
+            (
+                "fuzz wires",
+                "there is no fuzz target \"wires\"; the targets are wire, ",
+            ),
+            ("fuzz --seconds", "missing argument for option '--seconds'"),
+            (
+                "fuzz --jobs 0",
+                "--jobs is \"0\"; expected a whole number of one or more",
+            ),
+            ("fuzz --repeat x", "--repeat needs the name of one target"),
+            ("fuzz --fast", "invalid option '--fast'"),
+            ("mutants --shard", "missing argument for option '--shard'"),
+            ("miri --fast", "invalid option '--fast'"),
+        ] {
+            let error = parsed(line).unwrap_err();
+            assert!(error.contains(message), "{line}: {error}");
+        }
     }
 }

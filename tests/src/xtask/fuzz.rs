@@ -161,7 +161,7 @@ impl Programs {
 
     fn folder(&self, kind: &str, target: &str) -> Result<PathBuf, StepError> {
         let folder = self.root.join("target/fuzz").join(kind).join(target);
-        fs::create_dir_all(&folder).map_err(|error| unusable(&folder, &error))?;
+        fs::create_dir_all(&folder).map_err(|error| StepError::file(&folder, error))?;
         Ok(folder)
     }
 
@@ -172,7 +172,7 @@ impl Programs {
     /// [`StepError::Exit`] with the target's message.
     pub fn repeat(&self, target: &str, input: &Path) -> Result<String, StepError> {
         // The path is relative to the user's folder.
-        let input = fs::canonicalize(input).map_err(|error| unusable(input, &error))?;
+        let input = fs::canonicalize(input).map_err(|error| StepError::file(input, error))?;
         process::run(self.command(target).arg(input))
     }
 
@@ -185,7 +185,7 @@ impl Programs {
         let work = self.folder("corpus", target)?;
         let findings = self.folder("findings", target)?;
         let committed = self.committed(target);
-        fs::create_dir_all(&committed).map_err(|error| unusable(&committed, &error))?;
+        fs::create_dir_all(&committed).map_err(|error| StepError::file(&committed, error))?;
         let began = Instant::now();
         let mut command = self.command(target);
         command
@@ -277,7 +277,7 @@ impl Programs {
         let least = self.folder("least", target)?;
         let committed = self.committed(target);
         for old in list(&least)? {
-            fs::remove_file(&old).map_err(|error| unusable(&old, &error))?;
+            fs::remove_file(&old).map_err(|error| StepError::file(&old, error))?;
         }
         let mut merge = self.command(target);
         process::run(
@@ -290,22 +290,22 @@ impl Programs {
         let (mut sum, mut files) = (0, 0);
         for old in list(&committed)? {
             if is_named(&old) {
-                let about = fs::metadata(&old).map_err(|error| unusable(&old, &error))?;
+                let about = fs::metadata(&old).map_err(|error| StepError::file(&old, error))?;
                 (sum, files) = (sum + about.len(), files + 1);
             } else {
-                fs::remove_file(&old).map_err(|error| unusable(&old, &error))?;
+                fs::remove_file(&old).map_err(|error| StepError::file(&old, error))?;
             }
         }
         // Their names are hashes, so that their order is random.
         let mut inputs = list(&least)?;
         inputs.sort();
         for input in &inputs {
-            let bytes = fs::read(input).map_err(|error| unusable(input, &error))?;
+            let bytes = fs::read(input).map_err(|error| StepError::file(input, error))?;
             let length = bytes.len() as u64;
             if sum + length <= CORPUS.0 && files < CORPUS.1 {
                 (sum, files) = (sum + length, files + 1);
                 let place = committed.join(input.file_name().unwrap_or_default());
-                fs::write(&place, bytes).map_err(|error| unusable(&place, &error))?;
+                fs::write(&place, bytes).map_err(|error| StepError::file(&place, error))?;
             }
         }
         let of = inputs.len();
@@ -319,13 +319,6 @@ fn is_named(input: &Path) -> bool {
     name.len() != 40 || !name.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
-fn unusable(path: &Path, error: &std::io::Error) -> StepError {
-    StepError::File {
-        path: path.display().to_string(),
-        problem: error.to_string(),
-    }
-}
-
 /// Files of a folder.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, StepError> {
     let entries = fs::read_dir(folder).and_then(|entries| {
@@ -333,7 +326,7 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, StepError> {
             .map(|entry| Ok(entry?.path()))
             .collect::<Result<Vec<_>, _>>()
     });
-    entries.map_err(|error| unusable(folder, &error))
+    entries.map_err(|error| StepError::file(folder, error))
 }
 
 /// Numbers of places and features reached, from the last line that has them.

@@ -1,5 +1,13 @@
 //! Memory of the chip that a firmware takes, from its ELF and its memory map.
 
+use object::LittleEndian;
+use object::elf::FileHeader32;
+use object::read::elf::{ElfFile, ProgramHeader};
+use object::read::{Object, ObjectSegment};
+
+/// A program of the chip.
+pub type Elf<'d> = ElfFile<'d, FileHeader32<LittleEndian>>;
+
 /// A memory of the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Region {
@@ -9,6 +17,13 @@ pub struct Region {
     pub origin: u64,
     /// Size, bytes.
     pub length: u64,
+}
+
+impl Region {
+    /// `true` if an address is in this memory.
+    pub fn contains(&self, address: u64) -> bool {
+        (self.origin..self.origin + self.length).contains(&address)
+    }
 }
 
 /// Use of one memory by a firmware.
@@ -57,19 +72,16 @@ fn number(text: &str) -> Option<u64> {
     value.checked_mul(unit)
 }
 
-/// Use of each memory by a 32-bit little-endian ELF; `None` if the bytes are no such ELF.
+/// Use of each memory by a program of the chip.
 ///
 /// Loaded bytes count at the addresses of both storage and run: initialised variables take flash
 /// and RAM.
-pub fn usage(elf: &[u8], regions: &[Region]) -> Option<Vec<Usage>> {
-    const LOADED: u32 = 1;
-    let half = |at: usize| Some(u16::from_le_bytes(*elf.get(at..)?.first_chunk()?));
-    let word = |at: usize| Some(u32::from_le_bytes(*elf.get(at..)?.first_chunk()?));
-
-    if !elf.starts_with(b"\x7fELF\x01\x01") {
-        return None;
-    }
-    let (table, size, count) = (word(28)? as usize, half(42)? as usize, half(44)? as usize);
+///
+/// # Errors
+///
+/// [`object::Error`] if the bytes are no 32-bit little-endian ELF.
+pub fn usage(elf: &[u8], regions: &[Region]) -> object::Result<Vec<Usage>> {
+    let file = Elf::parse(elf)?;
     let mut usages: Vec<Usage> = regions
         .iter()
         .map(|region| Usage {
@@ -77,24 +89,18 @@ pub fn usage(elf: &[u8], regions: &[Region]) -> Option<Vec<Usage>> {
             used: 0,
         })
         .collect();
-    for header in (0..count).map(|n| table + n * size) {
-        if word(header)? != LOADED {
-            continue;
-        }
-        let (runs_at, stored_at) = (word(header + 8)?, word(header + 12)?);
-        let (stored, taken) = (word(header + 16)?, word(header + 20)?);
+    for segment in file.segments() {
+        let stored_at = segment.elf_program_header().p_paddr(LittleEndian);
+        let (_, stored) = segment.file_range();
         for Usage { region, used } in &mut usages {
-            let holds = |address: u32| {
-                (region.origin..region.origin + region.length).contains(&u64::from(address))
-            };
-            if holds(runs_at) {
-                *used += u64::from(taken);
-            } else if holds(stored_at) {
-                *used += u64::from(stored);
+            if region.contains(segment.address()) {
+                *used += segment.size();
+            } else if region.contains(stored_at.into()) {
+                *used += stored;
             }
         }
     }
-    Some(usages)
+    Ok(usages)
 }
 
 /// A line of text about the memories in use.
@@ -116,26 +122,26 @@ pub fn summary(usages: &[Usage]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     const MAP: &str = "/* a chip: */\nMEMORY\n{\n  FLASH : ORIGIN = 0x08000000, LENGTH = 1M\n  \
         RAM (rwx) : ORIGIN = 0x20000000, LENGTH = 128K\n  \
         CCM : ORIGIN = 0x10000000, LENGTH = 65536\n}\n";
 
-    /// An ELF of a header and these segments: type, address, load address, bytes stored, bytes
-    /// taken.
-    fn elf(segments: &[[u32; 5]]) -> Vec<u8> {
-        let mut bytes = b"\x7fELF\x01\x01".to_vec();
+    /// An ELF of these segments: type, address, load address, bytes stored, bytes taken. All of them
+    /// begin with the first byte of `data`.
+    pub fn elf(segments: &[[u32; 5]], data: &[u8]) -> Vec<u8> {
+        let mut bytes = b"\x7fELF\x01\x01\x01".to_vec();
         bytes.resize(52, 0);
-        bytes[28] = 52;
-        bytes[42] = 32;
-        bytes[44] = segments.len() as u8;
+        (bytes[28], bytes[42], bytes[44]) = (52, 32, segments.len() as u8);
+        let offset = 52 + 32 * segments.len() as u32;
         for [kind, runs_at, stored_at, stored, taken] in segments {
-            for value in [kind, &0, runs_at, stored_at, stored, taken, &0, &0] {
+            for value in [kind, &offset, runs_at, stored_at, stored, taken, &0, &0] {
                 bytes.extend(value.to_le_bytes());
             }
         }
+        bytes.extend(data);
         bytes
     }
 
@@ -166,14 +172,14 @@ mod tests {
 
     #[test]
     fn counts_initialised_variables_in_flash_and_in_ram() {
-        let elf = elf(&[
+        let segments = [
             [1, 0x0800_0000, 0x0800_0000, 1000, 1000],
             [1, 0x2000_0000, 0x0800_03e8, 24, 24],
             [1, 0x2000_0018, 0x2000_0018, 0, 512],
             // Not loaded: a note for the linker.
             [0x6474_e551, 0x0800_0000, 0x0800_0000, 77, 77],
-        ]);
-        let usages = usage(&elf, &regions(MAP)).unwrap();
+        ];
+        let usages = usage(&elf(&segments, &[]), &regions(MAP)).unwrap();
         assert_eq!(
             usages.iter().map(|usage| usage.used).collect::<Vec<_>>(),
             [1024, 536, 0]
@@ -186,9 +192,9 @@ mod tests {
 
     #[test]
     fn refuses_bytes_that_are_no_whole_elf() {
-        let whole = elf(&[[1, 0, 0, 1, 1]]);
-        assert!(usage(&whole, &[]).is_some());
-        assert_eq!(usage(&whole[..60], &[]), None);
-        assert_eq!(usage(b"MZ", &[]), None);
+        let whole = elf(&[[1, 0, 0, 1, 1]], &[0]);
+        assert!(usage(&whole, &[]).is_ok());
+        assert!(usage(&whole[..60], &[]).is_err());
+        assert!(usage(b"MZ", &[]).is_err());
     }
 }

@@ -10,9 +10,7 @@ use super::process::{self, StepError};
 
 /// Tests of core that take the interpreter minutes: those without spectra of whole recordings and
 /// without thousands of inputs.
-const TESTS: [&str; 9] = [
-    "wire::",
-    "calibration::",
+const TESTS: [&str; 7] = [
     "rigid_body::",
     "geometry::",
     "algebra::",

@@ -115,12 +115,9 @@ fn fuzzed(order: &fuzz::Order, report: &mut Report<std::io::Stdout>) -> Result<(
     let table = fuzz::table(&outcomes);
     report.text(&table);
     if order.table {
-        crate::readme::put("tests/README.md", "fuzz", &table).map_err(|problem| {
-            StepError::File {
-                path: "tests/README.md".to_owned(),
-                problem,
-            }
-        })?;
+        const README: &str = "tests/README.md";
+        crate::readme::put(README, "fuzz", &table)
+            .map_err(|problem| StepError::file(README.as_ref(), problem))?;
     }
     let findings = fuzz::findings(&outcomes);
     if !findings.is_empty() {

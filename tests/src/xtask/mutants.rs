@@ -13,7 +13,7 @@ const TIMEOUT: u32 = 120;
 /// Changes that are tried at the same time.
 const JOBS: u32 = 2;
 
-/// What is asked for.
+/// Options of the command.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Order {
     /// One of several parts of equal size: `0/8` to `7/8`. Each is a sample of all changes, one of
@@ -21,7 +21,7 @@ pub struct Order {
     pub shard: Option<String>,
     /// Files to change; none means all of core.
     pub files: Vec<String>,
-    /// Whether the changes are shown and nothing is run.
+    /// `true` to show the changes and run nothing.
     pub list: bool,
 }
 

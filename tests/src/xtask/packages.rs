@@ -54,7 +54,7 @@ impl Bundle {
         let outcome = self.make(&made).and_then(|()| {
             // Programs that no longer run: the machine may have lost a library.
             remove(&folder)?;
-            fs::rename(&made, &folder).map_err(|error| file_error(&folder, &error))
+            fs::rename(&made, &folder).map_err(|error| StepError::file(&folder, error))
         });
         if outcome.is_err() {
             // A full disk should not stay so. Remains are removed next time.
@@ -73,9 +73,9 @@ impl Bundle {
         remove(&fetched)?;
         // These programs get no updates; none of them may run as another user.
         process::run(Command::new("chmod").args(["-R", "a-s"]).arg(&root))?;
-        let libraries = libraries(&root).map_err(|error| file_error(&root, &error))?;
+        let libraries = libraries(&root).map_err(|error| StepError::file(&root, error))?;
         let launchers = folder.join("bin");
-        fs::create_dir_all(&launchers).map_err(|error| file_error(&launchers, &error))?;
+        fs::create_dir_all(&launchers).map_err(|error| StepError::file(&launchers, error))?;
         for program in self.programs {
             launcher(&launchers.join(program), program, &libraries)?;
         }
@@ -144,7 +144,7 @@ fn launcher(path: &Path, program: &str, libraries: &[String]) -> Result<(), Step
          exec \"$here/usr/bin/{program}\" \"$@\"\n",
         list.join(":")
     );
-    fs::write(path, script).map_err(|error| file_error(path, &error))?;
+    fs::write(path, script).map_err(|error| StepError::file(path, error))?;
     process::run(Command::new("chmod").arg("755").arg(path)).map(drop)
 }
 
@@ -165,7 +165,7 @@ fn lock(place: &Path) -> Result<File, StepError> {
     fs::create_dir_all(place)
         .and_then(|()| File::create(&path))
         .and_then(|file| file.lock().map(|()| file))
-        .map_err(|error| file_error(&path, &error))
+        .map_err(|error| StepError::file(&path, error))
 }
 
 /// Removes a file or folder, if it exists.
@@ -176,14 +176,7 @@ fn remove(path: &Path) -> Result<(), StepError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         Err(error) => Err(error),
     };
-    removed.map_err(|error| file_error(path, &error))
-}
-
-fn file_error(path: &Path, error: &io::Error) -> StepError {
-    StepError::File {
-        path: path.display().to_string(),
-        problem: error.to_string(),
-    }
+    removed.map_err(|error| StepError::file(path, error))
 }
 
 #[cfg(test)]

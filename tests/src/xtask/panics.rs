@@ -14,6 +14,10 @@
 
 use std::collections::BTreeMap;
 
+use object::read::{Object, ObjectSegment};
+
+use super::image::Elf;
+
 /// Places where the firmware may panic, by crate: one is lowered freely, and raised only with the
 /// reason in the commit.
 ///
@@ -47,21 +51,16 @@ pub struct Place {
     pub column: u32,
 }
 
-/// The places where a 32-bit little-endian ELF can panic, by crate; `None` when it is not one.
-pub fn places(elf: &[u8]) -> Option<BTreeMap<String, Vec<Place>>> {
-    const LOADED: u32 = 1;
-    let half = |at: usize| Some(u16::from_le_bytes(*elf.get(at..)?.first_chunk()?));
-    let word = |at: usize| Some(u32::from_le_bytes(*elf.get(at..)?.first_chunk()?));
-    if !elf.starts_with(b"\x7fELF\x01\x01") {
-        return None;
-    }
-    let (table, size, count) = (word(28)? as usize, half(42)?, half(44)?);
+/// The places where a program of the chip can panic, by crate.
+///
+/// # Errors
+///
+/// [`object::Error`] if the bytes are no whole 32-bit little-endian ELF.
+pub fn places(elf: &[u8]) -> object::Result<BTreeMap<String, Vec<Place>>> {
+    let file = Elf::parse(elf)?;
     let mut segments = Vec::new();
-    for header in (0..usize::from(count)).map(|n| table + n * usize::from(size)) {
-        if word(header)? == LOADED {
-            let (from, length) = (word(header + 4)? as usize, word(header + 16)? as usize);
-            segments.push((word(header + 8)?, elf.get(from..)?.get(..length)?));
-        }
+    for segment in file.segments() {
+        segments.push((segment.address() as u32, segment.data()?));
     }
     let text = |address: u32, length: u32| -> Option<&str> {
         segments.iter().find_map(|(origin, bytes)| {
@@ -96,7 +95,7 @@ pub fn places(elf: &[u8]) -> Option<BTreeMap<String, Vec<Place>>> {
         places.sort();
         places.dedup();
     }
-    Some(found)
+    Ok(found)
 }
 
 /// The crate that a source file belongs to, without its version.
@@ -167,15 +166,8 @@ mod tests {
 
     /// An ELF of one segment at this address.
     fn elf(origin: u32, bytes: &[u8]) -> Vec<u8> {
-        let mut elf = b"\x7fELF\x01\x01".to_vec();
-        elf.resize(52, 0);
-        (elf[28], elf[42], elf[44]) = (52, 32, 1);
         let length = bytes.len() as u32;
-        for value in [1, 84, origin, origin, length, length, 0, 0] {
-            elf.extend(u32::to_le_bytes(value));
-        }
-        elf.extend(bytes);
-        elf
+        crate::xtask::image::tests::elf(&[[1, origin, origin, length, length]], bytes)
     }
 
     #[test]
@@ -239,9 +231,9 @@ mod tests {
 
     #[test]
     fn refuses_what_is_no_elf_or_cut_short() {
-        assert_eq!(places(b"MZ"), None);
+        assert!(places(b"MZ").is_err());
         let whole = elf(0, &[0; 40]);
-        assert!(places(&whole).is_some());
-        assert_eq!(places(&whole[..100]), None);
+        assert!(places(&whole).is_ok());
+        assert!(places(&whole[..100]).is_err());
     }
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::{self, Read};
+use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 
 /// Error of a step.
@@ -51,6 +52,14 @@ pub enum StepError {
 }
 
 impl StepError {
+    /// Error of a file.
+    pub fn file(path: &Path, problem: impl fmt::Display) -> Self {
+        Self::File {
+            path: path.display().to_string(),
+            problem: problem.to_string(),
+        }
+    }
+
     /// Remedy of this error, if it is better known than that of the step.
     pub fn remedy(&self) -> Option<&'static str> {
         match self {

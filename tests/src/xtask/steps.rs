@@ -1,10 +1,11 @@
-//! What is tested, in which order, and what to do about a failure.
+//! The steps of a test run in their order, each with the remedy for its failure.
 //!
 //! Everything but this very program is built with the release profile: numerical tests are heavy,
 //! and the steps then share what they build.
 
 use std::env;
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -27,13 +28,13 @@ const FIRMWARE: &str = "massline-firmware";
 /// Something that has to pass.
 #[derive(Debug)]
 pub struct Step {
-    /// What it is called on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// What it does, in a line.
+    /// Description, in a line.
     pub about: &'static str,
     /// The steps whose results it uses.
     pub needs: &'static [&'static str],
-    /// What to do when it fails; continues "What to do:".
+    /// Remedy for its failure; continues "Remedy:".
     pub remedy: &'static str,
     /// Does it.
     pub run: fn(&mut Context) -> Result<Ending, StepError>,
@@ -46,7 +47,7 @@ impl PartialEq for Step {
 }
 
 impl Step {
-    /// Whether the other is this step or one that this needs, directly or not.
+    /// `true` if the other is this step or one that this needs, directly or not.
     pub fn needs_also(&self, other: &Step) -> bool {
         self == other
             || self
@@ -180,7 +181,7 @@ pub fn find(name: &str) -> Option<&'static Step> {
     STEPS.iter().find(|step| step.name == name)
 }
 
-/// What the steps know, and what they tell each other.
+/// Tools and results that the steps share.
 #[derive(Debug)]
 pub struct Context {
     root: PathBuf,
@@ -283,18 +284,15 @@ fn format(context: &mut Context) -> Result<Ending, StepError> {
 
 fn licences(context: &mut Context) -> Result<Ending, StepError> {
     let path = context.root.join(licences::CONFIGURATION);
-    let unusable = |problem: String| StepError::File {
-        path: path.display().to_string(),
-        problem,
-    };
-    let text = fs::read_to_string(&path).map_err(|error| unusable(error.to_string()))?;
-    let allowed = Allowed::read(&text)
-        .ok_or_else(|| unusable("names no licence under [licenses] allow".to_owned()))?;
+    let unusable = |problem: &dyn Display| StepError::file(&path, problem);
+    let text = fs::read_to_string(&path).map_err(|error| unusable(&error))?;
+    let allowed =
+        Allowed::read(&text).ok_or_else(|| unusable(&"names no licence under [licenses] allow"))?;
     let mut tree = context.cargo(&context.host(), "");
     let listing = process::answer(tree.args(licences::LISTING))?;
     match licences::check(&listing, &allowed) {
         Ok(count) => Ok(Ending::Passed(format!("{count} packages"))),
-        Err(findings) => Err(unusable(format!("does not allow this\n{findings}"))),
+        Err(findings) => Err(unusable(&format!("does not allow this\n{findings}"))),
     }
 }
 
@@ -447,29 +445,20 @@ fn emulator(context: &mut Context) -> Result<Ending, StepError> {
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 
-/// What a firmware takes of the memories that the map declares.
+/// Use of the memories of the map by a firmware, as text.
 fn size_of(elf: &Path, map: &Path) -> Result<String, StepError> {
-    let unusable = |path: &Path, problem: String| StepError::File {
-        path: path.display().to_string(),
-        problem,
-    };
-    let script = fs::read_to_string(map).map_err(|error| unusable(map, error.to_string()))?;
-    let bytes = fs::read(elf).map_err(|error| unusable(elf, error.to_string()))?;
-    image::usage(&bytes, &image::regions(&script))
-        .map(|usages| image::summary(&usages))
-        .ok_or_else(|| unusable(elf, "not an ELF for the chip".to_owned()))
+    let script = fs::read_to_string(map).map_err(|error| StepError::file(map, error))?;
+    let bytes = fs::read(elf).map_err(|error| StepError::file(elf, error))?;
+    let usages = image::usage(&bytes, &image::regions(&script));
+    let usages = usages.map_err(|error| StepError::file(elf, error))?;
+    Ok(image::summary(&usages))
 }
 
-/// Where a firmware can panic, within the budget.
+/// Places where a firmware can panic, as text; an error if they are beyond the budget.
 fn places_of(elf: &Path) -> Result<String, StepError> {
-    let unusable = |problem: String| StepError::File {
-        path: elf.display().to_string(),
-        problem,
-    };
-    let bytes = fs::read(elf).map_err(|error| unusable(error.to_string()))?;
-    let places = panics::places(&bytes);
-    let places = places.ok_or_else(|| unusable("not an ELF for the chip".to_owned()))?;
-    panics::judge(&places, &panics::BUDGET).map_err(unusable)
+    let bytes = fs::read(elf).map_err(|error| StepError::file(elf, error))?;
+    let places = panics::places(&bytes).map_err(|error| StepError::file(elf, error))?;
+    panics::judge(&places, &panics::BUDGET).map_err(|beyond| StepError::file(elf, beyond))
 }
 
 /// The last program that cargo says it has made.
@@ -489,7 +478,7 @@ fn executable(messages: &str) -> Option<PathBuf> {
     }
 }
 
-/// How many tests ran, summed over the programs that cargo ran.
+/// Number of tests that ran, summed over the programs that cargo ran.
 fn counts(output: &str) -> String {
     let sum = |word: &str| -> usize {
         output

@@ -15,40 +15,33 @@ use crate::talk::Talk;
 
 const FRAMES: usize = 10_000;
 
-/// A random number below `n`.
-fn below(random: &mut Random, n: usize) -> usize {
-    (random.bits() % n as u64) as usize
-}
-
 /// Damages a frame in one of three cases.
 fn damage(mut frame: Vec<u8>, random: &mut Random) -> Vec<u8> {
-    let at = below(random, frame.len());
-    match below(random, 24) {
+    let at = random.index(frame.len());
+    match random.index(24) {
         0 => frame.clear(),
         1 => frame.truncate(at),
         2 => drop(frame.drain(..at)),
-        3 => drop(frame.drain(at..at + below(random, frame.len() - at + 1))),
+        3 => drop(frame.drain(at..at + random.index(frame.len() - at + 1))),
         4 => {
-            for _ in 0..=below(random, 4) {
-                let bit = below(random, 8 * frame.len());
+            for _ in 0..=random.index(4) {
+                let bit = random.index(8 * frame.len());
                 frame[bit / 8] ^= 1 << (bit % 8);
             }
         }
         5 => frame[at] = 0,
         6 => {
             let once = frame.clone();
-            for _ in 0..=below(random, 3) {
+            for _ in 0..=random.index(3) {
                 frame.extend(&once);
             }
         }
         7 => {
-            let noise: Vec<u8> = (0..below(random, 40))
-                .map(|_| random.bits() as u8)
-                .collect();
+            let noise: Vec<u8> = (0..random.index(40)).map(|_| random.bits() as u8).collect();
             drop(frame.splice(at..at, noise));
         }
         // Longer than the longest frame, in one of a hundred.
-        8 if below(random, 4) == 0 => frame.extend((0..1500).map(|n| (n % 255) as u8 + 1)),
+        8 if random.index(4) == 0 => frame.extend((0..1500).map(|n| (n % 255) as u8 + 1)),
         _ => {}
     }
     frame

@@ -7,11 +7,10 @@ use std::fmt::Write as _;
 use std::fs;
 
 use massline::device::firmware;
-use massline_core::identify;
+use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    Accelerations, ChannelRole, Event, Excitation, Gaps, Grid, Method, Mount, Outcome, Pass, Plan,
-    Procedure, Processing, Provoke, Quantity, Question, Reply, Request, Run, ScaleSource, Sensor,
-    SensorKind, Setting, Source, Start, Stream, Subscription, Telemetry, Weighting, Window,
+    Accelerations, Event, Gaps, Grid, Method, Outcome, Procedure, Processing, Provoke, Reply,
+    Request, Setting, Source, Stream, Subscription, Telemetry, Window,
 };
 
 use massline_tests::readme;
@@ -51,23 +50,10 @@ const ITERATIVE: Procedure = Procedure::Iterative {
 };
 
 const RUNS: u8 = 6;
-/// Six accelerometers and six load cells.
-const SENSORS: u8 = 12;
 /// Samples of a run: those that fill the filters, one block, and two more that overlap.
 const SAMPLES: u64 = 2400;
 /// At 512 samples/s, 0.5 to 48 Hz in steps of half a hertz.
 const LINES: u32 = 96;
-
-/// Places and directions of accelerometers and load cells: three, two and one, which determine
-/// six motions and six resultants.
-const PLACES: [([f64; 3], [f64; 3]); 6] = [
-    ([0.15, 0.15, 0.0], [1.0, 0.0, 0.0]),
-    ([0.15, 0.15, 0.0], [0.0, 1.0, 0.0]),
-    ([0.15, 0.15, 0.0], [0.0, 0.0, 1.0]),
-    ([-0.15, 0.15, 0.0], [0.0, 1.0, 0.0]),
-    ([-0.15, 0.15, 0.0], [0.0, 0.0, 1.0]),
-    ([0.15, -0.15, 0.0], [0.0, 0.0, 1.0]),
-];
 
 /// Requests of a set-up of six runs of thirteen channels and 96 lines, bands in Hz.
 pub fn pieces(
@@ -76,53 +62,21 @@ pub fn pieces(
     averaging_band: [f64; 2],
     mut send: impl FnMut(&Request<'_>),
 ) {
-    send(&Request::BeginSetup(Plan {
-        sensors: SENSORS,
-        runs: RUNS,
-        reference_point: [0.0; 3],
-        fingerprint: 0,
-    }));
+    send(&Request::BeginSetup(setup::plan(RUNS, 0)));
     send(&Request::SetProcessing(Processing {
         sample_rate,
-        block_length: 1024,
-        overlap: 0.5,
         window: Window::Rectangular,
         kept_band: [1, LINES].map(|line| f64::from(line) * sample_rate / 1024.0),
         averaging_band,
-        mode_band: None,
         accelerations,
-        weighting: Weighting::Given,
         minimum_weight: 1.0,
+        ..setup::PROCESSING
     }));
-    for sensor in 0..SENSORS {
-        let (position, direction) = PLACES[usize::from(sensor % 6)];
-        let kind = match sensor {
-            0..6 => SensorKind::Accelerometer(Mount::Interface),
-            _ => SensorKind::LoadCell(Quantity::Force),
-        };
-        send(&Request::SetSensor(Sensor {
-            sensor,
-            name: "",
-            kind,
-            position,
-            direction,
-            scale: ScaleSource::Given {
-                per_unit: 1.0,
-                offset: 0.0,
-            },
-        }));
+    for sensor in setup::sensors(0.15, 1.0) {
+        send(&Request::SetSensor(sensor));
     }
-    let mut channels: Vec<u8> = (0..SENSORS).collect();
-    channels.push(ChannelRole::Drive.code());
     for run in 0..RUNS {
-        send(&Request::SetRun(Run {
-            run,
-            name: "",
-            excitation: Excitation::Random,
-            rotation: [0.0; 3],
-            translation: [0.0; 3],
-            channels: &channels,
-        }));
+        send(&Request::SetRun(setup::run(run)));
     }
 }
 
@@ -147,13 +101,8 @@ pub fn set_up(
 fn measure(talk: &mut Talk) -> u32 {
     let mut costliest = 0;
     for run in 0..RUNS {
-        talk.done(&Request::Start(Start {
-            run,
-            pass: Pass::Measure,
-            source: Source::Synthetic,
-            gaps: Gaps::Count,
-            limit: Some(SAMPLES),
-        }));
+        let start = setup::start(run, Source::Synthetic, Gaps::Count, Some(SAMPLES));
+        talk.done(&Request::Start(start));
         let summary = talk.event(|event| match event {
             Event::Block(block) => {
                 assert!(block.health.is_good(), "{block:?}");
@@ -171,14 +120,8 @@ fn measure(talk: &mut Talk) -> u32 {
 
 /// Instructions from request to answer.
 fn identify(talk: &mut Talk, method: Method, procedure: Procedure) -> u64 {
-    let question = Question {
-        method,
-        identify: identify::Question::new(None, procedure),
-        modes: 1,
-        fit_band: None,
-        runs: 0,
-    };
-    talk.exchange(&Request::Identify(question), |reply| match reply {
+    let question = Request::Identify(setup::question(method, procedure, 1));
+    talk.exchange(&question, |reply| match reply {
         Reply::Identified(found) => {
             let identification = found.answer.identification;
             assert!(identification.mass.is_some(), "{identification:?}");

@@ -8,10 +8,11 @@
 
 use std::fmt::Write as _;
 
+use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    Accelerations, ChannelRole, Count24, Event, Excitation, FromBox, Gaps, Mount, Packed, Pass,
-    Ping, Plan, Processing, Quantity, ReadLines, Reply, Request, Run, Samples, ScaleSource, Sensor,
-    SensorKind, Source, Start, Values, Weighting, Window,
+    Accelerations, ChannelRole, Count24, Event, FromBox, Gaps, Mount, Packed, Ping, Plan,
+    Processing, Quantity, ReadLines, Reply, Request, Run, Samples, ScaleSource, Sensor, SensorKind,
+    Source, Values,
 };
 use massline_tests::readme;
 
@@ -19,7 +20,7 @@ use crate::talk::Talk;
 
 /// The costliest requests, with the most instructions for each: a million are 8 ms at 168 MHz, by
 /// 1.3 cycles each. A budget is lowered freely, and raised only with the reason in the commit.
-/// Where the arrival of bytes depends on the emulator's host there is room for that: measured were
+/// There is room for the arrival of bytes, which depends on the emulator's host: measured were
 /// 0.07 million for `SetRun`, 14.8 for `EndSetup`, 4.4 for `Start`, 0.1 for `ReadLines`, 5.4 for
 /// `Stop`, 4.2 and 4.9 for samples, and 0.03 for the gap.
 const BUDGET: [(&str, u64); 8] = [
@@ -82,21 +83,16 @@ const fn dense(block_length: u32, kept_band: [f64; 2]) -> Setup {
 fn send_pieces(talk: &mut Talk, setup: &Setup) {
     talk.done(&Request::BeginSetup(Plan {
         sensors: setup.sensors,
-        runs: setup.runs,
-        reference_point: [0.0; 3],
-        fingerprint: 0,
+        ..setup::plan(setup.runs, 0)
     }));
     talk.done(&Request::SetProcessing(Processing {
-        sample_rate: 512.0,
         block_length: setup.block_length,
         overlap: setup.overlap,
-        window: Window::Hann,
         kept_band: setup.kept_band,
         averaging_band: setup.averaging_band,
-        mode_band: None,
         accelerations: Accelerations::All,
-        weighting: Weighting::Given,
         minimum_weight: 1.0,
+        ..setup::PROCESSING
     }));
     for sensor in 0..setup.sensors {
         let kind = match sensor % 2 {
@@ -129,23 +125,15 @@ fn channels(setup: &Setup) -> Vec<u8> {
 
 fn run(number: u8, channels: &[u8]) -> Run<'_> {
     Run {
-        run: number,
-        name: "",
-        excitation: Excitation::Random,
         rotation: [10.0 * f64::from(number), 5.0, 1.0],
         translation: [0.0, 0.1 * f64::from(number), 0.0],
         channels,
+        ..setup::run(number)
     }
 }
 
 fn start(source: Source, limit: Option<u64>) -> Request<'static> {
-    Request::Start(Start {
-        run: 0,
-        pass: Pass::Measure,
-        source,
-        gaps: Gaps::Count,
-        limit,
-    })
+    Request::Start(setup::start(0, source, Gaps::Count, limit))
 }
 
 /// Sends a request between two pings, behind `before`, and returns the instructions between the

@@ -13,12 +13,12 @@ use massline_firmware::acquisition::SETTLING;
 use massline_firmware::calibration::Certificate;
 use massline_firmware::models::pattern;
 use massline_firmware::wire::{
-    Accelerations, Direction, Event, FromBox, Gaps, Header, Line, Lines, Outcome, Pass, Ping,
-    Problem, Provoke, ReadLines, Reply, Request, Samples, Source, Start, Status, Stream,
-    Subscription, Summary, ToBox, Values,
+    Accelerations, Direction, Event, FromBox, Gaps, Header, Line, Lines, Outcome, Ping, Problem,
+    Provoke, ReadLines, Reply, Request, Samples, Source, Status, Stream, Subscription, Summary,
+    ToBox, Values,
 };
 
-use crate::bench::{Bench, Said, Shelf};
+use crate::bench::{self, Bench, Said};
 use crate::budgets::pieces;
 use crate::frames::{Piece, corpus, damage, piece};
 use crate::random::{Random, wanted};
@@ -32,13 +32,7 @@ const TOGETHER: u64 = 20;
 const BAND: [f64; 2] = [1.0, 20.0];
 
 fn start(source: Source) -> Request<'static> {
-    Request::Start(Start {
-        run: 0,
-        pass: Pass::Measure,
-        source,
-        gaps: Gaps::Count,
-        limit: None,
-    })
+    Request::Start(bench::start(0, source, Gaps::Count, None))
 }
 
 /// `true` if a piece is a request that is documented to end a run.
@@ -53,7 +47,7 @@ fn is_documented(piece: &Piece, header: &Header) -> bool {
 /// Requests that fit the box's state: subscriptions, starts, and samples of as many channels.
 fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     let counts = [7; 2 * INPUTS as usize];
-    let count = random.below(3);
+    let count = random.index(3);
     keep(&Request::Samples(Samples {
         first: random.pick(&[0, 1000, 1 << 60, u64::MAX]),
         channels: INPUTS,
@@ -161,7 +155,7 @@ fn lines(talk: &mut Talk) -> Vec<Line> {
 }
 
 /// Results of an instrument on this machine for the first samples of the pattern.
-fn undisturbed(bench: &mut Bench<'_>, samples: u64) -> (Summary, Vec<Line>) {
+fn undisturbed(bench: &mut Bench, samples: u64) -> (Summary, Vec<Line>) {
     pieces(Accelerations::Interface, RATE, BAND, |request| {
         bench.done(request);
     });
@@ -176,21 +170,8 @@ fn undisturbed(bench: &mut Bench<'_>, samples: u64) -> (Summary, Vec<Line>) {
         bench.convert(number, &counts, &[]);
         bench.events();
     }
-    let Said::Summary(summary) = bench.ask(&Request::Stop) else {
-        panic!("no summary");
-    };
-    let mut all = Vec::new();
-    loop {
-        let read = ReadLines {
-            run: 0,
-            first: all.len() as u16,
-            count: Lines::FIT as u16,
-        };
-        match bench.ask(&Request::ReadLines(read)) {
-            Said::Lines(lines) => all.extend(lines),
-            _ => return (summary, all),
-        }
-    }
+    let summary = bench.stop();
+    (summary, bench.lines(0))
 }
 
 #[test]
@@ -208,8 +189,7 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     let found = lines(&mut talk);
     println!("{} samples, {} blocks", summary.samples, summary.blocks);
     let certificates = inputs().map(|input| Certificate::new(&input).expect("it is sound"));
-    let mut shelf = Shelf::default();
-    let mut bench = shelf.with_inputs(certificates.collect());
+    let mut bench = Bench::with_inputs(&certificates.collect::<Vec<_>>());
     let (expected, expected_lines) = undisturbed(&mut bench, summary.samples);
     let expected = Summary {
         // Each by its own clock, which count differently.

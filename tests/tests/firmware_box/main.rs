@@ -23,12 +23,6 @@ mod memory;
 #[allow(dead_code)]
 #[path = "../../../firmware/tests/wire/messages.rs"]
 mod messages;
-#[allow(dead_code)]
-#[path = "../../../firmware/tests/wire/parts.rs"]
-mod parts;
-#[allow(dead_code)]
-#[path = "../../../firmware/tests/wire/problems.rs"]
-mod problems;
 #[path = "../../../firmware/tests/protocol/random.rs"]
 mod random;
 #[allow(dead_code)]

@@ -8,11 +8,10 @@
 //! real one every 1800 cycles.
 
 use massline_firmware::calibration::Preset;
-use massline_firmware::models::pattern;
+use massline_firmware::models::{self, pattern};
 use massline_firmware::wire::{
-    Accelerations, Event, FaultCounters, FromBox, Gaps, Health, Input, Outcome, Pass, Ping,
-    Problem, Provoke, Reply, Request, Samples, Setting, Source, Start, Stream, Subscription,
-    Summary, Values,
+    Accelerations, Event, FaultCounters, FromBox, Gaps, Health, Input, Outcome, Ping, Problem,
+    Provoke, Reply, Request, Samples, Setting, Source, Stream, Subscription, Summary, Values,
 };
 
 use crate::budgets::set_up;
@@ -34,13 +33,12 @@ pub fn boot() -> Talk {
 }
 
 fn start() -> Request<'static> {
-    Request::Start(Start {
-        run: 0,
-        pass: Pass::Measure,
-        source: Source::Inputs,
-        gaps: Gaps::Count,
-        limit: Some(SAMPLES),
-    })
+    Request::Start(models::setup::start(
+        0,
+        Source::Inputs,
+        Gaps::Count,
+        Some(SAMPLES),
+    ))
 }
 
 /// Checks counts of recorded samples against the pattern; returns their number.

@@ -12,20 +12,22 @@ use massline_firmware::wire::*;
 #[path = "../../../firmware/tests/instrument/bench.rs"]
 pub mod bench;
 
-use bench::{Bench, Said, Shelf};
+use bench::{Bench, Said};
 
 /// The box on a test bench, with the host's side of a test.
-pub struct StandIn<'m> {
-    pub bench: Bench<'m>,
+pub struct StandIn {
+    pub bench: Bench,
+    is_wired: bool,
     /// Source of the weights of the next set-up.
     pub weighting: Weighting,
 }
 
-impl<'m> StandIn<'m> {
+impl StandIn {
     /// A box with converters whose inputs have these calibrations; without any, without converters.
-    pub fn new(shelf: &'m mut Shelf, inputs: Vec<Certificate>) -> Self {
+    pub fn new(inputs: &[Certificate]) -> Self {
         Self {
-            bench: shelf.with_inputs(inputs),
+            bench: Bench::with_inputs(inputs),
+            is_wired: !inputs.is_empty(),
             weighting: Weighting::Given,
         }
     }
@@ -66,9 +68,8 @@ impl<'m> StandIn<'m> {
             weighting: self.weighting,
             minimum_weight: setup.estimation.minimum_weight,
         }));
-        let is_wired = !self.bench.hardware.settings.inputs.is_empty();
         for mut sensor in sensor_pieces(setup) {
-            if is_wired {
+            if self.is_wired {
                 sensor.scale = ScaleSource::Stored;
             }
             self.done(&Request::SetSensor(sensor));
@@ -112,11 +113,8 @@ impl<'m> StandIn<'m> {
         mut change: impl FnMut(usize, &mut [f32]),
     ) -> Summary {
         self.done(&Request::Start(Start {
-            run: number as u8,
             pass,
-            source: Source::Host,
-            gaps: Gaps::Refuse,
-            limit: None,
+            ..bench::start(number as u8, Source::Host, Gaps::Refuse, None)
         }));
         let mut rows = rows(setup, number);
         let channels = rows[0].len();
@@ -136,18 +134,7 @@ impl<'m> StandIn<'m> {
             };
             assert_eq!(taken.next, (k * together + chunk.len()) as u64);
         }
-        match self.ask(&Request::Stop) {
-            Said::Summary(summary) => summary,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    /// Requests the ten numbers.
-    pub fn identify(&mut self, question: Question) -> Answer {
-        match self.ask(&Request::Identify(question)) {
-            Said::Identified(found) => found.answer,
-            other => panic!("{other:?}"),
-        }
+        self.bench.stop()
     }
 
     /// The present weights of a run.
@@ -155,23 +142,6 @@ impl<'m> StandIn<'m> {
         match self.ask(&Request::ReadWeights(run as u8)) {
             Said::Weights(weights) => weights,
             other => panic!("{other:?}"),
-        }
-    }
-
-    /// All lines of a stored run.
-    pub fn lines(&mut self, run: usize) -> Vec<Line> {
-        let mut all = Vec::new();
-        loop {
-            let read = ReadLines {
-                run: run as u8,
-                first: all.len() as u16,
-                count: u16::MAX,
-            };
-            match self.ask(&Request::ReadLines(read)) {
-                Said::Lines(lines) => all.extend(lines),
-                Said::Refused(Problem::Index { .. }) => return all,
-                other => panic!("{other:?}"),
-            }
         }
     }
 }

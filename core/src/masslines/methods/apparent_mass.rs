@@ -16,7 +16,8 @@ use crate::cells::cells;
 use crate::geometry::transfer;
 use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
-use crate::masslines::lines::{Internals, add_scaled, indices, two_a_line};
+use crate::masslines::lines::{Internals, indices, two_a_line};
+use crate::masslines::moments::add_scaled;
 use crate::masslines::moved::Moved;
 use crate::masslines::regression::{MAX_TERMS, Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
@@ -90,9 +91,9 @@ impl ApparentMass {
     }
 }
 
-/// Condenses the averaging band to masslines, which are added to `set` about its reference point, from
-/// which that of the lines lies `-shift` (m) away. The lines [`Bands::fit`] serve to find the poles. The fit
-/// is left in `space`; `work` holds two elements per line.
+/// Condenses the averaging band to masslines, which are added to `set` about its reference point,
+/// from which that of the lines lies `-shift` (m) away. The lines [`Bands::fit`] serve to find the
+/// poles. The fit is left in `space`; `work` holds two elements per line.
 ///
 /// # Errors
 /// [`MasslineError`] if the band is too short or nothing is excited or measured, and among

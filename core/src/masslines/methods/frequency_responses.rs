@@ -3,7 +3,8 @@
 use crate::cells::seen;
 use crate::masslines::averaging::{Trend, noise_of_runs};
 use crate::masslines::bands::Bands;
-use crate::masslines::lines::{add_powers, add_scaled, indices};
+use crate::masslines::lines::{add_powers, indices};
+use crate::masslines::moments::add_scaled;
 use crate::masslines::{Excitation, Lines, MasslineError, Masslines, Powers};
 use core::ops::Range;
 use nalgebra::{Complex, Matrix6};

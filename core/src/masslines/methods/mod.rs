@@ -1,5 +1,5 @@
-//! The list of methods. All that the crate knows of a method beside its own file stands in the table
-//! at the end of this one.
+//! The list of methods. All that the crate knows of a method beside its own file stands in the
+//! table at the end of this one.
 
 pub(in crate::masslines) mod apparent_mass;
 mod curve_fit;

@@ -2,8 +2,7 @@
 
 use crate::calibration;
 use crate::capacity::{CHANNELS, RUNS, SENSORS};
-use crate::instrument::limits::missing;
-use crate::instrument::limits::{about, below, finite, fits, range};
+use crate::instrument::limits::{below, finite, fits};
 use crate::wire::{
     ChannelRole, Excitation, Field, Item, NAME_MAX, Plan, Problem, Run, Sensor, SensorKind,
 };
@@ -121,10 +120,10 @@ impl Arrangement {
         let length = Vector3::from(sensor.direction).norm();
         if !(length > 0.0 && length.is_finite()) {
             let (low, high) = (f64::MIN_POSITIVE, f64::MAX);
-            return Err(range(Field::Direction, index, length, low, high));
+            return Err(Problem::range(Field::Direction, index, length, [low, high]));
         }
         let scale = calibration::Scale::given(&sensor.scale);
-        let scale = scale.map_err(|problem| about(problem, index))?;
+        let scale = scale.map_err(|problem| problem.about(index))?;
         let piece = SensorPiece {
             kind: sensor.kind,
             position: sensor.position,
@@ -166,10 +165,7 @@ impl Arrangement {
             .any(|carried| carried == ChannelRole::Drive)
         {
             // The cross-spectral matrix of 100 lines would take 112 KiB a run.
-            return Err(Problem::Missing {
-                item: Item::Drive,
-                index,
-            });
+            return Err(Problem::missing(Item::Drive, at));
         }
         let piece = RunPiece {
             rotation: run.rotation,
@@ -177,7 +173,12 @@ impl Arrangement {
             channels: heapless::Vec::from_slice(run.channels).unwrap_or_default(),
         };
         if piece.placement().is_err() {
-            return Err(range(Field::Rotation, index, f64::NAN, f64::MIN, f64::MAX));
+            return Err(Problem::range(
+                Field::Rotation,
+                index,
+                f64::NAN,
+                [f64::MIN, f64::MAX],
+            ));
         }
         if let Some(slot) = self.runs.get_mut(at) {
             *slot = Some(piece);
@@ -188,18 +189,19 @@ impl Arrangement {
     /// Checks that all sensors were sent.
     pub(super) fn check_sensors(&self) -> Result<(), Problem> {
         for sensor in 0..self.sensors() {
-            self.piece(sensor).ok_or(missing(Item::Sensor, sensor))?;
+            self.piece(sensor)
+                .ok_or(Problem::missing(Item::Sensor, sensor))?;
         }
         Ok(())
     }
 
     /// Checks that a run was sent, and that it has a channel for each sensor.
     pub(super) fn check_run(&self, run: usize) -> Result<(), Problem> {
-        let piece = self.run(run).ok_or(missing(Item::Run, run))?;
+        let piece = self.run(run).ok_or(Problem::missing(Item::Run, run))?;
         for sensor in 0..self.sensors() {
             let carried = piece.channels.iter().any(|&c| usize::from(c) == sensor);
             if !carried {
-                return Err(missing(Item::Channel, sensor));
+                return Err(Problem::missing(Item::Channel, sensor));
             }
         }
         Ok(())
@@ -268,26 +270,19 @@ impl Arrangement {
         let index = run as u32;
         let found = into.describe(sensors, &placement, &self.reference(), |_| ());
         found.map_err(|e| match e {
-            GeometryError::NoAccelerometer => Problem::Missing {
-                item: Item::Accelerometer,
-                index,
-            },
-            GeometryError::NoLoadCell => Problem::Missing {
-                item: Item::LoadCell,
-                index,
-            },
-            GeometryError::Weight => range(Field::Weight, index, f64::NAN, 0.0, f64::MAX),
-            GeometryError::TooManyChannels => Problem::Capacity {
-                item: Item::Sensor,
-                found: self.sensors() as u32,
-                limit: SENSORS as u32,
-            },
-            _ => range(
+            GeometryError::NoAccelerometer => Problem::missing(Item::Accelerometer, run),
+            GeometryError::NoLoadCell => Problem::missing(Item::LoadCell, run),
+            GeometryError::Weight => {
+                Problem::range(Field::Weight, index, f64::NAN, [0.0, f64::MAX])
+            }
+            GeometryError::TooManyChannels => {
+                Problem::capacity(Item::Sensor, self.sensors(), SENSORS)
+            }
+            _ => Problem::range(
                 Field::Direction,
                 index,
                 f64::NAN,
-                f64::MIN_POSITIVE,
-                f64::MAX,
+                [f64::MIN_POSITIVE, f64::MAX],
             ),
         })
     }
@@ -296,12 +291,8 @@ impl Arrangement {
 /// Checks that a sensor or the drive has exactly one channel.
 fn once(run: &Run<'_>, carried: ChannelRole, item: Item) -> Result<(), Problem> {
     let same = run.channel_roles().filter(|c| *c == carried);
-    match same.fold(0_u32, |found, _| found.saturating_add(1)) {
+    match same.fold(0_usize, |found, _| found.saturating_add(1)) {
         1 => Ok(()),
-        found => Err(Problem::Count {
-            item,
-            found,
-            expected: 1,
-        }),
+        found => Err(Problem::count(item, found, 1)),
     }
 }

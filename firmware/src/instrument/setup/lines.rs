@@ -1,7 +1,7 @@
 //! Settings of the spectral analysis: blocks, window and kept lines.
 
 use crate::capacity::{BLOCK_LENGTH, LINES};
-use crate::instrument::limits::{fits, range, within};
+use crate::instrument::limits::{fits, within};
 use crate::instrument::memory::TRANSFORM;
 use crate::wire::{Field, Grid, Item, Problem, Processing};
 use massline_core::masslines::MIN_LINES;
@@ -34,7 +34,12 @@ impl Lines {
         let length = p.block_length as usize;
         if length > BLOCK_LENGTH || !length.is_power_of_two() || length < 16 {
             let most = BLOCK_LENGTH as f64;
-            return Err(range(Field::BlockLength, 0, length as f64, 16.0, most));
+            return Err(Problem::range(
+                Field::BlockLength,
+                0,
+                length as f64,
+                [16.0, most],
+            ));
         }
         let nyquist = p.sample_rate / 2.0;
         let bands = [
@@ -52,36 +57,26 @@ impl Lines {
         let settings = settings.map_err(|e| match e {
             SpectraError::BlockLength(found) => {
                 let most = BLOCK_LENGTH as f64;
-                range(Field::BlockLength, 0, found as f64, 16.0, most)
+                Problem::range(Field::BlockLength, 0, found as f64, [16.0, most])
             }
-            SpectraError::Overlap(found) => range(Field::Overlap, 0, found, 0.0, 0.95),
+            SpectraError::Overlap(found) => Problem::range(Field::Overlap, 0, found, [0.0, 0.95]),
             SpectraError::Band { last, usable, .. } => {
                 let spacing = p.sample_rate / length as f64;
                 let [found, high] = [last, usable].map(|line| line as f64 * spacing);
-                range(Field::KeptBand, 0, found, spacing, high)
+                Problem::range(Field::KeptBand, 0, found, [spacing, high])
             }
-            SpectraError::BandEnds([_, high]) => range(Field::KeptBand, 0, high, 0.0, nyquist),
-            SpectraError::SampleRate(found) => range(
+            SpectraError::BandEnds([_, high]) => {
+                Problem::range(Field::KeptBand, 0, high, [0.0, nyquist])
+            }
+            SpectraError::SampleRate(found) => Problem::range(
                 Field::SampleRate,
                 0,
                 found,
-                f64::MIN_POSITIVE,
-                SAMPLE_RATE_MAX,
+                [f64::MIN_POSITIVE, SAMPLE_RATE_MAX],
             ),
-            SpectraError::OtherLines { band, lines } => Problem::Count {
-                item: Item::Line,
-                found: band as u32,
-                expected: lines as u32,
-            },
-            SpectraError::Storage { needed, given } => Problem::Capacity {
-                item: Item::Line,
-                found: needed as u32,
-                limit: given as u32,
-            },
-            _ => Problem::Missing {
-                item: Item::Line,
-                index: 0,
-            },
+            SpectraError::OtherLines { band, lines } => Problem::count(Item::Line, band, lines),
+            SpectraError::Storage { needed, given } => Problem::capacity(Item::Line, needed, given),
+            _ => Problem::missing(Item::Line, 0),
         })?;
         let grid = settings.grid();
         fits(Item::Line, grid.count, LINES)?;
@@ -89,21 +84,14 @@ impl Lines {
         fits(Item::Sample, settings.transform_length(), TRANSFORM)?;
         let band = lines_of(&grid, Field::AveragingBand, p.averaging_band)?;
         if band.indices().len() < MIN_LINES {
-            return Err(Problem::Count {
-                item: Item::Line,
-                found: band.indices().len() as u32,
-                expected: MIN_LINES as u32,
-            });
+            return Err(Problem::count(Item::Line, band.indices().len(), MIN_LINES));
         }
         let modes = match p.mode_band {
             Some(band) => Some(lines_of(&grid, Field::ModeBand, band)?),
             None => None,
         };
         if modes.as_ref().is_some_and(|band| band.indices().is_empty()) {
-            return Err(Problem::Missing {
-                item: Item::ModeBand,
-                index: 0,
-            });
+            return Err(Problem::missing(Item::ModeBand, 0));
         }
         Ok(Self {
             settings,
@@ -140,6 +128,6 @@ pub(in crate::instrument) fn lines_of(
             _ => [0.0, f64::MAX],
         };
         let found = if band[1] > high { band[1] } else { band[0] };
-        range(field, 0, found, low, high)
+        Problem::range(field, 0, found, [low, high])
     })
 }

@@ -16,7 +16,6 @@ pub(super) use arrangement::Arrangement;
 pub(super) use lines::{Lines, lines_of};
 pub(super) use load_cells::LoadCells;
 
-use super::limits::missing;
 use super::limits::{finite, fits, within};
 use crate::capacity::{RUNS, SENSORS};
 use crate::wire::{
@@ -90,11 +89,7 @@ impl SetUp {
         let at = self.run_index(weights.run)?;
         let (found, expected) = (weights.weights.len(), self.arrangement.sensors());
         if found != expected {
-            return Err(Problem::Count {
-                item: Item::Weight,
-                found: found as u32,
-                expected: expected as u32,
-            });
+            return Err(Problem::count(Item::Weight, found, expected));
         }
         for (sensor, weight) in weights.weights.iter().enumerate() {
             if self.arrangement.accelerates(sensor).unwrap_or(true) {
@@ -107,14 +102,16 @@ impl SetUp {
 
     /// Checks the whole set-up. `geometry` is scratch memory.
     pub(super) fn end(&self, geometry: &mut RunGeometry) -> Result<Lines, Problem> {
-        let processing = self.processing.ok_or(missing(Item::Processing, 0))?;
+        let processing = self
+            .processing
+            .ok_or(Problem::missing(Item::Processing, 0))?;
         self.arrangement.check_sensors()?;
         for run in 0..self.arrangement.runs() {
             self.arrangement.check_run(run)?;
             self.geometry(run, processing.accelerations, geometry)?;
         }
         if self.arrangement.runs() == 0 {
-            return Err(missing(Item::Run, 0));
+            return Err(Problem::missing(Item::Run, 0));
         }
         Lines::new(&processing)
     }
@@ -157,7 +154,7 @@ impl SetUp {
             p.accelerations == Accelerations::Weighted && p.weighting != Weighting::Given
         });
         if needs && !self.weighing.are_known(run) {
-            return Err(missing(Item::Survey, run));
+            return Err(Problem::missing(Item::Survey, run));
         }
         Ok(())
     }

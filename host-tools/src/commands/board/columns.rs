@@ -1,4 +1,4 @@
-//! Which inputs are read, and what their channels are called.
+//! The inputs that are read, and the names of their channels.
 
 use crate::commands::Failure;
 use crate::device::{Client, Port};
@@ -63,7 +63,7 @@ pub(super) fn parse(text: &str) -> Result<Wanted, String> {
 }
 
 /// The inputs that are wanted of a box, in the order in which they are wanted; all that
-/// something is wired to if nobody says.
+/// something is wired to if `wanted` is `None`.
 pub(super) fn choose<P: Port>(
     client: &mut Client<'_, P>,
     wanted: Option<&Wanted>,
@@ -89,7 +89,7 @@ pub(super) fn choose<P: Port>(
             chosen
         }
         Some(Wanted::File(file)) => {
-            let entries = inputs::read(file).map_err(Failure::input)?;
+            let entries = inputs::read(file)?;
             for entry in entries.iter().filter(|e| e.is_used()) {
                 if find(&wired, entry.input)?.certificate != entry.certificate {
                     return Err(Failure::input(format!(

@@ -1,8 +1,7 @@
 //! `massline board forget`: what went wrong is taken off the box's list.
 
-use crate::commands::Failure;
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
+use crate::commands::{Failure, Verbosity};
 use massline_firmware::wire::Request;
 
 /// Clear the box's fault counters and the text of its last failure

@@ -1,10 +1,9 @@
 //! The box's answer, on a terminal or as a document.
 
 use super::columns::{self, Wanted};
-use crate::box_runs::{BoxRunError, BoxTest, Found};
-use crate::commands::Verbosity;
-use crate::commands::procedure::Procedure;
-use crate::commands::{Failure, print_json, print_numbers, refuse, warn};
+use crate::box_runs::{BoxTest, Found};
+use crate::commands::procedure::{Procedure, parse_method};
+use crate::commands::{Failure, Verbosity, print_json, print_numbers, refuse, warn};
 use crate::device::{Client, Port};
 use crate::identification::{notice_numbers, recommended};
 use crate::inputs::InputEntry;
@@ -19,7 +18,7 @@ use std::io::Write;
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Asked {
     /// Method that finds the masslines; the recommended one if absent
-    #[arg(long, value_parser = parse_method, value_name = "NAME")]
+    #[arg(long, value_parser = |name: &str| parse_method(name, ""), value_name = "NAME")]
     method: Option<Method>,
     #[command(flatten)]
     procedure: Procedure,
@@ -33,20 +32,6 @@ pub(super) struct Asked {
     /// Print numbers that are refused, too
     #[arg(long)]
     anyway: bool,
-}
-
-fn parse_method(name: &str) -> Result<Method, String> {
-    let found = Method::ALL.into_iter().find(|m| m.name() == name);
-    found.ok_or_else(|| {
-        let names: Vec<&str> = Method::ALL.iter().map(|m| m.name()).collect();
-        format!("the methods are: {}", names.join(", "))
-    })
-}
-
-impl From<BoxRunError> for Failure {
-    fn from(error: BoxRunError) -> Self {
-        Self::because(error.exit_code(), error)
-    }
 }
 
 impl Asked {

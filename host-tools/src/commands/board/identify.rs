@@ -1,9 +1,8 @@
 //! `massline board identify`: the ten numbers from the runs that the box has stored.
 
 use super::found::Asked;
-use crate::commands::Failure;
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
+use crate::commands::{Failure, Verbosity};
 use crate::rig::Troubles;
 use crate::setup::Setup;
 use std::path::PathBuf;
@@ -27,7 +26,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] if the box has no answer.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let setup = Setup::read(&arguments.setup)?;
     let asked = &arguments.asked;
     arguments
         .device

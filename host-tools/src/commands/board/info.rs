@@ -1,9 +1,8 @@
 //! `massline board info`: who the box is and how it fares.
 
 use super::print_row;
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, print_json, warn};
+use crate::commands::{Failure, Verbosity, print_json, warn};
 use crate::device::BoxInfo;
 use crate::format::plain;
 use crate::rig::Troubles;

@@ -4,9 +4,8 @@ use super::found::Asked;
 use super::troubles::HostTroubles;
 use crate::acquire::fault_text;
 use crate::box_runs::{BoxRunError, Ended, Measuring, Operator, Progress, Stage};
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, Interrupt, Ticker, warn};
+use crate::commands::{Failure, Interrupt, Ticker, Verbosity, warn};
 use crate::format::plain;
 use crate::recording::spell;
 use crate::rig::Shaker;
@@ -47,7 +46,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] if a run cannot be measured, or the box has no answer.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup).map_err(Failure::input)?;
+    let setup = Setup::read(&arguments.setup)?;
     let order = Measuring {
         runs: runs(&setup, &arguments.run)?,
         seconds: arguments.duration,
@@ -97,7 +96,7 @@ fn runs(setup: &Setup, wanted: &[String]) -> Result<Vec<usize>, Failure> {
     Ok(these.map(|(number, _)| number).collect())
 }
 
-/// Whoever sits at the terminal.
+/// The user at the terminal.
 struct Table<'a> {
     setup: &'a Setup,
     arguments: &'a Arguments,

@@ -18,7 +18,7 @@ use super::Failure;
 use crate::commands::Verbosity;
 use clap::Subcommand;
 
-/// The box next to the table: who it is, its settings, its inputs, its self-test
+/// The box next to the table: its identity, its settings, its inputs, its self-test
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  massline board info --port /dev/ttyACM0\n  massline board selftest --emulator\n  massline board settings --port COM3 --set name=\"table 2\" --save\n  massline board monitor --port /dev/ttyACM0\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n  massline board measure setup.toml --port /dev/ttyACM0 --inputs inputs.toml\n\n`massline board COMMAND --help` shows more."

@@ -3,9 +3,8 @@
 use super::columns::{self, Wanted};
 use super::troubles::HostTroubles;
 use crate::acquire::{Level, Snapshot, fault_text, monitor};
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, Interrupt, warn};
+use crate::commands::{Failure, Interrupt, Verbosity, warn};
 use crate::format::significant;
 use crate::recording::spell;
 use anstyle::{AnsiColor, Style};

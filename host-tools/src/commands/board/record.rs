@@ -5,9 +5,8 @@ use super::troubles::HostTroubles;
 use crate::acquire::{
     Ending, Order, Progress, Recorded, count_faults, fault_text, free_name, record,
 };
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, Interrupt, Ticker, print_json, warn};
+use crate::commands::{Failure, Interrupt, Ticker, Verbosity, print_json, warn};
 use crate::format::{plain, with_std};
 use crate::output::{self, Existing};
 use crate::printable::printable;

@@ -1,8 +1,7 @@
 //! `massline board restart`: the box starts afresh.
 
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, Spinner};
+use crate::commands::{Failure, Spinner, Verbosity};
 use crate::device::ClientError;
 use massline_firmware::wire::Request;
 use std::time::{Duration, Instant};

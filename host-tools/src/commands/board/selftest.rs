@@ -1,8 +1,7 @@
 //! `massline board selftest`: a body of known properties through the whole box.
 
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, Spinner, print_json};
+use crate::commands::{Failure, Spinner, Verbosity, print_json};
 use crate::format::with_std;
 use anstyle::{AnsiColor, Style};
 use massline_firmware::wire::{Check, Health, Selftest};

@@ -2,9 +2,8 @@
 
 use super::change::{Change, Order, parse};
 use super::print_row;
-use crate::commands::Verbosity;
 use crate::commands::device::Device;
-use crate::commands::{Failure, print_json, warn};
+use crate::commands::{Failure, Verbosity, print_json, warn};
 use crate::device::{Client, ClientError, Port};
 use crate::format::plain;
 use crate::inputs::{self, InputEntry};
@@ -97,10 +96,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         output::check(file, inputs, existing)?;
     }
     let file = arguments.inputs.as_deref().map(inputs::read);
-    let wired = file
-        .transpose()
-        .map_err(Failure::input)?
-        .unwrap_or_default();
+    let wired = file.transpose()?.unwrap_or_default();
     let order = Order {
         reset: arguments.reset,
         set: &arguments.set,

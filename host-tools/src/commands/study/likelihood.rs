@@ -2,7 +2,7 @@
 
 use crate::commands::Verbosity;
 use crate::commands::{Bar, Failure, print_json};
-use crate::study::likelihood::{self, Document, LikelihoodError, Options};
+use crate::study::likelihood::{self, Document, Options};
 
 /// Hold method ml against the Cramér-Rao bound and the band's method, over random structures
 #[derive(clap::Args)]
@@ -31,12 +31,6 @@ pub struct Arguments {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-}
-
-impl From<LikelihoodError> for Failure {
-    fn from(error: LikelihoodError) -> Self {
-        Self::input(error)
-    }
 }
 
 /// Runs the command.

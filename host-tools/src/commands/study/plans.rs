@@ -1,8 +1,7 @@
 //! `massline study plans`: whether what a test cannot tell has no number.
 
-use crate::commands::Verbosity;
-use crate::commands::{Bar, Failure, print_json};
-use crate::study::plans::{self, Options, PlansError};
+use crate::commands::{Bar, Failure, Verbosity, print_json};
+use crate::study::plans::{self, Options};
 
 /// Try random test plans: what a plan cannot tell has no number, what it tells has one
 #[derive(clap::Args)]
@@ -10,24 +9,11 @@ use crate::study::plans::{self, Options, PlansError};
     after_help = "Examples:\n  massline study plans\n  massline study plans --seed 17 --plans 1\n\nExit code 1: a number was given that its plan cannot tell, or less than 99 % of those that plans tell."
 )]
 pub struct Arguments {
-    /// Number of plans
-    #[arg(long, value_name = "N", default_value_t = Options::default().plans)]
-    plans: usize,
-    /// Seed of the first plan; each next one has the next
-    #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
-    seed: u64,
-    /// Threads; the outcome does not depend on it [default: one a processor]
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    #[command(flatten)]
+    options: Options,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
-}
-
-impl From<PlansError> for Failure {
-    fn from(error: PlansError) -> Self {
-        Self::input(error)
-    }
 }
 
 /// Runs the command.
@@ -36,12 +22,9 @@ impl From<PlansError> for Failure {
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let bar = Bar::new("trying", verbosity);
-    let options = Options {
-        plans: arguments.plans,
-        seed: arguments.seed,
-        threads: arguments.threads,
-    };
-    let found = plans::run(&options, &mut |share| bar.set(share, "test plans"))?;
+    let found = plans::run(&arguments.options, &mut |share| {
+        bar.set(share, "test plans")
+    })?;
     drop(bar);
     if arguments.json {
         print_json(&found)?;

@@ -151,11 +151,6 @@ impl<'c, P: Port> Client<'c, P> {
         &mut self.port
     }
 
-    /// Ends the conversation. The box does not notice: a run goes on.
-    pub fn into_port(self) -> P {
-        self.port
-    }
-
     /// Asks `request` and waits for its reply, of which `read` takes what it wants, or
     /// nothing if it is of the wrong kind. Asks again if no reply comes.
     ///

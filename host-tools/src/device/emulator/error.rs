@@ -1,10 +1,9 @@
 //! Errors of an emulator, with enough detail that a failed test needs no second run.
 
 use std::ffi::OsString;
-use std::fmt;
-use std::io;
 use std::process::ExitStatus;
 use std::time::Duration;
+use std::{fmt, io};
 
 use super::QEMU;
 
@@ -12,9 +11,13 @@ use super::QEMU;
 const SHOWN: usize = 240;
 
 /// Why the emulator did not do what was asked.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum EmulatorError {
     /// The emulator could not be started.
+    #[error(
+        "cannot start {}: {source}; install QEMU for Arm (Debian: `apt install qemu-system-arm`), \
+         or name one in {QEMU}", program.display()
+    )]
     Start {
         /// The program that was tried.
         program: OsString,
@@ -22,6 +25,9 @@ pub enum EmulatorError {
         source: io::Error,
     },
     /// The expected text did not come in time.
+    #[error(
+        "{expected} did not come within {} s; {}", waited.as_secs_f32(), Received(received)
+    )]
     Timeout {
         /// The text that was waited for.
         expected: String,
@@ -31,6 +37,12 @@ pub enum EmulatorError {
         received: Vec<u8>,
     },
     /// The emulator ended, on its own or because it crashed.
+    #[error(
+        "the emulator ended{}; {}{}",
+        status.map_or_else(String::new, |status| format!(" with {status}")),
+        Received(received),
+        said(stderr)
+    )]
     Ended {
         /// Exit status, where the system tells it.
         status: Option<ExitStatus>,
@@ -41,50 +53,10 @@ pub enum EmulatorError {
     },
 }
 
-impl fmt::Display for EmulatorError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Start { program, source } => write!(
-                f,
-                "cannot start {}: {source}; install QEMU for Arm (Debian: `apt install \
-                 qemu-system-arm`), or name one in {QEMU}",
-                program.display()
-            ),
-            Self::Timeout {
-                expected,
-                waited,
-                received,
-            } => write!(
-                f,
-                "{expected} did not come within {} s; {}",
-                waited.as_secs_f32(),
-                Received(received)
-            ),
-            Self::Ended {
-                status,
-                stderr,
-                received,
-            } => {
-                f.write_str("the emulator ended")?;
-                if let Some(status) = status {
-                    write!(f, " with {status}")?;
-                }
-                write!(f, "; {}", Received(received))?;
-                if !stderr.is_empty() {
-                    write!(f, "\nit said: {}", stderr.trim_end())?;
-                }
-                Ok(())
-            }
-        }
-    }
-}
-
-impl std::error::Error for EmulatorError {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            Self::Start { source, .. } => Some(source),
-            _ => None,
-        }
+fn said(stderr: &str) -> String {
+    match stderr {
+        "" => String::new(),
+        text => format!("\nit said: {}", text.trim_end()),
     }
 }
 

@@ -2,8 +2,7 @@
 
 use super::{Left, at_steps};
 use crate::cli::run_words;
-use crate::commands::Verbosity;
-use crate::commands::{Failure, demo};
+use crate::commands::{Failure, Verbosity, demo};
 use crate::output::operation::Operation;
 use crate::recording::RecordingError;
 use crate::setup::Setup;

@@ -1,7 +1,7 @@
 //! The chart: title, axes, shaded spans, rules, series and their labels.
 
 use super::axis::{self, Frame};
-use super::{Anchor, Axis, Rule, SMALL_TEXT, Series, Span, Svg, TEXT, Tone, text_width};
+use super::{Anchor, Axis, Mark, Rule, SMALL_TEXT, Series, Span, Svg, TEXT, Tone, text_width};
 use crate::report::markup::shortened;
 
 /// A chart, or one panel of several.
@@ -43,6 +43,17 @@ impl LineChart {
             series: Vec::new(),
             size: [360.0, 214.0],
         }
+    }
+
+    /// Adds a series without label.
+    pub fn draw(&mut self, name: impl Into<String>, tone: Tone, mark: Mark, points: Vec<[f64; 2]>) {
+        self.series.push(Series::new(name, tone, mark, points));
+    }
+
+    /// Shades a stretch of the x axis.
+    pub fn shade(&mut self, x: [f64; 2], label: impl Into<String>) {
+        let label = label.into();
+        self.spans.push(Span { x, label });
     }
 
     /// The chart as an `<svg>` element.
@@ -254,7 +265,7 @@ fn spread(labels: &mut [Label], top: f64, bottom: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::plot::{Mapping, Mark};
+    use crate::report::plot::Mapping;
 
     fn chart() -> LineChart {
         let mut chart = LineChart::panel(
@@ -276,15 +287,8 @@ mod tests {
             );
             chart.series.push(series.labelled());
         }
-        chart.spans.push(Span {
-            x: [0.1, 1.0],
-            label: "usual".to_owned(),
-        });
-        chart.rules.push(Rule::Vertical {
-            x: 3.0,
-            label: "3 %".to_owned(),
-            tone: Tone::Muted,
-        });
+        chart.shade([0.1, 1.0], "usual");
+        chart.rules.push(Rule::vertical(3.0, "3 %", Tone::Muted));
         chart
     }
 

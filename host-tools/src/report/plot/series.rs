@@ -175,6 +175,22 @@ pub enum Rule {
     },
 }
 
+impl Rule {
+    /// A line at one x.
+    #[must_use]
+    pub fn vertical(x: f64, label: impl Into<String>, tone: Tone) -> Self {
+        let label = label.into();
+        Self::Vertical { x, label, tone }
+    }
+
+    /// A line at one y.
+    #[must_use]
+    pub fn horizontal(y: f64, label: impl Into<String>, tone: Tone) -> Self {
+        let label = label.into();
+        Self::Horizontal { y, label, tone }
+    }
+}
+
 /// A legend as an HTML list, for charts that share it.
 #[must_use]
 pub fn legend(entries: &[(Tone, Mark, &str)]) -> String {

@@ -142,94 +142,48 @@ fn extending_hides_whole_sections() {
     assert_ne!(child.title, base.title);
 }
 
+/// Wrong changes of the small model, each with words of its message; `\n` ends a line.
+const MISTAKES: &str = r#"
+title = "Small" => title => small.toml, line 2 | not TOML
+mass = 10.0 => mass = -10.0 => line 6 | `mass` is -10
+mass = 10.0\n => => [[body]] 1 (name "block") | `mass` is missing
+xx = 0.05 => xx = 0.5 => line 8 | principal moments
+xx = 0.05 => xxx = 0.05 => did you mean `xx`?
+direction = [0, 0, 2] => direction = [0, 0, 0] => zero vector
+name = "board" => name = "block" => [[body]] 1 | another
+on = "board" => on = "bord" => did you mean `board`?
+name = "board.z" => name = "base.x" => "base.x" | [[accelerometer]] 1
+name = "board.z" => name = "drive" => the drive signal
+[table] => [table]\naxes = ["x", "w"] => a list with "w" | "rx"
+[table] => [table]\naxes = ["x"] => `motion` | axis "z"
+cross_talk = 0.02 => cross_talk = 2 => a share from 0 to 1
+[2.0, 20.0] => [20.0, 2.0] => the lower first
+[2.0, 20.0] => [2.0, 400.0] => ends at 252 Hz
+motion = [0, 0, 1, 0, 0, 0] => => [[run]] 1 | either `motion`
+motion = [0, 0, 1, 0, 0, 0] => motion = [0, 1] => a list of 2 values
+motion = [0, 0, 1, 0, 0, 0] => poses = [[0, 1]] => lists of 3
+motion = [0, 0, 1, 0, 0, 0] => drive = 1 => `drive` is the integer 1 | true or false
+title = "Small" => extends = "no-such.toml" => no-such.toml
+"#;
+
 #[test]
 fn every_mistake_is_located_and_explained() {
-    for (text, parts) in [
-        (
-            "[[body]".to_owned(),
-            &["small.toml, line 1", "not TOML"][..],
-        ),
-        (
-            text_with("mass = 10.0", "mass = -10.0"),
-            &["line 6", "`mass` is -10"],
-        ),
-        (
-            text_with("mass = 10.0\n", ""),
-            &["[[body]] 1 (name \"block\")", "`mass` is missing"],
-        ),
-        (
-            text_with("xx = 0.05", "xx = 0.5"),
-            &["line 8", "principal moments"],
-        ),
-        (
-            text_with("xx = 0.05", "xxx = 0.05"),
-            &["did you mean `xx`?"],
-        ),
-        (
-            text_with("direction = [0, 0, 2]", "direction = [0, 0, 0]"),
-            &["zero vector"],
-        ),
-        (
-            text_with("name = \"board\"", "name = \"block\""),
-            &["[[body]] 1", "another"],
-        ),
-        (
-            text_with("on = \"board\"", "on = \"bord\""),
-            &["did you mean `board`?"],
-        ),
-        (
-            text_with("name = \"board.z\"", "name = \"base.x\""),
-            &["\"base.x\"", "[[accelerometer]] 1"],
-        ),
-        (
-            text_with("name = \"board.z\"", "name = \"drive\""),
-            &["the drive signal"],
-        ),
-        (
-            text_with("[table]", "[table]\naxes = [\"x\", \"w\"]"),
-            &["a list with \"w\"", "\"rx\""],
-        ),
-        (
-            text_with("[table]", "[table]\naxes = [\"x\"]"),
-            &["`motion`", "axis \"z\""],
-        ),
-        (
-            text_with("cross_talk = 0.02", "cross_talk = 2"),
-            &["a share from 0 to 1"],
-        ),
-        (
-            text_with("[2.0, 20.0]", "[20.0, 2.0]"),
-            &["the lower first"],
-        ),
-        (
-            text_with("[2.0, 20.0]", "[2.0, 400.0]"),
-            &["ends at 252 Hz"],
-        ),
-        (
-            text_with("motion = [0, 0, 1, 0, 0, 0]", ""),
-            &["[[run]] 1", "either `motion`"],
-        ),
-        (
-            text_with("motion = [0, 0, 1, 0, 0, 0]", "motion = [0, 1]"),
-            &["a list of 2 values"],
-        ),
-        (
-            text_with("motion = [0, 0, 1, 0, 0, 0]", "poses = [[0, 1]]"),
-            &["lists of 3"],
-        ),
-        (
-            text_with("title = \"Small\"", "extends = \"no-such.toml\""),
-            &["no-such.toml"],
-        ),
-        (String::new(), &["there is no [[body]]"]),
-    ] {
-        let message = Model::from_toml(&text, "small.toml".as_ref())
-            .expect_err("must be refused")
-            .to_string();
-        for part in parts {
+    let refused = |text: &str| {
+        let model = Model::from_toml(text, "small.toml".as_ref());
+        model.expect_err("must be refused").to_string()
+    };
+    for case in MISTAKES.trim().lines() {
+        let case = case.replace("\\n", "\n");
+        let [from, to, parts] = case.split("=>").collect::<Vec<_>>()[..] else {
+            panic!("{case}");
+        };
+        let [from, to] = [from, to].map(|text| text.trim_matches(' '));
+        let message = refused(&text_with(from, to));
+        for part in parts.split('|').map(str::trim) {
             assert!(message.contains(part), "«{part}» is not in: {message}");
         }
     }
+    assert!(refused("").contains("there is no [[body]]"));
 }
 
 #[test]

@@ -272,50 +272,26 @@ fn impossible_options_are_refused() {
             .expect_err("must be refused")
             .to_string()
     };
-    let base = Options::default;
+    let noise = |x| Options {
+        noise: Some(x),
+        ..Options::default()
+    };
+    let duration = |x| Options {
+        duration: Some(x),
+        ..Options::default()
+    };
+    let slow = Options {
+        sample_rate: Some(30.0),
+        ..Options::default()
+    };
+    let too_slow = "ends at 20 Hz, but at 30 samples per second the spectrum ends at 14";
     for (options, part) in [
-        (
-            Options {
-                noise: Some(-0.1),
-                ..base()
-            },
-            "the noise is -0.1",
-        ),
-        (
-            Options {
-                noise: Some(f64::NAN),
-                ..base()
-            },
-            "the noise is NaN",
-        ),
-        (
-            Options {
-                duration: Some(0.0),
-                ..base()
-            },
-            "the duration is 0",
-        ),
-        (
-            Options {
-                duration: Some(0.1),
-                ..base()
-            },
-            "less than one block",
-        ),
-        (
-            Options {
-                duration: Some(1e9),
-                ..base()
-            },
-            "shorter",
-        ),
-        (
-            Options {
-                sample_rate: Some(30.0),
-                ..base()
-            },
-            "ends at 20 Hz, but at 30 samples per second the spectrum ends at 14",
-        ),
+        (noise(-0.1), "the noise is -0.1"),
+        (noise(f64::NAN), "the noise is NaN"),
+        (duration(0.0), "the duration is 0"),
+        (duration(0.1), "less than one block"),
+        (duration(1e9), "shorter"),
+        (slow, too_slow),
     ] {
         let message = refused(options);
         assert!(message.contains(part), "{message}");

@@ -152,16 +152,7 @@ fn six_runs(chance: &mut Chance, structure: &Structure) -> Model {
                 0..3 => level,
                 _ => level / radius * chance.between(0.5, 1.5),
             };
-            Plan {
-                name: format!("axis {}", axis + 1),
-                excitation: Shaking::Random {
-                    motion,
-                    band: None,
-                    drive: true,
-                },
-                rotation: [0.0; 3],
-                translation: [0.0; 3],
-            }
+            Plan::new(format!("axis {}", axis + 1), Shaking::random(motion, true))
         })
         .collect();
     Model {
@@ -207,11 +198,7 @@ fn remounted(chance: &mut Chance) -> Drawn {
     model.runs = ways
         .map(|(name, rotation, translation)| Plan {
             name: name.to_owned(),
-            excitation: Shaking::Random {
-                motion: [0.0, 0.0, 2.0, 0.0, 0.0, 0.0],
-                band: None,
-                drive: true,
-            },
+            excitation: Shaking::random([0.0, 0.0, 2.0, 0.0, 0.0, 0.0], true),
             rotation: rotation.map(|angle: f64| angle + chance.between(-10.0, 10.0)),
             translation: translation.map(|x: f64| x + chance.between(-0.1, 0.1)),
         })
@@ -236,12 +223,7 @@ fn poses(chance: &mut Chance) -> Drawn {
             turn.into()
         })
         .collect();
-    model.runs = vec![Plan {
-        name: "poses".to_owned(),
-        excitation: Shaking::Poses(tilts),
-        rotation: [0.0; 3],
-        translation: [0.0; 3],
-    }];
+    model.runs = vec![Plan::new("poses", Shaking::Poses(tilts))];
     model.measurement.dc_offset = 0.02;
     Ok((model, unlike()))
 }

@@ -31,17 +31,23 @@ use std::time::Duration;
 use tally::{Scored, score};
 
 /// Options of the study.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, clap::Args)]
 pub struct Options {
-    /// Draws a cell.
+    /// Draws a cell: a case at a level of noise by a method
+    #[arg(long, value_name = "N", default_value_t = Self::default().draws)]
     pub draws: usize,
-    /// Names of the cases; all if empty.
+    /// One case only; may be given several times [possible: fork, satellite, elastic, remounted,
+    /// sine, poses, no-drive, twelve-blocks]
+    #[arg(long = "case", value_name = "NAME")]
     pub cases: Vec<String>,
-    /// Levels of noise, shares of each channel's RMS over all runs.
+    /// Levels of noise, each a share of a channel's RMS over all runs
+    #[arg(long, value_name = "R,R,…", value_delimiter = ',', default_values_t = Self::default().noise)]
     pub noise: Vec<f64>,
-    /// Seed of the first draw.
+    /// Seed of the first draw; each next one has the next
+    #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
-    /// Threads; as many as there are processors if `None`.
+    /// Threads; the counts do not depend on it [default: one a processor]
+    #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
 }
 

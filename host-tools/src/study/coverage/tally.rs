@@ -53,26 +53,12 @@ pub fn numbers(found: &Identification) -> [Option<Interval>; NUMBERS] {
 /// The truth in the same order; `None` where the model says nothing.
 #[must_use]
 pub fn truths(truth: &Truth) -> [Option<f64>; NUMBERS] {
-    let [x, y, z] = truth.centre_of_gravity;
-    let (s, a) = (&truth.inertia_cg, &truth.inertia_reference);
-    [
-        Some(truth.mass),
-        x,
-        y,
-        z,
-        s.xx,
-        s.yy,
-        s.zz,
-        s.xy,
-        s.xz,
-        s.yz,
-        a.xx,
-        a.yy,
-        a.zz,
-        a.xy,
-        a.xz,
-        a.yz,
-    ]
+    let mut all = [None; NUMBERS];
+    all[0] = Some(truth.mass);
+    all[1..4].copy_from_slice(&truth.centre_of_gravity);
+    all[4..10].copy_from_slice(&truth.inertia_cg.terms());
+    all[10..].copy_from_slice(&truth.inertia_reference.terms());
+    all
 }
 
 /// Outcome of one draw for one number.

@@ -11,35 +11,22 @@ use std::fmt::Write;
 /// The study as one self-contained HTML file.
 #[must_use]
 pub fn render(study: &Study) -> String {
-    let mut sections = vec![Section::new("pattern", "The pattern", pattern(study))];
-    sections.push(Section::new(
-        "frequencies",
-        "Natural frequencies",
-        tables::frequencies(study),
-    ));
-    sections.push(Section::new(
-        "responses",
-        "Frequency responses",
-        plots::responses(study),
-    ));
-    sections.push(Section::new(
-        "table-3",
-        "Table 3: direct estimation",
-        tables::direct(study),
-    ));
-    sections.push(Section::new(
-        "table-4",
-        "Table 4: direct and iterative",
-        tables::iterative(study),
-    ));
-    if !study.levels.is_empty() {
-        sections.push(Section::new("noise", "Error over noise", noise(study)));
-    }
-    sections.push(Section::new(
-        "choices",
-        "What the paper leaves open",
-        choices(study),
-    ));
+    let noise = (!study.levels.is_empty()).then(|| ("noise", "Error over noise", noise(study)));
+    let direct = tables::direct(study);
+    let iterative = tables::iterative(study);
+    let frequencies = tables::frequencies(study);
+    let sections: Vec<Section> = [
+        ("pattern", "The pattern", pattern(study)),
+        ("frequencies", "Natural frequencies", frequencies),
+        ("responses", "Frequency responses", plots::responses(study)),
+        ("table-3", "Table 3: direct estimation", direct),
+        ("table-4", "Table 4: direct and iterative", iterative),
+    ]
+    .into_iter()
+    .chain(noise)
+    .chain([("choices", "What the paper leaves open", choices(study))])
+    .map(|(id, heading, html)| Section::new(id, heading, html))
+    .collect();
     page(
         "The paper’s tuning fork, row by row",
         &header(study),

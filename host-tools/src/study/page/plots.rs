@@ -1,9 +1,7 @@
 //! Frequency responses, and errors over noise.
 
 use crate::report::page::panels;
-use crate::report::plot::{
-    Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Span, Tone, legend,
-};
+use crate::report::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Tone, legend};
 use crate::setup::Mount;
 use crate::study::pattern::overall;
 use crate::study::{NAMES, Range, Row, Study};
@@ -151,21 +149,14 @@ fn chart(
         Axis::new(unit, Mapping::Log, domain),
     );
     let (one, two) = (study.range(Range::I), study.range(Range::II));
-    chart.spans.push(Span {
-        x: two,
-        label: "I, II".to_owned(),
-    });
-    chart.rules.push(Rule::Vertical {
-        x: one[1],
-        label: String::new(),
-        tone: Tone::Identified,
-    });
+    chart.shade(two, "I, II");
+    chart
+        .rules
+        .push(Rule::vertical(one[1], "", Tone::Identified));
     let inside = natural.iter().filter(|f| **f < top);
-    chart.rules.extend(inside.map(|f| Rule::Vertical {
-        x: *f,
-        label: String::new(),
-        tone: Tone::Muted,
-    }));
+    chart
+        .rules
+        .extend(inside.map(|f| Rule::vertical(*f, "", Tone::Muted)));
     chart.series = series;
     chart.svg()
 }
@@ -268,11 +259,9 @@ fn errors(study: &Study, range: Range, parameter: usize) -> String {
         Axis::new("noise, %", Mapping::Log, [0.7 * aside, 1.3 * most]),
         Axis::new("error, %", Mapping::Log, domain),
     );
-    chart.rules.push(Rule::Vertical {
-        x: aside,
-        label: "no noise".to_owned(),
-        tone: Tone::Muted,
-    });
+    chart
+        .rules
+        .push(Rule::vertical(aside, "no noise", Tone::Muted));
     chart.series = series;
     chart.svg()
 }

@@ -1,6 +1,6 @@
 //! Tables 1 to 4 and the rows under noise.
 
-use crate::report::markup::escape;
+use crate::report::markup::{escape, push_number};
 use crate::report::number::{MINUS, NO_NUMBER, fixed};
 use crate::study::estimate::{Numbers, Outcome};
 use crate::study::monte_carlo::{Errors, Level};
@@ -36,10 +36,6 @@ fn error(e: f64) -> String {
     } else {
         NO_NUMBER.to_owned()
     }
-}
-
-fn cell(html: &mut String, text: &str) {
-    let _ = write!(html, "<td class=\"num\">{text}</td>");
 }
 
 /// The head of a table: groups of columns above columns.
@@ -86,16 +82,18 @@ pub(super) fn frequencies(study: &Study) -> String {
             let _ = write!(html, "<th scope=\"col\" class=\"num\">{column}</th>");
         }
         html.push_str("</tr></thead><tbody>");
-        for mode in &table.modes {
+        for mode in &table {
             html.push_str("<tr>");
-            cell(&mut html, &mode.number.to_string());
-            cell(&mut html, &fixed(mode.paper, 2));
-            cell(&mut html, &fixed(mode.twin, 3));
-            cell(&mut html, &error(100.0 * (mode.twin / mode.paper - 1.0)));
-            let pole = mode.identified;
+            push_number(&mut html, &mode.number.to_string());
+            push_number(&mut html, &fixed(mode.paper, 2));
+            push_number(&mut html, &fixed(mode.twin, 3));
+            push_number(&mut html, &error(mode.difference));
             let number = |x: Option<f64>| x.map_or_else(|| NO_NUMBER.to_owned(), |x| fixed(x, 3));
-            cell(&mut html, &number(pole.map(|p| p.frequency)));
-            cell(&mut html, &number(pole.map(|p| 100.0 * p.damping)));
+            push_number(&mut html, &number(mode.identified));
+            push_number(
+                &mut html,
+                &number(mode.damping.map(|damping| 100.0 * damping)),
+            );
             html.push_str("</tr>");
         }
         html.push_str(END);
@@ -135,10 +133,10 @@ pub(super) fn direct(study: &Study) -> String {
     let exact = study.exact.list();
     html.push_str("<tr><td>exact</td>");
     for c in DIRECT {
-        cell(&mut html, &value(&exact, c));
+        push_number(&mut html, &value(&exact, c));
     }
     for v in paper::IDEAL.values {
-        cell(&mut html, &fixed(v, 2));
+        push_number(&mut html, &fixed(v, 2));
     }
     html.push_str("</tr>");
     for (row, answer) in study.rows() {
@@ -175,24 +173,11 @@ pub(super) fn iterative(study: &Study) -> String {
     );
     let columns = ITERATIVE.map(|c| UNITS[c]);
     head(&mut html, "Row", &[("Twin", &columns), ("Paper", &columns)]);
-    let mut lines = Vec::new();
-    for row in Row::iterated() {
-        let Some((_, answer)) = study.rows().find(|(r, _)| *r == row) else {
-            continue;
+    for (row, modes, answer) in study.iterated() {
+        let (name, theirs) = match modes {
+            None => (row.method_name().to_owned(), paper::table_4(&row)),
+            Some(modes) => (format!("{} with {modes} modes", row.method_name()), None),
         };
-        lines.push((row.method_name().to_owned(), answer, paper::table_4(&row)));
-    }
-    for (row, answer) in &study.fewer_modes.rows {
-        if Row::iterated().contains(row) {
-            let name = format!(
-                "{} with {} modes",
-                row.method_name(),
-                study.fewer_modes.modes
-            );
-            lines.push((name, answer, None));
-        }
-    }
-    for (name, answer, theirs) in lines {
         let [direct, iterative] = theirs.map_or([None; 2], |pair| pair.map(Some));
         let _ = write!(html, "<tr><td>{}, direct</td>", escape(&name));
         outcome(&mut html, &answer.direct, study, &ITERATIVE);
@@ -310,7 +295,7 @@ fn level_table<'s>(
             let e = errors(level, at);
             let star = if e.failed > 0 { "* " } else { "" };
             for rms in &e.rms[..4] {
-                cell(&mut html, &mark(&format!("{star}{}", error(*rms))));
+                push_number(&mut html, &mark(&format!("{star}{}", error(*rms))));
             }
         }
         html.push_str("</tr>");
@@ -333,21 +318,16 @@ pub(super) fn level_name(noise: f64) -> String {
 /// Rows that did not always answer, and why.
 fn failures(study: &Study) -> String {
     let mut items = String::new();
-    for level in &study.levels {
-        for (row, errors) in Row::all().iter().zip(&level.rows) {
-            let e = &errors.direct;
-            if let Some(reason) = &e.reason {
-                let _ = write!(
-                    items,
-                    "<li>{} at {}: no answer in {} of {} draws: {}</li>",
-                    escape(&row.name()),
-                    level_name(level.noise),
-                    e.failed,
-                    e.failed + e.answered,
-                    escape(reason)
-                );
-            }
-        }
+    for f in study.failures() {
+        let _ = write!(
+            items,
+            "<li>{} at {}: no answer in {} of {} draws: {}</li>",
+            escape(&f.row.name()),
+            level_name(f.noise),
+            f.failed,
+            f.draws,
+            escape(f.reason)
+        );
     }
     if items.is_empty() {
         items

@@ -1,14 +1,12 @@
 //! Random test plans.
 
 use super::tell::Excited;
-use crate::setup::{LoadCellEntry, Mount, Quantity};
+use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity};
 use crate::simulate::{
     Measurement, Model, MotionSensor, Plan, Shaking, Table, motion_row, motions, shift,
 };
 use crate::study::chance::Chance;
-use crate::study::structures::{
-    Structure, accelerometer, elastic, load_cell, load_cells, rigid, ring, triad,
-};
+use crate::study::structures::{Structure, elastic, load_cells, rigid, ring, triad};
 use crate::study::trial::{Conditions, Trial};
 use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
 
@@ -244,12 +242,6 @@ fn runs(
     if matches!(family, Family::Uniaxial | Family::OneRotation) {
         axes.truncate(1);
     }
-    let plan = |name: String, excitation: Shaking| Plan {
-        name,
-        excitation,
-        rotation: [0.0; 3],
-        translation: [0.0; 3],
-    };
     if kind == Kind::Poses {
         // Four tell all that translations can, and leave nothing that would tell their noise.
         let count = chance.whole(5, 24);
@@ -265,16 +257,12 @@ fn runs(
         };
         let tilts = (0..count).map(|_| tilt(chance)).collect();
         return (
-            vec![plan("poses".to_owned(), Shaking::Poses(tilts))],
+            vec![Plan::new("poses", Shaking::Poses(tilts))],
             Vec::new(),
             what,
         );
     }
-    let random = |motion: [f64; 6]| Shaking::Random {
-        motion,
-        band: None,
-        drive: kind == Kind::Driven,
-    };
+    let random = |motion| Shaking::random(motion, kind == Kind::Driven);
     let mut plans = Vec::new();
     let mut together = Vec::new();
     let most = match family {
@@ -296,7 +284,7 @@ fn runs(
                 let mut motion = [0.0; 6];
                 motion[*axis] = amplitude(chance, *axis);
                 let name = format!("run {} drive {}", number + 1, axis + 1);
-                plans.push(plan(name, random(motion)));
+                plans.push(Plan::new(name, random(motion)));
                 together.push(number);
             }
             continue;
@@ -309,7 +297,7 @@ fn runs(
             let axis = axes[number % axes.len()];
             motion[axis] = amplitude(chance, axis);
         }
-        let mut plan = plan(format!("run {}", number + 1), random(motion));
+        let mut plan = Plan::new(format!("run {}", number + 1), random(motion));
         if family == Family::Remounted && number > 0 {
             plan.rotation = (chance.direction() * chance.between(40.0, 140.0)).into();
             plan.translation = (chance.direction() * radius).into();
@@ -356,7 +344,7 @@ fn accelerometers(
     let sensors = entries.into_iter().enumerate();
     sensors
         .map(|(number, (position, direction))| MotionSensor {
-            entry: accelerometer(
+            entry: AccelerometerEntry::new(
                 format!("a{}", number + 1),
                 position,
                 direction,
@@ -380,12 +368,8 @@ fn cell_entries(
         } else {
             Quantity::Moment
         };
-        load_cell(
-            format!("f{}", axis + 1),
-            Vector3::zeros(),
-            axes[axis % 3],
-            quantity,
-        )
+        let channel = format!("f{}", axis + 1);
+        LoadCellEntry::new(channel, Vector3::zeros(), axes[axis % 3], quantity)
     };
     let measured = match cells {
         Cells::Ring => return (load_cells(chance, radius), (0..6).collect()),
@@ -396,7 +380,8 @@ fn cell_entries(
             places.iter_mut().for_each(|p| p.z = 0.0);
             let places = places.into_iter().enumerate();
             let cells = places.map(|(n, position)| {
-                load_cell(format!("f{}", n + 1), position, axes[2], Quantity::Force)
+                let channel = format!("f{}", n + 1);
+                LoadCellEntry::new(channel, position, axes[2], Quantity::Force)
             });
             return (cells.collect(), vec![2, 3, 4]);
         }
@@ -410,7 +395,8 @@ fn cell_entries(
     )
 }
 
-/// Excited directions and measured resultants of a simulated plan's runs, about its reference point.
+/// Excited directions and measured resultants of a simulated plan's runs, about its reference
+/// point.
 pub(super) fn excited(drawn: &Drawn, trial: &Trial, seed: u64) -> Vec<Excited> {
     let model = trial.model();
     let to_reference = shift(&Vector3::from(model.reference_point));

@@ -7,7 +7,8 @@
 //!   runs, directions (six axes, translations only, one axis, a plane, one rotation, re-mounted,
 //!   several drives at once), kind (random with or without a drive channel, stepped sine, static
 //!   poses), weighed or not, noise from 1e-4 to 3e-2 of each channel's RMS.
-//! * **What it can tell comes from exact kinematics** (module `tell`): the directions that are excited
+//! * **What it can tell comes from exact kinematics** (module `tell`): the directions that are
+//!   excited
 //!   are zero or they are not, and the rank of (8) follows without samples.
 //! * **No plan stands on the border.** One where an excited direction is less than 1000 times
 //!   its noise in power, where a singular value lies between 1e-9 and 1e-4 of the largest, where a
@@ -36,13 +37,16 @@ use std::io::Write;
 use tell::{Verdict, tell};
 
 /// Options of the study.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, clap::Args)]
 pub struct Options {
-    /// Number of plans.
+    /// Number of plans
+    #[arg(long, value_name = "N", default_value_t = Self::default().plans)]
     pub plans: usize,
-    /// Seed of the first; each next one has the next.
+    /// Seed of the first plan; each next one has the next
+    #[arg(long, value_name = "N", default_value_t = Self::default().seed)]
     pub seed: u64,
-    /// Threads; as many as there are processors if `None`.
+    /// Threads; the outcome does not depend on it [default: one a processor]
+    #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
 }
 

@@ -1,0 +1,158 @@
+//! `massline check`: which sensor has which fault.
+
+use super::progress::reading;
+use super::{Failure, print_json, print_line};
+use crate::commands::Verbosity;
+use crate::detective::{Findings, Suspect};
+use crate::identification::{ExamineError, Session};
+use crate::setup::Setup;
+use std::path::PathBuf;
+
+/// Examine the sensors: which of them the recordings contradict, and how to mend the setup
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  massline check setup.toml\n  massline check setup.toml --json | jq .suspects\n\nExit code 1: the recordings contradict the setup, and the sensor is named."
+)]
+pub struct Arguments {
+    /// The setup: sensors, processing and runs
+    setup: PathBuf,
+    /// One JSON document on stdout and nothing else
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`] with the reason.
+pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let setup = Setup::read(&arguments.setup)?;
+    let mut session = Session::new(&setup);
+    let findings = reading(verbosity, |progress| Ok(session.examine(progress)?))?;
+    if arguments.json {
+        print_json(&document(&findings))?;
+    } else {
+        for line in lines(&findings) {
+            print_line(&line)?;
+        }
+    }
+    if findings.clean() {
+        return Ok(());
+    }
+    Err(Failure {
+        code: 1,
+        message: "the recordings contradict the setup".to_owned(),
+    })
+}
+
+impl From<ExamineError> for Failure {
+    fn from(error: ExamineError) -> Self {
+        match error {
+            ExamineError::Answer(error) => error.into(),
+            ExamineError::Undecided(why) => Self::because(1, why),
+        }
+    }
+}
+
+/// A suspect in words: the best explanation, and those that are as good.
+fn sentence(suspect: &Suspect) -> String {
+    let all: Vec<&str> = suspect
+        .explanations
+        .iter()
+        .map(|e| e.text.as_str())
+        .collect();
+    match all.as_slice() {
+        [one] => (*one).to_owned(),
+        several => format!(
+            "one of these, which the data do not tell apart: {}",
+            several.join("; or ")
+        ),
+    }
+}
+
+/// The evidence in words.
+fn evidence(findings: &Findings) -> String {
+    let times = |x: f64| crate::format::plain(x.sqrt(), 3);
+    if findings.suspects.is_empty() {
+        return format!(
+            "the sensors contradict each other by {} times what usual differences explain, and no single fault, nor a pair of them, mends it: more is wrong",
+            times(findings.contradiction)
+        );
+    }
+    format!(
+        "the sensors contradict each other by {} times what usual differences explain, {} times after the repair{}",
+        times(findings.contradiction),
+        times(findings.repaired),
+        if findings.more_is_wrong() {
+            ": more is wrong"
+        } else {
+            ""
+        }
+    )
+}
+
+/// What `identify` says of findings, a note each.
+pub(super) fn notes(findings: &Findings) -> Vec<String> {
+    let mut notes: Vec<String> = findings.suspects.iter().map(sentence).collect();
+    notes.extend(findings.whole.iter().cloned());
+    if !findings.suspects.is_empty() || findings.more_is_wrong() {
+        notes.push(format!(
+            "{}; `massline check` prints the lines that mend the setup",
+            evidence(findings)
+        ));
+    }
+    notes
+}
+
+/// What `check` says of findings.
+fn lines(findings: &Findings) -> Vec<String> {
+    let mut lines = Vec::new();
+    if findings.clean() {
+        lines.push(format!(
+            "the sensors agree with each other and with one rigid body, within {} times what usual differences explain",
+            crate::format::plain(findings.contradiction.sqrt(), 2)
+        ));
+        return lines;
+    }
+    for suspect in &findings.suspects {
+        lines.push(sentence(suspect));
+        for explanation in &suspect.explanations {
+            if explanation.repair.is_empty() {
+                continue;
+            }
+            lines.push(String::new());
+            if suspect.explanations.len() > 1 {
+                lines.push(format!("  # if {}", explanation.text));
+            }
+            lines.extend(explanation.repair.iter().map(|line| format!("  {line}")));
+        }
+        lines.push(String::new());
+    }
+    lines.extend(findings.whole.iter().cloned());
+    if !findings.suspects.is_empty() || findings.more_is_wrong() {
+        lines.push(evidence(findings));
+    }
+    lines
+}
+
+fn document(findings: &Findings) -> serde_json::Value {
+    let suspect = |suspect: &Suspect| {
+        let explanations: Vec<serde_json::Value> = suspect
+            .explanations
+            .iter()
+            .map(|e| serde_json::json!({ "text": e.text, "repair": e.repair }))
+            .collect();
+        serde_json::json!({ "explanations": explanations })
+    };
+    let suspects: Vec<serde_json::Value> = findings.suspects.iter().map(suspect).collect();
+    serde_json::json!({
+        "schema": "massline/check/1",
+        "clean": findings.clean(),
+        "suspects": suspects,
+        "whole": findings.whole,
+        "contradiction": findings.contradiction,
+        "repaired": findings.repaired,
+        "freedom": findings.freedom,
+        "more_is_wrong": findings.more_is_wrong(),
+    })
+}

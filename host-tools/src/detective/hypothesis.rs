@@ -1,0 +1,348 @@
+//! Step 3: the faults that a set-up may have, each as a change of rows and sensors.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::model::{Kind, Sensor};
+use super::state::State;
+use super::table::{Row, UNKNOWN};
+use massline_core::geometry::Quantity;
+
+/// One fault of a set-up. Channels are numbered as the sensors: accelerometers, then load cells.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// The channel has the other sign.
+    Inverted {
+        /// The channel.
+        channel: usize,
+    },
+    /// Readings are so many times too large.
+    Factor {
+        /// The channel.
+        channel: usize,
+        /// Found over expected.
+        factor: f64,
+    },
+    /// Two channels are exchanged.
+    Swapped {
+        /// Both channels.
+        channels: [usize; 2],
+    },
+    /// The sensors at two places are exchanged.
+    PlacesExchanged {
+        /// The channels at both.
+        places: [Vec<usize>; 2],
+    },
+    /// A sensor of several axes is mounted the wrong way round.
+    Turned {
+        /// Its channels.
+        place: Vec<usize>,
+        /// From the directions of the set-up to those in truth.
+        rotation: Matrix3<f64>,
+    },
+    /// A position has the wrong unit, a wrong sign, or exchanged coordinates.
+    Position {
+        /// The channels there.
+        place: Vec<usize>,
+        /// In truth, m.
+        position: Vector3<f64>,
+        /// The kind of mistake.
+        mistake: Mistake,
+    },
+    /// The gain is off by a factor that is none of the usual ones.
+    Gain {
+        /// The channel.
+        channel: usize,
+        /// Found over expected.
+        factor: f64,
+    },
+    /// A share of another channel is added.
+    CrossTalk {
+        /// The channel that is disturbed.
+        channel: usize,
+        /// The channel that disturbs it.
+        from: usize,
+        /// SI of the first per SI of the second.
+        share: f64,
+    },
+    /// The channel does not follow what the others do.
+    Dead {
+        /// The channel.
+        channel: usize,
+    },
+    /// Channels are late.
+    Delayed {
+        /// The channels.
+        channels: Vec<usize>,
+        /// Samples; negative: early.
+        samples: f64,
+    },
+    /// The channel contradicts all others in a way that is none of these.
+    Unlisted {
+        /// The channel.
+        channel: usize,
+    },
+}
+
+/// A mistake in a position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mistake {
+    /// Millimetres for metres.
+    Millimetres,
+    /// Inches for metres.
+    Inches,
+    /// A sign.
+    Sign,
+    /// Two coordinates exchanged.
+    Exchanged,
+    /// Somewhere else.
+    Offset,
+}
+
+/// A hypothesis: a fault, the number of its free parameters, and of hypotheses of its class.
+#[derive(Clone, Debug)]
+pub(super) struct Hypothesis {
+    pub(super) fault: Fault,
+    pub(super) free: usize,
+    pub(super) class: usize,
+}
+
+/// Factors between units that people mix up.
+pub(super) const FACTORS: [f64; 10] = [
+    9.806_65,
+    1.0 / 9.806_65,
+    1000.0,
+    0.001,
+    10.0,
+    0.1,
+    2.0,
+    0.5,
+    100.0,
+    0.01,
+];
+
+/// Channels at one place, of one kind.
+pub(super) fn places(sensors: &[Sensor], live: &dyn Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let mut places: Vec<Vec<usize>> = Vec::new();
+    for (i, sensor) in sensors.iter().enumerate() {
+        if !live(i) || sensor.kind == Kind::Cell(Quantity::Moment) {
+            continue;
+        }
+        let same = |place: &&mut Vec<usize>| {
+            let first = &sensors[place[0]];
+            first.kind == sensor.kind
+                && (first.position - sensor.position).norm() < 1e-6
+                && place
+                    .iter()
+                    .all(|&j| sensors[j].direction.dot(&sensor.direction).abs() < 0.1)
+        };
+        match places.iter_mut().find(same) {
+            Some(place) => place.push(i),
+            None => places.push(vec![i]),
+        }
+    }
+    places
+}
+
+/// The 24 rotations of a cube but the identity.
+fn cube() -> Vec<Matrix3<f64>> {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let signed: Vec<Vector3<f64>> = axes.iter().flat_map(|&a| [a, -a]).collect();
+    let mut all = Vec::new();
+    for x in &signed {
+        for y in &signed {
+            if x.dot(y) == 0.0 {
+                let m = Matrix3::from_columns(&[*x, *y, x.cross(y)]);
+                if m != Matrix3::identity() {
+                    all.push(m);
+                }
+            }
+        }
+    }
+    all
+}
+
+/// All hypotheses without free parameters.
+pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis> {
+    let live: Vec<usize> = (0..sensors.len()).filter(|&i| rows[i].is_some()).collect();
+    let places = places(sensors, &|i| rows[i].is_some());
+    let mut all = Vec::new();
+    let mut class = |faults: Vec<Fault>| {
+        let class = faults.len();
+        all.extend(faults.into_iter().map(|fault| Hypothesis {
+            fault,
+            free: 0,
+            class,
+        }));
+    };
+    class(
+        live.iter()
+            .map(|&channel| Fault::Inverted { channel })
+            .collect(),
+    );
+    class(
+        live.iter()
+            .flat_map(|&channel| FACTORS.map(|factor| Fault::Factor { channel, factor }))
+            .collect(),
+    );
+    let mut swaps = Vec::new();
+    for (n, &a) in live.iter().enumerate() {
+        for &b in &live[n + 1..] {
+            if sensors[a].kind.is_cell() == sensors[b].kind.is_cell() {
+                swaps.push(Fault::Swapped { channels: [a, b] });
+            }
+        }
+    }
+    class(swaps);
+    let mut exchanges = Vec::new();
+    for (n, a) in places.iter().enumerate() {
+        for b in &places[n + 1..] {
+            let cells = |place: &[usize]| sensors[place[0]].kind.is_cell();
+            if a.len() > 1 && a.len() == b.len() && cells(a) == cells(b) {
+                exchanges.push(Fault::PlacesExchanged {
+                    places: [a.clone(), b.clone()],
+                });
+            }
+        }
+    }
+    class(exchanges);
+    let cube = cube();
+    class(
+        places
+            .iter()
+            .filter(|place| place.len() > 1)
+            .flat_map(|place| {
+                cube.iter().map(|&rotation| Fault::Turned {
+                    place: place.clone(),
+                    rotation,
+                })
+            })
+            .collect(),
+    );
+    class(positions(sensors, &places));
+    all
+}
+
+/// Positions that were written wrongly in a usual way.
+fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
+    let mut all = Vec::new();
+    for place in places {
+        let here = sensors[place[0]].position;
+        let mut others: Vec<Vector3<f64>> = places
+            .iter()
+            .filter(|other| *other != place)
+            .map(|other| sensors[other[0]].position)
+            .collect();
+        if others.len() < 2 {
+            continue;
+        }
+        others.retain(|p| p.iter().all(|x| x.is_finite()));
+        let low = others.iter().fold(others[0], |a, b| a.inf(b));
+        let high = others.iter().fold(others[0], |a, b| a.sup(b));
+        let margin = (high - low).norm() * 0.5;
+        let outside =
+            |p: &Vector3<f64>| (0..3).any(|i| p[i] < low[i] - margin || p[i] > high[i] + margin);
+        let mut add = |position: Vector3<f64>, mistake| {
+            if (position - here).norm() > 1e-6 {
+                all.push(Fault::Position {
+                    place: place.clone(),
+                    position,
+                    mistake,
+                });
+            }
+        };
+        for (unit, mistake) in [(0.001, Mistake::Millimetres), (0.0254, Mistake::Inches)] {
+            if outside(&here) && !outside(&(here * unit)) {
+                add(here * unit, mistake);
+            }
+        }
+        for axis in 0..3 {
+            let mut other = here;
+            other[axis] = -other[axis];
+            add(other, Mistake::Sign);
+        }
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            let mut other = here;
+            other.swap_rows(i, j);
+            add(other, Mistake::Exchanged);
+        }
+    }
+    all
+}
+
+impl Fault {
+    /// Changes sensors and rows to what they would be without the fault.
+    pub(super) fn repair(&self, state: &mut State) {
+        let State { sensors, rows, .. } = state;
+        let mut scale = |channel: usize, factor: f64| {
+            if let Some(row) = &mut rows[channel] {
+                row.k *= factor;
+                row.noise *= factor * factor;
+            }
+        };
+        match self {
+            Self::Inverted { channel } => scale(*channel, -1.0),
+            Self::Factor { channel, factor } | Self::Gain { channel, factor } => {
+                scale(*channel, 1.0 / factor);
+            }
+            Self::Swapped { channels } => state.swap(*channels),
+            Self::PlacesExchanged { places: [a, b] } => {
+                let (here, there) = (sensors[a[0]].position, sensors[b[0]].position);
+                a.iter().for_each(|&i| sensors[i].position = there);
+                b.iter().for_each(|&i| sensors[i].position = here);
+            }
+            Self::Turned { place, rotation } => {
+                for &i in place {
+                    sensors[i].direction = rotation * sensors[i].direction;
+                }
+            }
+            Self::Position {
+                place, position, ..
+            } => place.iter().for_each(|&i| sensors[i].position = *position),
+            Self::CrossTalk {
+                channel,
+                from,
+                share,
+            } => {
+                let Some(other) = rows[*from].clone() else {
+                    return;
+                };
+                if let Some(row) = &mut rows[*channel] {
+                    row.k.axpy(-share, &other.k, 1.0);
+                    row.noise += other.noise * (share * share);
+                }
+            }
+            Self::Dead { channel } | Self::Unlisted { channel } => {
+                if sensors[*channel].kind.is_cell() {
+                    // Its load is unknown: the equations that need it have no weight.
+                    if let Some(row) = &mut rows[*channel] {
+                        let level = row.k.norm_squared().max(f64::MIN_POSITIVE);
+                        for j in 0..row.k.len() {
+                            row.noise[(j, j)] += UNKNOWN * level;
+                        }
+                    }
+                } else {
+                    rows[*channel] = None;
+                }
+            }
+            // Delays are taken out before the rows are made.
+            Self::Delayed { .. } => {}
+        }
+    }
+
+    /// The channels that the fault is about.
+    #[must_use]
+    pub fn channels(&self) -> Vec<usize> {
+        match self {
+            Self::Inverted { channel }
+            | Self::Factor { channel, .. }
+            | Self::Gain { channel, .. }
+            | Self::CrossTalk { channel, .. }
+            | Self::Dead { channel }
+            | Self::Unlisted { channel } => vec![*channel],
+            Self::Swapped { channels } => channels.to_vec(),
+            Self::Delayed { channels, .. } => channels.clone(),
+            Self::PlacesExchanged { places: [a, b] } => [a.as_slice(), b].concat(),
+            Self::Turned { place, .. } | Self::Position { place, .. } => place.clone(),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! The detective: which sensor of a set-up has which fault, from the recordings alone.
+//!
+//! At low frequency the interface is rigid, every accelerometer follows it, and the load cells
+//! balance one rigid body. A sensor that is inverted, exchanged, turned, scaled or shifted
+//! contradicts all others, and of the changes that would mend the set-up usually a single one
+//! explains the data. It is named with what speaks for it, and the lines of the set-up that
+//! mend it are printed; nothing is ever repaired silently.
+//!
+//! | file | step |
+//! | --- | --- |
+//! | `evidence` | recordings to products of all channels at the low lines |
+//! | `delay` | channels that are late |
+//! | `table` | products to rows: responses at 0 Hz to the motions of the interface |
+//! | `state` | sensors with their rows, which a hypothesis changes |
+//! | `model` | contradiction of the rows with one rigid interface and one rigid body |
+//! | `hypothesis` | faults as changes of rows and sensors |
+//! | `search` | the faults that explain the contradiction |
+//! | `whole` | what is wrong with all sensors together |
+//! | `wording` | faults in words, and as lines of the set-up |
+//!
+//! # Limits
+//!
+//! * Nothing is found without accelerometers on the interface, or without a random run.
+//! * With translations only, positions and exchanges of parallel channels leave no trace.
+//! * Two load cells on one line of action cannot be told apart.
+//! * A common gain of all sensors, a mirrored set-up and positions that are all in millimetres
+//!   contradict nothing; only the size, the density and a weighed mass speak against them.
+
+mod delay;
+mod evidence;
+mod hypothesis;
+mod model;
+mod search;
+mod state;
+mod table;
+#[cfg(test)]
+mod tests;
+mod whole;
+mod wording;
+
+pub use hypothesis::{Fault, Mistake};
+
+use crate::measure::{Channels, Measurement};
+use crate::setup::Setup;
+use evidence::Evidence;
+use search::CONTRADICTS;
+
+/// Reason why nothing can be said of a set-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Undecided {
+    /// No random run.
+    #[error("the sensors were not examined: that takes a run with `excitation = \"random\"`")]
+    NoRandomRun,
+    /// No accelerometers that span the motion.
+    #[error(
+        "the sensors were not examined: that takes accelerometers with `mount = \"interface\"` that move"
+    )]
+    NoInterface,
+    /// The rows determine no motion.
+    #[error("the sensors were not examined: their readings determine no motion")]
+    NoMotion,
+    /// A placement that is no rotation.
+    #[error("the sensors were not examined: `rotation` or `translation` of the run is no number")]
+    Placement,
+}
+
+/// One way to explain the data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Explanation {
+    /// The fault.
+    pub fault: Fault,
+    /// The fault in words.
+    pub text: String,
+    /// Lines of the set-up that mend it; empty where none do.
+    pub repair: Vec<String>,
+}
+
+/// A fault, or several of which the data do not tell which one it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suspect {
+    /// The best explanation first, then those that explain the data as well.
+    pub explanations: Vec<Explanation>,
+}
+
+/// What the examination of a set-up has found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Findings {
+    /// Faults, the plainest first; none if nothing contradicts the set-up.
+    pub suspects: Vec<Suspect>,
+    /// Faults of all sensors together, and questions, in words.
+    pub whole: Vec<String>,
+    /// Contradiction of the set-up as it is: a sum of squares over its degrees of freedom, about one
+    /// or less if sensors differ by no more than 0.5 %, 0.5° and 1 mm.
+    pub contradiction: f64,
+    /// The same after the repairs.
+    pub repaired: f64,
+    /// Degrees of freedom.
+    pub freedom: f64,
+}
+
+impl Findings {
+    /// `true` if the data contradict the set-up, and the suspects do not explain all of it.
+    #[must_use]
+    pub fn more_is_wrong(&self) -> bool {
+        self.repaired > CONTRADICTS
+    }
+
+    /// `true` if nothing was found.
+    #[must_use]
+    pub fn clean(&self) -> bool {
+        self.suspects.is_empty() && self.whole.is_empty() && !self.more_is_wrong()
+    }
+}
+
+/// Examines the sensors of a set-up.
+///
+/// # Errors
+/// [`Undecided`].
+pub(crate) fn examine(
+    setup: &Setup,
+    measurement: &Measurement,
+    channels: &Channels,
+) -> Result<Findings, Undecided> {
+    let evidence = Evidence::new(setup, measurement, channels)?;
+    let found = evidence.search()?;
+    let suspects = found
+        .named
+        .iter()
+        .map(|candidates| Suspect {
+            explanations: candidates
+                .iter()
+                .map(|candidate| Explanation {
+                    fault: candidate.fault.clone(),
+                    text: wording::text(setup, &candidate.fault),
+                    repair: wording::repair(setup, &evidence, &candidate.fault),
+                })
+                .collect(),
+        })
+        .collect();
+    Ok(Findings {
+        suspects,
+        whole: whole::judge(setup, &found),
+        contradiction: found.before.ratio(),
+        repaired: found.after.ratio(),
+        freedom: found.before.freedom,
+    })
+}

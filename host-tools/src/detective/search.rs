@@ -1,0 +1,339 @@
+//! Step 4: the search for the faults that explain the contradiction.
+
+use nalgebra::Vector3;
+
+use super::hypothesis::{Fault, Hypothesis, Mistake, fixed, places};
+use super::model::{Bench, Motion, Score, Sensor};
+use super::state::State;
+
+/// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
+/// sharper limits.
+const TOLERANCES: [f64; 2] = [0.02, 1.0];
+/// Hypotheses that are looked at again with the tolerance that fits.
+const SECOND: usize = 80;
+/// What a fault must explain at least, and that times the tolerance squared beside it.
+const GAIN_OF: [f64; 2] = [15.0, 25.0];
+/// Faults that explain this much less than the best are as likely.
+const TIE: f64 = 9.0;
+/// Most faults that are named.
+const MOST: usize = 2;
+/// Sum of squares over its degrees of freedom that contradicts the set-up.
+pub(super) const CONTRADICTS: f64 = 1.5;
+/// Smallest errors that are named: gain, cross-talk, m.
+const SMALLEST: (f64, f64, f64) = (0.03, 0.03, 0.010);
+
+/// A fault with the sum of squares that is left without it, penalties included.
+#[derive(Clone, Debug)]
+pub(super) struct Candidate {
+    pub(super) fault: Fault,
+    pub(super) score: f64,
+    pub(super) left: Score,
+    pub(super) free: usize,
+}
+
+/// What the search has found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    /// Named faults, each with those that explain the data as well.
+    pub(super) named: Vec<Vec<Candidate>>,
+    /// The contradiction at first and at the end, at the usual tolerance.
+    pub(super) before: Score,
+    pub(super) after: Score,
+    /// The sensors after the repairs.
+    pub(super) sensors: Vec<Sensor>,
+}
+
+impl Found {
+    /// A fault that was found before the search.
+    pub(super) fn certain(&self, fault: Fault) -> Candidate {
+        Candidate {
+            fault,
+            score: self.before.chi2,
+            left: self.before.clone(),
+            free: 0,
+        }
+    }
+}
+
+fn penalty(hypothesis: &Hypothesis, state: &State, motions: usize) -> f64 {
+    let count = (state.sensors.len() * motions) as f64;
+    hypothesis.free as f64 * count.ln() + 2.0 * (hypothesis.class.max(1) as f64).ln()
+}
+
+fn without(state: &State, fault: &Fault) -> State {
+    let mut other = state.clone();
+    fault.repair(&mut other);
+    other
+}
+
+/// What is left without a fault. `motion` is that of the state, which load cells do not change.
+fn mended(
+    bench: &Bench,
+    state: &State,
+    fault: &Fault,
+    tolerance: f64,
+    motion: &Motion,
+) -> Option<Score> {
+    let other = without(state, fault);
+    let cells = |channel: &usize| state.sensors[*channel].kind.is_cell();
+    if fault.channels().iter().all(cells) {
+        bench.score_moved(&other.sensors, &other.rows, tolerance, motion)
+    } else {
+        bench.score(&other.sensors, &other.rows, tolerance)
+    }
+}
+
+fn judged(
+    bench: &Bench,
+    state: &State,
+    hypothesis: &Hypothesis,
+    tolerance: f64,
+    motion: &Motion,
+) -> Option<Candidate> {
+    let left = mended(bench, state, &hypothesis.fault, tolerance, motion)?;
+    Some(Candidate {
+        fault: hypothesis.fault.clone(),
+        score: left.chi2 + penalty(hypothesis, state, bench.motions),
+        left,
+        free: hypothesis.free,
+    })
+}
+
+/// Lowest point of a function of one number near `start`, by parabolas through three points.
+fn lowest(f: &dyn Fn(f64) -> Option<f64>, start: f64, step: f64) -> Option<f64> {
+    let (mut at, mut step) = (start, step);
+    let mut value = f(at)?;
+    for _ in 0..4 {
+        let (left, right) = (f(at - step)?, f(at + step)?);
+        let curvature = left + right - 2.0 * value;
+        let move_by = if curvature > 0.0 {
+            (0.5 * step * (left - right) / curvature).clamp(-8.0 * step, 8.0 * step)
+        } else if left < right {
+            -2.0 * step
+        } else {
+            2.0 * step
+        };
+        let next = f(at + move_by)?;
+        if next < value {
+            at += move_by;
+            let small = (value - next) < 0.1;
+            value = next;
+            if small {
+                break;
+            }
+        }
+        step *= 0.4;
+    }
+    Some(at)
+}
+
+/// Hypotheses with free numbers, each at its best.
+fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<Hypothesis> {
+    let chi2 = |fault: &Fault| Some(mended(bench, state, fault, tolerance, motion)?.chi2);
+    let live: Vec<usize> = (0..state.sensors.len())
+        .filter(|&i| state.rows[i].is_some())
+        .collect();
+    let mut all = Vec::new();
+    let class = live.len();
+    for &channel in &live {
+        let of = |x: f64| Fault::Gain {
+            channel,
+            factor: x.exp(),
+        };
+        if let Some(x) = lowest(&|x| chi2(&of(x)), 0.0, 0.05)
+            && (x.exp() - 1.0).abs() > SMALLEST.0
+        {
+            all.push(Hypothesis {
+                fault: of(x),
+                free: 1,
+                class,
+            });
+        }
+        all.push(Hypothesis {
+            fault: Fault::Unlisted { channel },
+            free: bench.motions,
+            class,
+        });
+    }
+    let places = places(&state.sensors, &|i| state.rows[i].is_some());
+    for place in &places {
+        let here = state.sensors[place[0]].position;
+        let of = |shift: Vector3<f64>| Fault::Position {
+            place: place.clone(),
+            position: here + shift,
+            mistake: Mistake::Offset,
+        };
+        let mut shift = Vector3::zeros();
+        // One coordinate after the other, and again: they are nearly independent.
+        for round in 0..2 {
+            for axis in 0..3 {
+                let along = |x: f64| {
+                    let mut other = shift;
+                    other[axis] = x;
+                    chi2(&of(other))
+                };
+                let step = if round == 0 { 0.02 } else { 0.005 };
+                if let Some(x) = lowest(&along, shift[axis], step) {
+                    shift[axis] = x;
+                }
+            }
+        }
+        if shift.norm() > SMALLEST.2 {
+            all.push(Hypothesis {
+                fault: of(shift),
+                free: 3,
+                class: places.len(),
+            });
+        }
+    }
+    let mut cross = Vec::new();
+    for &channel in &live {
+        for &from in &live {
+            if channel == from || state.sensors[channel].kind != state.sensors[from].kind {
+                continue;
+            }
+            let of = |share: f64| Fault::CrossTalk {
+                channel,
+                from,
+                share,
+            };
+            // The first parabola tells whether it is worth going on.
+            let (Some(a), Some(b), Some(c)) = (chi2(&of(-0.05)), chi2(&of(0.0)), chi2(&of(0.05)))
+            else {
+                continue;
+            };
+            let curvature = a + c - 2.0 * b;
+            let x = 0.05 * 0.5 * (a - c) / curvature;
+            if curvature > 0.0 && x.abs() > SMALLEST.1 && x.abs() < 0.5 {
+                cross.push(of(x));
+            }
+        }
+    }
+    let class = cross.len().max(class * 4);
+    all.extend(cross.into_iter().map(|fault| Hypothesis {
+        fault,
+        free: 1,
+        class,
+    }));
+    all
+}
+
+/// All candidates at a tolerance, best first.
+fn ranked(
+    bench: &Bench,
+    state: &State,
+    hypotheses: &[Hypothesis],
+    tolerance: f64,
+) -> Vec<Candidate> {
+    let Some(motion) = bench.motion(&state.sensors, &state.rows, tolerance) else {
+        return Vec::new();
+    };
+    let mut all: Vec<Candidate> = hypotheses
+        .iter()
+        .filter_map(|h| judged(bench, state, h, tolerance, &motion))
+        .collect();
+    all.sort_by(|a, b| a.score.total_cmp(&b.score));
+    all
+}
+
+/// `true` if one fault says the same as the other with more freedom.
+fn generalises(wide: &Candidate, narrow: &Candidate) -> bool {
+    wide.free > narrow.free
+        && wide
+            .fault
+            .channels()
+            .iter()
+            .any(|c| narrow.fault.channels().contains(c))
+}
+
+/// One fault with those that explain the data as well; `None` if none does.
+fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
+    let base = bench.score(&state.sensors, &state.rows, 1.0)?;
+    let mut hypotheses = fixed(&state.sensors, &state.rows);
+    let motion = bench.motion(&state.sensors, &state.rows, 1.0)?;
+    hypotheses.extend(fitted(bench, state, 1.0, &motion));
+    let first = ranked(bench, state, &hypotheses, 1.0);
+    let best = first.first()?;
+    let ratio = best.left.ratio().min(base.ratio());
+    let square = ratio.clamp(TOLERANCES[0], TOLERANCES[1]);
+    let tolerance = square.sqrt();
+    let again: Vec<Hypothesis> = first
+        .iter()
+        .take(SECOND)
+        .map(|c| {
+            let class = hypotheses
+                .iter()
+                .find(|h| h.fault == c.fault)
+                .map_or(1, |h| h.class);
+            Hypothesis {
+                fault: c.fault.clone(),
+                free: c.free,
+                class,
+            }
+        })
+        .collect();
+    let second = ranked(bench, state, &again, tolerance);
+    let base = bench.score(&state.sensors, &state.rows, tolerance)?;
+    let best = second.first()?.clone();
+    if base.chi2 - best.score <= GAIN_OF[0] + GAIN_OF[1] * square {
+        return None;
+    }
+    let ties = second
+        .iter()
+        .skip(1)
+        .filter(|c| c.score < best.score + TIE && !generalises(c, &best))
+        .cloned();
+    let mut all = vec![best.clone()];
+    all.extend(ties);
+    let left = without(state, &best.fault);
+    let after = bench.score(&left.sensors, &left.rows, 1.0)?;
+    Some((all, after))
+}
+
+/// The rows anew, with the readings of these channels exchanged.
+pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<State>;
+
+/// Names faults one after the other, as long as each explains what the others do not. `rows` gives
+/// the rows anew for channels that were exchanged.
+pub(super) fn search(bench: &Bench, state: &State, rows: Anew<'_>) -> Option<Found> {
+    let before = bench.score(&state.sensors, &state.rows, 1.0)?;
+    let mut found = Found {
+        named: Vec::new(),
+        before: before.clone(),
+        after: before,
+        sensors: Vec::new(),
+    };
+    let mut state = state.clone();
+    let (mut exchanged, mut repaired) = (Vec::new(), Vec::new());
+    for _ in 0..MOST {
+        let Some((candidates, after)) = single(bench, &state) else {
+            break;
+        };
+        let best = candidates[0].fault.clone();
+        let known = |named: &Vec<Candidate>| {
+            let channels = named[0].fault.channels();
+            channels.iter().any(|c| best.channels().contains(c))
+        };
+        if found.named.iter().any(known) {
+            break;
+        }
+        found.named.push(candidates);
+        found.after = after;
+        if let Fault::Swapped { channels } = best {
+            // The other channel was part of the motion, or not.
+            exchanged.push(channels);
+            let Some(mut anew) = rows(&exchanged, &state) else {
+                break;
+            };
+            repaired
+                .iter()
+                .for_each(|fault: &Fault| fault.repair(&mut anew));
+            state = anew;
+        } else {
+            best.repair(&mut state);
+            repaired.push(best);
+        }
+    }
+    found.sensors = state.sensors;
+    Some(found)
+}

@@ -1,0 +1,100 @@
+//! Step 5: faults that all sensors share. They contradict nothing, so that only a body that cannot
+//! be, its density, and a weighed mass speak against them.
+
+use nalgebra::Vector3;
+
+use super::hypothesis::FACTORS;
+use super::model::Sensor;
+use super::search::Found;
+use crate::format::plain;
+use crate::setup::Setup;
+
+/// Density over the box that the sensors span, kg/m³, below which positions are not in metres.
+const LIGHTEST: f64 = 0.01;
+/// Density above which the unit of the accelerations is asked for: few structures are as dense as
+/// water over such a box.
+const DENSE: f64 = 1000.0;
+/// Distance of the reference point from the sensors over the largest between these, above which
+/// the point is taken for a mistake.
+const FAR: f64 = 10.0;
+/// Agreement of a ratio of masses with a usual factor.
+const NEAR: f64 = 0.05;
+
+/// Faults of the whole set-up and questions, in words.
+pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
+    let mut all = Vec::new();
+    let reference = Vector3::from(setup.reference_point);
+    let nearest = found
+        .sensors
+        .iter()
+        .map(|s| (s.position - reference).norm())
+        .fold(f64::INFINITY, f64::min);
+    let farthest = found
+        .sensors
+        .iter()
+        .map(|s| (s.position - found.sensors[0].position).norm())
+        .fold(0.0, f64::max);
+    if farthest > 0.0 && nearest > FAR * farthest {
+        all.push(format!(
+            "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
+            plain(nearest, 3),
+            plain(nearest / farthest, 2)
+        ));
+    }
+    let Some(body) = found.after.body else {
+        return all;
+    };
+    let mass = body[0];
+    if mass < 0.0 {
+        all.push(format!(
+            "all load cells, or all accelerometers, have the other sign: the mass is {} kg. Turn the `direction` of all load cells if they measure the force that the structure exerts on the table",
+            plain(mass, 4)
+        ));
+        return all;
+    }
+    if let Some(known) = setup.known_mass {
+        let ratio = mass / known;
+        let factor = FACTORS.iter().find(|f| (ratio / **f - 1.0).abs() < NEAR);
+        if let Some(factor) = factor {
+            let unit = if (factor - 9.806_65).abs() < 0.1 {
+                "the accelerometers are in g: `scale = 9.80665`"
+            } else {
+                "a unit of all load cells or of all accelerometers is wrong"
+            };
+            all.push(format!(
+                "the mass is {} times the weighed one: {unit}",
+                plain(ratio, 4)
+            ));
+        }
+        return all;
+    }
+    let Some(volume) = volume(&found.sensors) else {
+        return all;
+    };
+    let density = mass / volume;
+    if density < LIGHTEST {
+        all.push(format!(
+            "positions are in millimetres: {} kg in the box that the sensors span are {} kg/m³",
+            plain(mass, 4),
+            plain(density, 2)
+        ));
+    } else if density > DENSE {
+        all.push(format!(
+            "are the accelerometers in g? {} kg in the box that the sensors span are {} kg/m³. If so, give them `scale = 9.80665`; `known_mass` would decide it",
+            plain(mass, 4),
+            plain(density, 2)
+        ));
+    }
+    all
+}
+
+/// Volume of the box that the sensors span, m³. A side counts as a third of the longest at least.
+fn volume(sensors: &[Sensor]) -> Option<f64> {
+    let mut positions = sensors.iter().map(|s| s.position);
+    let first = positions.next()?;
+    let (low, high) = positions.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
+    let sides: Vector3<f64> = high - low;
+    let longest = sides.max();
+    let volume = sides.map(|side| side.max(longest / 3.0)).product();
+    (volume > 0.0).then_some(volume)
+}

@@ -1,0 +1,190 @@
+//! Mistakes that people make when they write a set-up, one at a time, in the satellite's test: each
+//! is named, with the lines that mend it.
+
+use massline::detective::{Fault, Findings, Mistake};
+use massline::identification::Session;
+use massline::setup::{AccelerometerEntry, Setup};
+use massline::simulate::{Model, Options, simulate};
+use std::path::Path;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+/// The satellite shaken for 20 seconds with 1 % of noise.
+static SATELLITE: LazyLock<TempDir> = LazyLock::new(|| recorded("models/satellite.toml"));
+
+fn recorded(model: &str) -> TempDir {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join(model);
+    let options = Options {
+        noise: Some(0.01),
+        duration: Some(20.0),
+        ..Options::default()
+    };
+    let simulation = simulate(&Model::read(&model).unwrap(), &options, &mut |_| ()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    simulation.write(folder.path()).unwrap();
+    folder
+}
+
+fn setup() -> Setup {
+    Setup::read(&SATELLITE.path().join("setup.toml")).unwrap()
+}
+
+fn examine(setup: &Setup) -> Findings {
+    Session::new(setup).examine(&mut |_| ()).unwrap()
+}
+
+fn accelerometer<'s>(setup: &'s mut Setup, channel: &str) -> &'s mut AccelerometerEntry {
+    let mut all = setup.accelerometers.iter_mut();
+    all.find(|a| a.channel == channel).unwrap()
+}
+
+/// The single fault that is named, in words, with the lines that mend it.
+fn named(setup: &Setup) -> (Fault, String, Vec<String>) {
+    let findings = examine(setup);
+    let [suspect] = findings.suspects.as_slice() else {
+        panic!("{findings:?}");
+    };
+    let [explanation] = suspect.explanations.as_slice() else {
+        panic!("{suspect:?}");
+    };
+    assert!(
+        !findings.more_is_wrong() && findings.whole.is_empty(),
+        "{findings:?}"
+    );
+    let e = explanation.clone();
+    (e.fault, e.text, e.repair)
+}
+
+#[test]
+fn nothing_is_wrong() {
+    let findings = examine(&setup());
+    assert!(findings.clean(), "{findings:?}");
+}
+
+#[test]
+fn an_inverted_sensor_on_the_structure() {
+    let mut setup = setup();
+    accelerometer(&mut setup, "antenna.x").scale = -1.0;
+    let (_, text, repair) = named(&setup);
+    assert_eq!(text, "`antenna.x` has the other sign");
+    let expected = ["[[accelerometer]]", "channel = \"antenna.x\"", "scale = 1"];
+    assert_eq!(repair, expected);
+}
+
+#[test]
+fn an_inverted_sensor_on_the_interface() {
+    let mut setup = setup();
+    accelerometer(&mut setup, "base2.y").scale = -1.0;
+    assert_eq!(named(&setup).1, "`base2.y` has the other sign");
+}
+
+#[test]
+fn an_inverted_load_cell() {
+    let mut setup = setup();
+    setup.load_cells[2].scale = -1.0;
+    assert_eq!(named(&setup).1, "`cell1.z` has the other sign");
+}
+
+#[test]
+fn two_sensors_exchanged() {
+    let mut setup = setup();
+    accelerometer(&mut setup, "base1.x").channel = "?".into();
+    accelerometer(&mut setup, "base2.y").channel = "base1.x".into();
+    accelerometer(&mut setup, "?").channel = "base2.y".into();
+    let (fault, _, repair) = named(&setup);
+    assert!(matches!(fault, Fault::Swapped { .. }), "{fault:?}");
+    assert_eq!(repair.len(), 2, "{repair:?}");
+}
+
+#[test]
+fn a_sensor_upside_down() {
+    let mut setup = setup();
+    for channel in ["base1.y", "base1.z"] {
+        let entry = accelerometer(&mut setup, channel);
+        entry.direction = entry.direction.map(|x| -x);
+    }
+    let (fault, text, _) = named(&setup);
+    assert!(matches!(fault, Fault::Turned { .. }), "{fault:?}");
+    assert!(text.ends_with("turned by 180°"), "{text}");
+}
+
+#[test]
+fn one_position_in_millimetres() {
+    let mut setup = setup();
+    for axis in ["x", "y", "z"] {
+        let entry = accelerometer(&mut setup, &format!("base1.{axis}"));
+        entry.position = entry.position.map(|x| 1000.0 * x);
+    }
+    let (fault, _, repair) = named(&setup);
+    let Fault::Position { mistake, .. } = fault else {
+        panic!("{fault:?}");
+    };
+    assert_eq!(mistake, Mistake::Millimetres);
+    assert!(
+        repair.contains(&"position = [0.6, 0.55, 0]".to_owned()),
+        "{repair:?}"
+    );
+}
+
+/// The position comes back to a millimetre and a half: thirty blocks of 1 % of noise at 2 rad/s².
+#[test]
+fn a_sensor_25_mm_off() {
+    let mut setup = setup();
+    for axis in ["x", "y", "z"] {
+        accelerometer(&mut setup, &format!("base1.{axis}")).position[0] += 0.025;
+    }
+    let (fault, ..) = named(&setup);
+    let Fault::Position { position, .. } = fault else {
+        panic!("{fault:?}");
+    };
+    let error = (position - nalgebra::Vector3::new(0.6, 0.55, 0.0)).norm();
+    assert!(error < 0.0015, "{error}");
+}
+
+#[test]
+fn a_load_cell_that_reads_five_percent_too_much() {
+    let mut setup = setup();
+    setup.load_cells[5].scale *= 1.05;
+    let (fault, ..) = named(&setup);
+    let Fault::Gain { factor, .. } = fault else {
+        panic!("{fault:?}");
+    };
+    assert!((factor - 1.05).abs() < 0.005, "{factor}");
+}
+
+/// What all sensors share contradicts nothing, and is told by what no body is.
+#[test]
+fn faults_of_all_sensors() {
+    let mut reversed = setup();
+    reversed.load_cells.iter_mut().for_each(|c| c.scale = -1.0);
+    let mut millimetres = setup();
+    let positions = millimetres
+        .accelerometers
+        .iter_mut()
+        .map(|a| &mut a.position);
+    let positions = positions.chain(millimetres.load_cells.iter_mut().map(|c| &mut c.position));
+    positions.for_each(|p| *p = p.map(|x| 1000.0 * x));
+    let mut in_g = setup();
+    in_g.accelerometers
+        .iter_mut()
+        .for_each(|a| a.scale = 1.0 / 9.806_65);
+    let mut weighed = in_g.clone();
+    weighed.known_mass = Some(800.0);
+    let mut reference = setup();
+    reference.reference_point = [300.0, 200.0, 100.0];
+    let cases = [
+        (reversed, "have the other sign"),
+        (millimetres, "positions are in millimetres"),
+        (in_g, "are the accelerometers in g?"),
+        (weighed, "the accelerometers are in g: `scale = 9.80665`"),
+        (reference, "`reference_point` is 3"),
+    ];
+    for (setup, words) in cases {
+        let findings = examine(&setup);
+        assert!(findings.suspects.is_empty(), "{findings:?}");
+        let [one] = findings.whole.as_slice() else {
+            panic!("{words}: {findings:?}");
+        };
+        assert!(one.contains(words), "{one}");
+    }
+}
