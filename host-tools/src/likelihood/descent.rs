@@ -188,7 +188,7 @@ fn priors(model: &Model, freedom: Freedom, term: &mut dyn FnMut(usize, f64, f64)
     sum
 }
 
-/// Where a descent ended.
+/// End of a descent.
 #[derive(Clone, Debug)]
 pub(super) struct Descent {
     pub(super) model: Model,

@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `record` | lines of a run and their noise |
 //! | `model` | apparent mass, leakage of a mode, derivatives |
+//! | `complex` | complex 6 x 6 matrices |
 //! | `normal` | misfit, gradient and information of one record |
 //! | `descent` | Levenberg-Marquardt |
 //! | `excited` | directions in which the base moves |
@@ -15,6 +16,7 @@
 //! | `rigid` | σ to mass, centre of gravity and inertia |
 
 pub mod bound;
+mod complex;
 mod descent;
 mod excited;
 mod fit;

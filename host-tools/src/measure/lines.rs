@@ -347,11 +347,11 @@ pub(crate) fn sampled_records(
     Ok(join(all, warnings))
 }
 
-/// What accelerometers of a rigid interface leave beside a rigid motion.
+/// Readings of accelerometers on a rigid interface that no rigid motion explains.
 struct Redundancy {
     sensors: Vec<usize>,
     scales: Vec<f64>,
-    /// What one m/s² of each sensor adds to the six accelerations.
+    /// The six accelerations that one m/s² of each sensor stands for.
     columns: Vec<[f64; 6]>,
     /// Combinations of the sensors that no rigid motion shows in, one a column.
     null: DMatrix<f64>,

@@ -7,7 +7,7 @@
 //!   six runs of 40 s at 512 Hz. White noise on every channel, the drive included.
 //! * **All lines up to 1.2 times the second mode.** The bound is that of these lines, for the true
 //!   model and the true noise; beside it stands the bound of the averaging band alone.
-//! * **What the command would print.** Fits that fail their tests step back as in `identify`, and
+//! * **The numbers of the command.** Fits that fail their tests step back as in `identify`, and
 //!   count with the numbers of the band's method.
 
 mod draw;
@@ -61,7 +61,7 @@ pub struct Case {
     pub drive: bool,
     /// `true` if nothing rotates.
     pub translations: bool,
-    /// What disturbs the fit.
+    /// Deviation of the structure from the model of the fit.
     pub disturbance: Disturbance,
 }
 
