@@ -10,6 +10,7 @@ pub mod export;
 pub mod format;
 pub mod identification;
 pub mod inputs;
+pub mod likelihood;
 pub mod limits;
 pub mod measure;
 pub mod on_box;

@@ -2,10 +2,12 @@
 
 use super::procedure::{Procedure, parse_method};
 use super::progress::reading;
-use super::{Failure, check, compare, details, print_json, print_numbers, refuse, true_body, warn};
+use super::{
+    Failure, check, compare, details, fitted, print_json, print_numbers, refuse, true_body, warn,
+};
 use crate::commands::Verbosity;
 use crate::detective::Findings;
-use crate::identification::{Answer, Choice, Session, WARNED};
+use crate::identification::{Answer, Choice, LIKELIHOOD, Session, WARNED};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -17,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// Identify the ten rigid-body properties from recordings
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --method all"
+    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --method ml\n  massline identify setup.toml --method all"
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs
@@ -48,13 +50,15 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Wanted {
     One(Method),
+    Likelihood,
     All,
 }
 
 fn parse_wanted(name: &str) -> Result<Wanted, String> {
     match name {
         "all" => Ok(Wanted::All),
-        name => parse_method(name, ", and all").map(Wanted::One),
+        LIKELIHOOD => Ok(Wanted::Likelihood),
+        name => parse_method(name, ", ml, and all").map(Wanted::One),
     }
 }
 
@@ -93,7 +97,16 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::KeepUnlessReport.or_force(arguments.force);
         output::check(path, inputs, existing)?;
     }
-    let (answer, findings) = with_progress(&setup, &choice, verbosity)?;
+    let (answer, findings) = if arguments.method == Some(Wanted::Likelihood) {
+        let mut session = Session::new(&setup).with_type_b();
+        let answer = reading(verbosity, |progress| {
+            let answer = session.answer_by_likelihood(&choice, progress)?;
+            Ok(session.add_modes(answer, progress)?)
+        })?;
+        (answer, None)
+    } else {
+        with_progress(&setup, &choice, verbosity)?
+    };
     let result = ResultDocument::new(&setup, &answer);
     if let Some(path) = &arguments.report {
         let truth = truth.as_ref().map(true_body);
@@ -111,6 +124,9 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     details::show(&setup, &answer, &result, verbosity);
     if result.refused.is_none() || arguments.anyway {
         show(&result, truth.as_ref())?;
+        if let Some(fit) = &result.likelihood {
+            fitted::print(&mut anstream::stdout(), fit).map_err(|e| Failure::stdout(&e))?;
+        }
     }
     if let Some(path) = &arguments.report
         && !verbosity.quiet

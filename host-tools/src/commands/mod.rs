@@ -4,6 +4,7 @@ pub mod board;
 pub mod check;
 pub mod demo;
 pub mod export;
+mod fitted;
 pub mod flash;
 pub mod identify;
 pub mod replay;
@@ -100,6 +101,7 @@ failures! {
         crate::simulate::SimulationError
         crate::study::StudyError
         crate::study::coverage::CoverageError
+        crate::study::likelihood::LikelihoodError
         crate::study::plans::PlansError;
     by code:
         crate::box_runs::BoxRunError

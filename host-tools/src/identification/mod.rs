@@ -4,6 +4,7 @@
 mod condense;
 mod consistency;
 mod error;
+mod likelihood;
 mod notice;
 mod refusal;
 mod statics;
@@ -12,6 +13,11 @@ mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
 pub use error::{AnswerError, ExamineError};
+pub(crate) use likelihood::{
+    DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, identification as identification_of_fit,
+    told_of,
+};
+pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
 pub(crate) use notice::notice_numbers;
 pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
@@ -79,6 +85,8 @@ pub struct Answer {
     pub modal: Option<Modal>,
     /// Constant offsets of the six resultants of each static run, N and N m.
     pub offsets: Vec<(String, [f64; 6])>,
+    /// The maximum likelihood fit, where it was asked for.
+    pub likelihood: Option<Likelihood>,
     /// Warnings to the user.
     pub warnings: Vec<String>,
 }
@@ -99,7 +107,9 @@ impl Answer {
     /// Short name of what gave the masslines.
     #[must_use]
     pub fn method_name(&self) -> &'static str {
-        if self.is_dynamic() {
+        if self.likelihood.is_some() {
+            LIKELIHOOD
+        } else if self.is_dynamic() {
             self.method.name()
         } else {
             STATIC_POSES.0
@@ -276,6 +286,7 @@ impl<'s> Session<'s> {
             free_modes: found.free_modes,
             modal: None,
             offsets: found.offsets,
+            likelihood: None,
             warnings,
         })
     }
@@ -289,7 +300,19 @@ impl<'s> Session<'s> {
         choice: &Choice,
         progress: OnProgress<'_>,
     ) -> Result<Answer, AnswerError> {
-        let mut answer = self.answer(choice, progress)?;
+        let answer = self.answer(choice, progress)?;
+        self.add_modes(answer, progress)
+    }
+
+    /// An answer with the modal data beside it.
+    ///
+    /// # Errors
+    /// [`AnswerError`].
+    pub fn add_modes(
+        &mut self,
+        mut answer: Answer,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
         if answer.is_dynamic() {
             let modal = self.modal(progress)?;
             // What is said of modes would lead away from what is wrong.

@@ -10,6 +10,7 @@
 //! | `table` | the ten numbers with error bars |
 //! | `budget` | what of them comes from noise, what from stated errors of sensors |
 //! | `apparent_mass`, `response` | apparent mass with the fit |
+//! | `likelihood` | lines, modes and residuals of the maximum likelihood fit |
 //! | `modes` | modes with effective masses |
 //! | `coherence`, `base_spectra` | was the excitation good enough |
 //! | `poses` | static poses: loads, residuals |
@@ -21,6 +22,7 @@ mod base_spectra;
 mod budget;
 mod channels;
 mod coherence;
+mod likelihood;
 mod lines;
 pub mod markup;
 mod modes;
@@ -60,6 +62,7 @@ pub fn render(
     let mut sections = vec![ten];
     sections.extend(budget::section(result));
     sections.extend(apparent_mass::section(answer, result));
+    sections.extend(likelihood::section(result));
     sections.extend(modes::section(result));
     sections.extend(poses::section(answer, result));
     sections.extend(coherence::section(answer, result));

@@ -2,9 +2,11 @@
 
 use super::{
     ConsistencyDocument, CovarianceDocument, Deflection, FixedModeDocument, FreeModeDocument,
-    InertiaTerms, NoiseDocument, Number, Offsets, Plausible, ResultDocument, RunQuality, SCHEMA,
+    InertiaTerms, LikelihoodDocument, LikelihoodMode, NoiseDocument, Number, Offsets, Plausible,
+    RejectedBand, ResultDocument, RunQuality, SCHEMA,
 };
-use crate::identification::{Answer, Consistency, TypeB, number as place};
+use crate::identification::{Answer, Consistency, Likelihood, TypeB, number as place};
+use crate::likelihood;
 use crate::measure::{MeasuredRun, RunNoise};
 use crate::setup::Setup;
 use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
@@ -147,6 +149,47 @@ impl NoiseDocument {
     }
 }
 
+impl LikelihoodDocument {
+    fn new(found: &Likelihood) -> Self {
+        let fit = found.fit.as_ref();
+        let known = |x: f64| Some(x).filter(|x| x.is_finite());
+        let highest = fit.map_or(0.0, |f| f.band[1]);
+        let mut modes: Vec<LikelihoodMode> = fit
+            .iter()
+            .flat_map(|fit| fit.model.modes.iter().zip(&fit.pole_deviations))
+            .map(|(mode, [frequency, damping])| LikelihoodMode {
+                frequency: mode.frequency(),
+                frequency_std: known(mode.frequency() * frequency),
+                damping: mode.damping(),
+                damping_std: known(mode.damping() * damping),
+                damping_exponent: mode.exponent,
+                among_lines: mode.frequency() <= highest,
+            })
+            .collect();
+        modes.sort_by(|a, b| a.frequency.total_cmp(&b.frequency));
+        Self {
+            used: found.stepped_back.is_none(),
+            stepped_back: found.stepped_back.clone(),
+            band: fit.map(|f| f.band),
+            lines: fit.map_or(0, |f| f.lines),
+            modes,
+            residual_ratio: fit.map(likelihood::Fit::ratio),
+            residuals: fit.map(|f| f.residuals.clone()).unwrap_or_default(),
+            low_line_distance: fit.and_then(|f| f.disagreement),
+            converged: fit.is_some_and(|f| f.converged),
+            over_bound: found.over_bound,
+            rejected: found
+                .rejected
+                .iter()
+                .map(|(highest, reason)| RejectedBand {
+                    highest: *highest,
+                    reason: reason.clone(),
+                })
+                .collect(),
+        }
+    }
+}
+
 /// Method and procedure that gave the ten numbers, on this machine or on a box.
 #[derive(Clone, Copy, Debug)]
 pub struct Origin<'a> {
@@ -194,6 +237,7 @@ impl ResultDocument {
                 .iter()
                 .map(NoiseDocument::new)
                 .collect(),
+            likelihood: answer.likelihood.as_ref().map(LikelihoodDocument::new),
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
             consistency_test: answer.consistency.map(ConsistencyDocument::new),
@@ -265,6 +309,7 @@ impl ResultDocument {
             offsets: Vec::new(),
             runs: Vec::new(),
             noise: Vec::new(),
+            likelihood: None,
             warnings: Vec::new(),
             device: None,
         }

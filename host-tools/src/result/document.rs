@@ -135,6 +135,59 @@ pub struct NoiseDocument {
     pub forces: String,
 }
 
+/// A mode of a maximum likelihood fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LikelihoodMode {
+    /// Undamped natural frequency of the fixed structure, Hz.
+    pub frequency: f64,
+    /// Its standard deviation, Hz; null where the lines do not tell it.
+    pub frequency_std: Option<f64>,
+    /// Share of critical damping at resonance.
+    pub damping: f64,
+    /// Its standard deviation; null where the lines do not tell it.
+    pub damping_std: Option<f64>,
+    /// Exponent of the damping over frequency: 1 viscous, 0 structural.
+    pub damping_exponent: f64,
+    /// `true` if the frequency lies among the lines.
+    pub among_lines: bool,
+}
+
+/// Maximum likelihood fit: lines, modes and tests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LikelihoodDocument {
+    /// `true` if the ten numbers are those of the fit.
+    pub used: bool,
+    /// Reason why they are those of the averaging band.
+    pub stepped_back: Option<String>,
+    /// First and last line of the fit, Hz.
+    pub band: Option<[f64; 2]>,
+    /// Lines of all records.
+    pub lines: usize,
+    /// Modes of the fit, ascending.
+    pub modes: Vec<LikelihoodMode>,
+    /// Power of the residuals over that of the noise.
+    pub residual_ratio: Option<f64>,
+    /// The same of each record in stretches of frequency, from low to high.
+    pub residuals: Vec<Vec<f64>>,
+    /// Squared distance between the fits of low and of all lines; null where it cannot be told.
+    pub low_line_distance: Option<f64>,
+    /// `true` if the fit has converged.
+    pub converged: bool,
+    /// Standard deviations over the Cramér-Rao bound of these lines, root mean square.
+    pub over_bound: Option<f64>,
+    /// Wider bands that were tried, with the reason why they were not used.
+    pub rejected: Vec<RejectedBand>,
+}
+
+/// A band whose fit was not used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RejectedBand {
+    /// Its last line, Hz.
+    pub highest: f64,
+    /// Reason.
+    pub reason: String,
+}
+
 /// The result document.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ResultDocument {
@@ -202,6 +255,9 @@ pub struct ResultDocument {
     pub runs: Vec<RunQuality>,
     /// Source of the noise of each run, which decides what is observable.
     pub noise: Vec<NoiseDocument>,
+    /// The maximum likelihood fit; absent where it was not asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub likelihood: Option<LikelihoodDocument>,
     /// Warnings to the user.
     pub warnings: Vec<String>,
     /// The box that has measured and identified; absent where this program did.

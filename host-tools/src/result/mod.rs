@@ -20,8 +20,8 @@ pub(crate) mod tests;
 pub use answer::Origin;
 pub use document::{
     ComparisonDocument, ConsistencyDocument, CovarianceDocument, Deflection, DeviceEntry,
-    FailedMethod, FixedModeDocument, FreeModeDocument, NoiseDocument, Offsets, Plausible,
-    ResultDocument, RunQuality,
+    FailedMethod, FixedModeDocument, FreeModeDocument, LikelihoodDocument, LikelihoodMode,
+    NoiseDocument, Offsets, Plausible, RejectedBand, ResultDocument, RunQuality,
 };
 pub use number::{CombinedDocument, InertiaTerms, Number, TypeBDocument};
 pub use property::{About, Property};

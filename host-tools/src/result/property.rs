@@ -1,7 +1,7 @@
 //! The numbers of a document by name, with their units.
 
 use super::{Number, ResultDocument};
-use crate::identification::STATIC_POSES;
+use crate::identification::{LIKELIHOOD, LIKELIHOOD_IN_WORDS, STATIC_POSES};
 use massline_core::masslines::Method;
 
 /// The point that a number refers to.
@@ -101,6 +101,9 @@ impl ResultDocument {
         let (poses, in_words) = STATIC_POSES;
         if self.method == poses {
             return in_words;
+        }
+        if self.method == LIKELIHOOD {
+            return LIKELIHOOD_IN_WORDS;
         }
         let known = Method::ALL.into_iter().find(|m| m.name() == self.method);
         match known {

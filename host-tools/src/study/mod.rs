@@ -36,6 +36,7 @@
 //! | file | does |
 //! | --- | --- |
 //! | `coverage` | how many 95 % intervals hold the truth |
+//! | `likelihood` | the maximum likelihood fit beside the Cramér-Rao bound |
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
 //! | `scratch` | recordings of a trial in files |
@@ -48,6 +49,7 @@ mod document;
 mod estimate;
 #[cfg(test)]
 mod false_alarms;
+pub mod likelihood;
 mod monte_carlo;
 mod options;
 mod page;

@@ -16,9 +16,13 @@ use super::chance::Chance;
 use super::responses::surveyed;
 use super::scratch::{Scratch, pose_rows, sine_rows};
 use crate::identification::{Answer, Choice, Session};
-use crate::measure::{Accelerations, MeasureError, RunGeometry, Samples, Survey};
+use crate::likelihood::Noise;
+use crate::measure::{
+    Accelerations, MeasureError, NoRecords, Records, RunGeometry, Samples, Survey, sampled_records,
+};
 use crate::setup::{Excitation, Quantity, Setup};
 use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
+use massline_core::geometry::ResultantNoise;
 use massline_core::identify::Identification;
 use massline_core::masslines::Method;
 use massline_core::spectra::LineRange;
@@ -34,6 +38,9 @@ pub enum TrialError {
     /// The sensors or bands do not suit.
     #[error(transparent)]
     Measure(#[from] MeasureError),
+    /// The runs do not suit the maximum likelihood fit.
+    #[error(transparent)]
+    Lines(#[from] NoRecords),
     /// A scratch file cannot be written.
     #[error("{}: cannot be written: {source}", path.display())]
     Scratch {
@@ -57,6 +64,8 @@ pub(super) struct Conditions {
     /// at
     /// once, by drives of their own. Empty where every run is its own.
     pub(super) together: Vec<usize>,
+    /// Factor on the frequency of the first mode in the last run; 1 where `None`.
+    pub(super) moved: Option<f64>,
 }
 
 /// Samples of one run, or complex amplitudes in pairs of samples.
@@ -102,7 +111,18 @@ impl Trial {
                 .then(|| model.measurement.block_length as f64 / model.measurement.sample_rate),
             ..simulate::Options::default()
         };
-        let simulation = simulate(&model, &options, &mut |_| ())?;
+        let mut simulation = simulate(&model, &options, &mut |_| ())?;
+        if let (Some(factor), Some(last)) = (conditions.moved, simulation.recordings.last_mut()) {
+            let mut other = model.clone();
+            if let Some(mode) = other.specimen.modes.first_mut() {
+                mode.frequency *= factor;
+            }
+            // Every signal has its own random stream: nothing but the mode differs.
+            let mut moved = simulate(&other, &options, &mut |_| ())?.recordings;
+            if let Some(moved) = moved.pop() {
+                *last = moved;
+            }
+        }
         let mut setup = simulation.setup;
         let mut runs = Vec::with_capacity(setup.runs.len());
         if conditions.sines.is_empty() {
@@ -235,6 +255,36 @@ impl Trial {
     /// Standard deviation of each sensor's noise at a level, in its unit.
     pub(super) fn noise(&self, level: f64) -> Vec<f64> {
         self.levels.iter().map(|l| l * level).collect()
+    }
+
+    /// Noise of a line of each resultant at a level, if white: that of all sensors.
+    pub(super) fn resultant_noise(&self, level: f64) -> Result<Noise, TrialError> {
+        let geometry = RunGeometry::new(&self.setup, 0, &Accelerations::Interface)?;
+        let mut noise = ResultantNoise::default();
+        for (column, std) in geometry.columns.iter().zip(self.noise(level)) {
+            noise.add_sensor(column, std * std);
+        }
+        Ok(Noise {
+            base: noise.acceleration,
+            force: noise.force,
+        })
+    }
+
+    /// Unwindowed lines of all random runs at a level of noise; without noise if `None`.
+    pub(super) fn lines(&self, level: Option<f64>, band: [f64; 2]) -> Result<Records, TrialError> {
+        let noisy = self.noisy(level.unwrap_or(0.0));
+        let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
+            .map(|(sensors, run)| Samples {
+                sensors,
+                drive: &run.drive,
+            })
+            .collect();
+        Ok(sampled_records(
+            &self.setup,
+            band,
+            &samples,
+            &mut Vec::new(),
+        )?)
     }
 
     /// The model that was simulated.

@@ -198,6 +198,7 @@ pub(super) fn draw(chance: &mut Chance) -> Drawn {
             },
             weighed,
             together,
+            moved: None,
         },
         noise,
         what,

@@ -1,0 +1,374 @@
+//! The method `ml`: a maximum likelihood fit of the apparent mass through the resonances, beside the
+//! band's method, whose numbers stay where the fit does not pass its tests.
+
+use super::notice::notice;
+use super::refusal::refusal;
+use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session};
+use crate::likelihood::{
+    self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers, numbers_weighed,
+};
+use crate::measure::{NoRecords, NoiseOrigin, Progress, Records, read_records};
+use crate::setup::Setup;
+use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
+use massline_core::masslines::{Masslines, Method};
+use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia};
+use nalgebra::{SMatrix, SVector, Vector6};
+
+/// Name of the method.
+pub const NAME: &str = "ml";
+
+/// Description of the method in words.
+pub(crate) const DESCRIPTION: &str =
+    "maximum likelihood fit of the apparent mass through the resonances";
+
+/// Share of a mode's frequency at which fewer lines end.
+const ABOVE: f64 = 1.2;
+/// Scores a record gives, which the larger covariance rests on.
+const SCORES: f64 = 20.0;
+
+/// Outcome of the fit.
+#[derive(Clone, Debug)]
+pub struct Likelihood {
+    /// The fit whose numbers are given, or the last one that failed its tests; `None` where there
+    /// is none.
+    pub fit: Option<Fit>,
+    /// Reason why the numbers are those of the band's method.
+    pub stepped_back: Option<String>,
+    /// Reasons why wider fits were not used, with the highest line of each in Hz.
+    pub rejected: Vec<(f64, String)>,
+    /// Standard deviations over the Cramér-Rao bound of the fitted model and these records, root
+    /// mean square over the observable numbers.
+    pub over_bound: Option<f64>,
+    /// Source of the noise.
+    pub noise: Option<NoiseOrigin>,
+}
+
+impl Likelihood {
+    fn stepped_back(reason: String) -> Self {
+        Self {
+            fit: None,
+            stepped_back: Some(reason),
+            rejected: Vec::new(),
+            over_bound: None,
+            noise: None,
+        }
+    }
+}
+
+/// Lines that a fit uses at most, Hz: those of `fit_band`, or from the beginning of the averaging
+/// band to where recordings are kept.
+#[must_use]
+pub fn widest_band(setup: &Setup) -> Option<[f64; 2]> {
+    let p = setup.processing.as_ref()?;
+    Some(match setup.estimation.fit_band {
+        Some(band) => band,
+        None => [p.averaging_band[0], p.kept_up_to(p.sample_rate)],
+    })
+}
+
+/// Fits records, from the widest band downwards until a fit passes its tests.
+pub(crate) fn fit_records(
+    read: &Records,
+    band: &[f64; 2],
+    rigid: [bool; RIGID],
+    threads: usize,
+    progress: &mut dyn FnMut(likelihood::Progress),
+) -> Likelihood {
+    let mut found = Likelihood {
+        fit: None,
+        stepped_back: None,
+        rejected: Vec::new(),
+        over_bound: None,
+        noise: Some(read.origin),
+    };
+    let mut highest = band[1];
+    let options = Options {
+        start: None,
+        threads,
+        rigid: Some(rigid),
+    };
+    // Two narrower bands: above the second mode, and above the first.
+    for _ in 0..3 {
+        let cut: Vec<_> = read
+            .records
+            .iter()
+            .map(|r| r.thinned(0, 1, highest))
+            .collect();
+        let fit = match likelihood::fit(&cut, &options, progress) {
+            Ok(fit) => fit,
+            Err(reason) => {
+                found.rejected.push((highest, reason.to_string()));
+                break;
+            }
+        };
+        let doubt = fit.doubt().map(|d| d.to_string());
+        let mut modes: Vec<f64> = fit.model.modes.iter().map(|m| m.frequency()).collect();
+        modes.sort_by(f64::total_cmp);
+        let covariance = fit.covariance;
+        let model = fit.model.clone();
+        found.fit = Some(fit);
+        let Some(doubt) = doubt else {
+            if let Ok(bound) = bound::bound(&cut, &model, rigid) {
+                found.over_bound = Some(ratio(&covariance, &bound));
+            }
+            return found;
+        };
+        found.rejected.push((highest, doubt));
+        let narrower = [modes.get(1), modes.first()].into_iter().flatten();
+        let narrower = narrower.map(|f| f * ABOVE).find(|f| *f < 0.98 * highest);
+        let Some(narrower) = narrower.filter(|f| *f > 2.0 * band[0]) else {
+            break;
+        };
+        highest = narrower;
+    }
+    let reasons: Vec<String> = found
+        .rejected
+        .iter()
+        .map(|(f, why)| format!("up to {f:.1} Hz {why}"))
+        .collect();
+    found.stepped_back = Some(reasons.join("; "));
+    found
+}
+
+/// Parameters σ that the band's method observes.
+pub(crate) fn told_of(band: &Identification) -> [bool; RIGID] {
+    core::array::from_fn(|i| match i {
+        0 => band.mass.is_some(),
+        1..4 => band.centre_of_gravity[i - 1].is_some(),
+        _ => band.inertia_reference[i - 4].is_some() || band.inertia_cg[i - 4].is_some(),
+    })
+}
+
+/// Root mean square ratio of standard deviations, over those that the bound has.
+fn ratio(covariance: &Covariance10, bound: &Covariance10) -> f64 {
+    let seen = (0..RIGID).filter(|&i| bound[(i, i)] > 0.0 && bound[(i, i)].is_finite());
+    let ratios: Vec<f64> = seen.map(|i| covariance[(i, i)] / bound[(i, i)]).collect();
+    (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).sqrt()
+}
+
+impl Session<'_> {
+    /// The answer of the method `ml`: that of the apparent mass in the band, with the numbers of the
+    /// maximum likelihood fit in their place where it passes its tests.
+    ///
+    /// # Errors
+    /// [`AnswerError`] as the band's method has.
+    pub fn answer_by_likelihood(
+        &mut self,
+        choice: &Choice,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        let band_choice = Choice {
+            method: Some(Method::ApparentMass),
+            ..*choice
+        };
+        let mut answer = self.answer(&band_choice, progress)?;
+        let setup = self.setup();
+        let limit = self.limit;
+        let mut warnings = Vec::new();
+        let found = match widest_band(setup) {
+            None => Likelihood::stepped_back("the set-up has no random runs".to_owned()),
+            Some(band) => match read_records(setup, band, limit, &mut warnings, progress) {
+                Err(NoRecords::Measure(e)) => return Err(e.into()),
+                Err(reason) => Likelihood::stepped_back(reason.to_string()),
+                Ok(read) => {
+                    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+                    let runs = setup.runs.len();
+                    fit_records(
+                        &read,
+                        &band,
+                        told_of(&answer.identification),
+                        threads,
+                        &mut |p| {
+                            let (name, share) = told(p);
+                            progress(Progress {
+                                run: runs.saturating_sub(1),
+                                runs,
+                                name: &name,
+                                share,
+                            });
+                        },
+                    )
+                }
+            },
+        };
+        answer.warnings.extend(warnings);
+        take(&mut answer, found, setup);
+        Ok(answer)
+    }
+}
+
+/// A step of the fit in words, and its share of the whole as far as it can be told.
+fn told(p: likelihood::Progress) -> (String, f64) {
+    match p.stage {
+        Stage::Modes => (
+            format!("looking for modes: {}", p.modes),
+            1.0 - 0.5_f64.powi(1 + p.modes as i32),
+        ),
+        Stage::Lines => (
+            format!("all lines, {} modes, step {}", p.modes, p.iteration + 1),
+            1.0,
+        ),
+    }
+}
+
+/// Puts the numbers of a fit in the place of the band's.
+fn take(answer: &mut Answer, found: Likelihood, setup: &Setup) {
+    if let (None, Some(fit)) = (&found.stepped_back, &found.fit) {
+        let (identification, covariance) =
+            identification(&answer.identification, fit, setup.known_mass);
+        answer.identification = identification;
+        answer.covariance = covariance;
+        answer.procedure = Procedure::Direct;
+        // What contradicts a rigid body is in the data, whichever lines are used.
+        let judged = Judged {
+            identification: &answer.identification,
+            type_b: answer.type_b.as_ref(),
+            consistency: answer.consistency,
+        };
+        answer.refused = refusal(&judged);
+        let mut warnings = answer.measurement.warnings.clone();
+        notice(&judged, &answer.measurement, &mut warnings);
+        let own = answer
+            .warnings
+            .iter()
+            .filter(|w| w.starts_with("method ml"));
+        warnings.extend(own.cloned().collect::<Vec<_>>());
+        answer.warnings = warnings;
+        for (highest, why) in &found.rejected {
+            answer.warnings.push(format!(
+                "method ml: lines up to {highest:.1} Hz were not used: {why}"
+            ));
+        }
+    }
+    if let Some(why) = &found.stepped_back {
+        answer.warnings.push(format!(
+            "method ml: the numbers are those of apparent-mass in the averaging band: {why}"
+        ));
+    }
+    answer.likelihood = Some(found);
+}
+
+/// The numbers of a fit, of those that the band's method observes.
+pub(crate) fn identification(
+    band: &Identification,
+    fit: &Fit,
+    known_mass: Option<f64>,
+) -> (Identification, massline_core::identify::Covariance) {
+    let sigma = &fit.model.rigid;
+    let (values, slopes) = match known_mass {
+        None => numbers(sigma, &band.reference),
+        Some(mass) => numbers_weighed(sigma, &band.reference, mass),
+    };
+    let covariance = slopes * fit.covariance * slopes.transpose();
+    let std = |variance: f64| variance.max(0.0).sqrt();
+    let of = |i: usize, seen: bool| {
+        seen.then(|| Estimate {
+            value: values[i],
+            std: std(covariance[(i, i)]),
+        })
+    };
+    let mut found = *band;
+    match known_mass {
+        None => found.mass = of(0, band.mass.is_some()),
+        Some(_) => found.indicator = of(0, band.indicator.is_some()),
+    }
+    found.centre_of_gravity =
+        core::array::from_fn(|i| of(1 + i, band.centre_of_gravity[i].is_some()));
+    found.inertia_cg = core::array::from_fn(|i| of(4 + i, band.inertia_cg[i].is_some()));
+    found.inertia_reference = core::array::from_fn(|i| {
+        band.inertia_reference[i].map(|_| Estimate {
+            value: sigma[4 + i],
+            std: std(fit.covariance[(4 + i, 4 + i)]),
+        })
+    });
+    found.iterations = fit.iterations as u32;
+    found.attenuation = 0.0;
+    found.freedom = (SCORES * fit.residuals.len() as f64).max(1.0);
+    if found.inertia_cg.iter().all(Option::is_some) {
+        found.principal = principal(&fit.model.rigid_matrix(), &band.reference);
+        if let Some(principal) = &found.principal {
+            let mass = known_mass.map_or(values[0], |m| m * values[0]);
+            let spread = std(covariance[(0, 0)]) * known_mass.unwrap_or(1.0);
+            let mass = Estimate {
+                value: mass,
+                std: spread,
+            };
+            found.plausibility = plausibility(mass, principal, &covariance, found.freedom);
+        }
+    }
+    let first = if known_mass.is_some() {
+        found.indicator.is_some()
+    } else {
+        found.mass.is_some()
+    };
+    let observable: [bool; RIGID] = core::array::from_fn(|i| match i {
+        0 => first,
+        1..4 => found.centre_of_gravity[i - 1].is_some(),
+        _ => found.inertia_cg[i - 4].is_some(),
+    });
+    (found, covariance_of(&covariance, &observable))
+}
+
+/// Principal moments and axes of the body with a mass matrix about `reference`.
+fn principal(
+    matrix: &nalgebra::Matrix6<f64>,
+    reference: &nalgebra::Vector3<f64>,
+) -> Option<PrincipalInertia> {
+    let pairs = (0..6).map(|j| {
+        let unit = Vector6::from_fn(|i, _| f64::from(u8::from(i == j)));
+        (unit, matrix * unit)
+    });
+    let exact = Masslines::exact(*reference, pairs).ok()?;
+    identify(&[exact], &Question::default()).ok()?.principal
+}
+
+/// Margins of the conditions that every body meets, as the core has them.
+fn plausibility(
+    mass: Estimate,
+    principal: &PrincipalInertia,
+    covariance: &SMatrix<f64, RIGID, RIGID>,
+    freedom: f64,
+) -> Plausibility {
+    let margin = |left: f64, half: f64, scale: f64| {
+        let scale = if scale > 0.0 { scale } else { 1.0 };
+        Some(Margin {
+            relative: left / scale,
+            uncertainty: half / scale,
+        })
+    };
+    // Change of a principal moment with the six terms: vᵀ dΘ v about its axis v.
+    let slope = |k: usize| {
+        let v = principal.axes.column(k);
+        let mut slope = SVector::<f64, RIGID>::zeros();
+        for (i, x) in [
+            v[0] * v[0],
+            v[1] * v[1],
+            v[2] * v[2],
+            -2.0 * v[0] * v[1],
+            -2.0 * v[0] * v[2],
+            -2.0 * v[1] * v[2],
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            slope[4 + i] = x;
+        }
+        slope
+    };
+    let half = |slope: &SVector<f64, RIGID>| {
+        let variance = (slope.transpose() * covariance * slope)[(0, 0)];
+        let estimate = Estimate {
+            value: 0.0,
+            std: variance.max(0.0).sqrt(),
+        };
+        estimate.interval(freedom)
+    };
+    let m = principal.moments;
+    let scale = m.amax();
+    let triangle = slope(0) + slope(1) - slope(2);
+    Plausibility {
+        mass: margin(mass.value, mass.interval(freedom), mass.value.abs()),
+        positive_definite: margin(m[0], half(&slope(0)), scale),
+        triangle: margin(m[0] + m[1] - m[2], half(&triangle), scale),
+    }
+}

@@ -1,0 +1,352 @@
+//! The whole fit: start values, all lines, covariance, and tests of whether it holds.
+
+use super::descent::{self, Freedom, Problem};
+use super::excited::Excited;
+use super::model::{Model, RIGID};
+use super::normal::{Detail, leakage_terms};
+use super::record::{Record, highest, real_equations};
+use super::start::{self, KEPT};
+use super::{Progress, Stage};
+use nalgebra::{DMatrix, DVector, SMatrix};
+
+/// Covariance of σ.
+pub type Covariance10 = SMatrix<f64, RIGID, RIGID>;
+
+/// Most steps of the last descent.
+const STEPS: usize = 40;
+/// Share of the first mode up to which lines are low.
+const LOW: f64 = 0.35;
+/// 2V over degrees of freedom from which the model does not explain the lines.
+pub const RATIO: f64 = 1.2;
+/// Squared distance of the fits of low and of all lines from which they disagree.
+pub const DISAGREEMENT: f64 = 30.0;
+
+/// Reason why there is no fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FitError {
+    /// Nothing moves more than its noise.
+    #[error("no direction of base acceleration rises above the accelerometers' noise")]
+    NoExcitation,
+    /// Fewer equations than parameters.
+    #[error("{equations} equations do not determine {parameters} parameters; record longer")]
+    TooFew {
+        /// Real equations there are.
+        equations: usize,
+        /// Parameters of the least model.
+        parameters: usize,
+    },
+    /// Runs that measure different resultants.
+    #[error("the runs measure different resultants, which this method does not join")]
+    Unlike,
+    /// Numbers that are not finite on the way.
+    #[error(
+        "the fit of the first model fails: numbers of the records are not finite or their noise is zero"
+    )]
+    Singular,
+}
+
+/// Options of a fit.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Start values in place of those that are looked for.
+    pub start: Option<Model>,
+    /// Threads; none or one: no others are started.
+    pub threads: usize,
+    /// Parameters σ that the test tells; all if `None`. The others are left out.
+    pub rigid: Option<[bool; RIGID]>,
+}
+
+/// A fit and its tests.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The most likely model.
+    pub model: Model,
+    /// Covariance of σ from the information matrix.
+    pub by_information: Covariance10,
+    /// Covariance of σ from the scatter of the score.
+    pub by_score: Covariance10,
+    /// Covariance of σ: of each number the larger of the two.
+    pub covariance: Covariance10,
+    /// Standard deviations of ln ω and ln ζ of each mode.
+    pub pole_deviations: Vec<[f64; 2]>,
+    /// 2V of the data.
+    pub twice_misfit: f64,
+    /// Equations less parameters.
+    pub freedom: f64,
+    /// Steps of the last descent.
+    pub iterations: usize,
+    /// `true` if V no longer fell at the end.
+    pub converged: bool,
+    /// Squared distance between the fits of low and of all lines; `None` where there are too few
+    /// low lines to tell.
+    pub disagreement: Option<f64>,
+    /// Number of directions of base acceleration that rise above their noise.
+    pub excited: usize,
+    /// |ε|² over its expectation of each record, in stretches of frequency from low to high.
+    pub residuals: Vec<Vec<f64>>,
+    /// First and last line, Hz.
+    pub band: [f64; 2],
+    /// Lines of all records.
+    pub lines: usize,
+}
+
+/// Reason why a fit must not be used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Doubt {
+    /// V still fell.
+    NotConverged,
+    /// The residuals are larger than the noise.
+    Residuals(f64),
+    /// Low and all lines disagree.
+    LowLines(f64),
+}
+
+impl std::fmt::Display for Doubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NotConverged => f.write_str("the fit has not converged"),
+            Self::Residuals(ratio) => write!(
+                f,
+                "the residuals have {ratio:.2} times the power of the noise (limit {RATIO})"
+            ),
+            Self::LowLines(d) => write!(
+                f,
+                "a fit of the low lines alone gives another body (squared distance {d:.0}, limit {DISAGREEMENT})"
+            ),
+        }
+    }
+}
+
+impl Fit {
+    /// 2V over its expectation.
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        self.twice_misfit / self.freedom.max(1.0)
+    }
+
+    /// The first test that the fit fails.
+    #[must_use]
+    pub fn doubt(&self) -> Option<Doubt> {
+        if !self.converged {
+            return Some(Doubt::NotConverged);
+        }
+        let ratio = self.ratio();
+        if ratio > RATIO {
+            return Some(Doubt::Residuals(ratio));
+        }
+        let far = self.disagreement.filter(|d| *d > DISAGREEMENT);
+        far.map(Doubt::LowLines)
+    }
+}
+
+/// Fits the apparent mass to some records.
+///
+/// # Errors
+/// [`FitError`] if the records do not support even a rigid body.
+pub fn fit(
+    records: &[Record],
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Fit, FitError> {
+    let equations = real_equations(records);
+    let parameters = RIGID + 21 + 12 * records.len();
+    if equations < 2 * parameters {
+        return Err(FitError::TooFew {
+            equations,
+            parameters,
+        });
+    }
+    let rows = records.first().map(|r| r.equations);
+    if records
+        .iter()
+        .any(|r| rows.is_some_and(|m| (m - r.equations).norm() > 1e-9))
+    {
+        return Err(FitError::Unlike);
+    }
+    let excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
+    let mut projected = records.to_vec();
+    excited.project(&mut projected);
+    let records = &projected;
+    let threads = options.threads.max(1);
+    let rigid = options.rigid.unwrap_or([true; RIGID]);
+    let problem = Problem {
+        records,
+        leakage: true,
+        threads,
+    };
+    let mut model = match &options.start {
+        Some(model) => model.clone(),
+        None => {
+            start::start(records, &excited, rigid, threads, progress).ok_or(FitError::Singular)?
+        }
+    };
+    let freedom = if model.modes.is_empty() {
+        Freedom::least(rigid)
+    } else {
+        Freedom::all(rigid)
+    };
+    let mut last = |modes: usize, iteration: usize, misfit: f64| {
+        progress(Progress {
+            stage: Stage::Lines,
+            modes,
+            iteration,
+            misfit,
+        });
+    };
+    let modes = model.modes.len();
+    let mut done = descent::descend(&problem, &model, freedom, STEPS, &mut |i, v| {
+        last(modes, i, v);
+    })
+    .ok_or(FitError::Singular)?;
+    if done.model.upper.is_some()
+        && start::wald(&problem, &done.model, freedom).ok_or(FitError::Singular)? <= KEPT
+    {
+        model = done.model.clone();
+        model.upper = None;
+        let before = done.iterations;
+        done = descent::descend(&problem, &model, freedom, STEPS, &mut |i, v| {
+            last(modes, before + i, v);
+        })
+        .ok_or(FitError::Singular)?;
+    }
+    let model = done.model;
+    let system = problem
+        .system(&model, freedom, Detail::Test)
+        .ok_or(FitError::Singular)?;
+    let places = freedom.places(&model);
+    let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
+    // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
+    let by_information = corner(&inverse, &places) * 0.5;
+    let mut scatter = DMatrix::zeros(places.len(), places.len());
+    for score in &system.scores {
+        let free = DVector::from_fn(places.len(), |i, _| score[places[i]]);
+        scatter.ger(1.0, &free, &free, 1.0);
+    }
+    let by_score = corner(&(&inverse * scatter * &inverse), &places);
+    let wider = SMatrix::<f64, RIGID, 1>::from_fn(|i, _| {
+        let ratio = by_score[(i, i)] / by_information[(i, i)];
+        if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
+    });
+    let covariance = Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j]);
+    let deviation = |place: usize| {
+        let at = places.iter().position(|&p| p == place);
+        at.map_or(f64::NAN, |i| (0.5 * inverse[(i, i)]).max(0.0).sqrt())
+    };
+    let pole_deviations = (0..model.modes.len())
+        .map(|r| [0, 1].map(|k| deviation(RIGID + super::model::OF_MODE * r + k)))
+        .collect();
+    let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
+    let free = (places.len() + leaked) as f64;
+    let disagreement = low_lines(records, &model, &by_information, rigid, threads);
+    let expected = |r: &Record| r.equation_count() as f64;
+    let residuals = records
+        .iter()
+        .zip(&system.residuals)
+        .map(|(r, lines)| stretches(lines, expected(r)))
+        .collect();
+    let first = records.iter().filter_map(|r| r.frequencies.first());
+    Ok(Fit {
+        by_information,
+        by_score,
+        covariance,
+        pole_deviations,
+        twice_misfit: 2.0 * system.data,
+        freedom: equations as f64 - free,
+        iterations: done.iterations,
+        converged: done.converged,
+        disagreement,
+        excited: excited.power.len(),
+        residuals,
+        band: [
+            first.copied().fold(f64::INFINITY, f64::min),
+            highest(records),
+        ],
+        lines: records.iter().map(|r| r.frequencies.len()).sum(),
+        model,
+    })
+}
+
+/// Covariance of σ from that of the free parameters; zero for those that are left out.
+pub(super) fn corner(matrix: &DMatrix<f64>, places: &[usize]) -> Covariance10 {
+    let mut covariance = Covariance10::zeros();
+    for (i, &a) in places.iter().enumerate().filter(|(_, p)| **p < RIGID) {
+        for (j, &b) in places.iter().enumerate().filter(|(_, p)| **p < RIGID) {
+            covariance[(a, b)] = matrix[(i, j)];
+        }
+    }
+    covariance
+}
+
+/// Means of |ε|² over its expectation in stretches of frequency.
+fn stretches(lines: &[f64], expected: f64) -> Vec<f64> {
+    let n = lines.len();
+    (0..descent::SCORES)
+        .map(|s| {
+            let (from, to) = (s * n / descent::SCORES, (s + 1) * n / descent::SCORES);
+            let part = &lines[from..to];
+            part.iter().sum::<f64>() / (part.len().max(1) as f64 * expected)
+        })
+        .collect()
+}
+
+/// Squared distance of σ from a fit of the low lines, with their terms in ω² and ω⁴ of the known
+/// modes' own curves replaced by free ones.
+fn low_lines(
+    records: &[Record],
+    model: &Model,
+    covariance: &Covariance10,
+    told: [bool; RIGID],
+    threads: usize,
+) -> Option<f64> {
+    let first = model.modes.iter().map(super::FittedMode::frequency);
+    let first = first.fold(f64::INFINITY, f64::min).min(highest(records));
+    let low: Vec<Record> = records
+        .iter()
+        .map(|r| r.thinned(0, 1, LOW * first))
+        .filter(|r| r.frequencies.len() > 8)
+        .collect();
+    if low.is_empty() || real_equations(&low) < 8 * (RIGID + 21 + 12 * low.len()) {
+        return None;
+    }
+    let problem = Problem {
+        records: &low,
+        leakage: true,
+        threads,
+    };
+    // Modes stay where they are; E is free, and takes what they miss in ω². The shape of ω⁴ is theirs.
+    let mut fixed = model.clone();
+    fixed.upper = Some(model.upper.unwrap_or([0.0; 21]));
+    let system = problem.system(&fixed, Freedom::least(told), Detail::Step)?;
+    let shared = RIGID + super::model::OF_MODE * fixed.modes.len();
+    let places: Vec<usize> = (0..RIGID)
+        .filter(|&i| told[i])
+        .chain(shared..shared + 21)
+        .collect();
+    let seen: Vec<usize> = places
+        .iter()
+        .copied()
+        .filter(|&p| system.information[(p, p)] > 0.0)
+        .collect();
+    let inverse = descent::inverse(&system.information, &seen)?;
+    let score = DVector::from_fn(seen.len(), |i, _| system.score[seen[i]]);
+    // One step of Gauss and Newton: V is all but quadratic in these.
+    let step = &inverse * score;
+    let rigid: Vec<usize> = (0..seen.len()).filter(|&i| seen[i] < RIGID).collect();
+    let n = rigid.len();
+    let d = DVector::from_fn(n, |i, _| step[rigid[i]]);
+    // The low lines are among all lines: their fit differs by what the rest adds.
+    let spread = DMatrix::from_fn(n, n, |i, j| {
+        let (a, b) = (seen[rigid[i]], seen[rigid[j]]);
+        0.5 * inverse[(rigid[i], rigid[j])] - covariance[(a, b)]
+    });
+    let eigen = spread.symmetric_eigen();
+    let scale = eigen.eigenvalues.max();
+    let mut sum = 0.0;
+    for i in 0..n {
+        let value = eigen.eigenvalues[i];
+        if value > 1e-9 * scale {
+            sum += eigen.eigenvectors.column(i).dot(&d).powi(2) / value;
+        }
+    }
+    sum.is_finite().then_some(sum)
+}

@@ -1,0 +1,355 @@
+//! A first look for a resonance: the frequency and damping at which a free 6 x 6 residue explains
+//! most of what rigid body, term in ω² and known modes leave.
+
+use super::excited::Excited;
+use super::model::{FittedMode, Model, Resonance};
+use super::record::Record;
+use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
+
+type C = Complex<f64>;
+
+/// Ratio of neighbouring frequencies of the grid, less one.
+const STEP: f64 = 0.004;
+/// Dampings of the grid.
+const DAMPINGS: [f64; 2] = [0.004, 0.015];
+/// The grid ends at this share of the highest line.
+const BEYOND: f64 = 1.35;
+/// Distance from a known mode, as a share of its frequency, that counts as away from it.
+const NEAR: f64 = 0.04;
+/// Share of the highest line from which on a mode is sought by itself.
+const LAST: f64 = 0.97;
+/// Least width of a group of lines, Hz.
+const WIDTH: f64 = 0.15;
+
+/// Gain, frequency in Hz, damping and residue of a candidate.
+type Candidate = (f64, f64, f64, DMatrix<f64>);
+
+/// Sums of products over a group of lines, along the excited directions.
+struct Group {
+    frequency: f64,
+    /// Σ y y*, k x k.
+    base: DMatrix<C>,
+    /// Σ f y*, 6 x k, with resultants whose noise is one.
+    cross: DMatrix<C>,
+}
+
+/// Groups of lines of all records.
+pub(super) struct Groups {
+    groups: Vec<Group>,
+    highest: f64,
+    /// From resultants whose noise is one to those of the sensors.
+    unwhiten: Matrix6<f64>,
+    force_information: Matrix6<f64>,
+    base_noise: Matrix6<f64>,
+    excited: Excited,
+}
+
+impl Groups {
+    /// Of records that measure the same equations; `None` where the noise of these is singular.
+    pub(super) fn new(records: &[Record], excited: &Excited) -> Option<Self> {
+        let rows = &records.first()?.equations;
+        let lines: f64 = records.iter().map(|r| r.frequencies.len() as f64).sum();
+        let mean = |of: &dyn Fn(&Record) -> Matrix6<f64>| {
+            let each = records
+                .iter()
+                .map(|r| of(r) * (r.frequencies.len() as f64 / lines));
+            each.fold(Matrix6::zeros(), |sum, m| sum + m)
+        };
+        let mut noise = rows * mean(&|r| r.noise.force) * rows.transpose();
+        for i in 0..6 {
+            if rows.row(i).norm_squared() == 0.0 {
+                noise[(i, i)] = 1.0;
+            }
+        }
+        let factor = noise.cholesky()?.l();
+        let whiten = factor.try_inverse()? * rows;
+        let complex = whiten.map(Complex::from);
+        let k = excited.power.len();
+        let coordinates = excited.coordinates.map(Complex::from);
+        let highest = super::record::highest(records);
+        let mut groups: Vec<Group> = Vec::new();
+        let mut cells: std::collections::BTreeMap<usize, Group> = std::collections::BTreeMap::new();
+        for record in records {
+            for (n, &frequency) in record.frequencies.iter().enumerate() {
+                let group = cells.entry(cell(frequency)).or_insert_with(|| Group {
+                    frequency: middle(cell(frequency)),
+                    base: DMatrix::zeros(k, k),
+                    cross: DMatrix::zeros(6, k),
+                });
+                let weight = 1.0 / record.level(n);
+                let y = &coordinates * DVector::from_fn(6, |i, _| record.base[n][i]);
+                let f = complex * record.force[n];
+                for j in 0..k {
+                    let c = y[j].conj() * weight;
+                    for i in 0..k {
+                        group.base[(i, j)] += y[i] * c;
+                    }
+                    for i in 0..6 {
+                        group.cross[(i, j)] += f[i] * c;
+                    }
+                }
+            }
+        }
+        groups.extend(cells.into_values());
+        Some(Self {
+            groups,
+            highest,
+            unwhiten: rows.transpose() * factor,
+            force_information: whiten.transpose() * whiten,
+            base_noise: mean(&|r| r.noise.base),
+            excited: excited.clone(),
+        })
+    }
+
+    /// Modes that explain most beside those of a model: of all, of those away from known modes, and of
+    /// those around the last line and beyond it. Leakage, which this search leaves out, makes
+    /// candidates next to a strong resonance look better than they are.
+    pub(super) fn best(&self, model: &Model) -> Vec<FittedMode> {
+        let found = self.candidates(model).unwrap_or_default();
+        let mut modes: Vec<FittedMode> = Vec::new();
+        for (_, frequency, damping, residue) in found.into_iter().flatten() {
+            let same = |m: &FittedMode| (m.frequency() / frequency - 1.0).abs() < STEP;
+            if let Some(l) = self.participation(&residue)
+                && !modes.iter().any(same)
+            {
+                modes.push(FittedMode::new(frequency, damping, l));
+            }
+        }
+        modes
+    }
+
+    /// Gain, frequency, damping and residue of the best candidate of each kind.
+    fn candidates(&self, model: &Model) -> Option<[Option<Candidate>; 3]> {
+        let k = self.excited.power.len();
+        let known = 2 + model.modes.len();
+        // Functions of frequency of the known terms, group by group, and weights.
+        let mut functions: Vec<Vec<C>> = Vec::with_capacity(self.groups.len());
+        let mut weights = Vec::with_capacity(self.groups.len());
+        for group in &self.groups {
+            let ratio = group.frequency / self.highest;
+            let mut of = vec![Complex::from(1.0), Complex::from(ratio * ratio)];
+            for mode in &model.modes {
+                of.push(
+                    Resonance::new(
+                        group.frequency / mode.frequency(),
+                        mode.damping(),
+                        mode.exponent,
+                    )
+                    .response(),
+                );
+            }
+            functions.push(of);
+            let m = model.at(usize::MAX, group.frequency);
+            let spread = m * self.base_noise.map(Complex::from) * m.adjoint();
+            let information = self.force_information.map(Complex::from);
+            weights.push(1.0 / (1.0 + (spread * information).trace().re / 6.0));
+        }
+        let size = k * known;
+        let mut normal = DMatrix::<f64>::zeros(size, size);
+        let mut right = DMatrix::<f64>::zeros(size, 6);
+        for ((group, of), weight) in self.groups.iter().zip(&functions).zip(&weights) {
+            for (b, phi) in of.iter().enumerate() {
+                add_right(&mut right, b * k, group, *phi, *weight);
+                for (c, psi) in of.iter().enumerate() {
+                    let product = phi.conj() * psi * *weight;
+                    add_product(&mut normal, (b * k, c * k), group, product);
+                }
+            }
+        }
+        let scale = DVector::from_fn(size, |i, _| {
+            let d = normal[(i, i)];
+            if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
+        });
+        for j in 0..size {
+            for i in 0..size {
+                normal[(i, j)] *= scale[i] * scale[j];
+            }
+            normal[(j, j)] += 1e-10;
+        }
+        let factor = normal.cholesky()?;
+        let scaled = |mut m: DMatrix<f64>| {
+            for j in 0..m.ncols() {
+                for i in 0..size {
+                    m[(i, j)] *= scale[i];
+                }
+            }
+            m
+        };
+        // L⁻¹ of the right sides: products with it take off what the known terms explain.
+        let right = factor.l().solve_lower_triangular(&scaled(right))?;
+        let lower = factor.l();
+        let lowest = self.groups.first()?.frequency;
+        let steps = (self.highest * BEYOND / (4.0 * lowest)).ln() / STEP.ln_1p();
+        let blocks: Vec<Blocks> = (self.groups.iter().zip(&functions).zip(&weights))
+            .map(|((group, of), weight)| Blocks::new(group, of, *weight))
+            .collect();
+        let mut best: [Option<Candidate>; 3] = [None, None, None];
+        let mut cross = vec![0.0; size * k];
+        let mut own = vec![0.0; k * k];
+        let mut rest = vec![0.0; k * 6];
+        for step in 0..=(steps.max(0.0) as usize) {
+            let frequency = 4.0 * lowest * (step as f64 * STEP.ln_1p()).exp();
+            for damping in DAMPINGS {
+                cross.fill(0.0);
+                own.fill(0.0);
+                rest.fill(0.0);
+                for (group, blocks) in self.groups.iter().zip(&blocks) {
+                    let d = Resonance::new(group.frequency / frequency, damping, 1.0).response();
+                    add_scaled(&mut cross, d.re, &blocks.cross_re);
+                    add_scaled(&mut cross, -d.im, &blocks.cross_im);
+                    add_scaled(&mut own, d.norm_sqr(), &blocks.own);
+                    add_scaled(&mut rest, d.re, &blocks.rest_re);
+                    add_scaled(&mut rest, d.im, &blocks.rest_im);
+                }
+                let cross = scaled(DMatrix::from_column_slice(size, k, &cross));
+                let Some(cross) = lower.solve_lower_triangular(&cross) else {
+                    continue;
+                };
+                let mut own = DMatrix::from_column_slice(k, k, &own);
+                let mut rest = DMatrix::from_column_slice(k, 6, &rest);
+                let diagonal: f64 = own.trace();
+                own -= cross.transpose() * &cross;
+                rest -= cross.transpose() * &right;
+                for j in 0..k {
+                    own[(j, j)] += 1e-9 * diagonal / k as f64;
+                }
+                let Some(factor) = own.cholesky() else {
+                    continue;
+                };
+                let residue = factor.solve(&rest);
+                let gain = residue.dot(&rest);
+                let away = |m: &FittedMode| (m.frequency() / frequency - 1.0).abs() > NEAR;
+                let kinds = [
+                    true,
+                    model.modes.iter().all(away),
+                    frequency > LAST * self.highest,
+                ];
+                for (slot, kind) in best.iter_mut().zip(kinds) {
+                    if kind && slot.as_ref().is_none_or(|b| gain > b.0) {
+                        *slot = Some((gain, frequency, damping, residue.clone()));
+                    }
+                }
+            }
+        }
+        Some(best)
+    }
+
+    /// L of the residue that is nearest to rank one: from the direction of most power.
+    fn participation(&self, residue: &DMatrix<f64>) -> Option<Vector6<f64>> {
+        let k = self.excited.power.len();
+        // Forces per coordinate, 6 x k.
+        let whitened = residue.transpose();
+        let forces = DMatrix::from_fn(6, k, |i, j| {
+            (0..6)
+                .map(|l| self.unwhiten[(i, l)] * whitened[(l, j)])
+                .sum()
+        });
+        let work = self.excited.directions.transpose() * &forces;
+        let root: Vec<f64> = self.excited.power.iter().map(|p| p.sqrt()).collect();
+        let symmetric = DMatrix::from_fn(k, k, |i, j| {
+            0.5 * (work[(i, j)] + work[(j, i)]) * root[i] * root[j]
+        });
+        let eigen = symmetric.symmetric_eigen();
+        let top = eigen.eigenvalues.imax();
+        let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
+        let square = v.dot(&(&work * &v));
+        if square.is_nan() || square <= 0.0 {
+            return None;
+        }
+        let l = forces * v / square.sqrt();
+        Some(Vector6::from_fn(|i, _| l[i]))
+    }
+}
+
+/// Products of one group with the known functions, column after column: a candidate's sums are these,
+/// times real and imaginary part of its response.
+struct Blocks {
+    cross_re: Vec<f64>,
+    cross_im: Vec<f64>,
+    own: Vec<f64>,
+    rest_re: Vec<f64>,
+    rest_im: Vec<f64>,
+}
+
+impl Blocks {
+    fn new(group: &Group, of: &[C], weight: f64) -> Self {
+        let k = group.base.nrows();
+        let mut blocks = Self {
+            cross_re: Vec::with_capacity(of.len() * k * k),
+            cross_im: Vec::with_capacity(of.len() * k * k),
+            own: Vec::with_capacity(k * k),
+            rest_re: Vec::with_capacity(k * 6),
+            rest_im: Vec::with_capacity(k * 6),
+        };
+        for j in 0..k {
+            for phi in of {
+                for i in 0..k {
+                    let product = phi.conj() * group.base[(j, i)] * weight;
+                    blocks.cross_re.push(product.re);
+                    blocks.cross_im.push(product.im);
+                }
+            }
+            for i in 0..k {
+                blocks.own.push(group.base[(j, i)].re * weight);
+            }
+        }
+        for i in 0..6 {
+            for j in 0..k {
+                let product = group.cross[(i, j)] * weight;
+                blocks.rest_re.push(product.re);
+                blocks.rest_im.push(product.im);
+            }
+        }
+        blocks
+    }
+}
+
+fn add_scaled(into: &mut [f64], factor: f64, x: &[f64]) {
+    for (sum, x) in into.iter_mut().zip(x) {
+        *sum += factor * x;
+    }
+}
+
+/// Number of the group that a frequency belongs to: groups are 0.4 % wide, or 0.15 Hz.
+fn cell(frequency: f64) -> usize {
+    let corner = WIDTH / STEP;
+    if frequency < corner {
+        (frequency / WIDTH) as usize
+    } else {
+        (corner / WIDTH + (frequency / corner).ln() / STEP) as usize
+    }
+}
+
+/// Frequency in the middle of a group, Hz.
+fn middle(cell: usize) -> f64 {
+    let (corner, place) = (WIDTH / STEP, cell as f64 + 0.5);
+    let straight = corner / WIDTH;
+    if place < straight {
+        place * WIDTH
+    } else {
+        corner * ((place - straight) * STEP).exp()
+    }
+}
+
+/// Adds Re(product · Σ y y*) transposed, so that rows belong to the conjugated factor.
+fn add_product(into: &mut DMatrix<f64>, at: (usize, usize), group: &Group, product: C) {
+    let k = group.base.nrows();
+    for j in 0..k {
+        for i in 0..k {
+            let s = group.base[(j, i)];
+            into[(at.0 + i, at.1 + j)] += product.re * s.re - product.im * s.im;
+        }
+    }
+}
+
+/// Adds Re(conj(φ) f y*) transposed.
+fn add_right(into: &mut DMatrix<f64>, at: usize, group: &Group, phi: C, weight: f64) {
+    let k = group.base.nrows();
+    let phi = phi.conj() * weight;
+    for i in 0..6 {
+        for j in 0..k {
+            let s = group.cross[(i, j)];
+            into[(at + j, i)] += phi.re * s.re - phi.im * s.im;
+        }
+    }
+}

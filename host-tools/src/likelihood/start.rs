@@ -1,0 +1,234 @@
+//! Start values: modes are added one by one until the data no longer ask for more.
+
+use super::descent::{self, Descent, Freedom, Problem};
+use super::excited::Excited;
+use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC};
+use super::normal::Detail;
+use super::record::{Record, highest, real_equations};
+use super::search::Groups;
+use super::{Progress, Stage};
+use nalgebra::{DMatrix, DVector, Vector6};
+
+/// Lines of each record in the refits.
+const LINES: usize = 450;
+/// The same in the last look for modes beyond the lines.
+const MORE_LINES: usize = 1200;
+/// Most steps of a refit.
+const STEPS: usize = 30;
+/// Fall of V, and share of V, at which a refit ends: far below what decides on a mode.
+const SETTLED: [f64; 2] = [1.0, 2e-4];
+/// Most modes.
+pub const MOST_MODES: usize = 30;
+/// Share of the highest line at which a mode beyond it is started.
+const BEYOND: [f64; 2] = [1.15, 1.6];
+/// Difference of ln ω of two modes from which one of them may stand for a misplaced other.
+const DOUBLE: f64 = 0.02;
+/// Wald statistic of the 21 terms of E above which they are kept: their mean plus three standard
+/// deviations of what chance gives.
+pub(super) const KEPT: f64 = 40.0;
+/// The same above which a mode beyond the lines is tried on more lines.
+const TRIED: f64 = 30.0;
+
+/// Model with as many modes as the data support, ready for all lines; `None` where a fit without
+/// any mode fails.
+pub(super) fn start(
+    records: &[Record],
+    excited: &Excited,
+    rigid: [bool; RIGID],
+    threads: usize,
+    progress: &mut dyn FnMut(Progress),
+) -> Option<Model> {
+    let freedom = Freedom::least(rigid);
+    let runs = 1 + records.iter().map(|r| r.run).max()?;
+    let lines = records.iter().map(|r| r.frequencies.len()).max()?;
+    let thin = |wanted: usize| -> (usize, Vec<Record>) {
+        let step = (lines / wanted).max(1);
+        let thinned = records.iter().enumerate();
+        // Records take turns, so that together they miss nothing.
+        let of = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
+        (step, thinned.map(of).collect())
+    };
+    let (step, some) = thin(LINES);
+    let problem = Problem {
+        records: &some,
+        leakage: true,
+        threads,
+    };
+    let unit = highest(records);
+    let groups = Groups::new(records, excited)?;
+    let count = real_equations(records) as f64;
+    let threshold = (8.0 + 2.0 * runs as f64) * count.ln();
+
+    let mut model = Model::rigid([0.0; RIGID], unit, runs);
+    model.upper = Some([0.0; SYMMETRIC]);
+    let mut tell = |modes: usize, misfit: f64| {
+        progress(Progress {
+            stage: Stage::Modes,
+            modes,
+            iteration: 0,
+            misfit,
+        });
+    };
+    let mut now = refit(&problem, freedom, &model)?;
+    while now.model.modes.len() < MOST_MODES {
+        tell(now.model.modes.len(), now.misfit);
+        let tried = groups.best(&now.model).into_iter().filter_map(|mode| {
+            let mut tried = now.model.clone();
+            tried.push(mode);
+            refit(&problem, freedom, &tried)
+        });
+        let Some(better) = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit)) else {
+            break;
+        };
+        if (2.0 * (now.misfit - better.misfit) - 8.0) * step as f64 <= threshold {
+            break;
+        }
+        now = better;
+    }
+    now = pruned(&problem, freedom, now, threshold / step as f64)?;
+    let enough = 21.0 * count.ln();
+    let all = Problem { records, ..problem };
+    for (threshold, wanted) in [(enough, LINES), (TRIED, MORE_LINES)] {
+        let (step, some) = thin(wanted);
+        let problem = Problem {
+            records: &some,
+            ..problem
+        };
+        for turn in 0..2 {
+            if wald(&all, &now.model, freedom)? <= threshold {
+                break;
+            }
+            if wanted != LINES && turn == 0 {
+                now = refit(&problem, freedom, &now.model)?;
+            }
+            let tried = BEYOND.iter().filter_map(|share| {
+                let mut model = now.model.clone();
+                model.push(beyond(&model, excited, unit * share)?);
+                model.upper = Some([0.0; SYMMETRIC]);
+                refit(&problem, freedom, &model)
+            });
+            let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
+            let Some(better) = best.filter(|b| {
+                // Eight parameters more fit that much of the noise.
+                let gain = 2.0 * (now.misfit - b.misfit) - 8.0;
+                gain * step as f64 > threshold
+            }) else {
+                break;
+            };
+            now = better;
+            tell(now.model.modes.len(), now.misfit);
+        }
+    }
+    Some(now.model)
+}
+
+fn refit(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Descent> {
+    let until = (STEPS, SETTLED);
+    descent::descend_until(problem, model, freedom, until, &mut |_, _| ())
+}
+
+/// The same without modes that were added before others had found their place, and are no longer
+/// worth the fall of 2V that `threshold` asks for.
+fn pruned(
+    problem: &Problem<'_>,
+    freedom: Freedom,
+    mut now: Descent,
+    threshold: f64,
+) -> Option<Descent> {
+    while now.model.modes.len() > 1 {
+        let system = problem.system(&now.model, freedom, Detail::Step)?;
+        let places = freedom.places(&now.model);
+        let inverse = descent::inverse(&system.information, &places)?;
+        // Eight free parameters a mode: ln ω, ln ζ and six participations.
+        let strength = |r: usize| {
+            let told = freedom.rigid.iter().filter(|told| **told).count();
+            let first = told + (OF_MODE - 1) * r + 2;
+            let seen: Vec<usize> = (0..6)
+                .filter(|j| system.information[(places[first + j], places[first + j])] > 0.0)
+                .collect();
+            let n = seen.len();
+            let covariance = DMatrix::from_fn(n, n, |i, j| {
+                0.5 * inverse[(first + seen[i], first + seen[j])]
+            });
+            let l = &now.model.modes[r].participation;
+            let right = DMatrix::from_fn(n, 1, |i, _| l[seen[i]]);
+            let solved = super::normal::solve_symmetric(covariance, &right);
+            solved.map_or(0.0, |s| right.dot(&s))
+        };
+        let modes = &now.model.modes;
+        let beside = |r: usize| {
+            let close =
+                |o: usize| o != r && (modes[o].ln_frequency - modes[r].ln_frequency).abs() < DOUBLE;
+            (0..modes.len()).any(close)
+        };
+        // A strong mode by itself is not worth the time of a refit.
+        let mut doubtful: Vec<(f64, usize)> = (0..modes.len())
+            .map(|r| (strength(r), r))
+            .filter(|(strength, r)| *strength < 10.0 * threshold || beside(*r))
+            .collect();
+        doubtful.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let without = |r: usize| {
+            let mut fewer = now.model.clone();
+            fewer.modes.remove(r);
+            for run in &mut fewer.offsets {
+                run.remove(r);
+            }
+            let tried = refit(problem, freedom, &fewer)?;
+            (2.0 * (tried.misfit - now.misfit) - 8.0 <= threshold).then_some(tried)
+        };
+        let Some(tried) = doubtful.iter().find_map(|(_, r)| without(*r)) else {
+            break;
+        };
+        now = tried;
+    }
+    Some(now)
+}
+
+/// Wald statistic of E: how far it is from zero, in the squares of what its noise explains. E is the one
+/// that a step of Gauss and Newton leads to.
+pub(super) fn wald(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Option<f64> {
+    let Some(upper) = &model.upper else {
+        return Some(0.0);
+    };
+    let system = problem.system(model, freedom, Detail::Step)?;
+    let places = freedom.places(model);
+    let inverse = descent::inverse(&system.information, &places)?;
+    let first = RIGID + OF_MODE * model.modes.len();
+    let at: Vec<usize> = (0..places.len())
+        .filter(|&i| (first..first + SYMMETRIC).contains(&places[i]))
+        .collect();
+    // Terms along directions that do not move have no information, and no part in it.
+    let seen: Vec<usize> = (0..at.len())
+        .filter(|&i| system.information[(places[at[i]], places[at[i]])] > 0.0)
+        .collect();
+    let n = seen.len();
+    let covariance = DMatrix::from_fn(n, n, |i, j| 0.5 * inverse[(at[seen[i]], at[seen[j]])]);
+    let score = DVector::from_fn(places.len(), |i, _| system.score[places[i]]);
+    let step = &inverse * score;
+    let e = DVector::from_fn(n, |i, _| upper[seen[i]] + step[at[seen[i]]]);
+    let right = DMatrix::from_column_slice(n, 1, e.as_slice());
+    let solved = super::normal::solve_symmetric(covariance, &right)?;
+    Some(e.dot(&solved.column(0)))
+}
+
+/// A mode beyond the lines from the largest eigenpair of E.
+fn beyond(model: &Model, excited: &Excited, frequency: f64) -> Option<FittedMode> {
+    let e = model.upper_matrix();
+    let k = excited.power.len();
+    let directions = &excited.directions;
+    let whole = DMatrix::from_fn(6, 6, |i, j| e[(i, j)]);
+    let root: Vec<f64> = excited.power.iter().map(|p| p.sqrt()).collect();
+    let work = directions.transpose() * &whole * directions;
+    let symmetric = DMatrix::from_fn(k, k, |i, j| work[(i, j)] * root[i] * root[j]);
+    let eigen = symmetric.symmetric_eigen();
+    let top = eigen.eigenvalues.imax();
+    let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
+    let square = v.dot(&(&work * &v));
+    if square.is_nan() || square <= 0.0 {
+        return None;
+    }
+    // E = L Lᵀ (ω_hi/ω_r)² far below the mode.
+    let forces = whole * directions * v / square.sqrt() * (frequency / model.unit);
+    let participation = Vector6::from_fn(|i, _| forces[i]);
+    Some(FittedMode::new(frequency, 0.01, participation))
+}

@@ -1,0 +1,132 @@
+//! The method `ml` from the command line: sharper than the band where it holds, back to the band where
+//! it does not.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+
+fn massline(arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_massline"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn simulate(folder: &Path, more: &[&str]) {
+    let out = folder.to_str().unwrap();
+    let arguments = [&["simulate", "fork", "--out", out, "--quiet"], more].concat();
+    massline(&arguments);
+}
+
+fn identify(folder: &Path, method: &str) -> Value {
+    let setup = folder.join("setup.toml");
+    let arguments = [
+        "identify",
+        setup.to_str().unwrap(),
+        "--json",
+        "--method",
+        method,
+    ];
+    serde_json::from_str(&massline(&arguments)).unwrap()
+}
+
+fn numbers(result: &Value) -> [(f64, f64); 4] {
+    let of = |number: &Value| {
+        let at = |key: &str| number[key].as_f64().unwrap();
+        (at("value"), at("std"))
+    };
+    [
+        of(&result["mass"]),
+        of(&result["centre_of_gravity"][0]),
+        of(&result["centre_of_gravity"][2]),
+        of(&result["inertia_reference"]["yy"]),
+    ]
+}
+
+/// The truth of the fork: mass, x, z and Θyy about A.
+const TRUTH: [f64; 4] = [0.63076, 0.10113, 0.10733, 0.02078];
+
+#[test]
+fn the_fit_is_sharper_than_the_band_and_holds_the_truth() {
+    let scratch = tempfile::tempdir().unwrap();
+    simulate(scratch.path(), &["--noise", "0.01", "--duration", "40"]);
+    let fit = identify(scratch.path(), "ml");
+    assert_eq!(fit["method"], "ml");
+    assert_eq!(fit["likelihood"]["used"], true, "{}", fit["likelihood"]);
+    let band = numbers(&identify(scratch.path(), "apparent-mass"));
+    for (((value, std), (_, wider)), truth) in numbers(&fit).into_iter().zip(band).zip(TRUTH) {
+        // Four standard deviations: once in 16,000 draws.
+        assert!(
+            (value - truth).abs() < 4.0 * std + 1e-5 * truth,
+            "{value} {std} {truth}"
+        );
+        assert!(std < wider, "{std} {wider}");
+    }
+    let modes = fit["likelihood"]["modes"].as_array().unwrap();
+    let frequencies: Vec<f64> = modes
+        .iter()
+        .map(|m| m["frequency"].as_f64().unwrap())
+        .collect();
+    // The matrices of the mesh have 32.497 and 41.070 Hz (README, checked against).
+    for known in [32.497, 41.070] {
+        let near = frequencies.iter().any(|f| (f - known).abs() < 0.01);
+        assert!(near, "{known}: {frequencies:?}");
+    }
+    let over = fit["likelihood"]["over_bound"].as_f64().unwrap();
+    assert!((0.9..1.5).contains(&over), "{over}");
+}
+
+/// Three channels of three motions: nothing tells the accelerometers' noise without a drive.
+#[test]
+fn without_anything_that_tells_the_noise_the_numbers_are_the_bands() {
+    let scratch = tempfile::tempdir().unwrap();
+    simulate(
+        scratch.path(),
+        &["--noise", "0.01", "--duration", "20", "--no-drive"],
+    );
+    let fit = identify(scratch.path(), "ml");
+    assert_eq!(fit["likelihood"]["used"], false);
+    let why = fit["likelihood"]["stepped_back"].as_str().unwrap();
+    assert!(why.contains("nothing tells the noise of run"), "{why}");
+    assert_eq!(
+        numbers(&fit),
+        numbers(&identify(scratch.path(), "apparent-mass"))
+    );
+    let warnings = fit["warnings"].as_array().unwrap();
+    let said = |w: &Value| {
+        w.as_str()
+            .is_some_and(|w| w.contains("those of apparent-mass"))
+    };
+    assert!(warnings.iter().any(said), "{warnings:?}");
+}
+
+/// A recording whose samples are faulty now and then is cut there, and no number is made of what
+/// is missing.
+#[test]
+fn faulty_samples_cut_a_record() {
+    let scratch = tempfile::tempdir().unwrap();
+    let faults = [
+        "--through-converters",
+        "--fault",
+        "checksum",
+        "--fault-rate",
+        "2",
+    ];
+    simulate(
+        scratch.path(),
+        &[&["--duration", "60"], &faults[..]].concat(),
+    );
+    let fit = identify(scratch.path(), "ml");
+    let warnings = fit["warnings"].as_array().unwrap();
+    let said = |w: &Value| {
+        w.as_str()
+            .is_some_and(|w| w.contains("samples are faulty or lie in"))
+    };
+    assert!(warnings.iter().any(said), "{warnings:?}");
+    // One record a stretch, and more of them than runs.
+    let records = fit["likelihood"]["residuals"].as_array().unwrap().len();
+    assert!(records > 3, "{}", fit["likelihood"]);
+}
