@@ -113,11 +113,11 @@ fn faulty_samples_cut_a_record() {
         "--fault",
         "checksum",
         "--fault-rate",
-        "2",
+        "6",
     ];
     simulate(
         scratch.path(),
-        &[&["--duration", "60"], &faults[..]].concat(),
+        &[&["--duration", "20"], &faults[..]].concat(),
     );
     let fit = identify(scratch.path(), "ml");
     let warnings = fit["warnings"].as_array().unwrap();

@@ -53,11 +53,12 @@ pub fn beside_base(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -
     });
     let lines = resultants[0].len();
     let mut power = Matrix6::<f64>::zeros();
+    let scaled = |i: usize, k: usize| resultants[i][k] * scale[i];
     for k in 0..lines {
+        let a: [C; 6] = core::array::from_fn(|i| scaled(i, k));
         for j in 0..6 {
             for i in 0..6 {
-                let product = (resultants[i][k] * resultants[j][k].conj()).re;
-                power[(i, j)] += product * scale[i] * scale[j];
+                power[(i, j)] += (a[i] * a[j].conj()).re;
             }
         }
     }
