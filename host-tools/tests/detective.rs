@@ -61,6 +61,14 @@ fn nothing_is_wrong() {
     assert!(findings.clean(), "{findings:?}");
 }
 
+/// A table that moves along one axis is silent across it, and nobody is dead.
+#[test]
+fn a_motion_that_the_table_does_not_make_is_nobodys_fault() {
+    let folder = recorded("models/uniaxial-remounted.toml");
+    let findings = examine(&Setup::read(&folder.path().join("setup.toml")).unwrap());
+    assert!(findings.clean(), "{findings:?}");
+}
+
 #[test]
 fn an_inverted_sensor_on_the_structure() {
     let mut setup = setup();

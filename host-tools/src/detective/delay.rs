@@ -49,19 +49,9 @@ impl Evidence {
         (0..self.sensors.len()).filter(|i| !self.dead.contains(i))
     }
 
-    fn gauge(&self, lines: &[Line], but: Option<usize>) -> Option<Gauge> {
-        let interface = |i: &usize| self.sensors[*i].kind == Kind::Interface;
-        let channels: Vec<usize> = self
-            .live()
-            .filter(interface)
-            .filter(|i| Some(*i) != but)
-            .collect();
-        Gauge::of(lines, &channels)
-    }
-
     /// Sum of the logarithms of the shares that the motion leaves of each channel.
     fn unexplained(&self, lines: &[Line]) -> Option<f64> {
-        let gauge = self.gauge(lines, None)?;
+        let gauge = Gauge::of(lines, &self.moving(None))?;
         let regression = Regression::new(lines, &gauge, self.runs)?;
         self.live()
             .map(|i| {
@@ -79,7 +69,7 @@ impl Evidence {
     /// The delay of a channel against the others, as a phase at the highest line, where one of at
     /// least half a sample halves what they do not explain of it.
     fn lateness(&self, lines: &[Line], channel: usize) -> Option<f64> {
-        let gauge = self.gauge(lines, Some(channel))?;
+        let gauge = Gauge::of(lines, &self.moving(Some(channel)))?;
         let regression = Regression::new(lines, &gauge, self.runs)?;
         let left = |halves: i32| {
             let phase = f64::from(halves) * 0.5 * self.sample;

@@ -12,15 +12,21 @@ use crate::measure::{Channels, Measurement};
 use crate::setup::{Excitation, Mount, Setup};
 use massline_core::geometry::Placement;
 
-/// A channel whose mean coherence with the drives is below this in every run is dead.
-const DEAD: f64 = 0.3;
+/// A channel whose mean coherence with the drives is below this in every run is quiet.
+const QUIET: f64 = 0.3;
+/// It is dead if most channels that look the same way have more than this.
+const LOUD: f64 = 0.7;
+/// Cosine from which two channels look the same way.
+const PARALLEL: f64 = 0.9;
 
 /// All that is known of a group of runs with the specimen mounted in one way.
 pub(super) struct Evidence {
     pub(super) sensors: Vec<Sensor>,
     pub(super) lines: Vec<Line>,
-    /// Channels without a signal.
+    /// Channels without a signal that others have.
     pub(super) dead: Vec<usize>,
+    /// Channels without a signal, which are no part of the motion.
+    quiet: Vec<usize>,
     /// Complex equations of a line.
     pub(super) runs: usize,
     /// Phase of one sample at the highest line, rad.
@@ -140,14 +146,37 @@ impl Evidence {
                 *best = best.max(found);
             }
         }
-        let silent = |i: &usize| lines.iter().all(|line| line.products[(*i, *i)].re <= 0.0);
-        let dead = (0..n)
-            .filter(|i| coherence[*i] < DEAD || silent(i))
-            .collect();
+        for (i, coherence) in coherence.iter_mut().enumerate() {
+            if lines.iter().all(|line| line.products[(i, i)].re <= 0.0) {
+                *coherence = 0.0;
+            }
+        }
+        let quiet: Vec<usize> = (0..n).filter(|&i| coherence[i] < QUIET).collect();
+        // A motion that the table does not make is nobody's fault.
+        let dead = quiet.iter().copied().filter(|&i| {
+            let here: &Sensor = &sensors[i];
+            let peers = sensors
+                .iter()
+                .zip(&coherence)
+                .enumerate()
+                .filter(|(j, (s, _))| {
+                    *j != i
+                        && s.kind.is_cell() == here.kind.is_cell()
+                        && s.direction.dot(&here.direction).abs() > PARALLEL
+                });
+            let (mut loud, mut all) = (0, 0);
+            for (_, (_, coherence)) in peers {
+                all += 1;
+                loud += usize::from(*coherence > LOUD);
+            }
+            all >= 2 && 2 * loud > all
+        });
+        let dead = dead.collect();
         Ok(Self {
             sensors,
             lines,
             dead,
+            quiet,
             runs,
             sample: std::f64::consts::TAU * highest / rate,
             delays: Vec::new(),
@@ -163,6 +192,7 @@ impl Evidence {
             sensors,
             lines,
             dead: Vec::new(),
+            quiet: Vec::new(),
             runs,
             sample: 0.25,
             delays: Vec::new(),
@@ -188,6 +218,14 @@ impl Evidence {
         }
     }
 
+    /// The interface accelerometers that span the motion, but one.
+    pub(super) fn moving(&self, but: Option<usize>) -> Vec<usize> {
+        (0..self.sensors.len())
+            .filter(|i| self.sensors[*i].kind == Kind::Interface)
+            .filter(|i| !self.quiet.contains(i) && Some(*i) != but)
+            .collect()
+    }
+
     /// The rows of all channels, with the readings of some exchanged.
     fn state(&self, sensors: &[Sensor], exchanged: &[[usize; 2]]) -> Option<(State, usize)> {
         let mut lines = self.lines.clone();
@@ -198,11 +236,7 @@ impl Evidence {
             }
         }
         let live = |i: &usize| !self.dead.contains(i);
-        let interface: Vec<usize> = (0..sensors.len())
-            .filter(|&i| sensors[i].kind == Kind::Interface)
-            .filter(live)
-            .collect();
-        let gauge = Gauge::of(&lines, &interface)?;
+        let gauge = Gauge::of(&lines, &self.moving(None))?;
         let regression = Regression::new(&lines, &gauge, self.runs)?;
         let row = |i: usize, constant: bool| {
             let terms = if constant { 1 } else { 3 };
@@ -274,18 +308,23 @@ fn cells(state: &State) -> f64 {
         .fold(1e-12, f64::max)
 }
 
-/// Median distance of the sensors from their median, m: robust against a position in millimetres.
-fn spread(sensors: &[Sensor]) -> f64 {
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied().unwrap_or(0.0)
-    };
-    let centre =
-        Vector3::from_fn(|axis, _| median(sensors.iter().map(|s| s.position[axis]).collect()));
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The middle of the sensors: the medians of their coordinates, m.
+pub(super) fn middle(sensors: &[Sensor]) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| median(sensors.iter().map(|s| s.position[axis]).collect()))
+}
+
+/// Median distance of the sensors from their middle, m: robust against a position in millimetres.
+pub(super) fn spread(sensors: &[Sensor]) -> f64 {
+    let middle = middle(sensors);
     let distance = median(
         sensors
             .iter()
-            .map(|s| (s.position - centre).norm())
+            .map(|s| (s.position - middle).norm())
             .collect(),
     );
     if distance > 0.0 { distance } else { 1.0 }

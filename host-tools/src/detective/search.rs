@@ -88,9 +88,14 @@ fn judged(
     state: &State,
     hypothesis: &Hypothesis,
     tolerance: f64,
-    motion: &Motion,
+    (motion, freedom): (&Motion, f64),
 ) -> Option<Candidate> {
     let left = mended(bench, state, &hypothesis.fault, tolerance, motion)?;
+    // A sensor that would tell a motion of which no other knows explains everything.
+    let frees = left.freedom < freedom;
+    if frees && !matches!(hypothesis.fault, Fault::Unlisted { .. }) {
+        return None;
+    }
     Some(Candidate {
         fault: hypothesis.fault.clone(),
         score: left.chi2 + penalty(hypothesis, state, bench.motions),
@@ -225,12 +230,14 @@ fn ranked(
     hypotheses: &[Hypothesis],
     tolerance: f64,
 ) -> Vec<Candidate> {
-    let Some(motion) = bench.motion(&state.sensors, &state.rows, tolerance) else {
+    let motion = bench.motion(&state.sensors, &state.rows, tolerance);
+    let base = bench.score(&state.sensors, &state.rows, tolerance);
+    let (Some(motion), Some(base)) = (motion, base) else {
         return Vec::new();
     };
     let mut all: Vec<Candidate> = hypotheses
         .iter()
-        .filter_map(|h| judged(bench, state, h, tolerance, &motion))
+        .filter_map(|h| judged(bench, state, h, tolerance, (&motion, base.freedom)))
         .collect();
     all.sort_by(|a, b| a.score.total_cmp(&b.score));
     all

@@ -3,20 +3,23 @@
 
 use nalgebra::Vector3;
 
+use super::evidence::{middle, spread};
 use super::hypothesis::FACTORS;
 use super::model::Sensor;
 use super::search::Found;
 use crate::format::plain;
 use crate::setup::Setup;
 
-/// Density over the box that the sensors span, kg/m³, below which positions are not in metres.
+/// Density over the cube that the sensors span, kg/m³, below which positions are not in metres.
 const LIGHTEST: f64 = 0.01;
 /// Density above which the unit of the accelerations is asked for: few structures are as dense as
-/// water over such a box.
+/// water over such a cube.
 const DENSE: f64 = 1000.0;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
+/// Distance of a sensor from the middle over the median one, above which it is taken for a mistake.
+const OUTLYING: f64 = 50.0;
 /// Agreement of a ratio of masses with a usual factor.
 const NEAR: f64 = 0.05;
 
@@ -39,6 +42,19 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
             "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
             plain(nearest, 3),
             plain(nearest / farthest, 2)
+        ));
+    }
+    let (middle, spread) = (middle(&found.sensors), spread(&found.sensors));
+    let away: Vec<String> = found
+        .sensors
+        .iter()
+        .filter(|s| (s.position - middle).norm() > OUTLYING * spread)
+        .map(|s| format!("`{}`", s.channel))
+        .collect();
+    if !away.is_empty() {
+        all.push(format!(
+            "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
+            away.join(", ")
         ));
     }
     let Some(body) = found.after.body else {
@@ -74,13 +90,13 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
     let density = mass / volume;
     if density < LIGHTEST {
         all.push(format!(
-            "positions are in millimetres: {} kg in the box that the sensors span are {} kg/m³",
+            "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³",
             plain(mass, 4),
             plain(density, 2)
         ));
     } else if density > DENSE {
         all.push(format!(
-            "are the accelerometers in g? {} kg in the box that the sensors span are {} kg/m³. If so, give them `scale = 9.80665`; `known_mass` would decide it",
+            "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, give them `scale = 9.80665`; `known_mass` would decide it",
             plain(mass, 4),
             plain(density, 2)
         ));
@@ -88,13 +104,9 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
     all
 }
 
-/// Volume of the box that the sensors span, m³. A side counts as a third of the longest at least.
+/// Volume of the cube whose half side is the sensors' median distance from their middle, m³: a single
+/// position that is wrong does not change it.
 fn volume(sensors: &[Sensor]) -> Option<f64> {
-    let mut positions = sensors.iter().map(|s| s.position);
-    let first = positions.next()?;
-    let (low, high) = positions.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
-    let sides: Vector3<f64> = high - low;
-    let longest = sides.max();
-    let volume = sides.map(|side| side.max(longest / 3.0)).product();
-    (volume > 0.0).then_some(volume)
+    let volume = 8.0 * spread(sensors).powi(3);
+    (volume > 0.0 && volume.is_finite()).then_some(volume)
 }
