@@ -1,6 +1,8 @@
 //! Mistakes that people make when they write a set-up, one at a time, in the satellite's test: each
 //! is named, with the lines that mend it.
 
+mod bench;
+
 use massline::detective::{Fault, Findings, Mistake};
 use massline::identification::Session;
 use massline::setup::{AccelerometerEntry, Setup};
@@ -158,6 +160,44 @@ fn a_load_cell_that_reads_five_percent_too_much() {
         panic!("{fault:?}");
     };
     assert!((factor - 1.05).abs() < 0.005, "{factor}");
+}
+
+/// A cable that is not plugged in: noise of the order of the sensor's own, and nothing else.
+#[test]
+fn a_channel_without_a_signal() {
+    let folder = recorded("models/satellite.toml");
+    let path = folder.path().join("setup.toml");
+    bench::by_hand(&path);
+    let setup = Setup::read(&path).unwrap();
+    let mut seed = 1_u32;
+    let mut noise = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        format!(
+            "{:.6}",
+            (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5) * 0.01
+        )
+    };
+    for run in &setup.runs {
+        let file = setup.recording_path(run);
+        let text = std::fs::read_to_string(&file).unwrap();
+        let header = text.lines().find(|line| line.contains("base2.y")).unwrap();
+        let column = header
+            .split(',')
+            .position(|name| name == "base2.y")
+            .unwrap();
+        let mut kept = String::with_capacity(text.len());
+        for line in text.lines() {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            let drawn = noise();
+            if cells.len() > column && cells[column].parse::<f64>().is_ok() {
+                cells[column] = &drawn;
+            }
+            kept.push_str(&cells.join(","));
+            kept.push('\n');
+        }
+        std::fs::write(&file, kept).unwrap();
+    }
+    assert_eq!(named(&setup).1, "`base2.y` has no signal");
 }
 
 /// What all sensors share contradicts nothing, and is told by what no body is.

@@ -97,16 +97,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::KeepUnlessReport.or_force(arguments.force);
         output::check(path, inputs, existing)?;
     }
-    let (answer, findings) = if arguments.method == Some(Wanted::Likelihood) {
-        let mut session = Session::new(&setup).with_type_b();
-        let answer = reading(verbosity, |progress| {
-            let answer = session.answer_by_likelihood(&choice, progress)?;
-            Ok(session.add_modes(answer, progress)?)
-        })?;
-        (answer, None)
-    } else {
-        with_progress(&setup, &choice, verbosity)?
-    };
+    let fitted = arguments.method == Some(Wanted::Likelihood);
+    let (answer, findings) = with_progress(&setup, &choice, fitted, verbosity)?;
     let result = ResultDocument::new(&setup, &answer);
     if let Some(path) = &arguments.report {
         let truth = truth.as_ref().map(true_body);
@@ -136,19 +128,25 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     refuse(result.refused.as_deref())
 }
 
-/// The answer to a setup, with a bar on the terminal meanwhile; where the data contradict it, what
-/// they say of the sensors, too.
+/// The answer to a setup, of the method `ml` if `fitted`, with a bar on the terminal meanwhile;
+/// where the data contradict it, what they say of the sensors, too.
 ///
 /// # Errors
 /// As [`Session::answer`].
 pub(super) fn with_progress(
     setup: &Setup,
     choice: &Choice,
+    fitted: bool,
     verbosity: Verbosity,
 ) -> Result<(Answer, Option<Findings>), Failure> {
     let mut session = Session::new(setup).with_type_b();
     reading(verbosity, |progress| {
-        let answer = session.answer_with_modes(choice, progress)?;
+        let answer = if fitted {
+            session.answer_by_likelihood(choice, progress)?
+        } else {
+            session.answer(choice, progress)?
+        };
+        let answer = session.add_modes(answer, progress)?;
         let doubtful = answer.refused.is_some()
             || answer
                 .consistency

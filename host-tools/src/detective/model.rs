@@ -10,6 +10,7 @@
 use nalgebra::{DMatrix, DVector, Matrix6, RowVector6, Vector3, Vector6};
 
 use super::table::Row;
+use crate::likelihood::{Model, RIGID};
 use massline_core::geometry::Quantity;
 
 /// Kind of a sensor.
@@ -85,28 +86,11 @@ pub(super) struct Bench {
     pub(super) length: f64,
 }
 
-/// The ten derivatives of the mass matrix about the origin by mass, first moments and inertia.
-fn parts() -> [Matrix6<f64>; 10] {
+/// The ten derivatives of the mass matrix about the origin with respect to σ of equation (6).
+fn parts() -> [Matrix6<f64>; RIGID] {
     std::array::from_fn(|p| {
-        let mut m = Matrix6::zeros();
-        let mut first = |x: f64, y: f64, z: f64| {
-            let s = nalgebra::Matrix3::new(0.0, -z, y, z, 0.0, -x, -y, x, 0.0);
-            m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-s);
-            m.fixed_view_mut::<3, 3>(3, 0).copy_from(&s);
-        };
-        match p {
-            0 => (0..3).for_each(|i| m[(i, i)] = 1.0),
-            1 => first(1.0, 0.0, 0.0),
-            2 => first(0.0, 1.0, 0.0),
-            3 => first(0.0, 0.0, 1.0),
-            4..=6 => m[(p - 1, p - 1)] = 1.0,
-            _ => {
-                let (i, j) = [(3, 4), (3, 5), (4, 5)][p - 7];
-                m[(i, j)] = -1.0;
-                m[(j, i)] = -1.0;
-            }
-        }
-        m
+        let unit = std::array::from_fn(|i| f64::from(u8::from(i == p)));
+        Model::rigid(unit, 1.0, 0).rigid_matrix()
     })
 }
 

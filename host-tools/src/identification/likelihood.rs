@@ -5,7 +5,7 @@ use super::notice::notice;
 use super::refusal::refusal;
 use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session};
 use crate::likelihood::{
-    self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers, numbers_weighed,
+    self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
 };
 use crate::measure::{NoRecords, NoiseOrigin, Progress, Records, read_records};
 use crate::setup::Setup;
@@ -255,10 +255,7 @@ pub(crate) fn identification(
     known_mass: Option<f64>,
 ) -> (Identification, massline_core::identify::Covariance) {
     let sigma = &fit.model.rigid;
-    let (values, slopes) = match known_mass {
-        None => numbers(sigma, &band.reference),
-        Some(mass) => numbers_weighed(sigma, &band.reference, mass),
-    };
+    let (values, slopes) = numbers(sigma, &band.reference, known_mass);
     let covariance = slopes * fit.covariance * slopes.transpose();
     let std = |variance: f64| variance.max(0.0).sqrt();
     let of = |i: usize, seen: bool| {

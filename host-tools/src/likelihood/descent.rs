@@ -274,14 +274,8 @@ pub(super) fn descend_until(
 fn step(system: &System, places: &[usize], lambda: f64, model: &Model) -> Option<Vec<f64>> {
     let n = places.len();
     let mut matrix = DMatrix::from_fn(n, n, |i, j| system.information[(places[i], places[j])]);
-    let scale = DVector::from_fn(n, |i, _| {
-        let d = matrix[(i, i)];
-        if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
-    });
+    let scale = normal::to_unit_diagonal(&mut matrix);
     for j in 0..n {
-        for i in 0..n {
-            matrix[(i, j)] *= scale[i] * scale[j];
-        }
         matrix[(j, j)] += lambda + if scale[j] > 0.0 { 0.0 } else { 1.0 };
     }
     let right = DVector::from_fn(n, |i, _| system.score[places[i]] * scale[i]);

@@ -1,7 +1,7 @@
 //! Directions of base acceleration that rise above their noise.
 
 use super::record::Record;
-use nalgebra::{DMatrix, Matrix6};
+use nalgebra::{DMatrix, DVector, Matrix6};
 
 /// Power of a direction over its noise from which it counts as excited.
 const EXCITED: f64 = 3.0;
@@ -93,6 +93,21 @@ impl Excited {
             directions,
             power: excited.iter().map(|&i| moving.eigenvalues[i]).collect(),
         })
+    }
+
+    /// Coordinates of the motion whose work `vᵀ W v`, at the powers of this excitation, is largest,
+    /// for a work of one; `None` where none is positive.
+    pub(super) fn strongest(&self, work: &DMatrix<f64>) -> Option<DVector<f64>> {
+        let k = self.power.len();
+        let root: Vec<f64> = self.power.iter().map(|p| p.sqrt()).collect();
+        let symmetric = DMatrix::from_fn(k, k, |i, j| {
+            0.5 * (work[(i, j)] + work[(j, i)]) * root[i] * root[j]
+        });
+        let eigen = symmetric.symmetric_eigen();
+        let top = eigen.eigenvalues.imax();
+        let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
+        let square = v.dot(&(work * &v));
+        (square > 0.0).then(|| v / square.sqrt())
     }
 
     /// Takes the accelerations along other directions off, with their noise. Nothing changes where

@@ -34,7 +34,7 @@ mod transform;
 pub use fit::{Covariance10, DISAGREEMENT, Doubt, Fit, FitError, Options, RATIO, fit};
 pub use model::{FittedMode, Model, RIGID};
 pub use record::{Complex6, Noise, Record, highest, real_equations};
-pub use rigid::{covariance_of, numbers, numbers_weighed, sigma_of};
+pub use rigid::{covariance_of, numbers, sigma_of};
 pub use start::MOST_MODES;
 pub use transform::{Lines, transform};
 

@@ -132,12 +132,9 @@ pub(super) fn sums(record: &Record, model: &Model, detail: Detail, leak: bool) -
     Some(sums)
 }
 
-/// Solution of `matrix X = right` for a positive semidefinite matrix, columns scaled alike;
-/// `None` where numbers are not finite.
-pub(super) fn solve_symmetric(
-    mut matrix: DMatrix<f64>,
-    right: &DMatrix<f64>,
-) -> Option<DMatrix<f64>> {
+/// Scales a matrix to a diagonal of ones, rows and columns alike. Gives the scales; zero where the
+/// diagonal is.
+pub(super) fn to_unit_diagonal(matrix: &mut DMatrix<f64>) -> DVector<f64> {
     let n = matrix.nrows();
     let scale = DVector::from_fn(n, |i, _| {
         let d = matrix[(i, i)];
@@ -148,6 +145,17 @@ pub(super) fn solve_symmetric(
             matrix[(i, j)] *= scale[i] * scale[j];
         }
     }
+    scale
+}
+
+/// Solution of `matrix X = right` for a positive semidefinite matrix, columns scaled alike;
+/// `None` where numbers are not finite.
+pub(super) fn solve_symmetric(
+    mut matrix: DMatrix<f64>,
+    right: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let n = matrix.nrows();
+    let scale = to_unit_diagonal(&mut matrix);
     let mut scaled = right.clone();
     for j in 0..scaled.ncols() {
         for i in 0..n {

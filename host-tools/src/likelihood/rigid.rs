@@ -26,19 +26,20 @@ const MOMENTS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
 const PRODUCTS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
 /// Mass (kg), centre of gravity in the global frame (m) and inertia about it (kg m²) from σ about
-/// `reference`, and their slopes with respect to σ.
+/// `reference`, and their slopes with respect to σ. With a known mass the first number is the
+/// indicator Δ of equation (7).
 #[must_use]
 pub fn numbers(
     sigma: &[f64; RIGID],
     reference: &Vector3<f64>,
+    known_mass: Option<f64>,
 ) -> ([f64; RIGID], SMatrix<f64, RIGID, RIGID>) {
-    let mass = sigma[0];
+    let mass = known_mass.unwrap_or(sigma[0]);
     let r = [sigma[1] / mass, sigma[2] / mass, sigma[3] / mass];
     let mut values = *sigma;
     let mut slopes = SMatrix::<f64, RIGID, RIGID>::identity();
     for i in 0..3 {
         values[1 + i] = reference[i] + r[i];
-        slopes[(1 + i, 0)] = -r[i] / mass;
         slopes[(1 + i, 1 + i)] = 1.0 / mass;
     }
     // Θ_S = Θ_A - s s / m with the first moments s.
@@ -55,36 +56,15 @@ pub fn numbers(
     for (j, (p, q)) in PRODUCTS.into_iter().enumerate() {
         take(3 + j, p, q);
     }
-    (values, slopes)
-}
-
-/// The same where the mass is known: Δ, centre of gravity and inertia about it, equation (7).
-#[must_use]
-pub fn numbers_weighed(
-    sigma: &[f64; RIGID],
-    reference: &Vector3<f64>,
-    mass: f64,
-) -> ([f64; RIGID], SMatrix<f64, RIGID, RIGID>) {
-    let r = [sigma[1] / mass, sigma[2] / mass, sigma[3] / mass];
-    let mut values = *sigma;
-    let mut slopes = SMatrix::<f64, RIGID, RIGID>::identity();
-    values[0] = sigma[0] / mass;
-    slopes[(0, 0)] = 1.0 / mass;
-    for i in 0..3 {
-        values[1 + i] = reference[i] + r[i];
-        slopes[(1 + i, 1 + i)] = 1.0 / mass;
-    }
-    let mut take = |j: usize, p: usize, q: usize| {
-        values[4 + j] -= mass * r[p] * r[q];
-        slopes[(4 + j, 1 + p)] -= r[q];
-        slopes[(4 + j, 1 + q)] -= r[p];
-    };
-    for (j, (p, q)) in MOMENTS.into_iter().enumerate() {
-        take(j, p, p);
-        take(j, q, q);
-    }
-    for (j, (p, q)) in PRODUCTS.into_iter().enumerate() {
-        take(3 + j, p, q);
+    if known_mass.is_some() {
+        // The mass in these is no longer σ's.
+        values[0] = sigma[0] / mass;
+        slopes.fill_column(0, 0.0);
+        slopes[(0, 0)] = 1.0 / mass;
+    } else {
+        for i in 0..3 {
+            slopes[(1 + i, 0)] = -r[i] / mass;
+        }
     }
     (values, slopes)
 }
@@ -114,24 +94,27 @@ mod tests {
             inertia: Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
         };
         let sigma = sigma_of(&body.mass_matrix(&reference));
-        let (values, slopes) = numbers(&sigma, &reference);
-        let expected = [3.0, 0.1, -0.2, 0.3, 0.5, 0.6, 0.7, 0.05, -0.04, 0.03];
-        for (a, b) in values.iter().zip(expected) {
-            // Some ten roundings of numbers near one.
-            assert!((a - b).abs() < 1e-14, "{a} {b}");
-        }
-        // Central differences of a function with third derivatives near one: h²/6.
-        let h = 1e-4;
-        for j in 0..RIGID {
-            let at = |d: f64| {
-                let mut moved = sigma;
-                moved[j] += d;
-                numbers(&moved, &reference).0
-            };
-            let (up, down) = (at(h), at(-h));
-            for i in 0..RIGID {
-                let slope = (up[i] - down[i]) / (2.0 * h);
-                assert!((slope - slopes[(i, j)]).abs() < 1e-7, "{i} {j}");
+        for (known, first) in [(None, 3.0), (Some(3.0), 1.0)] {
+            let (values, slopes) = numbers(&sigma, &reference, known);
+            let expected = [first, 0.1, -0.2, 0.3, 0.5, 0.6, 0.7, 0.05, -0.04, 0.03];
+            for (a, b) in values.iter().zip(expected) {
+                // Some ten roundings of numbers near one.
+                assert!((a - b).abs() < 1e-14, "{known:?}: {a} {b}");
+            }
+            // Central differences of a function with third derivatives near one: h²/6.
+            let h = 1e-4;
+            for j in 0..RIGID {
+                let at = |d: f64| {
+                    let mut moved = sigma;
+                    moved[j] += d;
+                    numbers(&moved, &reference, known).0
+                };
+                let (up, down) = (at(h), at(-h));
+                for i in 0..RIGID {
+                    let slope = (up[i] - down[i]) / (2.0 * h);
+                    let error = (slope - slopes[(i, j)]).abs();
+                    assert!(error < 1e-7, "{known:?}: {i} {j}");
+                }
             }
         }
     }

@@ -3,6 +3,7 @@
 
 use super::excited::Excited;
 use super::model::{FittedMode, Model, Resonance};
+use super::normal::to_unit_diagonal;
 use super::record::Record;
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
 
@@ -156,14 +157,8 @@ impl Groups {
                 }
             }
         }
-        let scale = DVector::from_fn(size, |i, _| {
-            let d = normal[(i, i)];
-            if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
-        });
+        let scale = to_unit_diagonal(&mut normal);
         for j in 0..size {
-            for i in 0..size {
-                normal[(i, j)] *= scale[i] * scale[j];
-            }
             normal[(j, j)] += 1e-10;
         }
         let factor = normal.cholesky()?;
@@ -245,18 +240,7 @@ impl Groups {
                 .sum()
         });
         let work = self.excited.directions.transpose() * &forces;
-        let root: Vec<f64> = self.excited.power.iter().map(|p| p.sqrt()).collect();
-        let symmetric = DMatrix::from_fn(k, k, |i, j| {
-            0.5 * (work[(i, j)] + work[(j, i)]) * root[i] * root[j]
-        });
-        let eigen = symmetric.symmetric_eigen();
-        let top = eigen.eigenvalues.imax();
-        let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
-        let square = v.dot(&(&work * &v));
-        if square.is_nan() || square <= 0.0 {
-            return None;
-        }
-        let l = forces * v / square.sqrt();
+        let l = forces * self.excited.strongest(&work)?;
         Some(Vector6::from_fn(|i, _| l[i]))
     }
 }

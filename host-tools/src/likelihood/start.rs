@@ -214,21 +214,12 @@ pub(super) fn wald(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Op
 /// A mode beyond the lines from the largest eigenpair of E.
 fn beyond(model: &Model, excited: &Excited, frequency: f64) -> Option<FittedMode> {
     let e = model.upper_matrix();
-    let k = excited.power.len();
     let directions = &excited.directions;
     let whole = DMatrix::from_fn(6, 6, |i, j| e[(i, j)]);
-    let root: Vec<f64> = excited.power.iter().map(|p| p.sqrt()).collect();
     let work = directions.transpose() * &whole * directions;
-    let symmetric = DMatrix::from_fn(k, k, |i, j| work[(i, j)] * root[i] * root[j]);
-    let eigen = symmetric.symmetric_eigen();
-    let top = eigen.eigenvalues.imax();
-    let v = DVector::from_fn(k, |i, _| eigen.eigenvectors[(i, top)] * root[i]);
-    let square = v.dot(&(&work * &v));
-    if square.is_nan() || square <= 0.0 {
-        return None;
-    }
+    let strongest = excited.strongest(&work)?;
     // E = L Lᵀ (ω_hi/ω_r)² far below the mode.
-    let forces = whole * directions * v / square.sqrt() * (frequency / model.unit);
+    let forces = whole * directions * strongest * (frequency / model.unit);
     let participation = Vector6::from_fn(|i, _| forces[i]);
     Some(FittedMode::new(frequency, 0.01, participation))
 }

@@ -62,16 +62,8 @@ fn test(
             } else {
                 motion[axis] = level / radius * chance.between(0.5, 1.5);
             }
-            Plan {
-                name: format!("run {}", axis + 1),
-                excitation: Shaking::Random {
-                    motion,
-                    band: None,
-                    drive: case.drive,
-                },
-                rotation: [0.0; 3],
-                translation: [0.0; 3],
-            }
+            let name = format!("run {}", axis + 1);
+            Plan::new(name, Shaking::random(motion, case.drive))
         })
         .collect();
     let cross_talk = if case.translations {
@@ -168,7 +160,7 @@ fn one(
 ) -> Result<Drawn, TrialError> {
     let mut drawn = Drawn::default();
     let origin = nalgebra::Vector3::zeros();
-    let (values, slopes) = numbers(&truth.rigid, &origin);
+    let (values, slopes) = numbers(&truth.rigid, &origin, None);
     let [whole, band] = bounds.map(|b| b.map(|b| slopes * b * slopes.transpose()));
     let Some(whole) = whole else {
         return Ok(drawn);
