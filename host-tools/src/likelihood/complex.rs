@@ -6,6 +6,7 @@ use nalgebra::{Complex, Matrix6};
 type C = Complex<f64>;
 
 /// The product of a complex matrix and a real one.
+#[inline(always)]
 pub(super) fn times_real(a: &Matrix6<C>, b: &Matrix6<f64>) -> Matrix6<C> {
     let mut product = Matrix6::<C>::zeros();
     for j in 0..6 {
@@ -20,6 +21,7 @@ pub(super) fn times_real(a: &Matrix6<C>, b: &Matrix6<f64>) -> Matrix6<C> {
 }
 
 /// The product of a real matrix and a complex vector.
+#[inline(always)]
 pub(super) fn real_times(a: &Matrix6<f64>, x: &Complex6) -> Complex6 {
     let mut product = Complex6::zeros();
     for j in 0..6 {
@@ -31,6 +33,7 @@ pub(super) fn real_times(a: &Matrix6<f64>, x: &Complex6) -> Complex6 {
 }
 
 /// The product with a lower triangular matrix.
+#[inline(always)]
 pub(super) fn lower_times(a: &Matrix6<C>, x: &Complex6) -> Complex6 {
     let mut product = Complex6::zeros();
     for j in 0..6 {
@@ -42,17 +45,20 @@ pub(super) fn lower_times(a: &Matrix6<C>, x: &Complex6) -> Complex6 {
 }
 
 /// The product with the adjoint of a lower triangular matrix.
+#[inline(always)]
 pub(super) fn upper_adjoint_times(a: &Matrix6<C>, x: &Complex6) -> Complex6 {
     Complex6::from_fn(|j, _| (j..6).map(|i| a[(i, j)].conj() * x[i]).sum())
 }
 
 /// The product with the adjoint of a matrix.
+#[inline(always)]
 pub(super) fn adjoint_times(a: &Matrix6<C>, x: &Complex6) -> Complex6 {
     Complex6::from_fn(|j, _| (0..6).map(|i| a[(i, j)].conj() * x[i]).sum())
 }
 
 /// G⁻¹ of a Hermitian matrix C = G G*, of which the lower triangle is read; `None` where C is not
 /// positive definite.
+#[inline(always)]
 pub(super) fn inverse_factor(c: &Matrix6<C>) -> Option<Matrix6<C>> {
     let mut g = Matrix6::<C>::zeros();
     for j in 0..6 {

@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt: from start values to the most likely parameters.
 
 use super::model::{Model, OF_MODE, RIGID};
-use super::normal::{self, Detail, STRETCHES, Sums};
+use super::normal::{self, Detail, Leaked, STRETCHES};
 use super::record::Record;
 use crate::parallel;
 use nalgebra::{DMatrix, DVector};
@@ -84,8 +84,9 @@ pub(super) struct System {
 }
 
 impl Problem<'_> {
-    fn all(&self, model: &Model, detail: Detail) -> Option<Vec<Sums>> {
-        let one = |e: usize| normal::sums(&self.records[e], model, detail, self.leakage).ok_or(());
+    /// Of each record something, by as many threads as wanted.
+    fn each<T: Send>(&self, one: impl Fn(&Record, usize) -> Option<T> + Sync) -> Option<Vec<T>> {
+        let one = |e: usize| one(&self.records[e], e).ok_or(());
         if self.threads < 2 {
             return (0..self.records.len()).map(|e| one(e).ok()).collect();
         }
@@ -94,16 +95,29 @@ impl Problem<'_> {
             .map(|(sums, _)| sums)
     }
 
-    /// V with the priors.
-    pub(super) fn misfit(&self, model: &Model, freedom: Freedom) -> Option<f64> {
-        let sums = self.all(model, Detail::Misfit)?;
-        let data: f64 = sums.iter().map(|s| s.misfit).sum();
-        Some(data + priors(model, freedom, &mut |_, _, _| ()))
+    /// V with the priors, and V and leakage of each record.
+    pub(super) fn misfit(&self, model: &Model, freedom: Freedom) -> Option<(f64, Vec<Leaked>)> {
+        let records = self.each(|record, _| normal::misfit(record, model, self.leakage))?;
+        let data: f64 = records.iter().map(|r| r.misfit).sum();
+        Some((data + priors(model, freedom, &mut |_, _, _| ()), records))
     }
 
     /// Everything about a model.
     pub(super) fn system(&self, model: &Model, freedom: Freedom, detail: Detail) -> Option<System> {
-        let sums = self.all(model, detail)?;
+        let (_, leaked) = self.misfit(model, freedom)?;
+        self.system_at(model, freedom, detail, &leaked)
+    }
+
+    /// The same where V and leakage are known.
+    fn system_at(
+        &self,
+        model: &Model,
+        freedom: Freedom,
+        detail: Detail,
+        leaked: &[Leaked],
+    ) -> Option<System> {
+        let sums = self
+            .each(|record, e| normal::sums(record, model, detail, self.leakage, leaked.get(e)?))?;
         let count = model.parameters();
         let mut system = System {
             misfit: 0.0,
@@ -144,6 +158,14 @@ impl Problem<'_> {
                 score[i] -= 0.5 * weight * away;
             });
         Some(system)
+    }
+}
+
+impl System {
+    /// Fall of V along a step, were V quadratic.
+    fn promised(&self, step: &[f64]) -> f64 {
+        let step = DVector::from_column_slice(step);
+        2.0 * step.dot(&self.score) - step.dot(&(&self.information * &step))
     }
 }
 
@@ -201,6 +223,8 @@ pub(super) struct Descent {
 
 /// Fall of V at which a descent ends.
 const SETTLED: f64 = 0.05;
+/// Fall of V that a step promises below which it is not tried.
+const NOTHING: f64 = 0.01;
 /// Fall of V in the last step up to which a descent that was cut off counts as converged: half the
 /// fall that one standard deviation of one parameter makes.
 const NEARLY: f64 = 0.25;
@@ -228,6 +252,7 @@ pub(super) fn descend_until(
     let mut model = start.clone();
     let places = freedom.places(&model);
     let mut lambda = 1e-3;
+    let (_, mut leaked) = problem.misfit(&model, freedom)?;
     let mut done = Descent {
         model: start.clone(),
         misfit: f64::INFINITY,
@@ -235,7 +260,7 @@ pub(super) fn descend_until(
         converged: false,
     };
     while done.iterations < limit {
-        let system = problem.system(&model, freedom, Detail::Step)?;
+        let system = problem.system_at(&model, freedom, Detail::Step, &leaked)?;
         done.misfit = system.misfit;
         progress(done.iterations, system.misfit);
         done.iterations += 1;
@@ -243,15 +268,19 @@ pub(super) fn descend_until(
         // Ten decades: beyond that a step moves nothing.
         for _ in 0..10 {
             let step = step(&system, &places, lambda, &model);
+            if step.as_ref().is_some_and(|s| system.promised(s) < NOTHING) {
+                break;
+            }
             let moved = step.map(|step| {
                 let mut moved = model.clone();
                 moved.step(&step);
                 moved
             });
             let tried = moved.and_then(|m| problem.misfit(&m, freedom).map(|v| (m, v)));
-            if let Some((moved, misfit)) = tried
+            if let Some((moved, (misfit, of_moved))) = tried
                 && misfit < system.misfit
             {
+                leaked = of_moved;
                 fell = Some(system.misfit - misfit);
                 model = moved;
                 done.misfit = misfit;

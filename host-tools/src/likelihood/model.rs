@@ -205,6 +205,7 @@ pub(super) fn triangle() -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Columns of B for an acceleration: the force that each of σ adds, equation (8) written for (6).
+#[inline(always)]
 pub(super) fn rigid_columns(a: &Complex6) -> [Complex6; RIGID] {
     let zero = Complex::new(0.0, 0.0);
     let [x, y, z, alpha, beta, gamma] = [a[0], a[1], a[2], a[3], a[4], a[5]];
@@ -240,8 +241,12 @@ pub(super) type Slopes = [Complex<f64>; 3];
 
 impl Resonance {
     /// At x = ω/ω_r.
+    #[inline(always)]
     pub(super) fn new(x: f64, damping: f64, exponent: f64) -> Self {
-        let damper = Complex::new(0.0, 2.0 * damping * x.powf(exponent));
+        let damper = Complex::new(
+            0.0,
+            2.0 * damping * if exponent == 1.0 { x } else { x.powf(exponent) },
+        );
         let denominator = Complex::from(1.0 - x * x) + damper;
         Self {
             x,
@@ -252,11 +257,13 @@ impl Resonance {
     }
 
     /// D.
+    #[inline(always)]
     pub(super) fn response(&self) -> Complex<f64> {
         self.inverse * (self.x * self.x)
     }
 
     /// Slopes of the denominator.
+    #[inline(always)]
     fn denominator_slopes(&self) -> Slopes {
         [
             Complex::from(2.0 * self.x * self.x) - self.damper * self.exponent,
@@ -266,6 +273,7 @@ impl Resonance {
     }
 
     /// Slopes of D.
+    #[inline(always)]
     pub(super) fn response_slopes(&self) -> Slopes {
         let d = self.response();
         let mut slopes = self.denominator_slopes().map(|s| -d * self.inverse * s);
@@ -274,11 +282,13 @@ impl Resonance {
     }
 
     /// Functions that leakage of the mode consists of: 1/N and j x/N.
+    #[inline(always)]
     pub(super) fn leakage(&self) -> [Complex<f64>; 2] {
         [self.inverse, self.inverse * Complex::new(0.0, self.x)]
     }
 
     /// `u/N + v j x/N` and its slopes.
+    #[inline(always)]
     pub(super) fn leaked(&self, [u, v]: [f64; 2]) -> (Complex<f64>, Slopes) {
         let [p, q] = self.leakage();
         let sum = p * u + q * v;

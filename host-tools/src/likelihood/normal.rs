@@ -14,6 +14,7 @@ use super::model::{
 };
 use super::record::{Complex6, Record};
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
+use pulp::{Arch, Simd, WithSimd};
 
 type C = Complex<f64>;
 
@@ -44,8 +45,6 @@ pub(super) struct Sums {
 /// Degree of detail of the sums.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Detail {
-    /// V alone.
-    Misfit,
     /// Gradient and information.
     Step,
     /// The score by stretches and the residuals of each line as well.
@@ -70,33 +69,76 @@ pub(super) fn leakage_terms(record: &Record, model: &Model) -> usize {
     2 * leaking(record, model).len() + POLYNOMIAL * record.equation_count()
 }
 
-/// Sums of one record at a model; `None` where numbers are not finite.
-pub(super) fn sums(record: &Record, model: &Model, detail: Detail, leak: bool) -> Option<Sums> {
+/// V of one record, and the coefficients of leakage that make it least.
+pub(super) struct Leaked {
+    pub(super) misfit: f64,
+    coefficients: Vec<f64>,
+}
+
+/// V and leakage of one record at a model; `None` where numbers are not finite.
+pub(super) fn misfit(record: &Record, model: &Model, leak: bool) -> Option<Leaked> {
     let evaluation = Evaluation::new(record, model, leak);
-    let (misfit, coefficients) = evaluation.leakage()?;
-    let lines = record.frequencies.len();
+    Arch::new().dispatch(Leakage(&evaluation))
+}
+
+/// Sums of one record at a model, with its V and leakage; `None` where numbers are not finite.
+pub(super) fn sums(
+    record: &Record,
+    model: &Model,
+    detail: Detail,
+    leak: bool,
+    leaked: &Leaked,
+) -> Option<Sums> {
+    let evaluation = Evaluation::new(record, model, leak);
+    Arch::new().dispatch(AllSums(&evaluation, detail, leaked))
+}
+
+/// Passes over the lines, compiled for the widest lanes that the processor has. Products are rounded
+/// before they are added, so that all processors give the same bits.
+struct Leakage<'a>(&'a Evaluation<'a>);
+
+impl WithSimd for Leakage<'_> {
+    type Output = Option<Leaked>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        self.0.leakage()
+    }
+}
+
+struct AllSums<'a>(&'a Evaluation<'a>, Detail, &'a Leaked);
+
+impl WithSimd for AllSums<'_> {
+    type Output = Option<Sums>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        all_sums(self.0, self.1, self.2)
+    }
+}
+
+#[inline(always)]
+fn all_sums(evaluation: &Evaluation<'_>, detail: Detail, leaked: &Leaked) -> Option<Sums> {
+    let lines = evaluation.record.frequencies.len();
     let mut sums = Sums {
-        misfit,
+        misfit: leaked.misfit,
         information: DMatrix::zeros(0, 0),
         score: DVector::zeros(0),
         stretches: Vec::new(),
         residuals: Vec::new(),
     };
-    if detail == Detail::Misfit {
-        return Some(sums);
-    }
-    let (p, t) = (local(model), evaluation.columns);
+    let (p, t) = (local(evaluation.model), evaluation.columns);
     let width = p + t + 1;
     let mut square = Square::new(width);
     let mut parts = vec![vec![0.0; width]; if detail == Detail::Test { STRETCHES } else { 0 }];
-    let mut rows = vec![0.0; ROWS * width];
+    let mut rows = square.rows();
     for k in 0..lines {
-        let size = evaluation.rows(k, &coefficients, &mut rows)?;
+        let size = evaluation.rows(k, &leaked.coefficients, &mut rows)?;
         square.add(&rows);
         if detail == Detail::Test {
             sums.residuals.push(size);
             let part = &mut parts[(k * STRETCHES / lines.max(1)).min(STRETCHES - 1)];
-            for row in rows.chunks_exact(width) {
+            for row in rows.values.chunks_exact(rows.length) {
                 let e = row[width - 1];
                 for (sum, x) in part.iter_mut().zip(row) {
                     *sum += x * e;
@@ -181,44 +223,92 @@ pub(super) fn solve_symmetric(
     solved.iter().all(|x| x.is_finite()).then_some(solved)
 }
 
-/// Sum of products of rows: its upper triangle, row after row with the full width.
+/// Numbers that processors work on at a time, at most.
+const LANES: usize = 4;
+
+/// Sum of products of rows: its upper triangle, row after row.
 struct Square {
     width: usize,
+    /// The next multiple of [`LANES`]: length of a row.
+    padded: usize,
     sums: Vec<f64>,
 }
 
 impl Square {
     fn new(width: usize) -> Self {
+        let padded = width.next_multiple_of(LANES);
         Self {
             width,
-            sums: vec![0.0; width * width],
+            padded,
+            sums: vec![0.0; width * padded],
         }
     }
 
-    /// Adds the products of some rows, four at a time.
-    fn add(&mut self, rows: &[f64]) {
-        let n = self.width;
-        for four in rows.chunks_exact(4 * n) {
-            let (a, rest) = four.split_at(n);
-            let (b, rest) = rest.split_at(n);
-            let (c, d) = rest.split_at(n);
-            for (i, sums) in self.sums.chunks_exact_mut(n).enumerate() {
-                let (p, q, r, s) = (a[i], b[i], c[i], d[i]);
-                if p == 0.0 && q == 0.0 && r == 0.0 && s == 0.0 {
-                    continue;
-                }
-                let columns = a[i..].iter().zip(&b[i..]).zip(c[i..].iter().zip(&d[i..]));
-                for (sum, ((a, b), (c, d))) in sums[i..].iter_mut().zip(columns) {
-                    *sum += (p * a + q * b) + (r * c + s * d);
-                }
+    /// Zeros in place of the rows of a line.
+    fn rows(&self) -> Rows {
+        Rows {
+            length: self.padded,
+            values: vec![0.0; ROWS * self.padded],
+        }
+    }
+
+    /// Adds the products of the rows of a line.
+    #[inline(always)]
+    fn add(&mut self, rows: &Rows) {
+        let n = self.padded;
+        let mut of_line: [&[f64]; ROWS] = [&[]; ROWS];
+        for (row, of) in of_line.iter_mut().zip(rows.values.chunks_exact(n)) {
+            *row = of;
+        }
+        for (i, sums) in self.sums.chunks_exact_mut(n).enumerate() {
+            let mut f = [0.0; ROWS];
+            let mut bits = 0;
+            for (f, row) in f.iter_mut().zip(of_line) {
+                *f = row[i];
+                bits |= f.to_bits();
+            }
+            // Zero, of either sign.
+            if bits << 1 == 0 {
+                continue;
+            }
+            // Whole lanes, from below the diagonal if need be.
+            let sums = &mut sums[i / LANES * LANES..];
+            let mut x = of_line;
+            for row in &mut x {
+                *row = &row[i / LANES * LANES..][..sums.len()];
+            }
+            for (j, sum) in sums.iter_mut().enumerate() {
+                // One addition after the other would wait for each.
+                let four = |q: usize| {
+                    (f[q] * x[q][j] + f[q + 1] * x[q + 1][j])
+                        + (f[q + 2] * x[q + 2][j] + f[q + 3] * x[q + 3][j])
+                };
+                *sum += (four(0) + four(4)) + four(8);
             }
         }
     }
 
     fn symmetric(&self) -> DMatrix<f64> {
         DMatrix::from_fn(self.width, self.width, |i, j| {
-            self.sums[i.min(j) * self.width + i.max(j)]
+            self.sums[i.min(j) * self.padded + i.max(j)]
         })
+    }
+}
+
+/// Rows of a line: real parts before imaginary ones.
+struct Rows {
+    length: usize,
+    values: Vec<f64>,
+}
+
+impl Rows {
+    /// Puts a complex column into them.
+    #[inline(always)]
+    fn put(&mut self, at: usize, column: &Complex6) {
+        for (i, x) in column.iter().enumerate() {
+            self.values[i * self.length + at] = x.re;
+            self.values[(i + 6) * self.length + at] = x.im;
+        }
     }
 }
 
@@ -304,6 +394,7 @@ impl<'a> Evaluation<'a> {
         }
     }
 
+    #[inline(always)]
     fn line(&self, k: usize) -> Option<Line> {
         let frequency = self.record.frequencies[k];
         let ratio = frequency / self.model.unit;
@@ -350,6 +441,7 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Calls `column` with each leakage column of a line, whitened.
+    #[inline(always)]
     fn leakage_columns(&self, k: usize, line: &Line, mut column: impl FnMut(usize, &Complex6)) {
         if self.columns == 0 {
             return;
@@ -374,43 +466,48 @@ impl<'a> Evaluation<'a> {
         }
     }
 
-    /// V, and the coefficients of leakage that make it least.
-    fn leakage(&self) -> Option<(f64, Vec<f64>)> {
+    #[inline(always)]
+    fn leakage(&self) -> Option<Leaked> {
         let width = self.columns + 1;
         let mut square = Square::new(width);
-        let mut rows = vec![0.0; ROWS * width];
+        let mut rows = square.rows();
         for k in 0..self.record.frequencies.len() {
             let line = self.line(k)?;
-            self.leakage_columns(k, &line, |at, column| put(&mut rows, width, at, column));
-            put(&mut rows, width, self.columns, &line.residual);
+            self.leakage_columns(k, &line, |at, column| rows.put(at, column));
+            rows.put(self.columns, &line.residual);
             square.add(&rows);
         }
         let full = square.symmetric();
         let t = self.columns;
         let misfit = full[(t, t)];
         if t == 0 {
-            return misfit.is_finite().then(|| (misfit, Vec::new()));
+            return misfit.is_finite().then(|| Leaked {
+                misfit,
+                coefficients: Vec::new(),
+            });
         }
         let own = full.view((0, 0), (t, t)).into_owned();
         let right = full.view((0, t), (t, 1)).into_owned();
         let solved = solve_symmetric(own, &right)?;
         let explained = (right.transpose() * &solved)[(0, 0)];
         let misfit = misfit - explained;
-        misfit
-            .is_finite()
-            .then(|| (misfit, solved.column(0).iter().copied().collect()))
+        misfit.is_finite().then(|| Leaked {
+            misfit,
+            coefficients: solved.column(0).iter().copied().collect(),
+        })
     }
 
     /// Rows of J, of the leakage columns and ε of a line, whitened, real parts before imaginary
     /// ones. Gives |ε|².
-    fn rows(&self, k: usize, coefficients: &[f64], rows: &mut [f64]) -> Option<f64> {
+    #[inline(always)]
+    fn rows(&self, k: usize, coefficients: &[f64], rows: &mut Rows) -> Option<f64> {
         let line = self.line(k)?;
         let p = local(self.model);
         let width = p + self.columns + 1;
         let mut epsilon = line.residual;
         self.leakage_columns(k, &line, |at, column| {
             epsilon -= column * Complex::from(coefficients[at]);
-            put(rows, width, p + at, column);
+            rows.put(p + at, column);
         });
         // Ã = A + level Ca M* G⁻* ε.
         let back = adjoint_times(&line.mass, &upper_adjoint_times(&line.whitener, &epsilon));
@@ -419,7 +516,7 @@ impl<'a> Evaluation<'a> {
         let base = self.record.base[k] + pull;
 
         for (j, column) in rigid_columns(&base).iter().enumerate() {
-            put(rows, width, j, &self.whitened(&line, column));
+            rows.put(j, &self.whitened(&line, column));
         }
         for (r, seen) in self.modes.iter().enumerate() {
             let resonance = &line.resonances[r];
@@ -431,9 +528,9 @@ impl<'a> Evaluation<'a> {
             let slopes = resonance.response_slopes();
             let at = RIGID + OF_MODE * r;
             let of = |s: usize| shape * (slopes[s] * drive + leaked_slopes[s]);
-            put(rows, width, at, &of(0));
-            put(rows, width, at + 1, &of(1));
-            put(rows, width, at + 8, &of(2));
+            rows.put(at, &of(0));
+            rows.put(at + 1, &of(1));
+            rows.put(at + 8, &of(2));
             let through = d * drive + leaked;
             for j in 0..6 {
                 // Of L (L·a) D and of L times leakage.
@@ -444,7 +541,7 @@ impl<'a> Evaluation<'a> {
                     lower_times(&line.whitener, &unit.map(Complex::from))
                 };
                 let column = own * through + shape * (d * base[j]);
-                put(rows, width, at + 2 + j, &column);
+                rows.put(at + 2 + j, &column);
             }
         }
         if self.model.upper.is_some() {
@@ -457,19 +554,15 @@ impl<'a> Evaluation<'a> {
                 if i != j {
                     force[j] += base[i];
                 }
-                put(
-                    rows,
-                    width,
-                    first + at,
-                    &self.whitened(&line, &(force * square)),
-                );
+                rows.put(first + at, &self.whitened(&line, &(force * square)));
             }
         }
-        put(rows, width, width - 1, &epsilon);
+        rows.put(width - 1, &epsilon);
         let size = epsilon.norm_squared();
         size.is_finite().then_some(size)
     }
 
+    #[inline(always)]
     fn whitened(&self, line: &Line, force: &Complex6) -> Complex6 {
         if self.complete {
             lower_times(&line.whitener, force)
@@ -479,18 +572,11 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Leakage of a mode at a line, per participation, and its slopes.
+    #[inline(always)]
     fn leaked(&self, r: usize, resonance: &Resonance, coefficients: &[f64]) -> (C, Slopes) {
         match self.leaking.iter().position(|&l| l == r) {
             Some(at) => resonance.leaked([coefficients[2 * at], coefficients[2 * at + 1]]),
             None => (Complex::new(0.0, 0.0), [Complex::new(0.0, 0.0); 3]),
         }
-    }
-}
-
-/// Puts a complex column into real rows.
-fn put(rows: &mut [f64], width: usize, at: usize, column: &Complex6) {
-    for (i, x) in column.iter().enumerate() {
-        rows[i * width + at] = x.re;
-        rows[(i + 6) * width + at] = x.im;
     }
 }

@@ -96,7 +96,10 @@ fn the_gradient_is_that_of_differences() {
             step[i] = h;
             let mut moved = model.clone();
             moved.step(&step);
-            problem.misfit(&moved, Freedom::all([true; RIGID])).unwrap()
+            problem
+                .misfit(&moved, Freedom::all([true; RIGID]))
+                .unwrap()
+                .0
         };
         for i in 0..model.parameters() {
             let h = 1e-5;
@@ -122,11 +125,17 @@ fn offsets_cost_what_their_prior_says() {
         leakage: false,
         threads: 1,
     };
-    let before = problem.misfit(&truth, Freedom::all([true; RIGID])).unwrap();
+    let before = problem
+        .misfit(&truth, Freedom::all([true; RIGID]))
+        .unwrap()
+        .0;
     let mut model = truth.clone();
     // The record is of run 0, so that only the prior sees run 1.
     model.offsets[1][0] = [OFFSET, 0.0];
-    let after = problem.misfit(&model, Freedom::all([true; RIGID])).unwrap();
+    let after = problem
+        .misfit(&model, Freedom::all([true; RIGID]))
+        .unwrap()
+        .0;
     assert!((after - before - 0.5).abs() < 1e-9, "{before} {after}");
 }
 
@@ -224,7 +233,8 @@ fn leakage_terms_explain_how_a_record_begins_and_ends() {
         misfits.push(
             problem
                 .misfit(&truth, Freedom::least([true; RIGID]))
-                .unwrap(),
+                .unwrap()
+                .0,
         );
     }
     println!(

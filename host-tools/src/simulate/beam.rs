@@ -274,6 +274,7 @@ impl BeamModel {
                     name: format!("mode {}", index + 1),
                     frequency: *frequency,
                     damping: self.damping.zeta,
+                    exponent: 1.0,
                     participation,
                 }
             })

@@ -113,6 +113,7 @@ pub(super) fn specimen(bodies: &[Body], sprung: &[SprungMass]) -> Specimen {
                 name: mass.name.clone(),
                 frequency: mass.frequency,
                 damping: mass.damping,
+                exponent: 1.0,
                 participation: motion_row(&mass.position, &mass.direction) * mass.mass.sqrt(),
             }
         })

@@ -35,6 +35,8 @@ pub struct Mode {
     pub frequency: f64,
     /// Damping ratio, a share of critical damping.
     pub damping: f64,
+    /// Power of ω/ω_r that the damping term rises with: 1 viscous, 0 structural.
+    pub exponent: f64,
     /// L_r for unit modal mass, √kg and √kg m.
     pub participation: Vector6<f64>,
 }

@@ -73,10 +73,15 @@ impl DriveResponse {
     }
 }
 
-/// D(ω) = ω² / (ω_r² - ω² + 2 j ζ_r ω_r ω), relative over base acceleration of a mode;
-/// both frequencies in Hz.
+/// D(ω) = ω² / (ω_r² - ω² + 2 j ζ_r ω_r² (ω/ω_r)^p), relative over base acceleration of a mode with
+/// the damping exponent p; both frequencies in Hz.
 pub(super) fn modal_response(mode: &Mode, frequency: f64) -> Complex<f64> {
-    over_base(mode.frequency, mode.damping, frequency)
+    let damping = if mode.exponent == 1.0 {
+        mode.damping
+    } else {
+        mode.damping * libm::pow(frequency / mode.frequency, mode.exponent - 1.0)
+    };
+    over_base(mode.frequency, damping, frequency)
 }
 
 /// ρ(ω) = ω_t² / (ω_t² - ω² + 2 j ζ_t ω_t ω) - 1: how far the table's coupling has grown
@@ -199,6 +204,7 @@ mod tests {
         name: String::new(),
         frequency: 36.0,
         damping: 0.01,
+        exponent: 1.0,
         participation: Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 

@@ -40,6 +40,7 @@
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
 //! | `scratch` | recordings of a trial in files |
+//! | `marked` | tables in Markdown pages |
 //! | `structures` | random structures and sensors |
 //! | `chance` | random choices |
 
@@ -50,6 +51,7 @@ mod estimate;
 #[cfg(test)]
 mod false_alarms;
 pub mod likelihood;
+pub mod marked;
 mod monte_carlo;
 mod options;
 mod page;

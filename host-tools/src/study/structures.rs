@@ -54,10 +54,21 @@ pub(super) fn rigid(chance: &mut Chance) -> Structure {
 /// as in every structure.
 pub(super) fn elastic(chance: &mut Chance, first: f64) -> Structure {
     let mut structure = rigid(chance);
-    let Some(root) = structure.specimen.mass_matrix.cholesky() else {
-        return structure;
-    };
     let count = chance.whole(3, 5);
+    add_modes(chance, &mut structure, first, (count, [1.05, 1.4]));
+    structure
+}
+
+/// Adds so many modes to a structure, each next one higher by a ratio within `apart`.
+pub(super) fn add_modes(
+    chance: &mut Chance,
+    structure: &mut Structure,
+    first: f64,
+    (count, apart): (usize, [f64; 2]),
+) {
+    let Some(root) = structure.specimen.mass_matrix.cholesky() else {
+        return;
+    };
     let total = chance.between(0.3, 0.7);
     let parts: Vec<f64> = (0..count).map(|_| chance.between(0.2, 1.0)).collect();
     let sum: f64 = parts.iter().sum();
@@ -68,11 +79,11 @@ pub(super) fn elastic(chance: &mut Chance, first: f64) -> Structure {
             name: format!("mode {}", number + 1),
             frequency,
             damping: chance.between(0.005, 0.02),
+            exponent: 1.0,
             participation: root.l() * direction * libm::sqrt(total * part / sum),
         });
-        frequency *= chance.between(1.05, 1.4);
+        frequency *= chance.between(apart[0], apart[1]);
     }
-    structure
 }
 
 /// Readings of the modes by a sensor on the structure: one random gain each, as large as where a

@@ -1,9 +1,12 @@
 //! `massline study coverage`: how many 95 % intervals hold the truth.
 
+use super::Page;
 use crate::commands::{Bar, Failure, Verbosity, print_json};
-use crate::output;
 use crate::study::coverage::{self, Document, Options};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+/// Name of the marks in a page.
+const NAME: &str = "coverage";
 
 /// Count how many 95 % intervals hold the truth, over many simulated tests
 #[derive(clap::Args)]
@@ -27,15 +30,11 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    // Before an hour of work rather than after it.
-    let page = arguments.page.as_deref().map(read_page).transpose()?;
+    let page = Page::read(arguments.page.as_deref(), NAME)?;
     let bar = Bar::new("counting", verbosity);
     let found = coverage::run(&arguments.options, &mut |share, case| bar.set(share, case))?;
     drop(bar);
-    if let (Some(path), Some(page)) = (&arguments.page, page) {
-        let new = coverage::insert(&page, &coverage::markdown(&found));
-        output::write(path, new.unwrap_or(page).as_bytes())?;
-    }
+    page.write(|| coverage::markdown(&found))?;
     if arguments.json {
         print_json(&Document::new(&found))?;
     } else {
@@ -49,16 +48,4 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         });
     }
     Ok(())
-}
-
-fn read_page(path: &Path) -> Result<String, Failure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
-    if coverage::insert(&text, "").is_none() {
-        return Err(Failure::input(format!(
-            "{}: expected the lines `<!-- coverage: begin -->` and `<!-- coverage: end -->`, between which the table goes",
-            path.display()
-        )));
-    }
-    Ok(text)
 }

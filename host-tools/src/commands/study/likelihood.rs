@@ -1,8 +1,13 @@
 //! `massline study likelihood`: the maximum likelihood fit beside its bound.
 
+use super::Page;
 use crate::commands::Verbosity;
 use crate::commands::{Bar, Failure, print_json};
 use crate::study::likelihood::{self, Document, Options};
+use std::path::PathBuf;
+
+/// Name of the marks in a page.
+const NAME: &str = "likelihood";
 
 /// Hold method ml against the Cramér-Rao bound and the band's method, over random structures
 #[derive(clap::Args)]
@@ -13,7 +18,7 @@ pub struct Arguments {
     /// Random structures a row
     #[arg(long, value_name = "N", default_value_t = Options::default().structures)]
     structures: usize,
-    /// One kind of test only; may be given several times [possible: drive, no-drive, translations, translations-no-drive, just-beyond, pair, moved]
+    /// One kind of test only; may be given several times [possible: drive, no-drive, translations, translations-no-drive, just-beyond, pair, moved, structural, many]
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// Levels of noise, each a share of a channel's RMS over all runs
@@ -31,6 +36,10 @@ pub struct Arguments {
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
+    /// Write the table into a Markdown page, between `<!-- likelihood: begin -->` and
+    /// `<!-- likelihood: end -->`
+    #[arg(long, value_name = "FILE.md")]
+    page: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -46,9 +55,11 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         seed: arguments.seed,
         threads: arguments.threads,
     };
+    let page = Page::read(arguments.page.as_deref(), NAME)?;
     let bar = Bar::new("fitting", verbosity);
     let found = likelihood::run(&options, &mut |share, case| bar.set(share, case))?;
     drop(bar);
+    page.write(|| likelihood::markdown(&found))?;
     if arguments.json {
         return print_json(&Document::new(&found));
     }

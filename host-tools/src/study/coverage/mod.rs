@@ -19,7 +19,7 @@ mod table;
 mod tally;
 
 pub use cases::CaseError;
-pub use table::{Document, insert, markdown, print};
+pub use table::{Document, markdown, print};
 pub use tally::{Count, Interval, NAMES, NUMBERS, Tally, numbers, truths};
 
 use super::chance::Chance;

@@ -310,19 +310,6 @@ pub fn markdown(coverage: &Coverage) -> String {
     text
 }
 
-/// Mark of the beginning of the table in a page.
-const BEGIN: &str = "<!-- coverage: begin -->";
-/// Mark of its end.
-const END: &str = "<!-- coverage: end -->";
-
-/// A page with the section between its marks replaced; `None` if it has no such marks.
-#[must_use]
-pub fn insert(page: &str, section: &str) -> Option<String> {
-    let (before, rest) = page.split_once(BEGIN)?;
-    let (_, after) = rest.split_once(END)?;
-    Some(format!("{before}{BEGIN}\n\n{section}\n{END}{after}"))
-}
-
 /// The counts as one JSON document, `massline/coverage/1`.
 #[derive(Debug, Serialize)]
 pub struct Document {
@@ -429,18 +416,5 @@ impl Document {
             cells: coverage.cells.iter().map(cell).collect(),
             together: sums(coverage).into_iter().map(sum).collect(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_page_keeps_what_stands_around_the_table() {
-        let page = format!("before {BEGIN} old {END} after");
-        let new = insert(&page, "new").unwrap_or_default();
-        assert_eq!(new, format!("before {BEGIN}\n\nnew\n{END} after"));
-        assert_eq!(insert("no marks", "new"), None);
     }
 }

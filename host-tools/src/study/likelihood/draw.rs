@@ -7,7 +7,7 @@ use crate::likelihood::{
 };
 use crate::simulate::{Measurement, Model, Plan, Shaking, Table};
 use crate::study::chance::Chance;
-use crate::study::structures::{Structure, elastic, load_cells, motion_sensors};
+use crate::study::structures::{Structure, add_modes, elastic, load_cells, motion_sensors, rigid};
 use crate::study::trial::{Conditions, Trial, TrialError};
 use massline_core::identify::{Estimate, Identification};
 use massline_core::masslines::Method;
@@ -19,15 +19,33 @@ const RATE: f64 = 512.0;
 const LOWEST: f64 = 1.0;
 /// Highest line over the second mode.
 const HIGHEST: f64 = 1.2;
+/// Integers that f64 counts without gaps.
+const SEEDS: f64 = 9_007_199_254_740_992.0;
 /// End of the averaging band over the first mode.
 const BAND: f64 = 0.45;
+
+/// Modes of the case of many, and how far they lie apart.
+const MANY: (usize, [f64; 2]) = (20, [1.02, 1.08]);
+/// Highest line over the last of many modes.
+const BEYOND_MANY: f64 = 1.05;
 
 /// The test of a draw, and its highest line in Hz.
 fn model(case: &Case, options: &Options, chance: &mut Chance) -> (Model, f64) {
     let first = 20.0 * chance.between(2.0, 3.0);
-    let mut structure = elastic(chance, first);
+    let mut structure = if case.disturbance == Disturbance::Many {
+        let mut structure = rigid(chance);
+        add_modes(chance, &mut structure, first, MANY);
+        structure
+    } else {
+        elastic(chance, first)
+    };
     let modes = &mut structure.specimen.modes;
     match case.disturbance {
+        Disturbance::Structural => {
+            for mode in modes.iter_mut() {
+                mode.exponent = 0.0;
+            }
+        }
         Disturbance::JustBeyond => {
             let beyond = modes[1].frequency * HIGHEST * 1.005;
             let rise = beyond / modes[2].frequency;
@@ -36,13 +54,14 @@ fn model(case: &Case, options: &Options, chance: &mut Chance) -> (Model, f64) {
             }
         }
         Disturbance::Pair => modes[1].frequency = modes[0].frequency * 1.003,
-        Disturbance::None | Disturbance::Moved => {}
+        Disturbance::None | Disturbance::Moved | Disturbance::Many => {}
     }
-    let (first, second) = (modes[0].frequency, modes[1].frequency);
-    (
-        test(case, options, chance, &structure, first),
-        HIGHEST * second,
-    )
+    let first = modes[0].frequency;
+    let highest = match case.disturbance {
+        Disturbance::Many => modes[MANY.0 - 1].frequency * BEYOND_MANY,
+        _ => HIGHEST * modes[1].frequency,
+    };
+    (test(case, options, chance, &structure, first), highest)
 }
 
 fn test(
@@ -99,7 +118,9 @@ fn test(
 
 /// All levels of noise of one draw.
 pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Drawn>, TrialError> {
-    let mut chance = Chance::new(seed, &["likelihood"]);
+    let mut chance = Chance::new(seed, &["likelihood", case.name]);
+    // Each case has noise and excitation of its own.
+    let seed = chance.between(0.0, SEEDS) as u64;
     let (model, highest) = model(case, options, &mut chance);
     let first = model.specimen.modes.first().map_or(1.0, |m| m.frequency);
     let mut conditions = Conditions::default();
@@ -114,11 +135,11 @@ pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Draw
         trial.setup.runs.len(),
     );
     for mode in &specimen.modes {
-        truth.push(FittedMode::new(
-            mode.frequency,
-            mode.damping,
-            mode.participation,
-        ));
+        let fitted = FittedMode::new(mode.frequency, mode.damping, mode.participation);
+        truth.push(FittedMode {
+            exponent: mode.exponent,
+            ..fitted
+        });
     }
     let clean = trial.lines(None, [LOWEST, highest])?.records;
     let below = specimen

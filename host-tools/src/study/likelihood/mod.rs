@@ -5,6 +5,8 @@
 //!
 //! * **Random elastic structures**, a new one in each draw, 5 to 500 kg with three to five modes,
 //!   six runs of 40 s at 512 Hz. White noise on every channel, the drive included.
+//! * **Draws, not threads, have seeds**, and each kind of test has its own. Levels of noise share the
+//!   structure and the shape of the noise.
 //! * **All lines up to 1.2 times the second mode.** The bound is that of these lines, for the true
 //!   model and the true noise; beside it stands the bound of the averaging band alone.
 //! * **The numbers of the command.** Fits that fail their tests step back as in `identify`, and
@@ -13,7 +15,7 @@
 mod draw;
 mod table;
 
-pub use table::{Document, print};
+pub use table::{Document, markdown, print};
 
 use super::trial::TrialError;
 use crate::parallel;
@@ -76,10 +78,14 @@ pub enum Disturbance {
     Pair,
     /// The first mode 0.5 % lower in one run.
     Moved,
+    /// Structural damping in place of viscous.
+    Structural,
+    /// Twenty modes, all of them below the last line.
+    Many,
 }
 
 /// All kinds, in the order of the table.
-pub const CASES: [Case; 7] = [
+pub const CASES: [Case; 9] = [
     Case {
         name: "drive",
         drive: true,
@@ -121,6 +127,18 @@ pub const CASES: [Case; 7] = [
         drive: true,
         translations: false,
         disturbance: Disturbance::Moved,
+    },
+    Case {
+        name: "structural",
+        drive: true,
+        translations: false,
+        disturbance: Disturbance::Structural,
+    },
+    Case {
+        name: "many",
+        drive: true,
+        translations: false,
+        disturbance: Disturbance::Many,
     },
 ];
 

@@ -3,6 +3,7 @@
 use super::{Drawn, Found, NUMBERS, Row, Scored};
 use anstyle::Style;
 use serde::Serialize;
+use std::fmt::Write as _;
 use std::io::{Result, Write};
 
 const BOLD: Style = Style::new().bold();
@@ -133,6 +134,60 @@ impl Document {
             rows: found.rows.iter().map(RowDocument::new).collect(),
         }
     }
+}
+
+/// The rows as Markdown.
+#[must_use]
+pub fn markdown(found: &Found) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{} structures a row, six runs of {} s, seed {}. {:.0} s of work over all threads.\n",
+        found.options.structures,
+        found.options.duration,
+        found.options.seed,
+        found.work.as_secs_f64()
+    );
+    let heads = [
+        "case",
+        "noise",
+        "error",
+        "error bars",
+        "held",
+        "`apparent-mass`: error",
+        "error bars",
+        "held",
+        "bound of the band",
+        "stepped back",
+        "fewer lines",
+        "s a fit",
+    ];
+    let _ = writeln!(text, "| {} |", heads.join(" | "));
+    let _ = writeln!(text, "|{}", " --- |".repeat(heads.len()));
+    for row in &found.rows {
+        let d = RowDocument::new(row);
+        let _ = write!(text, "| `{}` | {} %", d.case, 100.0 * d.noise);
+        for figures in [&d.likelihood, &d.band] {
+            let held = figures.coverage.map(|c| format!("{:.1} %", 100.0 * c));
+            let _ = write!(
+                text,
+                " | {} | {} | {}",
+                cell(figures.error),
+                cell(figures.claim),
+                held.unwrap_or_else(|| "-".to_owned())
+            );
+        }
+        let _ = writeln!(
+            text,
+            " | {} | {} | {} | {:.1} |",
+            cell(d.band_bound),
+            d.stepped_back,
+            d.narrower,
+            d.seconds_each
+        );
+    }
+    text
 }
 
 fn cell(value: Option<f64>) -> String {
