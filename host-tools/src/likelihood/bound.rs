@@ -28,6 +28,7 @@ pub fn bound(
         records: &records,
         leakage: false,
         threads: 1,
+        beyond: None,
     };
     let system = problem
         .system(model, freedom, Detail::Step)

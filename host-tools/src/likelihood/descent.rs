@@ -1,6 +1,6 @@
 //! Levenberg-Marquardt: from start values to the most likely parameters.
 
-use super::model::{Model, OF_MODE, RIGID};
+use super::model::{Model, OF_MODE, RIGID, SYMMETRIC};
 use super::normal::{self, Detail, Leaked, STRETCHES};
 use super::record::Record;
 use crate::parallel;
@@ -67,6 +67,8 @@ pub(super) struct Problem<'a> {
     pub(super) leakage: bool,
     /// Threads.
     pub(super) threads: usize,
+    /// Weights of the squares and products of E before the data are seen; none if `None`.
+    pub(super) beyond: Option<&'a DMatrix<f64>>,
 }
 
 /// Misfit, information and score of all records, priors included.
@@ -95,11 +97,23 @@ impl Problem<'_> {
             .map(|(sums, _)| sums)
     }
 
+    /// Weights of E, E, and their product; `None` where nothing is known of E.
+    fn beyond(&self, model: &Model) -> Option<(&DMatrix<f64>, DVector<f64>, DVector<f64>)> {
+        let (weights, upper) = (self.beyond?, model.upper?);
+        let e = DVector::from_column_slice(&upper);
+        let pull = weights * &e;
+        Some((weights, e, pull))
+    }
+
     /// V with the priors, and V and leakage of each record.
     pub(super) fn misfit(&self, model: &Model, freedom: Freedom) -> Option<(f64, Vec<Leaked>)> {
         let records = self.each(|record, _| normal::misfit(record, model, self.leakage))?;
         let data: f64 = records.iter().map(|r| r.misfit).sum();
-        Some((data + priors(model, freedom, &mut |_, _, _| ()), records))
+        let known = priors(model, freedom, &mut |_, _, _| ());
+        let beyond = self
+            .beyond(model)
+            .map_or(0.0, |(_, e, pull)| 0.5 * e.dot(&pull));
+        Some((data + known + beyond, records))
     }
 
     /// Everything about a model.
@@ -151,8 +165,20 @@ impl Problem<'_> {
             }
             system.residuals.push(sums.residuals);
         }
+        let mut known = 0.0;
+        if let Some((weights, e, pull)) = self.beyond(model) {
+            known = 0.5 * e.dot(&pull);
+            let place = model.upper_at();
+            for j in 0..SYMMETRIC {
+                system.score[place + j] -= 0.5 * pull[j];
+                for i in 0..SYMMETRIC {
+                    system.information[(place + i, place + j)] += 0.5 * weights[(i, j)];
+                }
+            }
+        }
         let (information, score) = (&mut system.information, &mut system.score);
         system.misfit = system.data
+            + known
             + priors(model, freedom, &mut |i, weight, away| {
                 information[(i, i)] += 0.5 * weight;
                 score[i] -= 0.5 * weight * away;

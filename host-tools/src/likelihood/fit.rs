@@ -5,7 +5,7 @@ use super::excited::Excited;
 use super::model::{Model, RIGID};
 use super::normal::{Detail, leakage_terms};
 use super::record::{Record, highest, real_equations};
-use super::start::{self, KEPT};
+use super::start;
 use super::{Progress, Stage};
 use nalgebra::{DMatrix, DVector, SMatrix};
 
@@ -173,8 +173,9 @@ pub fn fit(
         records,
         leakage: true,
         threads,
+        beyond: None,
     };
-    let mut model = match &options.start {
+    let model = match &options.start {
         Some(model) => model.clone(),
         None => {
             start::start(records, &excited, rigid, threads, progress).ok_or(FitError::Singular)?
@@ -198,13 +199,15 @@ pub fn fit(
         last(modes, i, v);
     })
     .ok_or(FitError::Singular)?;
-    if done.model.upper.is_some()
-        && start::wald(&problem, &done.model, freedom).ok_or(FitError::Singular)? <= KEPT
-    {
-        model = done.model.clone();
-        model.upper = None;
-        let before = done.iterations;
-        done = descent::descend(&problem, &model, freedom, STEPS, &mut |i, v| {
+    let rest = start::Rest::of(&problem, &done.model, freedom).ok_or(FitError::Singular)?;
+    let weights = rest.weights();
+    let problem = Problem {
+        beyond: weights.as_ref(),
+        ..problem
+    };
+    if weights.is_some() {
+        let (known, before) = (done.model.clone(), done.iterations);
+        done = descent::descend(&problem, &known, freedom, STEPS, &mut |i, v| {
             last(modes, before + i, v);
         })
         .ok_or(FitError::Singular)?;
@@ -312,6 +315,7 @@ fn low_lines(
         records: &low,
         leakage: true,
         threads,
+        beyond: None,
     };
     // Modes stay where they are; E is free, and takes what they miss in ω². The shape of ω⁴ is theirs.
     let mut fixed = model.clone();

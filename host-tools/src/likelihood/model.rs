@@ -95,7 +95,12 @@ impl Model {
 
     /// Number of parameters that every run shares.
     pub(super) fn shared(&self) -> usize {
-        RIGID + OF_MODE * self.modes.len() + if self.upper.is_some() { SYMMETRIC } else { 0 }
+        self.upper_at() + if self.upper.is_some() { SYMMETRIC } else { 0 }
+    }
+
+    /// Place of E among the parameters, whether it is there or not.
+    pub(super) fn upper_at(&self) -> usize {
+        RIGID + OF_MODE * self.modes.len()
     }
 
     /// Number of all parameters: those that are shared, and two offsets for each mode and run.
@@ -133,7 +138,7 @@ impl Model {
             }
             mode.exponent += d[8];
         }
-        let at = RIGID + OF_MODE * self.modes.len();
+        let at = self.upper_at();
         if let Some(upper) = &mut self.upper {
             for (e, d) in upper.iter_mut().zip(&step[at..]) {
                 *e += d;

@@ -23,11 +23,12 @@ pub const MOST_MODES: usize = 30;
 const BEYOND: [f64; 2] = [1.15, 1.6];
 /// Difference of ln ω of two modes from which one of them may stand for a misplaced other.
 const DOUBLE: f64 = 0.02;
-/// Wald statistic of the 21 terms of E above which they are kept: their mean plus three standard
-/// deviations of what chance gives.
-pub(super) const KEPT: f64 = 40.0;
-/// The same above which a mode beyond the lines is tried on more lines.
-const TRIED: f64 = 30.0;
+/// Standard deviations of the Wald statistic of E, as chance spreads it, above its mean: from which
+/// a mode beyond the lines is tried on more lines, and from which nothing but the data tells E.
+const TRIED: f64 = 1.5;
+const TOLD: f64 = 3.0;
+/// Least share of E that is believed.
+const BELIEVED: f64 = 0.05;
 
 /// Model with as many modes as the data support, ready for all lines; `None` where a fit without
 /// any mode fails.
@@ -53,6 +54,7 @@ pub(super) fn start(
         records: &some,
         leakage: true,
         threads,
+        beyond: None,
     };
     let unit = highest(records);
     let groups = Groups::new(records, excited)?;
@@ -86,16 +88,20 @@ pub(super) fn start(
         now = better;
     }
     now = pruned(&problem, freedom, now, threshold / step as f64)?;
-    let enough = 21.0 * count.ln();
     let all = Problem { records, ..problem };
-    for (threshold, wanted) in [(enough, LINES), (TRIED, MORE_LINES)] {
+    for wanted in [LINES, MORE_LINES] {
         let (step, some) = thin(wanted);
         let problem = Problem {
             records: &some,
             ..problem
         };
         for turn in 0..2 {
-            if wald(&all, &now.model, freedom)? <= threshold {
+            let rest = Rest::of(&all, &now.model, freedom)?;
+            let threshold = match wanted {
+                LINES => rest.terms() * count.ln(),
+                _ => rest.chance(TRIED),
+            };
+            if rest.statistic <= threshold {
                 break;
             }
             if wanted != LINES && turn == 0 {
@@ -184,31 +190,79 @@ fn pruned(
     Some(now)
 }
 
-/// Wald statistic of E: how far it is from zero, in the squares of what its noise explains. E is the one
-/// that a step of Gauss and Newton leads to.
-pub(super) fn wald(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Option<f64> {
-    let Some(upper) = &model.upper else {
-        return Some(0.0);
-    };
-    let system = problem.system(model, freedom, Detail::Step)?;
-    let places = freedom.places(model);
-    let inverse = descent::inverse(&system.information, &places)?;
-    let first = RIGID + OF_MODE * model.modes.len();
-    let at: Vec<usize> = (0..places.len())
-        .filter(|&i| (first..first + SYMMETRIC).contains(&places[i]))
-        .collect();
-    // Terms along directions that do not move have no information, and no part in it.
-    let seen: Vec<usize> = (0..at.len())
-        .filter(|&i| system.information[(places[at[i]], places[at[i]])] > 0.0)
-        .collect();
-    let n = seen.len();
-    let covariance = DMatrix::from_fn(n, n, |i, j| 0.5 * inverse[(at[seen[i]], at[seen[j]])]);
-    let score = DVector::from_fn(places.len(), |i, _| system.score[places[i]]);
-    let step = &inverse * score;
-    let e = DVector::from_fn(n, |i, _| upper[seen[i]] + step[at[seen[i]]]);
-    let right = DMatrix::from_column_slice(n, 1, e.as_slice());
-    let solved = super::normal::solve_symmetric(covariance, &right)?;
-    Some(e.dot(&solved.column(0)))
+/// E of modes beyond the lines, as a step of Gauss and Newton has it.
+pub(super) struct Rest {
+    /// Distance from zero, in the squares of what its noise explains (Wald).
+    pub(super) statistic: f64,
+    /// Terms that the records see: those along directions that do not move have no information.
+    seen: Vec<usize>,
+    /// Their covariance.
+    covariance: DMatrix<f64>,
+}
+
+impl Rest {
+    /// Of a model with E; nothing of one without.
+    pub(super) fn of(problem: &Problem<'_>, model: &Model, freedom: Freedom) -> Option<Self> {
+        let mut rest = Self {
+            statistic: 0.0,
+            seen: Vec::new(),
+            covariance: DMatrix::zeros(0, 0),
+        };
+        let Some(upper) = &model.upper else {
+            return Some(rest);
+        };
+        let system = problem.system(model, freedom, Detail::Step)?;
+        let places = freedom.places(model);
+        let inverse = descent::inverse(&system.information, &places)?;
+        let first = model.upper_at();
+        let at: Vec<usize> = (0..places.len())
+            .filter(|&i| (first..first + SYMMETRIC).contains(&places[i]))
+            .collect();
+        rest.seen = (0..at.len())
+            .filter(|&i| system.information[(places[at[i]], places[at[i]])] > 0.0)
+            .collect();
+        let (n, seen) = (rest.seen.len(), &rest.seen);
+        rest.covariance = DMatrix::from_fn(n, n, |i, j| 0.5 * inverse[(at[seen[i]], at[seen[j]])]);
+        let score = DVector::from_fn(places.len(), |i, _| system.score[places[i]]);
+        let step = &inverse * score;
+        let e = DMatrix::from_fn(n, 1, |i, _| upper[seen[i]] + step[at[seen[i]]]);
+        let solved = super::normal::solve_symmetric(rest.covariance.clone(), &e)?;
+        rest.statistic = e.dot(&solved);
+        Some(rest)
+    }
+
+    fn terms(&self) -> f64 {
+        self.seen.len() as f64
+    }
+
+    /// Mean of the statistic where E is zero, and so many standard deviations more.
+    fn chance(&self, deviations: f64) -> f64 {
+        self.terms() + deviations * (2.0 * self.terms()).sqrt()
+    }
+
+    /// Weights of the squares and products of E by which the data together tell how large it is (an
+    /// empirical prior of the shape of its covariance, Stein's): without them modes beyond the lines
+    /// would either cost what the lines have to say, or, left out, bend the numbers by several
+    /// standard deviations. `None` where the data tell E term by term.
+    pub(super) fn weights(&self) -> Option<DMatrix<f64>> {
+        let told = self.statistic > self.chance(TOLD);
+        if told || self.seen.is_empty() {
+            return None;
+        }
+        // One standard deviation more than is likely, lest error bars lean to what is small.
+        let share = 1.0 - self.chance(-1.0) / self.statistic;
+        let share = share.clamp(BELIEVED, 1.0);
+        let n = self.seen.len();
+        let own =
+            super::normal::solve_symmetric(self.covariance.clone(), &DMatrix::identity(n, n))?;
+        let mut weights = DMatrix::zeros(SYMMETRIC, SYMMETRIC);
+        for j in 0..n {
+            for i in 0..n {
+                weights[(self.seen[i], self.seen[j])] = own[(i, j)] * ((1.0 - share) / share);
+            }
+        }
+        Some(weights)
+    }
 }
 
 /// A mode beyond the lines from the largest eigenpair of E.

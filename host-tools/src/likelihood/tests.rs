@@ -87,6 +87,7 @@ fn the_gradient_is_that_of_differences() {
             records: &records,
             leakage,
             threads: 1,
+            beyond: None,
         };
         let system = problem
             .system(&model, Freedom::all([true; RIGID]), Detail::Step)
@@ -124,6 +125,7 @@ fn offsets_cost_what_their_prior_says() {
         records: &records,
         leakage: false,
         threads: 1,
+        beyond: None,
     };
     let before = problem
         .misfit(&truth, Freedom::all([true; RIGID]))
@@ -229,6 +231,7 @@ fn leakage_terms_explain_how_a_record_begins_and_ends() {
             records: &records,
             leakage,
             threads: 1,
+            beyond: None,
         };
         misfits.push(
             problem
