@@ -19,6 +19,48 @@ pub(crate) fn some_of<'n>(names: impl ExactSizeIterator<Item = &'n String>) -> S
 /// Typing errors between two names that still count as the same word.
 const TYPOS: usize = 2;
 
+/// Position of a channel, which may be asked for with its unit: `T1:X [g]`.
+pub(super) fn position(channels: &[Channel], label: &str) -> Option<usize> {
+    let (name, unit) = split(label);
+    let own = channels.iter().position(|c| c.name == label);
+    own.or_else(|| {
+        let same = |c: &Channel| c.name == name && c.unit.as_deref() == unit;
+        channels.iter().position(same)
+    })
+}
+
+/// A label such as `T1:X [g]` as name and unit; a number in brackets is a part of the name.
+pub(super) fn split(label: &str) -> (&str, Option<&str>) {
+    let parts = label
+        .strip_suffix(']')
+        .and_then(|rest| rest.rsplit_once('['));
+    match parts.map(|(name, unit)| (name.trim_end(), unit.trim())) {
+        Some((name, unit)) if !name.is_empty() && unit.parse::<f64>().is_err() => {
+            (name, Some(unit).filter(|unit| !unit.is_empty()))
+        }
+        _ => (label, None),
+    }
+}
+
+/// Channels of a file from their labels. A name without its unit that another channel has, too,
+/// stays as it was.
+pub(super) fn labelled(labels: &[String]) -> Vec<Channel> {
+    let mut count: HashMap<&str, usize> = HashMap::with_capacity(labels.len());
+    for label in labels {
+        *count.entry(split(label).0).or_default() += 1;
+    }
+    let channel = |label: &String| {
+        let (name, unit) = split(label);
+        let alone = count.get(name) == Some(&1);
+        Channel {
+            name: if alone { name } else { label }.to_owned(),
+            unit: unit.map(str::to_owned),
+            direction: None,
+        }
+    };
+    labels.iter().map(channel).collect()
+}
+
 /// The names of all channels of a file.
 pub(super) struct Names<'a> {
     channels: &'a [Channel],
@@ -50,7 +92,7 @@ impl<'a> Names<'a> {
 
     /// Position of a channel; `wanted` are all channels that are looked for.
     pub(super) fn position(&self, channel: &str, wanted: &[&str]) -> Result<usize, RecordingError> {
-        let position = self.channels.iter().position(|c| c.name == channel);
+        let position = position(self.channels, channel);
         position.ok_or_else(|| RecordingError::MissingChannel {
             file: self.file.to_owned(),
             place: self.at,
@@ -98,6 +140,47 @@ mod tests {
         let channels: Vec<Channel> = names.iter().map(named).collect();
         let names = Names::new(&channels, Some(Place::Line(1)), Path::new("x.csv")).unwrap();
         names.position(channel, wanted).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_unit_in_brackets_is_no_part_of_the_name() {
+        let labels = [
+            "T1:X [g]",
+            "T1:Y[m/s²]",
+            "a[0]",
+            "a[1]",
+            "[V]",
+            "b [V]",
+            "b [N]",
+            "c []",
+        ];
+        let channels = labelled(&labels.map(str::to_owned));
+        let found: Vec<(&str, Option<&str>)> = channels
+            .iter()
+            .map(|c| (c.name.as_str(), c.unit.as_deref()))
+            .collect();
+        let expected = [
+            ("T1:X", Some("g")),
+            ("T1:Y", Some("m/s²")),
+            ("a[0]", None),
+            ("a[1]", None),
+            ("[V]", None),
+            // Of one name without their units: both keep them.
+            ("b [V]", Some("V")),
+            ("b [N]", Some("N")),
+            ("c", None),
+        ];
+        assert_eq!(found, expected);
+        for (label, at) in [
+            ("T1:X", 0),
+            ("T1:X [g]", 0),
+            ("T1:Y [m/s²]", 1),
+            ("b [N]", 6),
+        ] {
+            assert_eq!(position(&channels, label), Some(at), "{label}");
+        }
+        assert_eq!(position(&channels, "T1:X [N]"), None);
+        assert_eq!(position(&channels, "b"), None);
     }
 
     #[test]

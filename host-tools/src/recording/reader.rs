@@ -1,7 +1,7 @@
 //! A recording as the rest of the program reads it, whatever its format.
 
 use super::input::{self, Passed};
-use super::names::{Names, some_of};
+use super::names::{self, Names, some_of};
 use super::source::{Block, Channel, Place, Source};
 use super::{Checksum, FORMATS, HEALTH_COLUMN, Preamble, RecordingError};
 use massline_firmware::wire::Health;
@@ -102,7 +102,10 @@ impl Recording {
             .collect::<Result<_, _>>()?;
         let all = || source.channels().iter().map(|c| &c.name).enumerate();
         let asked: HashSet<usize> = selected.iter().copied().collect();
-        let time = all().find(|(i, n)| n.eq_ignore_ascii_case("time") && !asked.contains(i));
+        let time = source.channels().iter().enumerate().find(|(i, c)| {
+            let seconds = matches!(c.unit.as_deref(), None | Some("s"));
+            seconds && c.name.eq_ignore_ascii_case("time") && !asked.contains(i)
+        });
         let time = time.map(|(i, _)| i);
         let own =
             |i: usize, name: &str| asked.contains(&i) || time == Some(i) || name == HEALTH_COLUMN;
@@ -186,6 +189,14 @@ impl Recording {
     #[must_use]
     pub fn in_file(&self) -> &[Channel] {
         self.source.channels()
+    }
+
+    /// Unit of a channel, which may be named with it or without, where the file states it.
+    #[must_use]
+    pub fn unit(&self, channel: &str) -> Option<&str> {
+        let channels = self.source.channels();
+        let position = names::position(channels, channel)?;
+        channels.get(position)?.unit.as_deref()
     }
 
     /// Channels that nothing asked for.

@@ -6,6 +6,7 @@ mod header;
 pub(crate) use header::field;
 
 use super::input::Input;
+use super::names::labelled;
 use super::preamble::{self, Preamble};
 use super::source::{Block, Channel, Place, Source, StatedRate};
 use super::{Format, HEALTH_COLUMN, RecordingError, faults};
@@ -98,11 +99,7 @@ impl CsvFile {
         }
         let names = header::names(&self.record, &self.file)?;
         self.faults = names.iter().position(|name| name == HEALTH_COLUMN);
-        let channel = |name| Channel {
-            name,
-            ..Channel::default()
-        };
-        self.channels = names.into_iter().map(channel).collect();
+        self.channels = labelled(&names);
         self.record.clear();
         Ok(())
     }
