@@ -7,11 +7,12 @@ use super::hypothesis::{Fault, Mistake};
 use crate::format::plain;
 use crate::setup::Setup;
 
-/// Section, name and scale of a channel.
+/// Section, name and keys of a channel.
 struct Entry<'s> {
     section: &'static str,
     channel: &'s str,
     scale: f64,
+    delay: f64,
 }
 
 fn entry(setup: &Setup, channel: usize) -> Option<Entry<'_>> {
@@ -19,14 +20,16 @@ fn entry(setup: &Setup, channel: usize) -> Option<Entry<'_>> {
         return Some(Entry {
             section: "accelerometer",
             channel: &a.channel,
-            scale: a.scale,
+            scale: a.key_scale(),
+            delay: a.delay,
         });
     }
     let cell = setup.load_cells.get(channel - setup.accelerometers.len())?;
     Some(Entry {
         section: "load_cell",
         channel: &cell.channel,
-        scale: cell.scale,
+        scale: cell.key_scale(),
+        delay: cell.delay,
     })
 }
 
@@ -196,10 +199,13 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
                 }
             }
         }
-        Fault::CrossTalk { .. }
-        | Fault::Dead { .. }
-        | Fault::Delayed { .. }
-        | Fault::Unlisted { .. } => {}
+        Fault::Delayed { channels, samples } => {
+            for &channel in channels {
+                let delay = entry(setup, channel).map_or(0.0, |e| e.delay) + samples;
+                add(channel, "delay", plain(delay, 6));
+            }
+        }
+        Fault::CrossTalk { .. } | Fault::Dead { .. } | Fault::Unlisted { .. } => {}
     }
     lines
 }

@@ -104,6 +104,18 @@ pub enum RecordingError {
         /// The nearest name, or all of them.
         hint: String,
     },
+    /// A unit that does not fit, or not the setup's.
+    #[error("{}, channel `{channel}`: {reason}", at(file, *place))]
+    Unit {
+        /// The file.
+        file: PathBuf,
+        /// Place of the names, where they have one.
+        place: Option<Place>,
+        /// The channel.
+        channel: String,
+        /// Both units with their places, and what to do.
+        reason: String,
+    },
     /// Two columns of one name.
     #[error("{}: channel `{channel}` stands there twice, in columns {first} and {second}; rename one", at(file, *place))]
     DuplicateChannel {

@@ -7,6 +7,7 @@
 //! | `csv` | CSV |
 //! | `input` | the bytes of a file, unpacked where it is compressed by gzip |
 //! | `names` | the search for channels by name |
+//! | `delay` | channels that come late, brought into step |
 //! | `preamble` | true sample rate and calibrations that a recording states |
 //! | `faults`, `health` | faults of samples; the state of channels, seen from their samples |
 //! | `checksum` | the identity of a file |
@@ -16,6 +17,7 @@
 
 mod checksum;
 mod csv;
+mod delay;
 mod error;
 mod faults;
 mod health;
@@ -30,6 +32,7 @@ mod tests;
 pub use checksum::Checksum;
 pub(crate) use checksum::Summed;
 pub(crate) use csv::field;
+pub(crate) use delay::MOST_DELAY;
 pub use error::RecordingError;
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use health::{ChannelHealth, Complaint, Health};

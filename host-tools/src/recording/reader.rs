@@ -1,5 +1,6 @@
 //! A recording as the rest of the program reads it, whatever its format.
 
+use super::delay::Alignment;
 use super::input::{self, Passed};
 use super::names::{self, Names, some_of};
 use super::source::{Block, Channel, Place, Source};
@@ -41,6 +42,10 @@ pub struct Recording {
     passed: Passed,
     /// Checksum that the setup states, until it has been compared.
     expected: Option<Checksum>,
+    /// Factor of the readings of each channel; one where there is none.
+    factors: Vec<f64>,
+    /// Channels that come late, if there are any.
+    alignment: Option<Alignment>,
 }
 
 /// The time that a sample should carry.
@@ -130,6 +135,8 @@ impl Recording {
             size,
             passed,
             expected: None,
+            factors: Vec::new(),
+            alignment: None,
         })
     }
 
@@ -141,6 +148,23 @@ impl Recording {
         channels: &[&str],
     ) -> Result<Self, RecordingError> {
         Self::of_source(source, file, channels, 0, Passed::new(std::io::empty()))
+    }
+
+    /// Has each channel asked for multiplied by a factor, and brought into step where it is late by a
+    /// number of samples. To be called before the first sample.
+    pub(crate) fn correct(&mut self, factors: Vec<f64>, delays: &[f64]) {
+        self.factors = factors;
+        self.alignment = Alignment::new(delays);
+    }
+
+    /// The error of a channel whose unit cannot be used, for this reason.
+    pub(crate) fn unit_error(&self, channel: &str, reason: String) -> RecordingError {
+        RecordingError::Unit {
+            file: self.file.clone(),
+            place: self.source.names_at(),
+            channel: channel.to_owned(),
+            reason,
+        }
     }
 
     /// Adds a note to the user on the columns that nothing asked for, before the first sample is
@@ -162,6 +186,12 @@ impl Recording {
     /// be cut within its last number. A sample that lacks a number as well is an error when it is
     /// read.
     pub fn notice_end(&self, warnings: &mut Vec<String>) {
+        if let Some([begin, end]) = self.alignment.as_ref().map(Alignment::lost) {
+            warnings.push(format!(
+                "{}: the first {begin} and the last {end} samples are not used, since a channel with a `delay` has no reading there",
+                self.file.display()
+            ));
+        }
         if let Some(note) = self.source.end_note() {
             warnings.push(format!("{}: {note}", self.file.display()));
         }
@@ -336,7 +366,7 @@ impl Recording {
         &mut self,
         mut store: impl FnMut(usize, f64),
     ) -> Result<bool, RecordingError> {
-        let row = self.sample(&mut store);
+        let row = self.in_step(&mut store);
         if !matches!(row, Ok(true))
             && let Some(expected) = self.expected.take()
         {
@@ -346,6 +376,26 @@ impl Recording {
             }
         }
         row
+    }
+
+    fn in_step(&mut self, store: &mut dyn FnMut(usize, f64)) -> Result<bool, RecordingError> {
+        let Some(mut alignment) = self.alignment.take() else {
+            return self.sample(store);
+        };
+        let mut more = Ok(true);
+        loop {
+            let mut readings = vec![0.0; self.channels];
+            more = more.and_then(|_| self.sample(&mut |i, x| readings[i] = x));
+            if !matches!(more, Ok(true)) {
+                break;
+            }
+            if alignment.push(readings, self.place, self.health) {
+                (self.place, self.health) = alignment.sample(store);
+                break;
+            }
+        }
+        self.alignment = Some(alignment);
+        more
     }
 
     fn sample(&mut self, store: &mut dyn FnMut(usize, f64)) -> Result<bool, RecordingError> {
@@ -369,7 +419,7 @@ impl Recording {
         let (readings, time) = readings.split_at(self.channels.min(readings.len()));
         for (i, &reading) in readings.iter().enumerate() {
             if (reading as f32).is_finite() {
-                store(i, reading);
+                store(i, reading * self.factors.get(i).copied().unwrap_or(1.0));
             } else if health.is_good() {
                 return Err(self.not_finite(i, reading, place));
             } else {

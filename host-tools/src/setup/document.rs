@@ -239,11 +239,11 @@ impl<'a> Section<'a> {
         }
     }
 
-    pub(crate) fn missing(&self, key: &str, expected: &'static str) -> DocumentError {
+    pub(crate) fn missing(&self, key: &str, expected: impl Into<String>) -> DocumentError {
         DocumentError::Missing {
             place: self.place(),
             key: key.to_owned(),
-            expected,
+            expected: expected.into(),
         }
     }
 
@@ -271,10 +271,12 @@ impl<'a> Section<'a> {
                     let DeValue::Table(table) = item.get_ref() else {
                         return None;
                     };
-                    let own = ["name", "channel"].into_iter().find_map(|naming| {
-                        let own = table.get(naming)?.get_ref().as_str()?;
-                        Some(format!(" ({naming} \"{}\")", quoted(own)))
-                    });
+                    let own = ["name", "channel", "triaxial"]
+                        .into_iter()
+                        .find_map(|naming| {
+                            let own = table.get(naming)?.get_ref().as_str()?;
+                            Some(format!(" ({naming} \"{}\")", quoted(own)))
+                        });
                     let title = format!("[[{name}]] {number}{}", own.unwrap_or_default());
                     Some(section(table, item.span(), title))
                 })

@@ -94,7 +94,7 @@ pub enum DocumentError {
         /// The missing key.
         key: String,
         /// The keys or values that would be right.
-        expected: &'static str,
+        expected: String,
     },
     /// A value of the wrong kind, or outside what can be meant.
     #[error("{place}: `{key}` is {found}; expected {expected}")]

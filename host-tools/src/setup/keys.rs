@@ -77,6 +77,33 @@ numbers! {
     share: "a share from 0 to 1", |x| (0.0..=1.0).contains(&x);
 }
 
+/// One number, or one for each axis of a triaxial sensor.
+pub(crate) fn each<'de, D: Deserializer<'de>>(
+    value: D,
+    expected: &str,
+    allowed: impl Fn(f64) -> bool,
+) -> Result<Vec<f64>, D::Error> {
+    let value = Value::deserialize(value)?;
+    let numbers = match &value {
+        Value::Array(_) => list::<_, 3>(&value, expected)?.to_vec(),
+        one => vec![finite(one, "a number")?],
+    };
+    match numbers.iter().find(|x| !allowed(**x)) {
+        Some(wrong) => Err(outside(wrong, expected)),
+        None => Ok(numbers),
+    }
+}
+
+/// Declares functions as [`numbers`] does for keys that hold one number or three.
+macro_rules! lists {
+    ($($name:ident: $expected:expr, $allowed:expr;)*) => {$(
+        fn $name<'de, D: serde::Deserializer<'de>>(value: D) -> Result<Vec<f64>, D::Error> {
+            $crate::setup::keys::each(value, $expected, $allowed)
+        }
+    )*};
+}
+pub(crate) use lists;
+
 /// A whole number that satisfies a condition, described by `expected`.
 pub(crate) fn whole<'de, D: Deserializer<'de>, T: From<u16>>(
     value: D,
@@ -147,15 +174,53 @@ pub(crate) fn band<'de, D: Deserializer<'de>, T: From<[f64; 2]>>(value: D) -> Re
     Ok([low, high].into())
 }
 
-/// An axis, as a vector of unit length.
+const DIRECTION: &str =
+    "the axis along which it reads positive or moves, for example \"+z\" or [0, 0, 1]";
+
+/// An axis, as a vector of unit length: a vector, or a word such as `-x`.
 pub(crate) fn direction<'de, D: Deserializer<'de>, T: From<[f64; 3]>>(
     value: D,
 ) -> Result<T, D::Error> {
-    let found = unit(vector(value)?);
-    let expected = "the axis along which it reads positive or moves, for example [0, 0, 1]";
-    Ok(found
-        .ok_or_else(|| outside("the zero vector", expected))?
-        .into())
+    Ok(axis(&Value::deserialize(value)?)?.into())
+}
+
+/// The three axes of a triaxial sensor.
+pub(crate) fn directions<'de, D: Deserializer<'de>>(
+    value: D,
+) -> Result<Option<[[f64; 3]; 3]>, D::Error> {
+    const EXPECTED: &str = "a list of 3 directions, such as [\"+x\", \"-y\", \"-z\"]";
+    match Value::deserialize(value)? {
+        Value::Array(list) => match list.as_slice() {
+            [x, y, z] => Ok(Some([axis(x)?, axis(y)?, axis(z)?])),
+            _ => Err(outside(
+                format_args!("a list of {} values", list.len()),
+                EXPECTED,
+            )),
+        },
+        _ => Err(unlike(EXPECTED)),
+    }
+}
+
+fn axis<E: de::Error>(value: &Value) -> Result<[f64; 3], E> {
+    if let Value::String(word) = value {
+        return along(word).ok_or_else(|| outside(format_args!("\"{}\"", quoted(word)), DIRECTION));
+    }
+    let found = unit(list(value, "a list of 3 numbers")?);
+    found.ok_or_else(|| outside("the zero vector", DIRECTION))
+}
+
+/// The direction that a word such as `+x`, `-Z` or `y` names.
+pub(crate) fn along(word: &str) -> Option<[f64; 3]> {
+    let (sign, letter) = match word.strip_prefix('-') {
+        Some(letter) => (-1.0, letter),
+        None => (1.0, word.strip_prefix('+').unwrap_or(word)),
+    };
+    let axis = ["x", "y", "z"]
+        .iter()
+        .position(|a| letter.eq_ignore_ascii_case(a))?;
+    let mut direction = [0.0; 3];
+    direction[axis] = sign;
+    Some(direction)
 }
 
 /// The vector at unit length, `None` for the zero vector.

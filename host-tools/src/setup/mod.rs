@@ -1,6 +1,6 @@
 //! SETUP.toml: which sensors sit where, how to average, and which runs were recorded.
 //!
-//! All quantities are SI. Positions and directions are in the global frame, which is
+//! All quantities are SI, whatever units the file states: they are converted when it is read. Positions and directions are in the global frame, which is
 //! the frame of the table; for a specimen that is re-mounted between runs, structure
 //! accelerometers are given in the specimen's own frame, load cells and interface
 //! accelerometers in the table's (see [`Run::rotation`]).
@@ -14,9 +14,11 @@ mod file;
 pub(crate) mod keys;
 mod parse;
 mod print;
+mod sensors;
 #[cfg(test)]
 mod tests;
 mod uncertainty;
+mod units;
 
 use crate::recording::{Checksum, Recording, RecordingError};
 use massline_core::spectra::{LineGrid, Window};
@@ -25,12 +27,15 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
+use crate::printable::quoted;
 pub(crate) use document::{Document, Keys, Section, Source, nearest};
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::{read as read_document, read_of as read_document_of};
 pub use massline_core::geometry::{Mount, Quantity};
 pub(crate) use parse::{block_length, overlap, quantity};
 pub use uncertainty::{Defaults, Uncertainty};
+use units::Measured;
+pub use units::Units;
 
 /// The window of all random runs.
 pub const WINDOW: Window = Window::Hann;
@@ -117,8 +122,7 @@ impl Default for Estimation {
 }
 
 /// One channel of an accelerometer: a point and a direction (a row of X_a, eq 4).
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(from = "parse::AccelerometerKeys")]
+#[derive(Debug, Clone, PartialEq)]
 pub struct AccelerometerEntry {
     /// Column of the recordings.
     pub channel: String,
@@ -128,15 +132,19 @@ pub struct AccelerometerEntry {
     pub direction: [f64; 3],
     /// Place of the sensor: on the interface or on the structure.
     pub mount: Mount,
-    /// m/s² per recorded unit; negative for a sensor that is mounted the wrong way round.
+    /// m/s² per recorded unit: the key `scale` times the size of the stated unit; negative for a
+    /// sensor that is mounted the wrong way round.
     pub scale: f64,
+    /// Unit and sensitivity that the setup states.
+    pub units: Units,
+    /// Samples that the channel comes late.
+    pub delay: f64,
     /// Noise and uncertainty of this sensor, where it states them.
     pub uncertainty: Uncertainty,
 }
 
 /// One channel of a load cell (a row of X_f, eq 5).
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(try_from = "parse::LoadCellKeys")]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LoadCellEntry {
     /// Column of the recordings.
     pub channel: String,
@@ -146,8 +154,13 @@ pub struct LoadCellEntry {
     pub direction: [f64; 3],
     /// Force or moment.
     pub quantity: Quantity,
-    /// N or N m per recorded unit; negative turns the sign convention.
+    /// N or N m per recorded unit: the key `scale` times the size of the stated unit; negative
+    /// turns the sign convention.
     pub scale: f64,
+    /// Unit and sensitivity that the setup states.
+    pub units: Units,
+    /// Samples that the channel comes late.
+    pub delay: f64,
     /// Noise and uncertainty of this load cell, where it states them.
     pub uncertainty: Uncertainty,
 }
@@ -172,6 +185,9 @@ pub struct Run {
     /// by itself. None: spectra are referred to nothing.
     #[serde(default, rename = "reference", deserialize_with = "keys::texts")]
     pub references: Vec<String>,
+    /// Unit of their readings, as a recording may state it; no result depends on it.
+    #[serde(default, deserialize_with = "keys::text")]
+    pub reference_unit: Option<String>,
     /// The run before it that this one repeats: sine runs only.
     #[serde(default, deserialize_with = "keys::text")]
     pub repeats: Option<String>,
@@ -232,6 +248,8 @@ impl AccelerometerEntry {
             direction: direction.into(),
             mount,
             scale: 1.0,
+            units: Units::default(),
+            delay: 0.0,
             uncertainty: Uncertainty::default(),
         }
     }
@@ -251,8 +269,26 @@ impl LoadCellEntry {
             direction: direction.into(),
             quantity,
             scale: 1.0,
+            units: Units::default(),
+            delay: 0.0,
             uncertainty: Uncertainty::default(),
         }
+    }
+}
+
+impl AccelerometerEntry {
+    /// The key `scale`: what multiplies readings in the unit that the setup states.
+    #[must_use]
+    pub fn key_scale(&self) -> f64 {
+        self.units.key_scale(Measured::Acceleration, self.scale)
+    }
+}
+
+impl LoadCellEntry {
+    /// The key `scale`: what multiplies readings in the unit that the setup states.
+    #[must_use]
+    pub fn key_scale(&self) -> f64 {
+        self.units.key_scale(self.quantity.into(), self.scale)
     }
 }
 
@@ -288,7 +324,64 @@ impl Setup {
         run: &Run,
         channels: &[&str],
     ) -> Result<Recording, RecordingError> {
-        Recording::open_as(&self.recording_path(run), channels, run.checksum)
+        let path = self.recording_path(run);
+        let mut recording = Recording::open_as(&path, channels, run.checksum)?;
+        let (mut factors, mut delays) = (Vec::new(), Vec::new());
+        for name in channels {
+            // A complex amplitude has two columns.
+            let parts = [".re", ".im"].map(|part| name.strip_suffix(part));
+            let channel = match run.excitation {
+                Excitation::Sine => parts.into_iter().flatten().next().unwrap_or(name),
+                _ => name,
+            };
+            let unit = recording.unit(name);
+            let factor = match self.sensor(channel) {
+                Some((list, measured, units, scale)) => units
+                    .of_recording(measured, scale, unit)
+                    .map_err(|reason| format!("{reason} ([[{list}]] of the setup)")),
+                None => run.check_reference_unit(channel, unit).map(|()| 1.0),
+            };
+            let factor = factor.map_err(|reason| recording.unit_error(name, reason))?;
+            factors.push(factor);
+            delays.push(self.delay(channel));
+        }
+        if run.excitation != Excitation::Random {
+            delays.fill(0.0);
+        }
+        recording.correct(factors, &delays);
+        Ok(recording)
+    }
+
+    /// List, quantity, units and scale of the sensor that has a channel.
+    fn sensor(&self, channel: &str) -> Option<(&'static str, Measured, &Units, f64)> {
+        let motion = self.accelerometers.iter().find(|a| a.channel == channel);
+        let force = || self.load_cells.iter().find(|c| c.channel == channel);
+        motion
+            .map(|a| ("accelerometer", Measured::Acceleration, &a.units, a.scale))
+            .or_else(|| force().map(|c| ("load_cell", c.quantity.into(), &c.units, c.scale)))
+    }
+
+    fn delay(&self, channel: &str) -> f64 {
+        let motion = self.accelerometers.iter().map(|a| (&a.channel, a.delay));
+        let force = self.load_cells.iter().map(|c| (&c.channel, c.delay));
+        let mut all = motion.chain(force);
+        all.find(|(name, _)| *name == channel)
+            .map_or(0.0, |(_, delay)| delay)
+    }
+
+    /// The same for readings that are in SI and in step, as the inputs of a box are: without units
+    /// and delays of the recording system. The keys `scale` stay.
+    #[must_use]
+    pub fn with_readings_in_si(mut self) -> Self {
+        for a in &mut self.accelerometers {
+            a.scale = a.key_scale();
+            (a.units, a.delay) = (Units::default(), 0.0);
+        }
+        for c in &mut self.load_cells {
+            c.scale = c.key_scale();
+            (c.units, c.delay) = (Units::default(), 0.0);
+        }
+        self
     }
 
     /// Path of the recording of a run.
@@ -365,6 +458,21 @@ impl Processing {
 }
 
 impl Run {
+    fn check_reference_unit(&self, channel: &str, found: Option<&str>) -> Result<(), String> {
+        match (found, &self.reference_unit) {
+            (Some(found), Some(stated))
+                if self.references.iter().any(|r| r == channel) && found != stated =>
+            {
+                Err(format!(
+                    "the recording says [{}], and `reference_unit` of its [[run]] says \"{}\"; correct the one that is wrong",
+                    quoted(found),
+                    quoted(stated)
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// `true` if the specimen stands otherwise in this run than its coordinates say.
     #[must_use]
     pub fn is_remounted(&self) -> bool {

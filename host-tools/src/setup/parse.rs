@@ -8,9 +8,11 @@ use serde::{Deserialize, Deserializer};
 
 use super::document::{Document, Keys, Section, Source, nearest};
 use super::keys::{self, outside, text, vector, word};
+use super::sensors::{self, SensorKeys, Sensors};
+use super::units::Length;
 use super::{
-    AccelerometerEntry, BLOCK_LENGTHS, Defaults, Estimation, Excitation, LoadCellEntry, Mount,
-    OVERLAPS, Processing, Quantity, Run, Setup, SetupError, Uncertainty, uncertainty,
+    BLOCK_LENGTHS, Defaults, Estimation, Excitation, Mount, OVERLAPS, Place, Processing, Quantity,
+    Run, Setup, SetupError,
 };
 use crate::limits;
 use crate::printable::{printable, quoted};
@@ -58,8 +60,10 @@ struct File {
     processing: Option<Processing>,
     estimation: Estimation,
     defaults: Defaults,
-    accelerometer: Vec<AccelerometerEntry>,
-    load_cell: Vec<LoadCellEntry>,
+    length_unit: Length,
+    sensor_type: Vec<SensorKeys>,
+    accelerometer: Vec<SensorKeys>,
+    load_cell: Vec<SensorKeys>,
     run: Vec<Run>,
 }
 
@@ -68,12 +72,6 @@ impl Keys for File {
         (
             "averaging_band",
             "[low, high] in Hz, well below the first elastic natural frequency",
-        ),
-        ("channel", "the column's name in the recordings"),
-        ("position", "[x, y, z] in m"),
-        (
-            "direction",
-            "the axis along which the channel reads positive, for example [0, 0, 1]",
         ),
         ("name", "what the run is called in results"),
         ("recording", "the recording's file name"),
@@ -100,7 +98,6 @@ keys::numbers! {
         "the weight of the accelerometer that sees the modes most, more than 0 and at most 1",
         |weight| weight > 0.0 && weight <= 1.0;
     tolerance: "a distance in m, more than 0", |distance| distance > 0.0;
-    scale: "SI units per recorded unit, not 0", |scale| scale != 0.0;
     // Up to 2^53 every whole number has its own f64.
     bytes: BYTES, |n| n.fract() == 0.0 && (0.0..=9e15).contains(&n);
 }
@@ -128,115 +125,18 @@ pub(super) fn excitation<'de, D: Deserializer<'de>>(value: D) -> Result<Excitati
     word(value, &EXCITATIONS)
 }
 
-fn mount<'de, D: Deserializer<'de>>(value: D) -> Result<Mount, D::Error> {
-    word(value, &MOUNTS)
-}
-
 pub(crate) fn quantity<'de, D: Deserializer<'de>>(value: D) -> Result<Quantity, D::Error> {
     word(value, &QUANTITIES)
 }
 
-fn structure() -> Mount {
-    Mount::Structure
+pub(super) fn some_mount<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Mount>, D::Error> {
+    word(value, &MOUNTS).map(Some)
 }
 
-fn force() -> Quantity {
-    Quantity::Force
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-/// An `[[accelerometer]]` as it is written.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, expecting = "a table")]
-pub(super) struct AccelerometerKeys {
-    #[serde(deserialize_with = "text")]
-    channel: String,
-    #[serde(deserialize_with = "vector")]
-    position: [f64; 3],
-    #[serde(deserialize_with = "keys::direction")]
-    direction: [f64; 3],
-    #[serde(default = "structure", deserialize_with = "mount")]
-    mount: Mount,
-    #[serde(default = "one", deserialize_with = "scale")]
-    scale: f64,
-    #[serde(default, deserialize_with = "uncertainty::noise")]
-    noise: Option<f64>,
-    #[serde(default, deserialize_with = "uncertainty::calibration")]
-    calibration_uncertainty: Option<f64>,
-    #[serde(default, deserialize_with = "uncertainty::position")]
-    position_uncertainty: Option<f64>,
-    #[serde(default, deserialize_with = "uncertainty::direction")]
-    direction_uncertainty: Option<f64>,
-}
-
-impl From<AccelerometerKeys> for AccelerometerEntry {
-    fn from(keys: AccelerometerKeys) -> Self {
-        Self {
-            channel: keys.channel,
-            position: keys.position,
-            direction: keys.direction,
-            mount: keys.mount,
-            scale: keys.scale,
-            uncertainty: Uncertainty {
-                noise: keys.noise,
-                calibration: keys.calibration_uncertainty,
-                position: keys.position_uncertainty,
-                direction: keys.direction_uncertainty,
-            },
-        }
-    }
-}
-
-/// A `[[load_cell]]` as it is written.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, expecting = "a table")]
-pub(super) struct LoadCellKeys {
-    #[serde(deserialize_with = "text")]
-    channel: String,
-    #[serde(default, deserialize_with = "vector")]
-    position: Option<[f64; 3]>,
-    #[serde(deserialize_with = "keys::direction")]
-    direction: [f64; 3],
-    #[serde(default = "force", deserialize_with = "quantity")]
-    quantity: Quantity,
-    #[serde(default = "one", deserialize_with = "scale")]
-    scale: f64,
-    #[serde(default, deserialize_with = "uncertainty::noise")]
-    noise: Option<f64>,
-    #[serde(default, deserialize_with = "uncertainty::calibration")]
-    calibration_uncertainty: Option<f64>,
-    #[serde(default, deserialize_with = "uncertainty::position")]
-    position_uncertainty: Option<f64>,
-    #[serde(default, deserialize_with = "uncertainty::direction")]
-    direction_uncertainty: Option<f64>,
-}
-
-impl TryFrom<LoadCellKeys> for LoadCellEntry {
-    type Error = &'static str;
-
-    fn try_from(keys: LoadCellKeys) -> Result<Self, Self::Error> {
-        // A pure moment is the same everywhere.
-        let position = match keys.quantity {
-            Quantity::Force => keys.position.ok_or("missing field `position`")?,
-            Quantity::Moment => keys.position.unwrap_or_default(),
-        };
-        Ok(Self {
-            channel: keys.channel,
-            position,
-            direction: keys.direction,
-            quantity: keys.quantity,
-            scale: keys.scale,
-            uncertainty: Uncertainty {
-                noise: keys.noise,
-                calibration: keys.calibration_uncertainty,
-                position: keys.position_uncertainty,
-                direction: keys.direction_uncertainty,
-            },
-        })
-    }
+pub(super) fn some_quantity<'de, D: Deserializer<'de>>(
+    value: D,
+) -> Result<Option<Quantity>, D::Error> {
+    quantity(value).map(Some)
 }
 
 pub(super) fn checksum<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Checksum>, D::Error> {
@@ -264,8 +164,10 @@ fn crc32<'de, D: Deserializer<'de>>(value: D) -> Result<u32, D::Error> {
 
 pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
     let document = Document::new(source)?;
-    fits(source, &document)?;
-    let file: File = document.read()?;
+    let sensors = document.count("accelerometer") + document.count("load_cell");
+    fits(source, sensors, document.count("run"))?;
+    sensors::check_keys(&document)?;
+    let mut file: File = document.read()?;
     if let (Some(found), None) = (file.known_mass_uncertainty, file.known_mass) {
         let key = "known_mass_uncertainty";
         return Err(document
@@ -299,32 +201,53 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
             });
         }
     }
-    one_sensor_a_channel(&document, &file)?;
+    let lists = sensors::Lists {
+        accelerometer: std::mem::take(&mut file.accelerometer),
+        load_cell: std::mem::take(&mut file.load_cell),
+        sensor_type: std::mem::take(&mut file.sensor_type),
+    };
+    let length = file.length_unit;
+    let sensors = sensors::sensors(&document, &lists, length)?;
+    if file
+        .run
+        .iter()
+        .any(|run| run.excitation == Excitation::Sine)
+    {
+        sensors.no_delays(&document)?;
+    }
+    let count = sensors.accelerometers.len() + sensors.load_cells.len();
+    fits(source, count, file.run.len())?;
+    one_sensor_a_channel(&document, &sensors)?;
     for (number, section) in document.sections("run").iter().enumerate() {
-        check_run(section, number, &file, &document)?;
+        check_run(section, number, &file, &sensors, &document)?;
+    }
+    if document.section("estimation", 0).has("tolerance") {
+        file.estimation.tolerance = length.metres(file.estimation.tolerance);
+    }
+    for run in &mut file.run {
+        run.translation = run.translation.map(|x| length.metres(x));
     }
     Ok(Setup {
         title: file.title.unwrap_or_else(|| stem(&source.file)),
-        reference_point: file.reference_point,
+        reference_point: file.reference_point.map(|x| length.metres(x)),
         known_mass: file.known_mass,
         known_mass_uncertainty: file.known_mass_uncertainty,
         processing: file.processing,
         estimation: file.estimation,
-        defaults: file.defaults,
-        accelerometers: file.accelerometer,
-        load_cells: file.load_cell,
+        defaults: file.defaults.in_metres(length, &document)?,
+        accelerometers: sensors.accelerometers,
+        load_cells: sensors.load_cells,
         runs: file.run,
         folder: source.file.parent().map(Path::to_owned).unwrap_or_default(),
     })
 }
 
 /// Refuses more entries than can be used before any of them is looked at.
-fn fits(source: &Source, document: &Document<'_>) -> Result<(), SetupError> {
-    let sensors = document.count("accelerometer") + document.count("load_cell");
+fn fits(source: &Source, sensors: usize, runs: usize) -> Result<(), SetupError> {
     let split = "do the test in parts, each with a setup of its own";
     for (what, found, limit, advice) in [
         ("sensors", sensors, limits::SENSORS, "leave some out"),
-        ("runs", document.count("run"), limits::RUNS, split),
+        ("runs", runs, limits::RUNS, split),
     ] {
         if found > limit {
             return Err(SetupError::TooMany {
@@ -346,22 +269,30 @@ fn stem(file: &Path) -> String {
     )
 }
 
-fn one_sensor_a_channel(document: &Document<'_>, file: &File) -> Result<(), SetupError> {
-    let motion = file.accelerometer.iter().map(|a| &a.channel).enumerate();
-    let motion = motion.map(|(number, channel)| ("accelerometer", number, channel));
-    let force = file.load_cell.iter().map(|c| &c.channel).enumerate();
-    let force = force.map(|(number, channel)| ("load_cell", number, channel));
+fn one_sensor_a_channel(document: &Document<'_>, all: &Sensors) -> Result<(), SetupError> {
+    let [of_motion, of_force] = &all.sections;
+    let motion = of_motion.iter().zip(&all.accelerometers);
+    let motion = motion.map(|(number, a)| ("accelerometer", *number, &a.channel));
+    let force = of_force.iter().zip(&all.load_cells);
+    let force = force.map(|(number, c)| ("load_cell", *number, &c.channel));
     let mut seen = BTreeMap::new();
     for (list, number, channel) in motion.chain(force) {
         if let Some((list_of_first, first)) = seen.insert(channel, (list, number)) {
             return Err(SetupError::DuplicateChannel {
-                place: document.section(list, number).place_of("channel"),
+                place: place_of_channel(&document.section(list, number)),
                 channel: channel.clone(),
                 first: document.section(list_of_first, first).title,
             });
         }
     }
     Ok(())
+}
+
+/// Place of the key that names a sensor's channels.
+fn place_of_channel(section: &Section<'_>) -> Box<Place> {
+    let keys = ["channel", "channels", "triaxial"];
+    let key = keys.into_iter().find(|key| section.has(key));
+    section.place_of(key.unwrap_or("channel"))
 }
 
 impl super::BandError {
@@ -377,6 +308,7 @@ fn check_run(
     section: &Section<'_>,
     number: usize,
     file: &File,
+    all: &Sensors,
     document: &Document<'_>,
 ) -> Result<(), SetupError> {
     let (run, before) = (&file.run[number], &file.run[..number]);
@@ -387,8 +319,8 @@ fn check_run(
         });
     }
     for (k, channel) in run.references.iter().enumerate() {
-        let sensors = file.accelerometer.iter().map(|a| &a.channel);
-        let mut sensors = sensors.chain(file.load_cell.iter().map(|c| &c.channel));
+        let sensors = all.accelerometers.iter().map(|a| &a.channel);
+        let mut sensors = sensors.chain(all.load_cells.iter().map(|c| &c.channel));
         if sensors.any(|c| c == channel) {
             return Err(SetupError::ReferenceIsSensor {
                 place: section.place_of("reference"),
@@ -402,7 +334,12 @@ fn check_run(
             });
         }
     }
-    check_weights(section, run, file)?;
+    if let (true, Some(unit)) = (run.references.is_empty(), &run.reference_unit) {
+        let found = format_args!("\"{}\"", quoted(unit));
+        let expected = "it beside a `reference`";
+        return Err(section.unexpected("reference_unit", found, expected).into());
+    }
+    check_weights(section, run, all)?;
     check_repeats(section, run, before)?;
     if let Some(first) = before.iter().position(|other| other.name == run.name) {
         return Err(SetupError::DuplicateRun {
@@ -446,12 +383,12 @@ fn check_repeats(section: &Section<'_>, run: &Run, before: &[Run]) -> Result<(),
     Err(section.unexpected("repeats", found, expected).into())
 }
 
-fn check_weights(section: &Section<'_>, run: &Run, file: &File) -> Result<(), SetupError> {
+fn check_weights(section: &Section<'_>, run: &Run, all: &Sensors) -> Result<(), SetupError> {
     for (channel, &weight) in &run.weights {
         // The line of a place is counted from the file's beginning, so only where it is told.
         let place = || section.place_of("weights");
-        let sensors = file.accelerometer.iter().map(|a| a.channel.as_str());
-        if file.load_cell.iter().any(|cell| cell.channel == *channel) {
+        let sensors = all.accelerometers.iter().map(|a| a.channel.as_str());
+        if all.load_cells.iter().any(|cell| cell.channel == *channel) {
             return Err(SetupError::WeightOnLoadCell {
                 place: place(),
                 channel: channel.clone(),

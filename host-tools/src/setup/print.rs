@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::recording::Checksum;
 
 use super::parse::{MOUNTS, QUANTITIES, word_of};
-use super::{Estimation, Mount, Processing, Quantity, Run, Setup, uncertainty};
+use super::{Estimation, Mount, Processing, Quantity, Run, Setup, Units, uncertainty};
 
 /// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.
 pub(super) fn setup(setup: &Setup) -> String {
@@ -42,7 +42,7 @@ pub(super) fn setup(setup: &Setup) -> String {
         if entry.mount != Mount::Structure {
             let _ = writeln!(out, "mount = \"{}\"", word_of(&MOUNTS, entry.mount));
         }
-        print_scale(&mut out, entry.scale);
+        print_units(&mut out, &entry.units, entry.key_scale(), entry.delay);
         uncertainty::print(&mut out, &entry.uncertainty, "m/s²");
     }
 
@@ -61,7 +61,7 @@ pub(super) fn setup(setup: &Setup) -> String {
                 word_of(&QUANTITIES, entry.quantity)
             );
         }
-        print_scale(&mut out, entry.scale);
+        print_units(&mut out, &entry.units, entry.key_scale(), entry.delay);
         let unit = match entry.quantity {
             Quantity::Force => "N",
             Quantity::Moment => "N m",
@@ -112,9 +112,22 @@ fn print_estimation(out: &mut String, estimation: &Estimation) {
     let _ = writeln!(out, "iterations = {}", estimation.iterations);
 }
 
-fn print_scale(out: &mut String, scale: f64) {
-    if scale != 1.0 {
+fn print_units(out: &mut String, units: &Units, scale: f64, delay: f64) {
+    let texts = [("unit", &units.unit), ("sensitivity", &units.sensitivity)];
+    for (key, text) in texts {
+        if let Some(text) = text {
+            let _ = writeln!(out, "{key} = {}", quoted(text));
+        }
+    }
+    // A unit such as counts asks for a scale even where it is one.
+    if scale != 1.0 || units.unit.is_some() {
         let _ = writeln!(out, "scale = {scale:?}");
+    }
+    if delay != 0.0 {
+        let _ = writeln!(
+            out,
+            "delay = {delay:?}  # samples that the channel comes late"
+        );
     }
 }
 
@@ -142,6 +155,9 @@ fn print_run(out: &mut String, run: &Run) {
             let names: Vec<String> = several.iter().map(|name| quoted(name)).collect();
             let _ = writeln!(out, "reference = [{}]", names.join(", "));
         }
+    }
+    if let Some(unit) = &run.reference_unit {
+        let _ = writeln!(out, "reference_unit = {}", quoted(unit));
     }
     if let Some(first) = &run.repeats {
         let _ = writeln!(out, "repeats = {}", quoted(first));

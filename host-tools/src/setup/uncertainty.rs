@@ -4,7 +4,10 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Deserializer};
 
+use super::document::{Document, Section};
+use super::error::DocumentError;
 use super::keys::outside;
+use super::units::Length;
 use super::{Quantity, Setup};
 
 /// The keys that sensors and defaults share.
@@ -63,6 +66,46 @@ impl Uncertainty {
     }
 }
 
+impl Uncertainty {
+    /// The same with its length in m, which is stated in a section by this key, or in its table.
+    pub(super) fn in_metres(
+        mut self,
+        length: Length,
+        key: &str,
+        section: &Section<'_>,
+    ) -> Result<Self, DocumentError> {
+        let found = self.position;
+        self.position = found.map(|x| length.metres(x));
+        match found.filter(|x| length.metres(*x) > 1.0) {
+            None => Ok(self),
+            Some(found) => Err(DocumentError::Unexpected {
+                place: section.place_of(key),
+                key: "position_uncertainty".to_owned(),
+                found: found.to_string(),
+                expected: "a standard uncertainty in m from 0 to 1, such as 0.001 for one millimetre, or the like in the unit that `length_unit` names".to_owned(),
+            }),
+        }
+    }
+}
+
+impl Defaults {
+    /// The same with its lengths in m.
+    pub(super) fn in_metres(
+        self,
+        length: Length,
+        document: &Document<'_>,
+    ) -> Result<Self, DocumentError> {
+        let section = document.section("defaults", 0);
+        let of = |u: Uncertainty, key| u.in_metres(length, key, &section);
+        Ok(Self {
+            all: of(self.all, "position_uncertainty")?,
+            accelerometer: of(self.accelerometer, "accelerometer")?,
+            force: of(self.force, "force")?,
+            moment: of(self.moment, "moment")?,
+        })
+    }
+}
+
 impl Setup {
     /// Noise and uncertainty of accelerometer `number`, its own or the default.
     #[must_use]
@@ -95,8 +138,7 @@ super::keys::numbers! {
         "a relative standard uncertainty from 0 to 0.5, such as 0.01 for one per cent",
         |x| (0.0..=0.5).contains(&x);
     position:
-        "a standard uncertainty in m from 0 to 1, such as 0.001 for one millimetre",
-        |x| (0.0..=1.0).contains(&x);
+        "a standard uncertainty, not negative", |x| x >= 0.0;
     direction:
         "a standard uncertainty in degrees from 0 to 30",
         |x| (0.0..=30.0).contains(&x);

@@ -486,6 +486,7 @@ fn setup(
                     .filter(|channel| *channel == DRIVE)
                     .cloned()
                     .collect(),
+                reference_unit: None,
                 repeats: None,
                 weights: Default::default(),
                 rotation: plan.rotation,

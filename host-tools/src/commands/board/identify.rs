@@ -26,7 +26,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] if the box has no answer.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup)?;
+    let setup = Setup::read(&arguments.setup)?.with_readings_in_si();
     let asked = &arguments.asked;
     arguments
         .device

@@ -46,7 +46,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] if a run cannot be measured, or the box has no answer.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let setup = Setup::read(&arguments.setup)?;
+    let setup = Setup::read(&arguments.setup)?.with_readings_in_si();
     let order = Measuring {
         runs: runs(&setup, &arguments.run)?,
         seconds: arguments.duration,

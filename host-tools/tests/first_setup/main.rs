@@ -1,0 +1,8 @@
+//! From a bench full of cables to a setup that is right.
+
+#[path = "../bench/mod.rs"]
+mod bench;
+mod delay;
+mod shorthand;
+mod test;
+mod units;
