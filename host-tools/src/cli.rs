@@ -1,7 +1,8 @@
 //! The command line: one file a command, in [`crate::commands`].
 
 use crate::commands::{
-    self, Failure, Verbosity, board, check, demo, export, flash, identify, replay, simulate, study,
+    self, Failure, Verbosity, board, check, demo, export, flash, identify, init, replay, simulate,
+    sketch, study,
 };
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -25,6 +26,8 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Demo(demo::Arguments),
+    Init(init::Arguments),
+    Sketch(sketch::Arguments),
     Identify(identify::Arguments),
     Check(check::Arguments),
     Export(export::Arguments),
@@ -63,6 +66,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
     let verbosity = cli.verbosity;
     match cli.command {
         Command::Demo(a) => demo::run(&a, verbosity),
+        Command::Init(a) => init::run(&a, verbosity),
+        Command::Sketch(a) => sketch::run(&a, verbosity),
         Command::Identify(a) => identify::run(&a, verbosity),
         Command::Check(a) => check::run(&a, verbosity),
         Command::Export(a) => export::run(&a, verbosity),

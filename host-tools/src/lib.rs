@@ -9,6 +9,7 @@ pub mod device;
 pub mod export;
 pub mod format;
 pub mod identification;
+mod init;
 pub mod inputs;
 pub mod likelihood;
 pub mod limits;

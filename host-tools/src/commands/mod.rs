@@ -7,8 +7,10 @@ pub mod export;
 mod fitted;
 pub mod flash;
 pub mod identify;
+pub mod init;
 pub mod replay;
 pub mod simulate;
+pub mod sketch;
 pub mod study;
 
 mod compare;
@@ -93,6 +95,7 @@ macro_rules! failures {
 failures! {
     input:
         crate::device::ClientError
+        crate::init::InitError
         crate::output::OutputError
         crate::result::ReadError
         crate::setup::DocumentError

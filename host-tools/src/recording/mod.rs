@@ -36,6 +36,7 @@ pub(crate) use delay::MOST_DELAY;
 pub use error::RecordingError;
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use health::{ChannelHealth, Complaint, Health};
+pub(crate) use names::{some_of, split as split_label};
 pub use preamble::{Preamble, Traceability, TrueRate};
 pub use reader::Recording;
 pub use source::{Block, Channel, Place, Source, StatedRate};

@@ -30,7 +30,7 @@ pub(super) fn position(channels: &[Channel], label: &str) -> Option<usize> {
 }
 
 /// A label such as `T1:X [g]` as name and unit; a number in brackets is a part of the name.
-pub(super) fn split(label: &str) -> (&str, Option<&str>) {
+pub(crate) fn split(label: &str) -> (&str, Option<&str>) {
     let parts = label
         .strip_suffix(']')
         .and_then(|rest| rest.rsplit_once('['));

@@ -34,7 +34,7 @@ mod response;
 mod rigid;
 mod runs;
 pub(crate) mod scales;
-mod sketch;
+pub(crate) mod sketch;
 mod table;
 #[cfg(test)]
 mod tests;

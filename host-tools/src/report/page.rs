@@ -4,7 +4,7 @@ use super::markup::escape;
 use std::fmt::Write;
 
 /// The style sheet, for screens light and dark and for paper.
-const STYLE: &str = include_str!("style.css");
+pub(super) const STYLE: &str = include_str!("style.css");
 
 /// By this a page is known as one that this program made, and may be replaced by the next.
 pub(crate) const MADE_BY: &str = "<meta name=\"generator\" content=\"massline\"/>";

@@ -31,11 +31,13 @@ use crate::printable::quoted;
 pub(crate) use document::{Document, Keys, Section, Source, nearest};
 pub use error::{BandError, DocumentError, Place, SetupError};
 pub(crate) use file::{read as read_document, read_of as read_document_of};
+pub(crate) use keys::along;
 pub use massline_core::geometry::{Mount, Quantity};
 pub(crate) use parse::{block_length, overlap, quantity};
+pub(crate) use print::quoted as toml_text;
 pub use uncertainty::{Defaults, Uncertainty};
-use units::Measured;
 pub use units::Units;
+pub(crate) use units::{Measured, is_electric, measured_in};
 
 /// The window of all random runs.
 pub const WINDOW: Window = Window::Hann;

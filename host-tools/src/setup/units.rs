@@ -59,6 +59,19 @@ fn find(text: &str) -> Option<(Kind, f64)> {
     unit.map(|(_, kind, factor)| (*kind, *factor))
 }
 
+/// Quantity that a unit belongs to, where it is one of a single quantity.
+pub(crate) fn measured_in(unit: &str) -> Option<Measured> {
+    match find(unit) {
+        Some((Kind::Of(measured), _)) => Some(measured),
+        _ => None,
+    }
+}
+
+/// `true` for a unit that a sensitivity belongs to.
+pub(crate) fn is_electric(unit: &str) -> bool {
+    matches!(find(unit), Some((Kind::Voltage | Kind::Charge, _)))
+}
+
 impl Measured {
     /// The units that a channel of this quantity may have, in words.
     pub(super) fn accepted(self) -> String {

@@ -3,6 +3,7 @@
 #[path = "../bench/mod.rs"]
 mod bench;
 mod delay;
+mod init;
 mod shorthand;
 mod test;
 mod units;

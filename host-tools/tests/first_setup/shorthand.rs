@@ -175,12 +175,12 @@ direction = "-z" => direction = "up" => `direction` is "up" | "+z" or [0, 0, 1]
 direction = "-z" => => [[accelerometer]] 3 (channel "a1") | `direction` is missing
 channel = "a1" => channels = ["a1"] => [[accelerometer]] 3 | `channel` is missing | `triaxial`
 channel = "a1" => channel = "a1"\ntriaxial = "a" => `channel` is given, too
-channel = "a1" => channel = "T1:Y" => line 29 | "T1:Y" | [[accelerometer]] 1 (triaxial "T1")
+channel = "a1" => channel = "T1:Y" => line 30 | "T1:Y" | [[accelerometer]] 1 (triaxial "T1")
 ["7", "8", "9"] => ["7", "8"] => `channels` is a list of 2
 scale = [1, -1, 1] => scale = [1, 0, 1] => `scale` is 0
 scale = [1, -1, 1] => scale = [1, 1] => `scale` is a list of 2
 channel = "a1" => channel = "a1"\nscale = [1, 1, 1] => `scale` is a list of 3 | triaxial
-type = "triax" => type = "triaxx" => line 16 | `type` is "triaxx" | did you mean `triax`
+type = "triax" => type = "triaxx" => line 15 | `type` is "triaxx" | did you mean `triax`
 name = "triax" => => [[sensor_type]] 1 | `name` is missing
 noise = 0.02 => nose = 0.02 => `nose` | did you mean `noise`
 noise = 0.02 => position = [0, 0, 0] => [[sensor_type]] | no key `position`

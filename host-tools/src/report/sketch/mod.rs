@@ -7,11 +7,15 @@
 //! | `layout` | three views of one scale, projected onto each other as in a drawing |
 //! | `view` | one view |
 //! | `labels` | names where there is room |
+//! | `alone` | the views of a setup without a result, as a file of its own |
 
+mod alone;
 mod labels;
 mod layout;
 mod scene;
 mod view;
+
+pub use alone::svg;
 
 use super::TrueBody;
 use super::number::{exact, with_unit};
@@ -31,7 +35,7 @@ pub(super) fn section(setup: &Setup, result: &ResultDocument, truth: Option<&Tru
     let scene = Scene::new(setup, result, truth);
     let layout = Layout::new(&scene);
     let magnification = magnification(&scene, layout.pixels_per_metre);
-    let drawing = view::draw(&scene, &layout, magnification);
+    let drawing = view::draw(&scene, &layout, magnification).finish_at_most();
     let html = format!(
         "{}<figure class=\"views\">{drawing}</figure><p class=\"small\">{}</p>",
         legend(&scene),

@@ -81,6 +81,25 @@ pub(super) struct Scene {
 
 impl Scene {
     pub fn new(setup: &Setup, result: &ResultDocument, truth: Option<&TrueBody>) -> Self {
+        Self {
+            reference: result.reference_point.into(),
+            centre: result.centre_of_gravity.clone(),
+            true_centre: truth.map_or([None; 3], |t| t.centre_of_gravity),
+            ellipsoid: ellipsoid(result),
+            ..Self::of(setup)
+        }
+    }
+
+    /// The sensors and the reference point of a setup without a result.
+    pub fn of(setup: &Setup) -> Self {
+        let unknown = Number {
+            value: None,
+            std: None,
+            interval: None,
+            observable: false,
+            type_b: None,
+            combined: None,
+        };
         let placement = setup
             .runs
             .first()
@@ -88,10 +107,10 @@ impl Scene {
             .unwrap_or_default();
         let mut scene = Self {
             spots: Vec::new(),
-            reference: result.reference_point.into(),
-            centre: result.centre_of_gravity.clone(),
-            true_centre: truth.map_or([None; 3], |t| t.centre_of_gravity),
-            ellipsoid: ellipsoid(result),
+            reference: setup.reference_point.into(),
+            centre: [unknown.clone(), unknown.clone(), unknown],
+            true_centre: [None; 3],
+            ellipsoid: Err("No result."),
             left_out: 0,
         };
         for entry in &setup.load_cells {

@@ -15,7 +15,7 @@ const END_ON: f64 = 0.25;
 const MOST_NAMES: usize = 40;
 
 /// The whole drawing.
-pub(super) fn draw(scene: &Scene, layout: &Layout, magnification: f64) -> String {
+pub(super) fn draw(scene: &Scene, layout: &Layout, magnification: f64) -> Svg {
     let mut svg = Svg::new(
         layout.size[0],
         layout.size[1],
@@ -29,7 +29,7 @@ pub(super) fn draw(scene: &Scene, layout: &Layout, magnification: f64) -> String
     for view in &layout.views {
         draw_view(&mut svg, scene, layout, view, unit, magnification);
     }
-    svg.finish_at_most()
+    svg
 }
 
 fn draw_view(
