@@ -131,7 +131,7 @@ fn one_position_in_millimetres() {
     };
     assert_eq!(mistake, Mistake::Millimetres);
     assert!(
-        repair.contains(&"position = [0.6, 0.55, 0]".to_owned()),
+        repair.contains(&"position = [0.6, 0.55, 0]  # m".to_owned()),
         "{repair:?}"
     );
 }

@@ -50,6 +50,11 @@ fn vector(v: &Vector3<f64>) -> String {
     format!("[{}]", all.join(", "))
 }
 
+/// A position as the value of a key: a set-up may state another unit of length than m.
+fn metres(position: &Vector3<f64>) -> String {
+    format!("{}  # m", vector(position))
+}
+
 /// A fault in words.
 pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
     let name = |channel: &usize| name(setup, *channel);
@@ -173,7 +178,7 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
                 add(
                     channel,
                     "position",
-                    vector(&evidence.moved_back(channel, *position)),
+                    metres(&evidence.moved_back(channel, *position)),
                 );
             }
         }
@@ -184,7 +189,7 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
                     add(
                         channel,
                         "position",
-                        vector(&evidence.moved_back(channel, position)),
+                        metres(&evidence.moved_back(channel, position)),
                     );
                 }
             }

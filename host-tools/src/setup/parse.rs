@@ -11,19 +11,13 @@ use super::keys::{self, outside, text, vector, word};
 use super::sensors::{self, SensorKeys, Sensors};
 use super::units::Length;
 use super::{
-    BLOCK_LENGTHS, Defaults, Estimation, Excitation, Mount, OVERLAPS, Place, Processing, Quantity,
-    Run, Setup, SetupError,
+    BLOCK_LENGTHS, Defaults, Estimation, Excitation, OVERLAPS, Place, Processing, Run, Setup,
+    SetupError,
 };
 use crate::limits;
 use crate::printable::{printable, quoted};
 use crate::recording::Checksum;
 
-pub(super) const MOUNTS: [(&str, Mount); 2] = [
-    ("interface", Mount::Interface),
-    ("structure", Mount::Structure),
-];
-pub(super) const QUANTITIES: [(&str, Quantity); 2] =
-    [("force", Quantity::Force), ("moment", Quantity::Moment)];
 const EXCITATIONS: [(&str, Excitation); 3] = [
     ("random", Excitation::Random),
     ("sine", Excitation::Sine),
@@ -123,20 +117,6 @@ pub(super) fn iterations<'de, D: Deserializer<'de>>(value: D) -> Result<u32, D::
 
 pub(super) fn excitation<'de, D: Deserializer<'de>>(value: D) -> Result<Excitation, D::Error> {
     word(value, &EXCITATIONS)
-}
-
-pub(crate) fn quantity<'de, D: Deserializer<'de>>(value: D) -> Result<Quantity, D::Error> {
-    word(value, &QUANTITIES)
-}
-
-pub(super) fn some_mount<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Mount>, D::Error> {
-    word(value, &MOUNTS).map(Some)
-}
-
-pub(super) fn some_quantity<'de, D: Deserializer<'de>>(
-    value: D,
-) -> Result<Option<Quantity>, D::Error> {
-    quantity(value).map(Some)
 }
 
 pub(super) fn checksum<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Checksum>, D::Error> {

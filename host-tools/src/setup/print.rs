@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use crate::recording::Checksum;
 
-use super::parse::{MOUNTS, QUANTITIES, word_of};
+use super::parse::word_of;
+use super::sensors::{MOUNTS, QUANTITIES};
 use super::{Estimation, Mount, Processing, Quantity, Run, Setup, Units, uncertainty};
 
 /// Writing to a `String` cannot fail, so results of `write!` are dropped throughout.

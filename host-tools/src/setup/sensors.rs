@@ -5,13 +5,13 @@ use std::f64::consts::FRAC_PI_2;
 
 use massline_core::geometry::Placement;
 use nalgebra::Vector3;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use super::document::{Document, Section, nearest};
-use super::keys::{self, text, vector};
+use super::keys::{self, text, vector, word};
 use super::units::{Length, Measured, Unfit, Units};
 use super::{
-    AccelerometerEntry, LoadCellEntry, Mount, Quantity, SetupError, Uncertainty, parse, uncertainty,
+    AccelerometerEntry, LoadCellEntry, Mount, Quantity, SetupError, Uncertainty, uncertainty,
 };
 use crate::printable::quoted;
 use crate::recording::MOST_DELAY;
@@ -38,9 +38,9 @@ pub(super) struct SensorKeys {
     directions: Option<[[f64; 3]; 3]>,
     #[serde(deserialize_with = "vector")]
     rotation: Option<[f64; 3]>,
-    #[serde(deserialize_with = "parse::some_mount")]
+    #[serde(deserialize_with = "some_mount")]
     mount: Option<Mount>,
-    #[serde(deserialize_with = "parse::some_quantity")]
+    #[serde(deserialize_with = "some_quantity")]
     quantity: Option<Quantity>,
     #[serde(deserialize_with = "text")]
     unit: Option<String>,
@@ -65,6 +65,25 @@ keys::lists! {
         |x| (1e-100..=1e100).contains(&x.abs());
     delay: "samples from -4096 to 4096 that the channel comes late, or a list of 3 for a triaxial sensor",
         |x| x.abs() <= f64::from(MOST_DELAY);
+}
+
+pub(super) const MOUNTS: [(&str, Mount); 2] = [
+    ("interface", Mount::Interface),
+    ("structure", Mount::Structure),
+];
+pub(super) const QUANTITIES: [(&str, Quantity); 2] =
+    [("force", Quantity::Force), ("moment", Quantity::Moment)];
+
+pub(crate) fn quantity<'de, D: Deserializer<'de>>(value: D) -> Result<Quantity, D::Error> {
+    word(value, &QUANTITIES)
+}
+
+fn some_mount<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Mount>, D::Error> {
+    word(value, &MOUNTS).map(Some)
+}
+
+fn some_quantity<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Quantity>, D::Error> {
+    quantity(value).map(Some)
 }
 
 /// Keys that sensors of one type may share.
@@ -448,5 +467,6 @@ fn turned(degrees: [f64; 3]) -> Option<[[f64; 3]; 3]> {
         true => x.round() + 0.0,
         false => x,
     };
-    Some([0, 1, 2].map(|k| rotation.column(k).map(tidy).into()))
+    let [x, y, z] = [0, 1, 2].map(|k| keys::unit(rotation.column(k).map(tidy).into()));
+    Some([x?, y?, z?])
 }

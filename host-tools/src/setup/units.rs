@@ -250,7 +250,11 @@ impl Units {
         let [up, down] = [near.next_up(), near.next_down()];
         // Two roundings lie between the key and this quotient.
         let all = [near, up, down, up.next_up(), down.next_down()];
-        let exact = all.into_iter().find(|scale| scale * factor == total);
+        // The ends of what the key may be.
+        let allowed = |scale: &f64| (1e-100..=1e100).contains(&scale.abs());
+        let exact = all
+            .into_iter()
+            .find(|scale| scale * factor == total && allowed(scale));
         exact.unwrap_or(near)
     }
 

@@ -423,10 +423,11 @@ fn recordings() -> Vec<Vec<u8>> {
     all
 }
 
-pub(crate) const SETUPS: [&str; 3] = [
+pub(crate) const SETUPS: [&str; 4] = [
     include_str!("../seeds/setup.toml"),
     include_str!("../seeds/one-run.toml"),
     include_str!("../seeds/poses.toml"),
+    include_str!("../seeds/shorthand.toml"),
 ];
 
 const INPUTS: &str = include_str!("../seeds/inputs.toml");

@@ -77,6 +77,27 @@ fn an_exported_result() {
 }
 
 #[test]
+fn a_first_setup_and_its_sketch() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("x.csv"), "T1:X [g],T1:Y [g],T1:Z [g]\n1,2,3\n").unwrap();
+    std::fs::write(folder.join("draft.toml"), "by hand\n").unwrap();
+    let init = ["init", "HERE/x.csv", "--quiet", "--force", "--out"];
+    let init = [&init[..], &["HERE/draft.toml"]].concat();
+    at_steps(
+        folder,
+        &["draft.toml"],
+        every,
+        || run(folder, &init),
+        |_| (),
+    );
+    simulate(folder, "6", "1").unwrap();
+    let sketch = ["sketch", "HERE/setup.toml", "--quiet", "--force", "--out"];
+    let sketch = [&sketch[..], &["HERE/x.svg"]].concat();
+    at_steps(folder, &["x.svg"], every, || run(folder, &sketch), |_| ());
+}
+
+#[test]
 fn exported_settings() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

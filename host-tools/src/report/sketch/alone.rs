@@ -9,6 +9,7 @@ use crate::setup::Setup;
 /// Room for the legend below the views.
 const LEGEND: f64 = 34.0;
 const TEXT: f64 = 12.0;
+const REFERENCE: &str = "reference point A";
 
 /// An SVG document with the sensors of a setup and its reference point in three views.
 #[must_use]
@@ -17,22 +18,27 @@ pub fn svg(setup: &Setup) -> String {
     let layout = Layout::new(&scene);
     let [width, height] = layout.size;
     let label = format!("Sensors of {} in three views", setup.title);
+    let kinds = [Kind::LoadCell, Kind::Interface, Kind::Structure];
+    let shown = |kind: &Kind| scene.spots.iter().any(|s| s.kind == *kind);
+    let kinds: Vec<Kind> = kinds.into_iter().filter(shown).collect();
+    let words = kinds.iter().map(|kind| kind.words()).chain([REFERENCE]);
+    let mut ends = vec![20.0];
+    ends.extend(words.clone().scan(20.0, |x, words| {
+        *x += 34.0 + text_width(words, TEXT);
+        Some(*x)
+    }));
+    let width = ends.last().map_or(width, |end| width.max(*end));
     let mut whole = Svg::new(width, height + LEGEND, &label);
     whole.rectangle("paper", [0.0, 0.0], [width, height + LEGEND]);
     whole.place([0.0, 0.0], view::draw(&scene, &layout, 1.0));
-    let mut x = 20.0;
-    let y = height + 0.5 * LEGEND;
-    let mut item = |draw: &dyn Fn(&mut Svg, [f64; 2]), text: &str| {
-        draw(&mut whole, [x, y]);
-        whole.text("name", [x + 12.0, y + 4.0], Anchor::Start, text);
-        x += 34.0 + text_width(text, TEXT);
-    };
-    for kind in [Kind::LoadCell, Kind::Interface, Kind::Structure] {
-        if scene.spots.iter().any(|s| s.kind == kind) {
-            item(&|svg, at| view::symbol(svg, kind, at), kind.words());
+    for (number, (x, words)) in ends.into_iter().zip(words).enumerate() {
+        let at = [x, height + 0.5 * LEGEND];
+        match kinds.get(number) {
+            Some(kind) => view::symbol(&mut whole, *kind, at),
+            None => view::reference(&mut whole, at),
         }
+        whole.text("name", [x + 12.0, at[1] + 4.0], Anchor::Start, words);
     }
-    item(&|svg, at| view::reference(svg, at), "reference point A");
     let size = format!(
         "<svg width=\"{width:.0}\" height=\"{:.0}\" ",
         height + LEGEND
