@@ -1,7 +1,8 @@
 //! The Cramér-Rao bound: the least covariance that any unbiased estimate can have.
 //!
 //! Unknown are the ten numbers, frequency, damping and participation of each mode, and the base
-//! acceleration at every line. Leakage is not: a bound knows how each record begins and ends.
+//! acceleration at every line, along directions that are known as well as the accelerometers tell
+//! them. Leakage is not: a bound knows how each record begins and ends.
 
 use super::descent::{self, Freedom, Problem};
 use super::excited::Excited;
@@ -9,6 +10,7 @@ use super::fit::{Covariance10, FitError, corner};
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::Record;
+use super::tilt;
 
 /// Bound of the covariance of those of σ that the test tells, `rigid`, for records without noise of
 /// their own, whose `noise` is that of the test, and the true model.
@@ -28,6 +30,7 @@ pub fn bound(
         records: &records,
         leakage: false,
         threads: 1,
+        body: None,
         beyond: None,
     };
     let system = problem
@@ -35,5 +38,6 @@ pub fn bound(
         .ok_or(FitError::Singular)?;
     let places = freedom.places(model);
     let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
-    Ok(corner(&inverse, &places) * 0.5)
+    let tilt = tilt::spread(&problem, model, freedom, &inverse, &excited)?;
+    Ok(corner(&inverse, &places) * 0.5 + tilt)
 }

@@ -67,6 +67,8 @@ pub(super) struct Problem<'a> {
     pub(super) leakage: bool,
     /// Threads.
     pub(super) threads: usize,
+    /// Means and standard deviations of parameters of the rigid body before the data are seen.
+    pub(super) body: Option<&'a [Option<[f64; 2]>; RIGID]>,
     /// Weights of the squares and products of E before the data are seen; none if `None`.
     pub(super) beyond: Option<&'a DMatrix<f64>>,
 }
@@ -109,7 +111,7 @@ impl Problem<'_> {
     pub(super) fn misfit(&self, model: &Model, freedom: Freedom) -> Option<(f64, Vec<Leaked>)> {
         let records = self.each(|record, _| normal::misfit(record, model, self.leakage))?;
         let data: f64 = records.iter().map(|r| r.misfit).sum();
-        let known = priors(model, freedom, &mut |_, _, _| ());
+        let known = priors(model, freedom, self.body, &mut |_, _, _| ());
         let beyond = self
             .beyond(model)
             .map_or(0.0, |(_, e, pull)| 0.5 * e.dot(&pull));
@@ -179,7 +181,7 @@ impl Problem<'_> {
         let (information, score) = (&mut system.information, &mut system.score);
         system.misfit = system.data
             + known
-            + priors(model, freedom, &mut |i, weight, away| {
+            + priors(model, freedom, self.body, &mut |i, weight, away| {
                 information[(i, i)] += 0.5 * weight;
                 score[i] -= 0.5 * weight * away;
             });
@@ -210,13 +212,23 @@ fn targets(model: &Model, run: usize) -> Vec<[Option<usize>; 2]> {
 }
 
 /// Half the weighted squares of what is known beforehand. `term` hears place, weight and distance.
-fn priors(model: &Model, freedom: Freedom, term: &mut dyn FnMut(usize, f64, f64)) -> f64 {
+fn priors(
+    model: &Model,
+    freedom: Freedom,
+    body: Option<&[Option<[f64; 2]>; RIGID]>,
+    term: &mut dyn FnMut(usize, f64, f64),
+) -> f64 {
     let mut sum = 0.0;
     let mut add = |place: usize, [mean, std]: [f64; 2], value: f64| {
         let (weight, away) = (1.0 / (std * std), value - mean);
         sum += 0.5 * weight * away * away;
         term(place, weight, away);
     };
+    for (i, known) in body.into_iter().flatten().enumerate() {
+        if let Some(known) = known {
+            add(i, *known, model.rigid[i]);
+        }
+    }
     for (r, mode) in model.modes.iter().enumerate() {
         let at = RIGID + OF_MODE * r;
         add(at + 1, DAMPING, mode.ln_damping);

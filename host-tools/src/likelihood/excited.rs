@@ -17,6 +17,10 @@ pub(super) struct Excited {
     pub(super) directions: DMatrix<f64>,
     /// Mean power of each coordinate over all lines of all records.
     pub(super) power: Vec<f64>,
+    /// Accelerations along the other directions that the sensors see, 6 x m: noise of one each.
+    pub(super) resting: DMatrix<f64>,
+    /// Lines of all records.
+    pub(super) lines: f64,
 }
 
 impl Excited {
@@ -81,8 +85,16 @@ impl Excited {
         let k = excited.len();
         let turn = DMatrix::from_fn(seen.len(), k, |i, r| moving.eigenvectors[(i, excited[r])]);
         let mut coordinates = turn.transpose() * white;
-        let mut directions = back * turn;
+        let mut directions = &back * turn;
+        let others: Vec<usize> = (0..seen.len()).filter(|i| !excited.contains(i)).collect();
+        let still = DMatrix::from_fn(seen.len(), others.len(), |i, r| {
+            moving.eigenvectors[(i, others[r])]
+        });
+        let mut resting = back * still;
         for j in 0..6 {
+            for r in 0..others.len() {
+                resting[(j, r)] *= if scale[j] > 0.0 { 1.0 / scale[j] } else { 0.0 };
+            }
             for r in 0..k {
                 coordinates[(r, j)] *= scale[j];
                 directions[(j, r)] *= if scale[j] > 0.0 { 1.0 / scale[j] } else { 0.0 };
@@ -92,6 +104,8 @@ impl Excited {
             coordinates,
             directions,
             power: excited.iter().map(|&i| moving.eigenvalues[i]).collect(),
+            resting,
+            lines,
         })
     }
 

@@ -6,6 +6,7 @@ use super::model::{Model, RIGID};
 use super::normal::{Detail, leakage_terms};
 use super::record::{Record, highest, real_equations};
 use super::start;
+use super::tilt;
 use super::{Progress, Stage};
 use nalgebra::{DMatrix, DVector, SMatrix};
 
@@ -65,7 +66,8 @@ pub struct Fit {
     pub by_information: Covariance10,
     /// Covariance of σ from the scatter of the score.
     pub by_score: Covariance10,
-    /// Covariance of σ: of each number the larger of the two.
+    /// Covariance of σ: of each number the larger of the two, and what the directions' uncertainty
+    /// adds.
     pub covariance: Covariance10,
     /// Standard deviations of ln ω and ln ζ of each mode.
     pub pole_deviations: Vec<[f64; 2]>,
@@ -173,18 +175,31 @@ pub fn fit(
         records,
         leakage: true,
         threads,
+        body: None,
         beyond: None,
     };
-    let model = match &options.start {
+    let mut model = match &options.start {
         Some(model) => model.clone(),
         None => {
             start::start(records, &excited, rigid, threads, progress).ok_or(FitError::Singular)?
         }
     };
+    let likely = tilt::likely_inertia(&model, rigid);
+    let mut free = rigid;
+    for (i, known) in likely.iter().enumerate() {
+        if let Some([mean, _]) = known {
+            model.rigid[i] = *mean;
+            free[i] = true;
+        }
+    }
+    let problem = Problem {
+        body: Some(&likely),
+        ..problem
+    };
     let freedom = if model.modes.is_empty() {
-        Freedom::least(rigid)
+        Freedom::least(free)
     } else {
-        Freedom::all(rigid)
+        Freedom::all(free)
     };
     let mut last = |modes: usize, iteration: usize, misfit: f64| {
         progress(Progress {
@@ -230,7 +245,9 @@ pub fn fit(
         let ratio = by_score[(i, i)] / by_information[(i, i)];
         if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
     });
-    let covariance = Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j]);
+    let tilt = tilt::spread(&problem, &model, freedom, &inverse, &excited)?;
+    let covariance =
+        Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
     let deviation = |place: usize| {
         let at = places.iter().position(|&p| p == place);
         at.map_or(f64::NAN, |i| (0.5 * inverse[(i, i)]).max(0.0).sqrt())
@@ -315,6 +332,7 @@ fn low_lines(
         records: &low,
         leakage: true,
         threads,
+        body: None,
         beyond: None,
     };
     // Modes stay where they are; E is free, and takes what they miss in ω². The shape of ω⁴ is theirs.

@@ -10,6 +10,7 @@
 //! | `descent` | Levenberg-Marquardt |
 //! | `excited` | directions in which the base moves |
 //! | `search`, `start` | start values, mode by mode |
+//! | `tilt` | uncertainty of these directions |
 //! | `fit` | all steps, covariance, tests |
 //! | `bound` | Cramér-Rao bound of a model and a test |
 //! | `transform`, `noise` | records to lines, and what the drive does not explain |
@@ -29,6 +30,7 @@ mod search;
 mod start;
 #[cfg(test)]
 mod tests;
+mod tilt;
 mod transform;
 
 pub use fit::{Covariance10, DISAGREEMENT, Doubt, Fit, FitError, Options, RATIO, fit};

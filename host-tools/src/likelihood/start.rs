@@ -54,6 +54,7 @@ pub(super) fn start(
         records: &some,
         leakage: true,
         threads,
+        body: None,
         beyond: None,
     };
     let unit = highest(records);
