@@ -55,14 +55,16 @@ impl Likelihood {
     }
 }
 
-/// Lines that a fit uses at most, Hz: those of `fit_band`, or from the beginning of the averaging
-/// band to where recordings are kept.
+/// Lines that a fit uses at most, Hz: from the beginning of the averaging band to where the interface is
+/// rigid, but those of `fit_band` where there is no such statement, and else to where lines are kept.
 #[must_use]
 pub fn widest_band(setup: &Setup) -> Option<[f64; 2]> {
     let p = setup.processing.as_ref()?;
-    Some(match setup.estimation.fit_band {
-        Some(band) => band,
-        None => [p.averaging_band[0], p.kept_up_to(p.sample_rate)],
+    let estimation = &setup.estimation;
+    Some(match (estimation.rigid_up_to, estimation.fit_band) {
+        (Some(highest), _) => [p.averaging_band[0], highest],
+        (None, Some(band)) => band,
+        (None, None) => [p.averaging_band[0], p.kept_up_to(p.sample_rate)],
     })
 }
 

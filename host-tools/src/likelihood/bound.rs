@@ -38,6 +38,7 @@ pub fn bound(
         .ok_or(FitError::Singular)?;
     let places = freedom.places(model);
     let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
-    let tilt = tilt::spread(&problem, model, freedom, &inverse, &excited)?;
+    let tilt =
+        tilt::spread(&problem, model, freedom, &inverse, &excited).ok_or(FitError::Singular)?;
     Ok(corner(&inverse, &places) * 0.5 + tilt)
 }

@@ -245,7 +245,8 @@ pub fn fit(
         let ratio = by_score[(i, i)] / by_information[(i, i)];
         if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
     });
-    let tilt = tilt::spread(&problem, &model, freedom, &inverse, &excited)?;
+    let tilt =
+        tilt::spread(&problem, &model, freedom, &inverse, &excited).ok_or(FitError::Singular)?;
     let covariance =
         Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
     let deviation = |place: usize| {

@@ -183,7 +183,7 @@ impl Model {
     #[must_use]
     pub fn at(&self, run: usize, frequency: f64) -> Matrix6<Complex<f64>> {
         let ratio = frequency / self.unit;
-        let real = self.rigid_matrix() + self.upper_matrix() * (ratio * ratio);
+        let real = self.rigid_matrix() + self.upper_matrix() * rest_of(ratio);
         let mut matrix = real.map(Complex::from);
         for (r, mode) in self.modes.iter().enumerate() {
             let (natural, damping) = self.mode_in(run, r);
@@ -192,6 +192,16 @@ impl Model {
         }
         matrix
     }
+}
+
+/// Modes beyond the lines are taken to lie at twice the last line: those right beyond it are found by
+/// themselves, and those far beyond it weigh little.
+const REST: f64 = 2.0;
+
+/// Response per E of the modes beyond the lines, ω² / (1 - (ω/ω_E)²), at a ratio of ω to the last line.
+pub(super) fn rest_of(ratio: f64) -> f64 {
+    let square = ratio * ratio;
+    square / (1.0 - square / (REST * REST))
 }
 
 /// Adds `d L Lᵀ`.

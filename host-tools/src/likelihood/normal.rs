@@ -10,7 +10,7 @@ use super::complex::{
     adjoint_times, inverse_factor, lower_times, real_times, times_real, upper_adjoint_times,
 };
 use super::model::{
-    self, FittedMode, Model, OF_MODE, RIGID, Resonance, SYMMETRIC, Slopes, rigid_columns,
+    self, FittedMode, Model, OF_MODE, RIGID, Resonance, SYMMETRIC, Slopes, rest_of, rigid_columns,
 };
 use super::record::{Complex6, Record};
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
@@ -398,7 +398,7 @@ impl<'a> Evaluation<'a> {
     fn line(&self, k: usize) -> Option<Line> {
         let frequency = self.record.frequencies[k];
         let ratio = frequency / self.model.unit;
-        let mut mass = (self.rigid + self.upper * (ratio * ratio)).map(Complex::from);
+        let mut mass = (self.rigid + self.upper * rest_of(ratio)).map(Complex::from);
         let mut resonances = Vec::with_capacity(self.modes.len());
         for seen in &self.modes {
             let exponent = seen.mode.exponent;
@@ -546,7 +546,7 @@ impl<'a> Evaluation<'a> {
         }
         if self.model.upper.is_some() {
             let ratio = self.record.frequencies[k] / self.model.unit;
-            let square = Complex::from(ratio * ratio);
+            let square = Complex::from(rest_of(ratio));
             let first = p - SYMMETRIC;
             for (at, (i, j)) in model::triangle().enumerate() {
                 let mut force = Complex6::zeros();

@@ -2,7 +2,7 @@
 //! most of what rigid body, term in ω² and known modes leave.
 
 use super::excited::Excited;
-use super::model::{FittedMode, Model, Resonance};
+use super::model::{FittedMode, Model, Resonance, rest_of};
 use super::normal::to_unit_diagonal;
 use super::record::Record;
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
@@ -128,7 +128,7 @@ impl Groups {
         let mut weights = Vec::with_capacity(self.groups.len());
         for group in &self.groups {
             let ratio = group.frequency / self.highest;
-            let mut of = vec![Complex::from(1.0), Complex::from(ratio * ratio)];
+            let mut of = vec![Complex::from(1.0), Complex::from(rest_of(ratio))];
             for mode in &model.modes {
                 of.push(
                     Resonance::new(

@@ -9,11 +9,10 @@
 
 use super::descent::{Freedom, Problem};
 use super::excited::Excited;
-use super::fit::{Covariance10, FitError};
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::Record;
-use nalgebra::{Complex, DMatrix, DVector, SVector, Vector3};
+use nalgebra::{Complex, DMatrix, DVector, SMatrix, SVector, Vector3};
 
 /// Lines of each record that the effect of a tilt is taken from.
 const LINES: usize = 450;
@@ -25,7 +24,7 @@ const LINES: usize = 450;
 pub(super) fn likely_inertia(model: &Model, told: [bool; RIGID]) -> [Option<[f64; 2]>; RIGID] {
     let mut likely = [None; RIGID];
     let mass = model.rigid[0];
-    if !(mass > 0.0) {
+    if mass.is_nan() || mass <= 0.0 {
         return likely;
     }
     let c = Vector3::new(model.rigid[1], model.rigid[2], model.rigid[3]) / mass;
@@ -47,15 +46,15 @@ pub(super) fn likely_inertia(model: &Model, told: [bool; RIGID]) -> [Option<[f64
 }
 
 /// Covariance of σ from the directions' uncertainty. `inverse` is that of the information over the free
-/// parameters at `model`.
+/// parameters at `model`; `None` where numbers are not finite.
 pub(super) fn spread(
     problem: &Problem<'_>,
     model: &Model,
     freedom: Freedom,
     inverse: &DMatrix<f64>,
     excited: &Excited,
-) -> Result<Covariance10, FitError> {
-    let mut covariance = Covariance10::zeros();
+) -> Option<SMatrix<f64, RIGID, RIGID>> {
+    let mut covariance = SMatrix::zeros();
     let places = freedom.places(model);
     let most = problem.records.iter().map(|r| r.frequencies.len()).max();
     let step = (most.unwrap_or(0) / LINES).max(1);
@@ -81,7 +80,7 @@ pub(super) fn spread(
                     ..*problem
                 };
                 let system = problem.system(model, freedom, Detail::Step);
-                system.map(|s| s.score).ok_or(FitError::Singular)
+                system.map(|s| s.score)
             };
             let change = (score(1.0)? - score(-1.0)?) * (0.5 * step as f64);
             let change = DVector::from_fn(places.len(), |i, _| change[places[i]]);
@@ -95,5 +94,5 @@ pub(super) fn spread(
             covariance += of * of.transpose();
         }
     }
-    Ok(covariance)
+    Some(covariance)
 }

@@ -104,6 +104,10 @@ pub struct Estimation {
     /// Band in which methods d and e fit, Hz; `None`: all lines that are kept.
     #[serde(deserialize_with = "keys::band")]
     pub fit_band: Option<[f64; 2]>,
+    /// Highest frequency at which the interface is rigid, Hz, up to which method ml fits; `None`: as
+    /// far as lines are kept.
+    #[serde(deserialize_with = "parse::rigid_up_to")]
+    pub rigid_up_to: Option<f64>,
     /// Distance of CG and reference point at which the iteration ends, m.
     #[serde(deserialize_with = "parse::tolerance")]
     pub tolerance: f64,
@@ -118,6 +122,7 @@ impl Default for Estimation {
             minimum_weight: massline_core::weighting::MINIMUM_WEIGHT,
             modes: massline_core::modes::MAX_MODES,
             fit_band: None,
+            rigid_up_to: None,
             tolerance: 1e-7,
             iterations: 50,
         }

@@ -91,6 +91,7 @@ keys::numbers! {
     minimum_weight:
         "the weight of the accelerometer that sees the modes most, more than 0 and at most 1",
         |weight| weight > 0.0 && weight <= 1.0;
+    rigid_up_to: "a frequency in Hz, more than 0", |frequency| frequency > 0.0;
     tolerance: "a distance in m, more than 0", |distance| distance > 0.0;
     // Up to 2^53 every whole number has its own f64.
     bytes: BYTES, |n| n.fract() == 0.0 && (0.0..=9e15).contains(&n);

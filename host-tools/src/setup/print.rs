@@ -109,6 +109,9 @@ fn print_estimation(out: &mut String, estimation: &Estimation) {
     if let Some(band) = &estimation.fit_band {
         let _ = writeln!(out, "fit_band = {}  # Hz", list(band));
     }
+    if let Some(highest) = &estimation.rigid_up_to {
+        let _ = writeln!(out, "rigid_up_to = {highest:?}  # Hz, the interface");
+    }
     let _ = writeln!(out, "tolerance = {:?}  # m", estimation.tolerance);
     let _ = writeln!(out, "iterations = {}", estimation.iterations);
 }

@@ -460,7 +460,10 @@ fn setup(
         known_mass: options.weighed.then_some(mass),
         known_mass_uncertainty: None,
         processing: is_shaken(model).then(|| measurement.processing()),
-        estimation: Estimation::default(),
+        estimation: Estimation {
+            rigid_up_to: model.measurement.rigid_up_to,
+            ..Estimation::default()
+        },
         defaults: Defaults::default(),
         accelerometers: model
             .accelerometers

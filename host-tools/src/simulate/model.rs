@@ -109,6 +109,9 @@ pub struct Measurement {
     /// Hz.
     #[serde(default, deserialize_with = "keys::band")]
     pub mode_band: Option<[f64; 2]>,
+    /// Highest frequency at which the setup calls the interface rigid, Hz; it says nothing if `None`.
+    #[serde(default, deserialize_with = "keys::positive")]
+    pub rigid_up_to: Option<f64>,
 }
 
 /// A run before it is recorded.
@@ -322,5 +325,7 @@ fn plane_measurement(specimen: &Specimen) -> Measurement {
         overlap: DEFAULT_OVERLAP,
         averaging_band: [line, to_line(0.8 * first)],
         mode_band: Some([to_line(0.85 * first), to_line(1.5 * first)]),
+        // The model's table is rigid; the drive ends at 40 % of the rate.
+        rigid_up_to: Some(to_line((6.0 * first).min(0.39 * sample_rate))),
     }
 }

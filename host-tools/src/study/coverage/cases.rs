@@ -180,6 +180,7 @@ fn six_runs(chance: &mut Chance, structure: &Structure) -> Model {
             overlap: 0.5,
             averaging_band: BAND,
             mode_band: first.map(|f| [0.85 * f, 100.0]),
+            rigid_up_to: None,
         },
         runs,
     }

@@ -111,6 +111,7 @@ fn test(
             overlap: 0.5,
             averaging_band: [LOWEST, BAND * first],
             mode_band: Some([0.85 * first, 2.0 * first]),
+            rigid_up_to: None,
         },
         runs,
     }

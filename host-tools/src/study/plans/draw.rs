@@ -185,6 +185,7 @@ pub(super) fn draw(chance: &mut Chance) -> Drawn {
                 overlap: 0.5,
                 averaging_band: BAND,
                 mode_band,
+                rigid_up_to: None,
             },
             runs,
             specimen: structure.specimen,
