@@ -1,4 +1,4 @@
-//! What no recording says, asked for one by one. An empty answer leaves it to be filled in later.
+//! Questions for the values that no recording states. An empty answer leaves one to be filled in later.
 
 use super::channels::Found;
 use super::names::Kind;
@@ -7,7 +7,7 @@ use crate::setup::{Mount, is_electric, measured_in};
 /// Times that a question is asked until its answer is left for later.
 const TRIES: usize = 3;
 
-/// Asks for what is missing. `question` shows a text and gives the answer; `None` ends all questions.
+/// Asks for the values that are missing. `question` shows a text and gives the answer; `None` ends all questions.
 pub fn ask(found: &mut Found, question: &mut dyn FnMut(&str) -> Option<String>) {
     // No answer is the end of the input, which is no error: the rest is filled in later.
     let _ = all(found, question);

@@ -1,4 +1,4 @@
-//! The setup as text. What is not known stands as a comment that says what to fill in.
+//! The setup as text, with a comment in place of each value that is not known.
 
 use super::channels::{Found, Sensor};
 use super::names::Kind;
@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// What sensors share: written once as a `[[sensor_type]]`.
+/// Values that sensors share, written once as a `[[sensor_type]]`.
 #[derive(Clone, Debug, PartialEq)]
 struct Shared {
     kind: Kind,

@@ -30,7 +30,7 @@ pub enum InitError {
     /// A recording cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Nothing in common.
+    /// No channel that could be a sensor.
     #[error("the recordings have no channel in common that could be a sensor; they have {found}")]
     NoSensor {
         /// Channels of the first recording.
@@ -59,7 +59,7 @@ pub enum InitError {
     Unreadable {
         /// The table.
         file: PathBuf,
-        /// The reader's words.
+        /// Reason of the reader.
         reason: String,
     },
     /// The table of sensors does not fit.
@@ -69,7 +69,7 @@ pub enum InitError {
         file: PathBuf,
         /// Line, from one.
         line: u64,
-        /// What was found and what is expected.
+        /// Value found and values expected.
         reason: String,
     },
 }

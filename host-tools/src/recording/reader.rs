@@ -248,10 +248,11 @@ impl Recording {
         self.health
     }
 
-    /// Samples read so far.
+    /// Samples handed out so far.
     #[must_use]
     pub fn rows(&self) -> u64 {
-        self.rows
+        let lost = self.alignment.as_ref().map_or([0; 2], Alignment::lost);
+        self.rows.saturating_sub((lost[0] + lost[1]) as u64)
     }
 
     /// Has the recording end after `rows` samples, if it is not shorter; `None`: not before

@@ -1,7 +1,7 @@
 //! SETUP.toml: which sensors sit where, how to average, and which runs were recorded.
 //!
-//! All quantities are SI, whatever units the file states: they are converted when it is read. Positions and directions are in the global frame, which is
-//! the frame of the table; for a specimen that is re-mounted between runs, structure
+//! All quantities are SI, whatever units the file states: they are converted when it is read.
+//! Positions and directions are in the global frame, which is the frame of the table; for a specimen that is re-mounted between runs, structure
 //! accelerometers are given in the specimen's own frame, load cells and interface
 //! accelerometers in the table's (see [`Run::rotation`]).
 //!
@@ -285,7 +285,7 @@ impl LoadCellEntry {
 }
 
 impl AccelerometerEntry {
-    /// The key `scale`: what multiplies readings in the unit that the setup states.
+    /// The key `scale`: factor of the readings beside the unit that the setup states.
     #[must_use]
     pub fn key_scale(&self) -> f64 {
         self.units.key_scale(Measured::Acceleration, self.scale)
@@ -293,7 +293,7 @@ impl AccelerometerEntry {
 }
 
 impl LoadCellEntry {
-    /// The key `scale`: what multiplies readings in the unit that the setup states.
+    /// The key `scale`: factor of the readings beside the unit that the setup states.
     #[must_use]
     pub fn key_scale(&self) -> f64 {
         self.units.key_scale(self.quantity.into(), self.scale)

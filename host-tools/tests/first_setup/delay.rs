@@ -42,6 +42,24 @@ fn the_lines_that_check_prints_mend_it() {
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
     let said = massline(test.path(), ["identify", "setup.toml"]);
     said.says("the first 0 and the last 3 samples are not used");
+    // The box gets the samples that this machine averages, with a delay that is no whole number, too.
+    let fraction = setup
+        .to_toml()
+        .replace(entry, &format!("{entry}delay = 2.75\n"));
+    // A box holds fewer lines than this machine.
+    let fraction = fraction.replace("mode_band = [30.0, 75.0]", "mode_band = [30.0, 50.0]");
+    std::fs::write(test.path().join("fraction.toml"), fraction).unwrap();
+    let replayed = massline(
+        test.path(),
+        ["replay", "fraction.toml", "--host", "--blocks", "4"],
+    );
+    assert_eq!(
+        replayed.code,
+        Some(0),
+        "{}{}",
+        replayed.stdout,
+        replayed.stderr
+    );
     // Noise of 1 % decides both; without the first three samples and the last three they differ by
     // less than a tenth of what the delay makes.
     assert!(
