@@ -13,6 +13,14 @@ fn at(file: &Path, place: Option<Place>) -> String {
     }
 }
 
+/// A channel in a message, where there is one.
+fn of_channel(channel: &str) -> String {
+    match channel {
+        "" => String::new(),
+        channel => format!(", channel `{channel}`"),
+    }
+}
+
 /// Error of a recording, with its place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
@@ -76,13 +84,41 @@ pub enum RecordingError {
         /// Probable kind of the file, and what to do.
         advice: &'static str,
     },
-    /// Columns between something else than commas.
-    #[error("{}, line 1: the columns are separated by {found}; separate them with commas and write numbers with decimal points", file.display())]
-    OtherSeparator {
+    /// A file of a kind that is not read.
+    #[error("{}: this is {kind}; {advice}", file.display())]
+    OtherKind {
         /// The file.
         file: PathBuf,
-        /// The separator that was found.
-        found: &'static str,
+        /// Kind of the file.
+        kind: String,
+        /// The remedy.
+        advice: &'static str,
+    },
+    /// Numbers with commas that could be decimal signs or stand between thousands.
+    #[error("{}, {place}: `{found}` and all numbers like it could have a decimal comma or thousands; write `decimal = \",\"` into [recording] if it is a decimal comma, else export the recording without a sign between thousands", file.display())]
+    Ambiguous {
+        /// The file.
+        file: PathBuf,
+        /// Place of the first such number.
+        place: Place,
+        /// That number.
+        found: String,
+    },
+    /// A file that is not as its format has it.
+    #[error("{}{}: {found}, expected {expected}; {advice}", at(file, *place), of_channel(channel))]
+    Malformed {
+        /// The file.
+        file: PathBuf,
+        /// Place at fault, where there is one.
+        place: Option<Place>,
+        /// The channel; empty where it is none's.
+        channel: String,
+        /// The part that was found.
+        found: String,
+        /// The part that was expected.
+        expected: String,
+        /// The remedy.
+        advice: &'static str,
     },
     /// Numbers from the first line on.
     #[error("{}, line 1: it starts with the number {found}; put a line with the channel names above the numbers", file.display())]
@@ -131,7 +167,7 @@ pub enum RecordingError {
         second: usize,
     },
     /// Text where a number should be.
-    #[error("{}, {place}, channel `{channel}`: `{found}` is not a number; write it with a decimal point, or cut the recording before this line", file.display())]
+    #[error("{}, {place}, channel `{channel}`: `{found}` is not a number; write it with a decimal {sign}, or cut the recording before this line", file.display())]
     NotANumber {
         /// The file.
         file: PathBuf,
@@ -141,6 +177,8 @@ pub enum RecordingError {
         channel: String,
         /// The text that was found.
         found: String,
+        /// Name of the file's decimal sign.
+        sign: &'static str,
     },
     /// NaN, infinity, or more than single precision holds.
     #[error("{}, {place}, channel `{channel}`: {found} is not a finite reading; cut the recording before it, or record again", file.display())]
