@@ -4,7 +4,7 @@ use super::delay::Alignment;
 use super::input::{self, Passed};
 use super::names::{self, Names, some_of};
 use super::source::{Block, Channel, Place, Source};
-use super::time;
+use super::time::{self, Clock, Times};
 use super::{Checksum, FORMATS, Form, HEALTH_COLUMN, Preamble, RecordingError};
 use crate::format::plain;
 use crate::printable::quoted;
@@ -53,25 +53,6 @@ pub struct Recording {
     factors: Vec<f64>,
     /// Channels that come late, if there are any.
     alignment: Option<Alignment>,
-}
-
-/// The time that a sample should carry.
-struct Clock {
-    start: f64,
-    rate: f64,
-    /// Largest distance of a time from its due that rounding explains, s.
-    rounding: f64,
-}
-
-/// Times of the first samples, s.
-struct Times {
-    first: f64,
-    /// Mean rate, Hz.
-    rate: f64,
-    /// Steps from one time to the next.
-    steps: f64,
-    /// Last decimal of the times, s, where it makes them uneven; else 0.
-    rounding: f64,
 }
 
 impl Recording {
@@ -339,7 +320,7 @@ impl Recording {
             })?;
             return match own {
                 // Crystals keep to 1e-4; a box without one to a percent.
-                Some(own) if (own.value / rate - 1.0).abs() > 2e-2 || !own.value.is_finite() => {
+                Some(own) if !((own.value / rate - 1.0).abs() <= 2e-2 && own.value > 0.0) => {
                     Err(RecordingError::WrongRate {
                         file: self.file.clone(),
                         place: own.place,
@@ -356,7 +337,7 @@ impl Recording {
             None => self.rate_of_rounded(&times)?,
         };
         // A thousand rows of times with three decimals tell the rate to about 1e-3.
-        let allowed = 2e-3 + times.rounding * rate / times.steps;
+        let allowed = 2e-3 + times.rate_error(times.steps);
         if (times.rate / rate - 1.0).abs() > allowed {
             return Err(RecordingError::WrongRate {
                 file: self.file.clone(),
@@ -365,11 +346,7 @@ impl Recording {
                 stated: rate,
             });
         }
-        self.clock = Some(Clock {
-            start: times.first,
-            rate,
-            rounding: times.rounding,
-        });
+        self.clock = Some(times.clock(rate));
         self.selected.truncate(self.channels);
         self.selected.extend(self.time);
         self.source.select(&self.selected);
@@ -386,30 +363,16 @@ impl Recording {
         while times.len() <= RATE_SAMPLES && probe.next_row_f64(|_, time| found = time)? {
             times.push(found);
         }
-        // The last decimal is one of the unit in which the times are written.
-        let rounding = self.second * time::rounding(&times);
-        times.iter_mut().for_each(|time| *time *= self.second);
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
             return Ok(None);
         };
-        let steps = (times.len() - 1) as f64;
-        let rate = steps / (last - first);
-        if !(rate.is_finite() && rate > 0.0) {
-            return Err(RecordingError::TimeJump {
-                file: self.file.clone(),
-                place: probe.place,
-                found: last,
-                expected: first,
-            });
-        }
-        // Even times that a rate of few digits makes are not rounded.
-        let uneven = time::unevenness(&times) * rate > 1e-3;
-        Ok(Some(Times {
-            first,
-            rate,
-            steps,
-            rounding: if uneven { rounding } else { 0.0 },
-        }))
+        let jump = RecordingError::TimeJump {
+            file: self.file.clone(),
+            place: probe.place,
+            found: self.second * last,
+            expected: self.second * first,
+        };
+        Times::new(times, self.second).map(Some).ok_or(jump)
     }
 
     /// A second opening that reads the channel of time alone.
@@ -428,9 +391,7 @@ impl Recording {
     /// The rate that the times tell: that of the first ones, or where these are rounded the mean
     /// over the whole file, with a note.
     fn rate_of_rounded(&mut self, times: &Times) -> Result<f64, RecordingError> {
-        // The error of the rate by the rounding of the first and the last time.
-        let error = |steps: f64| times.rounding * times.rate / steps;
-        if error(times.steps) <= 1e-5 {
+        if times.rate_error(times.steps) <= 1e-5 {
             return Ok(times.rate);
         }
         let Some(mut all) = self.times()? else {
@@ -448,7 +409,7 @@ impl Recording {
             self.file.display(),
             times.rounding,
             plain(rate, 6),
-            plain(100.0 * error(steps), 2)
+            plain(100.0 * times.rate_error(steps), 2)
         ));
         Ok(rate)
     }
@@ -574,13 +535,7 @@ impl Recording {
             return Ok(());
         };
         let found = self.second * found;
-        let expected = clock.start + self.rows as f64 / clock.rate;
-        // Half a sample, and the drift of a rate that is known to 1e-4: a lost sample
-        // early in the file is a whole one. Where times are rounded by more than that, two of
-        // them differ by the whole of their last decimal, and a tenth of it for a rate that is
-        // as little known.
-        let allowed = (0.6 / clock.rate).max(1.1 * clock.rounding);
-        let allowed = allowed + 1e-4 * (expected - clock.start).abs();
+        let (expected, allowed) = clock.due(self.rows);
         if (found - expected).abs() > allowed {
             return Err(RecordingError::TimeJump {
                 file: self.file.clone(),

@@ -113,7 +113,7 @@ pub(super) fn find(channels: &[Channel], asked: impl Fn(usize) -> bool) -> Optio
 
 /// Rounding of times, s: the largest power of ten, from a second down to a nanosecond, of which
 /// all of them are multiples; 0 if there is none.
-pub(super) fn rounding(times: &[f64]) -> f64 {
+fn rounding(times: &[f64]) -> f64 {
     let multiple = |steps: f64| {
         times.iter().all(|time| {
             let scaled = time * steps;
@@ -132,13 +132,79 @@ pub(super) fn rounding(times: &[f64]) -> f64 {
 }
 
 /// Largest distance of times from the straight line through the first and the last of them, s.
-pub(super) fn unevenness(times: &[f64]) -> f64 {
+fn unevenness(times: &[f64]) -> f64 {
     let (Some(first), Some(last)) = (times.first(), times.last()) else {
         return 0.0;
     };
     let step = (last - first) / (times.len().max(2) - 1) as f64;
     let off = |(n, time): (usize, &f64)| (time - first - n as f64 * step).abs();
     times.iter().enumerate().map(off).fold(0.0, f64::max)
+}
+
+/// Times of the first samples.
+pub(super) struct Times {
+    /// First time, s.
+    pub(super) first: f64,
+    /// Mean rate, Hz.
+    pub(super) rate: f64,
+    /// Steps from one time to the next.
+    pub(super) steps: f64,
+    /// Last decimal of the times, s, where it makes them uneven; else 0.
+    pub(super) rounding: f64,
+}
+
+impl Times {
+    /// Times in units of `second` s; `None` if they do not go on.
+    pub(super) fn new(mut times: Vec<f64>, second: f64) -> Option<Self> {
+        // The last decimal is one of the unit in which the times are written.
+        let rounding = second * rounding(&times);
+        times.iter_mut().for_each(|time| *time *= second);
+        let (first, last) = (*times.first()?, *times.last()?);
+        let steps = (times.len() - 1) as f64;
+        let rate = steps / (last - first);
+        // Times of few decimals that are even are not rounded.
+        let uneven = unevenness(&times) * rate > 1e-3;
+        (rate.is_finite() && rate > 0.0).then_some(Self {
+            first,
+            rate,
+            steps,
+            rounding: if uneven { rounding } else { 0.0 },
+        })
+    }
+
+    /// Largest relative error of a rate by the rounding of two times that are `steps` apart.
+    pub(super) fn rate_error(&self, steps: f64) -> f64 {
+        self.rounding * self.rate / steps
+    }
+
+    /// The clock of a recording at a rate, Hz.
+    pub(super) fn clock(&self, rate: f64) -> Clock {
+        Clock {
+            start: self.first,
+            rate,
+            rounding: self.rounding,
+        }
+    }
+}
+
+/// The times that samples should carry.
+pub(super) struct Clock {
+    start: f64,
+    rate: f64,
+    rounding: f64,
+}
+
+impl Clock {
+    /// The time that is due after so many samples, and the distance from it that is allowed, s.
+    pub(super) fn due(&self, samples: u64) -> (f64, f64) {
+        let since = samples as f64 / self.rate;
+        // Half a sample, and the drift of a rate that is known to 1e-4: a lost sample
+        // early in the file is a whole one. Where times are rounded by more than that, two of
+        // them differ by the whole of their last decimal, and a tenth of it for a rate that is
+        // as little known.
+        let allowed = (0.6 / self.rate).max(1.1 * self.rounding);
+        (self.start + since, allowed + 1e-4 * since)
+    }
 }
 
 #[cfg(test)]

@@ -88,6 +88,9 @@ impl Header {
         let (start, step) = (real(next()?)?, real(next()?)?);
         let points = u64::try_from(points).ok().filter(|n| *n > 0);
         let points = points.ok_or_else(|| wrong(7, "at least one point"))?;
+        if even && step <= 0.0 {
+            return Err(wrong(7, "a step of more than 0"));
+        }
         if ![2, 4, 5, 6].contains(&ordinate) {
             return Err(wrong(7, "a kind of number: 2, 4, 5 or 6"));
         }

@@ -229,6 +229,12 @@ fn set(
     let unit = units::unit(&header, system);
     let start = lines.part.at;
     let data_line = lines.number + 1;
+    if let Some((_, text, _)) = binary
+        && text != Header::LINES as u64
+    {
+        let found = format!("{text} lines of text");
+        return Err(bytes.malformed(Place::Line(line), "", found, "11"));
+    }
     let Some((big, _, stated)) = binary else {
         let mut end = start;
         loop {
