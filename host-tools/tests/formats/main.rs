@@ -3,6 +3,7 @@
 
 mod binary;
 mod others;
+mod spoilt;
 mod text;
 mod write;
 
