@@ -4,7 +4,7 @@
 //! asked for. One that has them sample by sample is read at one place by all of them. Both take
 //! one page a channel at most, however long the file is.
 
-use super::{Place, RecordingError, input::Input};
+use super::{Mismatch, Place, RecordingError, input::Input};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::fs::File;
@@ -96,10 +96,12 @@ impl Bytes {
         RecordingError::Malformed {
             file: self.file.clone(),
             place: Some(place),
-            channel: channel.to_owned(),
-            found: found.into(),
-            expected: expected.into(),
-            advice: "the file is damaged, or a program wrote it that keeps to another description of the format: copy or export it again, or export it as CSV",
+            mismatch: Box::new(Mismatch {
+                channel: channel.to_owned(),
+                found: found.into(),
+                expected: expected.into(),
+                advice: "the file is damaged, or a program wrote it that keeps to another description of the format: copy or export it again, or export it as CSV",
+            }),
         }
     }
 }

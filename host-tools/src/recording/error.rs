@@ -3,6 +3,7 @@
 use super::{Checksum, Place};
 use crate::format::plain;
 use crate::limits;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// A file with a place in it, where there is one.
@@ -13,11 +14,31 @@ fn at(file: &Path, place: Option<Place>) -> String {
     }
 }
 
-/// A channel in a message, where there is one.
-fn of_channel(channel: &str) -> String {
-    match channel {
-        "" => String::new(),
-        channel => format!(", channel `{channel}`"),
+/// The part of a file that is not as its format has it.
+#[derive(Debug)]
+pub struct Mismatch {
+    /// The channel; empty where it is none's.
+    pub channel: String,
+    /// The part that was found.
+    pub found: String,
+    /// The part that was expected.
+    pub expected: String,
+    /// The remedy.
+    pub advice: &'static str,
+}
+
+impl fmt::Display for Mismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.channel.is_empty() {
+            write!(f, ", channel `{}`", self.channel)?;
+        }
+        let Self {
+            found,
+            expected,
+            advice,
+            ..
+        } = self;
+        write!(f, ": {found}, expected {expected}; {advice}")
     }
 }
 
@@ -105,20 +126,14 @@ pub enum RecordingError {
         found: String,
     },
     /// A file that is not as its format has it.
-    #[error("{}{}: {found}, expected {expected}; {advice}", at(file, *place), of_channel(channel))]
+    #[error("{}{mismatch}", at(file, *place))]
     Malformed {
         /// The file.
         file: PathBuf,
         /// Place at fault, where there is one.
         place: Option<Place>,
-        /// The channel; empty where it is none's.
-        channel: String,
-        /// The part that was found.
-        found: String,
-        /// The part that was expected.
-        expected: String,
-        /// The remedy.
-        advice: &'static str,
+        /// The parts that do not agree.
+        mismatch: Box<Mismatch>,
     },
     /// Numbers from the first line on.
     #[error("{}, line 1: it starts with the number {found}; put a line with the channel names above the numbers", file.display())]

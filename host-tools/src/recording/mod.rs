@@ -53,7 +53,7 @@ pub use checksum::Checksum;
 pub(crate) use checksum::Summed;
 pub(crate) use csv::field;
 pub(crate) use delay::MOST_DELAY;
-pub use error::RecordingError;
+pub use error::{Mismatch, RecordingError};
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use form::Form;
 pub use health::{ChannelHealth, Complaint, Health};
@@ -64,12 +64,15 @@ pub use source::{Block, Channel, Place, Source, StatedRate};
 
 use input::Input;
 
+/// A file that was opened in its format.
+type Opened = Result<Box<dyn Source>, RecordingError>;
+
 /// A format of recordings.
 struct Format {
     /// `true` if the first bytes of a file, unpacked, are those of this format.
     recognises: fn(&[u8]) -> bool,
     /// Opens a file of this format.
-    open: fn(Input, &Form) -> Result<Box<dyn Source>, RecordingError>,
+    open: fn(Input, &Form) -> Opened,
 }
 
 /// All formats, in the order in which they are tried. CSV is the last: it takes every file, and

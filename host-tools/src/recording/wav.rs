@@ -2,7 +2,7 @@
 
 use super::input::Input;
 use super::source::{Block, Channel, Place, Source, StatedRate};
-use super::{Format, Preamble, RecordingError};
+use super::{Format, Mismatch, Preamble, RecordingError};
 use hound::{SampleFormat, WavReader};
 use massline_firmware::wire::Health;
 use std::io::{BufReader, Read};
@@ -86,10 +86,12 @@ fn ended(file: &Path, place: Place, samples: u64) -> RecordingError {
     RecordingError::Malformed {
         file: file.to_owned(),
         place: Some(place),
-        channel: String::new(),
-        found: "the file ends".to_owned(),
-        expected: format!("{samples} samples"),
-        advice: "it was cut: copy it again, or record again",
+        mismatch: Box::new(Mismatch {
+            channel: String::new(),
+            found: "the file ends".to_owned(),
+            expected: format!("{samples} samples"),
+            advice: "it was cut: copy it again, or record again",
+        }),
     }
 }
 
@@ -109,10 +111,12 @@ fn wrong(file: &Path, place: Place, error: hound::Error) -> RecordingError {
         error => RecordingError::Malformed {
             file: file.to_owned(),
             place: Some(place),
-            channel: String::new(),
-            found: format!("a header that cannot be read ({error})"),
-            expected: "that of a WAV file".to_owned(),
-            advice: "copy or export it again",
+            mismatch: Box::new(Mismatch {
+                channel: String::new(),
+                found: format!("a header that cannot be read ({error})"),
+                expected: "that of a WAV file".to_owned(),
+                advice: "copy or export it again",
+            }),
         },
     }
 }

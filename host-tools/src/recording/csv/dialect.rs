@@ -355,7 +355,7 @@ fn fit(rows: &[Row], delimiter: u8, decimal: u8, form: &Form) -> Option<Fit> {
             }
             (Some(last), _) => (last, None),
             // Names such as `time,1,2`.
-            (None, _) => (of_kind(Kind::Mixed).last()?, None),
+            (None, _) => (of_kind(Kind::Mixed).next_back()?, None),
         },
     };
     let below = rows

@@ -6,7 +6,7 @@ mod elements;
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
 use super::source::{Channel, Place, StatedRate};
-use super::{Format, RecordingError};
+use super::{Format, Mismatch, RecordingError};
 use crate::limits;
 use crate::printable::printable;
 use elements::{Numbers, Variable};
@@ -97,10 +97,12 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         return Err(RecordingError::Malformed {
             file: bytes.file.clone(),
             place: None,
-            channel: String::new(),
-            found: "no numeric vector or matrix".to_owned(),
-            expected: "vectors, one a channel, or a matrix of samples and channels".to_owned(),
-            advice: "save the samples as such variables: those within a struct or a cell are not read",
+            mismatch: Box::new(Mismatch {
+                channel: String::new(),
+                found: "no numeric vector or matrix".to_owned(),
+                expected: "vectors, one a channel, or a matrix of samples and channels".to_owned(),
+                advice: "save the samples as such variables: those within a struct or a cell are not read",
+            }),
         });
     };
     let form = format!("MAT file of version 5, {} variables", variables.len());

@@ -6,7 +6,7 @@ mod segments;
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
 use super::source::{Channel, Place, StatedRate};
-use super::{Format, RecordingError};
+use super::{Format, Mismatch, RecordingError};
 use crate::printable::printable;
 use metadata::Object;
 use segments::{Stretches, Values};
@@ -50,10 +50,12 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         return Err(RecordingError::Malformed {
             file: bytes.file.clone(),
             place: None,
-            channel: String::new(),
-            found: "no channel with numbers".to_owned(),
-            expected: "channels with samples".to_owned(),
-            advice: "export the recording again, or as CSV",
+            mismatch: Box::new(Mismatch {
+                channel: String::new(),
+                found: "no channel with numbers".to_owned(),
+                expected: "channels with samples".to_owned(),
+                advice: "export the recording again, or as CSV",
+            }),
         });
     };
     let used: Vec<&Object> = numbers.iter().filter_map(|n| objects.get(*n)).collect();

@@ -8,7 +8,7 @@ mod units;
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
 use super::source::{Channel, Place, StatedRate};
-use super::{Format, RecordingError};
+use super::{Format, Mismatch, RecordingError};
 use header::Header;
 use scan::Set;
 use std::collections::HashMap;
@@ -36,13 +36,15 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         return Err(RecordingError::Malformed {
             file: bytes.file.clone(),
             place: None,
-            channel: String::new(),
-            found: match notes.as_slice() {
-                [] => "it holds no dataset".to_owned(),
-                notes => notes.join("; "),
-            },
-            expected: "time histories in datasets 58".to_owned(),
-            advice: "export the time histories of the test",
+            mismatch: Box::new(Mismatch {
+                channel: String::new(),
+                found: match notes.as_slice() {
+                    [] => "it holds no dataset".to_owned(),
+                    notes => notes.join("; "),
+                },
+                expected: "time histories in datasets 58".to_owned(),
+                advice: "export the time histories of the test",
+            }),
         });
     };
     let names = names(&sets);
@@ -92,10 +94,12 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
             return Err(RecordingError::Malformed {
                 file: bytes.file.clone(),
                 place: Some(Place::Line(set.line)),
-                channel: label.to_owned(),
-                found: set.header.described(),
-                expected: format!("{} as the other channels have", shared.header.described()),
-                advice: "channels of one recording share their samples: export the others to a file of their own",
+                mismatch: Box::new(Mismatch {
+                    channel: label.to_owned(),
+                    found: set.header.described(),
+                    expected: format!("{} as the other channels have", shared.header.described()),
+                    advice: "channels of one recording share their samples: export the others to a file of their own",
+                }),
             });
         }
         series::open(

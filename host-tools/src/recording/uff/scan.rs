@@ -280,7 +280,7 @@ fn set(
     loop {
         match lines.next()? {
             Some(line) if is_delimiter(line) => break,
-            Some(line) if line.is_empty() => {}
+            Some([]) => {}
             _ => {
                 let place = Place::Byte(start + length);
                 return Err(bytes.malformed(place, "", "something else", "-1 behind binary data"));
