@@ -72,7 +72,16 @@ fn encodings_and_quotes() {
 #[test]
 fn lines_above_and_below_the_names() {
     let above = "Messung;Müller, Prüfstand 2\r\nAbtastrate;512\r\nKanäle;19\r\n\r\n";
-    let units = |table: &Table| vec!["[m/s²]"; table.names.len()].join(";") + "\r\n";
+    let unit = |name: &String| match name.chars().next() {
+        Some('a') => "[m/s²]",
+        Some('f') => "[N]",
+        Some('t') => "[N m]",
+        _ => "[-]",
+    };
+    let units = |table: &Table| {
+        let units: Vec<&str> = table.names.iter().map(unit).collect();
+        units.join(";") + "\r\n"
+    };
     let with_units = |table: Table| {
         let units = units(&table);
         let text = table.commas().text(";", "\r\n");

@@ -64,7 +64,7 @@ pub fn set58(name: &str, node: i32, direction: i32, readings: &[f32], numbers: N
             exponential(0.0, 13, 5)
         ),
         "        17    0    0    0                 Time                    s".to_owned(),
-        "        12    0    0    0         Acceleration                 m/s^2".to_owned(),
+        "         0    0    0    0                 NONE                 NONE".to_owned(),
         "         0    0    0    0                 NONE                 NONE".to_owned(),
         "         0    0    0    0                 NONE                 NONE".to_owned(),
     ];
