@@ -24,6 +24,13 @@ pub(super) fn show(setup: &Setup, answer: &Answer, result: &ResultDocument, verb
 fn lines(setup: &Setup, answer: &Answer, result: &ResultDocument) -> Vec<String> {
     let mut lines = Vec::new();
     let m = &answer.measurement;
+    for run in &setup.runs {
+        // They have just been read.
+        let opened = setup.open_recording(run, &[]).ok();
+        if let Some(form) = opened.and_then(|recording| recording.described()) {
+            lines.push(format!("{}: read as {form}", run.recording.display()));
+        }
+    }
     for run in &m.runs {
         let settings = run.settings();
         let rate = settings.grid().spacing * settings.block_length() as f64;

@@ -3,6 +3,7 @@
 use super::{Checksum, Place};
 use crate::format::plain;
 use crate::limits;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// A file with a place in it, where there is one.
@@ -10,6 +11,34 @@ fn at(file: &Path, place: Option<Place>) -> String {
     match place {
         Some(place) => format!("{}, {place}", file.display()),
         None => file.display().to_string(),
+    }
+}
+
+/// The part of a file that is not as its format has it.
+#[derive(Debug)]
+pub struct Mismatch {
+    /// The channel; empty where it is none's.
+    pub channel: String,
+    /// The part that was found.
+    pub found: String,
+    /// The part that was expected.
+    pub expected: String,
+    /// The remedy.
+    pub advice: &'static str,
+}
+
+impl fmt::Display for Mismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.channel.is_empty() {
+            write!(f, ", channel `{}`", self.channel)?;
+        }
+        let Self {
+            found,
+            expected,
+            advice,
+            ..
+        } = self;
+        write!(f, ": {found}, expected {expected}; {advice}")
     }
 }
 
@@ -76,13 +105,35 @@ pub enum RecordingError {
         /// Probable kind of the file, and what to do.
         advice: &'static str,
     },
-    /// Columns between something else than commas.
-    #[error("{}, line 1: the columns are separated by {found}; separate them with commas and write numbers with decimal points", file.display())]
-    OtherSeparator {
+    /// A file of a kind that is not read.
+    #[error("{}: this is {kind}; {advice}", file.display())]
+    OtherKind {
         /// The file.
         file: PathBuf,
-        /// The separator that was found.
-        found: &'static str,
+        /// Kind of the file.
+        kind: String,
+        /// The remedy.
+        advice: &'static str,
+    },
+    /// Numbers with commas that could be decimal signs or stand between thousands.
+    #[error("{}, {place}: `{found}` and all numbers like it could have a decimal comma or thousands; write `decimal = \",\"` into [recording] if it is a decimal comma, else export the recording without a sign between thousands", file.display())]
+    Ambiguous {
+        /// The file.
+        file: PathBuf,
+        /// Place of the first such number.
+        place: Place,
+        /// That number.
+        found: String,
+    },
+    /// A file that is not as its format has it.
+    #[error("{}{mismatch}", at(file, *place))]
+    Malformed {
+        /// The file.
+        file: PathBuf,
+        /// Place at fault, where there is one.
+        place: Option<Place>,
+        /// The parts that do not agree.
+        mismatch: Box<Mismatch>,
     },
     /// Numbers from the first line on.
     #[error("{}, line 1: it starts with the number {found}; put a line with the channel names above the numbers", file.display())]
@@ -131,7 +182,7 @@ pub enum RecordingError {
         second: usize,
     },
     /// Text where a number should be.
-    #[error("{}, {place}, channel `{channel}`: `{found}` is not a number; write it with a decimal point, or cut the recording before this line", file.display())]
+    #[error("{}, {place}, channel `{channel}`: `{found}` is not a number; write it with a decimal {sign}, or cut the recording before this line", file.display())]
     NotANumber {
         /// The file.
         file: PathBuf,
@@ -141,6 +192,8 @@ pub enum RecordingError {
         channel: String,
         /// The text that was found.
         found: String,
+        /// Name of the file's decimal sign.
+        sign: &'static str,
     },
     /// NaN, infinity, or more than single precision holds.
     #[error("{}, {place}, channel `{channel}`: {found} is not a finite reading; cut the recording before it, or record again", file.display())]

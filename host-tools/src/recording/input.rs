@@ -20,6 +20,8 @@ pub(super) struct Input {
     pub(super) start: Vec<u8>,
     /// The content from its first byte on, unpacked.
     pub(super) content: Box<dyn Read>,
+    /// `true` if the file is compressed by gzip.
+    pub(super) packed: bool,
 }
 
 /// Bytes of the file that have been read, while others read on.
@@ -81,7 +83,8 @@ pub(super) fn open(file: &Path) -> Result<(Input, u64, Passed), RecordingError> 
     let passed = Passed::new(opened);
     let raw: Box<dyn Read> = Box::new(passed.clone());
     let (mut start, mut content) = peek(raw, file)?;
-    if start.starts_with(&GZIP) {
+    let packed = start.starts_with(&GZIP);
+    if packed {
         let unpacked: Box<dyn Read> = Box::new(MultiGzDecoder::new(BufReader::new(content)));
         (start, content) = peek(unpacked, file)?;
     }
@@ -89,6 +92,7 @@ pub(super) fn open(file: &Path) -> Result<(Input, u64, Passed), RecordingError> 
         file: file.to_owned(),
         start,
         content,
+        packed,
     };
     Ok((input, metadata.len(), passed))
 }

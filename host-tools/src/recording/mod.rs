@@ -5,9 +5,19 @@
 //! | `reader` | a recording as the rest of the program reads it, whatever its format |
 //! | `source` | the trait behind which every format lies |
 //! | `csv` | CSV |
+//! | `uff` | universal files with time histories of dataset 58 |
+//! | `mat` | MAT files of version 5 |
+//! | `tdms` | TDMS without scaling by DAQmx |
+//! | `wav` | WAV |
+//! | `columns` | files that have each channel as a series of its own |
+//! | `bytes` | any part of a file, in shared pages |
+//! | `number` | numbers of fixed size as files hold them |
+//! | `form` | the form of text recordings, where the setup states it |
+//! | `foreign` | files of kinds that are not read, by name and with the way out |
 //! | `input` | the bytes of a file, unpacked where it is compressed by gzip |
 //! | `names` | the search for channels by name |
 //! | `delay` | channels that come late, brought into step |
+//! | `time` | the channel of time: its name, its unit, and how far it is rounded |
 //! | `preamble` | true sample rate and calibrations that a recording states |
 //! | `faults`, `health` | faults of samples; the state of channels, seen from their samples |
 //! | `checksum` | the identity of a file |
@@ -15,26 +25,37 @@
 //! A new format is a file in this folder with a type that implements [`Source`] and a
 //! `Format`, and its two lines in this one (`mod` and `FORMATS`).
 
+mod bytes;
 mod checksum;
+mod columns;
 mod csv;
 mod delay;
 mod error;
 mod faults;
+mod foreign;
+mod form;
 mod health;
 mod input;
+mod mat;
 mod names;
+mod number;
 mod preamble;
 mod reader;
 mod source;
+mod tdms;
 #[cfg(test)]
 mod tests;
+mod time;
+mod uff;
+mod wav;
 
 pub use checksum::Checksum;
 pub(crate) use checksum::Summed;
 pub(crate) use csv::field;
 pub(crate) use delay::MOST_DELAY;
-pub use error::RecordingError;
+pub use error::{Mismatch, RecordingError};
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
+pub use form::Form;
 pub use health::{ChannelHealth, Complaint, Health};
 pub(crate) use names::{some_of, split as split_label};
 pub use preamble::{Preamble, Traceability, TrueRate};
@@ -43,14 +64,24 @@ pub use source::{Block, Channel, Place, Source, StatedRate};
 
 use input::Input;
 
+/// A file that was opened in its format.
+type Opened = Result<Box<dyn Source>, RecordingError>;
+
 /// A format of recordings.
 struct Format {
     /// `true` if the first bytes of a file, unpacked, are those of this format.
     recognises: fn(&[u8]) -> bool,
     /// Opens a file of this format.
-    open: fn(Input) -> Result<Box<dyn Source>, RecordingError>,
+    open: fn(Input, &Form) -> Opened,
 }
 
 /// All formats, in the order in which they are tried. CSV is the last: it takes every file, and
 /// its errors say what one may be that is no text.
-const FORMATS: [Format; 1] = [csv::FORMAT];
+const FORMATS: [Format; 6] = [
+    foreign::FORMAT,
+    uff::FORMAT,
+    mat::FORMAT,
+    tdms::FORMAT,
+    wav::FORMAT,
+    csv::FORMAT,
+];

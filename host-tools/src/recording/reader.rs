@@ -4,7 +4,10 @@ use super::delay::Alignment;
 use super::input::{self, Passed};
 use super::names::{self, Names, some_of};
 use super::source::{Block, Channel, Place, Source};
-use super::{Checksum, FORMATS, HEALTH_COLUMN, Preamble, RecordingError};
+use super::time::{self, Clock, Times};
+use super::{Checksum, FORMATS, Form, HEALTH_COLUMN, Preamble, RecordingError};
+use crate::format::plain;
+use crate::printable::quoted;
 use massline_firmware::wire::Health;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -26,7 +29,11 @@ pub struct Recording {
     ignored: Vec<String>,
     /// Position of the channel of time.
     time: Option<usize>,
+    /// Seconds of the unit of time.
+    second: f64,
     clock: Option<Clock>,
+    form: Form,
+    notes: Vec<String>,
     block: Block,
     /// Samples of the block that were handed out.
     taken: usize,
@@ -48,14 +55,8 @@ pub struct Recording {
     alignment: Option<Alignment>,
 }
 
-/// The time that a sample should carry.
-struct Clock {
-    start: f64,
-    rate: f64,
-}
-
 impl Recording {
-    /// Opens a recording as [`Recording::open`] does, of which the setup states the checksum. Its
+    /// Opens a recording as [`Recording::open_in`] does, of which the setup states the checksum. Its
     /// length is compared now, its bytes when the last sample is asked for, or when something is
     /// wrong with a sample.
     ///
@@ -65,6 +66,7 @@ impl Recording {
         file: &Path,
         channels: &[&str],
         expected: Option<Checksum>,
+        form: &Form,
     ) -> Result<Self, RecordingError> {
         let is_other = |expected: &Checksum| {
             let found = std::fs::metadata(file);
@@ -73,7 +75,7 @@ impl Recording {
         if let Some(other) = expected.filter(is_other) {
             compare(file, other)?;
         }
-        let mut recording = Self::open(file, channels).or_else(|error| {
+        let mut recording = Self::open_in(file, channels, form).or_else(|error| {
             expected.map_or(Ok(()), |expected| compare(file, expected))?;
             Err(error)
         })?;
@@ -87,16 +89,26 @@ impl Recording {
     /// # Errors
     /// [`RecordingError`] if the file cannot be read or lacks one of them.
     pub fn open(file: &Path, channels: &[&str]) -> Result<Self, RecordingError> {
+        Self::open_in(file, channels, &Form::default())
+    }
+
+    /// The same of a recording whose form is stated, in full or in part.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn open_in(file: &Path, channels: &[&str], form: &Form) -> Result<Self, RecordingError> {
         let (input, size, passed) = input::open(file)?;
         let format = FORMATS.iter().find(|f| (f.recognises)(&input.start));
         let format = format.unwrap_or(&super::csv::FORMAT);
-        Self::of_source((format.open)(input)?, file, channels, size, passed)
+        let source = (format.open)(input, form)?;
+        Self::of_source(source, file, channels, form, size, passed)
     }
 
     fn of_source(
         mut source: Box<dyn Source>,
         file: &Path,
         channels: &[&str],
+        form: &Form,
         size: u64,
         passed: Passed,
     ) -> Result<Self, RecordingError> {
@@ -107,11 +119,14 @@ impl Recording {
             .collect::<Result<_, _>>()?;
         let all = || source.channels().iter().map(|c| &c.name).enumerate();
         let asked: HashSet<usize> = selected.iter().copied().collect();
-        let time = source.channels().iter().enumerate().find(|(i, c)| {
-            let seconds = matches!(c.unit.as_deref(), None | Some("s"));
-            seconds && c.name.eq_ignore_ascii_case("time") && !asked.contains(i)
-        });
-        let time = time.map(|(i, _)| i);
+        let time = match form.time.as_deref() {
+            Some(name) => names::position(source.channels(), name),
+            None => source
+                .time()
+                .or_else(|| time::find(source.channels(), |i| asked.contains(&i))),
+        };
+        let time = time.filter(|i| !asked.contains(i));
+        let second = time.and_then(|i| source.channels().get(i)).map(time::unit);
         let own =
             |i: usize, name: &str| asked.contains(&i) || time == Some(i) || name == HEALTH_COLUMN;
         let ignored = all().filter(|(i, name)| !own(*i, name));
@@ -124,7 +139,10 @@ impl Recording {
             selected,
             ignored,
             time,
+            second: second.unwrap_or(1.0),
             clock: None,
+            form: form.clone(),
+            notes: Vec::new(),
             block: Block::default(),
             taken: 0,
             pending: None,
@@ -147,7 +165,8 @@ impl Recording {
         file: &Path,
         channels: &[&str],
     ) -> Result<Self, RecordingError> {
-        Self::of_source(source, file, channels, 0, Passed::new(std::io::empty()))
+        let passed = Passed::new(std::io::empty());
+        Self::of_source(source, file, channels, &Form::default(), 0, passed)
     }
 
     /// Has each channel asked for multiplied by a factor, and brought into step where it is late by a
@@ -180,6 +199,8 @@ impl Recording {
             let file = self.file.display();
             warnings.push(format!("{file}: columns not used: {list}{of}"));
         }
+        let note = |note| format!("{}: {note}", self.file.display());
+        warnings.extend(self.source.notes().iter().map(note));
     }
 
     /// Adds a note to the user on the end of the file once the last sample was read, where it may
@@ -195,6 +216,19 @@ impl Recording {
         if let Some(note) = self.source.end_note() {
             warnings.push(format!("{}: {note}", self.file.display()));
         }
+        warnings.extend(self.notes.iter().cloned());
+    }
+
+    /// The form in which the file is read, in words, where it was guessed.
+    #[must_use]
+    pub fn described(&self) -> Option<String> {
+        let form = self.source.described()?;
+        let time = self.time.and_then(|time| self.in_file().get(time));
+        let time = time.map(|c| match self.second {
+            1.0 => format!(", time in s in `{}`", quoted(&c.name)),
+            second => format!(", time in units of {second} s in `{}`", quoted(&c.name)),
+        });
+        Some(format!("{form}{}", time.unwrap_or_default()))
     }
 
     /// Place of the sample read last; record 0 before the first one.
@@ -264,7 +298,7 @@ impl Recording {
     /// Share of what is to be read that was read, 0 to 1.
     #[must_use]
     pub fn progress(&self) -> f64 {
-        if let Some(limit) = self.limit {
+        if let Some(limit) = self.limit.or(self.source.samples()) {
             return self.rows as f64 / limit.max(1) as f64;
         }
         self.passed.checksum().bytes as f64 / self.size.max(1) as f64
@@ -280,14 +314,14 @@ impl Recording {
     /// contradict each other.
     pub fn settle_rate(&mut self, stated: Option<f64>) -> Result<f64, RecordingError> {
         let own = self.source.sample_rate();
-        let Some((start, found)) = self.rate_of_time()? else {
+        let Some(times) = self.first_times()? else {
             let rate = stated.or(own.map(|own| own.value));
             let rate = rate.ok_or_else(|| RecordingError::NoRate {
                 file: self.file.clone(),
             })?;
             return match own {
                 // Crystals keep to 1e-4; a box without one to a percent.
-                Some(own) if (own.value / rate - 1.0).abs() > 2e-2 || !own.value.is_finite() => {
+                Some(own) if !((own.value / rate - 1.0).abs() <= 2e-2 && own.value > 0.0) => {
                     Err(RecordingError::WrongRate {
                         file: self.file.clone(),
                         place: own.place,
@@ -298,53 +332,87 @@ impl Recording {
                 _ => Ok(rate),
             };
         };
-        let rate = stated.or(own.map(|own| own.value)).unwrap_or(found);
+        let known = stated.or(own.map(|own| own.value));
+        let rate = match known {
+            Some(rate) => rate,
+            None => self.rate_of_rounded(&times)?,
+        };
         // A thousand rows of times with three decimals tell the rate to about 1e-3.
-        if (found / rate - 1.0).abs() > 2e-3 {
+        let allowed = 2e-3 + times.rate_error(times.steps);
+        if (times.rate / rate - 1.0).abs() > allowed {
             return Err(RecordingError::WrongRate {
                 file: self.file.clone(),
                 place: "its time column",
-                found,
+                found: times.rate,
                 stated: rate,
             });
         }
-        self.clock = Some(Clock { start, rate });
+        self.clock = Some(times.clock(rate));
         self.selected.truncate(self.channels);
         self.selected.extend(self.time);
         self.source.select(&self.selected);
         Ok(rate)
     }
 
-    /// First time and mean rate over the first samples, read from a second opening.
-    fn rate_of_time(&self) -> Result<Option<(f64, f64)>, RecordingError> {
+    /// Times of the first samples, read from a second opening.
+    fn first_times(&self) -> Result<Option<Times>, RecordingError> {
+        let Some(mut probe) = self.times()? else {
+            return Ok(None);
+        };
+        let mut times = Vec::with_capacity(RATE_SAMPLES + 1);
+        let mut found = 0.0;
+        while times.len() <= RATE_SAMPLES && probe.next_row_f64(|_, time| found = time)? {
+            times.push(found);
+        }
+        let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
+            return Ok(None);
+        };
+        let jump = RecordingError::TimeJump {
+            file: self.file.clone(),
+            place: probe.place,
+            found: self.second * last,
+            expected: self.second * first,
+        };
+        Times::new(times, self.second).map(Some).ok_or(jump)
+    }
+
+    /// A second opening that reads the channel of time alone.
+    fn times(&self) -> Result<Option<Self>, RecordingError> {
+        if let (Some(name), None) = (self.form.time.as_deref(), self.time)
+            && !name.is_empty()
+        {
+            let names = Names::new(self.source.channels(), self.source.names_at(), &self.file)?;
+            names.position(name, &[])?;
+        }
         let channel = self.time.and_then(|time| self.source.channels().get(time));
-        let Some(channel) = channel else {
-            return Ok(None);
-        };
-        let mut probe = Self::open(&self.file, &[&channel.name])?;
-        let (mut first, mut last, mut steps) = (None, 0.0, 0.0);
-        let mut time = 0.0;
-        while steps < RATE_SAMPLES as f64 && probe.next_row_f64(|_, found| time = found)? {
-            match first {
-                None => first = Some(time),
-                Some(_) => steps += 1.0,
-            }
-            last = time;
+        let open = |channel: &Channel| Self::open_in(&self.file, &[&channel.name], &self.form);
+        channel.map(open).transpose()
+    }
+
+    /// The rate that the times tell: that of the first ones, or where these are rounded the mean
+    /// over the whole file, with a note.
+    fn rate_of_rounded(&mut self, times: &Times) -> Result<f64, RecordingError> {
+        if times.rate_error(times.steps) <= 1e-5 {
+            return Ok(times.rate);
         }
-        let Some(first) = first else {
-            return Ok(None);
+        let Some(mut all) = self.times()? else {
+            return Ok(times.rate);
         };
-        let rate = steps / (last - first);
-        if rate.is_finite() && rate > 0.0 {
-            Ok(Some((first, rate)))
-        } else {
-            Err(RecordingError::TimeJump {
-                file: self.file.clone(),
-                place: probe.place,
-                found: last,
-                expected: first,
-            })
+        let mut last = 0.0;
+        while all.next_row_f64(|_, time| last = time)? {}
+        let steps = all.rows().saturating_sub(1) as f64;
+        let rate = steps / (self.second * last - times.first);
+        if !(rate.is_finite() && rate > 0.0) {
+            return Ok(times.rate);
         }
+        self.notes.push(format!(
+            "{}: its times are rounded to {} s, so that the sample rate, {} Hz, is the mean over the file and known to {} %; write the true `sample_rate` into [processing] if you know it",
+            self.file.display(),
+            times.rounding,
+            plain(rate, 6),
+            plain(100.0 * times.rate_error(steps), 2)
+        ));
+        Ok(rate)
     }
 
     /// Reads the next sample in the order of the channels asked for. `false` at the end.
@@ -467,10 +535,8 @@ impl Recording {
         let Some(clock) = self.clock.as_ref().filter(|_| !found.is_nan()) else {
             return Ok(());
         };
-        let expected = clock.start + self.rows as f64 / clock.rate;
-        // Half a sample, and the drift of a rate that is known to 1e-4: a lost sample
-        // early in the file is a whole one.
-        let allowed = 0.6 / clock.rate + 1e-4 * (expected - clock.start).abs();
+        let found = self.second * found;
+        let (expected, allowed) = clock.due(self.rows);
         if (found - expected).abs() > allowed {
             return Err(RecordingError::TimeJump {
                 file: self.file.clone(),

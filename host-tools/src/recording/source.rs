@@ -15,13 +15,15 @@ pub struct Channel {
     pub direction: Option<[f64; 3]>,
 }
 
-/// A place in a file, counted from one in lines and records and from zero in bytes.
+/// A place in a file, counted from one in lines, records and samples and from zero in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// A line of text.
     Line(u64),
     /// A record of a file that is made of records.
     Record(u64),
+    /// A sample of a file that has its channels one after the other.
+    Sample(u64),
     /// A byte of a file that has no larger unit.
     Byte(u64),
 }
@@ -31,6 +33,7 @@ impl fmt::Display for Place {
         match self {
             Self::Line(n) => write!(f, "line {n}"),
             Self::Record(n) => write!(f, "record {n}"),
+            Self::Sample(n) => write!(f, "sample {n}"),
             Self::Byte(n) => write!(f, "byte {n}"),
         }
     }
@@ -131,6 +134,26 @@ pub trait Source {
 
     /// Sample rate, where the file states it.
     fn sample_rate(&self) -> Option<StatedRate>;
+
+    /// Number of samples, where the file states it.
+    fn samples(&self) -> Option<u64> {
+        None
+    }
+
+    /// Position of the channel of time, where the file tells it by other means than its name.
+    fn time(&self) -> Option<usize> {
+        None
+    }
+
+    /// The form in which the file is read, in words, where it was guessed.
+    fn described(&self) -> Option<String> {
+        None
+    }
+
+    /// Notes on parts of the file that are not read.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
 
     /// True sample rate and calibrations, where the file states them.
     fn preamble(&self) -> &Preamble;

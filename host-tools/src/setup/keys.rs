@@ -265,6 +265,17 @@ fn shown<E: de::Error>(text: String) -> Result<String, E> {
     Ok(text)
 }
 
+/// Text that may be blank or steer a terminal, such as a tab.
+pub(crate) fn plain<'de, D: Deserializer<'de>>(
+    value: D,
+    expected: &str,
+) -> Result<String, D::Error> {
+    match Value::deserialize(value)? {
+        Value::String(text) => Ok(text),
+        _ => Err(unlike(expected)),
+    }
+}
+
 /// One text or a list of them.
 pub(crate) fn texts<'de, D: Deserializer<'de>>(value: D) -> Result<Vec<String>, D::Error> {
     const EXPECTED: &str = "text in quotes, or a list of such texts";

@@ -11,6 +11,7 @@
 mod document;
 mod error;
 mod file;
+mod form;
 pub(crate) mod keys;
 mod parse;
 mod print;
@@ -20,7 +21,7 @@ mod tests;
 mod uncertainty;
 mod units;
 
-use crate::recording::{Checksum, Recording, RecordingError};
+use crate::recording::{Checksum, Form, Recording, RecordingError};
 use massline_core::spectra::{LineGrid, Window};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -60,6 +61,8 @@ pub struct Setup {
     pub estimation: Estimation,
     /// Noise and uncertainty of sensors that do not state their own.
     pub defaults: Defaults,
+    /// Form of the recordings, where it is stated.
+    pub form: Form,
     /// At least one, channels unique among all sensors.
     pub accelerometers: Vec<AccelerometerEntry>,
     /// At least one, channels unique among all sensors.
@@ -333,7 +336,7 @@ impl Setup {
         channels: &[&str],
     ) -> Result<Recording, RecordingError> {
         let path = self.recording_path(run);
-        let mut recording = Recording::open_as(&path, channels, run.checksum)?;
+        let mut recording = Recording::open_as(&path, channels, run.checksum, &self.form)?;
         let (mut factors, mut delays) = (Vec::new(), Vec::new());
         for name in channels {
             // A complex amplitude has two columns.

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::limits;
 use crate::printable::{printable, quoted};
-use crate::recording::Checksum;
+use crate::recording::{Checksum, Form};
 
 const EXCITATIONS: [(&str, Excitation); 3] = [
     ("random", Excitation::Random),
@@ -54,6 +54,8 @@ struct File {
     processing: Option<Processing>,
     estimation: Estimation,
     defaults: Defaults,
+    #[serde(deserialize_with = "super::form::read")]
+    recording: Form,
     length_unit: Length,
     sensor_type: Vec<SensorKeys>,
     accelerometer: Vec<SensorKeys>,
@@ -216,6 +218,7 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         processing: file.processing,
         estimation: file.estimation,
         defaults: file.defaults.in_metres(length, &document)?,
+        form: file.recording,
         accelerometers: sensors.accelerometers,
         load_cells: sensors.load_cells,
         runs: file.run,

@@ -31,6 +31,7 @@ pub(super) fn setup(setup: &Setup) -> String {
     }
     print_estimation(&mut out, &setup.estimation);
     uncertainty::print_defaults(&mut out, &setup.defaults);
+    super::form::print(&mut out, &setup.form);
 
     out.push_str(
         "\n# Accelerometers: position in m, positive along direction, scale in m/s² per unit.\n",

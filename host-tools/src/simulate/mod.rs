@@ -41,7 +41,7 @@ pub use specimen::{Mode, Specimen};
 pub(crate) use specimen::{motion_row, shift};
 pub use truth::{InertiaTruth, ModeTruth, Truth};
 
-use crate::recording::Preamble;
+use crate::recording::{Form, Preamble};
 use crate::setup::{Defaults, Estimation, Excitation, Mount, Run, Setup};
 use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
 use specimen::{Gains, stack};
@@ -496,6 +496,7 @@ fn setup(
                 translation: plan.translation,
             })
             .collect(),
+        form: Form::default(),
         folder: PathBuf::new(),
     }
 }

@@ -1,19 +1,46 @@
 //! A recording, plain or compressed.
 //!
-//! The first byte chooses the file's name and the channels; the rest is the file, or its
-//! uncompressed content.
+//! The first byte chooses the file's name, the channels and what the setup states of the form; the
+//! rest is the file, or its uncompressed content.
 
 use crate::scratch::{Scratch, assert_message};
 use crate::script::Bytes;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use massline::recording::{HEALTH_COLUMN, Recording, RecordingError, spell};
+use massline::recording::{Form, HEALTH_COLUMN, Recording, RecordingError, spell};
 use massline_firmware::wire::Health;
 use std::io::Write;
 use std::path::Path;
 
 /// Channels that are requested.
 const CHANNELS: [&str; 2] = ["a1", "fx"];
+/// The same in files whose channels have numbers.
+const NUMBERS: [&str; 2] = ["1", "2"];
+
+/// The request of an input.
+struct Request {
+    channels: [&'static str; 2],
+    /// Sample rate of the setup, Hz.
+    rate: Option<f64>,
+    form: Form,
+}
+
+impl Request {
+    fn of(choice: u8) -> Self {
+        let lines = choice & 32 != 0;
+        Self {
+            channels: if choice & 8 != 0 { NUMBERS } else { CHANNELS },
+            rate: (choice & 4 != 0).then_some(512.0),
+            form: Form {
+                delimiter: (choice & 16 != 0).then_some(b';'),
+                decimal: (choice & 16 != 0).then_some(b','),
+                header: lines.then_some(2),
+                first_row: lines.then_some(4),
+                time: (choice & 64 != 0).then(|| "fz".to_owned()),
+            },
+        }
+    }
+}
 
 /// Runs the target; see the module.
 pub fn run(bytes: &[u8]) {
@@ -21,22 +48,27 @@ pub fn run(bytes: &[u8]) {
     let choice = bytes.u8();
     let text = bytes.0;
     let scratch = Scratch::new();
-    let stated = (choice & 4 != 0).then_some(512.0);
+    let request = Request::of(choice);
     match choice & 3 {
         // Any bytes with a name for compressed files.
         0 => {
             let file = scratch.file("any.csv.gz", text);
-            drop(read(&file, stated));
+            drop(read(&file, &request));
         }
         // A compressed text reads as the plain one; bytes that are compressed already do not.
         1 if !text.starts_with(&[0x1f, 0x8b]) => {
-            let plain = outcome(read(&scratch.file("a.csv", text), stated));
-            let packed = outcome(read(&scratch.file("a.csv.gz", &gzip(text)), stated));
-            assert_eq!(plain, packed);
+            let plain = outcome(read(&scratch.file("a.csv", text), &request));
+            let packed = outcome(read(&scratch.file("a.csv.gz", &gzip(text)), &request));
+            // Channels that lie one after the other are not read while they are unpacked.
+            let refused = |text: &String| text.contains("compressed by gzip");
+            if !packed.as_ref().is_err_and(refused) {
+                assert_eq!(plain, packed);
+            }
         }
         _ => {
-            let found = read(&scratch.file("a.csv", text), stated);
-            if let (Some(expected), None) = (naive(text), stated) {
+            let found = read(&scratch.file("a.csv", text), &request);
+            let plain = choice & !3 == 0;
+            if let Some(expected) = naive(text).filter(|_| plain) {
                 match found {
                     Ok((rows, _)) => assert_eq!(bits(&rows), bits(&expected)),
                     Err(error) => panic!("{error}"),
@@ -49,8 +81,8 @@ pub fn run(bytes: &[u8]) {
 /// Rows of readings, and of faults.
 type Table = (Vec<Vec<f64>>, Vec<Health>);
 
-fn read(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
-    let table = rows(file, stated);
+fn read(file: &Path, request: &Request) -> Result<Table, RecordingError> {
+    let table = rows(file, request);
     if let Err(error) = &table {
         let text = error.to_string();
         assert_message(&text);
@@ -59,10 +91,14 @@ fn read(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
     table
 }
 
-fn rows(file: &Path, stated: Option<f64>) -> Result<Table, RecordingError> {
-    let mut recording = Recording::open(file, &CHANNELS)?;
-    if stated.is_some() {
-        let rate = recording.settle_rate(stated)?;
+fn rows(file: &Path, request: &Request) -> Result<Table, RecordingError> {
+    let mut recording = Recording::open_in(file, &request.channels, &request.form)?;
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    notes.extend(recording.described());
+    notes.iter().for_each(|note| assert_message(note));
+    if request.rate.is_some() || request.form.time.is_some() {
+        let rate = recording.settle_rate(request.rate)?;
         assert!(rate > 0.0 && rate.is_finite());
     }
     let mut preamble = Vec::new();

@@ -412,6 +412,24 @@ fn recordings() -> Vec<Vec<u8>> {
             all.push(seed);
         }
     }
+    let comma = "Pr\u{fc}fling;7\nZeit [ms];a1;fx\ns;m/s\u{b2};N\n0,0;1,25;-3\n1,953;0,5;2e-3\n";
+    let utf16 = comma.encode_utf16().flat_map(u16::to_le_bytes);
+    let stamps = "time,a1,fx\n2026-03-02T12:00:00.5Z,1,2\n2026-03-02T12:00:00.75Z,3,4\n";
+    for (choice, file) in [
+        (2, comma.as_bytes()),
+        (2 | 16 | 32, comma.as_bytes()),
+        (2, &[&[0xff, 0xfe], &*utf16.collect::<Vec<u8>>()].concat()),
+        (2 | 4, stamps.as_bytes()),
+        (2, include_bytes!("../../fixtures/formats/named.uff")),
+        (2, include_bytes!("../../fixtures/formats/binary.uff")),
+        (2, include_bytes!("../../fixtures/formats/vectors.mat")),
+        (2, include_bytes!("../../fixtures/formats/single.mat")),
+        (2, include_bytes!("../../fixtures/formats/segments.tdms")),
+        (2 | 8, include_bytes!("../../fixtures/formats/float.wav")),
+        (2 | 8, include_bytes!("../../fixtures/formats/pcm16.wav")),
+    ] {
+        all.push([&[choice], file].concat());
+    }
     let mut simple = vec![2];
     simple.extend(b"a1,fx\n1,2\n-3.5e2,0.25\n");
     all.push(simple);

@@ -1,5 +1,6 @@
 //! The first line of a CSV recording: the names of its columns.
 
+use super::decode;
 use crate::printable::quoted;
 use crate::recording::RecordingError;
 use csv::ByteRecord;
@@ -18,27 +19,17 @@ pub(crate) fn field(name: &str) -> String {
 pub(super) fn names(record: &ByteRecord, file: &Path) -> Result<Vec<String>, RecordingError> {
     let mut names = Vec::with_capacity(record.len());
     for field in record {
-        let name = std::str::from_utf8(field)
-            .ok()
-            .map(|name| name.trim_start_matches('\u{feff}').trim())
-            .filter(|name| !name.contains(|c: char| c.is_control() && c != '\t'))
-            .ok_or_else(|| RecordingError::NoText {
+        let name = decode::text(field);
+        let name = name.trim_start_matches('\u{feff}').trim();
+        // A name of two lines is one of one line.
+        let name = name.replace(['\n', '\r', '\t'], " ");
+        if name.contains(char::is_control) {
+            return Err(RecordingError::NoText {
                 file: file.to_owned(),
                 advice: advice(record.as_slice()),
-            })?;
-        names.push(name.to_owned());
-    }
-    if let [only] = names.as_slice()
-        && only.contains([';', '\t'])
-    {
-        return Err(RecordingError::OtherSeparator {
-            file: file.to_owned(),
-            found: if only.contains(';') {
-                "semicolons"
-            } else {
-                "tabs"
-            },
-        });
+            });
+        }
+        names.push(name);
     }
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(RecordingError::NoHeader {
@@ -53,7 +44,9 @@ pub(super) fn names(record: &ByteRecord, file: &Path) -> Result<Vec<String>, Rec
 fn advice(start: &[u8]) -> &'static str {
     match start {
         [0x1f, 0x8b, ..] => "it is compressed by gzip twice: unpack it once",
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "it is UTF-16: save it as UTF-8",
+        start if start.contains(&0) => {
+            "it may be UTF-16 without its mark, or no text at all: save it as CSV in UTF-8"
+        }
         _ => "export the recording as CSV in UTF-8",
     }
 }
@@ -70,9 +63,8 @@ mod tests {
                 .to_string()
         };
         assert!(text(&[b"0.1", b"2e3"]).contains("line 1"));
-        assert!(text(&[b"a1;a2;a3"]).contains("semicolons"));
         assert!(text(&[&[0x1f, 0x8b, 8, 0]]).contains("gzip twice"));
-        assert!(text(&[&[0xff, 0xfe, b'a', 0]]).contains("UTF-16"));
+        assert!(text(&[&[b'a', 0, b'1', 0]]).contains("UTF-16"));
         assert!(text(&[&[7, 8, 9]]).contains("CSV"));
     }
 }

@@ -1,10 +1,14 @@
 //! CSV, one row at a time; also the format of whatever no other format recognises.
 
+mod decode;
+mod dialect;
 mod gauge;
 mod header;
+mod stamp;
 
 pub(crate) use header::field;
 
+use super::form::Form;
 use super::input::Input;
 use super::names::labelled;
 use super::preamble::{self, Preamble};
@@ -13,16 +17,20 @@ use super::{Format, HEALTH_COLUMN, RecordingError, faults};
 use crate::limits;
 use crate::printable::quoted;
 use ::csv::{ByteRecord, Position, Reader, ReaderBuilder, Trim};
+use decode::Encoding;
+use dialect::Dialect;
 use gauge::{Gauge, Gauged};
 use massline_firmware::wire::Health;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use stamp::Stamp;
+
 /// The format.
 pub(super) const FORMAT: Format = Format {
     recognises: |_| true,
-    open: |input| Ok(Box::new(CsvFile::open(input)?)),
+    open: |input, form| Ok(Box::new(CsvFile::open(input, form)?)),
 };
 
 /// Bytes of a field that a message repeats.
@@ -32,6 +40,9 @@ const SHOWN: usize = 40;
 struct CsvFile {
     file: PathBuf,
     reader: Reader<Box<dyn Read>>,
+    dialect: Dialect,
+    /// The first time stamp.
+    first: Option<Stamp>,
     channels: Vec<Channel>,
     selected: Vec<usize>,
     preamble: Preamble,
@@ -45,33 +56,45 @@ struct CsvFile {
 }
 
 impl CsvFile {
-    /// Reads preamble and header.
-    fn open(input: Input) -> Result<Self, RecordingError> {
-        let Input { file, content, .. } = input;
+    /// Reads preamble, head and header.
+    fn open(input: Input, form: &Form) -> Result<Self, RecordingError> {
+        let Input {
+            file,
+            start,
+            content,
+            ..
+        } = input;
+        let damaged = |e: std::io::Error| RecordingError::Damaged {
+            file: file.clone(),
+            place: Place::Line(1),
+            reason: e.to_string(),
+        };
+        let content = Encoding::of(&start).decoded(content).map_err(damaged)?;
         let mut content = BufReader::new(content);
-        let (remarks, preamble) =
-            preamble::take(&mut content).map_err(|e| RecordingError::Damaged {
-                file: file.clone(),
-                place: Place::Line(1),
-                reason: e.to_string(),
-            })?;
+        let (mut head, preamble) = preamble::take(&mut content).map_err(damaged)?;
         let preamble = preamble.map_err(|e| RecordingError::Preamble {
             file: file.clone(),
             reason: quoted(e.message()),
         })?;
-        // Back they go, so that lines are counted from the file's beginning.
+        let whole = read_head(&mut content, &mut head);
+        let dialect = Dialect::of(&head, whole, form, &file)?;
         let gauge = Rc::new(Gauge::default());
-        let content = Gauged::new(Cursor::new(remarks).chain(content), Rc::clone(&gauge));
+        let mut head = Cursor::new(head);
+        head.set_position(dialect.start as u64);
+        let content = Gauged::new(head.chain(content), Rc::clone(&gauge));
         let content: Box<dyn Read> = Box::new(content);
         let reader = ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
             .comment(Some(b'#'))
+            .delimiter(dialect.delimiter)
             .trim(Trim::All)
             .from_reader(content);
         let mut csv = Self {
             file,
             reader,
+            dialect,
+            first: None,
             channels: Vec::new(),
             selected: Vec::new(),
             preamble,
@@ -82,7 +105,22 @@ impl CsvFile {
             unfinished: false,
         };
         csv.read_header()?;
+        csv.skip_to(form.first_row)?;
         Ok(csv)
+    }
+
+    /// Leaves out the rows before a line, counted from one.
+    fn skip_to(&mut self, line: Option<u64>) -> Result<(), RecordingError> {
+        let Some(line) = line else { return Ok(()) };
+        while self.line_of(self.reader.position()) < line && self.advance()? {}
+        Ok(())
+    }
+
+    /// Line of the file, counted from one.
+    fn line_of(&self, position: &Position) -> u64 {
+        // The reader ends a row at CR and counts lines at LF, which it takes for the next row's.
+        let late = self.dialect.crlf && position.byte() > 0;
+        self.dialect.line + position.line() + u64::from(late)
     }
 
     fn read_header(&mut self) -> Result<(), RecordingError> {
@@ -97,9 +135,24 @@ impl CsvFile {
                 found: self.record.len(),
             });
         }
-        let names = header::names(&self.record, &self.file)?;
+        let mut names = header::names(&self.record, &self.file)?;
+        // A delimiter at the end of the header makes a name of nothing.
+        let columns = self
+            .dialect
+            .columns
+            .map_or(usize::MAX, |columns| columns + 1);
+        if names.len() == columns {
+            names.pop_if(|name| name.is_empty());
+        }
         self.faults = names.iter().position(|name| name == HEALTH_COLUMN);
         self.channels = labelled(&names);
+        if self.dialect.units && self.advance()? {
+            for (channel, unit) in self.channels.iter_mut().zip(&self.record) {
+                let unit = decode::text(unit);
+                let unit = dialect::bare(&unit);
+                channel.unit = (!["", "-"].contains(&unit)).then(|| unit.to_owned());
+            }
+        }
         self.record.clear();
         Ok(())
     }
@@ -111,15 +164,12 @@ impl CsvFile {
             if self.gauge.exceeded() {
                 return RecordingError::RowTooLong {
                     file: self.file.clone(),
-                    place: Place::Line(self.reader.position().line()),
+                    place: Place::Line(self.line_of(self.reader.position())),
                 };
             }
             RecordingError::Damaged {
                 file: self.file.clone(),
-                place: Place::Line(
-                    e.position()
-                        .map_or_else(|| self.reader.position().line(), Position::line),
-                ),
+                place: Place::Line(self.line_of(e.position().unwrap_or(self.reader.position()))),
                 reason: e.to_string(),
             }
         })?;
@@ -134,10 +184,14 @@ impl CsvFile {
         }
         let row = Row {
             file: &self.file,
-            place: Place::Line(self.record.position().map_or(0, Position::line)),
+            place: Place::Line(self.record.position().map_or(0, |p| self.line_of(p))),
             record: &self.record,
+            decimal: self.dialect.decimal,
         };
-        if row.record.len() != self.channels.len() {
+        // A delimiter at the end of each row makes one more.
+        let ends = row.record.len() == self.channels.len() + 1;
+        let ends = ends && row.record.iter().next_back() == Some(b"");
+        if row.record.len() != self.channels.len() && !ends {
             return Err(RecordingError::RowLength {
                 file: self.file.clone(),
                 place: row.place,
@@ -152,6 +206,9 @@ impl CsvFile {
             if !health.is_good() && row.record.get(column) == Some(b"") {
                 return Ok(f64::NAN);
             }
+            if self.dialect.stamps == Some(column) {
+                return row.stamp(column, &self.channels, &mut self.first);
+            }
             row.number(column, &self.channels)
         })?;
         Ok(true)
@@ -164,7 +221,16 @@ impl Source for CsvFile {
     }
 
     fn names_at(&self) -> Option<Place> {
-        Some(Place::Line(1))
+        Some(Place::Line(self.dialect.line + 1))
+    }
+
+    fn time(&self) -> Option<usize> {
+        self.dialect.stamps
+    }
+
+    fn described(&self) -> Option<String> {
+        let time = self.dialect.stamps.and_then(|time| self.channels.get(time));
+        Some(self.dialect.described(time.map(|c| c.name.as_str())))
     }
 
     fn sample_rate(&self) -> Option<StatedRate> {
@@ -205,6 +271,7 @@ struct Row<'a> {
     file: &'a Path,
     place: Place,
     record: &'a ByteRecord,
+    decimal: u8,
 }
 
 impl Row<'_> {
@@ -219,32 +286,80 @@ impl Row<'_> {
         })
     }
 
+    /// Seconds of a time stamp since the midnight before the first one.
+    fn stamp(
+        &self,
+        column: usize,
+        channels: &[Channel],
+        first: &mut Option<Stamp>,
+    ) -> Result<f64, RecordingError> {
+        let field = self.record.get(column).unwrap_or(&[]);
+        let stamp = std::str::from_utf8(field).ok().and_then(Stamp::parse);
+        let stamp = stamp.ok_or_else(|| self.not_a_number(column, channels))?;
+        Ok(stamp.since_day_of(first.get_or_insert(stamp)))
+    }
+
+    fn not_a_number(&self, column: usize, channels: &[Channel]) -> RecordingError {
+        RecordingError::NotANumber {
+            file: self.file.to_owned(),
+            place: self.place,
+            channel: name(column, channels),
+            found: self.shown(column),
+            sign: if self.decimal == b',' {
+                "comma"
+            } else {
+                "point"
+            },
+        }
+    }
+
+    /// The start of a field, for messages.
+    fn shown(&self, column: usize) -> String {
+        let field = self.record.get(column).unwrap_or(&[]);
+        // A character has up to four bytes.
+        let start = field.get(..SHOWN).unwrap_or(field);
+        quoted(&String::from_utf8_lossy(start))
+    }
+
     fn number(&self, column: usize, channels: &[Channel]) -> Result<f64, RecordingError> {
         let field = self.record.get(column).unwrap_or(&[]);
-        let channel = || channels.get(column).map_or("", |c| &c.name).to_owned();
-        let text = || {
-            // A character has up to four bytes.
-            let start = field.get(..SHOWN).unwrap_or(field);
-            quoted(&String::from_utf8_lossy(start))
-        };
-        let value: f64 = std::str::from_utf8(field)
-            .ok()
-            .and_then(|t| t.parse().ok())
-            .ok_or_else(|| RecordingError::NotANumber {
-                file: self.file.to_owned(),
-                place: self.place,
-                channel: channel(),
-                found: text(),
-            })?;
+        let value = dialect::number(field, self.decimal)
+            .ok_or_else(|| self.not_a_number(column, channels))?;
         if (value as f32).is_finite() {
             Ok(value)
         } else {
             Err(RecordingError::NotFinite {
                 file: self.file.to_owned(),
                 place: self.place,
-                channel: channel(),
-                found: text(),
+                channel: name(column, channels),
+                found: self.shown(column),
             })
+        }
+    }
+}
+
+fn name(column: usize, channels: &[Channel]) -> String {
+    channels.get(column).map_or("", |c| &c.name).to_owned()
+}
+
+/// Reads the head of a file behind what was read of it: [`dialect::HEAD`] bytes, or a few rows
+/// where these are longer, up to a mebibyte, which takes ten times as much while it is looked
+/// through; `true` if it is all of the file. An error of the reader comes again with the next
+/// bytes.
+fn read_head(content: &mut impl Read, head: &mut Vec<u8>) -> bool {
+    const ROWS: usize = 4;
+    let most = 1 << 20;
+    loop {
+        let before = head.len();
+        let chunk = content.take(dialect::HEAD as u64).read_to_end(head);
+        match chunk {
+            Ok(count) if count < dialect::HEAD => return true,
+            Err(_) => return false,
+            Ok(_) => {}
+        }
+        let rows = head.iter().filter(|byte| **byte == b'\n').count();
+        if rows >= ROWS || head.len() >= most || head.len() == before {
+            return false;
         }
     }
 }

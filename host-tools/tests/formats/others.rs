@@ -1,0 +1,130 @@
+//! Recordings that pyuff, scipy and npTDMS wrote, by `tests/fixtures/formats/make.py`.
+
+use massline::recording::Recording;
+use std::path::{Path, PathBuf};
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests/fixtures/formats")
+        .join(name)
+}
+
+/// All readings of these channels, sample by sample, and the sample rate of the file.
+fn read(name: &str, channels: &[&str]) -> (Vec<Vec<f64>>, f64) {
+    let mut recording = Recording::open(&fixture(name), channels).unwrap();
+    let rate = recording.settle_rate(None).unwrap();
+    let mut rows = Vec::new();
+    let mut row = vec![0.0; channels.len()];
+    while recording.next_row_f64(|c, x| row[c] = x).unwrap() {
+        rows.push(row.clone());
+    }
+    (rows, rate)
+}
+
+/// The readings that all files have, with all their digits.
+fn expected() -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(fixture("expected.csv")).unwrap();
+    let row = |line: &str| line.split(',').map(|x| x.parse().unwrap()).collect();
+    text.lines().skip(1).map(row).collect()
+}
+
+/// Asserts equal readings within a share of each (0: equal bits), and the rate to six digits, as
+/// universal files print it.
+#[track_caller]
+fn check(name: &str, channels: [&str; 3], share: f64) {
+    let (found, rate) = read(name, &channels);
+    assert!((rate / 512.0 - 1.0).abs() < 3e-6, "{name}: {rate} Hz");
+    let expected = expected();
+    assert_eq!(found.len(), expected.len(), "{name}");
+    for (n, (found, expected)) in found.iter().zip(&expected).enumerate() {
+        for (found, expected) in found.iter().zip(expected) {
+            let off = (found - expected).abs();
+            assert!(
+                off <= share * expected.abs(),
+                "{name}, sample {n}: {found}, not {expected}"
+            );
+        }
+    }
+}
+
+const NAMES: [&str; 3] = ["a1", "a2", "fx"];
+
+#[test]
+fn pyuff() {
+    let nodes = ["11:+Z", "12:-X", "13:+Y"];
+    // Twelve and six significant digits: half of the last one.
+    check("double.uff", nodes, 5e-12);
+    check("named.uff", NAMES, 5e-12);
+    check("single.uff", nodes, 5e-6);
+    check("uneven.uff", nodes, 5e-12);
+    check("binary.uff", NAMES, 0.0);
+    let recording = Recording::open(&fixture("double.uff"), &nodes).unwrap();
+    let units: Vec<Option<&str>> = nodes.iter().map(|name| recording.unit(name)).collect();
+    assert_eq!(units, [Some("m/s^2"), Some("g"), Some("N")]);
+    assert_eq!(recording.in_file()[1].direction, Some([-1.0, 0.0, 0.0]));
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    assert!(
+        notes
+            .iter()
+            .any(|note| note.ends_with("1 of dataset 15 not read: nodes")),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn scipy_mat() {
+    for name in ["matrix.mat", "matrix-plain.mat"] {
+        check(name, ["data:1", "data:2", "data:3"], 0.0);
+        let recording = Recording::open(&fixture(name), &["data:1"]).unwrap();
+        let mut notes = Vec::new();
+        recording.notice_columns(&mut notes);
+        let notes = notes.join("\n");
+        assert!(notes.contains("variable `note` not read: text"), "{notes}");
+        // The matrix of another length can be asked for, and is refused then.
+        let mut other = Recording::open(&fixture(name), &["data:1", "gains:1"]).unwrap();
+        let error = other.next_row(&mut [0.0; 2]).unwrap_err().to_string();
+        assert!(
+            error.contains("channel `gains:1`: 2 samples, expected 40"),
+            "{error}"
+        );
+    }
+    check("vectors.mat", NAMES, 0.0);
+    check("single.mat", NAMES, 0.0);
+    let (rows, rate) = read("counts.mat", &["a1", "a2"]);
+    assert_eq!(rate, 512.0);
+    assert!(
+        rows.iter()
+            .enumerate()
+            .all(|(n, row)| *row == [n as f64; 2]),
+        "{rows:?}"
+    );
+}
+
+#[test]
+fn nptdms() {
+    for name in ["segments.tdms", "single.tdms"] {
+        check(name, NAMES, 0.0);
+        let recording = Recording::open(&fixture(name), &NAMES).unwrap();
+        assert_eq!(recording.unit("a2"), Some("g"));
+    }
+}
+
+/// Whole numbers are shares of full scale, 2^15 and 2^31, of which scipy was given 32767 and
+/// 2147483000: half a step each.
+#[test]
+fn scipy_wav() {
+    check("float.wav", ["1", "2", "3"], 0.0);
+    for (name, full, given) in [
+        ("pcm16.wav", 32768.0, 32767.0),
+        ("pcm32.wav", 2_147_483_648.0, 2_147_483_000.0),
+    ] {
+        let (rows, rate) = read(name, &["1", "2", "3"]);
+        assert_eq!(rate, 512.0);
+        for (found, expected) in rows.iter().flatten().zip(expected().iter().flatten()) {
+            let off = (found * full - expected * given).abs();
+            // Beyond half a step there is only the rounding of the products.
+            assert!(off <= 0.5 + 1e-6, "{name}: {off} steps");
+        }
+    }
+}
