@@ -1,11 +1,9 @@
 //! The section `[recording]`: the form of text recordings, where it is not to be guessed.
 
-use std::fmt::Write as _;
-
 use serde::{Deserialize, Deserializer};
 
 use super::keys::{self, outside};
-use super::print::quoted;
+use crate::printable::quoted;
 use crate::recording::Form;
 
 /// The keys as they are written.
@@ -61,24 +59,4 @@ fn time<'de, D: Deserializer<'de>>(value: D) -> Result<Option<String>, D::Error>
     let expected = "the name of the column of time in quotes, or \"\" for none";
     let name = keys::plain(value, expected)?;
     Ok(Some(name))
-}
-
-pub(super) fn print(out: &mut String, form: &Form) {
-    if *form == Form::default() {
-        return;
-    }
-    out.push_str("\n[recording]\n");
-    for (key, value) in [("delimiter", form.delimiter), ("decimal", form.decimal)] {
-        if let Some(value) = value {
-            let _ = writeln!(out, "{key} = {}", quoted(&char::from(value).to_string()));
-        }
-    }
-    for (key, value) in [("header", form.header), ("first_row", form.first_row)] {
-        if let Some(value) = value {
-            let _ = writeln!(out, "{key} = {value}  # line");
-        }
-    }
-    if let Some(time) = &form.time {
-        let _ = writeln!(out, "time = {}", quoted(time));
-    }
 }

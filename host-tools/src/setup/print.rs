@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::recording::Checksum;
+use crate::recording::{Checksum, Form};
 
 use super::parse::word_of;
 use super::sensors::{MOUNTS, QUANTITIES};
@@ -31,7 +31,7 @@ pub(super) fn setup(setup: &Setup) -> String {
     }
     print_estimation(&mut out, &setup.estimation);
     uncertainty::print_defaults(&mut out, &setup.defaults);
-    super::form::print(&mut out, &setup.form);
+    print_form(&mut out, &setup.form);
 
     out.push_str(
         "\n# Accelerometers: position in m, positive along direction, scale in m/s² per unit.\n",
@@ -133,6 +133,26 @@ fn print_units(out: &mut String, units: &Units, scale: f64, delay: f64) {
             out,
             "delay = {delay:?}  # samples that the channel comes late"
         );
+    }
+}
+
+fn print_form(out: &mut String, form: &Form) {
+    if *form == Form::default() {
+        return;
+    }
+    out.push_str("\n[recording]\n");
+    for (key, value) in [("delimiter", form.delimiter), ("decimal", form.decimal)] {
+        if let Some(value) = value {
+            let _ = writeln!(out, "{key} = {}", quoted(&char::from(value).to_string()));
+        }
+    }
+    for (key, value) in [("header", form.header), ("first_row", form.first_row)] {
+        if let Some(value) = value {
+            let _ = writeln!(out, "{key} = {value}  # line");
+        }
+    }
+    if let Some(time) = &form.time {
+        let _ = writeln!(out, "time = {}", quoted(time));
     }
 }
 

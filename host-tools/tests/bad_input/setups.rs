@@ -25,7 +25,7 @@ fn a_value_that_cannot_be_is_refused_by_its_line_and_key() {
         (
             "direction",
             "[0, 0, 0]",
-            "(channel \"a1\") … `direction` is the zero vector … for example [0, 0, 1]",
+            "(channel \"a1\") … `direction` is the zero vector … \"+z\" or [0, 0, 1]",
         ),
         (
             "known_mass",
