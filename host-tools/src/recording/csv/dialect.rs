@@ -5,7 +5,7 @@
 //! line of text with as many fields; of those that fit, the one with the most columns is taken.
 
 use super::decode;
-use super::stamp::Stamp;
+use super::stamp::{Stamp, is_date};
 use crate::printable::quoted;
 use crate::recording::form::{DELIMITERS, Form, delimiter_name};
 use crate::recording::{Place, RecordingError, faults};
@@ -45,7 +45,7 @@ pub(super) struct Dialect {
 /// Kind of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    /// Numbers, time stamps, faults in words and nothing else; at least one number.
+    /// Numbers, dates, time stamps, faults in words and nothing else; at least one number.
     Data,
     /// Faults in words and empty fields.
     Faulty,
@@ -75,7 +75,8 @@ impl Row {
         let (mut numbers, mut texts, mut words) = (0, 0, 0);
         for field in self.record.iter().filter(|field| !field.is_empty()) {
             let text = decode::text(field);
-            if number(field, decimal).is_some() || Stamp::parse(&text).is_some() {
+            let is_time = || Stamp::parse(&text).is_some() || is_date(&text);
+            if number(field, decimal).is_some() || is_time() {
                 numbers += 1;
             } else if faults::read(&text).is_ok() {
                 words += 1;

@@ -48,6 +48,11 @@ impl Stamp {
     }
 }
 
+/// `true` for a date, which some files have in a column of its own beside that of the time.
+pub(super) fn is_date(text: &str) -> bool {
+    days(text.trim()).is_some()
+}
+
 /// A whole number of one to `digits` digits.
 fn whole(text: &str, digits: usize) -> Option<i64> {
     let is_whole = (1..=digits).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
