@@ -40,7 +40,7 @@ fn delimiter<'de, D: Deserializer<'de>>(value: D) -> Result<Option<u8>, D::Error
     let found = text.as_bytes();
     match found {
         [c] if sound(c) && !number(c) => Ok(Some(*c)),
-        _ => Err(outside(quoted(&text), EXPECTED)),
+        _ => Err(outside(format_args!("\"{}\"", quoted(&text)), EXPECTED)),
     }
 }
 
