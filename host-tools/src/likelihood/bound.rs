@@ -26,13 +26,7 @@ pub fn bound(
     let excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
     let mut records = records.to_vec();
     excited.project(&mut records);
-    let problem = Problem {
-        records: &records,
-        leakage: false,
-        threads: 1,
-        body: None,
-        beyond: None,
-    };
+    let problem = Problem::new(&records, false, 1);
     let system = problem
         .system(model, freedom, Detail::Step)
         .ok_or(FitError::Singular)?;

@@ -70,7 +70,7 @@ pub(super) struct Problem<'a> {
     /// Means and standard deviations of parameters of the rigid body before the data are seen.
     pub(super) body: Option<&'a [Option<[f64; 2]>; RIGID]>,
     /// Weights of the squares and products of E before the data are seen; none if `None`.
-    pub(super) beyond: Option<&'a DMatrix<f64>>,
+    pub(super) rest: Option<&'a DMatrix<f64>>,
 }
 
 /// Misfit, information and score of all records, priors included.
@@ -87,7 +87,18 @@ pub(super) struct System {
     pub(super) residuals: Vec<Vec<f64>>,
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    /// Nothing is known before the data are seen.
+    pub(super) fn new(records: &'a [Record], leakage: bool, threads: usize) -> Self {
+        Self {
+            records,
+            leakage,
+            threads,
+            body: None,
+            rest: None,
+        }
+    }
+
     /// Of each record something, by as many threads as wanted.
     fn each<T: Send>(&self, one: impl Fn(&Record, usize) -> Option<T> + Sync) -> Option<Vec<T>> {
         let one = |e: usize| one(&self.records[e], e).ok_or(());
@@ -100,8 +111,8 @@ impl Problem<'_> {
     }
 
     /// Weights of E, E, and their product; `None` where nothing is known of E.
-    fn beyond(&self, model: &Model) -> Option<(&DMatrix<f64>, DVector<f64>, DVector<f64>)> {
-        let (weights, upper) = (self.beyond?, model.upper?);
+    fn known_rest(&self, model: &Model) -> Option<(&DMatrix<f64>, DVector<f64>, DVector<f64>)> {
+        let (weights, upper) = (self.rest?, model.upper?);
         let e = DVector::from_column_slice(&upper);
         let pull = weights * &e;
         Some((weights, e, pull))
@@ -112,10 +123,10 @@ impl Problem<'_> {
         let records = self.each(|record, _| normal::misfit(record, model, self.leakage))?;
         let data: f64 = records.iter().map(|r| r.misfit).sum();
         let known = priors(model, freedom, self.body, &mut |_, _, _| ());
-        let beyond = self
-            .beyond(model)
+        let rest = self
+            .known_rest(model)
             .map_or(0.0, |(_, e, pull)| 0.5 * e.dot(&pull));
-        Some((data + known + beyond, records))
+        Some((data + known + rest, records))
     }
 
     /// Everything about a model.
@@ -168,7 +179,7 @@ impl Problem<'_> {
             system.residuals.push(sums.residuals);
         }
         let mut known = 0.0;
-        if let Some((weights, e, pull)) = self.beyond(model) {
+        if let Some((weights, e, pull)) = self.known_rest(model) {
             known = 0.5 * e.dot(&pull);
             let place = model.upper_at();
             for j in 0..SYMMETRIC {

@@ -171,13 +171,7 @@ pub fn fit(
     let records = &projected;
     let threads = options.threads.max(1);
     let rigid = options.rigid.unwrap_or([true; RIGID]);
-    let problem = Problem {
-        records,
-        leakage: true,
-        threads,
-        body: None,
-        beyond: None,
-    };
+    let problem = Problem::new(records, true, threads);
     let mut model = match &options.start {
         Some(model) => model.clone(),
         None => {
@@ -217,7 +211,7 @@ pub fn fit(
     let rest = start::Rest::of(&problem, &done.model, freedom).ok_or(FitError::Singular)?;
     let weights = rest.weights();
     let problem = Problem {
-        beyond: weights.as_ref(),
+        rest: weights.as_ref(),
         ..problem
     };
     if weights.is_some() {
@@ -329,13 +323,7 @@ fn low_lines(
     if low.is_empty() || real_equations(&low) < 8 * (RIGID + 21 + 12 * low.len()) {
         return None;
     }
-    let problem = Problem {
-        records: &low,
-        leakage: true,
-        threads,
-        body: None,
-        beyond: None,
-    };
+    let problem = Problem::new(&low, true, threads);
     // Modes stay where they are; E is free, and takes what they miss in ω². The shape of ω⁴ is theirs.
     let mut fixed = model.clone();
     fixed.upper = Some(model.upper.unwrap_or([0.0; 21]));

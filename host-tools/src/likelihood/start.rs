@@ -50,13 +50,7 @@ pub(super) fn start(
         (step, thinned.map(of).collect())
     };
     let (step, some) = thin(LINES);
-    let problem = Problem {
-        records: &some,
-        leakage: true,
-        threads,
-        body: None,
-        beyond: None,
-    };
+    let problem = Problem::new(&some, true, threads);
     let unit = highest(records);
     let groups = Groups::new(records, excited)?;
     let count = real_equations(records) as f64;

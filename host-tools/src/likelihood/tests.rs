@@ -126,13 +126,7 @@ fn the_gradient_is_that_of_differences() {
     let records = [record(&truth, 0, 60, true), record(&truth, 1, 80, true)];
     let model = away(&truth);
     for leakage in [false, true] {
-        let problem = Problem {
-            records: &records,
-            leakage,
-            threads: 1,
-            body: None,
-            beyond: None,
-        };
+        let problem = Problem::new(&records, leakage, 1);
         let system = problem
             .system(&model, Freedom::all([true; RIGID]), Detail::Step)
             .unwrap();
@@ -165,13 +159,7 @@ fn the_gradient_is_that_of_differences() {
 fn offsets_cost_what_their_prior_says() {
     let truth = two_modes(2);
     let records = [record(&truth, 0, 20, false)];
-    let problem = Problem {
-        records: &records,
-        leakage: false,
-        threads: 1,
-        body: None,
-        beyond: None,
-    };
+    let problem = Problem::new(&records, false, 1);
     let before = problem
         .misfit(&truth, Freedom::all([true; RIGID]))
         .unwrap()
@@ -272,13 +260,7 @@ fn leakage_terms_explain_how_a_record_begins_and_ends() {
         .map(|run| fork_record(&simulation, run, highest))
         .collect();
     for leakage in [true, false] {
-        let problem = Problem {
-            records: &records,
-            leakage,
-            threads: 1,
-            body: None,
-            beyond: None,
-        };
+        let problem = Problem::new(&records, leakage, 1);
         misfits.push(
             problem
                 .misfit(&truth, Freedom::least([true; RIGID]))
