@@ -17,6 +17,7 @@ pub mod measure;
 pub mod on_box;
 pub mod output;
 mod parallel;
+pub mod prediction;
 pub mod printable;
 pub mod recording;
 pub mod replay;

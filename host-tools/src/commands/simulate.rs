@@ -2,8 +2,9 @@
 
 use super::{Bar, Failure, print_line};
 use crate::commands::Verbosity;
+use crate::prediction;
 use crate::rig::{self, Trouble, Troubles};
-use crate::simulate::{Model, Options, Simulation, simulate};
+use crate::simulate::{self, Model, Options, Simulation};
 use std::path::{Path, PathBuf};
 
 /// Simulate a test: a model to a setup with recordings
@@ -104,8 +105,13 @@ pub(super) fn with_progress(
     verbosity: Verbosity,
 ) -> Result<Simulation, Failure> {
     let bar = Bar::new("simulating", verbosity);
-    simulate(model, options, &mut |p| {
+    let mut progress = |p: simulate::Progress<'_>| {
         bar.set(p.done as f64 / p.total.max(1) as f64, p.run);
-    })
-    .map_err(Failure::input)
+    };
+    let mut simulation =
+        simulate::without_errors(model, options, &mut progress).map_err(Failure::input)?;
+    simulation.truth.bounds =
+        prediction::bounds(&model.specimen, &simulation, options.noise_of(model));
+    simulation.disturb(model, options).map_err(Failure::input)?;
+    Ok(simulation)
 }

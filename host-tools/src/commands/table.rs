@@ -4,7 +4,7 @@ use super::true_body;
 use crate::format::{significant, with_std};
 use crate::report::scales::{Natural, largest_moment};
 use crate::result::{Number, ResultDocument};
-use crate::simulate::Truth;
+use crate::simulate::{Bound, Truth};
 use anstyle::{AnsiColor, Style};
 use std::io::Write;
 
@@ -177,7 +177,42 @@ pub fn print_numbers(
         writeln!(out)?;
         writeln!(out, "principal moments about S: {} kg m²", m.join(", "))?;
     }
+    let bounds = truth.map_or(&[][..], |t| &t.bounds);
+    let over = |b: &Bound| over_bound(result, b).map(|over| (b.band, over));
+    let over: Vec<String> = bounds
+        .iter()
+        .filter_map(over)
+        .map(|([low, high], over)| {
+            let [low, high, over] = [low, high, over].map(|x| significant(x, 3));
+            format!("{over} times that of lines from {low} to {high} Hz")
+        })
+        .collect();
+    if !over.is_empty() {
+        writeln!(out)?;
+        writeln!(
+            out,
+            "error bars beside the least that this test could give (Cramér-Rao bound): {}",
+            over.join(", ")
+        )?;
+    }
     Ok(())
+}
+
+/// Root mean square ratio of standard deviations to a bound, over mass, CG and inertia about S.
+fn over_bound(result: &ResultDocument, bound: &Bound) -> Option<f64> {
+    let numbers = [&result.mass].into_iter();
+    let numbers = numbers.chain(&result.centre_of_gravity);
+    let numbers = numbers.chain(result.inertia_cg.terms());
+    let bounds = [bound.mass].into_iter();
+    let bounds = bounds.chain(bound.centre_of_gravity);
+    let bounds = bounds.chain(bound.inertia_cg.terms());
+    let ratios: Vec<f64> = numbers
+        .zip(bounds)
+        .filter_map(|(number, bound)| Some((number.std? / bound?).powi(2)))
+        .filter(|x| x.is_finite())
+        .collect();
+    let count = ratios.len() as f64;
+    (count > 0.0).then(|| (ratios.iter().sum::<f64>() / count).sqrt())
 }
 
 fn print_row(

@@ -179,6 +179,15 @@ impl Model {
         matrix
     }
 
+    /// Sets E.
+    pub fn set_upper_matrix(&mut self, matrix: &Matrix6<f64>) {
+        let mut upper = [0.0; SYMMETRIC];
+        for ((i, j), e) in triangle().zip(&mut upper) {
+            *e = matrix[(i, j)];
+        }
+        self.upper = Some(upper);
+    }
+
     /// M(ω) in a run at a frequency, Hz.
     #[must_use]
     pub fn at(&self, run: usize, frequency: f64) -> Matrix6<Complex<f64>> {

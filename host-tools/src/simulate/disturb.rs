@@ -59,7 +59,8 @@ pub(super) fn disturb(
     }
 }
 
-fn rms_over_runs(name: &str, shaken: bool, recordings: &[Recording]) -> f64 {
+/// RMS of a channel over all runs of one kind.
+pub(super) fn rms_over_runs(name: &str, shaken: bool, recordings: &[Recording]) -> f64 {
     let (mut power, mut count) = (0.0, 0_usize);
     for recording in recordings {
         if recording.sample_rate.is_some() != shaken {

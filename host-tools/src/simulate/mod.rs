@@ -39,7 +39,7 @@ pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Tabl
 pub(crate) use random::Stream;
 pub use specimen::{Mode, Specimen};
 pub(crate) use specimen::{motion_row, shift};
-pub use truth::{InertiaTruth, ModeTruth, Truth};
+pub use truth::{Bound, InertiaTruth, ModeTruth, Truth};
 
 use crate::recording::{Form, Preamble};
 use crate::setup::{Defaults, Estimation, Excitation, Mount, Run, Setup};
@@ -86,6 +86,14 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// Noise of a model under these options, a share of each channel's RMS over all runs.
+    #[must_use]
+    pub fn noise_of(&self, model: &Model) -> f64 {
+        self.noise.unwrap_or(model.measurement.noise)
+    }
+}
+
 /// Progress of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress<'a> {
@@ -125,12 +133,43 @@ pub struct Recording {
     pub preamble: Preamble,
 }
 
+impl Simulation {
+    /// RMS of a channel over all random runs.
+    pub(crate) fn rms(&self, channel: &str) -> f64 {
+        disturb::rms_over_runs(channel, true, &self.recordings)
+    }
+
+    /// Adds the instruments' noise and offsets to a simulation that has none.
+    ///
+    /// # Errors
+    /// Options outside their range.
+    pub fn disturb(&mut self, model: &Model, options: &Options) -> Result<(), SimulationError> {
+        let measurement = measurement(model, options)?;
+        disturb::disturb(model, &measurement, options.seed, &mut self.recordings);
+        Ok(())
+    }
+}
+
 /// Simulates all runs of a model.
 ///
 /// # Errors
 /// Options outside their range, recordings too short or too long, bands that do not fit
 /// the sample rate.
 pub fn simulate(
+    model: &Model,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Simulation, SimulationError> {
+    let mut simulation = without_errors(model, options, progress)?;
+    simulation.disturb(model, options)?;
+    Ok(simulation)
+}
+
+/// Simulates all runs of a model by perfect instruments.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn without_errors(
     model: &Model,
     options: &Options,
     progress: &mut dyn FnMut(Progress<'_>),
@@ -210,8 +249,6 @@ pub fn simulate(
             preamble: Preamble::default(),
         });
     }
-    disturb::disturb(model, &measurement, options.seed, &mut recordings);
-
     let truth = Truth::of(model, measurement.sample_rate);
     let setup = setup(model, &measurement, options, &recordings, truth.mass);
     Ok(Simulation {
@@ -297,7 +334,7 @@ pub(crate) fn motions(
 fn measurement(model: &Model, options: &Options) -> Result<Measurement, SimulationError> {
     let own = &model.measurement;
     let measurement = Measurement {
-        noise: options.noise.unwrap_or(own.noise),
+        noise: options.noise_of(model),
         duration: options.duration.unwrap_or(own.duration),
         sample_rate: options.sample_rate.unwrap_or(own.sample_rate),
         ..own.clone()

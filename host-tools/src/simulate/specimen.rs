@@ -51,6 +51,18 @@ pub(super) struct Gains {
 }
 
 impl Specimen {
+    /// The same body about the point `reference` (m, specimen frame) in place of the origin.
+    pub(crate) fn about(&self, reference: &Vector3<f64>) -> Self {
+        // The origin moves as seen from the point.
+        let to_origin = shift(&-reference);
+        let mut moved = self.clone();
+        moved.mass_matrix = to_origin.tr_mul(&(self.mass_matrix * to_origin));
+        for mode in &mut moved.modes {
+            mode.participation = to_origin.tr_mul(&mode.participation);
+        }
+        moved
+    }
+
     /// The channel that reads p·f, a combination of the six resultants at the origin.
     pub(super) fn force_gains(&self, combination: &Vector6<f64>) -> Gains {
         Gains {

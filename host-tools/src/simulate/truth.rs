@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::model::Model;
-use super::specimen::shift;
 
 /// Exact properties of a simulated specimen, in its own frame; SI units.
 ///
@@ -27,6 +26,25 @@ pub struct Truth {
     pub inertia_cg: InertiaTruth,
     /// Fixed-base modes below the sample rate, ascending.
     pub modes: Vec<ModeTruth>,
+    /// Cramér-Rao bounds of the test, of the averaging band first; empty for a test without noise.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bounds: Vec<Bound>,
+}
+
+/// Least standard deviations that an unbiased estimate from the lines of a band can have
+/// (Cramér-Rao), SI; `None`, `null` in JSON, for a number that the test does not tell.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+pub struct Bound {
+    /// Lowest and highest line, Hz.
+    pub band: [f64; 2],
+    /// kg.
+    pub mass: Option<f64>,
+    /// m.
+    pub centre_of_gravity: [Option<f64>; 3],
+    /// About the reference point, kg m².
+    pub inertia_reference: InertiaTruth,
+    /// About the centre of gravity, kg m².
+    pub inertia_cg: InertiaTruth,
 }
 
 /// Moments and products of inertia, kg m²; products are ∫xy dm with a plus sign.
@@ -64,19 +82,14 @@ impl Truth {
     pub(super) fn of(model: &Model, highest: f64) -> Self {
         let specimen = &model.specimen;
         let reference = Vector3::from(model.reference_point);
-        // The origin moves as seen from A: shift by -A, for the mass matrix about A.
-        let to_origin = shift(&-reference);
-        let about_reference = to_origin.tr_mul(&(specimen.mass_matrix * to_origin));
+        let moved = specimen.about(&reference);
         let (mass, centre) = mass_and_centre(&specimen.mass_matrix, specimen.plane);
-        let from_centre = shift(&-centre);
-        let about_centre = from_centre.tr_mul(&(specimen.mass_matrix * from_centre));
-        let modes = specimen
+        let modes = moved
             .modes
             .iter()
             .filter(|mode| mode.frequency < highest)
             .map(|mode| {
-                let participation = to_origin.tr_mul(&mode.participation);
-                let effective = participation * participation.transpose();
+                let effective = mode.participation * mode.participation.transpose();
                 ModeTruth {
                     name: mode.name.clone(),
                     frequency: mode.frequency,
@@ -96,9 +109,10 @@ impl Truth {
                 true => [Some(centre.x), None, Some(centre.z)],
                 false => [Some(centre.x), Some(centre.y), Some(centre.z)],
             },
-            inertia_reference: InertiaTruth::of(&about_reference, specimen.plane),
-            inertia_cg: InertiaTruth::of(&about_centre, specimen.plane),
+            inertia_reference: InertiaTruth::of(&moved.mass_matrix, specimen.plane),
+            inertia_cg: InertiaTruth::of(&specimen.about(&centre).mass_matrix, specimen.plane),
             modes,
+            bounds: Vec::new(),
         }
     }
 }
@@ -118,6 +132,18 @@ impl InertiaTruth {
     /// xx, yy, zz, xy, xz, yz.
     pub(crate) fn terms(&self) -> [Option<f64>; 6] {
         [self.xx, self.yy, self.zz, self.xy, self.xz, self.yz]
+    }
+
+    /// Of xx, yy, zz, xy, xz, yz.
+    pub(crate) fn from_terms([xx, yy, zz, xy, xz, yz]: [Option<f64>; 6]) -> Self {
+        Self {
+            xx,
+            yy,
+            zz,
+            xy,
+            xz,
+            yz,
+        }
     }
 
     fn of(matrix: &Matrix6<f64>, plane: bool) -> Self {

@@ -2,9 +2,8 @@
 
 use super::{Case, Disturbance, Drawn, NUMBERS, Options, Scored};
 use crate::identification::{fit_records, identification_of_fit, told_of};
-use crate::likelihood::{
-    Covariance10, FittedMode, Model as Fitted, Record, bound, numbers, sigma_of,
-};
+use crate::likelihood::{Covariance10, Model as Fitted, Record, bound, numbers};
+use crate::prediction;
 use crate::simulate::{Measurement, Model, Plan, Shaking, Table};
 use crate::study::chance::Chance;
 use crate::study::structures::{Structure, add_modes, elastic, load_cells, motion_sensors, rigid};
@@ -130,18 +129,9 @@ pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Draw
     }
     let trial = Trial::new(model, seed, &conditions)?;
     let specimen = &trial.model().specimen;
-    let mut truth = Fitted::rigid(
-        sigma_of(&specimen.mass_matrix),
-        highest,
-        trial.setup.runs.len(),
-    );
-    for mode in &specimen.modes {
-        let fitted = FittedMode::new(mode.frequency, mode.damping, mode.participation);
-        truth.push(FittedMode {
-            exponent: mode.exponent,
-            ..fitted
-        });
-    }
+    let origin = nalgebra::Vector3::zeros();
+    let bands = (highest, f64::INFINITY);
+    let truth = prediction::fitted(specimen, &origin, bands, trial.setup.runs.len());
     let clean = trial.lines(None, [LOWEST, highest])?.records;
     let below = specimen
         .modes
