@@ -10,7 +10,7 @@ use super::fit::{Covariance10, FitError, corner};
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::Record;
-use super::tilt;
+use super::{start, tilt};
 
 /// Bound of the covariance of those of σ that the test tells, `rigid`, for records without noise of
 /// their own, whose `noise` is that of the test, and the true model.
@@ -26,13 +26,16 @@ pub fn bound(
     let excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
     let mut records = records.to_vec();
     excited.project(&mut records);
-    let problem = Problem::new(&records, false, 1);
+    let possible = model.upper.map(|_| start::possible_rest(model));
+    let problem = Problem {
+        rest: possible.as_ref(),
+        ..Problem::new(&records, false, 1)
+    };
     let system = problem
         .system(model, freedom, Detail::Step)
         .ok_or(FitError::Singular)?;
     let places = freedom.places(model);
     let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
-    let tilt =
-        tilt::spread(&problem, model, freedom, &inverse, &excited).ok_or(FitError::Singular)?;
+    let tilt = tilt::spread(&problem, model, freedom, &excited).ok_or(FitError::Singular)?;
     Ok(corner(&inverse, &places) * 0.5 + tilt)
 }

@@ -190,6 +190,7 @@ pub fn fit(
         body: Some(&likely),
         ..problem
     };
+    let possible = model.upper.map(|_| start::possible_rest(&model));
     let freedom = if model.modes.is_empty() {
         Freedom::least(free)
     } else {
@@ -204,17 +205,26 @@ pub fn fit(
         });
     };
     let modes = model.modes.len();
-    let mut done = descent::descend(&problem, &model, freedom, STEPS, &mut |i, v| {
+    let first = Problem {
+        rest: possible.as_ref(),
+        ..problem
+    };
+    let mut done = descent::descend(&first, &model, freedom, STEPS, &mut |i, v| {
         last(modes, i, v);
     })
     .ok_or(FitError::Singular)?;
     let rest = start::Rest::of(&problem, &done.model, freedom).ok_or(FitError::Singular)?;
-    let weights = rest.weights();
+    let shrunk = rest.weights();
+    let again = shrunk.is_some();
+    let weights = match (possible, shrunk) {
+        (Some(possible), Some(shrunk)) => Some(possible + shrunk),
+        (possible, _) => possible,
+    };
     let problem = Problem {
         rest: weights.as_ref(),
         ..problem
     };
-    if weights.is_some() {
+    if again {
         let (known, before) = (done.model.clone(), done.iterations);
         done = descent::descend(&problem, &known, freedom, STEPS, &mut |i, v| {
             last(modes, before + i, v);
@@ -239,8 +249,8 @@ pub fn fit(
         let ratio = by_score[(i, i)] / by_information[(i, i)];
         if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
     });
-    let tilt =
-        tilt::spread(&problem, &model, freedom, &inverse, &excited).ok_or(FitError::Singular)?;
+    let tilt = tilt::spread(&problem, &model, Freedom { rigid, ..freedom }, &excited)
+        .ok_or(FitError::Singular)?;
     let covariance =
         Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
     let deviation = |place: usize| {

@@ -4,14 +4,16 @@ use super::model::RIGID;
 use massline_core::identify::Covariance;
 use nalgebra::{Matrix6, SMatrix, Vector3};
 
-/// σ of equation (6) from a mass matrix of equation (1).
+/// σ of equation (6) from a mass matrix of equation (1), of which a plane model has rows and columns of
+/// zeros: a first moment that is missing in one place stands in another.
 #[must_use]
 pub fn sigma_of(m: &Matrix6<f64>) -> [f64; RIGID] {
+    let either = |a: f64, b: f64| if a == 0.0 { b } else { a };
     [
-        m[(0, 0)],
-        m[(1, 5)],
-        m[(2, 3)],
-        m[(0, 4)],
+        either(m[(0, 0)], either(m[(1, 1)], m[(2, 2)])),
+        either(m[(1, 5)], -m[(2, 4)]),
+        either(m[(2, 3)], -m[(0, 5)]),
+        either(m[(0, 4)], -m[(1, 3)]),
         m[(3, 3)],
         m[(4, 4)],
         m[(5, 5)],

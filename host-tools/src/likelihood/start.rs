@@ -2,7 +2,7 @@
 
 use super::descent::{self, Descent, Freedom, Problem};
 use super::excited::Excited;
-use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC};
+use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC, triangle};
 use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
 use super::search::Groups;
@@ -13,6 +13,11 @@ use nalgebra::{DMatrix, DVector, Vector6};
 const LINES: usize = 450;
 /// The same in the last look for modes beyond the lines.
 const MORE_LINES: usize = 1200;
+/// Ratio of the numbers of lines of one search for modes and the next.
+const FINER: usize = 4;
+/// Least fall of 2V, beyond that which its eight parameters take from noise, for a mode: chance exceeds it
+/// at one place in 16,000 (33 with eight degrees of freedom).
+const CHANCE: f64 = 25.0;
 /// Most steps of a refit.
 const STEPS: usize = 30;
 /// Fall of V, and share of V, at which a refit ends: far below what decides on a mode.
@@ -49,8 +54,6 @@ pub(super) fn start(
         let of = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
         (step, thinned.map(of).collect())
     };
-    let (step, some) = thin(LINES);
-    let problem = Problem::new(&some, true, threads);
     let unit = highest(records);
     let groups = Groups::new(records, excited)?;
     let count = real_equations(records) as f64;
@@ -66,30 +69,39 @@ pub(super) fn start(
             misfit,
         });
     };
-    let mut now = refit(&problem, freedom, &model)?;
-    while now.model.modes.len() < MOST_MODES {
-        tell(now.model.modes.len(), now.misfit);
-        let tried = groups.best(&now.model).into_iter().filter_map(|mode| {
-            let mut tried = now.model.clone();
-            tried.push(mode);
-            refit(&problem, freedom, &tried)
-        });
-        let Some(better) = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit)) else {
-            break;
-        };
-        if (2.0 * (now.misfit - better.misfit) - 8.0) * step as f64 <= threshold {
-            break;
+    let mut wanted = LINES;
+    let mut now: Option<Descent> = None;
+    let mut now = loop {
+        let (step, some) = thin(wanted);
+        let problem = Problem::new(&some, true, threads);
+        let mut found = refit(&problem, freedom, now.as_ref().map_or(&model, |n| &n.model))?;
+        // All lines together decide on a mode, but those that are left have to show it.
+        let least = (threshold / step as f64).max(CHANCE);
+        while found.model.modes.len() < MOST_MODES {
+            tell(found.model.modes.len(), found.misfit);
+            let tried = groups.best(&found.model).into_iter().filter_map(|mode| {
+                let mut tried = found.model.clone();
+                tried.push(mode);
+                refit(&problem, freedom, &tried)
+            });
+            let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
+            let Some(better) = best.filter(|b| 2.0 * (found.misfit - b.misfit) - 8.0 > least)
+            else {
+                break;
+            };
+            found = better;
         }
-        now = better;
-    }
-    now = pruned(&problem, freedom, now, threshold / step as f64)?;
-    let all = Problem { records, ..problem };
+        found = pruned(&problem, freedom, found, least)?;
+        if CHANCE * step as f64 <= threshold {
+            break found;
+        }
+        now = Some(found);
+        wanted *= FINER;
+    };
+    let all = Problem::new(records, true, threads);
     for wanted in [LINES, MORE_LINES] {
         let (step, some) = thin(wanted);
-        let problem = Problem {
-            records: &some,
-            ..problem
-        };
+        let problem = Problem::new(&some, true, threads);
         for turn in 0..2 {
             let rest = Rest::of(&all, &now.model, freedom)?;
             let threshold = match wanted {
@@ -258,6 +270,20 @@ impl Rest {
         }
         Some(weights)
     }
+}
+
+/// Weights of the squares of E that follow from the body: the effective masses of all modes are no more than
+/// the body itself, and E is theirs times (ω_hi/ω_r)². They hold the terms that no line tells.
+pub(super) fn possible_rest(model: &Model) -> DMatrix<f64> {
+    let body = model.rigid_matrix();
+    let mut weights = DMatrix::zeros(SYMMETRIC, SYMMETRIC);
+    for (at, (i, j)) in triangle().enumerate() {
+        let square = body[(i, i)] * body[(j, j)];
+        if square > 0.0 {
+            weights[(at, at)] = 1.0 / square;
+        }
+    }
+    weights
 }
 
 /// A mode beyond the lines from the largest eigenpair of E.
