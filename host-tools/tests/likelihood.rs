@@ -55,6 +55,9 @@ fn the_fit_is_sharper_than_the_band_and_holds_the_truth() {
     simulate(scratch.path(), &["--noise", "0.01", "--duration", "40"]);
     let fit = identify(scratch.path(), "ml");
     assert_eq!(fit["method"], "ml");
+    let all = identify(scratch.path(), "all");
+    assert_eq!(all["recommended"], "ml");
+    assert_eq!(all["results"][0]["mass"], fit["mass"]);
     assert_eq!(fit["likelihood"]["used"], true, "{}", fit["likelihood"]);
     let band = numbers(&identify(scratch.path(), "apparent-mass"));
     for (((value, std), (_, wider)), truth) in numbers(&fit).into_iter().zip(band).zip(TRUTH) {
@@ -101,6 +104,10 @@ fn without_anything_that_tells_the_noise_the_numbers_are_the_bands() {
             .is_some_and(|w| w.contains("those of apparent-mass"))
     };
     assert!(warnings.iter().any(said), "{warnings:?}");
+    let all = identify(scratch.path(), "all");
+    assert_eq!(all["recommended"], "apparent-mass");
+    let failed = all["failed"].as_array().unwrap();
+    assert!(failed.iter().any(|f| f["method"] == "ml"), "{failed:?}");
 }
 
 /// A recording whose samples are faulty now and then is cut there, and no number is made of what

@@ -5,13 +5,17 @@ use super::table::{Row, rows};
 use super::{Failure, print_json, refuse, warn};
 use crate::commands::Verbosity;
 use crate::format::{significant, with_std};
-use crate::identification::{Choice, Session, recommended};
+use crate::identification::{Choice, LIKELIHOOD, Session, recommended};
 use crate::result::{COMPARISON_SCHEMA, ComparisonDocument, FailedMethod, ResultDocument};
 use crate::setup::Setup;
 use crate::simulate::Truth;
 use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
 use std::io::Write;
+
+/// Reason why the maximum likelihood fit is recommended.
+const LIKELIHOOD_PASSES: &str = "its residuals are noise and its low lines agree, so that the lines through the resonances \
+     count as well as those of the averaging band";
 
 /// Options of the display.
 #[derive(Clone, Copy, Debug)]
@@ -35,9 +39,10 @@ pub(super) fn run(
     options: Options,
     verbosity: Verbosity,
 ) -> Result<(), Failure> {
-    let (best, because) = recommended(setup);
+    let (band, because) = recommended(setup);
+    let (mut best, mut because) = (band.name(), because);
     let mut session = Session::new(setup).with_type_b();
-    let mut results: Vec<(Method, ResultDocument)> = Vec::new();
+    let mut results: Vec<ResultDocument> = Vec::new();
     let mut failed = Vec::new();
     let mut code = 1;
     reading(verbosity, |progress| {
@@ -47,7 +52,7 @@ pub(super) fn run(
                 ..*choice
             };
             match session.answer(&choice, progress) {
-                Ok(answer) => results.push((method, ResultDocument::new(setup, &answer))),
+                Ok(answer) => results.push(ResultDocument::new(setup, &answer)),
                 Err(e) => {
                     code = e.exit_code();
                     failed.push(FailedMethod {
@@ -56,6 +61,27 @@ pub(super) fn run(
                     });
                 }
             }
+        }
+        if band != Method::ApparentMass {
+            return Ok(());
+        }
+        // Where the apparent mass has no answer, neither has its fit, for the same reason.
+        let Ok(fitted) = session.answer_by_likelihood(choice, progress) else {
+            return Ok(());
+        };
+        match fitted
+            .likelihood
+            .as_ref()
+            .and_then(|l| l.stepped_back.clone())
+        {
+            None => {
+                results.insert(0, ResultDocument::new(setup, &fitted));
+                (best, because) = (LIKELIHOOD, LIKELIHOOD_PASSES);
+            }
+            Some(reason) => failed.push(FailedMethod {
+                method: LIKELIHOOD.to_owned(),
+                reason,
+            }),
         }
         Ok(())
     })?;
@@ -67,38 +93,34 @@ pub(super) fn run(
         });
     }
     // The recommended method has the last word, or what is left where it gives no answer.
-    let judge = results.iter().find(|(method, _)| *method == best);
+    let judge = results.iter().find(|result| result.method == best);
     let refused = judge.map_or_else(
-        || {
-            results
-                .iter()
-                .find_map(|(_, result)| result.refused.clone())
-        },
-        |(_, result)| result.refused.clone(),
+        || results.iter().find_map(|result| result.refused.clone()),
+        |result| result.refused.clone(),
     );
     if options.json {
         print_json(&ComparisonDocument {
             schema: COMPARISON_SCHEMA.to_owned(),
             title: setup.title.clone(),
-            recommended: best.name().to_owned(),
+            recommended: best.to_owned(),
             recommended_because: because.to_owned(),
-            results: results.into_iter().map(|(_, result)| result).collect(),
+            results,
             failed,
         })?;
         return refuse(refused.as_deref());
     }
     if !options.anyway {
-        results.retain(|(method, result)| {
+        results.retain(|result| {
             if let Some(reason) = &result.refused {
                 failed.push(FailedMethod {
-                    method: method.name().to_owned(),
+                    method: result.method.clone(),
                     reason: format!("refused: {reason}"),
                 });
             }
             result.refused.is_none()
         });
     }
-    if let Some((_, first)) = results.first() {
+    if let Some(first) = results.first() {
         warn(&first.warnings, verbosity);
     }
     print(&setup.title, best, because, &results, &failed, truth)
@@ -107,13 +129,13 @@ pub(super) fn run(
 }
 
 /// Width of a column that holds one number of one method.
-const WIDTH: usize = 15;
+const WIDTH: usize = 18;
 
 fn print(
     title: &str,
-    best: Method,
+    best: &str,
     because: &str,
-    results: &[(Method, ResultDocument)],
+    results: &[ResultDocument],
     failed: &[FailedMethod],
     truth: Option<&Truth>,
 ) -> std::io::Result<()> {
@@ -124,17 +146,14 @@ fn print(
         out,
         "{dim}values with half of their 95 % intervals; * recommended: {because}{dim:#}"
     )?;
-    let tables: Vec<Vec<Row<'_>>> = results
-        .iter()
-        .map(|(_, result)| rows(result, truth))
-        .collect();
-    // Terminals are narrow: four methods beside each other at most.
-    for (results, tables) in results.chunks(4).zip(tables.chunks(4)) {
+    let tables: Vec<Vec<Row<'_>>> = results.iter().map(|result| rows(result, truth)).collect();
+    // Terminals are narrow: three methods beside each other at most.
+    for (results, tables) in results.chunks(3).zip(tables.chunks(3)) {
         writeln!(out)?;
         write!(out, "{bold}{:<18}", "")?;
-        for (method, _) in results {
-            let star = if *method == best { "*" } else { " " };
-            write!(out, "{:>WIDTH$}", format!("{}{star}", method.name()))?;
+        for result in results {
+            let star = if result.method == best { "*" } else { " " };
+            write!(out, "{:>WIDTH$}", format!("{}{star}", result.method))?;
         }
         writeln!(out, "{bold:#}")?;
         for i in 0..tables[0].len() {

@@ -168,6 +168,10 @@ impl Session<'_> {
         let limit = self.limit;
         let mut warnings = Vec::new();
         let found = match widest_band(setup) {
+            // What contradicts a rigid body at low frequency is not mended by more lines.
+            _ if answer.refused.is_some() => {
+                Likelihood::stepped_back("they are refused as it is".to_owned())
+            }
             None => Likelihood::stepped_back("the set-up has no random runs".to_owned()),
             Some(band) => match read_records(setup, band, limit, &mut warnings, progress) {
                 Err(NoRecords::Measure(e)) => return Err(e.into()),
