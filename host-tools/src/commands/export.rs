@@ -1,8 +1,8 @@
 //! `massline export`: a result in another program's format.
 
-use super::{Failure, refuse};
+use super::{Failure, refuse, warn};
 use crate::commands::Verbosity;
-use crate::export::{Export, ExportError, FORMATS, find};
+use crate::export::{Export, ExportError, FORMATS, View, bytes, doubt, find};
 use crate::output::{self, Existing};
 use crate::result::ResultDocument;
 use clap::builder::PossibleValue;
@@ -12,16 +12,19 @@ use std::path::{Path, PathBuf};
 /// Export a result to the format of another program
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline identify setup.toml --json > result.json\n  massline export result.json --to csv --out result.csv\n  massline export result.json --to csv | column -s, -t"
+    after_help = "Examples:\n  massline identify setup.toml --json > result.json\n  massline export result.json --to csv --out result.csv\n  massline export result.json --to csv | column -s, -t\n  massline export result.json --to nastran --grid 12 --element 9001 -o body.bdf\n  massline export result.json --to mjcf --about 0,0,0.25 --rotation 0,0,90 -o body.xml"
 )]
 pub struct Arguments {
     /// The document of `massline identify --json`
     result: PathBuf,
+    /// The result of this method, where the document has those of several
+    #[arg(long, value_name = "NAME")]
+    method: Option<String>,
     /// The format
     #[arg(long, visible_alias = "format", value_name = "FORMAT", value_parser = Formats)]
     to: &'static dyn Export,
     /// The file to write; stdout if absent
-    #[arg(long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace the file if it is there already
     #[arg(long, requires = "out")]
@@ -29,6 +32,35 @@ pub struct Arguments {
     /// Export numbers that are refused because the data contradict them; exit code 1 stays
     #[arg(long)]
     anyway: bool,
+    #[command(flatten)]
+    view: Place,
+}
+
+/// Point, axes and identifiers of an exported body.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct Place {
+    /// Origin of the exported coordinates, m, in those of the result: the grid point, the origin of
+    /// the link, the point of the mass matrix; the reference point A if absent
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, allow_hyphen_values = true)]
+    about: Option<[f64; 3]>,
+    /// Rotation vector, degrees, that turns the axes of the result into those of the export
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, allow_hyphen_values = true)]
+    rotation: Option<[f64; 3]>,
+    /// Identifier of the grid point of a finite-element model; 1 if absent
+    #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u32).range(1..100_000_000))]
+    grid: Option<u32>,
+    /// Identifier of the element; 1 if absent
+    #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u32).range(1..100_000_000))]
+    element: Option<u32>,
+}
+
+/// Three numbers between commas.
+fn three(text: &str) -> Result<[f64; 3], String> {
+    let numbers = text.split(',').map(|part| part.trim().parse().ok());
+    let numbers: Option<Vec<f64>> = numbers.map(|n| n.filter(|x: &f64| x.is_finite())).collect();
+    let numbers = numbers.and_then(|list| list.try_into().ok());
+    numbers
+        .ok_or_else(|| "expected three numbers with commas between, such as 0.1,0,-0.25".to_owned())
 }
 
 /// Reads the name of a format; the list of formats is its help.
@@ -57,6 +89,69 @@ impl clap::builder::TypedValueParser for Formats {
     }
 }
 
+/// A file that a result is exported to, in the format that its name or the words before it tell.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    format: &'static dyn Export,
+    file: PathBuf,
+}
+
+impl Target {
+    /// Reads `FILE`, whose ending tells the format, or `FORMAT=FILE`. The first format of the list
+    /// has an ending that several have.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        if let Some((name, file)) = text.split_once('=')
+            && let Some(format) = find(name)
+            && !file.is_empty()
+        {
+            let file = file.into();
+            return Ok(Self { format, file });
+        }
+        let file = PathBuf::from(text);
+        let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let format = FORMATS
+            .into_iter()
+            .find(|format| ending.as_deref() == Some(format.extension()));
+        let names = || FORMATS.map(|f| f.name()).join(", ");
+        let endings = || FORMATS.map(|f| format!(".{}", f.extension()));
+        match format {
+            Some(format) => Ok(Self { format, file }),
+            None => {
+                let mut endings = endings().to_vec();
+                endings.dedup();
+                Err(format!(
+                    "its ending tells no format; the endings are {}, and FORMAT=FILE names one of {}",
+                    endings.join(", "),
+                    names()
+                ))
+            }
+        }
+    }
+
+    pub(super) fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Writes a result to the file.
+    ///
+    /// # Errors
+    /// [`Failure`] if the result does not suit the format or the file cannot be written.
+    pub(super) fn write(
+        &self,
+        result: &ResultDocument,
+        verbosity: Verbosity,
+    ) -> Result<(), Failure> {
+        let made = make(
+            self.format,
+            result,
+            &View::OF_THE_RESULT,
+            &self.file,
+            verbosity,
+        )?;
+        place(self.format, &self.file, &made, verbosity)
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -67,93 +162,69 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::Keep.or_force(arguments.force);
         output::check(file, [arguments.result.as_path()], existing)?;
     }
-    let result = ResultDocument::read(&arguments.result)?;
+    let result = ResultDocument::read(&arguments.result, arguments.method.as_deref())?;
     if result.refused.is_some() && !arguments.anyway {
         return refuse(result.refused.as_deref());
     }
-    // As a whole before the first byte is written: a result that does not suit leaves no file.
-    let mut bytes = Vec::new();
-    format
-        .write(&result, &mut bytes)
-        .map_err(|error| unsuitable(&error, format, &arguments.result))?;
+    let Place {
+        about,
+        rotation,
+        grid,
+        element,
+    } = arguments.view;
+    let view = View {
+        about,
+        rotation,
+        grid,
+        element,
+    };
+    let made = make(format, &result, &view, &arguments.result, verbosity)?;
     match &arguments.out {
-        Some(file) => {
-            output::write(file, &bytes)?;
-            if !verbosity.quiet {
-                eprintln!("{}: {}", format.name(), file.display());
-            }
-        }
+        Some(file) => place(format, file, &made, verbosity)?,
         None => std::io::stdout()
-            .write_all(&bytes)
+            .write_all(&made)
             .map_err(|error| Failure::stdout(&error))?,
     }
     refuse(result.refused.as_deref())
 }
 
-fn unsuitable(error: &ExportError, format: &dyn Export, result: &Path) -> Failure {
+/// An export as a whole before the first byte is written: a result that does not suit leaves no
+/// file. Errors name a file.
+fn make(
+    format: &dyn Export,
+    result: &ResultDocument,
+    view: &View,
+    file: &Path,
+    verbosity: Verbosity,
+) -> Result<Vec<u8>, Failure> {
+    let made = bytes(format, result, view).map_err(|error| unsuitable(&error, format, file))?;
+    if let Some(doubt) = doubt(format, result) {
+        warn(&[format!("{}: {doubt}", format.name())], verbosity);
+    }
+    Ok(made)
+}
+
+/// Writes a file and names it.
+fn place(
+    format: &dyn Export,
+    file: &Path,
+    made: &[u8],
+    verbosity: Verbosity,
+) -> Result<(), Failure> {
+    output::write(file, made)?;
+    if !verbosity.quiet {
+        eprintln!("{}: {}", format.name(), file.display());
+    }
+    Ok(())
+}
+
+fn unsuitable(error: &ExportError, format: &dyn Export, file: &Path) -> Failure {
     Failure::because(
-        1,
+        error.exit_code(),
         format!(
             "{}: no export to {}: {error}",
-            result.display(),
+            file.display(),
             format.name()
         ),
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::result::tests::FORK;
-
-    /// A format that needs all ten numbers, which the fork's plane test does not determine.
-    struct NeedsAll;
-
-    impl Export for NeedsAll {
-        fn name(&self) -> &'static str {
-            "needs-all"
-        }
-
-        fn description(&self) -> &'static str {
-            "a body of six degrees of freedom"
-        }
-
-        fn extension(&self) -> &'static str {
-            "body"
-        }
-
-        fn write(&self, result: &ResultDocument, out: &mut dyn Write) -> Result<(), ExportError> {
-            for property in result.properties() {
-                let value = property
-                    .number
-                    .value
-                    .ok_or_else(|| ExportError::Unsuitable {
-                        reason: format!("`{}` is not observable", property.name),
-                    })?;
-                writeln!(out, "{value}")?;
-            }
-            Ok(())
-        }
-    }
-
-    #[test]
-    fn a_result_that_does_not_suit_a_format_leaves_no_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let result = folder.path().join("result.json");
-        std::fs::write(&result, serde_json::to_vec(&*FORK).unwrap()).unwrap();
-        let out = folder.path().join("x.body");
-        let arguments = Arguments {
-            result,
-            to: &NeedsAll,
-            out: Some(out.clone()),
-            force: false,
-            anyway: false,
-        };
-        let failure = run(&arguments, Verbosity::default()).unwrap_err();
-        assert_eq!(failure.code, 1);
-        for words in ["result.json", "needs-all", "`centre_of_gravity.y`"] {
-            assert!(failure.message.contains(words), "{}", failure.message);
-        }
-        assert!(!out.exists());
-    }
 }
