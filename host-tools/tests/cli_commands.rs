@@ -285,6 +285,12 @@ fn identify_exports_beside_the_answer() {
         let beside = std::fs::read_to_string(bench.file(file)).unwrap();
         assert_eq!(made.stdout, beside, "{format}");
     }
+    let responses = bench.identify(&["--export", "a.uff", "--quiet"]);
+    assert_eq!(responses.code, Some(0), "{}", responses.stderr);
+    let responses = std::fs::read_to_string(bench.file("a.uff")).unwrap();
+    assert!(responses.starts_with("    -1\n    58\nax per drive\n"));
+    // Twelve resultants of six runs, and the entries of the apparent mass.
+    assert_eq!(responses.matches("    -1\n    58\n").count(), 12 * 6 + 36);
     let again = bench.identify(&["--export", "a.bdf"]);
     assert_eq!(again.code, Some(2));
     again.says("--force");

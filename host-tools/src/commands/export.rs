@@ -2,7 +2,8 @@
 
 use super::{Failure, refuse, warn};
 use crate::commands::Verbosity;
-use crate::export::{Export, ExportError, FORMATS, View, bytes, doubt, find};
+use crate::export::{Export, ExportError, FORMATS, View, bytes, doubt, find, responses};
+use crate::identification::Answer;
 use crate::output::{self, Existing};
 use crate::result::ResultDocument;
 use clap::builder::PossibleValue;
@@ -92,63 +93,73 @@ impl clap::builder::TypedValueParser for Formats {
 /// A file that a result is exported to, in the format that its name or the words before it tell.
 #[derive(Clone, Debug)]
 pub(super) struct Target {
-    format: &'static dyn Export,
+    /// The format of the result; its frequency responses if `None`.
+    format: Option<&'static dyn Export>,
     file: PathBuf,
 }
+
+/// Name of the frequency responses, and endings of universal files.
+const RESPONSES: &str = "responses";
+const UNIVERSAL: [&str; 2] = ["uff", "unv"];
 
 impl Target {
     /// Reads `FILE`, whose ending tells the format, or `FORMAT=FILE`. The first format of the list
     /// has an ending that several have.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         if let Some((name, file)) = text.split_once('=')
-            && let Some(format) = find(name)
+            && let format @ (Some(_), _) | format @ (_, true) = (find(name), name == RESPONSES)
             && !file.is_empty()
         {
-            let file = file.into();
+            let (format, file) = (format.0, file.into());
             return Ok(Self { format, file });
         }
         let file = PathBuf::from(text);
         let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let format = FORMATS
-            .into_iter()
-            .find(|format| ending.as_deref() == Some(format.extension()));
-        let names = || FORMATS.map(|f| f.name()).join(", ");
-        let endings = || FORMATS.map(|f| format!(".{}", f.extension()));
-        match format {
-            Some(format) => Ok(Self { format, file }),
-            None => {
-                let mut endings = endings().to_vec();
-                endings.dedup();
-                Err(format!(
-                    "its ending tells no format; the endings are {}, and FORMAT=FILE names one of {}",
-                    endings.join(", "),
-                    names()
-                ))
-            }
+        let is = |known: &str| ending.as_deref() == Some(known);
+        let format = FORMATS.into_iter().find(|format| is(format.extension()));
+        if format.is_some() || UNIVERSAL.into_iter().any(is) {
+            return Ok(Self { format, file });
         }
+        let mut endings = FORMATS.map(|f| format!(".{}", f.extension())).to_vec();
+        endings.dedup();
+        Err(format!(
+            "its ending tells no format; the endings are {}, .uff, and FORMAT=FILE names one of {}, {RESPONSES}",
+            endings.join(", "),
+            FORMATS.map(|f| f.name()).join(", ")
+        ))
     }
 
     pub(super) fn file(&self) -> &Path {
         &self.file
     }
 
-    /// Writes a result to the file.
+    /// Writes a result, or the responses of the answer that it is of, to the file.
     ///
     /// # Errors
     /// [`Failure`] if the result does not suit the format or the file cannot be written.
     pub(super) fn write(
         &self,
         result: &ResultDocument,
+        answer: &Answer,
         verbosity: Verbosity,
     ) -> Result<(), Failure> {
-        let made = make(
-            self.format,
-            result,
-            &View::OF_THE_RESULT,
-            &self.file,
-            verbosity,
-        )?;
-        place(self.format, &self.file, &made, verbosity)
+        let (name, made) = match self.format {
+            Some(format) => {
+                let view = &View::OF_THE_RESULT;
+                (
+                    format.name(),
+                    make(format, result, view, &self.file, verbosity)?,
+                )
+            }
+            None => {
+                let made = responses(answer, &result.title);
+                (
+                    RESPONSES,
+                    made.map_err(|e| unsuitable(&e, RESPONSES, &self.file))?,
+                )
+            }
+        };
+        place(name, &self.file, &made, verbosity)
     }
 }
 
@@ -180,7 +191,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     };
     let made = make(format, &result, &view, &arguments.result, verbosity)?;
     match &arguments.out {
-        Some(file) => place(format, file, &made, verbosity)?,
+        Some(file) => place(format.name(), file, &made, verbosity)?,
         None => std::io::stdout()
             .write_all(&made)
             .map_err(|error| Failure::stdout(&error))?,
@@ -197,7 +208,8 @@ fn make(
     file: &Path,
     verbosity: Verbosity,
 ) -> Result<Vec<u8>, Failure> {
-    let made = bytes(format, result, view).map_err(|error| unsuitable(&error, format, file))?;
+    let made =
+        bytes(format, result, view).map_err(|error| unsuitable(&error, format.name(), file))?;
     if let Some(doubt) = doubt(format, result) {
         warn(&[format!("{}: {doubt}", format.name())], verbosity);
     }
@@ -205,26 +217,17 @@ fn make(
 }
 
 /// Writes a file and names it.
-fn place(
-    format: &dyn Export,
-    file: &Path,
-    made: &[u8],
-    verbosity: Verbosity,
-) -> Result<(), Failure> {
+fn place(format: &str, file: &Path, made: &[u8], verbosity: Verbosity) -> Result<(), Failure> {
     output::write(file, made)?;
     if !verbosity.quiet {
-        eprintln!("{}: {}", format.name(), file.display());
+        eprintln!("{format}: {}", file.display());
     }
     Ok(())
 }
 
-fn unsuitable(error: &ExportError, format: &dyn Export, file: &Path) -> Failure {
+fn unsuitable(error: &ExportError, format: &str, file: &Path) -> Failure {
     Failure::because(
         error.exit_code(),
-        format!(
-            "{}: no export to {}: {error}",
-            file.display(),
-            format.name()
-        ),
+        format!("{}: no export to {format}: {error}", file.display()),
     )
 }

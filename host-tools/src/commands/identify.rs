@@ -114,7 +114,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let page = report::render(&setup, &answer, &result, truth.as_ref());
         output::write(path, page.as_bytes())?;
     }
-    let exported = export(arguments, &result, verbosity);
+    let exported = export(arguments, &result, &answer, verbosity);
     if arguments.json {
         print_json(&result)?;
         refuse(result.refused.as_deref())?;
@@ -170,6 +170,7 @@ fn check_outputs(arguments: &Arguments, setup: &Setup) -> Result<(), Failure> {
 fn export(
     arguments: &Arguments,
     result: &ResultDocument,
+    answer: &Answer,
     verbosity: Verbosity,
 ) -> Result<(), Failure> {
     if result.refused.is_some() && !arguments.anyway {
@@ -177,7 +178,7 @@ fn export(
     }
     let mut outcome = Ok(());
     for target in &arguments.export {
-        outcome = outcome.and(target.write(result, verbosity));
+        outcome = outcome.and(target.write(result, answer, verbosity));
     }
     outcome
 }

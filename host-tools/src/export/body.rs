@@ -86,8 +86,9 @@ impl Body {
         };
         let names = ["mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz"];
         for ((name, is), was) in names.iter().zip(numbers(read)).zip(numbers(self)) {
+            let alike = (is - was).abs() <= share * was.abs();
             // A number that is none differs, too.
-            if !((is - was).abs() <= share * was.abs()) {
+            if !alike {
                 return Err(format!("{name} is {is}, not {was}"));
             }
         }

@@ -15,6 +15,7 @@ mod json;
 mod mass_matrix;
 mod mjcf;
 mod nastran;
+mod responses;
 mod sdf;
 mod sysid;
 #[cfg(test)]
@@ -26,6 +27,7 @@ use crate::frame::Frame;
 use crate::result::ResultDocument;
 use body::Body;
 use massline_core::geometry::{GeometryError, Placement};
+pub use responses::responses;
 use std::io::{self, Write};
 
 /// A format that results are exported to.

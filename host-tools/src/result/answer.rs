@@ -232,7 +232,7 @@ impl ResultDocument {
         let frame = setup.frame.as_ref();
         let own = &answer.identification;
         let (identification, covariance, type_b) = match frame {
-            None => (own.clone(), answer.covariance, answer.type_b.clone()),
+            None => (*own, answer.covariance, answer.type_b.clone()),
             Some(frame) => (
                 framed::identification(frame, own, Some(&answer.covariance)),
                 framed::covariance(frame, &answer.covariance),

@@ -32,7 +32,7 @@ pub(super) fn identification(
             ..e
         })
     };
-    let mut found = i.clone();
+    let mut found = *i;
     found.reference = frame.point(&i.reference);
     found.centre_of_gravity = std::array::from_fn(moved);
     found.inertia_reference = sums(&of_inertia, i.inertia_reference, |j, k| {

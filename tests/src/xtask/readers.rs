@@ -72,8 +72,9 @@ fn provide(root: &Path, folder: &Path) -> Result<Result<PathBuf, String>, StepEr
     .arg(&list);
     if let Err(error) = process::run(&mut pip) {
         let text = error.to_string();
-        let lines = text.lines().filter(|line| line.starts_with("ERROR"));
-        let reason = lines.last().unwrap_or("pip does not say why");
+        let mut lines = text.lines().rev();
+        let reason = lines.find(|line| line.starts_with("ERROR"));
+        let reason = reason.unwrap_or("pip does not say why");
         return Ok(Err(format!("pip cannot install the packages: {reason}")));
     }
     fs::write(&mark, wanted).map_err(|error| StepError::file(&mark, error))?;
