@@ -218,8 +218,10 @@ pub(super) fn show(result: &ResultDocument, truth: Option<&Truth>) -> Result<(),
 
 /// The truth in the frame of the results.
 fn in_frame(truth: Option<&Truth>, setup: &Setup) -> Option<Truth> {
-    let frame = setup.frame.unwrap_or_default();
-    truth.map(|truth| truth.in_frame(&frame))
+    truth.map(|truth| match &setup.frame {
+        Some(frame) => truth.in_frame(frame),
+        None => truth.clone(),
+    })
 }
 
 fn read_truth(path: &Path) -> Result<Truth, Failure> {

@@ -138,9 +138,9 @@ pub const FORMATS: [&dyn Export; 9] = [
     &covariance::Covariance,
     &mass_matrix::MassMatrix,
     &nastran::Nastran,
-    &urdf::Urdf,
-    &sdf::Sdf,
-    &mjcf::Mjcf,
+    &urdf::URDF,
+    &sdf::SDF,
+    &mjcf::MJCF,
     &sysid::Sysid,
 ];
 

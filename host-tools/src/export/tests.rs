@@ -96,19 +96,19 @@ fn the_formats_have_the_signs_of_their_manuals() {
     };
     // Point (0.1, -0.2, 0.3) seen from (1, 0, 0); xx and yy change places, xy its sign.
     let (x, y) = ("-0.2", "0.9");
-    let urdf = text(&urdf::Urdf, &body, &link);
+    let urdf = text(&urdf::URDF, &body, &link);
     assert!(
         urdf.contains(&format!("xyz=\"{x} {y} 0.3\" rpy=\"0 0 0\"")),
         "{urdf}"
     );
     let line = "ixx=\"0.6\" iyy=\"0.5\" izz=\"0.7\" ixy=\"0.05\" ixz=\"-0.03\" iyz=\"-0.04\"";
     assert!(urdf.contains(line), "{urdf}");
-    let sdf = text(&sdf::Sdf, &body, &link);
+    let sdf = text(&sdf::SDF, &body, &link);
     assert!(
         sdf.contains("<ixy>0.05</ixy>") && sdf.contains("<iyz>-0.04</iyz>"),
         "{sdf}"
     );
-    let mjcf = text(&mjcf::Mjcf, &body, &link);
+    let mjcf = text(&mjcf::MJCF, &body, &link);
     let line =
         format!("pos=\"{x} {y} 0.3\" mass=\"3\" fullinertia=\"0.6 0.5 0.7 0.05 -0.03 -0.04\"");
     assert!(mjcf.contains(&line), "{mjcf}");
@@ -208,14 +208,14 @@ fn a_body_that_cannot_exist_is_said_so() {
     let result = whole_body(body);
     assert_eq!(doubt(&csv::Csv, &result), None);
     assert!(
-        doubt(&mjcf::Mjcf, &result)
+        doubt(&mjcf::MJCF, &result)
             .unwrap()
             .contains("MuJoCo refuses")
     );
-    assert!(text(&mjcf::Mjcf, &result, &View::OF_THE_RESULT).contains("exceeds the sum"));
+    assert!(text(&mjcf::MJCF, &result, &View::OF_THE_RESULT).contains("exceeds the sum"));
     let error = bytes(&sysid::Sysid, &result, &View::OF_THE_RESULT).unwrap_err();
     assert!(error.to_string().contains("cannot exist"), "{error}");
-    assert_eq!(doubt(&mjcf::Mjcf, &whole_body(BODY)), None);
+    assert_eq!(doubt(&mjcf::MJCF, &whole_body(BODY)), None);
 }
 
 /// Every number of every format, changed by hand, is found when it is read again.
