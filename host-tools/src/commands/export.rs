@@ -12,9 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Export a result to the format of another program
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  massline identify setup.toml --json > result.json\n  massline export result.json --to csv --out result.csv\n  massline export result.json --to csv | column -s, -t\n  massline export result.json --to nastran --grid 12 --element 9001 -o body.bdf\n  massline export result.json --to mjcf --about 0,0,0.25 --rotation 0,0,90 -o body.xml"
-)]
+#[command(after_help = help())]
 pub struct Arguments {
     /// The document of `massline identify --json`
     result: PathBuf,
@@ -40,8 +38,8 @@ pub struct Arguments {
 /// Point, axes and identifiers of an exported body.
 #[derive(Clone, Copy, Debug, clap::Args)]
 struct Place {
-    /// Origin of the exported coordinates, m, in those of the result: the grid point, the origin of
-    /// the link, the point of the mass matrix; the reference point A if absent
+    /// Origin of the exported coordinates, m: grid point, origin of the link, point of the mass
+    /// matrix; the reference point A if absent
     #[arg(long, value_name = "X,Y,Z", value_parser = three, allow_hyphen_values = true)]
     about: Option<[f64; 3]>,
     /// Rotation vector, degrees, that turns the axes of the result into those of the export
@@ -55,16 +53,35 @@ struct Place {
     element: Option<u32>,
 }
 
+/// Numbers beyond this are typing errors; below it, squares stay finite.
+const LARGEST: f64 = 1e100;
+
 /// Three numbers between commas.
 fn three(text: &str) -> Result<[f64; 3], String> {
     let numbers = text.split(',').map(|part| part.trim().parse().ok());
-    let numbers: Option<Vec<f64>> = numbers.map(|n| n.filter(|x: &f64| x.is_finite())).collect();
+    let numbers: Option<Vec<f64>> = numbers
+        .map(|n| n.filter(|x: &f64| x.abs() <= LARGEST))
+        .collect();
     let numbers = numbers.and_then(|list| list.try_into().ok());
     numbers
         .ok_or_else(|| "expected three numbers with commas between, such as 0.1,0,-0.25".to_owned())
 }
 
-/// Reads the name of a format; the list of formats is its help.
+/// The formats, each with its content, and examples.
+fn help() -> String {
+    let formats = FORMATS.map(|f| format!("  {:<14}{}\n", f.name(), f.description()));
+    format!(
+        "Formats:\n{}\nExamples:\n{EXAMPLES}",
+        formats.concat().replace('`', "")
+    )
+}
+
+const EXAMPLES: &str = "  massline identify setup.toml --json > result.json
+  massline export result.json --to csv --out result.csv
+  massline export result.json --to nastran --grid 12 --element 9001 -o body.bdf
+  massline export result.json --to mjcf --about 0,0,0.25 --rotation 0,0,90 -o body.xml";
+
+/// Reads the name of a format, one of the list.
 #[derive(Clone)]
 struct Formats;
 
@@ -84,8 +101,7 @@ impl clap::builder::TypedValueParser for Formats {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let value =
-            |format: &dyn Export| PossibleValue::new(format.name()).help(format.description());
+        let value = |format: &dyn Export| PossibleValue::new(format.name());
         Some(Box::new(FORMATS.into_iter().map(value)))
     }
 }

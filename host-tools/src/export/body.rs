@@ -39,11 +39,19 @@ impl Body {
         let inertia = frame.turn_of_inertia() * SVector::from(whole.inertia);
         let centre = frame.point(&whole.centre.into());
         // A zero has no sign.
-        Ok(Self {
+        let body = Self {
             mass: whole.mass,
             centre: centre.map(|x| x + 0.0).into(),
             inertia: inertia.map(|x| x + 0.0).into(),
-        })
+        };
+        // Nor has any number of a body the size at which these overflow.
+        if !body.mass_matrix().iter().all(|entry| entry.is_finite()) {
+            let reason = "its numbers are too large to compute with; look for a wrong unit in the setup or in --about";
+            return Err(ExportError::Unsuitable {
+                reason: reason.to_owned(),
+            });
+        }
+        Ok(body)
     }
 
     /// Entries of the inertia tensor in the order of the terms: products with a minus sign.

@@ -63,8 +63,8 @@ pub trait Export: Sync + std::fmt::Debug {
     fn compare(&self, result: &ResultDocument, view: &View, bytes: &[u8]) -> Result<(), String>;
 }
 
-/// Needs and options of a format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Needs and options of a format; each kind has those of the kinds before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd)]
 pub enum Kind {
     /// A table, which holds what is observable, about the points that it names.
     Table,
@@ -110,24 +110,24 @@ impl View {
         })
     }
 
-    /// The first option that a format of this kind does not take.
-    fn foreign(&self, kind: Kind) -> Option<&'static str> {
-        let body = [
-            (self.about.is_some(), "--about"),
-            (self.rotation.is_some(), "--rotation"),
+    /// Refuses an option that a format of this kind does not take.
+    fn suits(&self, kind: Kind) -> Result<(), ExportError> {
+        let options = [
+            ("--about", self.about.is_some(), Kind::Body),
+            ("--rotation", self.rotation.is_some(), Kind::Body),
+            ("--grid", self.grid.is_some(), Kind::Element),
+            ("--element", self.element.is_some(), Kind::Element),
         ];
-        let element = [
-            (self.grid.is_some(), "--grid"),
-            (self.element.is_some(), "--element"),
-        ];
-        let first = |options: &[(bool, &'static str)]| {
-            options.iter().find(|(given, _)| *given).map(|(_, n)| *n)
+        let foreign = options
+            .iter()
+            .find(|(_, given, least)| *given && kind < *least);
+        let Some((option, _, least)) = foreign else {
+            return Ok(());
         };
-        match kind {
-            Kind::Element => None,
-            Kind::Body => first(&element),
-            Kind::Table => first(&body).or_else(|| first(&element)),
-        }
+        let takers = FORMATS.iter().filter(|format| format.kind() >= *least);
+        let formats: Vec<&str> = takers.map(|format| format.name()).collect();
+        let formats = formats.join(", ");
+        Err(ExportError::Option { option, formats })
     }
 }
 
@@ -155,10 +155,12 @@ pub enum ExportError {
         reason: String,
     },
     /// An option that the format does not take.
-    #[error("{option} belongs to formats that hold a body, not to this one; leave it out")]
+    #[error("{option} is for {formats}; leave it out")]
     Option {
         /// The option.
         option: &'static str,
+        /// The formats that take it.
+        formats: String,
     },
     /// The export reads back as something else.
     #[error("read again, it differs from the result: {difference}; report this with the result")]
@@ -197,9 +199,7 @@ pub fn bytes(
     result: &ResultDocument,
     view: &View,
 ) -> Result<Vec<u8>, ExportError> {
-    if let Some(option) = view.foreign(format.kind()) {
-        return Err(ExportError::Option { option });
-    }
+    view.suits(format.kind())?;
     let mut bytes = Vec::new();
     format.write(result, view, &mut bytes)?;
     format

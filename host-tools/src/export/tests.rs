@@ -72,7 +72,23 @@ fn options_of_bodies_are_refused_for_tables() {
     }
     let error = bytes(&json::Json, &body, &view).unwrap_err();
     assert_eq!(error.exit_code(), 2);
-    assert!(error.to_string().contains("--about"), "{error}");
+    let formats =
+        "--about is for mass-matrix, nastran, urdf, sdf, mjcf, mujoco-sysid; leave it out";
+    assert_eq!(error.to_string(), formats);
+}
+
+#[test]
+fn numbers_that_overflow_are_no_body() {
+    let mut body = BODY;
+    body[0] = 1e308;
+    let far = View {
+        about: Some([1e10, 0.0, 0.0]),
+        ..View::OF_THE_RESULT
+    };
+    for format in bodies() {
+        let error = bytes(format, &whole_body(body), &far).unwrap_err();
+        assert!(error.to_string().contains("too large"), "{error}");
+    }
 }
 
 /// Mass, centre of gravity, inertia about it.
