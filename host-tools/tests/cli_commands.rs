@@ -301,7 +301,7 @@ fn identify_exports_beside_the_answer() {
         .identify(&["--export", "csv=setup.toml", "--force"])
         .refused_input("is read by the same command");
     bench
-        .identify(&["--export", "x.csv", "--export", "covariance=x.csv"])
+        .identify(&["--export", "twice.csv", "--export", "covariance=twice.csv"])
         .refused_input("two outputs");
     bench
         .identify(&["--method", "all", "--export", "x.csv"])
