@@ -65,10 +65,9 @@ pub(super) fn read<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Frame>,
         ("x", _) => (a, square(&a, &a.cross(&b))),
         _ => (square(&b, &a.cross(&b)), b),
     };
-    Ok(Some(Frame {
-        origin,
-        axes: [x.into(), z.cross(&x).into(), z.into()],
-    }))
+    // A zero has no sign.
+    let axes = [x, z.cross(&x), z].map(|axis| axis.map(|c| c + 0.0).into());
+    Ok(Some(Frame { origin, axes }))
 }
 
 /// The unit vector next to `b` that is perpendicular to the unit vector `a`.
