@@ -418,6 +418,12 @@ fn refused_numbers_are_exported_on_demand_only() {
     let bench = Bench::fork().with("known_mass", "0.063");
     let document = bench.identify(&["--json"]);
     assert_eq!(document.code, Some(1), "{}", document.stderr);
+    let beside = bench.identify(&["--export", "beside.csv"]);
+    assert_eq!(beside.code, Some(1));
+    beside.says("beside.csv: not written, since the numbers are refused");
+    assert!(!bench.file("beside.csv").exists());
+    bench.identify(&["--export", "beside.csv", "--anyway"]);
+    assert!(bench.file("beside.csv").exists());
     let bench = bench.write("result.json", document.stdout);
     let arguments = ["export", "result.json", "--to", "csv"];
     let refused = massline(bench.path(), arguments);

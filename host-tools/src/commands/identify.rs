@@ -174,6 +174,14 @@ fn export(
     verbosity: Verbosity,
 ) -> Result<(), Failure> {
     if result.refused.is_some() && !arguments.anyway {
+        let files = arguments
+            .export
+            .iter()
+            .map(|t| t.file().display().to_string());
+        let note = |file| {
+            format!("{file}: not written, since the numbers are refused; --anyway exports them")
+        };
+        warn(&files.map(note).collect::<Vec<_>>(), verbosity);
         return Ok(());
     }
     let mut outcome = Ok(());
