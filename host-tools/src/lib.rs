@@ -8,6 +8,7 @@ pub mod detective;
 pub mod device;
 pub mod export;
 pub mod format;
+pub mod frame;
 pub mod identification;
 mod init;
 pub mod inputs;

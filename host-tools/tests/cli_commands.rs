@@ -255,6 +255,138 @@ fn a_result_is_exported_to_every_form() {
     assert_eq!(own.code, Some(2), "an input is never written over");
 }
 
+/// The satellite's test tells all ten: every format is written beside the answer, and the same by
+/// `export` afterwards. The fork's does not.
+#[test]
+fn identify_exports_beside_the_answer() {
+    let bench = Bench::satellite();
+    let names = [
+        "a.json", "a.csv", "a.bdf", "a.urdf", "a.sdf", "a.xml", "a.yaml",
+    ];
+    let others = ["mass-matrix=m.csv", "covariance=c.csv"];
+    let files = names.iter().chain(&others);
+    let exports: Vec<&str> = files.flat_map(|file| ["--export", file]).collect();
+    let written = bench.identify(&exports);
+    assert_eq!(written.code, Some(0), "{}", written.stderr);
+    written.says("nastran: a.bdf");
+    let formats = [
+        "json",
+        "csv",
+        "nastran",
+        "urdf",
+        "sdf",
+        "mjcf",
+        "mujoco-sysid",
+    ];
+    let formats = formats.into_iter().chain(["mass-matrix", "covariance"]);
+    for (format, file) in formats.zip(names.into_iter().chain(["m.csv", "c.csv"])) {
+        let made = massline(bench.path(), ["export", "a.json", "--to", format]);
+        assert_eq!(made.code, Some(0), "{}", made.stderr);
+        let beside = std::fs::read_to_string(bench.file(file)).unwrap();
+        assert_eq!(made.stdout, beside, "{format}");
+    }
+    let responses = bench.identify(&["--export", "a.uff", "--quiet"]);
+    assert_eq!(responses.code, Some(0), "{}", responses.stderr);
+    let responses = std::fs::read_to_string(bench.file("a.uff")).unwrap();
+    assert!(responses.starts_with("    -1\n    58\nax per drive\n"));
+    // Twelve resultants of six runs, and the entries of the apparent mass.
+    assert_eq!(responses.matches("    -1\n    58\n").count(), 12 * 6 + 36);
+    let again = bench.identify(&["--export", "a.bdf"]);
+    assert_eq!(again.code, Some(2));
+    again.says("--force");
+    let unknown = bench.identify(&["--export", "setup.toml"]);
+    assert_eq!(unknown.code, Some(2));
+    unknown.says("its ending tells no format");
+    bench
+        .identify(&["--export", "csv=setup.toml", "--force"])
+        .refused_input("is read by the same command");
+    bench
+        .identify(&["--export", "twice.csv", "--export", "covariance=twice.csv"])
+        .refused_input("two outputs");
+    bench
+        .identify(&["--method", "all", "--export", "x.csv"])
+        .refused_input("one method");
+    bench
+        .identify(&["--force"])
+        .refused_input("--force is about");
+    let plane = Bench::fork();
+    let plane = plane.identify(&["--export", "x.urdf", "--export", "x.csv", "--quiet"]);
+    assert_eq!(plane.code, Some(1), "{}", plane.stderr);
+    plane.says("no export to urdf: the format needs all ten numbers");
+    plane.shows("CG x");
+}
+
+/// `[frame]` gives table and document in other axes; the truth goes along.
+#[test]
+fn results_are_given_in_the_frame_of_the_setup() {
+    let own = Bench::satellite();
+    let frame = "\n[frame]\norigin = [0.5, 0.0, -1.0]\nx = \"+y\"\nz = [0, 0, 2]\n";
+    let turned = Bench::satellite().edit("setup.toml", |text| text.to_owned() + frame);
+    let document = |bench: &Bench| -> serde_json::Value {
+        let finished = bench.identify(&["--json", "--report", "r.html", "--force"]);
+        assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+        serde_json::from_str(&finished.stdout).unwrap()
+    };
+    let (own, found) = (document(&own), document(&turned));
+    assert_eq!(own.get("frame"), None);
+    assert_eq!(
+        found["frame"]["axes"][1],
+        serde_json::json!([-1.0, 0.0, 0.0])
+    );
+    let value = |document: &serde_json::Value, axis: usize| {
+        document["centre_of_gravity"][axis]["value"]
+            .as_f64()
+            .unwrap()
+    };
+    // Coordinates of order one, less an origin.
+    assert!((value(&found, 1) - (0.5 - value(&own, 0))).abs() < 1e-15);
+    assert!((value(&found, 2) - (value(&own, 2) + 1.0)).abs() < 1e-15);
+    assert_eq!(found["inertia_cg"]["xx"], own["inertia_cg"]["yy"]);
+    assert_eq!(
+        found["covariance"]["matrix"][3][6],
+        own["covariance"]["matrix"][3][6]
+    );
+    let table = turned.identify(&["--truth", "truth.json"]);
+    table.shows("in a frame with the origin (0.5, 0, -1) m, x along (0, 1, 0), y along (-1, 0, 0)");
+    let row = table
+        .stdout
+        .lines()
+        .find(|l| l.starts_with("CG y"))
+        .unwrap();
+    let error = row
+        .split_whitespace()
+        .rev()
+        .nth(1)
+        .unwrap()
+        .parse::<f64>()
+        .unwrap();
+    assert!(error.abs() < 1.0, "the truth is in the frame, too: {row}");
+    let html = std::fs::read_to_string(turned.file("r.html")).unwrap();
+    assert!(html.contains("In a frame with the origin (0.5, 0, -1) m"));
+}
+
+/// `--method all` gives several results; the one to export is named.
+#[test]
+fn one_of_several_results_is_exported() {
+    let bench = Bench::fork();
+    let document = bench.identify(&["--method", "all", "--json"]).stdout;
+    let bench = bench.write("all.json", &document);
+    let export = |more: &[&str]| {
+        let arguments = ["export", "all.json", "--to", "csv"].iter().chain(more);
+        massline(bench.path(), arguments)
+    };
+    export(&[]).refused_input("name it by --method: apparent-mass (recommended), a, ");
+    export(&["--method", "x"]).refused_input("no result of the method \"x\"");
+    let method_a = export(&["--method", "a"]);
+    assert_eq!(method_a.code, Some(0), "{}", method_a.stderr);
+    assert_ne!(
+        method_a.stdout,
+        export(&["--method", "apparent-mass"]).stdout
+    );
+    export(&["--method", "a", "--about", "0,0,1"])
+        .refused_input("--about is for mass-matrix, nastran");
+}
+
 #[test]
 fn what_is_no_result_is_not_exported() {
     let bench = Bench::fork().write("result.json", "{\n  \"schema\": 3\n}");
@@ -286,6 +418,12 @@ fn refused_numbers_are_exported_on_demand_only() {
     let bench = Bench::fork().with("known_mass", "0.063");
     let document = bench.identify(&["--json"]);
     assert_eq!(document.code, Some(1), "{}", document.stderr);
+    let beside = bench.identify(&["--export", "beside.csv"]);
+    assert_eq!(beside.code, Some(1));
+    beside.says("beside.csv: not written, since the numbers are refused");
+    assert!(!bench.file("beside.csv").exists());
+    bench.identify(&["--export", "beside.csv", "--anyway"]);
+    assert!(bench.file("beside.csv").exists());
     let bench = bench.write("result.json", document.stdout);
     let arguments = ["export", "result.json", "--to", "csv"];
     let refused = massline(bench.path(), arguments);

@@ -359,3 +359,46 @@ fn advisories_are_reported_as_checked_only_if_they_were() {
         assert_eq!(text.contains("1 passed"), note == "ok", "{text}");
     }
 }
+
+/// Where Python's packages cannot be had, the summary says that nothing was checked and why; where
+/// they were once installed, no network is needed.
+#[test]
+fn independent_readers_are_reported_as_checked_only_if_they_were() {
+    let Some(machine) = Machine::new() else {
+        return;
+    };
+    let built = r#"{"reason":"compiler-artifact","executable":"/a/massline"}"#;
+    let cargo = machine.program("bin/cargo", &format!("#!/bin/sh\necho '{built}'\n"));
+    // A Python whose venv, pip and check end with these codes.
+    for (venv, pip, check, passes, note) in [
+        (1, 0, 0, true, "NOT checked: no Python"),
+        (
+            0,
+            1,
+            0,
+            true,
+            "pip cannot install the packages: ERROR: no network",
+        ),
+        (0, 0, 1, false, "FAILED"),
+        // From here on the environment is there.
+        (1, 1, 0, true, "2 checks"),
+    ] {
+        let script = format!(
+            "#!/bin/sh\ncase $* in\n\
+             *venv*) for folder; do :; done; command -p mkdir -p \"$folder/bin\";\n\
+             command -p cp \"$0\" \"$folder/bin/python\"; exit {venv};;\n\
+             *pip*) echo 'ERROR: no network' >&2; exit {pip};;\n\
+             *--version) exit 0;; esac\necho one\necho two\nexit {check}\n"
+        );
+        machine.program("bin/python3", &script);
+        let environment = machine.at("my target/readers/bin/python");
+        if environment.exists() && venv == 1 {
+            machine.program("my target/readers/bin/python", &script);
+        }
+        let output = machine.test("readers").env("CARGO", &cargo).output();
+        let (passed, text) = outcome(&output.unwrap());
+        assert_eq!(passed, passes, "{text}");
+        assert!(text.contains(note), "{note} is not in {text}");
+        assert_eq!(text.contains("1 passed"), note == "2 checks", "{text}");
+    }
+}

@@ -1,5 +1,6 @@
 //! The answer of the box, and the result document made of it.
 
+use crate::frame::Frame;
 use crate::identification::{Consistency, Judged, refusal};
 use crate::measure::blocks_by_word;
 use crate::recording::{Traceability, TrueRate};
@@ -88,9 +89,14 @@ impl Found {
         }
     }
 
-    /// The result document, without the parts that a box does not send.
+    /// The result document in a frame, without the parts that a box does not send.
     #[must_use]
-    pub fn document(&self, title: &str, why: Option<&'static str>) -> ResultDocument {
+    pub fn document(
+        &self,
+        title: &str,
+        why: Option<&'static str>,
+        frame: Option<&Frame>,
+    ) -> ResultDocument {
         let origin = Origin {
             title,
             method: self.method.name(),
@@ -101,7 +107,7 @@ impl Found {
         ResultDocument {
             refused: self.refused(),
             runs: self.runs.iter().map(StoredRun::quality).collect(),
-            ..ResultDocument::of_numbers(&origin, &self.answer.identification)
+            ..ResultDocument::in_frame(&origin, &self.answer.identification, frame)
         }
     }
 }

@@ -1,8 +1,9 @@
 //! `massline export`: a result in another program's format.
 
-use super::{Failure, refuse};
+use super::{Failure, refuse, warn};
 use crate::commands::Verbosity;
-use crate::export::{Export, ExportError, FORMATS, find};
+use crate::export::{Export, ExportError, FORMATS, View, bytes, doubt, find, responses};
+use crate::identification::Answer;
 use crate::output::{self, Existing};
 use crate::result::ResultDocument;
 use clap::builder::PossibleValue;
@@ -11,17 +12,18 @@ use std::path::{Path, PathBuf};
 
 /// Export a result to the format of another program
 #[derive(clap::Args)]
-#[command(
-    after_help = "Examples:\n  massline identify setup.toml --json > result.json\n  massline export result.json --to csv --out result.csv\n  massline export result.json --to csv | column -s, -t"
-)]
+#[command(after_help = help())]
 pub struct Arguments {
     /// The document of `massline identify --json`
     result: PathBuf,
+    /// The result of this method, where the document has those of several
+    #[arg(long, value_name = "NAME")]
+    method: Option<String>,
     /// The format
     #[arg(long, visible_alias = "format", value_name = "FORMAT", value_parser = Formats)]
     to: &'static dyn Export,
     /// The file to write; stdout if absent
-    #[arg(long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace the file if it is there already
     #[arg(long, requires = "out")]
@@ -29,9 +31,57 @@ pub struct Arguments {
     /// Export numbers that are refused because the data contradict them; exit code 1 stays
     #[arg(long)]
     anyway: bool,
+    #[command(flatten)]
+    view: Place,
 }
 
-/// Reads the name of a format; the list of formats is its help.
+/// Point, axes and identifiers of an exported body.
+#[derive(Clone, Copy, Debug, clap::Args)]
+struct Place {
+    /// Origin of the exported coordinates, m: grid point, origin of the link, point of the mass
+    /// matrix; the reference point A if absent
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, allow_hyphen_values = true)]
+    about: Option<[f64; 3]>,
+    /// Rotation vector, degrees, that turns the axes of the result into those of the export
+    #[arg(long, value_name = "X,Y,Z", value_parser = three, allow_hyphen_values = true)]
+    rotation: Option<[f64; 3]>,
+    /// Identifier of the grid point of a finite-element model; 1 if absent
+    #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u32).range(1..100_000_000))]
+    grid: Option<u32>,
+    /// Identifier of the element; 1 if absent
+    #[arg(long, value_name = "ID", value_parser = clap::value_parser!(u32).range(1..100_000_000))]
+    element: Option<u32>,
+}
+
+/// Numbers beyond this are typing errors; below it, squares stay finite.
+const LARGEST: f64 = 1e100;
+
+/// Three numbers between commas.
+fn three(text: &str) -> Result<[f64; 3], String> {
+    let numbers = text.split(',').map(|part| part.trim().parse().ok());
+    let numbers: Option<Vec<f64>> = numbers
+        .map(|n| n.filter(|x: &f64| x.abs() <= LARGEST))
+        .collect();
+    let numbers = numbers.and_then(|list| list.try_into().ok());
+    numbers
+        .ok_or_else(|| "expected three numbers with commas between, such as 0.1,0,-0.25".to_owned())
+}
+
+/// The formats, each with its content, and examples.
+fn help() -> String {
+    let formats = FORMATS.map(|f| format!("  {:<14}{}\n", f.name(), f.description()));
+    format!(
+        "Formats:\n{}\nExamples:\n{EXAMPLES}",
+        formats.concat().replace('`', "")
+    )
+}
+
+const EXAMPLES: &str = "  massline identify setup.toml --json > result.json
+  massline export result.json --to csv --out result.csv
+  massline export result.json --to nastran --grid 12 --element 9001 -o body.bdf
+  massline export result.json --to mjcf --about 0,0,0.25 --rotation 0,0,90 -o body.xml";
+
+/// Reads the name of a format, one of the list.
 #[derive(Clone)]
 struct Formats;
 
@@ -51,9 +101,81 @@ impl clap::builder::TypedValueParser for Formats {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let value =
-            |format: &dyn Export| PossibleValue::new(format.name()).help(format.description());
+        let value = |format: &dyn Export| PossibleValue::new(format.name());
         Some(Box::new(FORMATS.into_iter().map(value)))
+    }
+}
+
+/// A file that a result is exported to, in the format that its name or the words before it tell.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    /// The format of the result; its frequency responses if `None`.
+    format: Option<&'static dyn Export>,
+    file: PathBuf,
+}
+
+/// Name of the frequency responses, and endings of universal files.
+const RESPONSES: &str = "responses";
+const UNIVERSAL: [&str; 2] = ["uff", "unv"];
+
+impl Target {
+    /// Reads `FILE`, whose ending tells the format, or `FORMAT=FILE`. The first format of the list
+    /// has an ending that several have.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        if let Some((name, file)) = text.split_once('=')
+            && let format @ (Some(_), _) | format @ (_, true) = (find(name), name == RESPONSES)
+            && !file.is_empty()
+        {
+            let (format, file) = (format.0, file.into());
+            return Ok(Self { format, file });
+        }
+        let file = PathBuf::from(text);
+        let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let is = |known: &str| ending.as_deref() == Some(known);
+        let format = FORMATS.into_iter().find(|format| is(format.extension()));
+        if format.is_some() || UNIVERSAL.into_iter().any(is) {
+            return Ok(Self { format, file });
+        }
+        let mut endings = FORMATS.map(|f| format!(".{}", f.extension())).to_vec();
+        endings.dedup();
+        Err(format!(
+            "its ending tells no format; the endings are {}, .uff, and FORMAT=FILE names one of {}, {RESPONSES}",
+            endings.join(", "),
+            FORMATS.map(|f| f.name()).join(", ")
+        ))
+    }
+
+    pub(super) fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Writes a result, or the responses of the answer that it is of, to the file.
+    ///
+    /// # Errors
+    /// [`Failure`] if the result does not suit the format or the file cannot be written.
+    pub(super) fn write(
+        &self,
+        result: &ResultDocument,
+        answer: &Answer,
+        verbosity: Verbosity,
+    ) -> Result<(), Failure> {
+        let (name, made) = match self.format {
+            Some(format) => {
+                let view = &View::OF_THE_RESULT;
+                (
+                    format.name(),
+                    make(format, result, view, &self.file, verbosity)?,
+                )
+            }
+            None => {
+                let made = responses(answer, &result.title);
+                (
+                    RESPONSES,
+                    made.map_err(|e| unsuitable(&e, RESPONSES, &self.file))?,
+                )
+            }
+        };
+        place(name, &self.file, &made, verbosity)
     }
 }
 
@@ -67,93 +189,61 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let existing = Existing::Keep.or_force(arguments.force);
         output::check(file, [arguments.result.as_path()], existing)?;
     }
-    let result = ResultDocument::read(&arguments.result)?;
+    let result = ResultDocument::read(&arguments.result, arguments.method.as_deref())?;
     if result.refused.is_some() && !arguments.anyway {
         return refuse(result.refused.as_deref());
     }
-    // As a whole before the first byte is written: a result that does not suit leaves no file.
-    let mut bytes = Vec::new();
-    format
-        .write(&result, &mut bytes)
-        .map_err(|error| unsuitable(&error, format, &arguments.result))?;
+    let Place {
+        about,
+        rotation,
+        grid,
+        element,
+    } = arguments.view;
+    let view = View {
+        about,
+        rotation,
+        grid,
+        element,
+    };
+    let made = make(format, &result, &view, &arguments.result, verbosity)?;
     match &arguments.out {
-        Some(file) => {
-            output::write(file, &bytes)?;
-            if !verbosity.quiet {
-                eprintln!("{}: {}", format.name(), file.display());
-            }
-        }
+        Some(file) => place(format.name(), file, &made, verbosity)?,
         None => std::io::stdout()
-            .write_all(&bytes)
+            .write_all(&made)
             .map_err(|error| Failure::stdout(&error))?,
     }
     refuse(result.refused.as_deref())
 }
 
-fn unsuitable(error: &ExportError, format: &dyn Export, result: &Path) -> Failure {
-    Failure::because(
-        1,
-        format!(
-            "{}: no export to {}: {error}",
-            result.display(),
-            format.name()
-        ),
-    )
+/// An export as a whole before the first byte is written: a result that does not suit leaves no
+/// file. Errors name a file.
+fn make(
+    format: &dyn Export,
+    result: &ResultDocument,
+    view: &View,
+    file: &Path,
+    verbosity: Verbosity,
+) -> Result<Vec<u8>, Failure> {
+    let made =
+        bytes(format, result, view).map_err(|error| unsuitable(&error, format.name(), file))?;
+    if let Some(doubt) = doubt(format, result) {
+        warn(&[format!("{}: {doubt}", format.name())], verbosity);
+    }
+    Ok(made)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::result::tests::FORK;
-
-    /// A format that needs all ten numbers, which the fork's plane test does not determine.
-    struct NeedsAll;
-
-    impl Export for NeedsAll {
-        fn name(&self) -> &'static str {
-            "needs-all"
-        }
-
-        fn description(&self) -> &'static str {
-            "a body of six degrees of freedom"
-        }
-
-        fn extension(&self) -> &'static str {
-            "body"
-        }
-
-        fn write(&self, result: &ResultDocument, out: &mut dyn Write) -> Result<(), ExportError> {
-            for property in result.properties() {
-                let value = property
-                    .number
-                    .value
-                    .ok_or_else(|| ExportError::Unsuitable {
-                        reason: format!("`{}` is not observable", property.name),
-                    })?;
-                writeln!(out, "{value}")?;
-            }
-            Ok(())
-        }
+/// Writes a file and names it.
+fn place(format: &str, file: &Path, made: &[u8], verbosity: Verbosity) -> Result<(), Failure> {
+    output::write(file, made)?;
+    if !verbosity.quiet {
+        eprintln!("{format}: {}", file.display());
     }
+    Ok(())
+}
 
-    #[test]
-    fn a_result_that_does_not_suit_a_format_leaves_no_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let result = folder.path().join("result.json");
-        std::fs::write(&result, serde_json::to_vec(&*FORK).unwrap()).unwrap();
-        let out = folder.path().join("x.body");
-        let arguments = Arguments {
-            result,
-            to: &NeedsAll,
-            out: Some(out.clone()),
-            force: false,
-            anyway: false,
-        };
-        let failure = run(&arguments, Verbosity::default()).unwrap_err();
-        assert_eq!(failure.code, 1);
-        for words in ["result.json", "needs-all", "`centre_of_gravity.y`"] {
-            assert!(failure.message.contains(words), "{}", failure.message);
-        }
-        assert!(!out.exists());
-    }
+fn unsuitable(error: &ExportError, format: &str, file: &Path) -> Failure {
+    Failure::because(
+        error.exit_code(),
+        format!("{}: no export to {format}: {error}", file.display()),
+    )
 }

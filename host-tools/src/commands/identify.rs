@@ -1,5 +1,6 @@
 //! `massline identify`: recordings to ten numbers.
 
+use super::export::Target;
 use super::procedure::{Procedure, parse_method};
 use super::progress::reading;
 use super::{
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// Identify the ten rigid-body properties from recordings
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --method ml\n  massline identify setup.toml --method all"
+    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --export body.bdf --export body.urdf --export mass-matrix=m.csv\n  massline identify setup.toml --method ml\n  massline identify setup.toml --method all"
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs
@@ -35,8 +36,12 @@ pub struct Arguments {
     /// Write a report with plots; an earlier report is replaced
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Have the report replace a file that is none
-    #[arg(long, requires = "report")]
+    /// Export the result to a file, whose ending tells the format (see `massline export`), or
+    /// FORMAT=FILE
+    #[arg(long, value_name = "FILE", value_parser = Target::parse)]
+    export: Vec<Target>,
+    /// Have the report replace a file that is none, and exports replace files that are there
+    #[arg(long)]
     force: bool,
     /// Compare with the truth.json of a simulation
     #[arg(long, value_name = "FILE.json")]
@@ -77,7 +82,17 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         iterative: arguments.procedure.iterative,
         weighted: arguments.procedure.weighted(),
     };
+    if arguments.force && arguments.report.is_none() && arguments.export.is_empty() {
+        return Err(Failure::input(
+            "--force is about the files of --report and --export; name one, or leave it out",
+        ));
+    }
     if arguments.method == Some(Wanted::All) {
+        if !arguments.export.is_empty() {
+            return Err(Failure::input(
+                "--export writes the result of one method; leave out `--method all`, or name the method to export",
+            ));
+        }
         if arguments.report.is_some() {
             return Err(Failure::input(
                 "--report shows one method; leave out `--method all`, or name the method to report",
@@ -87,16 +102,10 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             json: arguments.json,
             anyway: arguments.anyway,
         };
+        let truth = in_frame(truth.as_ref(), &setup);
         return compare::run(&setup, &choice, truth.as_ref(), options, verbosity);
     }
-    if let Some(path) = &arguments.report {
-        let recordings = setup.runs.iter().map(|run| setup.recording_path(run));
-        let recordings: Vec<PathBuf> = recordings.collect();
-        let inputs = recordings.iter().chain([&arguments.setup]);
-        let inputs = inputs.chain(&arguments.truth).map(PathBuf::as_path);
-        let existing = Existing::KeepUnlessReport.or_force(arguments.force);
-        output::check(path, inputs, existing)?;
-    }
+    check_outputs(arguments, &setup)?;
     let fitted = arguments.method == Some(Wanted::Likelihood);
     let (answer, findings) = with_progress(&setup, &choice, fitted, verbosity)?;
     let result = ResultDocument::new(&setup, &answer);
@@ -105,9 +114,11 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let page = report::render(&setup, &answer, &result, truth.as_ref());
         output::write(path, page.as_bytes())?;
     }
+    let exported = export(arguments, &result, &answer, verbosity);
     if arguments.json {
         print_json(&result)?;
-        return refuse(result.refused.as_deref());
+        refuse(result.refused.as_deref())?;
+        return exported;
     }
     warn(&result.warnings, verbosity);
     if let Some(findings) = &findings {
@@ -115,7 +126,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     }
     details::show(&setup, &answer, &result, verbosity);
     if result.refused.is_none() || arguments.anyway {
-        show(&result, truth.as_ref())?;
+        show(&result, in_frame(truth.as_ref(), &setup).as_ref())?;
         if let Some(fit) = &result.likelihood {
             fitted::print(&mut anstream::stdout(), fit).map_err(|e| Failure::stdout(&e))?;
         }
@@ -125,7 +136,59 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     {
         eprintln!("report: {}", path.display());
     }
-    refuse(result.refused.as_deref())
+    refuse(result.refused.as_deref())?;
+    exported
+}
+
+/// Checks that the files of `--report` and `--export` may be written.
+fn check_outputs(arguments: &Arguments, setup: &Setup) -> Result<(), Failure> {
+    let recordings = setup.runs.iter().map(|run| setup.recording_path(run));
+    let recordings: Vec<PathBuf> = recordings.collect();
+    let inputs = recordings.iter().chain([&arguments.setup]);
+    let inputs = inputs.chain(&arguments.truth).map(PathBuf::as_path);
+    if let Some(path) = &arguments.report {
+        let existing = Existing::KeepUnlessReport.or_force(arguments.force);
+        output::check(path, inputs.clone(), existing)?;
+    }
+    for (k, target) in arguments.export.iter().enumerate() {
+        let existing = Existing::Keep.or_force(arguments.force);
+        output::check(target.file(), inputs.clone(), existing)?;
+        let mut others = arguments.export[..k].iter().map(Target::file);
+        let mut others = others.by_ref().chain(arguments.report.as_deref());
+        if others.any(|other| other == target.file()) {
+            return Err(Failure::input(format!(
+                "{}: two outputs have this name; give each its own",
+                target.file().display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Writes the files of `--export`, as far as the result suits them; refused numbers only if they
+/// are wanted anyway.
+fn export(
+    arguments: &Arguments,
+    result: &ResultDocument,
+    answer: &Answer,
+    verbosity: Verbosity,
+) -> Result<(), Failure> {
+    if result.refused.is_some() && !arguments.anyway {
+        let files = arguments
+            .export
+            .iter()
+            .map(|t| t.file().display().to_string());
+        let note = |file| {
+            format!("{file}: not written, since the numbers are refused; --anyway exports them")
+        };
+        warn(&files.map(note).collect::<Vec<_>>(), verbosity);
+        return Ok(());
+    }
+    let mut outcome = Ok(());
+    for target in &arguments.export {
+        outcome = outcome.and(target.write(result, answer, verbosity));
+    }
+    outcome
 }
 
 /// The answer to a setup, of the method `ml` if `fitted`, with a bar on the terminal meanwhile;
@@ -159,6 +222,14 @@ pub(super) fn with_progress(
 
 pub(super) fn show(result: &ResultDocument, truth: Option<&Truth>) -> Result<(), Failure> {
     print_numbers(&mut anstream::stdout(), result, truth).map_err(|e| Failure::stdout(&e))
+}
+
+/// The truth in the frame of the results.
+fn in_frame(truth: Option<&Truth>, setup: &Setup) -> Option<Truth> {
+    truth.map(|truth| match &setup.frame {
+        Some(frame) => truth.in_frame(frame),
+        None => truth.clone(),
+    })
 }
 
 fn read_truth(path: &Path) -> Result<Truth, Failure> {

@@ -119,6 +119,9 @@ pub fn print_numbers(
         out,
         "{dim}reference point A = ({x}, {y}, {z}) m, S = centre of gravity, products Θxy = ∫ x y dm{dim:#}"
     )?;
+    if let Some(frame) = &result.frame {
+        writeln!(out, "{dim}in a frame with {}{dim:#}", frame.words())?;
+    }
     if let (Some(mass), Some(_)) = (result.mass.value, &result.indicator) {
         writeln!(out, "{dim}mass weighed: {} kg{dim:#}", significant(mass, 6))?;
     }

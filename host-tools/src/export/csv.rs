@@ -1,19 +1,20 @@
 //! A table with one row a property, for spreadsheets and scripts.
 
-use super::{Export, ExportError};
+use super::{Export, ExportError, Kind, View};
 use crate::result::{About, Property, ResultDocument};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io::Write;
 
 /// The format `csv`.
+#[derive(Debug)]
 pub(super) struct Csv;
 
 /// One row; its fields are the columns. Numbers have as many digits as it takes to read them
 /// back to the last bit; a field is empty where there is no number.
-#[derive(Serialize)]
-struct Row<'a> {
-    parameter: &'a str,
-    unit: &'a str,
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    parameter: String,
+    unit: String,
     value: Option<f64>,
     /// One standard deviation.
     std: Option<f64>,
@@ -23,12 +24,12 @@ struct Row<'a> {
     combined_std: Option<f64>,
     combined_interval_95: Option<f64>,
     /// The point that the number refers to: `origin`, `A`, `S`.
-    point: &'a str,
+    point: String,
     point_x_m: Option<f64>,
     point_y_m: Option<f64>,
     point_z_m: Option<f64>,
     /// `ok`, `not observable`, `refused`.
-    status: &'a str,
+    status: String,
 }
 
 impl Export for Csv {
@@ -44,7 +45,16 @@ impl Export for Csv {
         "csv"
     }
 
-    fn write(&self, result: &ResultDocument, out: &mut dyn Write) -> Result<(), ExportError> {
+    fn kind(&self) -> Kind {
+        Kind::Table
+    }
+
+    fn write(
+        &self,
+        result: &ResultDocument,
+        _: &View,
+        out: &mut dyn Write,
+    ) -> Result<(), ExportError> {
         let mut table = csv::Writer::from_writer(out);
         for property in result.properties() {
             table
@@ -54,9 +64,20 @@ impl Export for Csv {
         table.flush()?;
         Ok(())
     }
+
+    fn compare(&self, result: &ResultDocument, _: &View, bytes: &[u8]) -> Result<(), String> {
+        let mut rows = csv::Reader::from_reader(bytes).into_deserialize();
+        for property in result.properties() {
+            let read: Option<Row> = rows.next().transpose().map_err(|e| e.to_string())?;
+            if read != Some(row(&property, result)) {
+                return Err(format!("the row of `{}`", property.name));
+            }
+        }
+        Ok(())
+    }
 }
 
-fn row<'a>(property: &Property<'a>, result: &ResultDocument) -> Row<'a> {
+fn row(property: &Property<'_>, result: &ResultDocument) -> Row {
     let number = property.number;
     let (point, coordinates) = match property.about {
         About::Nothing => ("", [None; 3]),
@@ -66,14 +87,14 @@ fn row<'a>(property: &Property<'a>, result: &ResultDocument) -> Row<'a> {
     };
     let combined = number.combined.as_ref();
     Row {
-        parameter: property.name,
-        unit: property.unit,
+        parameter: property.name.to_owned(),
+        unit: property.unit.to_owned(),
         value: number.value,
         std: number.std,
         interval_95: number.interval,
         combined_std: combined.map(|c| c.std),
         combined_interval_95: combined.and_then(|c| c.interval),
-        point,
+        point: point.to_owned(),
         point_x_m: coordinates[0],
         point_y_m: coordinates[1],
         point_z_m: coordinates[2],
@@ -81,7 +102,8 @@ fn row<'a>(property: &Property<'a>, result: &ResultDocument) -> Row<'a> {
             (false, _) => "not observable",
             (true, Some(_)) => "refused",
             (true, None) => "ok",
-        },
+        }
+        .to_owned(),
     }
 }
 
@@ -95,7 +117,7 @@ mod tests {
     #[test]
     fn rows_have_the_combined_error_bars_and_the_point_of_their_number() {
         let mut text = Vec::new();
-        Csv.write(&FORK, &mut text).unwrap();
+        Csv.write(&FORK, &View::OF_THE_RESULT, &mut text).unwrap();
         let mut rows = csv::Reader::from_reader(&*text);
         let rows: Vec<BTreeMap<String, String>> = rows.deserialize().map(Result::unwrap).collect();
         let row = |name: &str| rows.iter().find(|row| row["parameter"] == name).unwrap();

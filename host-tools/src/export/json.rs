@@ -1,11 +1,13 @@
 //! The result document itself.
 
-use super::{Export, ExportError};
+use super::{Export, ExportError, Kind, View};
 use crate::printable::printable_json;
 use crate::result::ResultDocument;
 use std::io::{self, Write};
+use std::path::Path;
 
 /// The format `json`.
+#[derive(Debug)]
 pub(super) struct Json;
 
 impl Export for Json {
@@ -21,9 +23,27 @@ impl Export for Json {
         "json"
     }
 
-    fn write(&self, result: &ResultDocument, out: &mut dyn Write) -> Result<(), ExportError> {
+    fn kind(&self) -> Kind {
+        Kind::Table
+    }
+
+    fn write(
+        &self,
+        result: &ResultDocument,
+        _: &View,
+        out: &mut dyn Write,
+    ) -> Result<(), ExportError> {
         let text = serde_json::to_string_pretty(result).map_err(io::Error::from)?;
         writeln!(out, "{}", printable_json(&text))?;
         Ok(())
+    }
+
+    fn compare(&self, result: &ResultDocument, _: &View, bytes: &[u8]) -> Result<(), String> {
+        let read = ResultDocument::parse(bytes, Path::new(self.name()));
+        let read = read.map_err(|e| e.to_string())?;
+        if read == *result {
+            return Ok(());
+        }
+        Err("a key of the document".to_owned())
     }
 }

@@ -50,7 +50,9 @@ use crate::setup::Setup;
 use page::Section;
 
 /// The report of a result as an HTML page: its numbers are those of `result`, its plots those of
-/// the spectra in `answer`; `truth` are the true properties, where they are known.
+/// the spectra in `answer`; `truth` are the true properties in the frame of the sensors, where they
+/// are known. Plots and the sketch are along the axes of the sensors, whatever frame the numbers are
+/// in.
 #[must_use]
 pub fn render(
     setup: &Setup,
@@ -58,12 +60,27 @@ pub fn render(
     result: &ResultDocument,
     truth: Option<&TrueBody>,
 ) -> String {
-    let ten = Section::new("ten", "The ten numbers", table::table(result, truth));
+    let framed = result.frame.as_ref();
+    let framed_truth = framed.and_then(|frame| Some(truth?.in_frame(frame)));
+    let true_numbers = framed_truth.as_ref().or(truth);
+    let ten = Section::new("ten", "The ten numbers", table::table(result, true_numbers));
+    let numbers = result;
+    let of_sensors = framed.map(|_| {
+        let frame = None;
+        ResultDocument::new(
+            &Setup {
+                frame,
+                ..setup.clone()
+            },
+            answer,
+        )
+    });
+    let result = of_sensors.as_ref().unwrap_or(numbers);
     let mut sections = vec![ten];
-    sections.extend(budget::section(result));
+    sections.extend(budget::section(numbers));
     sections.extend(apparent_mass::section(answer, result));
     sections.extend(likelihood::section(result));
-    sections.extend(modes::section(result));
+    sections.extend(modes::section(numbers));
     sections.extend(poses::section(answer, result));
     sections.extend(coherence::section(answer, result));
     sections.extend(base_spectra::section(answer));
@@ -72,7 +89,7 @@ pub fn render(
     sections.push(runs::reading(answer));
     page::page(
         verdict::title(setup),
-        &verdict::header(setup, answer, result, truth),
+        &verdict::header(setup, answer, numbers, true_numbers),
         &sections,
         &format!("Made by massline {}.", env!("CARGO_PKG_VERSION")),
     )

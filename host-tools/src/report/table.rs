@@ -33,7 +33,15 @@ pub(super) fn table(result: &ResultDocument, truth: Option<&TrueBody>) -> String
         .flat_map(|(_, rows)| rows)
         .filter_map(share)
         .fold(0.0, f64::max);
-    let mut html = String::from("<div class=\"wide\"><table class=\"ten\">");
+    let mut html = String::new();
+    if let Some(frame) = &result.frame {
+        let _ = write!(
+            html,
+            "<p>In a frame with {}; plots, sketch and remarks are along the axes of the sensors.</p>",
+            frame.words()
+        );
+    }
+    html.push_str("<div class=\"wide\"><table class=\"ten\">");
     html.push_str(
         "<thead><tr><th scope=\"col\">Property</th>\
          <th scope=\"col\" class=\"num\">Value ± 95\u{202f}% interval</th><th></th>\

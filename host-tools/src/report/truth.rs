@@ -1,7 +1,9 @@
 //! True properties, where they are known.
 
+use crate::frame::Frame;
+
 /// The true body of a simulated or otherwise known specimen. SI units, in the frame of
-/// the results; `None` where unknown, as out of the plane of a plane model.
+/// the sensors; `None` where unknown, as out of the plane of a plane model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrueBody {
     /// Overall mass, kg.
@@ -13,4 +15,17 @@ pub struct TrueBody {
     pub inertia_reference: [Option<f64>; 6],
     /// The same about S.
     pub inertia_cg: [Option<f64>; 6],
+}
+
+impl TrueBody {
+    /// The body in a frame.
+    #[must_use]
+    pub(super) fn in_frame(&self, frame: &Frame) -> Self {
+        Self {
+            mass: self.mass,
+            centre_of_gravity: frame.known_point(self.centre_of_gravity),
+            inertia_reference: frame.known_inertia(self.inertia_reference),
+            inertia_cg: frame.known_inertia(self.inertia_cg),
+        }
+    }
 }

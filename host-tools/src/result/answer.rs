@@ -1,10 +1,12 @@
 //! The document of an answer.
 
+use super::framed;
 use super::{
     ConsistencyDocument, CovarianceDocument, Deflection, FixedModeDocument, FreeModeDocument,
     InertiaTerms, LikelihoodDocument, LikelihoodMode, NoiseDocument, Number, Offsets, Plausible,
     RejectedBand, ResultDocument, RunQuality, SCHEMA,
 };
+use crate::frame::Frame;
 use crate::identification::{Answer, Consistency, Likelihood, TypeB, number as place};
 use crate::likelihood;
 use crate::measure::{MeasuredRun, RunNoise};
@@ -89,12 +91,18 @@ fn whole(identification: &Identification) -> [Option<f64>; 6] {
     ]
 }
 
-fn fixed_modes(channels: &[String], answer: &Answer) -> Vec<FixedModeDocument> {
-    let whole = whole(&answer.identification);
+fn fixed_modes(
+    channels: &[String],
+    answer: &Answer,
+    identification: &Identification,
+    frame: Option<&Frame>,
+) -> Vec<FixedModeDocument> {
+    let whole = whole(identification);
     let modal = answer.modal.iter().flat_map(|m| &m.fixed);
     modal
         .map(|m| {
-            let diagonal = m.mode.effective_mass.diagonal();
+            let mode = frame.map_or(m.mode, |frame| framed::mode(frame, &m.mode));
+            let diagonal = mode.effective_mass.diagonal();
             let seen = |j: usize, x: f64| (diagonal[j] > 0.0).then_some(x);
             FixedModeDocument {
                 frequency: m.mode.pole.frequency,
@@ -103,7 +111,7 @@ fn fixed_modes(channels: &[String], answer: &Answer) -> Vec<FixedModeDocument> {
                 effective_mass_share: core::array::from_fn(|j| {
                     seen(j, diagonal[j]).zip(whole[j]).map(|(e, w)| e / w)
                 }),
-                participation: core::array::from_fn(|j| seen(j, m.mode.participation[j])),
+                participation: core::array::from_fn(|j| seen(j, mode.participation[j])),
                 modal_mass: m.modal_mass,
                 shape: deflections(channels, m.shape.as_ref()),
                 purity: m.mode.rank_one,
@@ -221,13 +229,24 @@ impl ResultDocument {
             iterative: matches!(answer.procedure, Procedure::Iterative { .. }),
             weighted: answer.weighted(),
         };
+        let frame = setup.frame.as_ref();
+        let own = &answer.identification;
+        let (identification, covariance, type_b) = match frame {
+            None => (*own, answer.covariance, answer.type_b.clone()),
+            Some(frame) => (
+                framed::identification(frame, own, Some(&answer.covariance)),
+                framed::covariance(frame, &answer.covariance),
+                answer.type_b.as_ref().map(|b| framed::type_b(frame, b)),
+            ),
+        };
         let offsets = answer.offsets.iter().map(|(run, resultants)| Offsets {
             run: run.clone(),
-            resultants: *resultants,
+            resultants: frame.map_or(*resultants, |f| framed::resultants(f, *resultants)),
         });
         let runs = answer.measurement.runs.iter();
         let mut document = Self {
-            fixed_modes: fixed_modes(&channels, answer),
+            frame: setup.frame,
+            fixed_modes: fixed_modes(&channels, answer, &identification, frame),
             free_modes: free_modes(&channels, answer),
             offsets: offsets.collect(),
             runs: runs.map(RunQuality::new).collect(),
@@ -241,14 +260,11 @@ impl ResultDocument {
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
             consistency_test: answer.consistency.map(ConsistencyDocument::new),
-            covariance: Some(CovarianceDocument::new(
-                &answer.identification,
-                answer.covariance,
-            )),
-            ..Self::of_numbers(&origin, &answer.identification)
+            covariance: Some(CovarianceDocument::new(&identification, covariance)),
+            ..Self::of_numbers(&origin, &identification)
         };
-        if let Some(type_b) = &answer.type_b {
-            document.add_type_b(&answer.identification, type_b);
+        if let Some(type_b) = &type_b {
+            document.add_type_b(&identification, type_b);
         }
         document
     }
@@ -272,6 +288,18 @@ impl ResultDocument {
         add(place::INERTIA_CG, &mut self.inertia_cg.each());
     }
 
+    /// The document of the ten numbers alone, in a frame.
+    #[must_use]
+    pub fn in_frame(origin: &Origin<'_>, i: &Identification, frame: Option<&Frame>) -> Self {
+        match frame {
+            None => Self::of_numbers(origin, i),
+            Some(frame) => Self {
+                frame: Some(*frame),
+                ..Self::of_numbers(origin, &framed::identification(frame, i, None))
+            },
+        }
+    }
+
     /// The document of the ten numbers alone.
     #[must_use]
     pub fn of_numbers(origin: &Origin<'_>, i: &Identification) -> Self {
@@ -284,6 +312,7 @@ impl ResultDocument {
             refused: None,
             iterative: origin.iterative,
             weighted: origin.weighted,
+            frame: None,
             reference_point: i.reference.into(),
             mass: number(i.mass),
             indicator: i.indicator.map(|e| number(Some(e))),

@@ -1,6 +1,7 @@
 //! The form of the document.
 
 use super::{InertiaTerms, Number};
+use crate::frame::Frame;
 use crate::recording::{Traceability, TrueRate};
 use massline_core::identify::Covariance;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -205,6 +206,9 @@ pub struct ResultDocument {
     pub iterative: bool,
     /// `true` if accelerometer weights were used.
     pub weighted: bool,
+    /// Frame of all numbers below, in the coordinates of the sensors; absent where it is theirs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<Frame>,
     /// The reference point A, m.
     pub reference_point: [f64; 3],
     /// Overall mass, kg.

@@ -6,11 +6,13 @@
 //! | `document` | the form of the document |
 //! | `number` | a number with its error bar |
 //! | `answer` | the document of an answer |
+//! | `framed` | numbers and covariances in the frame that a setup states |
 //! | `property` | the numbers of a document by name, with their units |
 //! | `read` | reading a document back |
 
 mod answer;
 mod document;
+mod framed;
 mod number;
 mod property;
 mod read;

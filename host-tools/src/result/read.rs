@@ -4,7 +4,7 @@
 //! [`SCHEMA`], and `demo --json` has the truth beside the result. Keys that it knows have to be
 //! there and to agree with each other.
 
-use super::{COMPARISON_SCHEMA, Number, ResultDocument, SCHEMA};
+use super::{COMPARISON_SCHEMA, ComparisonDocument, Number, ResultDocument, SCHEMA};
 use crate::limits;
 use crate::printable::quoted;
 use crate::setup::{DocumentError, read_document_of};
@@ -46,10 +46,22 @@ pub enum ReadError {
         found: String,
     },
     /// The document holds the results of several methods.
-    #[error("{}: it holds the results of several methods (\"{COMPARISON_SCHEMA}\"), and one is exported at a time; write one with `massline identify --method NAME --json`", file.display())]
+    #[error("{}: it holds the results of several methods, and one is exported at a time; name it by --method: {choices}", file.display())]
     Comparison {
         /// The file.
         file: PathBuf,
+        /// Names of the methods, the recommended one marked.
+        choices: String,
+    },
+    /// The document does not hold the result of the method that was asked for.
+    #[error("{}: it holds no result of the method \"{wanted}\"; it has {choices}", file.display())]
+    OtherMethod {
+        /// The file.
+        file: PathBuf,
+        /// The method that was asked for.
+        wanted: String,
+        /// Names of the methods, the recommended one marked.
+        choices: String,
     },
     /// The parts of a number contradict each other.
     #[error("{}, `{property}`: {found}, expected {expected}; the document was changed after it was written: identify again", file.display())]
@@ -72,19 +84,24 @@ struct Head {
 }
 
 impl ResultDocument {
-    /// Reads a document of at most [`limits::RESULT`] bytes.
+    /// Reads a document of at most [`limits::RESULT`] bytes: the result of a method, which has to be
+    /// named where there are several.
     ///
     /// # Errors
     /// [`ReadError`] with the file and the place in it.
-    pub fn read(file: &Path) -> Result<Self, ReadError> {
-        Self::parse(&read_document_of(file, limits::RESULT)?, file)
+    pub fn read(file: &Path, method: Option<&str>) -> Result<Self, ReadError> {
+        Self::parse_one(&read_document_of(file, limits::RESULT)?, method, file)
     }
 
-    /// Reads the bytes of a document; `file` is named in errors.
+    /// Reads the bytes of a document of one result; `file` is named in errors.
     ///
     /// # Errors
     /// [`ReadError`] with the file and the place in it.
     pub fn parse(bytes: &[u8], file: &Path) -> Result<Self, ReadError> {
+        Self::parse_one(bytes, None, file)
+    }
+
+    fn parse_one(bytes: &[u8], method: Option<&str>, file: &Path) -> Result<Self, ReadError> {
         let form = |error: &serde_json::Error| {
             let (line, column) = (error.line(), error.column());
             let text = error.to_string();
@@ -100,7 +117,22 @@ impl ResultDocument {
         let file = || file.to_owned();
         match head.schema.as_deref() {
             Some(SCHEMA) => {}
-            Some(COMPARISON_SCHEMA) => return Err(ReadError::Comparison { file: file() }),
+            Some(COMPARISON_SCHEMA) => {
+                let all: ComparisonDocument =
+                    serde_json::from_slice(bytes).map_err(|e| form(&e))?;
+                let choices = choices(&all);
+                let Some(wanted) = method else {
+                    let file = file();
+                    return Err(ReadError::Comparison { file, choices });
+                };
+                let found = all.results.into_iter().find(|r| r.method == wanted);
+                let found = found.ok_or_else(|| ReadError::OtherMethod {
+                    file: file(),
+                    wanted: quoted(wanted),
+                    choices,
+                })?;
+                return found.sound(file());
+            }
             Some(other) if other.starts_with("massline/result/") => {
                 return Err(ReadError::OtherVersion {
                     file: file(),
@@ -118,18 +150,39 @@ impl ResultDocument {
             }
         }
         let document: Self = serde_json::from_slice(bytes).map_err(|e| form(&e))?;
-        for property in document.properties() {
+        if let Some(wanted) = method.filter(|wanted| *wanted != document.method) {
+            return Err(ReadError::OtherMethod {
+                file: file(),
+                wanted: quoted(wanted),
+                choices: quoted(&document.method),
+            });
+        }
+        document.sound(file())
+    }
+
+    /// The document, if its numbers do not contradict themselves.
+    fn sound(self, file: PathBuf) -> Result<Self, ReadError> {
+        for property in self.properties() {
             if let Some((found, expected)) = contradiction(property.number) {
                 return Err(ReadError::Contradiction {
-                    file: file(),
+                    file,
                     property: property.name,
                     found,
                     expected,
                 });
             }
         }
-        Ok(document)
+        Ok(self)
     }
+}
+
+/// Names of the methods with a result, the recommended one marked.
+fn choices(all: &ComparisonDocument) -> String {
+    let names = all.results.iter().map(|result| {
+        let mark = ["", " (recommended)"][usize::from(result.method == all.recommended)];
+        format!("{}{mark}", quoted(&result.method))
+    });
+    names.collect::<Vec<_>>().join(", ")
 }
 
 /// The contradiction within a number, and the form that it should have.

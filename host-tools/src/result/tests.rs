@@ -3,13 +3,20 @@
 use super::*;
 use crate::identification::{Choice, Session};
 use crate::setup::Setup;
-use crate::simulate::{Model, Options, simulate};
+use crate::simulate::{Model, Options, Truth, simulate};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::LazyLock;
 
 /// The result of the fork, shaken for six seconds, with stated errors of its sensors.
-pub(crate) static FORK: LazyLock<ResultDocument> = LazyLock::new(|| {
+pub(crate) static FORK: LazyLock<ResultDocument> = LazyLock::new(|| fork("").0);
+
+/// The same in a frame, of which these are the keys, and the truth in the frame of the sensors.
+pub(crate) fn fork_in(keys: &str) -> (ResultDocument, Truth) {
+    fork(&format!("\n[frame]\n{keys}"))
+}
+
+fn fork(more: &str) -> (ResultDocument, Truth) {
     let options = Options {
         noise: Some(0.01),
         duration: Some(6.0),
@@ -21,11 +28,47 @@ pub(crate) static FORK: LazyLock<ResultDocument> = LazyLock::new(|| {
     let path = simulation.write(folder.path()).unwrap();
     let mut text = std::fs::read_to_string(&path).unwrap();
     text.push_str("\n[defaults]\nposition_uncertainty = 0.0005\n");
+    text.push_str(more);
     let setup = Setup::from_str(&text, &path).unwrap();
     let mut session = Session::new(&setup).with_type_b();
     let answer = session.answer_with_modes(&Choice::default(), &mut |_| ());
-    ResultDocument::new(&setup, &answer.unwrap())
-});
+    let truth = std::fs::read(folder.path().join("truth.json")).unwrap();
+    let truth = serde_json::from_slice(&truth).unwrap();
+    (ResultDocument::new(&setup, &answer.unwrap()), truth)
+}
+
+/// A result that knows all ten numbers: mass, centre of gravity and inertia about it, with a
+/// covariance in which all of them are correlated.
+pub(crate) fn whole_body(body: [f64; 10]) -> ResultDocument {
+    let deviation = |k: usize| 1e-4 * body[k].abs().max(1e-3);
+    let covariance = |i: usize, j: usize| {
+        let correlation = if i == j { 1.0 } else { 0.3 };
+        correlation * deviation(i) * deviation(j)
+    };
+    let number = |k: usize| Number {
+        value: Some(body[k]),
+        std: Some(deviation(k)),
+        interval: Some(2.0 * deviation(k)),
+        observable: true,
+        type_b: None,
+        combined: None,
+    };
+    let mut document = FORK.clone();
+    document.mass = number(0);
+    document.indicator = None;
+    document.centre_of_gravity = [number(1), number(2), number(3)];
+    for terms in [&mut document.inertia_reference, &mut document.inertia_cg] {
+        for (k, term) in terms.each().into_iter().enumerate() {
+            *term = number(4 + k);
+        }
+    }
+    let matrix = document.covariance.as_mut().unwrap();
+    "mass".clone_into(&mut matrix.rows[0]);
+    "kg".clone_into(&mut matrix.units[0]);
+    matrix.matrix = std::array::from_fn(|i| std::array::from_fn(|j| Some(covariance(i, j))));
+    document.covariance_type_b = None;
+    document
+}
 
 fn parse(document: &Value) -> Result<ResultDocument, ReadError> {
     ResultDocument::parse(document.to_string().as_bytes(), Path::new("result.json"))
@@ -76,7 +119,10 @@ fn other_documents_are_named() {
             "of the form \"massline/result/3\"",
         ),
         (json!("massline/result/1"), "identify again"),
-        (json!("massline/comparison/1"), "several methods"),
+        (
+            json!("massline/comparison/1"),
+            "missing field `recommended`",
+        ),
         (
             json!("massline/truth/1"),
             "`schema` is \"massline/truth/1\"",
@@ -89,6 +135,51 @@ fn other_documents_are_named() {
         assert!(error.starts_with("result.json"), "{error}");
         assert!(error.contains(words), "{schema}: {error}");
     }
+}
+
+/// Of several results one is read, and it has to be named.
+#[test]
+fn one_of_several_results_is_read_by_its_method() {
+    let mut other = FORK.clone();
+    "c".clone_into(&mut other.method);
+    let all = ComparisonDocument {
+        schema: COMPARISON_SCHEMA.to_owned(),
+        title: String::new(),
+        recommended: FORK.method.clone(),
+        recommended_because: String::new(),
+        results: vec![other, FORK.clone()],
+        failed: Vec::new(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: Vec<u8>| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let several = write("all.json", serde_json::to_vec(&all).unwrap());
+    let one = write("one.json", serde_json::to_vec(&*FORK).unwrap());
+    let error = |path: &Path, method| ResultDocument::read(path, method).unwrap_err().to_string();
+    assert_eq!(
+        ResultDocument::read(&several, Some(&FORK.method)).unwrap(),
+        *FORK
+    );
+    assert_eq!(
+        ResultDocument::read(&several, Some("c")).unwrap().method,
+        "c"
+    );
+    assert_eq!(
+        ResultDocument::read(&one, Some(&FORK.method)).unwrap(),
+        *FORK
+    );
+    for (path, method) in [(&several, None), (&several, Some("d"))] {
+        let text = error(path, method);
+        assert!(text.contains("c, apparent-mass (recommended)"), "{text}");
+    }
+    assert!(error(&one, Some("c")).contains("no result of the method \"c\"; it has apparent-mass"));
+    let mut spoilt = all;
+    spoilt.results[1].mass.std = Some(-1.0);
+    let spoilt = write("spoilt.json", serde_json::to_vec(&spoilt).unwrap());
+    assert!(error(&spoilt, Some(&FORK.method)).contains("`mass`: a negative error bar"));
 }
 
 #[test]

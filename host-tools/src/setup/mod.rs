@@ -12,6 +12,7 @@ mod document;
 mod error;
 mod file;
 mod form;
+mod frame;
 pub(crate) mod keys;
 mod parse;
 mod print;
@@ -21,6 +22,7 @@ mod tests;
 mod uncertainty;
 mod units;
 
+use crate::frame::Frame;
 use crate::recording::{Checksum, Form, Recording, RecordingError};
 use massline_core::spectra::{LineGrid, Window};
 use serde::Deserialize;
@@ -49,7 +51,7 @@ pub const WINDOW: Window = Window::Hann;
 pub struct Setup {
     /// Heading of reports.
     pub title: String,
-    /// Starting point A of the identification, m, in the frame of the results.
+    /// Starting point A of the identification, m, in the coordinates of the sensors.
     pub reference_point: [f64; 3],
     /// Mass found on a balance, kg; then the indicator Δ of eq (7) is estimated in its place.
     pub known_mass: Option<f64>,
@@ -63,6 +65,8 @@ pub struct Setup {
     pub defaults: Defaults,
     /// Form of the recordings, where it is stated.
     pub form: Form,
+    /// Frame that results are given in, where it is not that of the sensors.
+    pub frame: Option<Frame>,
     /// At least one, channels unique among all sensors.
     pub accelerometers: Vec<AccelerometerEntry>,
     /// At least one, channels unique among all sensors.

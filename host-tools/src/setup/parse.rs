@@ -14,6 +14,7 @@ use super::{
     BLOCK_LENGTHS, Defaults, Estimation, Excitation, OVERLAPS, Place, Processing, Run, Setup,
     SetupError,
 };
+use crate::frame::Frame;
 use crate::limits;
 use crate::printable::{printable, quoted};
 use crate::recording::{Checksum, Form};
@@ -56,6 +57,8 @@ struct File {
     defaults: Defaults,
     #[serde(deserialize_with = "super::form::read")]
     recording: Form,
+    #[serde(deserialize_with = "super::frame::read")]
+    frame: Option<Frame>,
     length_unit: Length,
     sensor_type: Vec<SensorKeys>,
     accelerometer: Vec<SensorKeys>,
@@ -219,6 +222,10 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
         estimation: file.estimation,
         defaults: file.defaults.in_metres(length, &document)?,
         form: file.recording,
+        frame: file.frame.map(|frame| Frame {
+            origin: frame.origin.map(|x| length.metres(x)),
+            ..frame
+        }),
         accelerometers: sensors.accelerometers,
         load_cells: sensors.load_cells,
         runs: file.run,

@@ -32,6 +32,12 @@ pub(super) fn setup(setup: &Setup) -> String {
     print_estimation(&mut out, &setup.estimation);
     uncertainty::print_defaults(&mut out, &setup.defaults);
     print_form(&mut out, &setup.form);
+    if let Some(frame) = &setup.frame {
+        let [x, _, z] = &frame.axes;
+        out.push_str("\n[frame]\n");
+        let _ = writeln!(out, "origin = {}  # m, of the results", list(&frame.origin));
+        let _ = writeln!(out, "x = {}\nz = {}", list(x), list(z));
+    }
 
     out.push_str(
         "\n# Accelerometers: position in m, positive along direction, scale in m/s² per unit.\n",

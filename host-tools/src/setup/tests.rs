@@ -351,3 +351,82 @@ fn unit_vectors_stay_untouched() {
     assert_eq!(unit([0.0, -0.0, 0.0]), None);
     assert_eq!(unit([0.0, 1e-200, 0.0]), Some([0.0, 1.0, 0.0]));
 }
+
+/// Two axes make a frame, and any two the same one; what is written and read again is the same to the
+/// last bit.
+#[test]
+fn frames_are_right_handed_and_survive_printing() {
+    let with = |keys: &str| {
+        let text = format!("{GOOD}\n[frame]\n{keys}\n");
+        Setup::from_str(&text, Path::new("setup.toml"))
+    };
+    let frame = |keys: &str| with(keys).unwrap().frame.unwrap();
+    assert_eq!(frame(""), crate::frame::Frame::default());
+    assert_eq!(frame("origin = [1, 2, 3]").origin, [1.0, 2.0, 3.0]);
+    let quarter = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    for keys in [
+        "x = \"+y\"\ny = \"-x\"",
+        "x = \"y\"\nz = \"z\"",
+        "y = [-2, 0, 0]\nz = \"+z\"",
+    ] {
+        assert_eq!(frame(keys).axes, quarter, "{keys}");
+        let signed = frame(keys)
+            .axes
+            .as_flattened()
+            .iter()
+            .any(|x| *x == 0.0 && x.is_sign_negative());
+        assert!(!signed, "a zero has no sign: {keys}");
+    }
+    let near = frame("x = [1.001, 0.3, -0.7]\ny = [0.3, -1.0, 0.0]");
+    for (i, a) in near.axes.iter().enumerate() {
+        for (j, b) in near.axes.iter().enumerate() {
+            let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            // Products of unit vectors after a dozen roundings.
+            assert!(
+                (dot - f64::from(u8::from(i == j))).abs() < 2e-15,
+                "{near:?}"
+            );
+        }
+    }
+    let mut state = 7_u64;
+    for _ in 0..1000 {
+        let mut number = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        let (a, b) = (
+            [number(), number(), number()],
+            [number(), number(), number()],
+        );
+        let dot: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
+        let square: f64 = a.iter().map(|a| a * a).sum();
+        let across: Vec<f64> = a
+            .iter()
+            .zip(&b)
+            .map(|(a, b)| b - a * dot / square)
+            .collect();
+        let names = [["x", "y"], ["x", "z"], ["y", "z"]][(number().abs() * 2.99) as usize];
+        let setup = with(&format!("{} = {a:?}\n{} = {across:?}", names[0], names[1])).unwrap();
+        let again = Setup::from_str(&setup.to_toml(), Path::new("setup.toml")).unwrap();
+        assert_eq!(again.frame, setup.frame);
+    }
+    for (keys, words) in [
+        ("x = \"+x\"", "given by `x` alone"),
+        ("x = \"+x\"\ny = \"+y\"\nz = \"+z\"", "given by three axes"),
+        (
+            "x = \"+x\"\nz = [0.1, 0, 1]",
+            "`x` and `z`, which are 84.3 degrees apart",
+        ),
+        ("x = \"+x\"\nz = \"-x\"", "180.0 degrees apart"),
+        ("x = [0, 0, 0]\nz = \"-x\"", "the zero vector"),
+        ("orgin = [0, 0, 0]", "orgin"),
+    ] {
+        let error = with(keys).unwrap_err().to_string();
+        assert!(error.contains(words), "{keys}: {error}");
+    }
+    let millimetres = format!("length_unit = \"mm\"\n{GOOD}\n[frame]\norigin = [100, 0, 0]\n");
+    let setup = Setup::from_str(&millimetres, Path::new("setup.toml")).unwrap();
+    assert_eq!(setup.frame.unwrap().origin, [0.1, 0.0, 0.0]);
+}

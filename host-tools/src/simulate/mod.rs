@@ -534,6 +534,7 @@ fn setup(
             })
             .collect(),
         form: Form::default(),
+        frame: None,
         folder: PathBuf::new(),
     }
 }

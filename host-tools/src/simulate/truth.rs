@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::model::Model;
+use crate::frame::Frame;
 
 /// Exact properties of a simulated specimen, in its own frame; SI units.
 ///
@@ -117,6 +118,22 @@ impl Truth {
     }
 }
 
+impl Truth {
+    /// The body in a frame; modes stay about the axes of the model, and bounds of single numbers,
+    /// which do not tell those of their sums, are left out.
+    #[must_use]
+    pub fn in_frame(&self, frame: &Frame) -> Self {
+        Self {
+            reference_point: frame.point(&self.reference_point.into()).into(),
+            centre_of_gravity: frame.known_point(self.centre_of_gravity),
+            inertia_reference: self.inertia_reference.in_frame(frame),
+            inertia_cg: self.inertia_cg.in_frame(frame),
+            bounds: Vec::new(),
+            ..self.clone()
+        }
+    }
+}
+
 /// Reads eq (1) backwards: kg and m.
 fn mass_and_centre(matrix: &Matrix6<f64>, plane: bool) -> (f64, Vector3<f64>) {
     let mass = matrix[(0, 0)];
@@ -144,6 +161,10 @@ impl InertiaTruth {
             xz,
             yz,
         }
+    }
+
+    fn in_frame(&self, frame: &Frame) -> Self {
+        Self::from_terms(frame.known_inertia(self.terms()))
     }
 
     fn of(matrix: &Matrix6<f64>, plane: bool) -> Self {

@@ -142,6 +142,20 @@ impl Bench {
         Self { folder }
     }
 
+    /// The satellite shaken for ten seconds in six axes: a test that tells all ten numbers.
+    pub fn satellite() -> Self {
+        let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/satellite.toml");
+        let options = Options {
+            noise: Some(0.01),
+            duration: Some(10.0),
+            ..Options::default()
+        };
+        let simulation = simulate(&Model::read(&model).unwrap(), &options, &mut |_| ()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        by_hand(&simulation.write(folder.path()).unwrap());
+        Self { folder }
+    }
+
     pub fn path(&self) -> &Path {
         self.folder.path()
     }

@@ -359,6 +359,6 @@ fn test(
         .map_err(text);
     let found = test.identify(client, false).map_err(text);
     measured?;
-    let document = found?.document("fuzz", None);
+    let document = found?.document("fuzz", None, None);
     Ok(format!("{document:?}"))
 }

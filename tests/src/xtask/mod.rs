@@ -37,6 +37,7 @@ pub mod panics;
 pub mod plan;
 pub mod process;
 pub mod qemu;
+mod readers;
 pub mod report;
 pub mod steps;
 pub mod toolchain;

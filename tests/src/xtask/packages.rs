@@ -148,14 +148,18 @@ fn launcher(path: &Path, program: &str, libraries: &[String]) -> Result<(), Step
     process::run(Command::new("chmod").arg("755").arg(path)).map(drop)
 }
 
-/// The folder for unpacked packages, in the target folder that this program was built into.
+/// The folder for unpacked packages.
 fn place() -> Option<PathBuf> {
+    Some(target()?.join("debian"))
+}
+
+/// The target folder that this program was built into.
+pub fn target() -> Option<PathBuf> {
     let program = env::current_exe().ok()?;
     // Cargo marks its target folder so; the depth of a program in it depends on cargo's options.
-    let target = program
-        .ancestors()
-        .find(|folder| folder.join("CACHEDIR.TAG").is_file())?;
-    Some(target.join("debian"))
+    let mut folders = program.ancestors();
+    let target = folders.find(|folder| folder.join("CACHEDIR.TAG").is_file())?;
+    Some(target.to_owned())
 }
 
 /// Waits until no other command unpacks into this folder. The lock is released when the file is

@@ -20,6 +20,7 @@ use super::licences::{self, Allowed};
 use super::panics;
 use super::process::{self, StepError};
 use super::qemu;
+use super::readers;
 use super::report::Ending;
 use super::toolchain::{self, CLIPPY, RUSTFMT, Tool, Toolchain};
 
@@ -109,6 +110,14 @@ pub const STEPS: &[Step] = &[
         needs: &[],
         remedy: "read the assertion above; `cargo test --release NAME` runs one test alone",
         run: host_tests,
+    },
+    Step {
+        name: "readers",
+        about: "programs of others agree with what is read and written, where Python's packages can be had",
+        needs: &[],
+        remedy: "read the line above: which program differs, and by how much; \
+                 tests/fixtures/readers/check.py has the check",
+        run: independent_readers,
     },
     Step {
         name: "checked",
@@ -321,6 +330,17 @@ fn lints(context: &mut Context) -> Result<Ending, StepError> {
 fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
     let mut test = context.cargo(&context.host(), "test --release --no-fail-fast");
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
+}
+
+fn independent_readers(context: &mut Context) -> Result<Ending, StepError> {
+    let arguments = "build --release -p massline --message-format=json-render-diagnostics";
+    let messages = process::answer(&mut context.cargo(&context.host(), arguments))?;
+    let program = executable(&messages).ok_or(StepError::Missing {
+        what: "the command massline",
+        tried: messages,
+        remedy: "report it: cargo's messages are not what they used to be",
+    })?;
+    readers::check(context.root(), &program)
 }
 
 fn checked(context: &mut Context) -> Result<Ending, StepError> {

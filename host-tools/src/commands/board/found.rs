@@ -64,7 +64,7 @@ impl Asked {
         let result = ResultDocument {
             warnings: warnings(&found),
             device: Some(DeviceEntry::from(test.device())),
-            ..found.document(&setup.title, why)
+            ..found.document(&setup.title, why, setup.frame.as_ref())
         };
         if self.json {
             print_json(&result)?;

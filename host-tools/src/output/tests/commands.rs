@@ -77,6 +77,36 @@ fn an_exported_result() {
 }
 
 #[test]
+fn results_exported_beside_the_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "6", "1").unwrap();
+    let identify = [
+        "identify",
+        "HERE/setup.toml",
+        "--quiet",
+        "--json",
+        "--force",
+    ];
+    let export = [
+        "--export",
+        "HERE/ten.csv",
+        "--export",
+        "covariance=HERE/c.csv",
+    ];
+    for name in ["ten.csv", "c.csv"] {
+        std::fs::write(folder.join(name), "by hand\n").unwrap();
+    }
+    at_steps(
+        folder,
+        &["ten.csv", "c.csv"],
+        every,
+        || run(folder, &[&identify[..], &export].concat()),
+        |_| (),
+    );
+}
+
+#[test]
 fn a_first_setup_and_its_sketch() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
