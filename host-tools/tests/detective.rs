@@ -162,6 +162,56 @@ fn a_load_cell_that_reads_five_percent_too_much() {
     assert!((factor - 1.05).abs() < 0.005, "{factor}");
 }
 
+/// Writes the readings of one channel in all recordings anew.
+fn each_reading(setup: &Setup, channel: &str, mut change: impl FnMut(f64) -> f64) {
+    for run in &setup.runs {
+        let file = setup.recording_path(run);
+        let text = std::fs::read_to_string(&file).unwrap();
+        let header = text.lines().find(|line| line.contains(channel)).unwrap();
+        let column = header.split(',').position(|name| name == channel).unwrap();
+        let mut kept = String::with_capacity(text.len());
+        for line in text.lines() {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if let Some(Ok(reading)) = cells.get(column).map(|cell| cell.parse()) {
+                cells[column] = format!("{:e}", change(reading));
+            }
+            kept.push_str(&cells.join(","));
+            kept.push('\n');
+        }
+        std::fs::write(&file, kept).unwrap();
+    }
+}
+
+/// A channel whose unit is none that the set-up knows of: the lines have the unit, not a number.
+#[test]
+fn a_channel_in_another_unit() {
+    let mut setup = setup();
+    setup.load_cells[2].scale = 0.001;
+    let (_, text, repair) = named(&setup);
+    assert_eq!(text, "`cell1.z` reads 1000 times too little");
+    assert_eq!(repair[2..], ["scale = 1"]);
+    // As the recording would be if it were in kN, in g and in mm/s².
+    for (channel, factor, unit) in [
+        ("cell1.z", 0.001, "kN"),
+        ("antenna.x", 1.0 / 9.806_65, "g"),
+        ("antenna.x", 1000.0, "mm/s²"),
+    ] {
+        let folder = recorded("models/satellite.toml");
+        let path = folder.path().join("setup.toml");
+        bench::by_hand(&path);
+        let setup = Setup::read(&path).unwrap();
+        each_reading(&setup, channel, |x| factor * x);
+        let (_, text, repair) = named(&setup);
+        assert!(text.ends_with(&format!(": it is in {unit}")), "{text}");
+        assert_eq!(repair[1], format!("channel = \"{channel}\""));
+        assert!(
+            repair[2].starts_with(&format!("unit = \"{unit}\"")),
+            "{repair:?}"
+        );
+        assert_eq!(repair.len(), 3, "{repair:?}");
+    }
+}
+
 /// A cable that is not plugged in: noise of the order of the sensor's own, and nothing else.
 #[test]
 fn a_channel_without_a_signal() {
@@ -170,33 +220,10 @@ fn a_channel_without_a_signal() {
     bench::by_hand(&path);
     let setup = Setup::read(&path).unwrap();
     let mut seed = 1_u32;
-    let mut noise = || {
+    each_reading(&setup, "base2.y", |_| {
         seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        format!(
-            "{:.6}",
-            (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5) * 0.01
-        )
-    };
-    for run in &setup.runs {
-        let file = setup.recording_path(run);
-        let text = std::fs::read_to_string(&file).unwrap();
-        let header = text.lines().find(|line| line.contains("base2.y")).unwrap();
-        let column = header
-            .split(',')
-            .position(|name| name == "base2.y")
-            .unwrap();
-        let mut kept = String::with_capacity(text.len());
-        for line in text.lines() {
-            let mut cells: Vec<&str> = line.split(',').collect();
-            let drawn = noise();
-            if cells.len() > column && cells[column].parse::<f64>().is_ok() {
-                cells[column] = &drawn;
-            }
-            kept.push_str(&cells.join(","));
-            kept.push('\n');
-        }
-        std::fs::write(&file, kept).unwrap();
-    }
+        (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5) * 0.01
+    });
     assert_eq!(named(&setup).1, "`base2.y` has no signal");
 }
 
@@ -222,9 +249,9 @@ fn faults_of_all_sensors() {
     reference.reference_point = [300.0, 200.0, 100.0];
     let cases = [
         (reversed, "have the other sign"),
-        (millimetres, "positions are in millimetres"),
+        (millimetres, "`length_unit = \"mm\"` at the top"),
         (in_g, "are the accelerometers in g?"),
-        (weighed, "the accelerometers are in g: `scale = 9.80665`"),
+        (weighed, "the accelerometers are in g: multiply the `scale`"),
         (reference, "`reference_point` is 3"),
     ];
     for (setup, words) in cases {

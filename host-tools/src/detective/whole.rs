@@ -8,7 +8,7 @@ use super::hypothesis::FACTORS;
 use super::model::Sensor;
 use super::search::Found;
 use crate::format::plain;
-use crate::setup::Setup;
+use crate::setup::{AccelerometerEntry, Measured, Setup};
 
 /// Density over the cube that the sensors span, kg/m³, below which positions are not in metres.
 const LIGHTEST: f64 = 0.01;
@@ -73,9 +73,9 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
         let factor = FACTORS.iter().find(|f| (ratio / **f - 1.0).abs() < NEAR);
         if let Some(factor) = factor {
             let unit = if (factor - 9.806_65).abs() < 0.1 {
-                "the accelerometers are in g: `scale = 9.80665`"
+                format!("the accelerometers are in g: {}", in_g(setup))
             } else {
-                "a unit of all load cells or of all accelerometers is wrong"
+                "a unit of all load cells or of all accelerometers is wrong".to_owned()
             };
             all.push(format!(
                 "the mass is {} times the weighed one: {unit}",
@@ -90,18 +90,32 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
     let density = mass / volume;
     if density < LIGHTEST {
         all.push(format!(
-            "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³",
+            "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³. Write `length_unit = \"mm\"` at the top of the setup",
             plain(mass, 4),
             plain(density, 2)
         ));
     } else if density > DENSE {
         all.push(format!(
-            "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, give them `scale = 9.80665`; `known_mass` would decide it",
+            "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, {}; `known_mass` would decide it",
             plain(mass, 4),
-            plain(density, 2)
+            plain(density, 2),
+            in_g(setup)
         ));
     }
     all
+}
+
+/// The remedy where all accelerations are in g.
+fn in_g(setup: &Setup) -> String {
+    let g = |a: &AccelerometerEntry| {
+        let total = a.scale * 9.806_65;
+        a.units.plainest(Measured::Acceleration, total) == Some("g")
+    };
+    if setup.accelerometers.iter().all(g) {
+        "write `unit = \"g\"` into every [[accelerometer]]".to_owned()
+    } else {
+        "multiply the `scale` of every [[accelerometer]] by 9.80665".to_owned()
+    }
 }
 
 /// Volume of the cube whose half side is the sensors' median distance from their middle, m³: a single
