@@ -260,6 +260,6 @@ fn faults_of_all_sensors() {
         let [one] = findings.whole.as_slice() else {
             panic!("{words}: {findings:?}");
         };
-        assert!(one.contains(words), "{one}");
+        assert!(one.text.contains(words), "{one:?}");
     }
 }

@@ -94,7 +94,7 @@ fn evidence(findings: &Findings) -> String {
 /// What `identify` says of findings, a note each.
 pub(super) fn notes(findings: &Findings) -> Vec<String> {
     let mut notes: Vec<String> = findings.suspects.iter().map(sentence).collect();
-    notes.extend(findings.whole.iter().cloned());
+    notes.extend(findings.whole.iter().map(|w| w.text.clone()));
     if !findings.suspects.is_empty() || findings.more_is_wrong() {
         notes.push(format!(
             "{}; `massline check` prints the lines that mend the setup",
@@ -128,7 +128,7 @@ fn lines(findings: &Findings) -> Vec<String> {
         }
         lines.push(String::new());
     }
-    lines.extend(findings.whole.iter().cloned());
+    lines.extend(findings.whole.iter().map(|w| w.text.clone()));
     if !findings.suspects.is_empty() || findings.more_is_wrong() {
         lines.push(evidence(findings));
     }
@@ -145,11 +145,12 @@ fn document(findings: &Findings) -> serde_json::Value {
         serde_json::json!({ "explanations": explanations })
     };
     let suspects: Vec<serde_json::Value> = findings.suspects.iter().map(suspect).collect();
+    let whole: Vec<&str> = findings.whole.iter().map(|w| w.text.as_str()).collect();
     serde_json::json!({
         "schema": "massline/check/1",
         "clean": findings.clean(),
         "suspects": suspects,
-        "whole": findings.whole,
+        "whole": whole,
         "contradiction": findings.contradiction,
         "repaired": findings.repaired,
         "freedom": findings.freedom,

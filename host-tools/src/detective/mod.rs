@@ -39,6 +39,7 @@ mod whole;
 mod wording;
 
 pub use hypothesis::{Fault, Mistake};
+pub use whole::{Whole, WholeFault};
 
 use crate::measure::{Channels, Measurement};
 use crate::setup::Setup;
@@ -87,8 +88,8 @@ pub struct Suspect {
 pub struct Findings {
     /// Faults, the plainest first; none if nothing contradicts the set-up.
     pub suspects: Vec<Suspect>,
-    /// Faults of all sensors together, and questions, in words.
-    pub whole: Vec<String>,
+    /// Faults of all sensors together, and questions.
+    pub whole: Vec<Whole>,
     /// Contradiction of the set-up as it is: a sum of squares over its degrees of freedom, about one
     /// or less if sensors differ by no more than 0.5 %, 0.5° and 1 mm.
     pub contradiction: f64,

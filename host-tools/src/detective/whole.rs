@@ -23,9 +23,54 @@ const OUTLYING: f64 = 50.0;
 /// Agreement of a ratio of masses with a usual factor.
 const NEAR: f64 = 0.05;
 
-/// Faults of the whole set-up and questions, in words.
-pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
-    let mut all = Vec::new();
+/// Kind of a fault that many sensors share, or of a question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WholeFault {
+    /// The reference point lies far away.
+    ReferencePoint,
+    /// Single positions lie far away.
+    Outlying,
+    /// All load cells or all accelerometers have the other sign.
+    Reversed,
+    /// All accelerations are in g, since the mass is known.
+    InG,
+    /// All load cells or all accelerations are in another unit.
+    Unit,
+    /// All positions are in millimetres.
+    Millimetres,
+    /// The question if all accelerations are in g.
+    PerhapsInG,
+}
+
+impl WholeFault {
+    /// The kind as one word of the documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ReferencePoint => "reference-point",
+            Self::Outlying => "outlying",
+            Self::Reversed => "all-reversed",
+            Self::InG => "all-in-g",
+            Self::Unit => "unit-of-all",
+            Self::Millimetres => "all-in-mm",
+            Self::PerhapsInG => "perhaps-all-in-g",
+        }
+    }
+}
+
+/// A fault that many sensors share, or a question.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Whole {
+    /// Its kind.
+    pub fault: WholeFault,
+    /// The evidence and the remedy in words.
+    pub text: String,
+}
+
+/// Faults of the whole set-up and questions.
+pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<Whole> {
+    let mut all: Vec<Whole> = Vec::new();
+    let mut say = |fault, text| all.push(Whole { fault, text });
     let reference = Vector3::from(setup.reference_point);
     let nearest = found
         .sensors
@@ -38,11 +83,14 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
         .map(|s| (s.position - found.sensors[0].position).norm())
         .fold(0.0, f64::max);
     if farthest > 0.0 && nearest > FAR * farthest {
-        all.push(format!(
-            "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
-            plain(nearest, 3),
-            plain(nearest / farthest, 2)
-        ));
+        say(
+            WholeFault::ReferencePoint,
+            format!(
+                "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
+                plain(nearest, 3),
+                plain(nearest / farthest, 2)
+            ),
+        );
     }
     let (middle, spread) = (middle(&found.sensors), spread(&found.sensors));
     let away: Vec<String> = found
@@ -52,35 +100,46 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
         .map(|s| format!("`{}`", s.channel))
         .collect();
     if !away.is_empty() {
-        all.push(format!(
-            "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
-            away.join(", ")
-        ));
+        say(
+            WholeFault::Outlying,
+            format!(
+                "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
+                away.join(", ")
+            ),
+        );
     }
     let Some(body) = found.after.body else {
         return all;
     };
     let mass = body[0];
     if mass < 0.0 {
-        all.push(format!(
-            "all load cells, or all accelerometers, have the other sign: the mass is {} kg. Turn the `direction` of all load cells if they measure the force that the structure exerts on the table",
-            plain(mass, 4)
-        ));
+        say(
+            WholeFault::Reversed,
+            format!(
+                "all load cells, or all accelerometers, have the other sign: the mass is {} kg. Turn the `direction` of all load cells if they measure the force that the structure exerts on the table",
+                plain(mass, 4)
+            ),
+        );
         return all;
     }
     if let Some(known) = setup.known_mass {
         let ratio = mass / known;
         let factor = FACTORS.iter().find(|f| (ratio / **f - 1.0).abs() < NEAR);
         if let Some(factor) = factor {
-            let unit = if (factor - 9.806_65).abs() < 0.1 {
-                format!("the accelerometers are in g: {}", in_g(setup))
+            let (fault, unit) = if (factor - 9.806_65).abs() < 0.1 {
+                let unit = format!("the accelerometers are in g: {}", in_g(setup));
+                (WholeFault::InG, unit)
             } else {
-                "a unit of all load cells or of all accelerometers is wrong".to_owned()
+                let unit = "a unit of all load cells or of all accelerometers is wrong";
+                (WholeFault::Unit, unit.to_owned())
             };
-            all.push(format!(
-                "the mass is {} times the weighed one: {unit}",
-                plain(ratio, 4)
-            ));
+            say(
+                fault,
+                format!(
+                    "the mass is {} times the weighed one: {unit}",
+                    plain(ratio, 4)
+                ),
+            );
         }
         return all;
     }
@@ -89,18 +148,24 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
     };
     let density = mass / volume;
     if density < LIGHTEST {
-        all.push(format!(
-            "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³. Write `length_unit = \"mm\"` at the top of the setup",
-            plain(mass, 4),
-            plain(density, 2)
-        ));
+        say(
+            WholeFault::Millimetres,
+            format!(
+                "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³. Write `length_unit = \"mm\"` at the top of the setup",
+                plain(mass, 4),
+                plain(density, 2)
+            ),
+        );
     } else if density > DENSE {
-        all.push(format!(
-            "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, {}; `known_mass` would decide it",
-            plain(mass, 4),
-            plain(density, 2),
-            in_g(setup)
-        ));
+        say(
+            WholeFault::PerhapsInG,
+            format!(
+                "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, {}; `known_mass` would decide it",
+                plain(mass, 4),
+                plain(density, 2),
+                in_g(setup)
+            ),
+        );
     }
     all
 }

@@ -22,7 +22,7 @@ mod units;
 
 pub use crate::setup::WINDOW;
 pub(crate) use change::Change;
-pub(crate) use channels::{Added, Channels, channels};
+pub(crate) use channels::{Added, Channels, channels, channels_of_samples};
 pub use error::MeasureError;
 pub(crate) use geometry::channel_names;
 pub use geometry::{Accelerations, RunGeometry};
