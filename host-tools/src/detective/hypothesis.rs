@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::model::{Kind, Sensor};
+use super::model::{Kind, Sensor, level};
 use super::state::State;
-use super::table::{Row, UNKNOWN};
+use super::table::UNKNOWN;
 use massline_core::geometry::Quantity;
 
 /// One fault of a set-up. Channels are numbered as the sensors: accelerometers, then load cells.
@@ -162,9 +162,16 @@ fn cube() -> Vec<Matrix3<f64>> {
 }
 
 /// All hypotheses without free parameters.
-pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis> {
-    let live: Vec<usize> = (0..sensors.len()).filter(|&i| rows[i].is_some()).collect();
-    let places = places(sensors, &|i| rows[i].is_some());
+/// A channel that is `quiet` has no signal that a factor or a sign could be told from.
+pub(super) fn fixed(state: &State, quiet: &[usize]) -> Vec<Hypothesis> {
+    let sensors = &state.sensors;
+    let live = state.live();
+    let loud: Vec<usize> = live
+        .iter()
+        .copied()
+        .filter(|i| !quiet.contains(i))
+        .collect();
+    let places = places(sensors, &|i| state.is_live(i));
     let mut all = Vec::new();
     let mut class = |faults: Vec<Fault>| {
         let class = faults.len();
@@ -175,12 +182,12 @@ pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis>
         }));
     };
     class(
-        live.iter()
+        loud.iter()
             .map(|&channel| Fault::Inverted { channel })
             .collect(),
     );
     class(
-        live.iter()
+        loud.iter()
             .flat_map(|&channel| FACTORS.map(|factor| Fault::Factor { channel, factor }))
             .collect(),
     );
@@ -272,56 +279,69 @@ fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
 impl Fault {
     /// Changes sensors and rows to what they would be without the fault.
     pub(super) fn repair(&self, state: &mut State) {
-        let State { sensors, rows, .. } = state;
-        let mut scale = |channel: usize, factor: f64| {
-            if let Some(row) = &mut rows[channel] {
+        let scale = |state: &mut State, channel: usize, factor: f64| {
+            for row in state.rows_mut(channel) {
                 row.k *= factor;
                 row.noise *= factor * factor;
             }
         };
         match self {
-            Self::Inverted { channel } => scale(*channel, -1.0),
+            Self::Inverted { channel } => scale(state, *channel, -1.0),
             Self::Factor { channel, factor } | Self::Gain { channel, factor } => {
-                scale(*channel, 1.0 / factor);
+                scale(state, *channel, 1.0 / factor);
             }
             Self::Swapped { channels } => state.swap(*channels),
             Self::PlacesExchanged { places: [a, b] } => {
+                let sensors = &mut state.sensors;
                 let (here, there) = (sensors[a[0]].position, sensors[b[0]].position);
                 a.iter().for_each(|&i| sensors[i].position = there);
                 b.iter().for_each(|&i| sensors[i].position = here);
             }
             Self::Turned { place, rotation } => {
                 for &i in place {
-                    sensors[i].direction = rotation * sensors[i].direction;
+                    state.sensors[i].direction = rotation * state.sensors[i].direction;
                 }
             }
             Self::Position {
                 place, position, ..
-            } => place.iter().for_each(|&i| sensors[i].position = *position),
+            } => place
+                .iter()
+                .for_each(|&i| state.sensors[i].position = *position),
             Self::CrossTalk {
                 channel,
                 from,
                 share,
             } => {
-                let Some(other) = rows[*from].clone() else {
-                    return;
-                };
-                if let Some(row) = &mut rows[*channel] {
-                    row.k.axpy(-share, &other.k, 1.0);
-                    row.noise += other.noise * (share * share);
+                for mounting in &mut state.mountings {
+                    let Some(other) = mounting.rows[*from].clone() else {
+                        continue;
+                    };
+                    if let Some(row) = &mut mounting.rows[*channel] {
+                        row.k.axpy(-share, &other.k, 1.0);
+                        row.noise += other.noise * (share * share);
+                    }
                 }
             }
             Self::Dead { channel } | Self::Unlisted { channel } => {
-                if sensors[*channel].kind.is_cell() {
+                if state.sensors[*channel].kind.is_cell() {
                     // Its load is unknown: the equations that need it have no weight.
-                    if let Some(row) = &mut rows[*channel] {
-                        let level = row.k.norm_squared().max(f64::MIN_POSITIVE);
-                        for j in 0..row.k.len() {
-                            row.noise[(j, j)] += UNKNOWN * level;
+                    let levels: Vec<f64> = state
+                        .mountings
+                        .iter()
+                        .map(|m| level(&state.sensors, &m.rows, true))
+                        .collect();
+                    for (mounting, level) in state.mountings.iter_mut().zip(levels) {
+                        if let Some(row) = &mut mounting.rows[*channel] {
+                            let level = level.max(row.k.norm_squared()).max(f64::MIN_POSITIVE);
+                            for j in 0..row.k.len() {
+                                row.noise[(j, j)] += UNKNOWN * level;
+                            }
                         }
                     }
                 } else {
-                    rows[*channel] = None;
+                    for mounting in &mut state.mountings {
+                        mounting.rows[*channel] = None;
+                    }
                 }
             }
             // Delays are taken out before the rows are made.

@@ -109,7 +109,8 @@ impl Findings {
     /// `true` if nothing was found.
     #[must_use]
     pub fn clean(&self) -> bool {
-        self.suspects.is_empty() && self.whole.is_empty() && !self.more_is_wrong()
+        let questions = |w: &Whole| w.fault == WholeFault::NoUnit;
+        self.suspects.is_empty() && self.whole.iter().all(questions) && !self.more_is_wrong()
     }
 }
 
@@ -140,7 +141,7 @@ pub(crate) fn examine(
         .collect();
     Ok(Findings {
         suspects,
-        whole: whole::judge(setup, &found),
+        whole: whole::judge(setup, &found, measurement.units_in_recordings),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),
         freedom: found.before.freedom,

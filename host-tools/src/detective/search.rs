@@ -72,14 +72,14 @@ fn mended(
     state: &State,
     fault: &Fault,
     tolerance: f64,
-    motion: &Motion,
+    motion: &[Motion],
 ) -> Option<Score> {
     let other = without(state, fault);
     let cells = |channel: &usize| state.sensors[*channel].kind.is_cell();
     if fault.channels().iter().all(cells) {
-        bench.score_moved(&other.sensors, &other.rows, tolerance, motion)
+        bench.score_moved(&other, tolerance, motion)
     } else {
-        bench.score(&other.sensors, &other.rows, tolerance)
+        bench.score(&other, tolerance)
     }
 }
 
@@ -88,17 +88,22 @@ fn judged(
     state: &State,
     hypothesis: &Hypothesis,
     tolerance: f64,
-    (motion, freedom): (&Motion, f64),
+    (motion, freedom): (&[Motion], f64),
 ) -> Option<Candidate> {
     let left = mended(bench, state, &hypothesis.fault, tolerance, motion)?;
     // A sensor that would tell a motion of which no other knows explains everything.
     let frees = left.freedom < freedom;
-    if frees && !matches!(hypothesis.fault, Fault::Unlisted { .. }) {
+    if frees
+        && !matches!(
+            hypothesis.fault,
+            Fault::Unlisted { .. } | Fault::Dead { .. }
+        )
+    {
         return None;
     }
     Some(Candidate {
         fault: hypothesis.fault.clone(),
-        score: left.chi2 + penalty(hypothesis, state, bench.motions),
+        score: left.chi2 + penalty(hypothesis, state, bench.motions()),
         left,
         free: hypothesis.free,
     })
@@ -133,14 +138,26 @@ fn lowest(f: &dyn Fn(f64) -> Option<f64>, start: f64, step: f64) -> Option<f64> 
 }
 
 /// Hypotheses with free numbers, each at its best.
-fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<Hypothesis> {
+fn fitted(
+    bench: &Bench,
+    state: &State,
+    quiet: &[usize],
+    tolerance: f64,
+    motion: &[Motion],
+) -> Vec<Hypothesis> {
     let chi2 = |fault: &Fault| Some(mended(bench, state, fault, tolerance, motion)?.chi2);
-    let live: Vec<usize> = (0..state.sensors.len())
-        .filter(|&i| state.rows[i].is_some())
-        .collect();
+    let live = state.live();
     let mut all = Vec::new();
     let class = live.len();
     for &channel in &live {
+        if quiet.contains(&channel) {
+            all.push(Hypothesis {
+                fault: Fault::Dead { channel },
+                free: 0,
+                class,
+            });
+            continue;
+        }
         let of = |x: f64| Fault::Gain {
             channel,
             factor: x.exp(),
@@ -156,11 +173,11 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<
         }
         all.push(Hypothesis {
             fault: Fault::Unlisted { channel },
-            free: bench.motions,
+            free: bench.motions(),
             class,
         });
     }
-    let places = places(&state.sensors, &|i| state.rows[i].is_some());
+    let places = places(&state.sensors, &|i| state.is_live(i));
     for place in &places {
         let here = state.sensors[place[0]].position;
         let of = |shift: Vector3<f64>| Fault::Position {
@@ -194,7 +211,9 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<
     let mut cross = Vec::new();
     for &channel in &live {
         for &from in &live {
-            if channel == from || state.sensors[channel].kind != state.sensors[from].kind {
+            let silent = [channel, from].iter().any(|c| quiet.contains(c));
+            if silent || channel == from || state.sensors[channel].kind != state.sensors[from].kind
+            {
                 continue;
             }
             let of = |share: f64| Fault::CrossTalk {
@@ -230,8 +249,8 @@ fn ranked(
     hypotheses: &[Hypothesis],
     tolerance: f64,
 ) -> Vec<Candidate> {
-    let motion = bench.motion(&state.sensors, &state.rows, tolerance);
-    let base = bench.score(&state.sensors, &state.rows, tolerance);
+    let motion = bench.motion(state, tolerance);
+    let base = bench.score(state, tolerance);
     let (Some(motion), Some(base)) = (motion, base) else {
         return Vec::new();
     };
@@ -254,11 +273,11 @@ fn generalises(wide: &Candidate, narrow: &Candidate) -> bool {
 }
 
 /// One fault with those that explain the data as well; `None` if none does.
-fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
-    let base = bench.score(&state.sensors, &state.rows, 1.0)?;
-    let mut hypotheses = fixed(&state.sensors, &state.rows);
-    let motion = bench.motion(&state.sensors, &state.rows, 1.0)?;
-    hypotheses.extend(fitted(bench, state, 1.0, &motion));
+fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidate>, Score)> {
+    let base = bench.score(state, 1.0)?;
+    let mut hypotheses = fixed(state, quiet);
+    let motion = bench.motion(state, 1.0)?;
+    hypotheses.extend(fitted(bench, state, quiet, 1.0, &motion));
     let first = ranked(bench, state, &hypotheses, 1.0);
     let best = first.first()?;
     let ratio = best.left.ratio().min(base.ratio());
@@ -280,7 +299,7 @@ fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
         })
         .collect();
     let second = ranked(bench, state, &again, tolerance);
-    let base = bench.score(&state.sensors, &state.rows, tolerance)?;
+    let base = bench.score(state, tolerance)?;
     let best = second.first()?.clone();
     if base.chi2 - best.score <= GAIN_OF[0] + GAIN_OF[1] * square {
         return None;
@@ -293,27 +312,32 @@ fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
     let mut all = vec![best.clone()];
     all.extend(ties);
     let left = without(state, &best.fault);
-    let after = bench.score(&left.sensors, &left.rows, 1.0)?;
+    let after = bench.score(&left, 1.0)?;
     Some((all, after))
 }
 
 /// The rows anew, with the readings of these channels exchanged.
-pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<State>;
+pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<(State, Bench)>;
 
 /// Names faults one after the other, as long as each explains what the others do not. `rows` gives
 /// the rows anew for channels that were exchanged.
-pub(super) fn search(bench: &Bench, state: &State, rows: Anew<'_>) -> Option<Found> {
-    let before = bench.score(&state.sensors, &state.rows, 1.0)?;
+pub(super) fn search(
+    mut bench: Bench,
+    mut state: State,
+    quiet: &[usize],
+    rows: Anew<'_>,
+) -> Option<Found> {
+    let before = bench.score(&state, 1.0)?;
     let mut found = Found {
         named: Vec::new(),
         before: before.clone(),
         after: before,
         sensors: Vec::new(),
     };
-    let mut state = state.clone();
+    let mut quiet = quiet.to_vec();
     let (mut exchanged, mut repaired) = (Vec::new(), Vec::new());
     for _ in 0..MOST {
-        let Some((candidates, after)) = single(bench, &state) else {
+        let Some((candidates, after)) = single(&bench, &state, &quiet) else {
             break;
         };
         let best = candidates[0].fault.clone();
@@ -327,15 +351,20 @@ pub(super) fn search(bench: &Bench, state: &State, rows: Anew<'_>) -> Option<Fou
         found.named.push(candidates);
         found.after = after;
         if let Fault::Swapped { channels } = best {
+            for channel in &mut quiet {
+                if let Some(at) = channels.iter().position(|c| c == channel) {
+                    *channel = channels[1 - at];
+                }
+            }
             // The other channel was part of the motion, or not.
             exchanged.push(channels);
-            let Some(mut anew) = rows(&exchanged, &state) else {
+            let Some((mut anew, other)) = rows(&exchanged, &state) else {
                 break;
             };
             repaired
                 .iter()
                 .for_each(|fault: &Fault| fault.repair(&mut anew));
-            state = anew;
+            (state, bench) = (anew, other);
         } else {
             best.repair(&mut state);
             repaired.push(best);

@@ -8,7 +8,7 @@ use super::hypothesis::FACTORS;
 use super::model::Sensor;
 use super::search::Found;
 use crate::format::plain;
-use crate::setup::{AccelerometerEntry, Measured, Setup};
+use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
 
 /// Density over the cube that the sensors span, kg/m³, below which positions are not in metres.
 const LIGHTEST: f64 = 0.01;
@@ -38,8 +38,10 @@ pub enum WholeFault {
     Unit,
     /// All positions are in millimetres.
     Millimetres,
-    /// The question if all accelerations are in g.
+    /// The question if all accelerations are in g, since the body would be dense.
     PerhapsInG,
+    /// The same question where nothing states a unit.
+    NoUnit,
 }
 
 impl WholeFault {
@@ -54,6 +56,7 @@ impl WholeFault {
             Self::Unit => "unit-of-all",
             Self::Millimetres => "all-in-mm",
             Self::PerhapsInG => "perhaps-all-in-g",
+            Self::NoUnit => "no-unit",
         }
     }
 }
@@ -63,14 +66,22 @@ impl WholeFault {
 pub struct Whole {
     /// Its kind.
     pub fault: WholeFault,
+    /// The channels, where it is not all of them.
+    pub channels: Vec<usize>,
     /// The evidence and the remedy in words.
     pub text: String,
 }
 
 /// Faults of the whole set-up and questions.
-pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<Whole> {
+pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> Vec<Whole> {
     let mut all: Vec<Whole> = Vec::new();
-    let mut say = |fault, text| all.push(Whole { fault, text });
+    let mut say = |fault, text| {
+        all.push(Whole {
+            fault,
+            channels: Vec::new(),
+            text,
+        })
+    };
     let reference = Vector3::from(setup.reference_point);
     let nearest = found
         .sensors
@@ -93,11 +104,11 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<Whole> {
         );
     }
     let (middle, spread) = (middle(&found.sensors), spread(&found.sensors));
-    let away: Vec<String> = found
-        .sensors
+    let far = |i: &usize| (found.sensors[*i].position - middle).norm() > OUTLYING * spread;
+    let channels: Vec<usize> = (0..found.sensors.len()).filter(far).collect();
+    let away: Vec<String> = channels
         .iter()
-        .filter(|s| (s.position - middle).norm() > OUTLYING * spread)
-        .map(|s| format!("`{}`", s.channel))
+        .map(|&i| format!("`{}`", found.sensors[i].channel))
         .collect();
     if !away.is_empty() {
         say(
@@ -108,6 +119,16 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<Whole> {
             ),
         );
     }
+    if let Some(outlying) = all.last_mut().filter(|w| w.fault == WholeFault::Outlying) {
+        outlying.channels = channels;
+    }
+    let mut say = |fault, text| {
+        all.push(Whole {
+            fault,
+            channels: Vec::new(),
+            text,
+        })
+    };
     let Some(body) = found.after.body else {
         return all;
     };
@@ -156,7 +177,7 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<Whole> {
                 plain(density, 2)
             ),
         );
-    } else if density > DENSE {
+    } else if setup.known_mass.is_none() && density > DENSE {
         say(
             WholeFault::PerhapsInG,
             format!(
@@ -166,8 +187,26 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<Whole> {
                 in_g(setup)
             ),
         );
+    } else if setup.known_mass.is_none()
+        && !units_in_recordings
+        && setup.accelerometers.iter().all(states_nothing)
+    {
+        say(
+            WholeFault::NoUnit,
+            format!(
+                "no unit of the accelerations is stated, so that they are taken to be in m/s² and the mass is {} kg; if they are in g it is {} kg, and {}",
+                plain(mass, 4),
+                plain(mass / 9.806_65, 4),
+                in_g(setup)
+            ),
+        );
     }
     all
+}
+
+/// `true` if the set-up does not say what unit the readings of a sensor are in.
+fn states_nothing(a: &AccelerometerEntry) -> bool {
+    a.units == Units::default() && (a.scale.abs() - 1.0).abs() < NEAR
 }
 
 /// The remedy where all accelerations are in g.

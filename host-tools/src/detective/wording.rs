@@ -202,33 +202,21 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
         Fault::Turned { place, rotation } => {
             for &channel in place {
                 let direction = rotation * evidence.sensors[channel].direction;
-                add(
-                    channel,
-                    "direction",
-                    vector(&evidence.turned_back(channel, direction)),
-                );
+                add(channel, "direction", vector(&direction));
             }
         }
         Fault::Position {
             place, position, ..
         } => {
             for &channel in place {
-                add(
-                    channel,
-                    "position",
-                    metres(&evidence.moved_back(channel, *position)),
-                );
+                add(channel, "position", metres(position));
             }
         }
         Fault::PlacesExchanged { places: [a, b] } => {
             for (here, there) in [(a, b), (b, a)] {
                 let position = evidence.sensors[there[0]].position;
                 for &channel in here {
-                    add(
-                        channel,
-                        "position",
-                        metres(&evidence.moved_back(channel, position)),
-                    );
+                    add(channel, "position", metres(&position));
                 }
             }
         }

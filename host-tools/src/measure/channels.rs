@@ -212,15 +212,21 @@ impl Channels {
         }
     }
 
-    /// Mean coherence of each channel with the drive of run `index` over these lines; one without
+    /// Mean coherence of each channel with the drive of run `index` over these lines; `None` without
     /// a drive.
-    pub(crate) fn coherence(&self, index: usize, lines: std::ops::Range<usize>) -> Vec<f64> {
+    pub(crate) fn coherence(
+        &self,
+        index: usize,
+        lines: std::ops::Range<usize>,
+    ) -> Option<Vec<f64>> {
         match &self.runs[index] {
-            OfRun::Drive { coherence, .. } => coherence
-                .row_iter()
-                .map(|row| row.columns(lines.start, lines.len()).mean())
-                .collect(),
-            OfRun::Cross(products) => vec![1.0; products.first().map_or(0, DMatrix::nrows)],
+            OfRun::Drive { coherence, .. } => Some(
+                coherence
+                    .row_iter()
+                    .map(|row| row.columns(lines.start, lines.len()).mean())
+                    .collect(),
+            ),
+            OfRun::Cross(_) => None,
         }
     }
 

@@ -83,6 +83,8 @@ pub struct Measurement {
     pub hop: f64,
     /// Source of the noise of each run: random ones, stepped sines, static ones.
     pub noise: Vec<RunNoise>,
+    /// `true` if a recording states the unit of an accelerometer or load cell.
+    pub units_in_recordings: bool,
     /// Warnings to the user.
     pub warnings: Vec<String>,
 }
@@ -98,6 +100,7 @@ impl Default for Measurement {
             band: LineRange::all(0),
             hop: 0.5,
             noise: Vec::new(),
+            units_in_recordings: false,
             warnings: Vec::new(),
         }
     }
@@ -177,6 +180,7 @@ pub fn measure_first(
         }
         report(1.0);
     }
+    measurement.units_in_recordings = noticed.states_units();
     measurement.warnings = noticed.warnings;
     if let Some(settings) = settings {
         measurement.grid = Some(settings.grid());

@@ -40,6 +40,12 @@ impl Noticed {
     ) -> Result<(), MeasureError> {
         self.units.add(setup, run, recording, &mut self.warnings)
     }
+
+    /// `true` if a recording states the unit of a sensor.
+    pub(super) fn states_units(&self) -> bool {
+        let mut sources = self.units.0.values().flatten();
+        sources.any(|(unit, _)| unit.is_some())
+    }
 }
 
 impl UnitsOfRuns {

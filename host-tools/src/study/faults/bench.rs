@@ -4,7 +4,8 @@ use crate::setup::Setup;
 use crate::simulate::{Model, Shaking};
 use crate::study::chance::Chance;
 use crate::study::coverage::{CaseError, elastic_structure, fork, remounted, satellite};
-use crate::study::trial::{Trial, TrialError};
+use crate::study::trial::{Conditions, Trial, TrialError};
+use nalgebra::Vector3;
 
 /// A kind of set-up.
 pub(super) struct Bench {
@@ -64,9 +65,9 @@ impl Bench {
         }
         let level = chance.by_ratio(1e-3, 3e-2);
         let share = chance.between(0.0, 1.0);
-        let conditions = crate::study::trial::Conditions {
+        let conditions = Conditions {
             weighed: chance.happens(0.3),
-            ..Default::default()
+            ..Conditions::default()
         };
         Ok(Trial::new(model, seed, &conditions).map(|mut trial| {
             differ(&mut trial.setup, chance, share);
@@ -75,16 +76,22 @@ impl Bench {
     }
 }
 
-/// Lets the set-up differ from the sensors, by so much of the usual differences.
+/// Lets the set-up differ from the sensors, by so much of the usual differences. Channels at one place
+/// are one sensor, which sits elsewhere as a whole.
 fn differ(setup: &mut Setup, chance: &mut Chance, share: f64) {
     let [gain, turn, shift] = DIFFERENCES.map(|d| d * share);
+    let mut places: Vec<([f64; 3], Vector3<f64>)> = Vec::new();
     let mut one = |scale: &mut f64, direction: &mut [f64; 3], position: &mut [f64; 3]| {
         *scale *= 1.0 + gain * chance.normal();
-        let turned = nalgebra::Vector3::from(*direction).map(|x| x + turn * chance.normal());
+        let turned = Vector3::from(*direction).map(|x| x + turn * chance.normal());
         *direction = turned.normalize().into();
-        position
-            .iter_mut()
-            .for_each(|x| *x += shift * chance.normal());
+        let known = places.iter().find(|(place, _)| place == position);
+        let moved = known.map_or_else(
+            || Vector3::from(*position).map(|x| x + shift * chance.normal()),
+            |(_, moved)| *moved,
+        );
+        places.push((*position, moved));
+        *position = moved.into();
     };
     for a in &mut setup.accelerometers {
         one(&mut a.scale, &mut a.direction, &mut a.position);

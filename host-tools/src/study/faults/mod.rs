@@ -107,7 +107,7 @@ pub enum Outcome {
     Named,
     /// All faults are named, one of them among others that explain the data as well.
     Tied,
-    /// A fault of all sensors is told by the body's size, density or mass.
+    /// A fault is told by size: of the body, its density, its mass, or of a position; or it is asked for.
     BySize,
     /// Of two faults one is named, and nothing else.
     Half,
@@ -117,7 +117,7 @@ pub enum Outcome {
     Unnamed,
     /// Nothing is said.
     Silent,
-    /// Something is named that is right.
+    /// Something is named that is not wrong.
     Wrong,
 }
 
@@ -252,7 +252,7 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
             .map(|fault| fault.text(&trial.setup))
             .collect(),
         trace,
-        outcome: spoil::outcome(&spoilt, found.as_ref()),
+        outcome: spoil::outcome(&clean.setup, &spoilt, found.as_ref()),
         said: found.as_ref().map_or_else(Vec::new, spoil::said),
     })
 }

@@ -116,20 +116,16 @@ fn position_of(setup: &mut Setup, channel: usize) -> (&mut [f64; 3], &mut [f64; 
     }
 }
 
-/// The channels of one sensor: those whose names differ in what follows the last point only.
+/// The channels of one sensor: those of one kind at one place.
 fn places(setup: &Setup) -> Vec<Vec<usize>> {
     let all = channels(setup);
     let mut places: Vec<Vec<usize>> = Vec::new();
-    let stem = |c: usize| name(setup, c).rsplit_once('.').map_or("", |(stem, _)| stem);
     for c in 0..all.len() {
         let here = |place: &&mut Vec<usize>| {
-            let first = place[0];
-            // Sensors differ a little from what the set-up says.
-            let near = (all[first].position - all[c].position).norm() < 0.02;
-            all[first].cell == all[c].cell
-                && all[first].structure == all[c].structure
-                && stem(first) == stem(c)
-                && near
+            let first = &all[place[0]];
+            first.cell == all[c].cell
+                && first.structure == all[c].structure
+                && first.position == all[c].position
         };
         match places.iter_mut().find(here) {
             Some(place) => place.push(c),
@@ -307,51 +303,136 @@ impl Spoilt {
         }
     }
 
-    /// Kind of agreement of an explanation with this fault.
-    fn is(&self, found: &Fault) -> bool {
-        let same = |a: &[usize], b: &[usize]| {
-            let sorted = |list: &[usize]| {
-                let mut list = list.to_vec();
-                list.sort_unstable();
-                list
-            };
-            sorted(a) == sorted(b)
+    /// `true` if the repair of an explanation takes this fault away and changes nothing else.
+    fn is(&self, setup: &Setup, found: &Fault) -> bool {
+        let clean = states(setup);
+        let mut state = clean.clone();
+        self.change(&mut state);
+        mend(&mut state, found);
+        let places = places(setup);
+        let alone = |c: usize| places.iter().any(|place| place.as_slice() == [c]);
+        let off = match self {
+            Self::Position(_, [written, truth]) => (written - truth).norm(),
+            _ => 0.0,
         };
-        match (self, found) {
-            (Self::Inverted(c), Fault::Inverted { channel })
-            | (Self::Dead(c), Fault::Dead { channel }) => c == channel,
-            (Self::Swapped(a), Fault::Swapped { channels }) => same(a, channels),
-            (
-                Self::Factor(c, x),
-                Fault::Factor { channel, factor } | Fault::Gain { channel, factor },
-            ) => c == channel && (factor / x - 1.0).abs() < 0.04,
-            (Self::Turned(a, turn), Fault::Turned { place, rotation }) => {
-                same(a, place) && (turn - rotation).norm() < 1e-6
+        state
+            .iter()
+            .zip(&clean)
+            .enumerate()
+            .all(|(c, (found, truth))| {
+                let mut shift = found.position - truth.position;
+                let axis = truth.axis.normalize();
+                if alone(c) {
+                    // Nothing tells where along its axis a single sensor sits.
+                    shift -= axis * axis.dot(&shift);
+                }
+                // A position that is found is good to a tenth of what it was off by, or two centimetres.
+                (found.axis - truth.axis).norm() < 0.04 * truth.axis.norm()
+                    && shift.norm() < (0.1 * off.min(1.0)).max(0.02)
+                    && found.source == truth.source
+                    && (found.late - truth.late).abs() <= 0.5
+                    && found.dead == truth.dead
+            })
+    }
+
+    /// Puts the fault into the state of all channels.
+    fn change(&self, all: &mut [State]) {
+        match self {
+            Self::Inverted(c) => all[*c].axis *= -1.0,
+            Self::Factor(c, factor) => all[*c].axis *= *factor,
+            Self::Turned(place, turn) => {
+                place.iter().for_each(|&c| all[c].axis = turn * all[c].axis)
             }
-            (
-                Self::Position(a, [written, truth]),
-                Fault::Position {
-                    place, position, ..
-                },
-            ) => {
-                // The interval of a position is a tenth of what it was off by, or two centimetres.
-                let allowed = 0.02_f64.max(0.1 * (written - truth).norm().min(1.0));
-                same(a, place) && (position - truth).norm() < allowed
+            Self::Position(place, [written, truth]) => place
+                .iter()
+                .for_each(|&c| all[c].position += written - truth),
+            Self::Swapped([a, b]) => {
+                let source = all[*a].source;
+                all[*a].source = all[*b].source;
+                all[*b].source = source;
             }
-            (Self::Delayed(a, n), Fault::Delayed { channels, samples }) => {
-                same(a, channels) && (samples - *n as f64).abs() <= 0.5
+            Self::Delayed(late, samples) => {
+                late.iter().for_each(|&c| all[c].late += *samples as f64)
             }
-            _ => false,
+            Self::Dead(c) => all[*c].dead = true,
+            Self::Whole(_) => {}
         }
     }
 
     fn is_told_by(&self, whole: &[Whole]) -> bool {
         let told = |fault: WholeFault| whole.iter().any(|w| w.fault == fault);
         match self {
-            Self::Whole(WholeFault::InG) => told(WholeFault::InG) || told(WholeFault::PerhapsInG),
+            Self::Whole(WholeFault::InG) => {
+                told(WholeFault::InG) || told(WholeFault::PerhapsInG) || told(WholeFault::NoUnit)
+            }
             Self::Whole(fault) => told(*fault),
+            Self::Position(place, _) => whole
+                .iter()
+                .any(|w| w.fault == WholeFault::Outlying && w.channels == *place),
             _ => false,
         }
+    }
+}
+
+/// Properties of a channel that faults change and repairs mend.
+#[derive(Clone, Debug)]
+struct State {
+    /// Direction times scale.
+    axis: Vector3<f64>,
+    position: Vector3<f64>,
+    /// The channel whose readings it has.
+    source: usize,
+    late: f64,
+    dead: bool,
+}
+
+fn states(setup: &Setup) -> Vec<State> {
+    channels(setup)
+        .into_iter()
+        .enumerate()
+        .map(|(source, at)| State {
+            axis: at.direction,
+            position: at.position,
+            source,
+            late: 0.0,
+            dead: false,
+        })
+        .collect()
+}
+
+/// Mends what an explanation says is wrong.
+fn mend(all: &mut [State], fault: &Fault) {
+    match fault {
+        Fault::Inverted { channel } => all[*channel].axis *= -1.0,
+        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } => {
+            all[*channel].axis /= *factor;
+        }
+        Fault::Swapped { channels: [a, b] } => {
+            let source = all[*a].source;
+            all[*a].source = all[*b].source;
+            all[*b].source = source;
+        }
+        Fault::PlacesExchanged { places: [a, b] } => {
+            let (here, there) = (all[a[0]].position, all[b[0]].position);
+            a.iter().for_each(|&c| all[c].position = there);
+            b.iter().for_each(|&c| all[c].position = here);
+        }
+        Fault::Turned { place, rotation } => {
+            place
+                .iter()
+                .for_each(|&c| all[c].axis = rotation * all[c].axis);
+        }
+        Fault::Position {
+            place, position, ..
+        } => {
+            place.iter().for_each(|&c| all[c].position = *position);
+        }
+        Fault::Delayed { channels, samples } => {
+            channels.iter().for_each(|&c| all[c].late -= samples);
+        }
+        Fault::Dead { channel } => all[*channel].dead = !all[*channel].dead,
+        // Nothing is mended by these.
+        Fault::CrossTalk { channel, .. } | Fault::Unlisted { channel } => all[*channel].late = 1e9,
     }
 }
 
@@ -410,14 +491,19 @@ pub(super) fn said(found: &Findings) -> Vec<String> {
 }
 
 /// Findings compared with the faults that are there.
-pub(super) fn outcome(faults: &[Spoilt], found: Option<&Findings>) -> Outcome {
+pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>) -> Outcome {
     let Some(found) = found else {
         return Outcome::Silent;
     };
     let mut told = vec![false; faults.len()];
     let (mut tied, mut sensor, mut wrong) = (false, false, false);
     for suspect in &found.suspects {
-        let hit = |fault: &Spoilt| suspect.explanations.iter().any(|e| fault.is(&e.fault));
+        let hit = |fault: &Spoilt| {
+            suspect
+                .explanations
+                .iter()
+                .any(|e| fault.is(setup, &e.fault))
+        };
         if let Some(number) = faults.iter().position(hit) {
             told[number] = true;
             tied |= suspect.explanations.len() > 1;
@@ -432,7 +518,7 @@ pub(super) fn outcome(faults: &[Spoilt], found: Option<&Findings>) -> Outcome {
     }
     let mut by_size = false;
     for (fault, told) in faults.iter().zip(&mut told) {
-        if fault.is_told_by(&found.whole) {
+        if !*told && fault.is_told_by(&found.whole) {
             (*told, by_size) = (true, true);
         }
     }
@@ -441,7 +527,7 @@ pub(super) fn outcome(faults: &[Spoilt], found: Option<&Findings>) -> Outcome {
         let position = |f: &Spoilt| matches!(f, Spoilt::Position(..));
         let right = faults.iter().any(|f| f.is_told_by(std::slice::from_ref(w)));
         match w.fault {
-            WholeFault::PerhapsInG => false,
+            WholeFault::PerhapsInG | WholeFault::NoUnit => false,
             WholeFault::Outlying => !faults.iter().any(position),
             WholeFault::ReferencePoint => !faults
                 .iter()

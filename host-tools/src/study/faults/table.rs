@@ -61,7 +61,15 @@ impl Counts {
 }
 
 const HEADS: [&str; 9] = [
-    "set-ups", "named", "in a tie", "by size", "half", "sensor", "unnamed", "silent", "wrongly",
+    "set-ups",
+    "named",
+    "in a tie",
+    "size/asked",
+    "half",
+    "sensor",
+    "unnamed",
+    "silent",
+    "wrongly",
 ];
 
 /// A row of the table.
