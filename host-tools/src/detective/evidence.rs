@@ -3,6 +3,7 @@
 
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 
+use super::hypothesis::outlying;
 use super::model::{Bench, Kind, Mounting, Sensor, equations};
 use super::search::{Found, search};
 use super::state::{Rows, State};
@@ -15,6 +16,9 @@ use massline_core::geometry::Placement;
 /// A channel of which the drives, or without any the other channels, explain less than this is
 /// quiet.
 const QUIET: f64 = 0.3;
+
+/// Distance of a sensor from the middle over the median one, above which it is taken for a mistake.
+pub(super) const OUTLYING: f64 = 50.0;
 
 /// The runs in which the specimen is mounted in one way.
 pub(super) struct Mounted {
@@ -245,7 +249,7 @@ impl Evidence {
     /// The rows of all mountings in which something moves, and what does not change with a
     /// hypothesis.
     fn state(&self, sensors: &[Sensor], exchanged: &[[usize; 2]]) -> Option<(State, Bench)> {
-        let length = spread(&self.sensors);
+        let length = spread(sensors);
         let (mut all, mut mountings) = (Vec::new(), Vec::new());
         for mounted in &self.mountings {
             let Some((rows, motions)) = self.rows(mounted, sensors, exchanged) else {
@@ -261,7 +265,7 @@ impl Evidence {
         };
         let bench = Bench {
             mountings,
-            equations: equations(&self.sensors, length),
+            equations: equations(sensors, length),
             length,
         };
         (!bench.mountings.is_empty()).then_some((state, bench))
@@ -272,11 +276,24 @@ impl Evidence {
     /// # Errors
     /// [`Undecided`].
     pub(super) fn search(&self) -> Result<Found, Undecided> {
-        let (state, bench) = self
-            .state(&self.sensors, &[])
-            .ok_or(Undecided::NoInterface)?;
+        // Positions that are far away whatever moves are mended before anything is made of them.
+        let (centre, size) = (middle(&self.sensors), spread(&self.sensors));
+        let outlying = outlying(&self.sensors, &|p| (p - centre).norm() > OUTLYING * size);
+        let mut sensors = self.sensors.clone();
+        for fault in &outlying {
+            if let Fault::Position {
+                place, position, ..
+            } = fault
+            {
+                place.iter().for_each(|&i| sensors[i].position = *position);
+            }
+        }
+        let (state, bench) = self.state(&sensors, &[]).ok_or(Undecided::NoInterface)?;
         let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
         let mut found = search(bench, state, &self.quiet, &anew).ok_or(Undecided::NoMotion)?;
+        for fault in outlying {
+            found.named.insert(0, vec![found.certain(fault)]);
+        }
         for (channels, samples) in &self.delays {
             let fault = Fault::Delayed {
                 channels: channels.clone(),

@@ -213,19 +213,49 @@ pub(super) fn fixed(state: &State, quiet: &[usize]) -> Vec<Hypothesis> {
     }
     class(exchanges);
     let cube = cube();
+    // Turned about the sensor's own axes.
+    let own = |place: &[usize]| {
+        let x = sensors[place[0]].direction;
+        let y = sensors[place[1]].direction;
+        let z = x.cross(&y).normalize();
+        Matrix3::from_columns(&[x, z.cross(&x), z])
+    };
     class(
         places
             .iter()
             .filter(|place| place.len() > 1)
             .flat_map(|place| {
-                cube.iter().map(|&rotation| Fault::Turned {
+                let axes = own(place);
+                cube.iter().map(move |turn| Fault::Turned {
                     place: place.clone(),
-                    rotation,
+                    rotation: axes * turn * axes.transpose(),
                 })
             })
             .collect(),
     );
     class(positions(sensors, &places));
+    all
+}
+
+/// Positions in millimetres or inches that lie so far away that size alone tells it, with the
+/// positions that they would be.
+pub(super) fn outlying(sensors: &[Sensor], is_far: &dyn Fn(&Vector3<f64>) -> bool) -> Vec<Fault> {
+    let places = places(sensors, &|_| true);
+    let far = |place: &&Vec<usize>| is_far(&sensors[place[0]].position);
+    let mut all = Vec::new();
+    for place in places.iter().filter(far) {
+        let written = sensors[place[0]].position;
+        for (unit, mistake) in [(0.001, Mistake::Millimetres), (0.0254, Mistake::Inches)] {
+            if !is_far(&(written * unit)) {
+                all.push(Fault::Position {
+                    place: place.clone(),
+                    position: written * unit,
+                    mistake,
+                });
+                break;
+            }
+        }
+    }
     all
 }
 

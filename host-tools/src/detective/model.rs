@@ -62,6 +62,9 @@ const GAIN: f64 = 0.005;
 const DIRECTION: f64 = 0.0087;
 const POSITION: f64 = 0.001;
 
+/// Mean square that a channel should have, over that of a place, from which it has a signal.
+const SIGNAL: f64 = 0.03;
+
 /// Mean square at a place, over the upper quartile of all, below which it rests.
 const RESTING: f64 = 0.01;
 
@@ -70,6 +73,8 @@ const RESTING: f64 = 0.01;
 pub(super) struct Score {
     pub(super) chi2: f64,
     pub(super) freedom: f64,
+    /// Degrees of freedom of the accelerometers alone.
+    pub(super) of_motion: f64,
     /// Mass and first moments of the body that fits best, kg and kg m.
     pub(super) body: Option<[f64; 10]>,
 }
@@ -213,6 +218,34 @@ impl Bench {
         self.mountings.iter().map(|m| m.motions).sum()
     }
 
+    /// `true` if a channel should have a signal: an accelerometer by the motion, a load cell by most of
+    /// those that look the same way.
+    pub(super) fn expects(
+        &self,
+        state: &State,
+        motions: &[Motion],
+        channel: usize,
+        quiet: &[usize],
+    ) -> bool {
+        let sensor = &state.sensors[channel];
+        if sensor.kind.is_cell() {
+            let (mut loud, mut all) = (0.0, 0.0);
+            for (i, other) in state.sensors.iter().enumerate() {
+                if i != channel && other.kind == sensor.kind {
+                    let along = other.direction.dot(&sensor.direction).powi(2);
+                    all += along;
+                    loud += if quiet.contains(&i) { 0.0 } else { along };
+                }
+            }
+            return all > 1.0 && 2.0 * loud > all;
+        }
+        let mut posed = self.posed(state, 1.0).into_iter().zip(motions);
+        posed.any(|(posed, motion)| {
+            let row = posed.scaled(sensor).transpose() * &motion.rows;
+            row.norm_squared() > SIGNAL * posed.levels[0]
+        })
+    }
+
     fn posed<'a>(&'a self, state: &'a State, tolerance: f64) -> Vec<Posed<'a>> {
         let pose = |(mounting, rows): (&'a Mounting, &'a Rows)| Posed {
             bench: self,
@@ -251,9 +284,11 @@ impl Bench {
         tolerance: f64,
         motions: &[Motion],
     ) -> Option<Score> {
+        let of_motion = motions.iter().map(|m| m.freedom).sum();
         let mut score = Score {
             chi2: motions.iter().map(|m| m.chi2).sum(),
-            freedom: motions.iter().map(|m| m.freedom).sum(),
+            freedom: of_motion,
+            of_motion,
             body: None,
         };
         if let Some((chi2, freedom, body)) = self.forces(&self.posed(state, tolerance), motions) {

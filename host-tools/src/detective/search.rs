@@ -8,7 +8,7 @@ use super::state::State;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
 /// sharper limits.
-const TOLERANCES: [f64; 2] = [0.02, 1.0];
+const TOLERANCES: [f64; 2] = [0.1, 1.0];
 /// Hypotheses that are looked at again with the tolerance that fits.
 const SECOND: usize = 80;
 /// What a fault must explain at least, and that times the tolerance squared beside it.
@@ -92,7 +92,7 @@ fn judged(
 ) -> Option<Candidate> {
     let left = mended(bench, state, &hypothesis.fault, tolerance, motion)?;
     // A sensor that would tell a motion of which no other knows explains everything.
-    let frees = left.freedom < freedom;
+    let frees = left.of_motion < freedom;
     if frees
         && !matches!(
             hypothesis.fault,
@@ -101,9 +101,12 @@ fn judged(
     {
         return None;
     }
+    // A motion that no other sensor knows of is a free number of its own.
+    let count = (state.sensors.len() * bench.motions()) as f64;
+    let motions = if frees { 0.0 } else { left.of_motion - freedom };
     Some(Candidate {
         fault: hypothesis.fault.clone(),
-        score: left.chi2 + penalty(hypothesis, state, bench.motions()),
+        score: left.chi2 + penalty(hypothesis, state, bench.motions()) - motions * count.ln(),
         left,
         free: hypothesis.free,
     })
@@ -151,18 +154,34 @@ fn fitted(
     let class = live.len();
     for &channel in &live {
         if quiet.contains(&channel) {
-            all.push(Hypothesis {
-                fault: Fault::Dead { channel },
-                free: 0,
-                class,
-            });
+            if bench.expects(state, motion, channel, quiet) {
+                all.push(Hypothesis {
+                    fault: Fault::Dead { channel },
+                    free: 0,
+                    class,
+                });
+            }
             continue;
         }
         let of = |x: f64| Fault::Gain {
             channel,
             factor: x.exp(),
         };
-        if let Some(x) = lowest(&|x| chi2(&of(x)), 0.0, 0.05)
+        // What is left is nearly a square in the factor that mends it: three points tell it.
+        let square = |x: f64| {
+            chi2(&Fault::Gain {
+                channel,
+                factor: 1.0 / x,
+            })
+        };
+        let start = match [0.5, 1.0, 1.5].map(square) {
+            [Some(a), Some(b), Some(c)] if a + c > 2.0 * b => {
+                let x = 1.0 + 0.25 * (a - c) / (a + c - 2.0 * b);
+                -x.clamp(0.1, 10.0).ln()
+            }
+            _ => 0.0,
+        };
+        if let Some(x) = lowest(&|x| chi2(&of(x)), start, 0.05)
             && (x.exp() - 1.0).abs() > SMALLEST.0
         {
             all.push(Hypothesis {
@@ -256,7 +275,7 @@ fn ranked(
     };
     let mut all: Vec<Candidate> = hypotheses
         .iter()
-        .filter_map(|h| judged(bench, state, h, tolerance, (&motion, base.freedom)))
+        .filter_map(|h| judged(bench, state, h, tolerance, (&motion, base.of_motion)))
         .collect();
     all.sort_by(|a, b| a.score.total_cmp(&b.score));
     all

@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 
-use super::evidence::{middle, spread};
+use super::evidence::{OUTLYING, middle, spread};
 use super::hypothesis::FACTORS;
 use super::model::Sensor;
 use super::search::Found;
@@ -18,8 +18,6 @@ const DENSE: f64 = 1000.0;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
-/// Distance of a sensor from the middle over the median one, above which it is taken for a mistake.
-const OUTLYING: f64 = 50.0;
 /// Agreement of a ratio of masses with a usual factor.
 const NEAR: f64 = 0.05;
 
@@ -162,7 +160,6 @@ pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> 
                 ),
             );
         }
-        return all;
     }
     let Some(volume) = volume(&found.sensors) else {
         return all;

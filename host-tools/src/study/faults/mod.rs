@@ -243,7 +243,12 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
         fault.apply(&mut trial);
         spoilt.push(fault);
     }
-    let found: Option<Findings> = trial.examine(level).map_err(failed)?.ok();
+    let examined = trial.examine(level).map_err(failed)?;
+    let said = match &examined {
+        Ok(found) => spoil::said(found),
+        Err(why) => vec![why.to_string()],
+    };
+    let found: Option<Findings> = examined.ok();
     Ok(Drawn {
         case,
         seed,
@@ -253,6 +258,6 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
             .collect(),
         trace,
         outcome: spoil::outcome(&clean.setup, &spoilt, found.as_ref()),
-        said: found.as_ref().map_or_else(Vec::new, spoil::said),
+        said,
     })
 }
