@@ -227,6 +227,102 @@ fn a_channel_without_a_signal() {
     assert_eq!(named(&setup).1, "`base2.y` has no signal");
 }
 
+/// The specimen turns between the runs of a shaker that moves one axis: one body has to explain all of
+/// them, where each alone would be explained by another one.
+#[test]
+fn an_inverted_load_cell_on_a_shaker_with_one_axis() {
+    let folder = recorded("models/uniaxial-remounted.toml");
+    let mut setup = Setup::read(&folder.path().join("setup.toml")).unwrap();
+    let cell = setup.load_cells.iter_mut().find(|c| c.channel == "cell3.z");
+    cell.unwrap().scale = -1.0;
+    let findings = examine(&setup);
+    let explains = |s: &massline::detective::Suspect| {
+        s.explanations
+            .iter()
+            .any(|e| e.text == "`cell3.z` has the other sign")
+    };
+    let [suspect] = findings.suspects.as_slice() else {
+        panic!("{findings:?}");
+    };
+    assert!(explains(suspect), "{suspect:?}");
+}
+
+/// A motion that the table does not make tells nothing of the sensors that would show it, and the tool
+/// says so.
+#[test]
+fn what_the_runs_do_not_tell_is_said() {
+    let whole = examine(&setup());
+    assert!(whole.untold.is_empty(), "{:?}", whole.untold);
+    let folder = recorded("models/uniaxial-remounted.toml");
+    let findings = examine(&Setup::read(&folder.path().join("setup.toml")).unwrap());
+    let signs = &findings.untold[0];
+    assert!(signs.starts_with("the sign of"), "{signs}");
+    // The shaker moves along z, and sensors on the table along x and y rest.
+    assert!(
+        signs.contains("`base1.x`") && signs.contains("`base4.y`"),
+        "{signs}"
+    );
+    assert!(!signs.contains("`base1.z`"), "{signs}");
+}
+
+/// The result document and the report of `identify` say what the data contradict.
+#[test]
+fn findings_stand_in_the_document_and_in_the_report() {
+    let folder = recorded("models/satellite.toml");
+    let path = folder.path().join("setup.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let wrong = text.replacen(
+        "channel = \"base2.y\"\n",
+        "channel = \"base2.y\"\nscale = -1.0\n",
+        1,
+    );
+    assert_ne!(text, wrong);
+    std::fs::write(&path, wrong).unwrap();
+    let run = || {
+        bench::massline(
+            folder.path(),
+            [
+                "identify",
+                "setup.toml",
+                "--json",
+                "--report",
+                "report.html",
+            ],
+        )
+    };
+    let document: serde_json::Value = serde_json::from_str(&run().stdout).unwrap();
+    let findings = document["findings"].as_array().unwrap();
+    let [finding] = findings.as_slice() else {
+        panic!("{findings:?}");
+    };
+    assert_eq!(finding["fault"], "inverted");
+    assert_eq!(finding["sensors"], serde_json::json!(["base2.y"]));
+    assert_eq!(finding["text"], "`base2.y` has the other sign");
+    assert_eq!(finding["ties"], serde_json::json!([]));
+    let lines = ["[[accelerometer]]", "channel = \"base2.y\"", "scale = 1"];
+    assert_eq!(finding["repair"], serde_json::json!(lines));
+    let evidence = finding["evidence"].as_str().unwrap();
+    assert!(evidence.contains("after the repair"), "{evidence}");
+    let report = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    let at = |words: &str| report.find(words).unwrap_or_else(|| panic!("{words}"));
+    assert!(at("What contradicts the setup") < at("The ten numbers"));
+    assert!(
+        report.contains("<pre>[[accelerometer]]\nchannel = &quot;base2.y&quot;\nscale = 1</pre>")
+    );
+    // Read back and written again, nothing of it is lost.
+    std::fs::write(folder.path().join("result.json"), document.to_string()).unwrap();
+    let export = bench::massline(
+        folder.path(),
+        ["export", "result.json", "--to", "json", "--anyway"],
+    );
+    let again: serde_json::Value = serde_json::from_str(&export.stdout).unwrap();
+    assert_eq!(again["findings"], document["findings"]);
+    // A sound set-up has none.
+    std::fs::write(&path, text).unwrap();
+    let document: serde_json::Value = serde_json::from_str(&run().stdout).unwrap();
+    assert!(document.get("findings").is_none());
+}
+
 /// What all sensors share contradicts nothing, and is told by what no body is.
 #[test]
 fn faults_of_all_sensors() {

@@ -62,6 +62,13 @@ const GAIN: f64 = 0.005;
 const DIRECTION: f64 = 0.0087;
 const POSITION: f64 = 0.001;
 
+/// Share of the strongest direction, in power, from which a direction of motion or of load is told:
+/// sensors that are tilted by half a degree, or lie a hundredth of the length off, tell none.
+const SEEN: f64 = 1e-4;
+
+/// Share of the whole variance that any combination of resultants has at least.
+const FLOOR: f64 = 1e-9;
+
 /// Mean square that a channel should have, over that of a place, from which it has a signal.
 const SIGNAL: f64 = 0.03;
 
@@ -397,7 +404,8 @@ impl Balance {
         }
         let select = wide(&posed.bench.equations);
         let v = &select * v * select.transpose();
-        let v = (&v + v.transpose()) * 0.5;
+        let floor = FLOOR * v.trace() / v.nrows() as f64;
+        let v = (&v + v.transpose()) * 0.5 + DMatrix::identity(v.nrows(), v.nrows()) * floor;
         let l = v.cholesky()?.l();
         let design = l.solve_lower_triangular(&self.design)?;
         Some((design, l.solve_lower_triangular(&self.target)?))
@@ -451,7 +459,7 @@ impl Posed<'_> {
         }
         let eigen = gram.symmetric_eigen();
         let seen: Vec<usize> = (0..6)
-            .filter(|&i| eigen.eigenvalues[i] > 1e-6 * eigen.eigenvalues.max())
+            .filter(|&i| eigen.eigenvalues[i] > SEEN * eigen.eigenvalues.max())
             .collect();
         let seen = DMatrix::from_fn(6, seen.len(), |i, j| eigen.eigenvectors[(i, seen[j])]);
         let r = seen.ncols();
@@ -565,7 +573,7 @@ pub(super) fn equations(sensors: &[Sensor], length: f64) -> DMatrix<f64> {
     }
     let eigen = gram.symmetric_eigen();
     let rows: Vec<RowVector6<f64>> = (0..6)
-        .filter(|&i| eigen.eigenvalues[i] > 1e-6 * eigen.eigenvalues.max().max(f64::MIN_POSITIVE))
+        .filter(|&i| eigen.eigenvalues[i] > SEEN * eigen.eigenvalues.max().max(f64::MIN_POSITIVE))
         .map(|i| eigen.eigenvectors.column(i).transpose())
         .collect();
     DMatrix::from_fn(rows.len(), 6, |i, j| rows[i][j])

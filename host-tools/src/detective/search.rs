@@ -41,6 +41,55 @@ pub(super) struct Found {
     pub(super) after: Score,
     /// The sensors after the repairs.
     pub(super) sensors: Vec<Sensor>,
+    /// Faults that these runs would not show.
+    pub(super) untold: Untold,
+}
+
+/// Faults that would contradict nothing, since the runs do not move what would show them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Untold {
+    /// Channels whose sign nothing tells.
+    pub(super) signs: Vec<usize>,
+    /// Channels that nothing tells apart.
+    pub(super) pairs: Vec<[usize; 2]>,
+    /// Channels at a place, where a position that is off by a fifth of the distance between sensors,
+    /// along any axis, shows nowhere.
+    pub(super) places: Vec<Vec<usize>>,
+}
+
+impl Untold {
+    fn of(bench: &Bench, state: &State) -> Option<Self> {
+        let base = bench.score(state, 1.0)?;
+        let motion = bench.motion(state, 1.0)?;
+        let shows = |fault: &Fault| match mended(bench, state, fault, 1.0, &motion) {
+            Some(left) => left.chi2 > base.chi2 + GAIN_OF[0] + GAIN_OF[1],
+            None => true,
+        };
+        let live = state.live();
+        let mut untold = Self::default();
+        for (n, &a) in live.iter().enumerate() {
+            if !shows(&Fault::Inverted { channel: a }) {
+                untold.signs.push(a);
+            }
+            for &b in &live[n + 1..] {
+                let alike = state.sensors[a].kind.is_cell() == state.sensors[b].kind.is_cell();
+                if alike && !shows(&Fault::Swapped { channels: [a, b] }) {
+                    untold.pairs.push([a, b]);
+                }
+            }
+        }
+        for place in places(&state.sensors, &|i| state.is_live(i)) {
+            let moved = |axis: usize| Fault::Position {
+                place: place.clone(),
+                position: state.sensors[place[0]].position + Vector3::ith(axis, 0.2 * bench.length),
+                mistake: Mistake::Offset,
+            };
+            if !(0..3).any(|axis| shows(&moved(axis))) {
+                untold.places.push(place);
+            }
+        }
+        Some(untold)
+    }
 }
 
 impl Found {
@@ -154,7 +203,10 @@ fn fitted(
     let class = live.len();
     for &channel in &live {
         if quiet.contains(&channel) {
-            if bench.expects(state, motion, channel, quiet) {
+            let dead = without(state, &Fault::Dead { channel });
+            let others = bench.motion(&dead, tolerance);
+            let expected = others.is_some_and(|m| bench.expects(state, &m, channel, quiet));
+            if expected {
                 all.push(Hypothesis {
                     fault: Fault::Dead { channel },
                     free: 0,
@@ -352,6 +404,7 @@ pub(super) fn search(
         before: before.clone(),
         after: before,
         sensors: Vec::new(),
+        untold: Untold::default(),
     };
     let mut quiet = quiet.to_vec();
     let (mut exchanged, mut repaired) = (Vec::new(), Vec::new());
@@ -389,6 +442,7 @@ pub(super) fn search(
             repaired.push(best);
         }
     }
+    found.untold = Untold::of(&bench, &state).unwrap_or_default();
     found.sensors = state.sensors;
     Some(found)
 }

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::evidence::Evidence;
 use super::hypothesis::{Fault, Mistake};
 use super::model::Sensor;
+use super::search::Untold;
 use crate::format::plain;
 use crate::setup::{Measured, Setup, Units};
 
@@ -145,6 +146,46 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
             name(channel)
         ),
     }
+}
+
+/// Faults that the runs would not show, a sentence a kind.
+pub(super) fn untold(setup: &Setup, untold: &Untold) -> Vec<String> {
+    let mut all = Vec::new();
+    if !untold.signs.is_empty() {
+        all.push(format!("the sign of {}", names(setup, &untold.signs)));
+    }
+    // Channels of which none is told from any other are said once.
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for &[a, b] in &untold.pairs {
+        let joins = |group: &&mut Vec<usize>| {
+            let with = |c: usize| {
+                let told = |&other: &usize| {
+                    other == c
+                        || untold.pairs.contains(&[other, c])
+                        || untold.pairs.contains(&[c, other])
+                };
+                group.iter().all(told)
+            };
+            with(a) && with(b)
+        };
+        match groups.iter_mut().find(joins) {
+            Some(group) => {
+                for c in [a, b] {
+                    if !group.contains(&c) {
+                        group.push(c);
+                    }
+                }
+            }
+            None => groups.push(vec![a, b]),
+        }
+    }
+    for group in groups {
+        all.push(format!("which is which of {}", names(setup, &group)));
+    }
+    for place in &untold.places {
+        all.push(format!("the position of {}", names(setup, place)));
+    }
+    all
 }
 
 /// Lines by which a channel's readings count so many times as much: its unit, where it is one, else

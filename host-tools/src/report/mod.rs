@@ -6,6 +6,7 @@
 //!
 //! | file | section |
 //! | --- | --- |
+//! | `findings` | what the recordings contradict in the setup |
 //! | `verdict` | title, method, verdict, warnings |
 //! | `table` | the ten numbers with error bars |
 //! | `budget` | what of them comes from noise, what from stated errors of sensors |
@@ -22,6 +23,7 @@ mod base_spectra;
 mod budget;
 mod channels;
 mod coherence;
+mod findings;
 mod likelihood;
 mod lines;
 pub mod markup;
@@ -59,7 +61,8 @@ pub fn render(
     truth: Option<&TrueBody>,
 ) -> String {
     let ten = Section::new("ten", "The ten numbers", table::table(result, truth));
-    let mut sections = vec![ten];
+    let mut sections: Vec<Section> = findings::section(result).into_iter().collect();
+    sections.push(ten);
     sections.extend(budget::section(result));
     sections.extend(apparent_mass::section(answer, result));
     sections.extend(likelihood::section(result));
