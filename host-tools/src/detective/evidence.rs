@@ -290,7 +290,7 @@ impl Evidence {
         }
         let (state, bench) = self.state(&sensors, &[]).ok_or(Undecided::NoInterface)?;
         let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
-        let mut found = search(bench, state, &self.quiet, &anew).ok_or(Undecided::NoMotion)?;
+        let mut found = search(&bench, &state, &self.quiet, &anew).ok_or(Undecided::NoMotion)?;
         for fault in outlying {
             found.named.insert(0, vec![found.certain(fault)]);
         }

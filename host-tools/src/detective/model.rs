@@ -259,7 +259,8 @@ impl Bench {
             mounting,
             sensors: &state.sensors,
             rows: &rows.rows,
-            square: tolerance * tolerance,
+            // A sensor differs alike in all mountings: these do not average it out.
+            square: tolerance * tolerance * self.mountings.len() as f64,
             levels: [false, true].map(|cells| level(&state.sensors, &rows.rows, cells)),
         };
         self.mountings

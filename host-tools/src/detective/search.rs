@@ -390,15 +390,64 @@ fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidat
 /// The rows anew, with the readings of these channels exchanged.
 pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<(State, Bench)>;
 
-/// Names faults one after the other, as long as each explains what the others do not. `rows` gives
-/// the rows anew for channels that were exchanged.
+/// A set-up with the faults that were found mended.
+struct Mended {
+    bench: Bench,
+    state: State,
+    quiet: Vec<usize>,
+}
+
+/// The set-up as it was found, and the way to mend it.
+struct Given<'a> {
+    bench: &'a Bench,
+    state: &'a State,
+    quiet: &'a [usize],
+    rows: Anew<'a>,
+}
+
+impl Given<'_> {
+    /// The set-up without these faults.
+    fn without(&self, faults: &[Fault]) -> Option<Mended> {
+        let mut quiet = self.quiet.to_vec();
+        let mut exchanged = Vec::new();
+        for fault in faults {
+            if let Fault::Swapped { channels } = fault {
+                for channel in &mut quiet {
+                    if let Some(at) = channels.iter().position(|c| c == channel) {
+                        *channel = channels[1 - at];
+                    }
+                }
+                exchanged.push(*channels);
+            }
+        }
+        let (mut state, bench) = if exchanged.is_empty() {
+            (self.state.clone(), self.bench.clone())
+        } else {
+            // The other channel was part of the motion, or not.
+            (self.rows)(&exchanged, self.state)?
+        };
+        let others = |f: &&Fault| !matches!(f, Fault::Swapped { .. });
+        faults
+            .iter()
+            .filter(others)
+            .for_each(|f| f.repair(&mut state));
+        Some(Mended {
+            bench,
+            state,
+            quiet,
+        })
+    }
+}
+
+/// Names faults one after the other, as long as each explains what the others do not; with the last
+/// one mended, each is looked for once more. `rows` gives the rows anew for channels that were exchanged.
 pub(super) fn search(
-    mut bench: Bench,
-    mut state: State,
+    bench: &Bench,
+    state: &State,
     quiet: &[usize],
     rows: Anew<'_>,
 ) -> Option<Found> {
-    let before = bench.score(&state, 1.0)?;
+    let before = bench.score(state, 1.0)?;
     let mut found = Found {
         named: Vec::new(),
         before: before.clone(),
@@ -406,43 +455,59 @@ pub(super) fn search(
         sensors: Vec::new(),
         untold: Untold::default(),
     };
-    let mut quiet = quiet.to_vec();
-    let (mut exchanged, mut repaired) = (Vec::new(), Vec::new());
+    let given = Given {
+        bench,
+        state,
+        quiet,
+        rows,
+    };
+    let mut faults: Vec<Fault> = Vec::new();
+    let mut mended = given.without(&faults)?;
     for _ in 0..MOST {
-        let Some((candidates, after)) = single(&bench, &state, &quiet) else {
+        let Some((candidates, after)) = single(&mended.bench, &mended.state, &mended.quiet) else {
             break;
         };
         let best = candidates[0].fault.clone();
-        let known = |named: &Vec<Candidate>| {
-            let channels = named[0].fault.channels();
-            channels.iter().any(|c| best.channels().contains(c))
-        };
-        if found.named.iter().any(known) {
+        let again = best.channels();
+        if faults
+            .iter()
+            .any(|f| f.channels().iter().any(|c| again.contains(c)))
+        {
             break;
         }
+        faults.push(best);
+        let Some(next) = given.without(&faults) else {
+            faults.pop();
+            break;
+        };
         found.named.push(candidates);
-        found.after = after;
-        if let Fault::Swapped { channels } = best {
-            for channel in &mut quiet {
-                if let Some(at) = channels.iter().position(|c| c == channel) {
-                    *channel = channels[1 - at];
-                }
-            }
-            // The other channel was part of the motion, or not.
-            exchanged.push(channels);
-            let Some((mut anew, other)) = rows(&exchanged, &state) else {
-                break;
-            };
-            repaired
-                .iter()
-                .for_each(|fault: &Fault| fault.repair(&mut anew));
-            (state, bench) = (anew, other);
-        } else {
-            best.repair(&mut state);
-            repaired.push(best);
-        }
+        (found.after, mended) = (after, next);
     }
-    found.untold = Untold::of(&bench, &state).unwrap_or_default();
-    found.sensors = state.sensors;
+    for i in 0..faults.len() {
+        if faults.len() < 2 {
+            break;
+        }
+        // The first fault was named while the second one was still there.
+        let mut others = faults.clone();
+        others.remove(i);
+        let Some(other) = given.without(&others) else {
+            continue;
+        };
+        let Some((candidates, after)) = single(&other.bench, &other.state, &other.quiet) else {
+            continue;
+        };
+        let mut all = faults.clone();
+        all[i] = candidates[0].fault.clone();
+        if after.chi2 > found.after.chi2 + TIE {
+            continue;
+        }
+        let Some(next) = given.without(&all) else {
+            continue;
+        };
+        found.named[i] = candidates;
+        (found.after, faults, mended) = (after, all, next);
+    }
+    found.untold = Untold::of(&mended.bench, &mended.state).unwrap_or_default();
+    found.sensors = mended.state.sensors;
     Some(found)
 }

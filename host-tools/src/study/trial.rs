@@ -349,6 +349,16 @@ impl Trial {
         }
     }
 
+    /// Records the readings of a sensor in another unit.
+    pub(super) fn record_in(&mut self, sensor: usize, unit: f32) {
+        for run in &mut self.runs {
+            let readings = run.sensors[sensor].iter_mut();
+            readings
+                .chain(&mut run.noise[sensor])
+                .for_each(|x| *x /= unit);
+        }
+    }
+
     /// Takes the signal of a sensor away; its noise stays.
     pub(super) fn silence(&mut self, sensor: usize) {
         self.runs

@@ -204,8 +204,8 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64, &str)) -> Result<Fou
     })
 }
 
-/// Faults that are drawn for a set-up until one moves a number.
-const TRIES: usize = 40;
+/// Faults that are drawn of one kind until one moves a number, and kinds that are tried.
+const TRIES: [usize; 2] = [10, 12];
 
 fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
     let case = bench.name;
@@ -226,12 +226,23 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
     let mut trial = clean.clone();
     let mut spoilt: Vec<spoil::Spoilt> = Vec::new();
     let mut trace = f64::INFINITY;
-    for _ in 0..TRIES {
+    let mut kinds = Vec::new();
+    for _ in 0..TRIES[1] {
+        // A kind that moves nothing here makes way for another one.
+        let kind = KINDS[chance.whole(0, KINDS.len() - 1)];
+        kinds.extend([kind; TRIES[0]]);
+    }
+    let mut left_out = Vec::new();
+    for kind in kinds {
         if spoilt.len() == count {
             break;
         }
+        // Pairs are of single sensors.
+        if left_out.contains(&kind) || (count > 1 && kind.is_whole()) {
+            continue;
+        }
         let mut alone = clean.clone();
-        let Some(fault) = spoil::spoil(&mut alone, &mut chance, &spoilt) else {
+        let Some(fault) = spoil::spoil(&mut alone, kind, &mut chance, &spoilt) else {
             continue;
         };
         if !spoil::counts(&clean, &alone, level, &fault).map_err(failed)? {
@@ -242,6 +253,7 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
         }
         fault.apply(&mut trial);
         spoilt.push(fault);
+        left_out.push(kind);
     }
     let examined = trial.examine(level).map_err(failed)?;
     let said = match &examined {

@@ -37,6 +37,14 @@ pub enum Kind {
     Millimetres,
 }
 
+impl Kind {
+    /// `true` if all sensors of a kind share the fault.
+    #[must_use]
+    pub fn is_whole(self) -> bool {
+        matches!(self, Self::Reversed | Self::InG | Self::Millimetres)
+    }
+}
+
 /// All kinds.
 pub const KINDS: [Kind; 11] = [
     Kind::Inverted,
@@ -143,14 +151,19 @@ fn size(all: &[At]) -> f64 {
     far[far.len() / 2]
 }
 
-/// Draws a fault and puts it into a trial; `None` where this one does not exist, and where it has
-/// channels of those before it.
-pub(super) fn spoil(trial: &mut Trial, chance: &mut Chance, before: &[Spoilt]) -> Option<Spoilt> {
+/// Draws a fault of this kind and puts it into a trial; `None` where this one does not exist, and where
+/// it has channels of those before it.
+pub(super) fn spoil(
+    trial: &mut Trial,
+    kind: Kind,
+    chance: &mut Chance,
+    before: &[Spoilt],
+) -> Option<Spoilt> {
     let all = channels(&trial.setup);
     let places = places(&trial.setup);
     let any = |chance: &mut Chance| chance.whole(0, all.len() - 1);
     let a_place = |chance: &mut Chance| places[chance.whole(0, places.len() - 1)].clone();
-    let fault = match KINDS[chance.whole(0, KINDS.len() - 1)] {
+    let fault = match kind {
         Kind::Inverted => Spoilt::Inverted(any(chance)),
         Kind::Swapped => {
             let pair = [any(chance), any(chance)];
@@ -239,6 +252,11 @@ impl Spoilt {
             Self::Swapped([a, b]) => trial.exchange(*a, *b),
             Self::Dead(c) => trial.silence(*c),
             Self::Delayed(late, samples) => trial.delay(late, *samples),
+            Self::Whole(WholeFault::InG) => {
+                for c in 0..trial.setup.accelerometers.len() {
+                    trial.record_in(c, G as f32);
+                }
+            }
             _ => self.misstate(&mut trial.setup),
         }
     }
@@ -263,9 +281,6 @@ impl Spoilt {
             }
             Self::Whole(WholeFault::Reversed) => {
                 setup.load_cells.iter_mut().for_each(|c| c.scale *= -1.0);
-            }
-            Self::Whole(WholeFault::InG) => {
-                setup.accelerometers.iter_mut().for_each(|a| a.scale /= G);
             }
             Self::Whole(_) => {
                 let count = channels(setup).len();
