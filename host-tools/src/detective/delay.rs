@@ -54,7 +54,7 @@ impl Evidence {
     fn unexplained(&self, all: &[Vec<Line>]) -> Option<f64> {
         let mut sum = 0.0;
         for (mounted, lines) in self.mountings.iter().zip(all) {
-            let gauge = Gauge::of(lines, &self.moving(mounted, None))?;
+            let gauge = Gauge::of(lines, &self.moving(mounted))?;
             let regression = Regression::new(lines, &gauge, mounted.runs)?;
             for i in self.live() {
                 let fit = regression.fit(i, self.terms(i), 0.0)?;
@@ -71,7 +71,7 @@ impl Evidence {
         let loud: Vec<&Mounted> = self.mountings.iter().filter(loud).collect();
         let gauges: Vec<Gauge> = loud
             .iter()
-            .map(|m| Gauge::of(&m.lines, &self.moving(m, Some(channel))))
+            .map(|m| Gauge::of(&m.lines, &self.moving_but(m, channel)))
             .collect::<Option<_>>()?;
         let regressions: Vec<Regression<'_>> = loud
             .iter()

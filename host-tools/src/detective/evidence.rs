@@ -64,9 +64,29 @@ fn sensors(setup: &Setup) -> Vec<Sensor> {
     motion.chain(force).collect()
 }
 
-/// Share of each channel that the others explain, over all lines.
-fn coherence(lines: &[Line]) -> Vec<f64> {
+/// Parts of the band in which a late channel hardly turns its phase.
+const PARTS: usize = 6;
+
+/// Share of each channel that the others explain, mean over parts of the band. A line has so many
+/// equations.
+fn coherence(lines: &[Line], equations: usize) -> Vec<f64> {
     let n = lines.first().map_or(0, |line| line.products.nrows());
+    // Channels explain each other by chance where there are few equations.
+    let parts = (lines.len() * equations / (10 * n.max(1))).clamp(1, PARTS);
+    let length = lines.len().div_ceil(parts).max(1);
+    let mut mean = vec![0.0; n];
+    let chunks = lines.chunks(length);
+    let count = chunks.len() as f64;
+    for part in chunks {
+        for (mean, found) in mean.iter_mut().zip(coherence_of(part, n)) {
+            *mean += found / count;
+        }
+    }
+    mean
+}
+
+/// The same of the sum of some lines.
+fn coherence_of(lines: &[Line], n: usize) -> Vec<f64> {
     let mut sum = DMatrix::<Complex<f64>>::zeros(n, n);
     lines.iter().for_each(|line| sum += &line.products);
     let size: Vec<f64> = (0..n).map(|i| sum[(i, i)].re.max(0.0).sqrt()).collect();
@@ -156,7 +176,7 @@ impl Evidence {
                 }
             }
             if !driven {
-                best = coherence(&lines);
+                best = coherence(&lines, runs);
             }
             let silent = |i: usize| lines.iter().all(|line| line.products[(i, i)].re <= 0.0);
             let quiet = (0..n).filter(|&i| best[i] < QUIET || silent(i)).collect();
@@ -197,11 +217,23 @@ impl Evidence {
         .without_delays()
     }
 
-    /// The interface accelerometers that span the motion, but one.
-    pub(super) fn moving(&self, mounted: &Mounted, but: Option<usize>) -> Vec<usize> {
+    /// The interface accelerometers that span the motion.
+    pub(super) fn moving(&self, mounted: &Mounted) -> Vec<usize> {
         (0..self.sensors.len())
             .filter(|i| self.sensors[*i].kind == Kind::Interface)
-            .filter(|i| !mounted.quiet.contains(i) && Some(*i) != but)
+            .filter(|i| !mounted.quiet.contains(i))
+            .collect()
+    }
+
+    /// The accelerometers that span the motion without one of them, for which those on the structure
+    /// stand in.
+    pub(super) fn moving_but(&self, mounted: &Mounted, channel: usize) -> Vec<usize> {
+        if self.sensors[channel].kind != Kind::Interface {
+            return self.moving(mounted);
+        }
+        (0..self.sensors.len())
+            .filter(|&i| !self.sensors[i].kind.is_cell() && i != channel)
+            .filter(|i| !mounted.quiet.contains(i))
             .collect()
     }
 

@@ -143,6 +143,19 @@ pub(super) fn places(sensors: &[Sensor], live: &dyn Fn(usize) -> bool) -> Vec<Ve
     places
 }
 
+/// A place with the moments that are measured there.
+fn with_moments(sensors: &[Sensor], place: &[usize]) -> Vec<usize> {
+    let here = &sensors[place[0]];
+    let moment = |i: &usize| {
+        let s = &sensors[*i];
+        here.kind.is_cell()
+            && s.kind == Kind::Cell(Quantity::Moment)
+            && (s.position - here.position).norm() < 1e-6
+    };
+    let moments = (0..sensors.len()).filter(moment);
+    place.iter().copied().chain(moments).collect()
+}
+
 /// The 24 rotations of a cube but the identity.
 fn cube() -> Vec<Matrix3<f64>> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
@@ -226,8 +239,9 @@ pub(super) fn fixed(state: &State, quiet: &[usize]) -> Vec<Hypothesis> {
             .filter(|place| place.len() > 1)
             .flat_map(|place| {
                 let axes = own(place);
+                let whole = with_moments(sensors, place);
                 cube.iter().map(move |turn| Fault::Turned {
-                    place: place.clone(),
+                    place: whole.clone(),
                     rotation: axes * turn * axes.transpose(),
                 })
             })

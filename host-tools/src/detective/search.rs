@@ -13,6 +13,8 @@ const TOLERANCES: [f64; 2] = [0.1, 1.0];
 const SECOND: usize = 80;
 /// What a fault must explain at least, and that times the tolerance squared beside it.
 const GAIN_OF: [f64; 2] = [15.0, 25.0];
+/// What a fault must explain at the usual tolerance.
+const AT_LEAST: f64 = 6.0;
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
 /// Most faults that are named.
@@ -373,6 +375,17 @@ fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidat
     let base = bench.score(state, tolerance)?;
     let best = second.first()?.clone();
     if base.chi2 - best.score <= GAIN_OF[0] + GAIN_OF[1] * square {
+        return None;
+    }
+    // Sharp limits rest on how the sensors differ on average: at the usual ones it is to show as well.
+    let usual = without(state, &best.fault);
+    let usual = bench.score(&usual, 1.0)?;
+    let now = bench.score(state, 1.0)?;
+    if now.chi2 - usual.chi2 <= AT_LEAST {
+        return None;
+    }
+    // A fault without a name is one only where the set-up is contradicted as a whole.
+    if matches!(best.fault, Fault::Unlisted { .. }) && now.ratio() <= CONTRADICTS {
         return None;
     }
     let ties = second

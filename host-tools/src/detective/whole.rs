@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::evidence::{OUTLYING, middle, spread};
 use super::hypothesis::FACTORS;
 use super::model::Sensor;
-use super::search::Found;
+use super::search::{Candidate, Found};
 use crate::format::plain;
 use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
 
@@ -19,7 +19,7 @@ const DENSE: f64 = 1000.0;
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
 /// Agreement of a ratio of masses with a usual factor.
-const NEAR: f64 = 0.05;
+const NEAR: f64 = 0.03;
 
 /// Kind of a fault that many sensors share, or of a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,6 +130,13 @@ pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> 
     let Some(body) = found.after.body else {
         return all;
     };
+    // Where the data do not tell which load cell is wrong, they do not tell the mass.
+    let cell = |c: &usize| found.sensors[*c].kind.is_cell();
+    let vague =
+        |named: &Vec<Candidate>| named.len() > 1 && named[0].fault.channels().iter().any(cell);
+    if found.named.iter().any(vague) {
+        return all;
+    }
     let mass = body[0];
     if mass < 0.0 {
         say(
