@@ -121,7 +121,7 @@ fn lines(findings: &Findings) -> Vec<String> {
     lines
 }
 
-/// What these runs would not show.
+/// Properties that these runs do not tell, in words.
 fn untold(findings: &Findings) -> Option<String> {
     let all = findings.untold.join("; ");
     (!all.is_empty()).then(|| format!("these runs do not tell: {all}"))

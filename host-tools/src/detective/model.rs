@@ -92,7 +92,7 @@ impl Score {
     }
 }
 
-/// How the specimen is mounted in some runs, and how far these move.
+/// Mounting of the specimen in some runs, and the number of their motions.
 #[derive(Clone, Debug)]
 pub(super) struct Mounting {
     /// Independent motions of the interface.

@@ -11,9 +11,9 @@ use super::state::State;
 const TOLERANCES: [f64; 2] = [0.1, 1.0];
 /// Hypotheses that are looked at again with the tolerance that fits.
 const SECOND: usize = 80;
-/// What a fault must explain at least, and that times the tolerance squared beside it.
+/// Sum of squares that a fault must explain, and its part that goes with the square of the tolerance.
 const GAIN_OF: [f64; 2] = [15.0, 25.0];
-/// What a fault must explain at the usual tolerance.
+/// Sum of squares that a fault must explain at the usual tolerance.
 const AT_LEAST: f64 = 6.0;
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
@@ -33,7 +33,7 @@ pub(super) struct Candidate {
     pub(super) free: usize,
 }
 
-/// What the search has found.
+/// Result of the search.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     /// Named faults, each with those that explain the data as well.
@@ -117,7 +117,7 @@ fn without(state: &State, fault: &Fault) -> State {
     other
 }
 
-/// What is left without a fault. `motion` is that of the state, which load cells do not change.
+/// Score without a fault. `motion` is that of the state, which load cells do not change.
 fn mended(
     bench: &Bench,
     state: &State,

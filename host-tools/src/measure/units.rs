@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// A unit, or none, and the first file that has it.
 type Source = (Option<String>, PathBuf);
 
-/// What was noticed in the runs that were read so far.
+/// Notes on the runs that were read so far.
 #[derive(Debug, Default)]
 pub(super) struct Noticed {
     /// Warnings to the user.

@@ -258,7 +258,7 @@ pub struct ResultDocument {
     /// The maximum likelihood fit; absent where it was not asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub likelihood: Option<LikelihoodDocument>,
-    /// What the recordings contradict in the setup; absent where nothing was found.
+    /// Faults of the setup that the recordings contradict; absent where nothing was found.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub findings: Vec<FindingDocument>,
     /// Warnings to the user.
