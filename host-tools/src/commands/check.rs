@@ -3,7 +3,7 @@
 use super::progress::reading;
 use super::{Failure, print_json, print_line};
 use crate::commands::Verbosity;
-use crate::detective::{Findings, Suspect};
+use crate::detective::{Findings, Suspect, WholeFault};
 use crate::identification::{ExamineError, Session};
 use crate::setup::Setup;
 use std::path::PathBuf;
@@ -70,35 +70,18 @@ fn sentence(suspect: &Suspect) -> String {
     }
 }
 
-/// The evidence in words.
-fn evidence(findings: &Findings) -> String {
-    let times = |x: f64| crate::format::plain(x.sqrt(), 3);
-    if findings.suspects.is_empty() {
-        return format!(
-            "the sensors contradict each other by {} times what usual differences explain, and no single fault, nor a pair of them, mends it: more is wrong",
-            times(findings.contradiction)
-        );
-    }
-    format!(
-        "the sensors contradict each other by {} times what usual differences explain, {} times after the repair{}",
-        times(findings.contradiction),
-        times(findings.repaired),
-        if findings.more_is_wrong() {
-            ": more is wrong"
-        } else {
-            ""
-        }
-    )
-}
-
 /// What `identify` says of findings, a note each.
 pub(super) fn notes(findings: &Findings) -> Vec<String> {
     let mut notes: Vec<String> = findings.suspects.iter().map(sentence).collect();
-    notes.extend(findings.whole.iter().cloned());
+    let told = findings
+        .whole
+        .iter()
+        .filter(|w| w.fault != WholeFault::NoUnit);
+    notes.extend(told.map(|w| w.text.clone()));
     if !findings.suspects.is_empty() || findings.more_is_wrong() {
         notes.push(format!(
             "{}; `massline check` prints the lines that mend the setup",
-            evidence(findings)
+            findings.evidence()
         ));
     }
     notes
@@ -112,6 +95,8 @@ fn lines(findings: &Findings) -> Vec<String> {
             "the sensors agree with each other and with one rigid body, within {} times what usual differences explain",
             crate::format::plain(findings.contradiction.sqrt(), 2)
         ));
+        lines.extend(findings.whole.iter().map(|w| w.text.clone()));
+        lines.extend(untold(findings));
         return lines;
     }
     for suspect in &findings.suspects {
@@ -128,11 +113,18 @@ fn lines(findings: &Findings) -> Vec<String> {
         }
         lines.push(String::new());
     }
-    lines.extend(findings.whole.iter().cloned());
+    lines.extend(findings.whole.iter().map(|w| w.text.clone()));
     if !findings.suspects.is_empty() || findings.more_is_wrong() {
-        lines.push(evidence(findings));
+        lines.push(findings.evidence());
     }
+    lines.extend(untold(findings));
     lines
+}
+
+/// Properties that these runs do not tell, in words.
+fn untold(findings: &Findings) -> Option<String> {
+    let all = findings.untold.join("; ");
+    (!all.is_empty()).then(|| format!("these runs do not tell: {all}"))
 }
 
 fn document(findings: &Findings) -> serde_json::Value {
@@ -145,11 +137,13 @@ fn document(findings: &Findings) -> serde_json::Value {
         serde_json::json!({ "explanations": explanations })
     };
     let suspects: Vec<serde_json::Value> = findings.suspects.iter().map(suspect).collect();
+    let whole: Vec<&str> = findings.whole.iter().map(|w| w.text.as_str()).collect();
     serde_json::json!({
         "schema": "massline/check/1",
         "clean": findings.clean(),
         "suspects": suspects,
-        "whole": findings.whole,
+        "whole": whole,
+        "untold": findings.untold,
         "contradiction": findings.contradiction,
         "repaired": findings.repaired,
         "freedom": findings.freedom,

@@ -108,7 +108,10 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     check_outputs(arguments, &setup)?;
     let fitted = arguments.method == Some(Wanted::Likelihood);
     let (answer, findings) = with_progress(&setup, &choice, fitted, verbosity)?;
-    let result = ResultDocument::new(&setup, &answer);
+    let mut result = ResultDocument::new(&setup, &answer);
+    if let Some(found) = &findings {
+        result.findings = crate::result::findings(&setup, found);
+    }
     if let Some(path) = &arguments.report {
         let truth = truth.as_ref().map(true_body);
         let page = report::render(&setup, &answer, &result, truth.as_ref());

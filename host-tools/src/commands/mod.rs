@@ -104,6 +104,7 @@ failures! {
         crate::simulate::SimulationError
         crate::study::StudyError
         crate::study::coverage::CoverageError
+        crate::study::faults::FaultsError
         crate::study::likelihood::LikelihoodError
         crate::study::plans::PlansError;
     by code:

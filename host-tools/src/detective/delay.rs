@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, Mounted};
 use super::hypothesis::places;
 use super::model::Kind;
 use super::table::{Gauge, Line, Regression};
@@ -46,38 +46,45 @@ impl Evidence {
     }
 
     fn live(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.sensors.len()).filter(|i| !self.dead.contains(i))
+        (0..self.sensors.len()).filter(|i| !self.quiet.contains(i))
     }
 
-    /// Sum of the logarithms of the shares that the motion leaves of each channel.
-    fn unexplained(&self, lines: &[Line]) -> Option<f64> {
-        let gauge = Gauge::of(lines, &self.moving(None))?;
-        let regression = Regression::new(lines, &gauge, self.runs)?;
-        self.live()
-            .map(|i| {
-                Some(
-                    regression
-                        .fit(i, self.terms(i), 0.0)?
-                        .unexplained
-                        .max(1e-12)
-                        .ln(),
-                )
-            })
-            .sum()
+    /// Sum of the logarithms of the shares that the motion leaves of each channel, mean over the
+    /// mountings.
+    fn unexplained(&self, all: &[Vec<Line>]) -> Option<f64> {
+        let mut sum = 0.0;
+        for (mounted, lines) in self.mountings.iter().zip(all) {
+            let gauge = Gauge::of(lines, &self.moving(mounted))?;
+            let regression = Regression::new(lines, &gauge, mounted.runs)?;
+            for i in self.live() {
+                let fit = regression.fit(i, self.terms(i), 0.0)?;
+                sum += fit.unexplained.max(1e-12).ln();
+            }
+        }
+        Some(sum / self.mountings.len() as f64)
     }
 
     /// The delay of a channel against the others, as a phase at the highest line, where one of at
     /// least half a sample halves what they do not explain of it.
-    fn lateness(&self, lines: &[Line], channel: usize) -> Option<f64> {
-        let gauge = Gauge::of(lines, &self.moving(Some(channel)))?;
-        let regression = Regression::new(lines, &gauge, self.runs)?;
-        let left = |halves: i32| {
+    fn lateness(&self, channel: usize) -> Option<f64> {
+        let loud = |m: &&Mounted| !m.quiet.contains(&channel);
+        let loud: Vec<&Mounted> = self.mountings.iter().filter(loud).collect();
+        let gauges: Vec<Gauge> = loud
+            .iter()
+            .map(|m| Gauge::of(&m.lines, &self.moving_but(m, channel)))
+            .collect::<Option<_>>()?;
+        let regressions: Vec<Regression<'_>> = loud
+            .iter()
+            .zip(&gauges)
+            .map(|(m, gauge)| Regression::new(&m.lines, gauge, m.runs))
+            .collect::<Option<_>>()?;
+        let left = |halves: i32| -> Option<f64> {
             let phase = f64::from(halves) * 0.5 * self.sample;
-            Some(
-                regression
-                    .fit(channel, self.terms(channel), phase)?
-                    .unexplained,
-            )
+            let shares = regressions.iter();
+            let shares = shares
+                .map(|r| Some(r.fit(channel, self.terms(channel), phase)?.unexplained))
+                .collect::<Option<Vec<f64>>>()?;
+            (!shares.is_empty()).then(|| shares.iter().sum())
         };
         let now = left(0)?;
         let best = (-LATEST..=LATEST)
@@ -86,13 +93,22 @@ impl Evidence {
         (best.0 != 0 && best.1 < HALVED * now).then(|| f64::from(best.0) * 0.5 * self.sample)
     }
 
+    /// The lines of all mountings with some channels earlier.
+    fn all_earlier(&self, channels: &[usize], phase: f64) -> Vec<Vec<Line>> {
+        let all = self.mountings.iter();
+        all.map(|m| earlier(&m.lines, channels, phase)).collect()
+    }
+
     /// Takes out the delays of channels, of all at a place, or of all load cells.
     pub(super) fn without_delays(mut self) -> Self {
         for _ in 0..MOST {
             let Some((channels, phase)) = self.latest() else {
                 break;
             };
-            self.lines = earlier(&self.lines, &channels, phase);
+            let all = self.all_earlier(&channels, phase);
+            for (mounted, lines) in self.mountings.iter_mut().zip(all) {
+                mounted.lines = lines;
+            }
             self.delays.push((channels, phase / self.sample));
         }
         self
@@ -100,9 +116,9 @@ impl Evidence {
 
     /// The delay that explains most.
     fn latest(&self) -> Option<(Vec<usize>, f64)> {
-        let before = self.unexplained(&self.lines)?;
+        let before = self.unexplained(&self.all_earlier(&[], 0.0))?;
         let mut groups: Vec<Vec<usize>> = self.live().map(|i| vec![i]).collect();
-        groups.extend(places(&self.sensors, &|i| !self.dead.contains(&i)));
+        groups.extend(places(&self.sensors, &|i| !self.quiet.contains(&i)));
         groups.push(
             self.live()
                 .filter(|&i| self.sensors[i].kind.is_cell())
@@ -110,9 +126,7 @@ impl Evidence {
         );
         groups.retain(|group| !group.is_empty());
         let mut best: Option<(f64, Vec<usize>, f64)> = None;
-        let late: Vec<Option<f64>> = (0..self.sensors.len())
-            .map(|i| self.lateness(&self.lines, i))
-            .collect();
+        let late: Vec<Option<f64>> = (0..self.sensors.len()).map(|i| self.lateness(i)).collect();
         for group in groups {
             let mut phases: Vec<f64> = group.iter().filter_map(|&i| late[i]).collect();
             if phases.len() * 2 <= group.len() {
@@ -120,7 +134,7 @@ impl Evidence {
             }
             phases.sort_by(f64::total_cmp);
             let phase = phases[phases.len() / 2];
-            let Some(after) = self.unexplained(&earlier(&self.lines, &group, phase)) else {
+            let Some(after) = self.unexplained(&self.all_earlier(&group, phase)) else {
                 continue;
             };
             let gain = before - after;

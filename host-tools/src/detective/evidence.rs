@@ -3,74 +3,112 @@
 
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 
-use super::model::{Bench, Kind, Sensor, equations};
+use super::hypothesis::outlying;
+use super::model::{Bench, Kind, Mounting, Sensor, equations};
 use super::search::{Found, search};
-use super::state::State;
+use super::state::{Rows, State};
 use super::table::{Gauge, Line, Regression};
 use super::{Fault, Undecided};
 use crate::measure::{Channels, Measurement};
 use crate::setup::{Excitation, Mount, Setup};
 use massline_core::geometry::Placement;
 
-/// A channel whose mean coherence with the drives is below this in every run is quiet.
+/// A channel of which the drives, or without any the other channels, explain less than this is
+/// quiet.
 const QUIET: f64 = 0.3;
-/// It is dead if most channels that look the same way have more than this.
-const LOUD: f64 = 0.7;
-/// Cosine from which two channels look the same way.
-const PARALLEL: f64 = 0.9;
 
-/// All that is known of a group of runs with the specimen mounted in one way.
-pub(super) struct Evidence {
-    pub(super) sensors: Vec<Sensor>,
+/// Distance of a sensor from the middle over the median one, above which it is taken for a mistake.
+pub(super) const OUTLYING: f64 = 50.0;
+
+/// The runs in which the specimen is mounted in one way.
+pub(super) struct Mounted {
     pub(super) lines: Vec<Line>,
-    /// Channels without a signal that others have.
-    pub(super) dead: Vec<usize>,
-    /// Channels without a signal, which are no part of the motion.
-    quiet: Vec<usize>,
     /// Complex equations of a line.
     pub(super) runs: usize,
-    /// Phase of one sample at the highest line, rad.
-    pub(super) sample: f64,
-    /// Delays that were found and taken out of the lines: channels and samples.
-    pub(super) delays: Vec<(Vec<usize>, f64)>,
-    /// From the specimen's frame, in which the set-up has the structure's sensors.
+    /// Channels without a signal in these runs, which are no part of the motion.
+    pub(super) quiet: Vec<usize>,
+    /// From the specimen's frame, in which the set-up has the structure's sensors, to the table's.
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
 }
 
-/// The sensors of a setup in the table's frame, as the runs of this one have them.
-fn sensors(setup: &Setup, rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Vec<Sensor> {
-    let mut all = Vec::new();
-    for a in &setup.accelerometers {
-        let (mut position, mut direction) = (Vector3::from(a.position), Vector3::from(a.direction));
-        let kind = match a.mount {
-            Mount::Structure => {
-                position = rotation * position + translation;
-                direction = rotation * direction;
-                Kind::Structure
-            }
+/// All that is known of a set-up's random runs.
+pub(super) struct Evidence {
+    pub(super) sensors: Vec<Sensor>,
+    pub(super) mountings: Vec<Mounted>,
+    /// Channels without a signal in any run.
+    pub(super) quiet: Vec<usize>,
+    /// Phase of one sample at the highest line, rad.
+    pub(super) sample: f64,
+    /// Delays that were found and taken out of the lines: channels and samples.
+    pub(super) delays: Vec<(Vec<usize>, f64)>,
+}
+
+/// The sensors as a setup has them.
+fn sensors(setup: &Setup) -> Vec<Sensor> {
+    let motion = setup.accelerometers.iter().map(|a| Sensor {
+        channel: a.channel.clone(),
+        kind: match a.mount {
+            Mount::Structure => Kind::Structure,
             _ => Kind::Interface,
-        };
-        all.push(Sensor {
-            channel: a.channel.clone(),
-            kind,
-            position,
-            direction,
-        });
+        },
+        position: Vector3::from(a.position),
+        direction: Vector3::from(a.direction),
+    });
+    let force = setup.load_cells.iter().map(|c| Sensor {
+        channel: c.channel.clone(),
+        kind: Kind::Cell(c.quantity),
+        position: Vector3::from(c.position),
+        direction: Vector3::from(c.direction),
+    });
+    motion.chain(force).collect()
+}
+
+/// Parts of the band in which a late channel hardly turns its phase.
+const PARTS: usize = 6;
+
+/// Share of each channel that the others explain, mean over parts of the band. A line has so many
+/// equations.
+fn coherence(lines: &[Line], equations: usize) -> Vec<f64> {
+    let n = lines.first().map_or(0, |line| line.products.nrows());
+    // Channels explain each other by chance where there are few equations.
+    let parts = (lines.len() * equations / (10 * n.max(1))).clamp(1, PARTS);
+    let length = lines.len().div_ceil(parts).max(1);
+    let mut mean = vec![0.0; n];
+    let chunks = lines.chunks(length);
+    let count = chunks.len() as f64;
+    for part in chunks {
+        for (mean, found) in mean.iter_mut().zip(coherence_of(part, n)) {
+            *mean += found / count;
+        }
     }
-    for c in &setup.load_cells {
-        all.push(Sensor {
-            channel: c.channel.clone(),
-            kind: Kind::Cell(c.quantity),
-            position: Vector3::from(c.position),
-            direction: Vector3::from(c.direction),
-        });
+    mean
+}
+
+/// The same of the sum of some lines.
+fn coherence_of(lines: &[Line], n: usize) -> Vec<f64> {
+    let mut sum = DMatrix::<Complex<f64>>::zeros(n, n);
+    lines.iter().for_each(|line| sum += &line.products);
+    let size: Vec<f64> = (0..n).map(|i| sum[(i, i)].re.max(0.0).sqrt()).collect();
+    let unit = |i: usize| if size[i] > 0.0 { 1.0 / size[i] } else { 0.0 };
+    // Rounding and readings that repeat each other leave no inverse without this share.
+    let mut normal = DMatrix::from_fn(n, n, |i, j| sum[(i, j)] * unit(i) * unit(j));
+    for i in 0..n {
+        normal[(i, i)] = Complex::new(1.0 + 1e-6, 0.0);
     }
-    all
+    let Some(inverse) = normal.cholesky().map(|c| c.inverse()) else {
+        return vec![1.0; n];
+    };
+    (0..n)
+        .map(|i| match size[i] > 0.0 {
+            true => 1.0 - 1.0 / inverse[(i, i)].re,
+            false => 0.0,
+        })
+        .collect()
 }
 
 impl Evidence {
-    /// The evidence of the random runs in the mounting that most runs have.
+    /// The evidence of the random runs.
     ///
     /// # Errors
     /// [`Undecided`].
@@ -79,109 +117,84 @@ impl Evidence {
         measurement: &Measurement,
         channels: &Channels,
     ) -> Result<Self, Undecided> {
-        let mounted = |number: usize| {
-            let run = &setup.runs[number];
-            (run.rotation, run.translation)
-        };
-        let random: Vec<(usize, usize)> = measurement
-            .runs
-            .iter()
-            .enumerate()
-            .filter(|(_, run)| setup.runs[run.number].excitation == Excitation::Random)
-            .map(|(index, run)| (index, run.number))
-            .collect();
-        let alike = |number: usize| {
-            let of = mounted(number);
-            random.iter().filter(|(_, n)| mounted(*n) == of).count()
-        };
-        let Some(&(_, first)) = random
-            .iter()
-            .max_by_key(|(index, n)| (alike(*n), usize::MAX - index))
-        else {
-            return Err(Undecided::NoRandomRun);
-        };
-        let run = &setup.runs[first];
-        let translation = Vector3::from(run.translation);
-        let rotation = Placement::new(Vector3::from(run.rotation), translation)
-            .map_err(|_| Undecided::Placement)?
-            .rotation();
-        let sensors = sensors(setup, &rotation, &translation);
-        let scales: Vec<f64> = setup
-            .accelerometers
-            .iter()
-            .map(|a| a.scale)
-            .chain(setup.load_cells.iter().map(|c| c.scale))
-            .collect();
+        let mut ways: Vec<([f64; 3], [f64; 3], Vec<usize>)> = Vec::new();
+        for (index, measured) in measurement.runs.iter().enumerate() {
+            let run = &setup.runs[measured.number];
+            if run.excitation != Excitation::Random {
+                continue;
+            }
+            match ways
+                .iter_mut()
+                .find(|w| (w.0, w.1) == (run.rotation, run.translation))
+            {
+                Some(way) => way.2.push(index),
+                None => ways.push((run.rotation, run.translation, vec![index])),
+            }
+        }
         let grid = measurement.grid.ok_or(Undecided::NoRandomRun)?;
         let band = measurement.band.indices();
         let highest = grid.frequency(band.end.saturating_sub(1));
         let settings = measurement.runs.first().map(|run| *run.settings());
         let length = settings.map_or(1, |settings| settings.block_length());
         let rate = grid.spacing * length as f64;
-        let n = sensors.len();
-        let mut lines: Vec<Line> = band
-            .clone()
-            .map(|k| Line {
-                frequency: grid.frequency(k) / highest,
-                products: DMatrix::zeros(n, n),
-            })
+        let scales: Vec<f64> = setup
+            .accelerometers
+            .iter()
+            .map(|a| a.scale)
+            .chain(setup.load_cells.iter().map(|c| c.scale))
             .collect();
-        let mut coherence = vec![0.0_f64; n];
-        let mut runs = 0;
-        for &(index, number) in &random {
-            if mounted(number) != mounted(first) {
-                continue;
+        let n = scales.len();
+        let mut mountings = Vec::new();
+        for (rotation, translation, indices) in ways {
+            let translation = Vector3::from(translation);
+            let rotation = Placement::new(Vector3::from(rotation), translation)
+                .map_err(|_| Undecided::Placement)?
+                .rotation();
+            let mut lines: Vec<Line> = band
+                .clone()
+                .map(|k| Line {
+                    frequency: grid.frequency(k) / highest,
+                    products: DMatrix::zeros(n, n),
+                })
+                .collect();
+            let mut best = vec![0.0_f64; n];
+            let mut runs = 0;
+            let mut driven = false;
+            for &index in &indices {
+                runs += channels.equations(index, measurement.runs[index].blocks);
+                for (line, k) in lines.iter_mut().zip(band.clone()) {
+                    let products = channels.products(index, k);
+                    line.products += DMatrix::from_fn(n, n, |i, j| {
+                        products[(i, j)] * Complex::new(scales[i] * scales[j], 0.0)
+                    });
+                }
+                if let Some(found) = channels.coherence(index, band.clone()) {
+                    driven = true;
+                    for (best, found) in best.iter_mut().zip(found) {
+                        *best = best.max(found);
+                    }
+                }
             }
-            runs += channels.equations(index, measurement.runs[index].blocks);
-            for (line, k) in lines.iter_mut().zip(band.clone()) {
-                let products = channels.products(index, k);
-                line.products += DMatrix::from_fn(n, n, |i, j| {
-                    products[(i, j)] * Complex::new(scales[i] * scales[j], 0.0)
-                });
+            if !driven {
+                best = coherence(&lines, runs);
             }
-            for (best, found) in coherence
-                .iter_mut()
-                .zip(channels.coherence(index, band.clone()))
-            {
-                *best = best.max(found);
-            }
+            let silent = |i: usize| lines.iter().all(|line| line.products[(i, i)].re <= 0.0);
+            let quiet = (0..n).filter(|&i| best[i] < QUIET || silent(i)).collect();
+            mountings.push(Mounted {
+                lines,
+                runs,
+                quiet,
+                rotation,
+                translation,
+            });
         }
-        for (i, coherence) in coherence.iter_mut().enumerate() {
-            if lines.iter().all(|line| line.products[(i, i)].re <= 0.0) {
-                *coherence = 0.0;
-            }
-        }
-        let quiet: Vec<usize> = (0..n).filter(|&i| coherence[i] < QUIET).collect();
-        // A motion that the table does not make is nobody's fault.
-        let dead = quiet.iter().copied().filter(|&i| {
-            let here: &Sensor = &sensors[i];
-            let peers = sensors
-                .iter()
-                .zip(&coherence)
-                .enumerate()
-                .filter(|(j, (s, _))| {
-                    *j != i
-                        && s.kind.is_cell() == here.kind.is_cell()
-                        && s.direction.dot(&here.direction).abs() > PARALLEL
-                });
-            let (mut loud, mut all) = (0, 0);
-            for (_, (_, coherence)) in peers {
-                all += 1;
-                loud += usize::from(*coherence > LOUD);
-            }
-            all >= 2 && 2 * loud > all
-        });
-        let dead = dead.collect();
+        let quiet = |i: &usize| mountings.iter().all(|m: &Mounted| m.quiet.contains(i));
         Ok(Self {
-            sensors,
-            lines,
-            dead,
-            quiet,
-            runs,
+            sensors: sensors(setup),
+            quiet: (0..n).filter(quiet).collect(),
+            mountings,
             sample: std::f64::consts::TAU * highest / rate,
             delays: Vec::new(),
-            rotation,
-            translation,
         }
         .without_delays())
     }
@@ -190,71 +203,104 @@ impl Evidence {
     pub(super) fn of_lines(sensors: Vec<Sensor>, lines: Vec<Line>, runs: usize) -> Self {
         Self {
             sensors,
-            lines,
-            dead: Vec::new(),
+            mountings: vec![Mounted {
+                lines,
+                runs,
+                quiet: Vec::new(),
+                rotation: Matrix3::identity(),
+                translation: Vector3::zeros(),
+            }],
             quiet: Vec::new(),
-            runs,
             sample: 0.25,
             delays: Vec::new(),
-            rotation: Matrix3::identity(),
-            translation: Vector3::zeros(),
         }
         .without_delays()
     }
 
-    /// A position in the frame in which the set-up has this channel.
-    pub(super) fn moved_back(&self, channel: usize, position: Vector3<f64>) -> Vector3<f64> {
-        match self.sensors[channel].kind {
-            Kind::Structure => self.rotation.tr_mul(&(position - self.translation)),
-            _ => position,
-        }
-    }
-
-    /// A direction in the frame in which the set-up has this channel.
-    pub(super) fn turned_back(&self, channel: usize, direction: Vector3<f64>) -> Vector3<f64> {
-        match self.sensors[channel].kind {
-            Kind::Structure => self.rotation.tr_mul(&direction),
-            _ => direction,
-        }
-    }
-
-    /// The interface accelerometers that span the motion, but one.
-    pub(super) fn moving(&self, but: Option<usize>) -> Vec<usize> {
+    /// The interface accelerometers that span the motion.
+    pub(super) fn moving(&self, mounted: &Mounted) -> Vec<usize> {
         (0..self.sensors.len())
             .filter(|i| self.sensors[*i].kind == Kind::Interface)
-            .filter(|i| !self.quiet.contains(i) && Some(*i) != but)
+            .filter(|i| !mounted.quiet.contains(i))
             .collect()
     }
 
-    /// The rows of all channels, with the readings of some exchanged.
-    fn state(&self, sensors: &[Sensor], exchanged: &[[usize; 2]]) -> Option<(State, usize)> {
-        let mut lines = self.lines.clone();
+    /// The accelerometers that span the motion without one of them, for which those on the structure
+    /// stand in.
+    pub(super) fn moving_but(&self, mounted: &Mounted, channel: usize) -> Vec<usize> {
+        if self.sensors[channel].kind != Kind::Interface {
+            return self.moving(mounted);
+        }
+        (0..self.sensors.len())
+            .filter(|&i| !self.sensors[i].kind.is_cell() && i != channel)
+            .filter(|i| !mounted.quiet.contains(i))
+            .collect()
+    }
+
+    /// The rows of all channels in one mounting, with the readings of some exchanged, and the
+    /// number of motions.
+    fn rows(
+        &self,
+        mounted: &Mounted,
+        sensors: &[Sensor],
+        exchanged: &[[usize; 2]],
+    ) -> Option<(Rows, usize)> {
+        let mut lines = mounted.lines.clone();
+        let mut quiet = mounted.quiet.clone();
         for &[a, b] in exchanged {
             for line in &mut lines {
                 line.products.swap_rows(a, b);
                 line.products.swap_columns(a, b);
             }
+            for channel in &mut quiet {
+                match *channel {
+                    c if c == a => *channel = b,
+                    c if c == b => *channel = a,
+                    _ => {}
+                }
+            }
         }
-        let live = |i: &usize| !self.dead.contains(i);
-        let gauge = Gauge::of(&lines, &self.moving(None))?;
-        let regression = Regression::new(&lines, &gauge, self.runs)?;
+        let moving: Vec<usize> = (0..sensors.len())
+            .filter(|i| sensors[*i].kind == Kind::Interface && !quiet.contains(i))
+            .collect();
+        let gauge = Gauge::of(&lines, &moving)?;
+        let regression = Regression::new(&lines, &gauge, mounted.runs)?;
         let row = |i: usize, constant: bool| {
             let terms = if constant { 1 } else { 3 };
-            live(&i)
-                .then(|| regression.fit(i, terms, 0.0))
-                .flatten()
-                .map(|fit| fit.row)
+            regression.fit(i, terms, 0.0).map(|fit| fit.row)
         };
         let constant = |i: usize| sensors[i].kind == Kind::Interface;
         let all = 0..sensors.len();
-        Some((
-            State {
-                sensors: sensors.to_vec(),
-                rows: all.clone().map(|i| row(i, constant(i))).collect(),
-                others: all.map(|i| row(i, !constant(i))).collect(),
-            },
-            gauge.motions(),
-        ))
+        let rows = Rows {
+            rows: all.clone().map(|i| row(i, constant(i))).collect(),
+            others: all.map(|i| row(i, !constant(i))).collect(),
+        };
+        Some((rows, gauge.motions()))
+    }
+
+    /// The rows of all mountings in which something moves, and what does not change with a
+    /// hypothesis.
+    fn state(&self, sensors: &[Sensor], exchanged: &[[usize; 2]]) -> Option<(State, Bench)> {
+        let length = spread(sensors);
+        let (mut all, mut mountings) = (Vec::new(), Vec::new());
+        for mounted in &self.mountings {
+            let Some((rows, motions)) = self.rows(mounted, sensors, exchanged) else {
+                continue;
+            };
+            all.push(rows);
+            let way = (mounted.rotation, mounted.translation);
+            mountings.push(Mounting::new(motions, way, length));
+        }
+        let state = State {
+            sensors: sensors.to_vec(),
+            mountings: all,
+        };
+        let bench = Bench {
+            mountings,
+            equations: equations(sensors, length),
+            length,
+        };
+        (!bench.mountings.is_empty()).then_some((state, bench))
     }
 
     /// Searches for the faults.
@@ -262,26 +308,24 @@ impl Evidence {
     /// # Errors
     /// [`Undecided`].
     pub(super) fn search(&self) -> Result<Found, Undecided> {
-        let (mut state, motions) = self
-            .state(&self.sensors, &[])
-            .ok_or(Undecided::NoInterface)?;
-        let length = spread(&self.sensors);
-        let bench = Bench {
-            motions,
-            equations: equations(&self.sensors, length),
-            length,
-        };
-        for &channel in &self.dead {
-            if self.sensors[channel].kind.is_cell() {
-                // What it carries is unknown, which its noise says.
-                let level = cells(&state);
-                state.rows[channel] = Some(super::table::Row::unknown(motions, level));
+        // Positions that are far away whatever moves are mended before anything is made of them.
+        let (centre, size) = (middle(&self.sensors), spread(&self.sensors));
+        let outlying = outlying(&self.sensors, &|p| (p - centre).norm() > OUTLYING * size);
+        let mut sensors = self.sensors.clone();
+        for fault in &outlying {
+            if let Fault::Position {
+                place, position, ..
+            } = fault
+            {
+                place.iter().for_each(|&i| sensors[i].position = *position);
             }
         }
-        let anew = |exchanged: &[[usize; 2]], state: &State| {
-            Some(self.state(&state.sensors, exchanged)?.0)
-        };
-        let mut found = search(&bench, &state, &anew).ok_or(Undecided::NoMotion)?;
+        let (state, bench) = self.state(&sensors, &[]).ok_or(Undecided::NoInterface)?;
+        let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
+        let mut found = search(&bench, &state, &self.quiet, &anew).ok_or(Undecided::NoMotion)?;
+        for fault in outlying {
+            found.named.insert(0, vec![found.certain(fault)]);
+        }
         for (channels, samples) in &self.delays {
             let fault = Fault::Delayed {
                 channels: channels.clone(),
@@ -289,23 +333,8 @@ impl Evidence {
             };
             found.named.insert(0, vec![found.certain(fault)]);
         }
-        for &channel in self.dead.iter().rev() {
-            found
-                .named
-                .insert(0, vec![found.certain(Fault::Dead { channel })]);
-        }
         Ok(found)
     }
-}
-
-/// Mean square of the load cells' rows.
-fn cells(state: &State) -> f64 {
-    let cells = state.sensors.iter().zip(&state.rows);
-    cells
-        .filter(|(s, _)| s.kind.is_cell())
-        .filter_map(|(_, row)| row.as_ref())
-        .map(|row| row.k.norm_squared())
-        .fold(1e-12, f64::max)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

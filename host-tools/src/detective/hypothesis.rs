@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::model::{Kind, Sensor};
+use super::model::{Kind, Sensor, level};
 use super::state::State;
-use super::table::{Row, UNKNOWN};
+use super::table::UNKNOWN;
 use massline_core::geometry::Quantity;
 
 /// One fault of a set-up. Channels are numbered as the sensors: accelerometers, then load cells.
@@ -143,6 +143,19 @@ pub(super) fn places(sensors: &[Sensor], live: &dyn Fn(usize) -> bool) -> Vec<Ve
     places
 }
 
+/// A place with the moments that are measured there.
+fn with_moments(sensors: &[Sensor], place: &[usize]) -> Vec<usize> {
+    let here = &sensors[place[0]];
+    let moment = |i: &usize| {
+        let s = &sensors[*i];
+        here.kind.is_cell()
+            && s.kind == Kind::Cell(Quantity::Moment)
+            && (s.position - here.position).norm() < 1e-6
+    };
+    let moments = (0..sensors.len()).filter(moment);
+    place.iter().copied().chain(moments).collect()
+}
+
 /// The 24 rotations of a cube but the identity.
 fn cube() -> Vec<Matrix3<f64>> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
@@ -162,9 +175,16 @@ fn cube() -> Vec<Matrix3<f64>> {
 }
 
 /// All hypotheses without free parameters.
-pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis> {
-    let live: Vec<usize> = (0..sensors.len()).filter(|&i| rows[i].is_some()).collect();
-    let places = places(sensors, &|i| rows[i].is_some());
+/// A channel that is `quiet` has no signal that a factor or a sign could be told from.
+pub(super) fn fixed(state: &State, quiet: &[usize]) -> Vec<Hypothesis> {
+    let sensors = &state.sensors;
+    let live = state.live();
+    let loud: Vec<usize> = live
+        .iter()
+        .copied()
+        .filter(|i| !quiet.contains(i))
+        .collect();
+    let places = places(sensors, &|i| state.is_live(i));
     let mut all = Vec::new();
     let mut class = |faults: Vec<Fault>| {
         let class = faults.len();
@@ -175,12 +195,12 @@ pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis>
         }));
     };
     class(
-        live.iter()
+        loud.iter()
             .map(|&channel| Fault::Inverted { channel })
             .collect(),
     );
     class(
-        live.iter()
+        loud.iter()
             .flat_map(|&channel| FACTORS.map(|factor| Fault::Factor { channel, factor }))
             .collect(),
     );
@@ -206,19 +226,50 @@ pub(super) fn fixed(sensors: &[Sensor], rows: &[Option<Row>]) -> Vec<Hypothesis>
     }
     class(exchanges);
     let cube = cube();
+    // Turned about the sensor's own axes.
+    let own = |place: &[usize]| {
+        let x = sensors[place[0]].direction;
+        let y = sensors[place[1]].direction;
+        let z = x.cross(&y).normalize();
+        Matrix3::from_columns(&[x, z.cross(&x), z])
+    };
     class(
         places
             .iter()
             .filter(|place| place.len() > 1)
             .flat_map(|place| {
-                cube.iter().map(|&rotation| Fault::Turned {
-                    place: place.clone(),
-                    rotation,
+                let axes = own(place);
+                let whole = with_moments(sensors, place);
+                cube.iter().map(move |turn| Fault::Turned {
+                    place: whole.clone(),
+                    rotation: axes * turn * axes.transpose(),
                 })
             })
             .collect(),
     );
     class(positions(sensors, &places));
+    all
+}
+
+/// Positions in millimetres or inches that lie so far away that size alone tells it, with the
+/// positions that they would be.
+pub(super) fn outlying(sensors: &[Sensor], is_far: &dyn Fn(&Vector3<f64>) -> bool) -> Vec<Fault> {
+    let places = places(sensors, &|_| true);
+    let far = |place: &&Vec<usize>| is_far(&sensors[place[0]].position);
+    let mut all = Vec::new();
+    for place in places.iter().filter(far) {
+        let written = sensors[place[0]].position;
+        for (unit, mistake) in [(0.001, Mistake::Millimetres), (0.0254, Mistake::Inches)] {
+            if !is_far(&(written * unit)) {
+                all.push(Fault::Position {
+                    place: place.clone(),
+                    position: written * unit,
+                    mistake,
+                });
+                break;
+            }
+        }
+    }
     all
 }
 
@@ -272,56 +323,69 @@ fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
 impl Fault {
     /// Changes sensors and rows to what they would be without the fault.
     pub(super) fn repair(&self, state: &mut State) {
-        let State { sensors, rows, .. } = state;
-        let mut scale = |channel: usize, factor: f64| {
-            if let Some(row) = &mut rows[channel] {
+        let scale = |state: &mut State, channel: usize, factor: f64| {
+            for row in state.rows_mut(channel) {
                 row.k *= factor;
                 row.noise *= factor * factor;
             }
         };
         match self {
-            Self::Inverted { channel } => scale(*channel, -1.0),
+            Self::Inverted { channel } => scale(state, *channel, -1.0),
             Self::Factor { channel, factor } | Self::Gain { channel, factor } => {
-                scale(*channel, 1.0 / factor);
+                scale(state, *channel, 1.0 / factor);
             }
             Self::Swapped { channels } => state.swap(*channels),
             Self::PlacesExchanged { places: [a, b] } => {
+                let sensors = &mut state.sensors;
                 let (here, there) = (sensors[a[0]].position, sensors[b[0]].position);
                 a.iter().for_each(|&i| sensors[i].position = there);
                 b.iter().for_each(|&i| sensors[i].position = here);
             }
             Self::Turned { place, rotation } => {
                 for &i in place {
-                    sensors[i].direction = rotation * sensors[i].direction;
+                    state.sensors[i].direction = rotation * state.sensors[i].direction;
                 }
             }
             Self::Position {
                 place, position, ..
-            } => place.iter().for_each(|&i| sensors[i].position = *position),
+            } => place
+                .iter()
+                .for_each(|&i| state.sensors[i].position = *position),
             Self::CrossTalk {
                 channel,
                 from,
                 share,
             } => {
-                let Some(other) = rows[*from].clone() else {
-                    return;
-                };
-                if let Some(row) = &mut rows[*channel] {
-                    row.k.axpy(-share, &other.k, 1.0);
-                    row.noise += other.noise * (share * share);
+                for mounting in &mut state.mountings {
+                    let Some(other) = mounting.rows[*from].clone() else {
+                        continue;
+                    };
+                    if let Some(row) = &mut mounting.rows[*channel] {
+                        row.k.axpy(-share, &other.k, 1.0);
+                        row.noise += other.noise * (share * share);
+                    }
                 }
             }
             Self::Dead { channel } | Self::Unlisted { channel } => {
-                if sensors[*channel].kind.is_cell() {
+                if state.sensors[*channel].kind.is_cell() {
                     // Its load is unknown: the equations that need it have no weight.
-                    if let Some(row) = &mut rows[*channel] {
-                        let level = row.k.norm_squared().max(f64::MIN_POSITIVE);
-                        for j in 0..row.k.len() {
-                            row.noise[(j, j)] += UNKNOWN * level;
+                    let levels: Vec<f64> = state
+                        .mountings
+                        .iter()
+                        .map(|m| level(&state.sensors, &m.rows, true))
+                        .collect();
+                    for (mounting, level) in state.mountings.iter_mut().zip(levels) {
+                        if let Some(row) = &mut mounting.rows[*channel] {
+                            let level = level.max(row.k.norm_squared()).max(f64::MIN_POSITIVE);
+                            for j in 0..row.k.len() {
+                                row.noise[(j, j)] += UNKNOWN * level;
+                            }
                         }
                     }
                 } else {
-                    rows[*channel] = None;
+                    for mounting in &mut state.mountings {
+                        mounting.rows[*channel] = None;
+                    }
                 }
             }
             // Delays are taken out before the rows are made.

@@ -39,6 +39,7 @@ mod whole;
 mod wording;
 
 pub use hypothesis::{Fault, Mistake};
+pub use whole::{Whole, WholeFault};
 
 use crate::measure::{Channels, Measurement};
 use crate::setup::Setup;
@@ -87,8 +88,11 @@ pub struct Suspect {
 pub struct Findings {
     /// Faults, the plainest first; none if nothing contradicts the set-up.
     pub suspects: Vec<Suspect>,
-    /// Faults of all sensors together, and questions, in words.
-    pub whole: Vec<String>,
+    /// Faults of all sensors together, and questions.
+    pub whole: Vec<Whole>,
+    /// Properties of the set-up that these runs cannot tell, in words: a fault in one of them
+    /// contradicts nothing.
+    pub untold: Vec<String>,
     /// Contradiction of the set-up as it is: a sum of squares over its degrees of freedom, about one
     /// or less if sensors differ by no more than 0.5 %, 0.5° and 1 mm.
     pub contradiction: f64,
@@ -105,10 +109,33 @@ impl Findings {
         self.repaired > CONTRADICTS
     }
 
+    /// The evidence in words.
+    #[must_use]
+    pub fn evidence(&self) -> String {
+        let times = |x: f64| crate::format::plain(x.sqrt(), 3);
+        if self.suspects.is_empty() {
+            return format!(
+                "the sensors contradict each other by {} times what usual differences explain, and no single fault, nor a pair of them, mends it: more is wrong",
+                times(self.contradiction)
+            );
+        }
+        format!(
+            "the sensors contradict each other by {} times what usual differences explain, {} times after the repair{}",
+            times(self.contradiction),
+            times(self.repaired),
+            if self.more_is_wrong() {
+                ": more is wrong"
+            } else {
+                ""
+            }
+        )
+    }
+
     /// `true` if nothing was found.
     #[must_use]
     pub fn clean(&self) -> bool {
-        self.suspects.is_empty() && self.whole.is_empty() && !self.more_is_wrong()
+        let questions = |w: &Whole| w.fault == WholeFault::NoUnit;
+        self.suspects.is_empty() && self.whole.iter().all(questions) && !self.more_is_wrong()
     }
 }
 
@@ -139,7 +166,8 @@ pub(crate) fn examine(
         .collect();
     Ok(Findings {
         suspects,
-        whole: whole::judge(setup, &found),
+        untold: wording::untold(setup, &found.untold),
+        whole: whole::judge(setup, &found, measurement.units_in_recordings),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),
         freedom: found.before.freedom,

@@ -3,12 +3,13 @@
 //! # Design
 //!
 //! At 0 Hz every accelerometer follows the interface, `k = φ B` with its rigid-body row φ and a
-//! free matrix B of the interface's motions; the load cells balance the body, `Xᵀ K = M₀ B` with
-//! the ten numbers free. Both are linear least squares, the second with the covariance of the
+//! free matrix B of the interface's motions, one for each mounting of the specimen; the load cells balance the body, `Xᵀ K = M₀ B` with
+//! the ten numbers free, the same in all mountings. Both are linear least squares, the second with the covariance of the
 //! first. Nothing is trusted but the shares by which sensors may differ from what the set-up says.
 
-use nalgebra::{DMatrix, DVector, Matrix6, RowVector6, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, RowVector6, Vector3, Vector6};
 
+use super::state::{Rows, State};
 use super::table::Row;
 use crate::likelihood::{Model, RIGID};
 use massline_core::geometry::Quantity;
@@ -61,11 +62,26 @@ const GAIN: f64 = 0.005;
 const DIRECTION: f64 = 0.0087;
 const POSITION: f64 = 0.001;
 
+/// Share of the strongest direction, in power, from which a direction of motion or of load is told:
+/// sensors that are tilted by half a degree, or lie a hundredth of the length off, tell none.
+const SEEN: f64 = 1e-4;
+
+/// Share of the whole variance that any combination of resultants has at least.
+const FLOOR: f64 = 1e-9;
+
+/// Mean square that a channel should have, over that of a place, from which it has a signal.
+const SIGNAL: f64 = 0.03;
+
+/// Mean square at a place, over the upper quartile of all, below which it rests.
+const RESTING: f64 = 0.01;
+
 /// A sum of squares over its degrees of freedom.
 #[derive(Clone, Debug)]
 pub(super) struct Score {
     pub(super) chi2: f64,
     pub(super) freedom: f64,
+    /// Degrees of freedom of the accelerometers alone.
+    pub(super) of_motion: f64,
     /// Mass and first moments of the body that fits best, kg and kg m.
     pub(super) body: Option<[f64; 10]>,
 }
@@ -76,10 +92,43 @@ impl Score {
     }
 }
 
+/// Mounting of the specimen in some runs, and the number of their motions.
+#[derive(Clone, Debug)]
+pub(super) struct Mounting {
+    /// Independent motions of the interface.
+    pub(super) motions: usize,
+    /// From the specimen's frame to the table's.
+    pub(super) rotation: Matrix3<f64>,
+    /// Motion of the specimen's origin, of that of the table's; rotations times the length.
+    pub(super) carry: Matrix6<f64>,
+}
+
+impl Mounting {
+    /// A specimen turned and shifted so, with rotations times `length`.
+    pub(super) fn new(
+        motions: usize,
+        (rotation, translation): (Matrix3<f64>, Vector3<f64>),
+        length: f64,
+    ) -> Self {
+        let mut carry = Matrix6::<f64>::zeros();
+        let back = rotation.transpose();
+        carry.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
+        carry.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
+        let shifted = back * translation.cross_matrix() * (-1.0 / length);
+        carry.fixed_view_mut::<3, 3>(0, 3).copy_from(&shifted);
+        Self {
+            motions,
+            rotation,
+            carry,
+        }
+    }
+}
+
 /// What does not change with a hypothesis.
 #[derive(Clone, Debug)]
 pub(super) struct Bench {
-    pub(super) motions: usize,
+    /// One for each group of runs.
+    pub(super) mountings: Vec<Mounting>,
     /// Combinations of the six resultants that the load cells measure, as rows; empty without any.
     pub(super) equations: DMatrix<f64>,
     /// Length that rotations are scaled by, m.
@@ -124,7 +173,7 @@ fn blocks(m: &DMatrix<f64>, size: usize) -> DMatrix<f64> {
 
 /// Mean square at a place, over the places of a kind: the signal that a sensor which looks
 /// elsewhere would read.
-fn level(sensors: &[Sensor], rows: &[Option<Row>], cells: bool) -> f64 {
+pub(super) fn level(sensors: &[Sensor], rows: &[Option<Row>], cells: bool) -> f64 {
     let mut places: Vec<(Vector3<f64>, f64)> = Vec::new();
     for (sensor, row) in sensors.iter().zip(rows) {
         let Some(row) = row else { continue };
@@ -142,12 +191,16 @@ fn level(sensors: &[Sensor], rows: &[Option<Row>], cells: bool) -> f64 {
     }
     let mut squares: Vec<f64> = places.into_iter().map(|(_, s)| s).collect();
     squares.sort_by(f64::total_cmp);
+    // Sensors that look across the motion tell nothing of it.
+    let most = squares.get(squares.len() * 3 / 4).copied().unwrap_or(0.0);
+    squares.retain(|square| *square > RESTING * most);
     squares.get(squares.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// A set-up whose contradiction is asked for.
+/// A set-up in one mounting whose contradiction is asked for.
 struct Posed<'a> {
     bench: &'a Bench,
+    mounting: &'a Mounting,
     sensors: &'a [Sensor],
     rows: &'a [Option<Row>],
     /// Square of the tolerance.
@@ -167,69 +220,223 @@ pub(super) struct Motion {
 }
 
 impl Bench {
-    fn posed<'a>(
-        &'a self,
-        sensors: &'a [Sensor],
-        rows: &'a [Option<Row>],
-        tolerance: f64,
-    ) -> Posed<'a> {
-        Posed {
-            bench: self,
-            sensors,
-            rows,
-            square: tolerance * tolerance,
-            levels: [false, true].map(|cells| level(sensors, rows, cells)),
-        }
+    /// Motions of all mountings.
+    pub(super) fn motions(&self) -> usize {
+        self.mountings.iter().map(|m| m.motions).sum()
     }
 
-    /// The motion alone, `tolerance` times the usual differences of sensors. `None` if it cannot be
-    /// solved for.
-    pub(super) fn motion(
+    /// `true` if a channel should have a signal: an accelerometer by the motion, a load cell by most of
+    /// those that look the same way.
+    pub(super) fn expects(
         &self,
-        sensors: &[Sensor],
-        rows: &[Option<Row>],
-        tolerance: f64,
-    ) -> Option<Motion> {
-        self.posed(sensors, rows, tolerance).motion()
+        state: &State,
+        motions: &[Motion],
+        channel: usize,
+        quiet: &[usize],
+    ) -> bool {
+        let sensor = &state.sensors[channel];
+        if sensor.kind.is_cell() {
+            let (mut loud, mut all) = (0.0, 0.0);
+            for (i, other) in state.sensors.iter().enumerate() {
+                if i != channel && other.kind == sensor.kind {
+                    let along = other.direction.dot(&sensor.direction).powi(2);
+                    all += along;
+                    loud += if quiet.contains(&i) { 0.0 } else { along };
+                }
+            }
+            return all > 1.0 && 2.0 * loud > all;
+        }
+        let mut posed = self.posed(state, 1.0).into_iter().zip(motions);
+        posed.any(|(posed, motion)| {
+            let row = posed.scaled(sensor).transpose() * &motion.rows;
+            row.norm_squared() > SIGNAL * posed.levels[0]
+        })
+    }
+
+    fn posed<'a>(&'a self, state: &'a State, tolerance: f64) -> Vec<Posed<'a>> {
+        let pose = |(mounting, rows): (&'a Mounting, &'a Rows)| Posed {
+            bench: self,
+            mounting,
+            sensors: &state.sensors,
+            rows: &rows.rows,
+            // A sensor differs alike in all mountings: these do not average it out.
+            square: tolerance * tolerance * self.mountings.len() as f64,
+            levels: [false, true].map(|cells| level(&state.sensors, &rows.rows, cells)),
+        };
+        self.mountings
+            .iter()
+            .zip(&state.mountings)
+            .map(pose)
+            .collect()
+    }
+
+    /// The motions alone, one a mounting, `tolerance` times the usual differences of sensors. `None`
+    /// if they cannot be solved for.
+    pub(super) fn motion(&self, state: &State, tolerance: f64) -> Option<Vec<Motion>> {
+        self.posed(state, tolerance)
+            .iter()
+            .map(Posed::motion)
+            .collect()
     }
 
     /// Contradiction of rows and sensors, `tolerance` times the usual differences of sensors.
     /// `None` if the motion cannot be solved for.
-    pub(super) fn score(
-        &self,
-        sensors: &[Sensor],
-        rows: &[Option<Row>],
-        tolerance: f64,
-    ) -> Option<Score> {
-        let posed = self.posed(sensors, rows, tolerance);
-        posed.score(&posed.motion()?)
+    pub(super) fn score(&self, state: &State, tolerance: f64) -> Option<Score> {
+        self.score_moved(state, tolerance, &self.motion(state, tolerance)?)
     }
 
-    /// The same with the motion that is known, since the accelerometers are as they were.
+    /// The same with the motions that are known, since the accelerometers are as they were.
     pub(super) fn score_moved(
         &self,
-        sensors: &[Sensor],
-        rows: &[Option<Row>],
+        state: &State,
         tolerance: f64,
-        motion: &Motion,
+        motions: &[Motion],
     ) -> Option<Score> {
-        self.posed(sensors, rows, tolerance).score(motion)
+        let of_motion = motions.iter().map(|m| m.freedom).sum();
+        let mut score = Score {
+            chi2: motions.iter().map(|m| m.chi2).sum(),
+            freedom: of_motion,
+            of_motion,
+            body: None,
+        };
+        if let Some((chi2, freedom, body)) = self.forces(&self.posed(state, tolerance), motions) {
+            score.chi2 += chi2;
+            score.freedom += freedom;
+            score.body = Some(body);
+        }
+        score.chi2.is_finite().then_some(score)
+    }
+
+    /// The balance of the load cells: its sum of squares, degrees of freedom, and body.
+    fn forces(&self, posed: &[Posed<'_>], motions: &[Motion]) -> Option<(f64, f64, [f64; 10])> {
+        let count = self.equations.nrows();
+        if count == 0 {
+            return None;
+        }
+        let parts = parts();
+        let balances: Vec<Balance> = posed
+            .iter()
+            .zip(motions)
+            .map(|(posed, motion)| posed.balance(motion, &parts))
+            .collect();
+        let rows = count * self.motions();
+        let mut body = [0.0; 10];
+        let (mut chi2, mut freedom) = (0.0, 0.0);
+        for pass in 0..2 {
+            let mut a = DMatrix::<f64>::zeros(rows, 10);
+            let mut b = DVector::<f64>::zeros(rows);
+            let mut at = 0;
+            for ((balance, posed), motion) in balances.iter().zip(posed).zip(motions) {
+                let body = (pass > 0).then_some(&body);
+                let (design, target) = balance.whitened(posed, motion, &parts, body)?;
+                a.rows_mut(at, design.nrows()).copy_from(&design);
+                b.rows_mut(at, target.nrows()).copy_from(&target);
+                at += target.nrows();
+            }
+            // Columns of unit length: what no motion excites is left out.
+            let lengths: Vec<f64> = a.column_iter().map(|c| c.norm()).collect();
+            let longest = lengths.iter().copied().fold(0.0, f64::max);
+            let unit = |p: usize| match lengths[p] {
+                n if n > 1e-6 * longest => 1.0 / n,
+                _ => 0.0,
+            };
+            let a = DMatrix::from_fn(a.nrows(), 10, |i, p| a[(i, p)] * unit(p));
+            let eigen = a.tr_mul(&a).symmetric_eigen();
+            let right = a.tr_mul(&b);
+            let mut solution = DVector::<f64>::zeros(10);
+            let mut rank = 0;
+            for (i, &value) in eigen.eigenvalues.iter().enumerate() {
+                if value > 1e-9 {
+                    let column = eigen.eigenvectors.column(i);
+                    solution.axpy(column.dot(&right) / value, &column, 1.0);
+                    rank += 1;
+                }
+            }
+            chi2 = (b.norm_squared() - solution.dot(&right)).max(0.0);
+            freedom = rows as f64 - f64::from(rank);
+            for (p, value) in body.iter_mut().enumerate() {
+                *value = solution[p] * unit(p);
+            }
+        }
+        // Back to metres.
+        let power = |p: usize| match p {
+            0 => 1.0,
+            1..=3 => self.length,
+            _ => self.length * self.length,
+        };
+        for (p, value) in body.iter_mut().enumerate() {
+            *value *= power(p);
+        }
+        Some((chi2, freedom, body))
+    }
+}
+
+/// The balance of forces in one mounting.
+struct Balance {
+    /// Resultants that are measured, motion by motion.
+    target: DVector<f64>,
+    /// Covariance of all six resultants.
+    noise: DMatrix<f64>,
+    /// A column for each of the ten numbers.
+    design: DMatrix<f64>,
+}
+
+impl Balance {
+    /// Design and target with unit noise; the second pass knows the body, and so the noise of what it
+    /// is moved by.
+    fn whitened(
+        &self,
+        posed: &Posed<'_>,
+        motion: &Motion,
+        parts: &[Matrix6<f64>; RIGID],
+        body: Option<&[f64; 10]>,
+    ) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let wide = |m: &DMatrix<f64>| blocks(m, posed.mounting.motions);
+        let mut v = self.noise.clone();
+        if let Some(body) = body {
+            let mut m = Matrix6::<f64>::zeros();
+            for (part, value) in parts.iter().zip(body) {
+                m += part * *value;
+            }
+            let carry = &posed.mounting.carry;
+            let m = carry.tr_mul(&m) * carry;
+            let m = wide(&DMatrix::from_fn(6, 6, |i, j| m[(i, j)]));
+            v += &m * &motion.covariance * m.transpose();
+        }
+        let select = wide(&posed.bench.equations);
+        let v = &select * v * select.transpose();
+        let floor = FLOOR * v.trace() / v.nrows() as f64;
+        let v = (&v + v.transpose()) * 0.5 + DMatrix::identity(v.nrows(), v.nrows()) * floor;
+        let l = v.cholesky()?.l();
+        let design = l.solve_lower_triangular(&self.design)?;
+        Some((design, l.solve_lower_triangular(&self.target)?))
     }
 }
 
 impl Posed<'_> {
-    /// The sensor's rigid-body row with moments and rotations over the length.
+    /// The sensor's rigid-body row in the table's frame, with moments and rotations over the length.
     fn scaled(&self, sensor: &Sensor) -> Vector6<f64> {
         let mut row = sensor.rigid();
         for i in 3..6 {
             row[i] /= self.bench.length;
         }
-        row
+        match sensor.kind {
+            Kind::Structure => self.mounting.carry.tr_mul(&row),
+            _ => row,
+        }
+    }
+
+    /// Its direction in the table's frame.
+    fn direction(&self, sensor: &Sensor) -> Vector3<f64> {
+        match sensor.kind {
+            Kind::Structure => self.mounting.rotation * sensor.direction,
+            _ => sensor.direction,
+        }
     }
 
     /// Covariance of a row but for the sensor's place.
     fn spread(&self, sensor: &Sensor, row: &Row) -> DMatrix<f64> {
-        let d = self.bench.motions;
+        let d = self.mounting.motions;
         let level = self.levels[usize::from(sensor.kind.is_cell())];
         let mut v = row.noise.clone();
         v.ger(self.square * GAIN * GAIN, &row.k, &row.k, 1.0);
@@ -241,22 +448,8 @@ impl Posed<'_> {
         v
     }
 
-    fn score(&self, motion: &Motion) -> Option<Score> {
-        let mut score = Score {
-            chi2: motion.chi2,
-            freedom: motion.freedom,
-            body: None,
-        };
-        if let Some((chi2, freedom, body)) = self.forces(motion) {
-            score.chi2 += chi2;
-            score.freedom += freedom;
-            score.body = Some(body);
-        }
-        score.chi2.is_finite().then_some(score)
-    }
-
     fn motion(&self) -> Option<Motion> {
-        let d = self.bench.motions;
+        let d = self.mounting.motions;
         // Motion that no accelerometer sees is zero, as the set-up has it.
         let mut gram = Matrix6::<f64>::zeros();
         for (sensor, row) in self.sensors.iter().zip(self.rows) {
@@ -267,7 +460,7 @@ impl Posed<'_> {
         }
         let eigen = gram.symmetric_eigen();
         let seen: Vec<usize> = (0..6)
-            .filter(|&i| eigen.eigenvalues[i] > 1e-6 * eigen.eigenvalues.max())
+            .filter(|&i| eigen.eigenvalues[i] > SEEN * eigen.eigenvalues.max())
             .collect();
         let seen = DMatrix::from_fn(6, seen.len(), |i, j| eigen.eigenvectors[(i, seen[j])]);
         let r = seen.ncols();
@@ -287,8 +480,8 @@ impl Posed<'_> {
                 let mut v = self.spread(sensor, row);
                 if pass > 0 {
                     // A shifted sensor reads ω x δ along its axis.
-                    let across = nalgebra::Matrix3::identity()
-                        - sensor.direction * sensor.direction.transpose();
+                    let direction = self.direction(sensor);
+                    let across = Matrix3::identity() - direction * direction.transpose();
                     let turning = motion.rows(3, 3) / self.bench.length;
                     let across = DMatrix::from_fn(3, 3, |i, j| across[(i, j)]);
                     v += turning.tr_mul(&across) * &turning * (self.square * POSITION * POSITION);
@@ -321,13 +514,9 @@ impl Posed<'_> {
         })
     }
 
-    /// The balance of the load cells: its sum of squares, degrees of freedom, and body.
-    fn forces(&self, motion: &Motion) -> Option<(f64, f64, [f64; 10])> {
-        let d = self.bench.motions;
-        let count = self.bench.equations.nrows();
-        if count == 0 {
-            return None;
-        }
+    /// The balance of the load cells with the body that the motion moves.
+    fn balance(&self, motion: &Motion, parts: &[Matrix6<f64>; RIGID]) -> Balance {
+        let d = self.mounting.motions;
         let mut resultants = DMatrix::<f64>::zeros(6, d);
         let mut noise = DMatrix::<f64>::zeros(6 * d, 6 * d);
         for (sensor, row) in self.sensors.iter().zip(self.rows) {
@@ -352,69 +541,20 @@ impl Posed<'_> {
                 }
             }
         }
-        let parts = parts();
-        let wide = |m: &DMatrix<f64>| blocks(m, d);
-        let select = wide(&self.bench.equations);
+        let select = blocks(&self.bench.equations, d);
         let pile = |m: &DMatrix<f64>| DVector::from_fn(6 * d, |i, _| m[(i / d, i % d)]);
-        let target = &select * pile(&resultants);
-        let mut design = DMatrix::<f64>::zeros(count * d, 10);
+        let mut design = DMatrix::<f64>::zeros(select.nrows(), RIGID);
+        let carry = &self.mounting.carry;
         for (p, part) in parts.iter().enumerate() {
+            let part = carry.tr_mul(part) * carry;
             let part = DMatrix::from_fn(6, 6, |i, j| part[(i, j)]);
             design.set_column(p, &(&select * pile(&(part * &motion.rows))));
         }
-        let mut body = [0.0; 10];
-        let (mut chi2, mut freedom) = (0.0, 0.0);
-        for pass in 0..2 {
-            let mut v = noise.clone();
-            if pass > 0 {
-                let mut m = DMatrix::<f64>::zeros(6, 6);
-                for (part, value) in parts.iter().zip(body) {
-                    m += DMatrix::from_fn(6, 6, |i, j| part[(i, j)] * value);
-                }
-                let m = wide(&m);
-                v += &m * &motion.covariance * m.transpose();
-            }
-            let v = &select * v * select.transpose();
-            let v = (&v + v.transpose()) * 0.5;
-            let factor = v.cholesky()?;
-            let l = factor.l();
-            let a = l.solve_lower_triangular(&design)?;
-            let b = l.solve_lower_triangular(&target)?;
-            // Columns of unit length: what no motion excites is left out.
-            let lengths: Vec<f64> = a.column_iter().map(|c| c.norm()).collect();
-            let longest = lengths.iter().copied().fold(0.0, f64::max);
-            let unit = |p: usize| match lengths[p] {
-                n if n > 1e-6 * longest => 1.0 / n,
-                _ => 0.0,
-            };
-            let a = DMatrix::from_fn(a.nrows(), 10, |i, p| a[(i, p)] * unit(p));
-            let eigen = a.tr_mul(&a).symmetric_eigen();
-            let right = a.tr_mul(&b);
-            let mut solution = DVector::<f64>::zeros(10);
-            let mut rank = 0;
-            for (i, &value) in eigen.eigenvalues.iter().enumerate() {
-                if value > 1e-9 {
-                    let column = eigen.eigenvectors.column(i);
-                    solution.axpy(column.dot(&right) / value, &column, 1.0);
-                    rank += 1;
-                }
-            }
-            chi2 = (b.norm_squared() - solution.dot(&right)).max(0.0);
-            freedom = (count * d) as f64 - f64::from(rank);
-            for (p, value) in body.iter_mut().enumerate() {
-                *value = solution[p] * unit(p);
-            }
+        Balance {
+            target: &select * pile(&resultants),
+            noise,
+            design,
         }
-        // Back to metres.
-        let power = |p: usize| match p {
-            0 => 1.0,
-            1..=3 => self.bench.length,
-            _ => self.bench.length * self.bench.length,
-        };
-        for (p, value) in body.iter_mut().enumerate() {
-            *value *= power(p);
-        }
-        Some((chi2, freedom, body))
     }
 }
 
@@ -434,7 +574,7 @@ pub(super) fn equations(sensors: &[Sensor], length: f64) -> DMatrix<f64> {
     }
     let eigen = gram.symmetric_eigen();
     let rows: Vec<RowVector6<f64>> = (0..6)
-        .filter(|&i| eigen.eigenvalues[i] > 1e-6 * eigen.eigenvalues.max().max(f64::MIN_POSITIVE))
+        .filter(|&i| eigen.eigenvalues[i] > SEEN * eigen.eigenvalues.max().max(f64::MIN_POSITIVE))
         .map(|i| eigen.eigenvectors.column(i).transpose())
         .collect();
     DMatrix::from_fn(rows.len(), 6, |i, j| rows[i][j])

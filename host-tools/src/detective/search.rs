@@ -8,11 +8,13 @@ use super::state::State;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
 /// sharper limits.
-const TOLERANCES: [f64; 2] = [0.02, 1.0];
+const TOLERANCES: [f64; 2] = [0.1, 1.0];
 /// Hypotheses that are looked at again with the tolerance that fits.
 const SECOND: usize = 80;
-/// What a fault must explain at least, and that times the tolerance squared beside it.
+/// Sum of squares that a fault must explain, and its part that goes with the square of the tolerance.
 const GAIN_OF: [f64; 2] = [15.0, 25.0];
+/// Sum of squares that a fault must explain at the usual tolerance.
+const AT_LEAST: f64 = 6.0;
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
 /// Most faults that are named.
@@ -31,7 +33,7 @@ pub(super) struct Candidate {
     pub(super) free: usize,
 }
 
-/// What the search has found.
+/// Result of the search.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     /// Named faults, each with those that explain the data as well.
@@ -41,6 +43,55 @@ pub(super) struct Found {
     pub(super) after: Score,
     /// The sensors after the repairs.
     pub(super) sensors: Vec<Sensor>,
+    /// Faults that these runs would not show.
+    pub(super) untold: Untold,
+}
+
+/// Faults that would contradict nothing, since the runs do not move what would show them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Untold {
+    /// Channels whose sign nothing tells.
+    pub(super) signs: Vec<usize>,
+    /// Channels that nothing tells apart.
+    pub(super) pairs: Vec<[usize; 2]>,
+    /// Channels at a place, where a position that is off by a fifth of the distance between sensors,
+    /// along any axis, shows nowhere.
+    pub(super) places: Vec<Vec<usize>>,
+}
+
+impl Untold {
+    fn of(bench: &Bench, state: &State) -> Option<Self> {
+        let base = bench.score(state, 1.0)?;
+        let motion = bench.motion(state, 1.0)?;
+        let shows = |fault: &Fault| match mended(bench, state, fault, 1.0, &motion) {
+            Some(left) => left.chi2 > base.chi2 + GAIN_OF[0] + GAIN_OF[1],
+            None => true,
+        };
+        let live = state.live();
+        let mut untold = Self::default();
+        for (n, &a) in live.iter().enumerate() {
+            if !shows(&Fault::Inverted { channel: a }) {
+                untold.signs.push(a);
+            }
+            for &b in &live[n + 1..] {
+                let alike = state.sensors[a].kind.is_cell() == state.sensors[b].kind.is_cell();
+                if alike && !shows(&Fault::Swapped { channels: [a, b] }) {
+                    untold.pairs.push([a, b]);
+                }
+            }
+        }
+        for place in places(&state.sensors, &|i| state.is_live(i)) {
+            let moved = |axis: usize| Fault::Position {
+                place: place.clone(),
+                position: state.sensors[place[0]].position + Vector3::ith(axis, 0.2 * bench.length),
+                mistake: Mistake::Offset,
+            };
+            if !(0..3).any(|axis| shows(&moved(axis))) {
+                untold.places.push(place);
+            }
+        }
+        Some(untold)
+    }
 }
 
 impl Found {
@@ -66,20 +117,20 @@ fn without(state: &State, fault: &Fault) -> State {
     other
 }
 
-/// What is left without a fault. `motion` is that of the state, which load cells do not change.
+/// Score without a fault. `motion` is that of the state, which load cells do not change.
 fn mended(
     bench: &Bench,
     state: &State,
     fault: &Fault,
     tolerance: f64,
-    motion: &Motion,
+    motion: &[Motion],
 ) -> Option<Score> {
     let other = without(state, fault);
     let cells = |channel: &usize| state.sensors[*channel].kind.is_cell();
     if fault.channels().iter().all(cells) {
-        bench.score_moved(&other.sensors, &other.rows, tolerance, motion)
+        bench.score_moved(&other, tolerance, motion)
     } else {
-        bench.score(&other.sensors, &other.rows, tolerance)
+        bench.score(&other, tolerance)
     }
 }
 
@@ -88,17 +139,25 @@ fn judged(
     state: &State,
     hypothesis: &Hypothesis,
     tolerance: f64,
-    (motion, freedom): (&Motion, f64),
+    (motion, freedom): (&[Motion], f64),
 ) -> Option<Candidate> {
     let left = mended(bench, state, &hypothesis.fault, tolerance, motion)?;
     // A sensor that would tell a motion of which no other knows explains everything.
-    let frees = left.freedom < freedom;
-    if frees && !matches!(hypothesis.fault, Fault::Unlisted { .. }) {
+    let frees = left.of_motion < freedom;
+    if frees
+        && !matches!(
+            hypothesis.fault,
+            Fault::Unlisted { .. } | Fault::Dead { .. }
+        )
+    {
         return None;
     }
+    // A motion that no other sensor knows of is a free number of its own.
+    let count = (state.sensors.len() * bench.motions()) as f64;
+    let motions = if frees { 0.0 } else { left.of_motion - freedom };
     Some(Candidate {
         fault: hypothesis.fault.clone(),
-        score: left.chi2 + penalty(hypothesis, state, bench.motions),
+        score: left.chi2 + penalty(hypothesis, state, bench.motions()) - motions * count.ln(),
         left,
         free: hypothesis.free,
     })
@@ -133,19 +192,50 @@ fn lowest(f: &dyn Fn(f64) -> Option<f64>, start: f64, step: f64) -> Option<f64> 
 }
 
 /// Hypotheses with free numbers, each at its best.
-fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<Hypothesis> {
+fn fitted(
+    bench: &Bench,
+    state: &State,
+    quiet: &[usize],
+    tolerance: f64,
+    motion: &[Motion],
+) -> Vec<Hypothesis> {
     let chi2 = |fault: &Fault| Some(mended(bench, state, fault, tolerance, motion)?.chi2);
-    let live: Vec<usize> = (0..state.sensors.len())
-        .filter(|&i| state.rows[i].is_some())
-        .collect();
+    let live = state.live();
     let mut all = Vec::new();
     let class = live.len();
     for &channel in &live {
+        if quiet.contains(&channel) {
+            let dead = without(state, &Fault::Dead { channel });
+            let others = bench.motion(&dead, tolerance);
+            let expected = others.is_some_and(|m| bench.expects(state, &m, channel, quiet));
+            if expected {
+                all.push(Hypothesis {
+                    fault: Fault::Dead { channel },
+                    free: 0,
+                    class,
+                });
+            }
+            continue;
+        }
         let of = |x: f64| Fault::Gain {
             channel,
             factor: x.exp(),
         };
-        if let Some(x) = lowest(&|x| chi2(&of(x)), 0.0, 0.05)
+        // What is left is nearly a square in the factor that mends it: three points tell it.
+        let square = |x: f64| {
+            chi2(&Fault::Gain {
+                channel,
+                factor: 1.0 / x,
+            })
+        };
+        let start = match [0.5, 1.0, 1.5].map(square) {
+            [Some(a), Some(b), Some(c)] if a + c > 2.0 * b => {
+                let x = 1.0 + 0.25 * (a - c) / (a + c - 2.0 * b);
+                -x.clamp(0.1, 10.0).ln()
+            }
+            _ => 0.0,
+        };
+        if let Some(x) = lowest(&|x| chi2(&of(x)), start, 0.05)
             && (x.exp() - 1.0).abs() > SMALLEST.0
         {
             all.push(Hypothesis {
@@ -156,11 +246,11 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<
         }
         all.push(Hypothesis {
             fault: Fault::Unlisted { channel },
-            free: bench.motions,
+            free: bench.motions(),
             class,
         });
     }
-    let places = places(&state.sensors, &|i| state.rows[i].is_some());
+    let places = places(&state.sensors, &|i| state.is_live(i));
     for place in &places {
         let here = state.sensors[place[0]].position;
         let of = |shift: Vector3<f64>| Fault::Position {
@@ -194,7 +284,9 @@ fn fitted(bench: &Bench, state: &State, tolerance: f64, motion: &Motion) -> Vec<
     let mut cross = Vec::new();
     for &channel in &live {
         for &from in &live {
-            if channel == from || state.sensors[channel].kind != state.sensors[from].kind {
+            let silent = [channel, from].iter().any(|c| quiet.contains(c));
+            if silent || channel == from || state.sensors[channel].kind != state.sensors[from].kind
+            {
                 continue;
             }
             let of = |share: f64| Fault::CrossTalk {
@@ -230,14 +322,14 @@ fn ranked(
     hypotheses: &[Hypothesis],
     tolerance: f64,
 ) -> Vec<Candidate> {
-    let motion = bench.motion(&state.sensors, &state.rows, tolerance);
-    let base = bench.score(&state.sensors, &state.rows, tolerance);
+    let motion = bench.motion(state, tolerance);
+    let base = bench.score(state, tolerance);
     let (Some(motion), Some(base)) = (motion, base) else {
         return Vec::new();
     };
     let mut all: Vec<Candidate> = hypotheses
         .iter()
-        .filter_map(|h| judged(bench, state, h, tolerance, (&motion, base.freedom)))
+        .filter_map(|h| judged(bench, state, h, tolerance, (&motion, base.of_motion)))
         .collect();
     all.sort_by(|a, b| a.score.total_cmp(&b.score));
     all
@@ -254,11 +346,11 @@ fn generalises(wide: &Candidate, narrow: &Candidate) -> bool {
 }
 
 /// One fault with those that explain the data as well; `None` if none does.
-fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
-    let base = bench.score(&state.sensors, &state.rows, 1.0)?;
-    let mut hypotheses = fixed(&state.sensors, &state.rows);
-    let motion = bench.motion(&state.sensors, &state.rows, 1.0)?;
-    hypotheses.extend(fitted(bench, state, 1.0, &motion));
+fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidate>, Score)> {
+    let base = bench.score(state, 1.0)?;
+    let mut hypotheses = fixed(state, quiet);
+    let motion = bench.motion(state, 1.0)?;
+    hypotheses.extend(fitted(bench, state, quiet, 1.0, &motion));
     let first = ranked(bench, state, &hypotheses, 1.0);
     let best = first.first()?;
     let ratio = best.left.ratio().min(base.ratio());
@@ -280,9 +372,20 @@ fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
         })
         .collect();
     let second = ranked(bench, state, &again, tolerance);
-    let base = bench.score(&state.sensors, &state.rows, tolerance)?;
+    let base = bench.score(state, tolerance)?;
     let best = second.first()?.clone();
     if base.chi2 - best.score <= GAIN_OF[0] + GAIN_OF[1] * square {
+        return None;
+    }
+    // Sharp limits rest on how the sensors differ on average: at the usual ones it is to show as well.
+    let usual = without(state, &best.fault);
+    let usual = bench.score(&usual, 1.0)?;
+    let now = bench.score(state, 1.0)?;
+    if now.chi2 - usual.chi2 <= AT_LEAST {
+        return None;
+    }
+    // A fault without a name is one only where the set-up is contradicted as a whole.
+    if matches!(best.fault, Fault::Unlisted { .. }) && now.ratio() <= CONTRADICTS {
         return None;
     }
     let ties = second
@@ -293,54 +396,131 @@ fn single(bench: &Bench, state: &State) -> Option<(Vec<Candidate>, Score)> {
     let mut all = vec![best.clone()];
     all.extend(ties);
     let left = without(state, &best.fault);
-    let after = bench.score(&left.sensors, &left.rows, 1.0)?;
+    let after = bench.score(&left, 1.0)?;
     Some((all, after))
 }
 
 /// The rows anew, with the readings of these channels exchanged.
-pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<State>;
+pub(super) type Anew<'a> = &'a dyn Fn(&[[usize; 2]], &State) -> Option<(State, Bench)>;
 
-/// Names faults one after the other, as long as each explains what the others do not. `rows` gives
-/// the rows anew for channels that were exchanged.
-pub(super) fn search(bench: &Bench, state: &State, rows: Anew<'_>) -> Option<Found> {
-    let before = bench.score(&state.sensors, &state.rows, 1.0)?;
+/// A set-up with the faults that were found mended.
+struct Mended {
+    bench: Bench,
+    state: State,
+    quiet: Vec<usize>,
+}
+
+/// The set-up as it was found, and the way to mend it.
+struct Given<'a> {
+    bench: &'a Bench,
+    state: &'a State,
+    quiet: &'a [usize],
+    rows: Anew<'a>,
+}
+
+impl Given<'_> {
+    /// The set-up without these faults.
+    fn without(&self, faults: &[Fault]) -> Option<Mended> {
+        let mut quiet = self.quiet.to_vec();
+        let mut exchanged = Vec::new();
+        for fault in faults {
+            if let Fault::Swapped { channels } = fault {
+                for channel in &mut quiet {
+                    if let Some(at) = channels.iter().position(|c| c == channel) {
+                        *channel = channels[1 - at];
+                    }
+                }
+                exchanged.push(*channels);
+            }
+        }
+        let (mut state, bench) = if exchanged.is_empty() {
+            (self.state.clone(), self.bench.clone())
+        } else {
+            // The other channel was part of the motion, or not.
+            (self.rows)(&exchanged, self.state)?
+        };
+        let others = |f: &&Fault| !matches!(f, Fault::Swapped { .. });
+        faults
+            .iter()
+            .filter(others)
+            .for_each(|f| f.repair(&mut state));
+        Some(Mended {
+            bench,
+            state,
+            quiet,
+        })
+    }
+}
+
+/// Names faults one after the other, as long as each explains what the others do not; with the last
+/// one mended, each is looked for once more. `rows` gives the rows anew for channels that were exchanged.
+pub(super) fn search(
+    bench: &Bench,
+    state: &State,
+    quiet: &[usize],
+    rows: Anew<'_>,
+) -> Option<Found> {
+    let before = bench.score(state, 1.0)?;
     let mut found = Found {
         named: Vec::new(),
         before: before.clone(),
         after: before,
         sensors: Vec::new(),
+        untold: Untold::default(),
     };
-    let mut state = state.clone();
-    let (mut exchanged, mut repaired) = (Vec::new(), Vec::new());
+    let given = Given {
+        bench,
+        state,
+        quiet,
+        rows,
+    };
+    let mut faults: Vec<Fault> = Vec::new();
+    let mut mended = given.without(&faults)?;
     for _ in 0..MOST {
-        let Some((candidates, after)) = single(bench, &state) else {
+        let Some((candidates, after)) = single(&mended.bench, &mended.state, &mended.quiet) else {
             break;
         };
         let best = candidates[0].fault.clone();
-        let known = |named: &Vec<Candidate>| {
-            let channels = named[0].fault.channels();
-            channels.iter().any(|c| best.channels().contains(c))
-        };
-        if found.named.iter().any(known) {
+        let again = best.channels();
+        if faults
+            .iter()
+            .any(|f| f.channels().iter().any(|c| again.contains(c)))
+        {
             break;
         }
+        faults.push(best);
+        let Some(next) = given.without(&faults) else {
+            faults.pop();
+            break;
+        };
         found.named.push(candidates);
-        found.after = after;
-        if let Fault::Swapped { channels } = best {
-            // The other channel was part of the motion, or not.
-            exchanged.push(channels);
-            let Some(mut anew) = rows(&exchanged, &state) else {
-                break;
-            };
-            repaired
-                .iter()
-                .for_each(|fault: &Fault| fault.repair(&mut anew));
-            state = anew;
-        } else {
-            best.repair(&mut state);
-            repaired.push(best);
-        }
+        (found.after, mended) = (after, next);
     }
-    found.sensors = state.sensors;
+    for i in 0..faults.len() {
+        if faults.len() < 2 {
+            break;
+        }
+        // The first fault was named while the second one was still there.
+        let mut others = faults.clone();
+        others.remove(i);
+        let Some(other) = given.without(&others) else {
+            continue;
+        };
+        let Some((candidates, after)) = single(&other.bench, &other.state, &other.quiet) else {
+            continue;
+        };
+        let mut all = faults.clone();
+        all[i] = candidates[0].fault.clone();
+        if after.chi2 > found.after.chi2 + TIE {
+            continue;
+        }
+        let Some(next) = given.without(&all) else {
+            continue;
+        };
+        found.named[i] = candidates;
+        (found.after, faults, mended) = (after, all, next);
+    }
+    found.untold = Untold::of(&mended.bench, &mended.state).unwrap_or_default();
+    found.sensors = mended.state.sensors;
     Some(found)
 }

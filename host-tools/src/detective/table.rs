@@ -36,16 +36,6 @@ pub(super) struct Row {
     pub(super) noise: DMatrix<f64>,
 }
 
-impl Row {
-    /// The row of a channel that tells nothing, among others of this mean square.
-    pub(super) fn unknown(motions: usize, level: f64) -> Self {
-        Self {
-            k: DVector::zeros(motions),
-            noise: DMatrix::identity(motions, motions) * (UNKNOWN * level),
-        }
-    }
-}
-
 /// The gauge: combinations of channels that are the motions.
 #[derive(Clone, Debug)]
 pub(super) struct Gauge {

@@ -3,12 +3,12 @@
 
 use nalgebra::Vector3;
 
-use super::evidence::{middle, spread};
+use super::evidence::{OUTLYING, middle, spread};
 use super::hypothesis::FACTORS;
 use super::model::Sensor;
-use super::search::Found;
+use super::search::{Candidate, Found};
 use crate::format::plain;
-use crate::setup::Setup;
+use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
 
 /// Density over the cube that the sensors span, kg/m³, below which positions are not in metres.
 const LIGHTEST: f64 = 0.01;
@@ -18,14 +18,68 @@ const DENSE: f64 = 1000.0;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
-/// Distance of a sensor from the middle over the median one, above which it is taken for a mistake.
-const OUTLYING: f64 = 50.0;
 /// Agreement of a ratio of masses with a usual factor.
-const NEAR: f64 = 0.05;
+const NEAR: f64 = 0.03;
 
-/// Faults of the whole set-up and questions, in words.
-pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
-    let mut all = Vec::new();
+/// Kind of a fault that many sensors share, or of a question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WholeFault {
+    /// The reference point lies far away.
+    ReferencePoint,
+    /// Single positions lie far away.
+    Outlying,
+    /// All load cells or all accelerometers have the other sign.
+    Reversed,
+    /// All accelerations are in g, since the mass is known.
+    InG,
+    /// All load cells or all accelerations are in another unit.
+    Unit,
+    /// All positions are in millimetres.
+    Millimetres,
+    /// The question if all accelerations are in g, since the body would be dense.
+    PerhapsInG,
+    /// The same question where nothing states a unit.
+    NoUnit,
+}
+
+impl WholeFault {
+    /// The kind as one word of the documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ReferencePoint => "reference-point",
+            Self::Outlying => "outlying",
+            Self::Reversed => "all-reversed",
+            Self::InG => "all-in-g",
+            Self::Unit => "unit-of-all",
+            Self::Millimetres => "all-in-mm",
+            Self::PerhapsInG => "perhaps-all-in-g",
+            Self::NoUnit => "no-unit",
+        }
+    }
+}
+
+/// A fault that many sensors share, or a question.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Whole {
+    /// Its kind.
+    pub fault: WholeFault,
+    /// The channels, where it is not all of them.
+    pub channels: Vec<usize>,
+    /// The evidence and the remedy in words.
+    pub text: String,
+}
+
+/// Faults of the whole set-up and questions.
+pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> Vec<Whole> {
+    let mut all: Vec<Whole> = Vec::new();
+    let mut say = |fault, text| {
+        all.push(Whole {
+            fault,
+            channels: Vec::new(),
+            text,
+        })
+    };
     let reference = Vector3::from(setup.reference_point);
     let nearest = found
         .sensors
@@ -38,70 +92,138 @@ pub(super) fn judge(setup: &Setup, found: &Found) -> Vec<String> {
         .map(|s| (s.position - found.sensors[0].position).norm())
         .fold(0.0, f64::max);
     if farthest > 0.0 && nearest > FAR * farthest {
-        all.push(format!(
-            "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
-            plain(nearest, 3),
-            plain(nearest / farthest, 2)
-        ));
+        say(
+            WholeFault::ReferencePoint,
+            format!(
+                "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
+                plain(nearest, 3),
+                plain(nearest / farthest, 2)
+            ),
+        );
     }
     let (middle, spread) = (middle(&found.sensors), spread(&found.sensors));
-    let away: Vec<String> = found
-        .sensors
+    let far = |i: &usize| (found.sensors[*i].position - middle).norm() > OUTLYING * spread;
+    let channels: Vec<usize> = (0..found.sensors.len()).filter(far).collect();
+    let away: Vec<String> = channels
         .iter()
-        .filter(|s| (s.position - middle).norm() > OUTLYING * spread)
-        .map(|s| format!("`{}`", s.channel))
+        .map(|&i| format!("`{}`", found.sensors[i].channel))
         .collect();
     if !away.is_empty() {
-        all.push(format!(
-            "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
-            away.join(", ")
-        ));
+        say(
+            WholeFault::Outlying,
+            format!(
+                "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
+                away.join(", ")
+            ),
+        );
     }
+    if let Some(outlying) = all.last_mut().filter(|w| w.fault == WholeFault::Outlying) {
+        outlying.channels = channels;
+    }
+    let mut say = |fault, text| {
+        all.push(Whole {
+            fault,
+            channels: Vec::new(),
+            text,
+        })
+    };
     let Some(body) = found.after.body else {
         return all;
     };
+    // Where the data do not tell which load cell is wrong, they do not tell the mass.
+    let cell = |c: &usize| found.sensors[*c].kind.is_cell();
+    let vague =
+        |named: &Vec<Candidate>| named.len() > 1 && named[0].fault.channels().iter().any(cell);
+    if found.named.iter().any(vague) {
+        return all;
+    }
     let mass = body[0];
     if mass < 0.0 {
-        all.push(format!(
-            "all load cells, or all accelerometers, have the other sign: the mass is {} kg. Turn the `direction` of all load cells if they measure the force that the structure exerts on the table",
-            plain(mass, 4)
-        ));
+        say(
+            WholeFault::Reversed,
+            format!(
+                "all load cells, or all accelerometers, have the other sign: the mass is {} kg. Turn the `direction` of all load cells if they measure the force that the structure exerts on the table",
+                plain(mass, 4)
+            ),
+        );
         return all;
     }
     if let Some(known) = setup.known_mass {
         let ratio = mass / known;
         let factor = FACTORS.iter().find(|f| (ratio / **f - 1.0).abs() < NEAR);
         if let Some(factor) = factor {
-            let unit = if (factor - 9.806_65).abs() < 0.1 {
-                "the accelerometers are in g: `scale = 9.80665`"
+            let (fault, unit) = if (factor - 9.806_65).abs() < 0.1 {
+                let unit = format!("the accelerometers are in g: {}", in_g(setup));
+                (WholeFault::InG, unit)
             } else {
-                "a unit of all load cells or of all accelerometers is wrong"
+                let unit = "a unit of all load cells or of all accelerometers is wrong";
+                (WholeFault::Unit, unit.to_owned())
             };
-            all.push(format!(
-                "the mass is {} times the weighed one: {unit}",
-                plain(ratio, 4)
-            ));
+            say(
+                fault,
+                format!(
+                    "the mass is {} times the weighed one: {unit}",
+                    plain(ratio, 4)
+                ),
+            );
         }
-        return all;
     }
     let Some(volume) = volume(&found.sensors) else {
         return all;
     };
     let density = mass / volume;
     if density < LIGHTEST {
-        all.push(format!(
-            "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³",
-            plain(mass, 4),
-            plain(density, 2)
-        ));
-    } else if density > DENSE {
-        all.push(format!(
-            "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, give them `scale = 9.80665`; `known_mass` would decide it",
-            plain(mass, 4),
-            plain(density, 2)
-        ));
+        say(
+            WholeFault::Millimetres,
+            format!(
+                "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³. Write `length_unit = \"mm\"` at the top of the setup",
+                plain(mass, 4),
+                plain(density, 2)
+            ),
+        );
+    } else if setup.known_mass.is_none() && density > DENSE {
+        say(
+            WholeFault::PerhapsInG,
+            format!(
+                "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, {}; `known_mass` would decide it",
+                plain(mass, 4),
+                plain(density, 2),
+                in_g(setup)
+            ),
+        );
+    } else if setup.known_mass.is_none()
+        && !units_in_recordings
+        && setup.accelerometers.iter().all(states_nothing)
+    {
+        say(
+            WholeFault::NoUnit,
+            format!(
+                "no unit of the accelerations is stated, so that they are taken to be in m/s² and the mass is {} kg; if they are in g it is {} kg, and {}",
+                plain(mass, 4),
+                plain(mass / 9.806_65, 4),
+                in_g(setup)
+            ),
+        );
     }
     all
+}
+
+/// `true` if the set-up does not say what unit the readings of a sensor are in.
+fn states_nothing(a: &AccelerometerEntry) -> bool {
+    a.units == Units::default() && (a.scale.abs() - 1.0).abs() < NEAR
+}
+
+/// The remedy where all accelerations are in g.
+fn in_g(setup: &Setup) -> String {
+    let g = |a: &AccelerometerEntry| {
+        let total = a.scale * 9.806_65;
+        a.units.plainest(Measured::Acceleration, total) == Some("g")
+    };
+    if setup.accelerometers.iter().all(g) {
+        "write `unit = \"g\"` into every [[accelerometer]]".to_owned()
+    } else {
+        "multiply the `scale` of every [[accelerometer]] by 9.80665".to_owned()
+    }
 }
 
 /// Volume of the cube whose half side is the sensors' median distance from their middle, m³: a single

@@ -4,13 +4,20 @@ use nalgebra::Vector3;
 
 use super::evidence::Evidence;
 use super::hypothesis::{Fault, Mistake};
+use super::model::Sensor;
+use super::search::Untold;
 use crate::format::plain;
-use crate::setup::Setup;
+use crate::setup::{Measured, Setup, Units};
 
 /// Section, name and keys of a channel.
 struct Entry<'s> {
     section: &'static str,
     channel: &'s str,
+    measured: Measured,
+    units: &'s Units,
+    /// SI per recorded unit.
+    total: f64,
+    /// The key `scale`.
     scale: f64,
     delay: f64,
 }
@@ -20,6 +27,9 @@ fn entry(setup: &Setup, channel: usize) -> Option<Entry<'_>> {
         return Some(Entry {
             section: "accelerometer",
             channel: &a.channel,
+            measured: Measured::Acceleration,
+            units: &a.units,
+            total: a.scale,
             scale: a.key_scale(),
             delay: a.delay,
         });
@@ -28,6 +38,9 @@ fn entry(setup: &Setup, channel: usize) -> Option<Entry<'_>> {
     Some(Entry {
         section: "load_cell",
         channel: &cell.channel,
+        measured: cell.quantity.into(),
+        units: &cell.units,
+        total: cell.scale,
         scale: cell.key_scale(),
         delay: cell.delay,
     })
@@ -62,23 +75,17 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
     let percent = |x: f64| plain(100.0 * x, 2);
     match fault {
         Fault::Inverted { channel } => format!("{} has the other sign", name(channel)),
-        Fault::Factor { channel, factor } if *factor > 1.0 => {
+        Fault::Factor { channel, factor } => {
+            let unit =
+                entry(setup, *channel).and_then(|e| e.units.plainest(e.measured, e.total / factor));
             format!(
-                "{} reads {} times too much",
+                "{} reads {} times too {}{}",
                 name(channel),
-                plain(*factor, 6)
+                plain(factor.max(1.0 / factor), 6),
+                if *factor > 1.0 { "much" } else { "little" },
+                unit.map_or_else(String::new, |unit| format!(": it is in {unit}"))
             )
         }
-        Fault::Factor { channel, factor } => format!(
-            "{} reads {} times too little{}",
-            name(channel),
-            plain(1.0 / factor, 6),
-            if (factor * 9.806_65 - 1.0).abs() < 1e-6 && *channel < setup.accelerometers.len() {
-                ": it is in g"
-            } else {
-                ""
-            }
-        ),
         Fault::Swapped { channels: [a, b] } => {
             format!("{} and {} are exchanged", name(a), name(b))
         }
@@ -141,8 +148,83 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
     }
 }
 
+/// Faults that the runs would not show, a sentence a kind.
+pub(super) fn untold(setup: &Setup, untold: &Untold) -> Vec<String> {
+    let mut all = Vec::new();
+    if !untold.signs.is_empty() {
+        all.push(format!("the sign of {}", names(setup, &untold.signs)));
+    }
+    // Channels of which none is told from any other are said once.
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for &[a, b] in &untold.pairs {
+        let joins = |group: &&mut Vec<usize>| {
+            let with = |c: usize| {
+                let told = |&other: &usize| {
+                    other == c
+                        || untold.pairs.contains(&[other, c])
+                        || untold.pairs.contains(&[c, other])
+                };
+                group.iter().all(told)
+            };
+            with(a) && with(b)
+        };
+        match groups.iter_mut().find(joins) {
+            Some(group) => {
+                for c in [a, b] {
+                    if !group.contains(&c) {
+                        group.push(c);
+                    }
+                }
+            }
+            None => groups.push(vec![a, b]),
+        }
+    }
+    for group in groups {
+        all.push(format!("which is which of {}", names(setup, &group)));
+    }
+    for place in &untold.places {
+        all.push(format!("the position of {}", names(setup, place)));
+    }
+    all
+}
+
+/// Lines by which a channel's readings count so many times as much: its unit, where it is one, else
+/// its scale.
+fn scaled(setup: &Setup, evidence: &Evidence, channel: usize, factor: f64) -> Vec<String> {
+    let Some(entry) = entry(setup, channel) else {
+        return Vec::new();
+    };
+    let scale = plain(entry.scale * factor, 7);
+    let total = entry.total * factor;
+    let head = [
+        format!("[[{}]]", entry.section),
+        format!("channel = \"{}\"", entry.channel),
+    ];
+    let Some(unit) = entry.units.plainest(entry.measured, total) else {
+        return [head.to_vec(), vec![format!("scale = {scale}")]].concat();
+    };
+    let here = &evidence.sensors[channel];
+    let shares = |(i, s): (usize, &Sensor)| {
+        i != channel && s.kind == here.kind && (s.position - here.position).norm() < 1e-6
+    };
+    // A triaxial entry has one unit for all axes.
+    let note = match evidence.sensors.iter().enumerate().any(shares) {
+        true => format!("  # of one axis of a triaxial sensor: scale = {scale}"),
+        false => String::new(),
+    };
+    let mut lines = [head.to_vec(), vec![format!("unit = \"{unit}\"{note}")]].concat();
+    let sign = if total < 0.0 { -1.0 } else { 1.0 };
+    if sign != entry.scale {
+        lines.push(format!("scale = {sign}"));
+    }
+    lines
+}
+
 /// Lines of the set-up that mend a fault; comments say what stands there now.
 pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<String> {
+    if let Fault::Factor { channel, factor } | Fault::Gain { channel, factor } = fault {
+        return scaled(setup, evidence, *channel, 1.0 / factor);
+    }
     let mut lines = Vec::new();
     let mut add = |channel: usize, key: &str, value: String| {
         if let Some(entry) = entry(setup, channel) {
@@ -158,39 +240,24 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
     };
     match fault {
         Fault::Inverted { channel } => add(*channel, "scale", scale(*channel, -1.0)),
-        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } => {
-            add(*channel, "scale", scale(*channel, 1.0 / factor));
-        }
         Fault::Turned { place, rotation } => {
             for &channel in place {
                 let direction = rotation * evidence.sensors[channel].direction;
-                add(
-                    channel,
-                    "direction",
-                    vector(&evidence.turned_back(channel, direction)),
-                );
+                add(channel, "direction", vector(&direction));
             }
         }
         Fault::Position {
             place, position, ..
         } => {
             for &channel in place {
-                add(
-                    channel,
-                    "position",
-                    metres(&evidence.moved_back(channel, *position)),
-                );
+                add(channel, "position", metres(position));
             }
         }
         Fault::PlacesExchanged { places: [a, b] } => {
             for (here, there) in [(a, b), (b, a)] {
                 let position = evidence.sensors[there[0]].position;
                 for &channel in here {
-                    add(
-                        channel,
-                        "position",
-                        metres(&evidence.moved_back(channel, position)),
-                    );
+                    add(channel, "position", metres(&position));
                 }
             }
         }
@@ -210,7 +277,11 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
                 add(channel, "delay", plain(delay, 6));
             }
         }
-        Fault::CrossTalk { .. } | Fault::Dead { .. } | Fault::Unlisted { .. } => {}
+        Fault::Factor { .. }
+        | Fault::Gain { .. }
+        | Fault::CrossTalk { .. }
+        | Fault::Dead { .. }
+        | Fault::Unlisted { .. } => {}
     }
     lines
 }

@@ -8,12 +8,13 @@
 use super::drives::DrivesAverage;
 use super::geometry::channel_names;
 use super::random::drive_columns;
+use super::samples::{Samples, feed};
 use super::stream::stream;
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::StaticPoses;
-use massline_core::spectra::{Complex32, CrossAverage, Sum};
+use massline_core::spectra::{BlockSettings, Complex32, CrossAverage, SpectraError, Sum};
 use nalgebra::{Complex, DMatrix, Vector6};
 
 /// Spectra of every channel in all runs of a measurement, in recorded units.
@@ -84,7 +85,6 @@ fn of_run(
     let settings = measured.settings();
     let count = measured.geometry.columns.len();
     let drives = drive_columns(run, &names);
-    let lines = settings.grid().count;
     let mut average = match drives.len() {
         0 => DrivesAverage::new(settings, count, 0),
         drives => DrivesAverage::new(settings, drives, count),
@@ -99,16 +99,34 @@ fn of_run(
         &mut |_| {},
         progress,
     )?;
-    if drives.is_empty() {
+    finished(
+        &average,
+        settings,
+        measured.band.indices(),
+        (drives.len(), count),
+    )
+    .map_err(|source| MeasureError::Spectra {
+        file: setup.recording_path(run),
+        source,
+    })
+}
+
+/// The spectra of a run's channels from its average: one a drive, or all of them without any.
+fn finished(
+    average: &DrivesAverage,
+    settings: &BlockSettings,
+    band: std::ops::Range<usize>,
+    (drives, count): (usize, usize),
+) -> Result<Vec<OfRun>, SpectraError> {
+    let lines = settings.grid().count;
+    if drives == 0 {
         let matrix = |line| DMatrix::from_fn(count, count, |i, j| average.between(line, i, j));
         return Ok(vec![OfRun::Cross((0..lines).map(matrix).collect())]);
     }
-    let mut found = average.parts(measured.band.indices());
+    let mut found = average.parts(band);
     let mut all = Vec::new();
     for mut part in std::mem::take(&mut found.parts) {
-        let file = setup.recording_path(run);
-        let spectral = |source| MeasureError::Spectra { file, source };
-        let average = found.average(&mut part).map_err(spectral)?;
+        let average = found.average(&mut part)?;
         let responses = DMatrix::from_fn(count, lines, |c, line| {
             let power = average.drive_power(line);
             let (re, im) = average.cross(c, line);
@@ -125,6 +143,41 @@ fn of_run(
         });
     }
     Ok(all)
+}
+
+/// The same from samples in memory, of which `measurement` was made.
+///
+/// # Errors
+/// [`MeasureError::Spectra`] where blocks do not suit.
+pub(crate) fn channels_of_samples(
+    setup: &Setup,
+    measurement: &Measurement,
+    samples: &[Samples<'_>],
+) -> Result<Channels, MeasureError> {
+    let mut runs = Vec::new();
+    for (measured, samples) in measurement.runs.iter().zip(samples) {
+        let run = &setup.runs[measured.number];
+        let settings = measured.settings();
+        let count = samples.sensors.len();
+        let drives = usize::from(!run.references.is_empty());
+        let mut average = match drives {
+            0 => DrivesAverage::new(settings, count, 0),
+            drives => DrivesAverage::new(settings, drives, count),
+        };
+        let same = |sample: &[f32], into: &mut [f32]| into.copy_from_slice(sample);
+        let done = feed(settings, samples, (drives > 0, count), &same, &mut average);
+        let done = done
+            .and_then(|()| finished(&average, settings, measured.band.indices(), (drives, count)));
+        runs.extend(done.map_err(|source| MeasureError::Spectra {
+            file: setup.recording_path(run),
+            source,
+        })?);
+    }
+    Ok(Channels {
+        runs,
+        sines: Vec::new(),
+        poses: Vec::new(),
+    })
 }
 
 /// Columns of a run that are added to those of its geometry.
@@ -159,15 +212,21 @@ impl Channels {
         }
     }
 
-    /// Mean coherence of each channel with the drive of run `index` over these lines; one without
+    /// Mean coherence of each channel with the drive of run `index` over these lines; `None` without
     /// a drive.
-    pub(crate) fn coherence(&self, index: usize, lines: std::ops::Range<usize>) -> Vec<f64> {
+    pub(crate) fn coherence(
+        &self,
+        index: usize,
+        lines: std::ops::Range<usize>,
+    ) -> Option<Vec<f64>> {
         match &self.runs[index] {
-            OfRun::Drive { coherence, .. } => coherence
-                .row_iter()
-                .map(|row| row.columns(lines.start, lines.len()).mean())
-                .collect(),
-            OfRun::Cross(products) => vec![1.0; products.first().map_or(0, DMatrix::nrows)],
+            OfRun::Drive { coherence, .. } => Some(
+                coherence
+                    .row_iter()
+                    .map(|row| row.columns(lines.start, lines.len()).mean())
+                    .collect(),
+            ),
+            OfRun::Cross(_) => None,
         }
     }
 

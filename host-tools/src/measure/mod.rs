@@ -18,10 +18,11 @@ mod sine;
 mod stream;
 mod survey;
 mod unexplained;
+mod units;
 
 pub use crate::setup::WINDOW;
 pub(crate) use change::Change;
-pub(crate) use channels::{Added, Channels, channels};
+pub(crate) use channels::{Added, Channels, channels, channels_of_samples};
 pub use error::MeasureError;
 pub(crate) use geometry::channel_names;
 pub use geometry::{Accelerations, RunGeometry};
@@ -40,6 +41,7 @@ pub use survey::{Survey, SurveyedRun, survey, survey_first};
 use crate::setup::{Excitation, Setup};
 use massline_core::spectra::{BlockSettings, LineGrid, LineRange};
 use std::collections::HashMap;
+use units::Noticed;
 
 /// Told now and then how far the reading of recordings is.
 pub struct Progress<'a> {
@@ -81,6 +83,8 @@ pub struct Measurement {
     pub hop: f64,
     /// Source of the noise of each run: random ones, stepped sines, static ones.
     pub noise: Vec<RunNoise>,
+    /// `true` if a recording states the unit of an accelerometer or load cell.
+    pub units_in_recordings: bool,
     /// Warnings to the user.
     pub warnings: Vec<String>,
 }
@@ -96,6 +100,7 @@ impl Default for Measurement {
             band: LineRange::all(0),
             hop: 0.5,
             noise: Vec::new(),
+            units_in_recordings: false,
             warnings: Vec::new(),
         }
     }
@@ -127,14 +132,15 @@ pub fn measure_first(
     let mut measurement = Measurement::default();
     let mut settings: Option<BlockSettings> = None;
     let mut health = Vec::new();
+    let mut noticed = Noticed::default();
     let mut fingerprints: HashMap<u64, String> = HashMap::new();
     for (number, run) in setup.runs.iter().enumerate() {
         let mut report = |share| progress(Progress::of(setup, number, share));
         let geometry = RunGeometry::new(setup, number, accelerations)?;
-        geometry.warn(&mut measurement.warnings);
+        geometry.warn(&mut noticed.warnings);
         let fingerprint = match run.excitation {
             Excitation::Static => {
-                let poses = poses::read(setup, run, geometry, &mut measurement.warnings)?;
+                let poses = poses::read(setup, run, geometry, &mut noticed)?;
                 let fingerprint = poses.fingerprint;
                 measurement.poses.push(poses);
                 fingerprint
@@ -146,7 +152,7 @@ pub fn measure_first(
                     geometry,
                     limit,
                     &mut settings,
-                    &mut measurement.warnings,
+                    &mut noticed,
                     &mut report,
                 )?;
                 let mut fingerprint = 0;
@@ -160,7 +166,7 @@ pub fn measure_first(
             }
             Excitation::Sine => {
                 let before = measurement.sines.first().map(|s| s.frequencies.as_slice());
-                let measured = sine::read(setup, run, geometry, before, &mut measurement.warnings)?;
+                let measured = sine::read(setup, run, geometry, before, &mut noticed)?;
                 let fingerprint = measured.fingerprint;
                 measurement.sines.push(measured);
                 fingerprint
@@ -174,6 +180,8 @@ pub fn measure_first(
         }
         report(1.0);
     }
+    measurement.units_in_recordings = noticed.states_units();
+    measurement.warnings = noticed.warnings;
     if let Some(settings) = settings {
         measurement.grid = Some(settings.grid());
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;

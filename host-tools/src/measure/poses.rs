@@ -3,6 +3,7 @@
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
 use super::noise::{NoiseOrigin, RESOLUTION, RunNoise, Stated, assumed};
+use super::units::Noticed;
 use crate::recording::{Health, Preamble};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::ResultantNoise;
@@ -39,7 +40,7 @@ pub(super) fn read(
     setup: &Setup,
     run: &Run,
     geometry: RunGeometry,
-    warnings: &mut Vec<String>,
+    noticed: &mut Noticed,
 ) -> Result<MeasuredPoses, MeasureError> {
     let file = setup.recording_path(run);
     let mut names = channel_names(setup, run);
@@ -51,6 +52,8 @@ pub(super) fn read(
         names.push(POSE);
         recording = setup.open_recording(run, &names)?;
     }
+    noticed.notice(setup, run, &recording)?;
+    let warnings = &mut noticed.warnings;
     recording.notice_columns(warnings);
     let mut poses = StaticPoses::default();
     let mut rows = Vec::new();

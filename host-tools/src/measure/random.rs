@@ -5,6 +5,7 @@ use super::geometry::{RunGeometry, channel_names};
 use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::stream::stream;
 use super::unexplained::Unexplained;
+use super::units::Noticed;
 use super::{MeasureError, Rejected, WINDOW};
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
@@ -144,7 +145,7 @@ pub(super) fn read(
     geometry: RunGeometry,
     limit: Option<u64>,
     settings: &mut Option<BlockSettings>,
-    warnings: &mut Vec<String>,
+    noticed: &mut Noticed,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<MeasuredRun>, MeasureError> {
     let run = &setup.runs[number];
@@ -152,6 +153,8 @@ pub(super) fn read(
     let names = channel_names(setup, run);
     let mut recording = setup.open_recording(run, &names)?;
     recording.limit(limit);
+    noticed.notice(setup, run, &recording)?;
+    let warnings = &mut noticed.warnings;
     recording.notice_columns(warnings);
     let unused = recording.ignored().join(", ");
     let settings = settle(setup, run, &file, &mut recording, settings)?;

@@ -79,15 +79,30 @@ fn averaged(
     band: LineRange,
     samples: &Samples<'_>,
 ) -> Result<MeasuredRun, SpectraError> {
+    let resultants = |sample: &[f32], into: &mut [f32]| {
+        into.copy_from_slice(&geometry.resultants(sample));
+    };
     let (spectra, density, blocks) = if !run.references.is_empty() {
         let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)];
         let mut average = DriveAverage::new(&settings, RESULTANTS, &mut sums)?;
-        feed(&geometry, &settings, samples, true, &mut average)?;
+        feed(
+            &settings,
+            samples,
+            (true, RESULTANTS),
+            &resultants,
+            &mut average,
+        )?;
         finish_drive(band, &geometry, &settings, &average)?
     } else {
         let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
         let mut average = CrossAverage::new(&settings, &mut sums)?;
-        feed(&geometry, &settings, samples, false, &mut average)?;
+        feed(
+            &settings,
+            samples,
+            (false, RESULTANTS),
+            &resultants,
+            &mut average,
+        )?;
         let blocks = average.blocks();
         let power = |c: usize, k: usize| average.cross(c, c, k).0;
         let density = densities(&settings.grid(), settings.density(), blocks, &power);
@@ -112,15 +127,17 @@ fn averaged(
     })
 }
 
-fn feed(
-    geometry: &RunGeometry,
+/// Streams samples through blocks into an average: `transform` turns a sample of all sensors into
+/// the channels that are averaged, so many behind the drive where there is one.
+pub(super) fn feed(
     settings: &BlockSettings,
     samples: &Samples<'_>,
-    driven: bool,
+    (driven, count): (bool, usize),
+    transform: &dyn Fn(&[f32], &mut [f32]),
     average: &mut dyn Average,
 ) -> Result<(), SpectraError> {
     let lead = usize::from(driven);
-    let channels = lead + RESULTANTS;
+    let channels = lead + count;
     let zero = Complex32::new(0.0, 0.0);
     let mut history = vec![0.0; settings.history_len(channels)];
     let mut work = vec![zero; settings.block_length()];
@@ -136,7 +153,7 @@ fn feed(
         if let Some(slot) = head.first_mut() {
             *slot = samples.drive.get(n).copied().unwrap_or(0.0);
         }
-        tail.copy_from_slice(&geometry.resultants(&sample));
+        transform(&sample, tail);
         if let Some(block) = blocks.push(&input) {
             average.add(&block);
         }

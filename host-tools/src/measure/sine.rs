@@ -3,6 +3,7 @@
 use super::MeasureError;
 use super::geometry::{RunGeometry, channel_names};
 use super::noise::RESOLUTION;
+use super::units::Noticed;
 use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};
@@ -61,7 +62,7 @@ pub(super) fn read(
     run: &Run,
     geometry: RunGeometry,
     before: Option<&[f64]>,
-    warnings: &mut Vec<String>,
+    noticed: &mut Noticed,
 ) -> Result<MeasuredSine, MeasureError> {
     let Some(processing) = &setup.processing else {
         return Err(MeasureError::NoProcessing {
@@ -77,6 +78,8 @@ pub(super) fn read(
     }
     let wanted: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut recording = setup.open_recording(run, &wanted)?;
+    noticed.notice(setup, run, &recording)?;
+    let warnings = &mut noticed.warnings;
     recording.notice_columns(warnings);
     let sensors_of = setup.accelerometers.len();
     let mut measured = MeasuredSine {

@@ -8,6 +8,7 @@ use super::drives::DrivesAverage;
 use super::geometry::{Accelerations, RunGeometry, channel_names};
 use super::random::{drive_columns, settle};
 use super::stream::stream;
+use super::units::Noticed;
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS};
@@ -82,7 +83,7 @@ pub fn survey_first(
                 continue;
             }
             Excitation::Sine => {
-                let measured = sine::read(setup, run, geometry, None, &mut Vec::new())?;
+                let measured = sine::read(setup, run, geometry, None, &mut Noticed::default())?;
                 survey.frequencies.clone_from(&measured.frequencies);
                 from_sine(number, &measured)
             }

@@ -6,6 +6,7 @@
 //!
 //! | file | section |
 //! | --- | --- |
+//! | `findings` | what the recordings contradict in the setup |
 //! | `verdict` | title, method, verdict, warnings |
 //! | `table` | the ten numbers with error bars |
 //! | `budget` | what of them comes from noise, what from stated errors of sensors |
@@ -22,6 +23,7 @@ mod base_spectra;
 mod budget;
 mod channels;
 mod coherence;
+mod findings;
 mod likelihood;
 mod lines;
 pub mod markup;
@@ -76,7 +78,8 @@ pub fn render(
         )
     });
     let result = of_sensors.as_ref().unwrap_or(numbers);
-    let mut sections = vec![ten];
+    let mut sections: Vec<Section> = findings::section(numbers).into_iter().collect();
+    sections.push(ten);
     sections.extend(budget::section(numbers));
     sections.extend(apparent_mass::section(answer, result));
     sections.extend(likelihood::section(result));

@@ -181,7 +181,7 @@ fn covered(result: &ResultDocument, truth: &TrueBody) -> String {
     }
 }
 
-fn capitalised(word: &str) -> String {
+pub(super) fn capitalised(word: &str) -> String {
     let mut letters = word.chars();
     letters.next().map_or(String::new(), |first| {
         first.to_uppercase().chain(letters).collect()
@@ -314,7 +314,7 @@ fn warnings(result: &ResultDocument) -> String {
 }
 
 /// Escaped text in which what stands between backquotes is code.
-fn with_code(text: &str) -> String {
+pub(super) fn with_code(text: &str) -> String {
     let mut html = String::new();
     let parts: Vec<&str> = text.split('`').collect();
     for (i, part) in parts.iter().enumerate() {

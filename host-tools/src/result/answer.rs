@@ -257,6 +257,7 @@ impl ResultDocument {
                 .map(NoiseDocument::new)
                 .collect(),
             likelihood: answer.likelihood.as_ref().map(LikelihoodDocument::new),
+            findings: Vec::new(),
             warnings: answer.warnings.clone(),
             refused: answer.refused.clone(),
             consistency_test: answer.consistency.map(ConsistencyDocument::new),
@@ -339,6 +340,7 @@ impl ResultDocument {
             runs: Vec::new(),
             noise: Vec::new(),
             likelihood: None,
+            findings: Vec::new(),
             warnings: Vec::new(),
             device: None,
         }

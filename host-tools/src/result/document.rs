@@ -1,6 +1,6 @@
 //! The form of the document.
 
-use super::{InertiaTerms, Number};
+use super::{FindingDocument, InertiaTerms, Number};
 use crate::frame::Frame;
 use crate::recording::{Traceability, TrueRate};
 use massline_core::identify::Covariance;
@@ -262,6 +262,9 @@ pub struct ResultDocument {
     /// The maximum likelihood fit; absent where it was not asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub likelihood: Option<LikelihoodDocument>,
+    /// Faults of the setup that the recordings contradict; absent where nothing was found.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub findings: Vec<FindingDocument>,
     /// Warnings to the user.
     pub warnings: Vec<String>,
     /// The box that has measured and identified; absent where this program did.

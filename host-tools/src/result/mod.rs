@@ -4,6 +4,7 @@
 //! | file | holds |
 //! | --- | --- |
 //! | `document` | the form of the document |
+//! | `findings` | what the recordings contradict in the setup |
 //! | `number` | a number with its error bar |
 //! | `answer` | the document of an answer |
 //! | `framed` | numbers and covariances in the frame that a setup states |
@@ -12,6 +13,7 @@
 
 mod answer;
 mod document;
+mod findings;
 mod framed;
 mod number;
 mod property;
@@ -25,6 +27,7 @@ pub use document::{
     FailedMethod, FixedModeDocument, FreeModeDocument, LikelihoodDocument, LikelihoodMode,
     NoiseDocument, Offsets, Plausible, RejectedBand, ResultDocument, RunQuality,
 };
+pub use findings::{ExplanationDocument, FindingDocument, findings};
 pub use number::{CombinedDocument, InertiaTerms, Number, TypeBDocument};
 pub use property::{About, Property};
 pub use read::ReadError;

@@ -41,7 +41,7 @@ pub(crate) use print::quoted as toml_text;
 pub(crate) use sensors::quantity;
 pub use uncertainty::{Defaults, Uncertainty};
 pub use units::Units;
-pub(crate) use units::{Measured, is_electric, measured_in};
+pub(crate) use units::{Measured, UnitsOfTwo, is_electric, measured_in};
 
 /// The window of all random runs.
 pub const WINDOW: Window = Window::Hann;
@@ -365,6 +365,21 @@ impl Setup {
         }
         recording.correct(factors, &delays);
         Ok(recording)
+    }
+
+    /// Channels of all sensors: accelerometers, then load cells.
+    pub(crate) fn sensor_channels(&self) -> impl Iterator<Item = &str> {
+        let motion = self.accelerometers.iter().map(|a| a.channel.as_str());
+        motion.chain(self.load_cells.iter().map(|c| c.channel.as_str()))
+    }
+
+    /// The units that the recordings of two runs state for the channel of a sensor, held against
+    /// each other.
+    pub(crate) fn units_of_two(&self, channel: &str, found: [Option<&str>; 2]) -> UnitsOfTwo {
+        match self.sensor(channel) {
+            Some((list, measured, units, scale)) => units.of_two(list, measured, scale, found),
+            None => UnitsOfTwo::Alike,
+        }
     }
 
     /// List, quantity, units and scale of the sensor that has a channel.

@@ -258,6 +258,20 @@ impl Units {
         exact.unwrap_or(near)
     }
 
+    /// The unit by which readings of so many SI units each are said most plainly, where there is one
+    /// and no sensitivity stands in its place; the sign is left to the key `scale`.
+    pub(crate) fn plainest(&self, measured: Measured, total: f64) -> Option<&'static str> {
+        let electric = |unit: &String| !matches!(find(unit), Some((Kind::Of(_), _)));
+        if self.sensitivity.is_some() || self.unit.as_ref().is_some_and(electric) {
+            return None;
+        }
+        let fits = |size: f64| (total.abs() / size - 1.0).abs() < 1e-6;
+        let mut units = UNITS.iter();
+        let (unit, ..) =
+            units.find(|(_, kind, size)| *kind == Kind::Of(measured) && fits(*size))?;
+        (self.unit.is_some() || *unit != measured.si()).then_some(*unit)
+    }
+
     /// Factor that takes the readings of a channel whose recording states `found` to the unit that
     /// the setup's scale is for. `scale` is that of the setup.
     ///
@@ -313,6 +327,56 @@ impl Units {
                     ));
                 }
                 Ok(size)
+            }
+        }
+    }
+}
+
+/// Units of one channel in the recordings of two runs.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum UnitsOfTwo {
+    /// The same, or the setup states the unit for both.
+    Alike,
+    /// One recording states no unit, and its readings count the same as those of the other.
+    Assumed,
+    /// Two different units.
+    Other,
+    /// One recording states no unit, and its readings would count as another unit.
+    Missing {
+        /// The unit that the other recording states.
+        unit: String,
+        /// List of the setup that the sensor is in.
+        list: &'static str,
+        /// The unit that readings without one count as.
+        si: &'static str,
+    },
+}
+
+impl Units {
+    /// Holds the units that the recordings of two runs state for one channel against each other.
+    pub(super) fn of_two(
+        &self,
+        list: &'static str,
+        measured: Measured,
+        scale: f64,
+        found: [Option<&str>; 2],
+    ) -> UnitsOfTwo {
+        if self.unit.is_some() {
+            return UnitsOfTwo::Alike;
+        }
+        match found {
+            [None, None] => UnitsOfTwo::Alike,
+            [Some(a), Some(b)] if find(a) == find(b) => UnitsOfTwo::Alike,
+            [Some(_), Some(_)] => UnitsOfTwo::Other,
+            [Some(unit), None] | [None, Some(unit)] => {
+                match self.of_recording(measured, scale, Some(unit)) {
+                    Ok(1.0) => UnitsOfTwo::Assumed,
+                    _ => UnitsOfTwo::Missing {
+                        unit: quoted(unit),
+                        list,
+                        si: measured.si(),
+                    },
+                }
             }
         }
     }

@@ -23,7 +23,7 @@ pub(super) fn rotation_matrix(degrees: &[f64; 3]) -> Matrix3<f64> {
 /// The transform from the motion of the interface's origin, interface axes, to the motion
 /// of the specimen's origin, specimen axes, where x_interface = R x_specimen + t (m). Its
 /// transpose carries resultants of the specimen into the interface frame.
-pub(super) fn mounting(rotation: &[f64; 3], translation: &[f64; 3]) -> Matrix6<f64> {
+pub(crate) fn mounting(rotation: &[f64; 3], translation: &[f64; 3]) -> Matrix6<f64> {
     let to_specimen = rotation_matrix(rotation).transpose();
     let mut turn = Matrix6::zeros();
     turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&to_specimen);

@@ -43,7 +43,8 @@ pub use truth::{Bound, InertiaTruth, ModeTruth, Truth};
 
 use crate::recording::{Form, Preamble};
 use crate::setup::{Defaults, Estimation, Excitation, Mount, Run, Setup};
-use interface::{TableMotion, load_paths, mounting, rotation_matrix, table_motion};
+pub(crate) use interface::mounting;
+use interface::{TableMotion, load_paths, rotation_matrix, table_motion};
 use specimen::{Gains, stack};
 use synthesis::{Drive, DriveResponse, modal_response, table_resonance};
 

@@ -36,6 +36,7 @@
 //! | file | does |
 //! | --- | --- |
 //! | `coverage` | how many 95 % intervals hold the truth |
+//! | `faults` | the detective on set-ups with faults |
 //! | `likelihood` | the maximum likelihood fit beside the Cramér-Rao bound |
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
@@ -50,6 +51,7 @@ mod document;
 mod estimate;
 #[cfg(test)]
 mod false_alarms;
+pub mod faults;
 pub mod likelihood;
 pub mod marked;
 mod monte_carlo;

@@ -15,10 +15,12 @@
 use super::chance::Chance;
 use super::responses::surveyed;
 use super::scratch::{Scratch, pose_rows, sine_rows};
+use crate::detective::{self, Findings, Undecided};
 use crate::identification::{Answer, Choice, Session};
 use crate::likelihood::Noise;
 use crate::measure::{
-    Accelerations, MeasureError, NoRecords, Records, RunGeometry, Samples, Survey, sampled_records,
+    Accelerations, MeasureError, NoRecords, Records, RunGeometry, Samples, Survey,
+    channels_of_samples, measure_samples, sampled_records,
 };
 use crate::setup::{Excitation, Quantity, Setup};
 use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
@@ -69,6 +71,7 @@ pub(super) struct Conditions {
 }
 
 /// Samples of one run, or complex amplitudes in pairs of samples.
+#[derive(Clone)]
 struct Run {
     drive: Vec<f32>,
     sensors: Vec<Vec<f32>>,
@@ -76,6 +79,7 @@ struct Run {
 }
 
 /// One draw: a test without noise, and the noise to add.
+#[derive(Clone)]
 pub(super) struct Trial {
     /// The test.
     pub(super) setup: Setup,
@@ -287,6 +291,11 @@ impl Trial {
         )?)
     }
 
+    /// The seed of its signals.
+    pub(super) fn seed(&self) -> u64 {
+        self.seed
+    }
+
     /// The model that was simulated.
     pub(super) fn model(&self) -> &Model {
         &self.model
@@ -314,6 +323,64 @@ impl Trial {
             self.in_memory(level, methods)
         } else {
             self.by_files(level, methods)
+        }
+    }
+
+    /// The examination of the sensors at a level of noise, of random runs.
+    pub(super) fn examine(&self, level: f64) -> Result<Result<Findings, Undecided>, TrialError> {
+        let noisy = self.noisy(level);
+        let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
+            .map(|(sensors, run)| Samples {
+                sensors,
+                drive: &run.drive,
+            })
+            .collect();
+        let setup = &self.setup;
+        let measurement = measure_samples(setup, &Accelerations::Interface, &samples)?;
+        let channels = channels_of_samples(setup, &measurement, &samples)?;
+        Ok(detective::examine(setup, &measurement, &channels))
+    }
+
+    /// Exchanges the readings of two sensors.
+    pub(super) fn exchange(&mut self, a: usize, b: usize) {
+        for run in &mut self.runs {
+            run.sensors.swap(a, b);
+            run.noise.swap(a, b);
+        }
+    }
+
+    /// Records the readings of a sensor in another unit.
+    pub(super) fn record_in(&mut self, sensor: usize, unit: f32) {
+        for run in &mut self.runs {
+            let readings = run.sensors[sensor].iter_mut();
+            readings
+                .chain(&mut run.noise[sensor])
+                .for_each(|x| *x /= unit);
+        }
+    }
+
+    /// Takes the signal of a sensor away; its noise stays.
+    pub(super) fn silence(&mut self, sensor: usize) {
+        self.runs
+            .iter_mut()
+            .for_each(|run| run.sensors[sensor].fill(0.0));
+    }
+
+    /// Has sensors come late by so many samples: their ends go, and the beginnings of all others.
+    pub(super) fn delay(&mut self, late: &[usize], samples: usize) {
+        for run in &mut self.runs {
+            let cut = |channel: &mut Vec<f32>, is_late: bool| {
+                if is_late {
+                    channel.truncate(channel.len().saturating_sub(samples));
+                } else {
+                    channel.drain(..samples.min(channel.len()));
+                }
+            };
+            for (c, (signal, noise)) in run.sensors.iter_mut().zip(&mut run.noise).enumerate() {
+                cut(signal, late.contains(&c));
+                cut(noise, late.contains(&c));
+            }
+            cut(&mut run.drive, false);
         }
     }
 

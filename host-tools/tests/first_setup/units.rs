@@ -130,3 +130,91 @@ fn units_of_the_header_are_used_and_held_against_the_setup() {
     massline(test.path(), ["identify", "setup.toml"])
         .refused_input("[mV] … no `sensitivity`; give … mV/m/s²");
 }
+
+/// Rewrites the header of one recording.
+fn rewrite_header(test: &Recorded, run: usize, change: impl Fn(&str) -> String) {
+    let file = &test.recordings()[run];
+    let text = std::fs::read_to_string(file).unwrap();
+    let header = text.lines().find(|line| !line.starts_with('#')).unwrap();
+    let names: Vec<String> = header.split(',').map(&change).collect();
+    std::fs::write(file, text.replacen(header, &names.join(","), 1)).unwrap();
+}
+
+/// The recording of one run in g where that of another says m/s², says nothing, or says the same.
+#[test]
+fn runs_whose_headers_give_a_channel_other_units_are_refused_with_both_files() {
+    let test = recorded();
+    let setup = test.setup().to_toml();
+    let write = |text: &str| std::fs::write(test.path().join("setup.toml"), text).unwrap();
+    write(&setup);
+    let files: Vec<String> = test
+        .recordings()
+        .iter()
+        .map(|file| file.file_name().unwrap().to_str().unwrap().to_owned())
+        .collect();
+    let say = |run: usize, label: &str| {
+        rewrite_header(&test, run, |name| match name.split(" [").next() {
+            Some("base1.x") => label.to_owned(),
+            _ => name.to_owned(),
+        });
+    };
+    let identify = || massline(test.path(), ["identify", "setup.toml"]);
+    say(0, "base1.x [g]");
+    let words = format!(
+        "{} … `base1.x` … states no unit … {} says [g] … `unit = \"g\"` … [[accelerometer]]",
+        files[1], files[0]
+    );
+    identify().refused_input(&words);
+    massline(test.path(), ["check", "setup.toml"]).refused_input(&words);
+    // The later run is the one that says it.
+    say(0, "base1.x");
+    say(3, "base1.x [mm/s²]");
+    identify().refused_input(&format!(
+        "{} … says [mm/s²] … {} states no unit … count as mm/s² … m/s²",
+        files[3], files[0]
+    ));
+    for run in 0..files.len() {
+        say(
+            run,
+            if run == 2 {
+                "base1.x [mm/s²]"
+            } else {
+                "base1.x [g]"
+            },
+        );
+    }
+    identify().refused_input(&format!(
+        "{} … says [mm/s²] … {} says [g] … one unit in all runs",
+        files[2], files[0]
+    ));
+    // A unit of the setup holds for recordings without one.
+    for run in 0..files.len() {
+        say(
+            run,
+            if run == 2 {
+                "base1.x"
+            } else {
+                "base1.x [m/s^2]"
+            },
+        );
+    }
+    let stated = setup.replacen(
+        "channel = \"base1.x\"\n",
+        "channel = \"base1.x\"\nunit = \"m/s²\"\n",
+        1,
+    );
+    assert_ne!(stated, setup);
+    write(&stated);
+    let out = identify();
+    assert_eq!(out.code, Some(0), "{}", out.stderr);
+    assert!(!out.stderr.contains("states no unit"), "{}", out.stderr);
+    // SI is what a recording without a unit has: the numbers are the same, and it is said.
+    write(&setup);
+    let assumed = identify();
+    assert_eq!(assumed.stdout, out.stdout);
+    let words = format!(
+        "{}, channels base1.x: this recording states no unit, and",
+        files[2]
+    );
+    assert!(assumed.stderr.contains(&words), "{}", assumed.stderr);
+}

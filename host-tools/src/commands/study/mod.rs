@@ -1,6 +1,7 @@
 //! `massline study`: what the methods do, over many simulated tests.
 
 mod coverage;
+mod faults;
 mod likelihood;
 mod plans;
 mod tuning_fork;
@@ -25,6 +26,7 @@ pub struct Arguments {
 enum Study {
     TuningFork(Box<tuning_fork::Arguments>),
     Coverage(coverage::Arguments),
+    Faults(faults::Arguments),
     Likelihood(likelihood::Arguments),
     Plans(plans::Arguments),
 }
@@ -73,6 +75,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     match &arguments.study {
         Study::TuningFork(a) => tuning_fork::run(a, verbosity),
         Study::Coverage(a) => coverage::run(a, verbosity),
+        Study::Faults(a) => faults::run(a, verbosity),
         Study::Likelihood(a) => likelihood::run(a, verbosity),
         Study::Plans(a) => plans::run(a, verbosity),
     }

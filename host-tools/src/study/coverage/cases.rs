@@ -9,7 +9,7 @@ use massline_core::spectra::{BlockSettings, SpectraError};
 use std::path::Path;
 
 /// Data from which a case is drawn.
-pub(super) type Drawn = Result<(Model, Conditions), CaseError>;
+pub(in crate::study) type Drawn = Result<(Model, Conditions), CaseError>;
 
 /// Why a case cannot be drawn: a fault of this program.
 #[derive(Debug, thiserror::Error)]
@@ -106,7 +106,7 @@ fn shorter(measurement: &mut Measurement) {
     measurement.duration = DURATION;
 }
 
-fn fork(_: &mut Chance) -> Drawn {
+pub(in crate::study) fn fork(_: &mut Chance) -> Drawn {
     let mut model = Model::fork()?;
     shorter(&mut model.measurement);
     Ok((model, Conditions::default()))
@@ -119,7 +119,7 @@ fn satellite_model() -> Result<Model, ModelError> {
     Ok(model)
 }
 
-fn satellite(_: &mut Chance) -> Drawn {
+pub(in crate::study) fn satellite(_: &mut Chance) -> Drawn {
     Ok((satellite_model()?, Conditions::default()))
 }
 
@@ -133,7 +133,7 @@ fn unlike() -> Conditions {
 /// The averaging band of random structures, Hz.
 const BAND: [f64; 2] = [2.0, 20.0];
 
-fn elastic_structure(chance: &mut Chance) -> Drawn {
+pub(in crate::study) fn elastic_structure(chance: &mut Chance) -> Drawn {
     let first = BAND[1] * chance.between(2.0, 3.0);
     let structure = elastic(chance, first);
     Ok((six_runs(chance, &structure), unlike()))
@@ -186,7 +186,7 @@ fn six_runs(chance: &mut Chance, structure: &Structure) -> Model {
     }
 }
 
-fn remounted(chance: &mut Chance) -> Drawn {
+pub(in crate::study) fn remounted(chance: &mut Chance) -> Drawn {
     let mut model = satellite_model()?;
     model.table.axes = [false, false, true, false, false, false];
     model.table.cross_talk = 0.0;

@@ -19,6 +19,7 @@ mod table;
 mod tally;
 
 pub use cases::CaseError;
+pub(super) use cases::{elastic_structure, fork, remounted, satellite};
 pub use table::{Document, markdown, print};
 pub use tally::{Count, Interval, NAMES, NUMBERS, Tally, numbers, truths};
 

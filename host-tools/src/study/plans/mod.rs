@@ -25,7 +25,7 @@
 //! | `tell` | what a plan can tell |
 
 mod draw;
-mod tell;
+pub(super) mod tell;
 
 use super::chance::Chance;
 use super::coverage::{NAMES, NUMBERS, numbers};

@@ -25,7 +25,7 @@ pub(super) struct Excited {
 }
 
 /// Rows of (8) for one acceleration.
-fn rows(a: &Vector6<f64>) -> SMatrix<f64, 6, 10> {
+pub(in crate::study) fn rows(a: &Vector6<f64>) -> SMatrix<f64, 6, 10> {
     let [x, y, z, p, q, r] = [a[0], a[1], a[2], a[3], a[4], a[5]];
     #[rustfmt::skip]
     let rows = SMatrix::<f64, 6, 10>::from_row_slice(&[

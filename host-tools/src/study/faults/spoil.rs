@@ -1,0 +1,570 @@
+//! Faults that are put into a set-up, and findings compared with them.
+
+use super::Outcome;
+use crate::detective::{Fault, Findings, Whole, WholeFault};
+use crate::identification::estimates;
+use crate::setup::{Mount, Setup};
+use crate::study::chance::Chance;
+use crate::study::trial::{Trial, TrialError};
+use massline_core::identify::Identification;
+use massline_core::masslines::Method;
+use nalgebra::{Matrix3, Vector3};
+
+/// Kind of a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A channel has the other sign.
+    Inverted,
+    /// Two channels are exchanged.
+    Swapped,
+    /// A sensor of several axes is turned by half a turn about one of them.
+    UpsideDown,
+    /// A channel reads too much or too little, by a usual factor or a free one.
+    Factor,
+    /// A position is off.
+    Position,
+    /// A position is in millimetres.
+    PositionInMillimetres,
+    /// A channel, or all load cells, come late.
+    Delayed,
+    /// A channel has no signal.
+    Dead,
+    /// All load cells have the other sign.
+    Reversed,
+    /// All accelerations are in g.
+    InG,
+    /// All positions are in millimetres.
+    Millimetres,
+}
+
+impl Kind {
+    /// `true` if all sensors of a kind share the fault.
+    #[must_use]
+    pub fn is_whole(self) -> bool {
+        matches!(self, Self::Reversed | Self::InG | Self::Millimetres)
+    }
+}
+
+/// All kinds.
+pub const KINDS: [Kind; 11] = [
+    Kind::Inverted,
+    Kind::Swapped,
+    Kind::UpsideDown,
+    Kind::Factor,
+    Kind::Position,
+    Kind::PositionInMillimetres,
+    Kind::Delayed,
+    Kind::Dead,
+    Kind::Reversed,
+    Kind::InG,
+    Kind::Millimetres,
+];
+
+/// A fault of a set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Spoilt {
+    Inverted(usize),
+    Swapped([usize; 2]),
+    /// Channels, and the rotation that mends them.
+    Turned(Vec<usize>, Matrix3<f64>),
+    /// Found over expected.
+    Factor(usize, f64),
+    /// Channels, the position that is written, and the true one.
+    Position(Vec<usize>, [Vector3<f64>; 2]),
+    Delayed(Vec<usize>, usize),
+    Dead(usize),
+    Whole(WholeFault),
+}
+
+/// Standard acceleration of gravity, m/s².
+const G: f64 = 9.806_65;
+
+/// Kind, position and direction of a channel of a set-up.
+pub(super) struct At {
+    pub(super) cell: bool,
+    pub(super) structure: bool,
+    pub(super) position: Vector3<f64>,
+    pub(super) direction: Vector3<f64>,
+}
+
+/// All channels: accelerometers, then load cells.
+pub(super) fn channels(setup: &Setup) -> Vec<At> {
+    let motion = setup.accelerometers.iter().map(|a| At {
+        cell: false,
+        structure: a.mount == Mount::Structure,
+        position: a.position.into(),
+        direction: a.direction.into(),
+    });
+    let force = setup.load_cells.iter().map(|c| At {
+        cell: true,
+        structure: false,
+        position: c.position.into(),
+        direction: c.direction.into(),
+    });
+    motion.chain(force).collect()
+}
+
+/// Names of all channels.
+fn name(setup: &Setup, channel: usize) -> &str {
+    let sensors = setup.accelerometers.len();
+    match setup.accelerometers.get(channel) {
+        Some(a) => &a.channel,
+        None => &setup.load_cells[channel - sensors].channel,
+    }
+}
+
+fn position_of(setup: &mut Setup, channel: usize) -> (&mut [f64; 3], &mut [f64; 3], &mut f64) {
+    let sensors = setup.accelerometers.len();
+    if channel < sensors {
+        let a = &mut setup.accelerometers[channel];
+        (&mut a.position, &mut a.direction, &mut a.scale)
+    } else {
+        let c = &mut setup.load_cells[channel - sensors];
+        (&mut c.position, &mut c.direction, &mut c.scale)
+    }
+}
+
+/// The channels of one sensor: those of one kind at one place.
+fn places(setup: &Setup) -> Vec<Vec<usize>> {
+    let all = channels(setup);
+    let mut places: Vec<Vec<usize>> = Vec::new();
+    for c in 0..all.len() {
+        let here = |place: &&mut Vec<usize>| {
+            let first = &all[place[0]];
+            first.cell == all[c].cell
+                && first.structure == all[c].structure
+                && first.position == all[c].position
+        };
+        match places.iter_mut().find(here) {
+            Some(place) => place.push(c),
+            None => places.push(vec![c]),
+        }
+    }
+    places
+}
+
+/// Median distance of the sensors from their middle, m.
+fn size(all: &[At]) -> f64 {
+    let middle = all.iter().map(|s| s.position).sum::<Vector3<f64>>() / all.len() as f64;
+    let mut far: Vec<f64> = all.iter().map(|s| (s.position - middle).norm()).collect();
+    far.sort_by(f64::total_cmp);
+    far[far.len() / 2]
+}
+
+/// Draws a fault of this kind and puts it into a trial; `None` where this one does not exist, and where
+/// it has channels of those before it.
+pub(super) fn spoil(
+    trial: &mut Trial,
+    kind: Kind,
+    chance: &mut Chance,
+    before: &[Spoilt],
+) -> Option<Spoilt> {
+    let all = channels(&trial.setup);
+    let places = places(&trial.setup);
+    let any = |chance: &mut Chance| chance.whole(0, all.len() - 1);
+    let a_place = |chance: &mut Chance| places[chance.whole(0, places.len() - 1)].clone();
+    let fault = match kind {
+        Kind::Inverted => Spoilt::Inverted(any(chance)),
+        Kind::Swapped => {
+            let pair = [any(chance), any(chance)];
+            let [a, b] = pair.map(|c| &all[c]);
+            if pair[0] == pair[1] || a.cell != b.cell {
+                return None;
+            }
+            Spoilt::Swapped(pair)
+        }
+        Kind::UpsideDown => {
+            let place = a_place(chance);
+            let axis = all[place[chance.whole(0, place.len() - 1)]].direction;
+            let turn = axis * axis.transpose() * 2.0 - Matrix3::identity();
+            (place.len() > 1).then_some(Spoilt::Turned(place, turn))?
+        }
+        Kind::Factor => {
+            const USUAL: [f64; 8] = [G, 1.0 / G, 1000.0, 0.001, 10.0, 0.1, 2.0, 0.5];
+            let factor = if chance.happens(0.5) {
+                USUAL[chance.whole(0, USUAL.len() - 1)]
+            } else {
+                let free = chance.by_ratio(1.05, 1.5);
+                if chance.happens(0.5) {
+                    free
+                } else {
+                    1.0 / free
+                }
+            };
+            Spoilt::Factor(any(chance), factor)
+        }
+        kind @ (Kind::Position | Kind::PositionInMillimetres) => {
+            let place = a_place(chance);
+            let truth = all[place[0]].position;
+            let written = match kind {
+                Kind::Position => {
+                    truth + chance.direction() * size(&all) * chance.by_ratio(0.03, 0.5)
+                }
+                _ => truth * 1000.0,
+            };
+            Spoilt::Position(place, [written, truth])
+        }
+        Kind::Delayed => {
+            let late = match chance.whole(0, 2) {
+                0 => (0..all.len()).filter(|&c| all[c].cell).collect(),
+                _ => vec![any(chance)],
+            };
+            Spoilt::Delayed(late, chance.whole(1, 10))
+        }
+        Kind::Dead => Spoilt::Dead(any(chance)),
+        Kind::Reversed => Spoilt::Whole(WholeFault::Reversed),
+        Kind::InG => Spoilt::Whole(WholeFault::InG),
+        Kind::Millimetres => Spoilt::Whole(WholeFault::Millimetres),
+    };
+    let overlaps = |other: &Spoilt| {
+        fault.is_whole()
+            || other
+                .channels()
+                .iter()
+                .any(|c| fault.channels().contains(c))
+    };
+    if before.iter().any(overlaps) {
+        return None;
+    }
+    fault.apply(trial);
+    Some(fault)
+}
+
+impl Spoilt {
+    pub(super) fn is_whole(&self) -> bool {
+        matches!(self, Self::Whole(_))
+    }
+
+    fn channels(&self) -> Vec<usize> {
+        match self {
+            Self::Inverted(c) | Self::Factor(c, _) | Self::Dead(c) => vec![*c],
+            Self::Swapped(pair) => pair.to_vec(),
+            Self::Turned(place, _) | Self::Position(place, _) | Self::Delayed(place, _) => {
+                place.clone()
+            }
+            Self::Whole(_) => Vec::new(),
+        }
+    }
+
+    /// Puts the fault into a test.
+    pub(super) fn apply(&self, trial: &mut Trial) {
+        match self {
+            Self::Swapped([a, b]) => trial.exchange(*a, *b),
+            Self::Dead(c) => trial.silence(*c),
+            Self::Delayed(late, samples) => trial.delay(late, *samples),
+            Self::Whole(WholeFault::InG) => {
+                for c in 0..trial.setup.accelerometers.len() {
+                    trial.record_in(c, G as f32);
+                }
+            }
+            _ => self.misstate(&mut trial.setup),
+        }
+    }
+
+    /// Puts the fault into a set-up, as far as it lies there.
+    pub(super) fn misstate(&self, setup: &mut Setup) {
+        match self {
+            Self::Inverted(c) => *position_of(setup, *c).2 *= -1.0,
+            Self::Factor(c, factor) => *position_of(setup, *c).2 *= factor,
+            Self::Turned(place, turn) => {
+                for &c in place {
+                    let direction = position_of(setup, c).1;
+                    *direction = (turn * Vector3::from(*direction)).into();
+                }
+            }
+            Self::Position(place, [written, truth]) => {
+                for &c in place {
+                    let position = position_of(setup, c).0;
+                    // Channels of one sensor differ a little.
+                    *position = (Vector3::from(*position) - truth + written).into();
+                }
+            }
+            Self::Whole(WholeFault::Reversed) => {
+                setup.load_cells.iter_mut().for_each(|c| c.scale *= -1.0);
+            }
+            Self::Whole(_) => {
+                let count = channels(setup).len();
+                for c in 0..count {
+                    position_of(setup, c)
+                        .0
+                        .iter_mut()
+                        .for_each(|x| *x *= 1000.0);
+                }
+                setup.reference_point.iter_mut().for_each(|x| *x *= 1000.0);
+            }
+            Self::Swapped(_) | Self::Dead(_) | Self::Delayed(..) => {}
+        }
+    }
+
+    /// The fault in words.
+    pub(super) fn text(&self, setup: &Setup) -> String {
+        let list = |all: &[usize]| {
+            all.iter()
+                .map(|&c| name(setup, c))
+                .collect::<Vec<_>>()
+                .join(" ")
+        };
+        match self {
+            Self::Inverted(c) => format!("{} inverted", name(setup, *c)),
+            Self::Swapped(pair) => format!("{} exchanged", list(pair)),
+            Self::Turned(place, _) => format!("{} upside down", list(place)),
+            Self::Factor(c, factor) => format!("{} times {factor:.4}", name(setup, *c)),
+            Self::Position(place, [written, truth]) => {
+                format!("{} {:.4} m off", list(place), (written - truth).norm())
+            }
+            Self::Delayed(late, samples) => format!("{} late by {samples}", list(late)),
+            Self::Dead(c) => format!("{} dead", name(setup, *c)),
+            Self::Whole(whole) => whole.name().to_owned(),
+        }
+    }
+
+    /// `true` if the repair of an explanation takes this fault away and changes nothing else.
+    fn is(&self, setup: &Setup, found: &Fault) -> bool {
+        let clean = states(setup);
+        let mut state = clean.clone();
+        self.change(&mut state);
+        mend(&mut state, found);
+        let places = places(setup);
+        let alone = |c: usize| places.iter().any(|place| place.as_slice() == [c]);
+        let off = match self {
+            Self::Position(_, [written, truth]) => (written - truth).norm(),
+            _ => 0.0,
+        };
+        state
+            .iter()
+            .zip(&clean)
+            .enumerate()
+            .all(|(c, (found, truth))| {
+                let mut shift = found.position - truth.position;
+                let axis = truth.axis.normalize();
+                if alone(c) {
+                    // Nothing tells where along its axis a single sensor sits.
+                    shift -= axis * axis.dot(&shift);
+                }
+                // A position that is found is good to a tenth of what it was off by, or two centimetres.
+                (found.axis - truth.axis).norm() < 0.04 * truth.axis.norm()
+                    && shift.norm() < (0.1 * off.min(1.0)).max(0.02)
+                    && found.source == truth.source
+                    && (found.late - truth.late).abs() <= 0.5
+                    && found.dead == truth.dead
+            })
+    }
+
+    /// Puts the fault into the state of all channels.
+    fn change(&self, all: &mut [State]) {
+        match self {
+            Self::Inverted(c) => all[*c].axis *= -1.0,
+            Self::Factor(c, factor) => all[*c].axis *= *factor,
+            Self::Turned(place, turn) => {
+                place.iter().for_each(|&c| all[c].axis = turn * all[c].axis)
+            }
+            Self::Position(place, [written, truth]) => place
+                .iter()
+                .for_each(|&c| all[c].position += written - truth),
+            Self::Swapped([a, b]) => {
+                let source = all[*a].source;
+                all[*a].source = all[*b].source;
+                all[*b].source = source;
+            }
+            Self::Delayed(late, samples) => {
+                late.iter().for_each(|&c| all[c].late += *samples as f64)
+            }
+            Self::Dead(c) => all[*c].dead = true,
+            Self::Whole(_) => {}
+        }
+    }
+
+    fn is_told_by(&self, whole: &[Whole]) -> bool {
+        let told = |fault: WholeFault| whole.iter().any(|w| w.fault == fault);
+        match self {
+            Self::Whole(WholeFault::InG) => {
+                told(WholeFault::InG) || told(WholeFault::PerhapsInG) || told(WholeFault::NoUnit)
+            }
+            Self::Whole(fault) => told(*fault),
+            Self::Position(place, _) => whole
+                .iter()
+                .any(|w| w.fault == WholeFault::Outlying && w.channels == *place),
+            _ => false,
+        }
+    }
+}
+
+/// Properties of a channel that faults change and repairs mend.
+#[derive(Clone, Debug)]
+struct State {
+    /// Direction times scale.
+    axis: Vector3<f64>,
+    position: Vector3<f64>,
+    /// The channel whose readings it has.
+    source: usize,
+    late: f64,
+    dead: bool,
+}
+
+fn states(setup: &Setup) -> Vec<State> {
+    channels(setup)
+        .into_iter()
+        .enumerate()
+        .map(|(source, at)| State {
+            axis: at.direction,
+            position: at.position,
+            source,
+            late: 0.0,
+            dead: false,
+        })
+        .collect()
+}
+
+/// Mends what an explanation says is wrong.
+fn mend(all: &mut [State], fault: &Fault) {
+    match fault {
+        Fault::Inverted { channel } => all[*channel].axis *= -1.0,
+        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } => {
+            all[*channel].axis /= *factor;
+        }
+        Fault::Swapped { channels: [a, b] } => {
+            let source = all[*a].source;
+            all[*a].source = all[*b].source;
+            all[*b].source = source;
+        }
+        Fault::PlacesExchanged { places: [a, b] } => {
+            let (here, there) = (all[a[0]].position, all[b[0]].position);
+            a.iter().for_each(|&c| all[c].position = there);
+            b.iter().for_each(|&c| all[c].position = here);
+        }
+        Fault::Turned { place, rotation } => {
+            place
+                .iter()
+                .for_each(|&c| all[c].axis = rotation * all[c].axis);
+        }
+        Fault::Position {
+            place, position, ..
+        } => {
+            place.iter().for_each(|&c| all[c].position = *position);
+        }
+        Fault::Delayed { channels, samples } => {
+            channels.iter().for_each(|&c| all[c].late -= samples);
+        }
+        Fault::Dead { channel } => all[*channel].dead = !all[*channel].dead,
+        // Nothing is mended by these.
+        Fault::CrossTalk { channel, .. } | Fault::Unlisted { channel } => all[*channel].late = 1e9,
+    }
+}
+
+/// `true` if a number moves by more than its interval.
+pub(super) fn counts(
+    clean: &Trial,
+    spoilt: &Trial,
+    level: f64,
+    fault: &Spoilt,
+) -> Result<bool, TrialError> {
+    let all = channels(&clean.setup);
+    let on_structure = |c: &usize| all[*c].structure;
+    let channels = fault.channels();
+    // Only the free structure's methods use accelerometers on it.
+    let only_structure = !channels.is_empty() && channels.iter().all(on_structure);
+    let method = only_structure.then_some(Method::FreeResponsesSquared);
+    let answer = |trial: &Trial| -> Result<Option<Identification>, TrialError> {
+        Ok(trial
+            .answers(level, &[method])?
+            .into_iter()
+            .next()
+            .and_then(Result::ok))
+    };
+    let Some(before) = answer(clean)? else {
+        return Ok(false);
+    };
+    let Some(after) = answer(spoilt)? else {
+        return Ok(true);
+    };
+    let pairs = estimates(&before).into_iter().zip(estimates(&after));
+    let moved = |pair: (Option<_>, Option<_>)| match pair {
+        (Some(a), Some(b)) => {
+            let (a, b): (
+                massline_core::identify::Estimate,
+                massline_core::identify::Estimate,
+            ) = (a, b);
+            (a.value - b.value).abs() > a.interval(before.freedom)
+        }
+        (None, None) => false,
+        _ => true,
+    };
+    Ok(pairs.into_iter().any(moved))
+}
+
+/// Findings in words.
+pub(super) fn said(found: &Findings) -> Vec<String> {
+    let suspects = found.suspects.iter().map(|s| {
+        let all: Vec<&str> = s.explanations.iter().map(|e| e.text.as_str()).collect();
+        all.join("; or ")
+    });
+    let whole = found.whole.iter().map(|w| w.fault.name().to_owned());
+    let more = found
+        .more_is_wrong()
+        .then(|| format!("{:.1} left of {:.1}", found.repaired, found.contradiction));
+    suspects.chain(whole).chain(more).collect()
+}
+
+/// Findings compared with the faults that are there.
+pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>) -> Outcome {
+    let Some(found) = found else {
+        return Outcome::Silent;
+    };
+    let mut told = vec![false; faults.len()];
+    let (mut tied, mut sensor, mut wrong) = (false, false, false);
+    for suspect in &found.suspects {
+        let hit = |fault: &Spoilt| {
+            suspect
+                .explanations
+                .iter()
+                .any(|e| fault.is(setup, &e.fault))
+        };
+        if let Some(number) = faults.iter().position(hit) {
+            told[number] = true;
+            tied |= suspect.explanations.len() > 1;
+            continue;
+        }
+        let vague = suspect.explanations.iter().any(|e| match &e.fault {
+            Fault::Unlisted { channel } => faults.iter().any(|f| f.channels().contains(channel)),
+            _ => false,
+        });
+        sensor |= vague;
+        wrong |= !vague;
+    }
+    let mut by_size = false;
+    for (fault, told) in faults.iter().zip(&mut told) {
+        if !*told && fault.is_told_by(&found.whole) {
+            (*told, by_size) = (true, true);
+        }
+    }
+    // What only asks accuses nobody, and positions far away are what they are.
+    let accuses = |w: &Whole| {
+        let position = |f: &Spoilt| matches!(f, Spoilt::Position(..));
+        let right = faults.iter().any(|f| f.is_told_by(std::slice::from_ref(w)));
+        match w.fault {
+            WholeFault::PerhapsInG | WholeFault::NoUnit => false,
+            WholeFault::Outlying => !faults.iter().any(position),
+            WholeFault::ReferencePoint => !faults.contains(&Spoilt::Whole(WholeFault::Millimetres)),
+            _ => !right,
+        }
+    };
+    wrong |= found.whole.iter().any(accuses);
+    let count = told.iter().filter(|t| **t).count();
+    if wrong {
+        Outcome::Wrong
+    } else if count == faults.len() && count > 0 {
+        match (by_size, tied) {
+            (true, _) => Outcome::BySize,
+            (_, true) => Outcome::Tied,
+            _ => Outcome::Named,
+        }
+    } else if count > 0 {
+        Outcome::Half
+    } else if sensor {
+        Outcome::Sensor
+    } else if found.more_is_wrong() {
+        Outcome::Unnamed
+    } else {
+        Outcome::Silent
+    }
+}
