@@ -375,7 +375,7 @@ fn one_of_several_results_is_exported() {
         let arguments = ["export", "all.json", "--to", "csv"].iter().chain(more);
         massline(bench.path(), arguments)
     };
-    export(&[]).refused_input("name it by --method: apparent-mass (recommended), a, ");
+    export(&[]).refused_input("name it by --method: ml (recommended), apparent-mass, a, ");
     export(&["--method", "x"]).refused_input("no result of the method \"x\"");
     let method_a = export(&["--method", "a"]);
     assert_eq!(method_a.code, Some(0), "{}", method_a.stderr);

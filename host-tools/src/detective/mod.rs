@@ -88,6 +88,9 @@ pub struct Suspect {
 pub struct Findings {
     /// Faults, the plainest first; none if nothing contradicts the set-up.
     pub suspects: Vec<Suspect>,
+    /// Faults in words that come nearest to an explanation, where none explains all: with three
+    /// mistakes at once the best pair may be none of them.
+    pub nearest: Vec<String>,
     /// Faults of all sensors together, and questions.
     pub whole: Vec<Whole>,
     /// Properties of the set-up that these runs cannot tell, in words: a fault in one of them
@@ -114,10 +117,18 @@ impl Findings {
     pub fn evidence(&self) -> String {
         let times = |x: f64| crate::format::plain(x.sqrt(), 3);
         if self.suspects.is_empty() {
-            return format!(
+            let mut text = format!(
                 "the sensors contradict each other by {} times what usual differences explain, and no single fault, nor a pair of them, mends it: more is wrong",
                 times(self.contradiction)
             );
+            if !self.nearest.is_empty() {
+                text.push_str(&format!(
+                    ". Nearest comes, with {} times left: {}",
+                    times(self.repaired),
+                    self.nearest.join("; and ")
+                ));
+            }
+            return text;
         }
         format!(
             "the sensors contradict each other by {} times what usual differences explain, {} times after the repair{}",
@@ -150,7 +161,7 @@ pub(crate) fn examine(
 ) -> Result<Findings, Undecided> {
     let evidence = Evidence::new(setup, measurement, channels)?;
     let found = evidence.search()?;
-    let suspects = found
+    let mut suspects: Vec<Suspect> = found
         .named
         .iter()
         .map(|candidates| Suspect {
@@ -164,8 +175,29 @@ pub(crate) fn examine(
                 .collect(),
         })
         .collect();
+    let mut nearest = Vec::new();
+    if found.after.ratio() > CONTRADICTS {
+        // A channel without a signal needs no other explanation.
+        let dead = |s: &Suspect| {
+            matches!(
+                s.explanations[..],
+                [Explanation {
+                    fault: Fault::Dead { .. },
+                    ..
+                }]
+            )
+        };
+        let best = |s: &Suspect| s.explanations.first().map(|e| e.text.clone());
+        nearest = suspects
+            .iter()
+            .filter(|s| !dead(s))
+            .filter_map(best)
+            .collect();
+        suspects.retain(dead);
+    }
     Ok(Findings {
         suspects,
+        nearest,
         untold: wording::untold(setup, &found.untold),
         whole: whole::judge(setup, &found, measurement.units_in_recordings),
         contradiction: found.before.ratio(),

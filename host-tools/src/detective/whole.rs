@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::evidence::{OUTLYING, middle, spread};
 use super::hypothesis::FACTORS;
 use super::model::Sensor;
-use super::search::{Candidate, Found};
+use super::search::{CONTRADICTS, Candidate, Found};
 use crate::format::plain;
 use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
 
@@ -137,8 +137,16 @@ pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> 
     if found.named.iter().any(vague) {
         return all;
     }
+    // Sensors that contradict each other leave no mass to judge by.
+    if found.after.ratio() > CONTRADICTS {
+        return all;
+    }
     let mass = body[0];
     if mass < 0.0 {
+        // One sign for all of them leaves no contradiction: what does is the fault of some.
+        if found.before.ratio() > CONTRADICTS {
+            return all;
+        }
         say(
             WholeFault::Reversed,
             format!(
