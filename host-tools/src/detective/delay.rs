@@ -4,7 +4,7 @@ use nalgebra::Complex;
 
 use super::evidence::{Evidence, Mounted};
 use super::hypothesis::places;
-use super::model::Kind;
+use super::sensor::Kind;
 use super::table::{Gauge, Line, Regression};
 
 /// Delays that are tried, samples on both sides in halves.

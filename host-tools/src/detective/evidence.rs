@@ -4,8 +4,9 @@
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 
 use super::hypothesis::outlying;
-use super::model::{Bench, Kind, Mounting, Sensor, equations};
+use super::model::{Bench, Mounting, equations};
 use super::search::{Found, search};
+use super::sensor::{Kind, Sensor};
 use super::state::{Rows, State};
 use super::table::{Gauge, Line, Regression};
 use super::{Fault, Undecided};

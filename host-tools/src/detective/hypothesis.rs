@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::model::{Kind, Sensor, level};
+use super::model::level;
+use super::sensor::{Kind, Sensor};
 use super::state::State;
 use super::table::UNKNOWN;
 use massline_core::geometry::Quantity;

@@ -11,6 +11,7 @@
 //! | `evidence` | recordings to products of all channels at the low lines |
 //! | `delay` | channels that are late |
 //! | `table` | products to rows: responses at 0 Hz to the motions of the interface |
+//! | `sensor` | one channel as the set-up describes it |
 //! | `state` | sensors with their rows, which a hypothesis changes |
 //! | `model` | contradiction of the rows with one rigid interface and one rigid body |
 //! | `hypothesis` | faults as changes of rows and sensors |
@@ -31,6 +32,7 @@ mod evidence;
 mod hypothesis;
 mod model;
 mod search;
+mod sensor;
 mod state;
 mod table;
 #[cfg(test)]

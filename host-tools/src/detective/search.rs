@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::hypothesis::{Fault, Hypothesis, Mistake, fixed, places};
-use super::model::{Bench, Motion, Score, Sensor};
+use super::model::{Bench, Motion, Score};
+use super::sensor::Sensor;
 use super::state::State;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get

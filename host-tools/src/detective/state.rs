@@ -1,6 +1,6 @@
 //! The sensors of a set-up with their rows, which a hypothesis changes.
 
-use super::model::{Kind, Sensor};
+use super::sensor::{Kind, Sensor};
 use super::table::Row;
 
 /// The rows of all channels in the runs of one mounting.

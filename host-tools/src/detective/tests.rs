@@ -2,8 +2,8 @@
 
 use super::evidence::Evidence;
 use super::hypothesis::{Fault, Mistake};
-use super::model::{Kind, Sensor};
 use super::search::Found;
+use super::sensor::{Kind, Sensor};
 use super::table::Line;
 use crate::simulate::Stream;
 use massline_core::geometry::Quantity;

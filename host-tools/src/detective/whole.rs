@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 
 use super::evidence::{OUTLYING, middle, spread};
 use super::hypothesis::FACTORS;
-use super::model::Sensor;
 use super::search::{CONTRADICTS, Candidate, Found};
+use super::sensor::Sensor;
 use crate::format::plain;
 use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
 

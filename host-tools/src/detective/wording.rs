@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use super::evidence::Evidence;
 use super::hypothesis::{Fault, Mistake};
-use super::model::Sensor;
 use super::search::Untold;
+use super::sensor::Sensor;
 use crate::format::plain;
 use crate::setup::{Measured, Setup, Units};
 

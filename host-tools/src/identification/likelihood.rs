@@ -3,7 +3,7 @@
 
 use super::notice::notice;
 use super::refusal::refusal;
-use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session};
+use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, estimates};
 use crate::likelihood::{
     self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
 };
@@ -218,10 +218,20 @@ fn told(p: likelihood::Progress) -> (String, f64) {
 }
 
 /// Puts the numbers of a fit in the place of the band's.
-fn take(answer: &mut Answer, found: Likelihood, setup: &Setup) {
-    if let (None, Some(fit)) = (&found.stepped_back, &found.fit) {
-        let (identification, covariance) =
-            identification(&answer.identification, fit, setup.known_mass);
+fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
+    let fitted = match (&found.stepped_back, &found.fit) {
+        (None, Some(fit)) => Some(identification(
+            &answer.identification,
+            fit,
+            setup.known_mass,
+        )),
+        _ => None,
+    };
+    let fitted = fitted.filter(|(fitted, _)| !is_wider(fitted, &answer.identification));
+    if fitted.is_none() && found.stepped_back.is_none() {
+        found.stepped_back = Some("its error bars are no narrower".to_owned());
+    }
+    if let Some((identification, covariance)) = fitted {
         answer.identification = identification;
         answer.covariance = covariance;
         answer.procedure = Procedure::Direct;
@@ -252,6 +262,17 @@ fn take(answer: &mut Answer, found: Likelihood, setup: &Setup) {
         ));
     }
     answer.likelihood = Some(found);
+}
+
+/// `true` if the error bars of a fit are wider than those of the band's method, root mean square: the fit's lines
+/// contain the band's, and have to tell more.
+fn is_wider(fitted: &Identification, band: &Identification) -> bool {
+    let pairs = estimates(fitted).into_iter().zip(estimates(band));
+    let ratios: Vec<f64> = pairs
+        .filter_map(|(fitted, band)| Some((fitted?.std / band?.std).powi(2)))
+        .filter(|x| x.is_finite())
+        .collect();
+    ratios.iter().sum::<f64>() > ratios.len() as f64
 }
 
 /// The numbers of a fit, of those that the band's method observes.
