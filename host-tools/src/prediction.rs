@@ -71,7 +71,7 @@ pub fn bounds(specimen: &Specimen, clean: &Simulation, noise: f64) -> Vec<Bound>
             setup.runs.len(),
         );
         let found = bound::bound(&read.records, &model, told).ok()?;
-        Some(document(band, &model, &found, told))
+        Some(document(setup, &model, &found, (band, told)))
     };
     let mut bands = vec![p.averaging_band];
     bands.extend((p.averaging_band != widest).then_some(widest));
@@ -119,14 +119,20 @@ fn with_stated_noise(clean: &Simulation, noise: f64) -> Setup {
     setup
 }
 
-/// Least standard deviations of the numbers that the test tells.
-fn document(band: [f64; 2], model: &Fitted, found: &Covariance10, told: [bool; RIGID]) -> Bound {
-    let (_, slopes) = numbers(&model.rigid, &Vector3::zeros(), None);
+/// Least standard deviations of the numbers that the test tells; CG and inertia about it are those of
+/// a weighed mass where the setup has one.
+fn document(
+    setup: &Setup,
+    model: &Fitted,
+    found: &Covariance10,
+    (band, told): ([f64; 2], [bool; RIGID]),
+) -> Bound {
+    let (_, slopes) = numbers(&model.rigid, &Vector3::zeros(), setup.known_mass);
     let about_cg = slopes * found * slopes.transpose();
     let std = |c: &Covariance10, i: usize| told[i].then(|| c[(i, i)].max(0.0).sqrt());
     Bound {
         band,
-        mass: std(&about_cg, 0),
+        mass: std(found, 0),
         centre_of_gravity: core::array::from_fn(|i| std(&about_cg, 1 + i)),
         inertia_reference: InertiaTruth::from_terms(core::array::from_fn(|i| std(found, 4 + i))),
         inertia_cg: InertiaTruth::from_terms(core::array::from_fn(|i| std(&about_cg, 4 + i))),

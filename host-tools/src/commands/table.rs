@@ -1,7 +1,7 @@
 //! The table of ten on a terminal.
 
 use super::true_body;
-use crate::format::{significant, with_std};
+use crate::format::{plain, significant, with_std};
 use crate::report::scales::{Natural, largest_moment};
 use crate::result::{Number, ResultDocument};
 use crate::simulate::{Bound, Truth};
@@ -180,22 +180,15 @@ pub fn print_numbers(
         writeln!(out)?;
         writeln!(out, "principal moments about S: {} kg m²", m.join(", "))?;
     }
-    let bounds = truth.map_or(&[][..], |t| &t.bounds);
-    let over = |b: &Bound| over_bound(result, b).map(|over| (b.band, over));
-    let over: Vec<String> = bounds
-        .iter()
-        .filter_map(over)
-        .map(|([low, high], over)| {
-            let [low, high, over] = [low, high, over].map(|x| significant(x, 3));
-            format!("{over} times that of lines from {low} to {high} Hz")
-        })
-        .collect();
-    if !over.is_empty() {
+    // Methods that look at modes have more than the averaging band, whose bound is the first.
+    let widest = truth.and_then(|t| t.bounds.last());
+    if let Some((bound, over)) = widest.and_then(|b| Some((b, over_bound(result, b)?))) {
+        let [low, high] = bound.band.map(|x| plain(x, 4));
         writeln!(out)?;
         writeln!(
             out,
-            "error bars beside the least that this test could give (Cramér-Rao bound): {}",
-            over.join(", ")
+            "error bars: {} times the least that lines from {low} to {high} Hz can give (Cramér-Rao bound)",
+            significant(over, 3)
         )?;
     }
     Ok(())
@@ -203,15 +196,20 @@ pub fn print_numbers(
 
 /// Root mean square ratio of standard deviations to a bound, over mass, CG and inertia about S.
 fn over_bound(result: &ResultDocument, bound: &Bound) -> Option<f64> {
-    let numbers = [&result.mass].into_iter();
-    let numbers = numbers.chain(&result.centre_of_gravity);
-    let numbers = numbers.chain(result.inertia_cg.terms());
+    // A weighed mass is estimated as the indicator Δ times it.
+    let mass = match &result.indicator {
+        Some(indicator) => indicator.std.zip(result.mass.value).map(|(std, m)| std * m),
+        None => result.mass.std,
+    };
+    let cg = result.centre_of_gravity.iter().map(|n| n.std);
+    let inertia = result.inertia_cg.terms().into_iter().map(|n| n.std);
+    let deviations = [mass].into_iter().chain(cg).chain(inertia);
     let bounds = [bound.mass].into_iter();
     let bounds = bounds.chain(bound.centre_of_gravity);
     let bounds = bounds.chain(bound.inertia_cg.terms());
-    let ratios: Vec<f64> = numbers
+    let ratios: Vec<f64> = deviations
         .zip(bounds)
-        .filter_map(|(number, bound)| Some((number.std? / bound?).powi(2)))
+        .filter_map(|(std, bound)| Some((std? / bound?).powi(2)))
         .filter(|x| x.is_finite())
         .collect();
     let count = ratios.len() as f64;
