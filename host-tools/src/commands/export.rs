@@ -69,7 +69,8 @@ fn three(text: &str) -> Result<[f64; 3], String> {
 
 /// The formats, each with its content, and examples.
 fn help() -> String {
-    let formats = FORMATS.map(|f| format!("  {:<14}{}\n", f.name(), f.description()));
+    let formats = FORMATS.map(|f| f.form());
+    let formats = formats.map(|f| format!("  {:<14}{}\n", f.name, f.description));
     format!(
         "Formats:\n{}\nExamples:\n{EXAMPLES}",
         formats.concat().replace('`', "")
@@ -94,14 +95,14 @@ impl clap::builder::TypedValueParser for Formats {
         argument: Option<&clap::Arg>,
         value: &std::ffi::OsStr,
     ) -> Result<Self::Value, clap::Error> {
-        let names = FORMATS.map(|format| format.name());
+        let names = FORMATS.map(|format| format.form().name);
         let name = clap::builder::PossibleValuesParser::new(names);
         let name = name.parse_ref(command, argument, value)?;
         find(&name).ok_or_else(|| clap::Error::new(clap::error::ErrorKind::InvalidValue))
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let value = |format: &dyn Export| PossibleValue::new(format.name());
+        let value = |format: &dyn Export| PossibleValue::new(format.form().name);
         Some(Box::new(FORMATS.into_iter().map(value)))
     }
 }
@@ -132,16 +133,18 @@ impl Target {
         let file = PathBuf::from(text);
         let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
         let is = |known: &str| ending.as_deref() == Some(known);
-        let format = FORMATS.into_iter().find(|format| is(format.extension()));
+        let format = FORMATS
+            .into_iter()
+            .find(|format| is(format.form().extension));
         if format.is_some() || UNIVERSAL.into_iter().any(is) {
             return Ok(Self { format, file });
         }
-        let mut endings = FORMATS.map(|f| format!(".{}", f.extension())).to_vec();
+        let mut endings = FORMATS.map(|f| format!(".{}", f.form().extension)).to_vec();
         endings.dedup();
         Err(format!(
             "its ending tells no format; the endings are {}, .uff, and FORMAT=FILE names one of {}, {RESPONSES}",
             endings.join(", "),
-            FORMATS.map(|f| f.name()).join(", ")
+            FORMATS.map(|f| f.form().name).join(", ")
         ))
     }
 
@@ -163,7 +166,7 @@ impl Target {
             Some(format) => {
                 let view = &View::OF_THE_RESULT;
                 (
-                    format.name(),
+                    format.form().name,
                     make(format, result, view, &self.file, verbosity)?,
                 )
             }
@@ -207,7 +210,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     };
     let made = make(format, &result, &view, &arguments.result, verbosity)?;
     match &arguments.out {
-        Some(file) => place(format.name(), file, &made, verbosity)?,
+        Some(file) => place(format.form().name, file, &made, verbosity)?,
         None => std::io::stdout()
             .write_all(&made)
             .map_err(|error| Failure::stdout(&error))?,
@@ -224,10 +227,10 @@ fn make(
     file: &Path,
     verbosity: Verbosity,
 ) -> Result<Vec<u8>, Failure> {
-    let made =
-        bytes(format, result, view).map_err(|error| unsuitable(&error, format.name(), file))?;
+    let made = bytes(format, result, view)
+        .map_err(|error| unsuitable(&error, format.form().name, file))?;
     if let Some(doubt) = doubt(format, result) {
-        warn(&[format!("{}: {doubt}", format.name())], verbosity);
+        warn(&[format!("{}: {doubt}", format.form().name)], verbosity);
     }
     Ok(made)
 }

@@ -1,6 +1,6 @@
 //! The ten parameters with their covariance matrix as a table.
 
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, Kind, View};
 use crate::result::{CovarianceDocument, Number, ResultDocument};
 use std::io::Write;
 
@@ -20,20 +20,13 @@ type Row = (
 );
 
 impl Export for Covariance {
-    fn name(&self) -> &'static str {
-        "covariance"
-    }
-
-    fn description(&self) -> &'static str {
-        "a table: mass (or Δ), centre of gravity and inertia about it with standard deviation, half of the 95 % interval and covariance matrix; types A and B together where B is stated"
-    }
-
-    fn extension(&self) -> &'static str {
-        "csv"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Table
+    fn form(&self) -> Form {
+        Form {
+            name: "covariance",
+            description: "a table: mass (or Δ), centre of gravity and inertia about it with standard deviation, half of the 95 % interval and covariance matrix; types A and B together where B is stated",
+            extension: "csv",
+            kind: Kind::Table,
+        }
     }
 
     fn write(

@@ -1,6 +1,6 @@
 //! A table with one row a property, for spreadsheets and scripts.
 
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, Kind, View};
 use crate::result::{About, Property, ResultDocument};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -33,20 +33,13 @@ struct Row {
 }
 
 impl Export for Csv {
-    fn name(&self) -> &'static str {
-        "csv"
-    }
-
-    fn description(&self) -> &'static str {
-        "a table: parameter, unit, value, standard deviation, half of the 95 % interval, both with type B, reference point, status"
-    }
-
-    fn extension(&self) -> &'static str {
-        "csv"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Table
+    fn form(&self) -> Form {
+        Form {
+            name: "csv",
+            description: "a table: parameter, unit, value, standard deviation, half of the 95 % interval, both with type B, reference point, status",
+            extension: "csv",
+            kind: Kind::Table,
+        }
     }
 
     fn write(

@@ -1,6 +1,6 @@
 //! The result document itself.
 
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, Kind, View};
 use crate::printable::printable_json;
 use crate::result::ResultDocument;
 use std::io::{self, Write};
@@ -11,20 +11,13 @@ use std::path::Path;
 pub(super) struct Json;
 
 impl Export for Json {
-    fn name(&self) -> &'static str {
-        "json"
-    }
-
-    fn description(&self) -> &'static str {
-        "the result document as `identify --json` prints it"
-    }
-
-    fn extension(&self) -> &'static str {
-        "json"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Table
+    fn form(&self) -> Form {
+        Form {
+            name: "json",
+            description: "the result document as `identify --json` prints it",
+            extension: "json",
+            kind: Kind::Table,
+        }
     }
 
     fn write(
@@ -39,7 +32,7 @@ impl Export for Json {
     }
 
     fn compare(&self, result: &ResultDocument, _: &View, bytes: &[u8]) -> Result<(), String> {
-        let read = ResultDocument::parse(bytes, Path::new(self.name()));
+        let read = ResultDocument::parse(bytes, Path::new(self.form().name));
         let read = read.map_err(|e| e.to_string())?;
         if read == *result {
             return Ok(());

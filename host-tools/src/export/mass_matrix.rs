@@ -1,7 +1,7 @@
 //! The 6x6 mass matrix of equation (1) as a table.
 
 use super::body::Body;
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, Kind, View};
 use crate::result::ResultDocument;
 use nalgebra::Matrix6;
 use std::io::Write;
@@ -14,20 +14,13 @@ const COLUMNS: [&str; 7] = ["resultant", "ax", "ay", "az", "alpha", "beta", "gam
 const ROWS: [&str; 6] = ["fx", "fy", "fz", "tx", "ty", "tz"];
 
 impl Export for MassMatrix {
-    fn name(&self) -> &'static str {
-        "mass-matrix"
-    }
-
-    fn description(&self) -> &'static str {
-        "a table: the 6x6 mass matrix of equation (1), forces and moments per acceleration; kg, kg m, kg m²"
-    }
-
-    fn extension(&self) -> &'static str {
-        "csv"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Body
+    fn form(&self) -> Form {
+        Form {
+            name: "mass-matrix",
+            description: "a table: the 6x6 mass matrix of equation (1), forces and moments per acceleration; kg, kg m, kg m²",
+            extension: "csv",
+            kind: Kind::Body,
+        }
     }
 
     fn write(

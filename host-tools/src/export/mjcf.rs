@@ -2,13 +2,17 @@
 
 use super::body::{Body, number};
 use super::xml::{self, Xml};
+use super::{Form, Kind};
 use roxmltree::Node;
 
 /// The format `mjcf`.
 pub(super) const MJCF: Xml = Xml {
-    name: "mjcf",
-    description: "MuJoCo: a free body with `<inertial fullinertia>`, entries of the tensor, −∫ x y dm",
-    extension: "xml",
+    form: Form {
+        name: "mjcf",
+        description: "MuJoCo: a free body with `<inertial fullinertia>`, entries of the tensor, −∫ x y dm",
+        extension: "xml",
+        kind: Kind::Body,
+    },
     products: "fullinertia: xx yy zz xy xz yz of the tensor, products are minus the integral of x y dm",
     text,
     read,

@@ -32,17 +32,8 @@ use std::io::{self, Write};
 
 /// A format that results are exported to.
 pub trait Export: Sync + std::fmt::Debug {
-    /// Name of the format, as `--to` has it.
-    fn name(&self) -> &'static str;
-
-    /// Content of a file of this format, in a few words.
-    fn description(&self) -> &'static str;
-
-    /// Ending of the names of such files, without its point.
-    fn extension(&self) -> &'static str;
-
-    /// Needs and options of the format.
-    fn kind(&self) -> Kind;
+    /// Name, content and needs of the format.
+    fn form(&self) -> Form;
 
     /// Writes a result.
     ///
@@ -61,6 +52,19 @@ pub trait Export: Sync + std::fmt::Debug {
     /// # Errors
     /// The difference in words.
     fn compare(&self, result: &ResultDocument, view: &View, bytes: &[u8]) -> Result<(), String>;
+}
+
+/// Name, content and needs of a format.
+#[derive(Clone, Copy, Debug)]
+pub struct Form {
+    /// Name of the format, as `--to` has it.
+    pub name: &'static str,
+    /// Content of a file of this format, in a few words.
+    pub description: &'static str,
+    /// Ending of the names of such files, without its point.
+    pub extension: &'static str,
+    /// Needs and options of the format.
+    pub kind: Kind,
 }
 
 /// Needs and options of a format; each kind has those of the kinds before it.
@@ -124,8 +128,8 @@ impl View {
         let Some((option, _, least)) = foreign else {
             return Ok(());
         };
-        let takers = FORMATS.iter().filter(|format| format.kind() >= *least);
-        let formats: Vec<&str> = takers.map(|format| format.name()).collect();
+        let takers = FORMATS.iter().filter(|format| format.form().kind >= *least);
+        let formats: Vec<&str> = takers.map(|format| format.form().name).collect();
         let formats = formats.join(", ");
         Err(ExportError::Option { option, formats })
     }
@@ -187,7 +191,9 @@ impl ExportError {
 /// The format with this name.
 #[must_use]
 pub fn find(name: &str) -> Option<&'static dyn Export> {
-    FORMATS.into_iter().find(|format| format.name() == name)
+    FORMATS
+        .into_iter()
+        .find(|format| format.form().name == name)
 }
 
 /// An export as a whole, read again and compared with the result.
@@ -199,7 +205,7 @@ pub fn bytes(
     result: &ResultDocument,
     view: &View,
 ) -> Result<Vec<u8>, ExportError> {
-    view.suits(format.kind())?;
+    view.suits(format.form().kind)?;
     let mut bytes = Vec::new();
     format.write(result, view, &mut bytes)?;
     format
@@ -211,7 +217,7 @@ pub fn bytes(
 /// A doubt about the body of a result that programs refuse to load, where the format holds a body.
 #[must_use]
 pub fn doubt(format: &dyn Export, result: &ResultDocument) -> Option<&'static str> {
-    match format.kind() {
+    match format.form().kind {
         Kind::Table => None,
         Kind::Body | Kind::Element => Body::doubt(result),
     }

@@ -5,7 +5,7 @@
 //! makes room for one digit more.
 
 use super::body::Body;
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, Kind, View};
 use crate::result::ResultDocument;
 use std::io::Write;
 
@@ -21,20 +21,13 @@ const FIELD: usize = 16;
 const ROUNDING: f64 = 0.5e-9;
 
 impl Export for Nastran {
-    fn name(&self) -> &'static str {
-        "nastran"
-    }
-
-    fn description(&self) -> &'static str {
-        "NASTRAN: `CONM2*` in the basic coordinate system, offset from the grid point; `I21` is +∫ x y dm"
-    }
-
-    fn extension(&self) -> &'static str {
-        "bdf"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Element
+    fn form(&self) -> Form {
+        Form {
+            name: "nastran",
+            description: "NASTRAN: `CONM2*` in the basic coordinate system, offset from the grid point; `I21` is +∫ x y dm",
+            extension: "bdf",
+            kind: Kind::Element,
+        }
     }
 
     fn write(

@@ -2,13 +2,17 @@
 
 use super::body::{Body, number};
 use super::xml::{self, Xml};
+use super::{Form, Kind};
 use roxmltree::Node;
 
 /// The format `sdf`.
 pub(super) const SDF: Xml = Xml {
-    name: "sdf",
-    description: "SDFormat: a link with `<inertial>`, whose `ixy` is an entry of the tensor, −∫ x y dm",
-    extension: "sdf",
+    form: Form {
+        name: "sdf",
+        description: "SDFormat: a link with `<inertial>`, whose `ixy` is an entry of the tensor, −∫ x y dm",
+        extension: "sdf",
+        kind: Kind::Body,
+    },
     products: "ixy is an entry of the inertia tensor: minus the integral of x y dm",
     text,
     read,

@@ -6,7 +6,7 @@
 //! twice the 95 % interval of each, by the exact derivative of that factorisation.
 
 use super::body::Body;
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, Kind, View};
 use crate::frame::{Frame, tensor};
 use crate::result::ResultDocument;
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3};
@@ -27,20 +27,13 @@ type Vector10 = SVector<f64, 10>;
 type Matrix10 = SMatrix<f64, 10, 10>;
 
 impl Export for Sysid {
-    fn name(&self) -> &'static str {
-        "mujoco-sysid"
-    }
-
-    fn description(&self) -> &'static str {
-        "`mujoco.sysid`: pseudo-inertia of the body of `mjcf` as a starting point, with bounds at twice the 95 % interval"
-    }
-
-    fn extension(&self) -> &'static str {
-        "yaml"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Body
+    fn form(&self) -> Form {
+        Form {
+            name: "mujoco-sysid",
+            description: "`mujoco.sysid`: pseudo-inertia of the body of `mjcf` as a starting point, with bounds at twice the 95 % interval",
+            extension: "yaml",
+            kind: Kind::Body,
+        }
     }
 
     fn write(

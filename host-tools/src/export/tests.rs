@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use std::collections::BTreeSet;
 
 fn bodies() -> impl Iterator<Item = &'static dyn Export> {
-    let body = |format: &&dyn Export| format.kind() != Kind::Table;
+    let body = |format: &&dyn Export| format.form().kind != Kind::Table;
     FORMATS.into_iter().filter(body)
 }
 
@@ -14,18 +14,18 @@ fn text(format: &dyn Export, result: &ResultDocument, view: &View) -> String {
 
 #[test]
 fn names_are_unique_and_the_manual_has_every_format() {
-    let names: BTreeSet<&str> = FORMATS.iter().map(|f| f.name()).collect();
+    let names: BTreeSet<&str> = FORMATS.iter().map(|f| f.form().name).collect();
     assert_eq!(names.len(), FORMATS.len());
     let manual = include_str!("../../README.md");
     for format in FORMATS {
         let row = format!(
             "| `{}` | `.{}` | {} |",
-            format.name(),
-            format.extension(),
-            format.description()
+            format.form().name,
+            format.form().extension,
+            format.form().description
         );
         assert!(manual.contains(&row), "{row}");
-        assert!(find(format.name()).is_some_and(|f| f.name() == format.name()));
+        assert!(find(format.form().name).is_some_and(|f| f.form().name == format.form().name));
     }
     assert!(find("doc").is_none());
 }
@@ -34,7 +34,7 @@ fn names_are_unique_and_the_manual_has_every_format() {
 fn a_plane_test_suits_tables_alone_and_what_is_missing_is_named() {
     for format in FORMATS {
         let made = bytes(format, &FORK, &View::OF_THE_RESULT);
-        if format.kind() == Kind::Table {
+        if format.form().kind == Kind::Table {
             assert!(!made.unwrap().is_empty());
             continue;
         }
@@ -47,7 +47,7 @@ fn a_plane_test_suits_tables_alone_and_what_is_missing_is_named() {
             "`inertia_cg.yz`",
         ];
         for words in missing.into_iter().chain(["export the table `csv`"]) {
-            assert!(reason.contains(words), "{}: {reason}", format.name());
+            assert!(reason.contains(words), "{}: {reason}", format.form().name);
         }
         assert!(!reason.contains("`inertia_cg.yy`"), "{reason}");
     }
@@ -65,9 +65,9 @@ fn options_of_bodies_are_refused_for_tables() {
     };
     let body = whole_body(BODY);
     for format in FORMATS {
-        let table = format.kind() == Kind::Table;
+        let table = format.form().kind == Kind::Table;
         assert_eq!(bytes(format, &body, &view).is_err(), table);
-        let element = format.kind() == Kind::Element;
+        let element = format.form().kind == Kind::Element;
         assert_eq!(bytes(format, &body, &grid).is_ok(), element);
     }
     let error = bytes(&json::Json, &body, &view).unwrap_err();
@@ -175,7 +175,7 @@ fn check(body: [f64; 10], about: [f64; 3], rotation: [f64; 3]) {
     };
     for format in bodies() {
         let made = bytes(format, &result, &view);
-        assert!(made.is_ok(), "{}: {:?}", format.name(), made.err());
+        assert!(made.is_ok(), "{}: {:?}", format.form().name, made.err());
     }
     let turned = Body::of(&result, &view).unwrap().mass_matrix();
     let plain = View {
@@ -260,7 +260,7 @@ fn a_number_that_was_changed_is_found() {
                     .is_err(),
             );
         }
-        assert!(found >= 10, "{}: {found}", format.name());
+        assert!(found >= 10, "{}: {found}", format.form().name);
     }
 }
 

@@ -2,13 +2,17 @@
 
 use super::body::{Body, number};
 use super::xml::{self, Xml};
+use super::{Form, Kind};
 use roxmltree::Node;
 
 /// The format `urdf`.
 pub(super) const URDF: Xml = Xml {
-    name: "urdf",
-    description: "URDF: a link with `<inertial>`, whose `ixy` is an entry of the tensor, −∫ x y dm",
-    extension: "urdf",
+    form: Form {
+        name: "urdf",
+        description: "URDF: a link with `<inertial>`, whose `ixy` is an entry of the tensor, −∫ x y dm",
+        extension: "urdf",
+        kind: Kind::Body,
+    },
     products: "ixy is an entry of the inertia tensor: minus the integral of x y dm",
     text,
     read,

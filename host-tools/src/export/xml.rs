@@ -1,7 +1,7 @@
 //! Formats in XML that hold the inertia of a link, by their text and the way back.
 
 use super::body::{Body, number};
-use super::{Export, ExportError, Kind, View};
+use super::{Export, ExportError, Form, View};
 use crate::result::ResultDocument;
 use roxmltree::{Document, Node};
 use std::io::Write;
@@ -9,9 +9,7 @@ use std::io::Write;
 /// A format in XML. Its products are entries of the tensor, `-∫ x y dm`.
 #[derive(Debug)]
 pub(super) struct Xml {
-    pub(super) name: &'static str,
-    pub(super) description: &'static str,
-    pub(super) extension: &'static str,
+    pub(super) form: Form,
     /// The sign of the products, for the comment.
     pub(super) products: &'static str,
     /// The elements of a body.
@@ -21,20 +19,8 @@ pub(super) struct Xml {
 }
 
 impl Export for Xml {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn description(&self) -> &'static str {
-        self.description
-    }
-
-    fn extension(&self) -> &'static str {
-        self.extension
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Body
+    fn form(&self) -> Form {
+        self.form
     }
 
     fn write(

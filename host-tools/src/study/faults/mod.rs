@@ -15,11 +15,13 @@
 //! | file | does |
 //! | --- | --- |
 //! | `bench` | draws the set-ups |
-//! | `spoil` | puts faults into them, and compares them with findings |
+//! | `spoil` | puts faults into them |
+//! | `outcome` | compares findings with them |
 //! | `trace` | how far a fault contradicts exact data |
 //! | `table` | terminal, Markdown and JSON |
 
 mod bench;
+mod outcome;
 mod spoil;
 mod table;
 mod trace;
@@ -257,7 +259,7 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
     }
     let examined = trial.examine(level).map_err(failed)?;
     let said = match &examined {
-        Ok(found) => spoil::said(found),
+        Ok(found) => outcome::said(found),
         Err(why) => vec![why.to_string()],
     };
     let found: Option<Findings> = examined.ok();
@@ -269,7 +271,7 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
             .map(|fault| fault.text(&trial.setup))
             .collect(),
         trace,
-        outcome: spoil::outcome(&clean.setup, &spoilt, found.as_ref()),
+        outcome: outcome::outcome(&clean.setup, &spoilt, found.as_ref()),
         said,
     })
 }

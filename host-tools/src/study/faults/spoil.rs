@@ -1,12 +1,11 @@
-//! Faults that are put into a set-up, and findings compared with them.
+//! Faults that are put into a set-up.
 
-use super::Outcome;
-use crate::detective::{Fault, Findings, Whole, WholeFault};
+use crate::detective::WholeFault;
 use crate::identification::estimates;
 use crate::setup::{Mount, Setup};
 use crate::study::chance::Chance;
 use crate::study::trial::{Trial, TrialError};
-use massline_core::identify::Identification;
+use massline_core::identify::{Estimate, Identification};
 use massline_core::masslines::Method;
 use nalgebra::{Matrix3, Vector3};
 
@@ -125,7 +124,7 @@ fn position_of(setup: &mut Setup, channel: usize) -> (&mut [f64; 3], &mut [f64; 
 }
 
 /// The channels of one sensor: those of one kind at one place.
-fn places(setup: &Setup) -> Vec<Vec<usize>> {
+pub(super) fn places(setup: &Setup) -> Vec<Vec<usize>> {
     let all = channels(setup);
     let mut places: Vec<Vec<usize>> = Vec::new();
     for c in 0..all.len() {
@@ -235,7 +234,8 @@ impl Spoilt {
         matches!(self, Self::Whole(_))
     }
 
-    fn channels(&self) -> Vec<usize> {
+    /// Its channels; none where all sensors of a kind share it.
+    pub(super) fn channels(&self) -> Vec<usize> {
         match self {
             Self::Inverted(c) | Self::Factor(c, _) | Self::Dead(c) => vec![*c],
             Self::Swapped(pair) => pair.to_vec(),
@@ -317,138 +317,6 @@ impl Spoilt {
             Self::Whole(whole) => whole.name().to_owned(),
         }
     }
-
-    /// `true` if the repair of an explanation takes this fault away and changes nothing else.
-    fn is(&self, setup: &Setup, found: &Fault) -> bool {
-        let clean = states(setup);
-        let mut state = clean.clone();
-        self.change(&mut state);
-        mend(&mut state, found);
-        let places = places(setup);
-        let alone = |c: usize| places.iter().any(|place| place.as_slice() == [c]);
-        let off = match self {
-            Self::Position(_, [written, truth]) => (written - truth).norm(),
-            _ => 0.0,
-        };
-        state
-            .iter()
-            .zip(&clean)
-            .enumerate()
-            .all(|(c, (found, truth))| {
-                let mut shift = found.position - truth.position;
-                let axis = truth.axis.normalize();
-                if alone(c) {
-                    // Nothing tells where along its axis a single sensor sits.
-                    shift -= axis * axis.dot(&shift);
-                }
-                // A position that is found is good to a tenth of what it was off by, or two centimetres.
-                (found.axis - truth.axis).norm() < 0.04 * truth.axis.norm()
-                    && shift.norm() < (0.1 * off.min(1.0)).max(0.02)
-                    && found.source == truth.source
-                    && (found.late - truth.late).abs() <= 0.5
-                    && found.dead == truth.dead
-            })
-    }
-
-    /// Puts the fault into the state of all channels.
-    fn change(&self, all: &mut [State]) {
-        match self {
-            Self::Inverted(c) => all[*c].axis *= -1.0,
-            Self::Factor(c, factor) => all[*c].axis *= *factor,
-            Self::Turned(place, turn) => {
-                place.iter().for_each(|&c| all[c].axis = turn * all[c].axis)
-            }
-            Self::Position(place, [written, truth]) => place
-                .iter()
-                .for_each(|&c| all[c].position += written - truth),
-            Self::Swapped([a, b]) => {
-                let source = all[*a].source;
-                all[*a].source = all[*b].source;
-                all[*b].source = source;
-            }
-            Self::Delayed(late, samples) => {
-                late.iter().for_each(|&c| all[c].late += *samples as f64)
-            }
-            Self::Dead(c) => all[*c].dead = true,
-            Self::Whole(_) => {}
-        }
-    }
-
-    fn is_told_by(&self, whole: &[Whole]) -> bool {
-        let told = |fault: WholeFault| whole.iter().any(|w| w.fault == fault);
-        match self {
-            Self::Whole(WholeFault::InG) => {
-                told(WholeFault::InG) || told(WholeFault::PerhapsInG) || told(WholeFault::NoUnit)
-            }
-            Self::Whole(fault) => told(*fault),
-            Self::Position(place, _) => whole
-                .iter()
-                .any(|w| w.fault == WholeFault::Outlying && w.channels == *place),
-            _ => false,
-        }
-    }
-}
-
-/// Properties of a channel that faults change and repairs mend.
-#[derive(Clone, Debug)]
-struct State {
-    /// Direction times scale.
-    axis: Vector3<f64>,
-    position: Vector3<f64>,
-    /// The channel whose readings it has.
-    source: usize,
-    late: f64,
-    dead: bool,
-}
-
-fn states(setup: &Setup) -> Vec<State> {
-    channels(setup)
-        .into_iter()
-        .enumerate()
-        .map(|(source, at)| State {
-            axis: at.direction,
-            position: at.position,
-            source,
-            late: 0.0,
-            dead: false,
-        })
-        .collect()
-}
-
-/// Mends what an explanation says is wrong.
-fn mend(all: &mut [State], fault: &Fault) {
-    match fault {
-        Fault::Inverted { channel } => all[*channel].axis *= -1.0,
-        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } => {
-            all[*channel].axis /= *factor;
-        }
-        Fault::Swapped { channels: [a, b] } => {
-            let source = all[*a].source;
-            all[*a].source = all[*b].source;
-            all[*b].source = source;
-        }
-        Fault::PlacesExchanged { places: [a, b] } => {
-            let (here, there) = (all[a[0]].position, all[b[0]].position);
-            a.iter().for_each(|&c| all[c].position = there);
-            b.iter().for_each(|&c| all[c].position = here);
-        }
-        Fault::Turned { place, rotation } => {
-            place
-                .iter()
-                .for_each(|&c| all[c].axis = rotation * all[c].axis);
-        }
-        Fault::Position {
-            place, position, ..
-        } => {
-            place.iter().for_each(|&c| all[c].position = *position);
-        }
-        Fault::Delayed { channels, samples } => {
-            channels.iter().for_each(|&c| all[c].late -= samples);
-        }
-        Fault::Dead { channel } => all[*channel].dead = !all[*channel].dead,
-        // Nothing is mended by these.
-        Fault::CrossTalk { channel, .. } | Fault::Unlisted { channel } => all[*channel].late = 1e9,
-    }
 }
 
 /// `true` if a number moves by more than its interval.
@@ -478,93 +346,10 @@ pub(super) fn counts(
         return Ok(true);
     };
     let pairs = estimates(&before).into_iter().zip(estimates(&after));
-    let moved = |pair: (Option<_>, Option<_>)| match pair {
-        (Some(a), Some(b)) => {
-            let (a, b): (
-                massline_core::identify::Estimate,
-                massline_core::identify::Estimate,
-            ) = (a, b);
-            (a.value - b.value).abs() > a.interval(before.freedom)
-        }
+    let moved = |pair: (Option<Estimate>, Option<Estimate>)| match pair {
+        (Some(a), Some(b)) => (a.value - b.value).abs() > a.interval(before.freedom),
         (None, None) => false,
         _ => true,
     };
     Ok(pairs.into_iter().any(moved))
-}
-
-/// Findings in words.
-pub(super) fn said(found: &Findings) -> Vec<String> {
-    let suspects = found.suspects.iter().map(|s| {
-        let all: Vec<&str> = s.explanations.iter().map(|e| e.text.as_str()).collect();
-        all.join("; or ")
-    });
-    let whole = found.whole.iter().map(|w| w.fault.name().to_owned());
-    let more = found
-        .more_is_wrong()
-        .then(|| format!("{:.1} left of {:.1}", found.repaired, found.contradiction));
-    suspects.chain(whole).chain(more).collect()
-}
-
-/// Findings compared with the faults that are there.
-pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>) -> Outcome {
-    let Some(found) = found else {
-        return Outcome::Silent;
-    };
-    let mut told = vec![false; faults.len()];
-    let (mut tied, mut sensor, mut wrong) = (false, false, false);
-    for suspect in &found.suspects {
-        let hit = |fault: &Spoilt| {
-            suspect
-                .explanations
-                .iter()
-                .any(|e| fault.is(setup, &e.fault))
-        };
-        if let Some(number) = faults.iter().position(hit) {
-            told[number] = true;
-            tied |= suspect.explanations.len() > 1;
-            continue;
-        }
-        let vague = suspect.explanations.iter().any(|e| match &e.fault {
-            Fault::Unlisted { channel } => faults.iter().any(|f| f.channels().contains(channel)),
-            _ => false,
-        });
-        sensor |= vague;
-        wrong |= !vague;
-    }
-    let mut by_size = false;
-    for (fault, told) in faults.iter().zip(&mut told) {
-        if !*told && fault.is_told_by(&found.whole) {
-            (*told, by_size) = (true, true);
-        }
-    }
-    // What only asks accuses nobody, and positions far away are what they are.
-    let accuses = |w: &Whole| {
-        let position = |f: &Spoilt| matches!(f, Spoilt::Position(..));
-        let right = faults.iter().any(|f| f.is_told_by(std::slice::from_ref(w)));
-        match w.fault {
-            WholeFault::PerhapsInG | WholeFault::NoUnit => false,
-            WholeFault::Outlying => !faults.iter().any(position),
-            WholeFault::ReferencePoint => !faults.contains(&Spoilt::Whole(WholeFault::Millimetres)),
-            _ => !right,
-        }
-    };
-    wrong |= found.whole.iter().any(accuses);
-    let count = told.iter().filter(|t| **t).count();
-    if wrong {
-        Outcome::Wrong
-    } else if count == faults.len() && count > 0 {
-        match (by_size, tied) {
-            (true, _) => Outcome::BySize,
-            (_, true) => Outcome::Tied,
-            _ => Outcome::Named,
-        }
-    } else if count > 0 {
-        Outcome::Half
-    } else if sensor {
-        Outcome::Sensor
-    } else if found.more_is_wrong() {
-        Outcome::Unnamed
-    } else {
-        Outcome::Silent
-    }
 }

@@ -12,19 +12,19 @@
 //! * **Weights of accelerometers** (chapter 7) come from the exact responses in the mode band:
 //!   those that a survey pass gives without noise.
 
-use super::chance::Chance;
+mod noise;
+mod wiring;
+
 use super::responses::surveyed;
 use super::scratch::{Scratch, pose_rows, sine_rows};
 use crate::detective::{self, Findings, Undecided};
 use crate::identification::{Answer, Choice, Session};
-use crate::likelihood::Noise;
 use crate::measure::{
     Accelerations, MeasureError, NoRecords, Records, RunGeometry, Samples, Survey,
     channels_of_samples, measure_samples, sampled_records,
 };
-use crate::setup::{Excitation, Quantity, Setup};
-use crate::simulate::{self, Model, SimulationError, Stream, Truth, simulate};
-use massline_core::geometry::ResultantNoise;
+use crate::setup::{Excitation, Setup};
+use crate::simulate::{self, Model, SimulationError, Truth, simulate};
 use massline_core::identify::Identification;
 use massline_core::masslines::Method;
 use massline_core::spectra::LineRange;
@@ -55,19 +55,18 @@ pub enum TrialError {
 
 /// Recording and disturbances of a trial.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Conditions {
+pub(in crate::study) struct Conditions {
     /// Largest ratio of a sensor's share of noise to that of another; 1 for all alike.
-    pub(super) unlike: f64,
+    pub(in crate::study) unlike: f64,
     /// Frequencies of a stepped sine test, Hz; empty for a random one.
-    pub(super) sines: Vec<f64>,
+    pub(in crate::study) sines: Vec<f64>,
     /// `true` if the mass is stated as weighed.
-    pub(super) weighed: bool,
-    /// Number of the run whose motion each simulated run belongs to; those of one number are shaken
-    /// at
-    /// once, by drives of their own. Empty where every run is its own.
-    pub(super) together: Vec<usize>,
+    pub(in crate::study) weighed: bool,
+    /// Number of the run whose motion each simulated run belongs to; those of one
+    /// number are shaken at once, by drives of their own. Empty where every run is its own.
+    pub(in crate::study) together: Vec<usize>,
     /// Factor on the frequency of the first mode in the last run; 1 where `None`.
-    pub(super) moved: Option<f64>,
+    pub(in crate::study) moved: Option<f64>,
 }
 
 /// Samples of one run, or complex amplitudes in pairs of samples.
@@ -80,11 +79,11 @@ struct Run {
 
 /// One draw: a test without noise, and the noise to add.
 #[derive(Clone)]
-pub(super) struct Trial {
+pub(in crate::study) struct Trial {
     /// The test.
-    pub(super) setup: Setup,
+    pub(in crate::study) setup: Setup,
     /// True values.
-    pub(super) truth: Truth,
+    pub(in crate::study) truth: Truth,
     model: Model,
     seed: u64,
     frequencies: Vec<f64>,
@@ -94,14 +93,14 @@ pub(super) struct Trial {
 }
 
 /// The answer of a method, or why there is none.
-pub(super) type Outcome = Result<Identification, String>;
+pub(in crate::study) type Outcome = Result<Identification, String>;
 
 impl Trial {
     /// Simulates a model without noise, and draws the noise of one draw.
     ///
     /// # Errors
     /// [`TrialError::Simulation`] if the model's bands or lengths do not suit each other.
-    pub(super) fn new(
+    pub(in crate::study) fn new(
         model: Model,
         seed: u64,
         conditions: &Conditions,
@@ -175,107 +174,12 @@ impl Trial {
         Ok(trial)
     }
 
-    /// White noise of each sensor: the RMS of its readings over all runs, times a factor of its
-    /// own between 1/√`unlike` and √`unlike`. The RMS of a stepped sine is taken over the lines
-    /// of the averaging band.
-    fn draw_noise(&mut self, unlike: f64) {
-        let root = libm::sqrt(unlike);
-        let mut levels = self.strengths();
-        for (c, level) in levels.iter_mut().enumerate() {
-            let number = c.to_string();
-            *level *= Chance::new(self.seed, &["level", &number]).by_ratio(1.0 / root, root);
-        }
-        for (r, run) in self.runs.iter_mut().enumerate() {
-            let number = r.to_string();
-            run.noise = (run.sensors.iter().zip(&levels).enumerate())
-                .map(|(c, (samples, level))| {
-                    let names = ["noise", &number, &c.to_string()];
-                    let mut stream = Stream::new(self.seed, &names);
-                    // Two parts share the power of an amplitude, as they share its RMS.
-                    let scale = *level;
-                    let mut noise = Vec::with_capacity(samples.len() + 1);
-                    while noise.len() < samples.len() {
-                        let pair = stream.normal() * scale;
-                        noise.extend([pair.re as f32, pair.im as f32]);
-                    }
-                    noise.truncate(samples.len());
-                    noise
-                })
-                .collect();
-        }
-        self.levels = levels;
-    }
-
-    /// RMS of each sensor's readings over all runs. A sensor that rests has the mean of its
-    /// kind: nothing is without noise because nothing moves it.
-    fn strengths(&self) -> Vec<f64> {
-        let channels = self.runs.first().map_or(0, |r| r.sensors.len());
-        let band = self.setup.processing.as_ref().map(|p| p.averaging_band);
-        let counts = |n: usize| match (self.frequencies.get(n / 2), band) {
-            (Some(f), Some([low, high])) => (low..=high).contains(f),
-            _ => true,
-        };
-        let own = |c: usize| {
-            let (mut power, mut count) = (0.0, 0_usize);
-            for run in &self.runs {
-                for (_, x) in run.sensors[c]
-                    .iter()
-                    .enumerate()
-                    .filter(|(n, _)| counts(*n))
-                {
-                    power += f64::from(*x).powi(2);
-                    count += 1;
-                }
-            }
-            libm::sqrt(power / count.max(1) as f64)
-        };
-        let mut strengths: Vec<f64> = (0..channels).map(own).collect();
-        let sensors = self.setup.accelerometers.len();
-        let moment = |c: usize| {
-            let cell = self.setup.load_cells.get(c.wrapping_sub(sensors));
-            cell.is_some_and(|cell| cell.quantity == Quantity::Moment)
-        };
-        let kinds: [&dyn Fn(usize) -> bool; 3] =
-            [&|c| c < sensors, &|c| c >= sensors && !moment(c), &moment];
-        let mut before = 0.0;
-        for kind in kinds {
-            let members: Vec<usize> = (0..channels).filter(|&c| kind(c)).collect();
-            let sum: f64 = members.iter().map(|&c| strengths[c]).sum();
-            let mut mean = sum / members.len().max(1) as f64;
-            if mean == 0.0 {
-                // Moments where none acts: forces at a lever of a tenth of a metre.
-                mean = 0.1 * before;
-            }
-            before = mean;
-            for &c in &members {
-                if strengths[c] < 1e-3 * mean {
-                    strengths[c] = mean;
-                }
-            }
-        }
-        strengths
-    }
-
-    /// Standard deviation of each sensor's noise at a level, in its unit.
-    pub(super) fn noise(&self, level: f64) -> Vec<f64> {
-        self.levels.iter().map(|l| l * level).collect()
-    }
-
-    /// Noise of a line of each resultant at a level, if white: that of all sensors.
-    pub(super) fn resultant_noise(&self, level: f64) -> Result<Noise, TrialError> {
-        let geometry = RunGeometry::new(&self.setup, 0, &Accelerations::Interface)?;
-        let mut noise = ResultantNoise::default();
-        for (column, std) in geometry.columns.iter().zip(self.noise(level)) {
-            noise.add_sensor(column, std * std);
-        }
-        Ok(Noise {
-            base: noise.acceleration,
-            force: noise.force,
-        })
-    }
-
     /// Unwindowed lines of all random runs at a level of noise; without noise if `None`.
-    pub(super) fn lines(&self, level: Option<f64>, band: [f64; 2]) -> Result<Records, TrialError> {
+    pub(in crate::study) fn lines(
+        &self,
+        level: Option<f64>,
+        band: [f64; 2],
+    ) -> Result<Records, TrialError> {
         let noisy = self.noisy(level.unwrap_or(0.0));
         let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
             .map(|(sensors, run)| Samples {
@@ -292,18 +196,18 @@ impl Trial {
     }
 
     /// The seed of its signals.
-    pub(super) fn seed(&self) -> u64 {
+    pub(in crate::study) fn seed(&self) -> u64 {
         self.seed
     }
 
     /// The model that was simulated.
-    pub(super) fn model(&self) -> &Model {
+    pub(in crate::study) fn model(&self) -> &Model {
         &self.model
     }
 
     /// The numbers of some methods at one level of noise, a share of each channel's RMS; `None`
     /// is the recommended method.
-    pub(super) fn answers(
+    pub(in crate::study) fn answers(
         &self,
         level: f64,
         methods: &[Option<Method>],
@@ -313,7 +217,7 @@ impl Trial {
     }
 
     /// The same with all that an answer says.
-    pub(super) fn whole_answers(
+    pub(in crate::study) fn whole_answers(
         &self,
         level: f64,
         methods: &[Option<Method>],
@@ -327,7 +231,10 @@ impl Trial {
     }
 
     /// The examination of the sensors at a level of noise, of random runs.
-    pub(super) fn examine(&self, level: f64) -> Result<Result<Findings, Undecided>, TrialError> {
+    pub(in crate::study) fn examine(
+        &self,
+        level: f64,
+    ) -> Result<Result<Findings, Undecided>, TrialError> {
         let noisy = self.noisy(level);
         let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
             .map(|(sensors, run)| Samples {
@@ -339,58 +246,6 @@ impl Trial {
         let measurement = measure_samples(setup, &Accelerations::Interface, &samples)?;
         let channels = channels_of_samples(setup, &measurement, &samples)?;
         Ok(detective::examine(setup, &measurement, &channels))
-    }
-
-    /// Exchanges the readings of two sensors.
-    pub(super) fn exchange(&mut self, a: usize, b: usize) {
-        for run in &mut self.runs {
-            run.sensors.swap(a, b);
-            run.noise.swap(a, b);
-        }
-    }
-
-    /// Records the readings of a sensor in another unit.
-    pub(super) fn record_in(&mut self, sensor: usize, unit: f32) {
-        for run in &mut self.runs {
-            let readings = run.sensors[sensor].iter_mut();
-            readings
-                .chain(&mut run.noise[sensor])
-                .for_each(|x| *x /= unit);
-        }
-    }
-
-    /// Takes the signal of a sensor away; its noise stays.
-    pub(super) fn silence(&mut self, sensor: usize) {
-        self.runs
-            .iter_mut()
-            .for_each(|run| run.sensors[sensor].fill(0.0));
-    }
-
-    /// Has sensors come late by so many samples: their ends go, and the beginnings of all others.
-    pub(super) fn delay(&mut self, late: &[usize], samples: usize) {
-        for run in &mut self.runs {
-            let cut = |channel: &mut Vec<f32>, is_late: bool| {
-                if is_late {
-                    channel.truncate(channel.len().saturating_sub(samples));
-                } else {
-                    channel.drain(..samples.min(channel.len()));
-                }
-            };
-            for (c, (signal, noise)) in run.sensors.iter_mut().zip(&mut run.noise).enumerate() {
-                cut(signal, late.contains(&c));
-                cut(noise, late.contains(&c));
-            }
-            cut(&mut run.drive, false);
-        }
-    }
-
-    fn noisy(&self, level: f64) -> Vec<Vec<Vec<f32>>> {
-        let add = |(x, n): (&f32, &f32)| x + level as f32 * n;
-        let channel = |(x, n): (&Vec<f32>, &Vec<f32>)| x.iter().zip(n).map(add).collect();
-        self.runs
-            .iter()
-            .map(|run| run.sensors.iter().zip(&run.noise).map(channel).collect())
-            .collect()
     }
 
     fn in_memory(
