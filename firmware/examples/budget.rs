@@ -223,7 +223,7 @@ mod on_chip {
     /// Four converters read at one edge, with all checksums.
     fn acquisition(timer: &TIM2) -> (u32, [i32; INPUTS]) {
         let configuration = Configuration {
-            oversampling: Oversampling::X8192,
+            oversampling: Oversampling::X4096,
             channels: [Input::pins(Gain::ONE); CHANNELS],
         };
         let mut chips: [Ads131m08<Wire>; CHIPS] = core::array::from_fn(|_| {

@@ -145,7 +145,7 @@ fn rig() -> RefCell<Rig<Signal, CHIPS>> {
 
 #[test]
 fn samples_come_together_and_in_order() {
-    for oversampling in [Oversampling::X1024, Oversampling::X8192] {
+    for oversampling in [Oversampling::X512, Oversampling::X4096] {
         let rig = rig();
         let mut bench = Bench::new(&rig, oversampling);
         bench.start();
@@ -164,7 +164,7 @@ fn each_fault_has_its_flag_and_no_other() {
     for (round, kind) in (0..40).flat_map(|round| Kind::ALL.map(|kind| (round, kind))) {
         let rig = rig();
         let mut injector = Injector::new(0.0, 100 + round);
-        let mut bench = Bench::new(&rig, Oversampling::X8192);
+        let mut bench = Bench::new(&rig, Oversampling::X4096);
         bench.start();
         bench.run(20);
         injector.inject(&mut rig.borrow_mut(), kind, round as usize % CHIPS);
@@ -197,7 +197,7 @@ fn each_fault_has_its_flag_and_no_other() {
 fn no_false_sample_among_a_million_frames_and_every_fault_counted() {
     let rig = rig();
     let mut injector = Injector::new(1e-3, 2026);
-    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    let mut bench = Bench::new(&rig, Oversampling::X4096);
     bench.start();
     let mut good = 0_u32;
     let mut apart = 0_u32;
@@ -238,7 +238,7 @@ fn no_false_sample_when_everything_fails_at_once() {
     for seed in 0..20 {
         let rig = rig();
         let mut injector = Injector::new(0.05, seed);
-        let mut bench = Bench::new(&rig, Oversampling::X8192);
+        let mut bench = Bench::new(&rig, Oversampling::X4096);
         bench.start();
         for _ in 0..5_000 {
             injector.disturb(&mut rig.borrow_mut(), true);
@@ -259,7 +259,7 @@ fn no_false_sample_when_everything_fails_at_once() {
 #[test]
 fn a_dead_converter_does_not_stop_the_others() {
     let rig = rig();
-    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    let mut bench = Bench::new(&rig, Oversampling::X4096);
     bench.start();
     bench.run(10);
     rig.borrow_mut().stick(2, Some(true));
@@ -284,7 +284,7 @@ fn a_dead_converter_does_not_stop_the_others() {
 #[test]
 fn converters_without_edges_are_restarted() {
     let rig = rig();
-    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    let mut bench = Bench::new(&rig, Oversampling::X4096);
     bench.start();
     bench.run(10);
     // An external pulse on the reset line: all four chips lose their settings.
@@ -312,7 +312,7 @@ fn converters_without_edges_are_restarted() {
 #[test]
 fn a_busy_box_loses_samples_but_numbers_them_right() {
     let rig = rig();
-    let mut bench = Bench::new(&rig, Oversampling::X8192);
+    let mut bench = Bench::new(&rig, Oversampling::X4096);
     bench.start();
     bench.run(10);
     for busy in 1..200 {

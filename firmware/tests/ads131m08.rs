@@ -3,9 +3,10 @@
 
 use core::cell::RefCell;
 use embedded_hal::spi::{Operation, SpiDevice};
+use massline_firmware::calibration::BRIDGE_SUPPLY_MAX;
 use massline_firmware::drivers::ads131m08::registers::{CHANNELS, Register, command};
 use massline_firmware::drivers::ads131m08::{
-    Ads131m08, Channel, Configuration, Gain, Input, Oversampling,
+    Ads131m08, CLOCK_HZ, Channel, Configuration, Gain, Input, Oversampling,
 };
 use massline_firmware::drivers::{Converter, Fault, Reading};
 use massline_firmware::models::random::{Random, mix};
@@ -13,7 +14,7 @@ use massline_firmware::models::rig::{Port, Rig, Signal};
 
 fn configuration() -> Configuration {
     let mut configuration = Configuration {
-        oversampling: Oversampling::X8192,
+        oversampling: Oversampling::X4096,
         channels: [Channel::pins(Gain::ONE); CHANNELS],
     };
     for (k, channel) in configuration.channels.iter_mut().enumerate() {
@@ -193,12 +194,54 @@ fn a_register_that_changes_by_itself_is_noticed() {
         }
         let mut model = rig.borrow_mut();
         model.chip(0).unwrap().set_register(register, changed);
+        // Two passes of the check.
+        let later = model.cycle() + u64::from(CLOCK_HZ) / 5000;
+        model.pass_until(later);
         drop(model);
         assert_eq!(
             chip.read(&mut [0; CHANNELS]),
             Err(Fault::Reset),
             "{register:?}"
         );
+    }
+}
+
+/// The check of the register map (8.3.13) reports the writes of the configuration only after 180 µs.
+#[test]
+fn the_check_of_the_registers_does_not_take_the_configuration_for_a_fault() {
+    let rig = rig();
+    let mut chip = Ads131m08::new(Port::new(&rig, 0), configuration());
+    chip.prepare().unwrap();
+    let later = rig.borrow().cycle() + u64::from(CLOCK_HZ) / 100;
+    rig.borrow_mut().pass_until(later);
+    for _ in 0..2 {
+        assert_eq!(chip.read(&mut [0; CHANNELS]), Ok(Reading::default()));
+    }
+}
+
+/// At a gain of 8 and more the inputs must stay 1.8 V below the supply of 3.3 V (6.3): the middle of a
+/// bridge on that supply is above that.
+#[test]
+fn a_bridge_lies_within_the_range_of_the_inputs() {
+    let rig = rig();
+    let mut chip = Ads131m08::new(Port::new(&rig, 0), configuration());
+    chip.prepare().unwrap();
+    let mut count = |supply: f64, channel: u8| {
+        let mut rig = rig.borrow_mut();
+        let chip = rig.chip(0).unwrap();
+        chip.set_common_mode(channel.into(), 0.5 * supply);
+        chip.set_register(Register::offset_msb(channel), 0);
+        chip.set_register(Register(Register::offset_msb(channel).0 + 1), 0);
+        chip.set_register(Register::gain_msb(channel), 0x8000);
+        chip.set_register(Register(Register::gain_msb(channel).0 + 1), 0);
+        chip.count(channel, 5e-3)
+    };
+    for channel in 0..CHANNELS as u8 {
+        let gain = 1 << channel;
+        let exact = (5e-3 * f64::from(gain) / 1.2 * 8_388_608.0_f64).round() as i32;
+        // The middle of 3.3 V is 1.65 V: fine for small gains only.
+        assert_eq!(count(3.3, channel) == exact, gain < 8, "gain {gain}");
+        assert_eq!(count(BRIDGE_SUPPLY_MAX, channel), exact, "gain {gain}");
     }
 }
 

@@ -35,7 +35,7 @@ fn resident_pages() -> Option<u64> {
 
 #[test]
 fn four_hours_keep_count_in_the_same_memory() {
-    let oversampling = Oversampling::X8192;
+    let oversampling = Oversampling::X4096;
     let period = u64::from(oversampling.cycles());
     assert_eq!(u64::from(CLOCK_HZ), RATE * period);
     type Signal = fn(usize, u64) -> f64;

@@ -115,12 +115,15 @@ impl SpiBus for Bus {
     }
 
     fn transfer_in_place(&mut self, words: &mut [u8]) -> Result<(), Dead> {
-        let (pairs, rest) = words.as_chunks_mut::<2>();
-        self.set_wide(true);
-        for pair in pairs {
-            *pair = self.exchange(u16::from_be_bytes(*pair))?.to_be_bytes();
+        // The width changes between frames only: while the bus is off its clock line is not driven.
+        if let (pairs, []) = words.as_chunks_mut::<2>() {
+            self.set_wide(true);
+            for pair in pairs {
+                *pair = self.exchange(u16::from_be_bytes(*pair))?.to_be_bytes();
+            }
+            return Ok(());
         }
-        for byte in rest {
+        for byte in words {
             *byte = self.exchange_byte(*byte)?;
         }
         Ok(())

@@ -24,7 +24,7 @@ mod scale;
 pub mod watch;
 
 pub use certificate::{Certificate, Text};
-pub use preset::{FULL_SCALE_VOLTS, Preset};
+pub use preset::{BRIDGE_SUPPLY_MAX, FULL_SCALE_VOLTS, Preset, SupplyTooHigh};
 pub use scale::Scale;
 pub use watch::{Limits, Watch};
 

@@ -12,6 +12,10 @@ const LINEAR: f64 = 0.98;
 /// Sensitivity of the ADXL355 per count, in units of standard gravity: 3.9 µg in its 2 g range,
 /// 256000 counts per g.
 const ADXL355_COUNTS_PER_G: f64 = 256_000.0;
+/// Highest supply of a bridge, V. From a gain of 8 on, both inputs must stay 1.8 V below the analog
+/// supply (SBAS950, 6.3): 1.33 V where its 3.3 V are 5 % low. A bridge's outputs lie at half of its
+/// supply, give or take half of its signal: 1.26 V at 2.5 V and 4 mV/V.
+pub const BRIDGE_SUPPLY_MAX: f64 = 2.5;
 /// Standard gravity, m/s².
 const STANDARD_GRAVITY: f64 = 9.806_65;
 
@@ -23,12 +27,13 @@ const STANDARD_GRAVITY: f64 = 9.806_65;
 /// ```
 /// use massline_firmware::calibration::Preset;
 ///
-/// // A 500 N load cell of 2 mV/V, fed with 3.3 V: 13.2 µV/N.
-/// let cell = Preset::bridge(500.0, 2e-3, 3.3);
-/// // 6.6 mV at 500 N use most of the 9.375 mV that gain 128 leaves.
+/// // A 500 N load cell of 2 mV/V, fed with 2.5 V: 10 µV/N.
+/// let cell = Preset::bridge(500.0, 2e-3, 2.5)?;
+/// // 5 mV at 500 N use half of the 9.375 mV that gain 128 leaves.
 /// assert_eq!(cell.gain, 128);
-/// let newton_per_count = 1.2 / 128.0 / 8388608.0 / 13.2e-6;
+/// let newton_per_count = 1.2 / 128.0 / 8388608.0 / 10e-6;
 /// assert!((cell.per_count / newton_per_count - 1.0).abs() < 1e-12);
+/// # Ok::<(), massline_firmware::calibration::SupplyTooHigh>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
@@ -45,10 +50,20 @@ pub struct Preset {
 impl Preset {
     /// A strain-gauge bridge: rated load in N or N m, output at rated load in V per V of supply,
     /// supply in V. Overload is at 120 % of the rated load, where load cells end.
-    #[must_use]
-    pub fn bridge(rated_load: f64, rated_output: f64, supply: f64) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`SupplyTooHigh`] beyond [`BRIDGE_SUPPLY_MAX`].
+    pub fn bridge(rated_load: f64, rated_output: f64, supply: f64) -> Result<Self, SupplyTooHigh> {
+        if supply.is_nan() || supply.abs() > BRIDGE_SUPPLY_MAX {
+            return Err(SupplyTooHigh { found: supply });
+        }
         let volts_per_unit = rated_output * supply / rated_load;
-        Self::voltage(Circuit::Bridge, volts_per_unit, 1.2 * rated_load)
+        Ok(Self::voltage(
+            Circuit::Bridge,
+            volts_per_unit,
+            1.2 * rated_load,
+        ))
     }
 
     /// A piezoelectric sensor with a charge amplifier: sensor in C per SI unit, amplifier in V
@@ -124,6 +139,25 @@ impl Preset {
     }
 }
 
+/// A supply at which the outputs of a bridge lie above the converter's inputs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SupplyTooHigh {
+    /// The supply, V.
+    pub found: f64,
+}
+
+impl core::fmt::Display for SupplyTooHigh {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(
+            f,
+            "a bridge on {} V has its outputs above the converter's inputs; feed it with {} V or less",
+            self.found, BRIDGE_SUPPLY_MAX
+        )
+    }
+}
+
+impl core::error::Error for SupplyTooHigh {}
+
 /// Limits at a distance from zero.
 fn within(counts: f64) -> Limits {
     let end = libm::round(counts) as i32;
@@ -156,7 +190,7 @@ mod tests {
         // 100 mV/g behind a divider by ten; 4 pC/N behind 1 mV/pC and a divider; 2 mV/V.
         let iepe = Preset::iepe(0.1 / STANDARD_GRAVITY, 0.1, 50.0 * STANDARD_GRAVITY);
         let charge = Preset::charge(4e-12, 1e9, 0.1, 2500.0);
-        let bridge = Preset::bridge(500.0, -2e-3, 3.3);
+        let bridge = Preset::bridge(500.0, -2e-3, 2.5).unwrap();
         let cases = [
             (
                 iepe,
@@ -165,7 +199,7 @@ mod tests {
                 Circuit::Iepe,
             ),
             (charge, -1200.0, -1200.0 * 4e-3 * 0.1, Circuit::Charge),
-            (bridge, 400.0, -400.0 / 500.0 * 2e-3 * 3.3, Circuit::Bridge),
+            (bridge, 400.0, -400.0 / 500.0 * 2e-3 * 2.5, Circuit::Bridge),
         ];
         for (preset, si, volts, circuit) in cases {
             assert_eq!(preset.circuit, circuit);
@@ -174,6 +208,17 @@ mod tests {
             let (found, health) = channel.count(counts(volts, &preset), Health::GOOD);
             agree(found, si, &preset);
             assert_eq!(health, Health::GOOD);
+        }
+    }
+
+    #[test]
+    fn a_bridge_whose_outputs_lie_above_the_inputs_is_refused() {
+        for supply in [2.5, -2.5, 1.2] {
+            assert!(Preset::bridge(500.0, 2e-3, supply).is_ok(), "{supply} V");
+        }
+        for supply in [2.6, 3.3, 5.0, -3.3, f64::INFINITY, f64::NAN] {
+            let refused = Preset::bridge(500.0, 2e-3, supply);
+            assert!(refused.is_err(), "{supply} V");
         }
     }
 

@@ -4,12 +4,13 @@
 //! LOCK, UNLOCK, RREG and WREG with their answers in the next frame, the checksums of both
 //! directions, a write that is executed before its checksum is received, the event bits of the
 //! status word and their clearing, two samples of buffer, amplifiers, inputs, offset and gain
-//! correction, clipping. Not modelled: word lengths other than 24 bits, ANSI's checksum, global
+//! correction, clipping, the range of the inputs (6.3), the pass of the register map's check (8.3.13).
+//! Not modelled: word lengths other than 24 bits, ANSI's checksum, global
 //! chop, current detection, phase delays, the DC block filter, noise.
 
-use crate::drivers::ads131m08::Oversampling;
 use crate::drivers::ads131m08::frame::{self, BYTES, BYTES_MAX, WORD, put, word};
 use crate::drivers::ads131m08::registers::{CHANNELS, Register, command, mode, status};
+use crate::drivers::ads131m08::{CLOCK_HZ, Oversampling};
 
 /// Reference voltage, V: full scale at gain 1.
 const REFERENCE: f64 = 1.2;
@@ -17,6 +18,13 @@ const REFERENCE: f64 = 1.2;
 const TEST: f64 = 0.16;
 /// Counts of full scale.
 const FULL_SCALE: f64 = (1 << 23) as f64;
+/// Analog supply, V.
+const SUPPLY: f64 = 3.3;
+/// Distance of the inputs from the supply, V, from a gain of 8 on (6.3).
+const HEADROOM: f64 = 1.8;
+/// Cycles until the check of the register map has seen a change (8.3.13): what is left of the pass that
+/// is going on, and another one of 90 µs.
+const MAP_CYCLES: u64 = CLOCK_HZ as u64 * 180 / 1_000_000;
 /// Samples that wait to be read.
 const BUFFER: usize = 2;
 
@@ -32,6 +40,12 @@ pub struct Chip {
     /// Samples, the newest first.
     samples: [[i32; CHANNELS]; BUFFER],
     waiting: usize,
+    /// Voltage between ground and the middle of each channel's two inputs, V.
+    common_mode: [f64; CHANNELS],
+    /// The present cycle of the clock.
+    cycle: u64,
+    /// Cycle at which the check of the register map sees the last change.
+    seen: Option<u64>,
 }
 
 /// Answer at the beginning of the next frame.
@@ -60,6 +74,9 @@ impl Chip {
             answer: Answer::Status,
             samples: [[0; CHANNELS]; BUFFER],
             waiting: 0,
+            common_mode: [0.0; CHANNELS],
+            cycle: 0,
+            seen: None,
         };
         chip.reset();
         chip
@@ -75,6 +92,22 @@ impl Chip {
         self.running = true;
         self.answer = Answer::Word(command::RESET_DONE);
         self.waiting = 0;
+        self.seen = None;
+    }
+
+    /// Advances the time to a cycle of the clock.
+    pub fn pass_until(&mut self, cycle: u64) {
+        self.cycle = cycle;
+        if self.seen.take_if(|at| *at <= cycle).is_some() {
+            self.events |= status::REG_MAP;
+        }
+    }
+
+    /// Sets the voltage between ground and the middle of a channel's two inputs, V.
+    pub fn set_common_mode(&mut self, channel: usize, volts: f64) {
+        if let Some(slot) = self.common_mode.get_mut(channel) {
+            *slot = volts;
+        }
     }
 
     /// The conversions are restarted.
@@ -118,7 +151,7 @@ impl Chip {
             && let Some(slot) = self.registers.get_mut(usize::from(register.0))
         {
             if *slot != kept && is_watched {
-                self.events |= status::REG_MAP;
+                self.seen = Some(self.cycle + MAP_CYCLES);
             }
             *slot = kept;
         }
@@ -152,7 +185,16 @@ impl Chip {
         let code = self.register(gains) >> (4 * (channel % 4)) & 0b111;
         let gain = f64::from(1_u8 << code);
         let volts = match self.register(Register::channel_cfg(channel)) & 0b11 {
-            0 => volts,
+            0 => {
+                let room = if gain >= 8.0 {
+                    SUPPLY - HEADROOM
+                } else {
+                    SUPPLY
+                };
+                let middle = self.common_mode.get(usize::from(channel)).copied();
+                let [p, n] = [0.5, -0.5].map(|half| middle.unwrap_or(0.0) + half * volts);
+                p.min(room) - n.min(room)
+            }
             1 => 0.0,
             2 => TEST / gain,
             _ => -TEST / gain,

@@ -1,7 +1,7 @@
 //! The ADXL355 at the level of its registers.
 //!
 //! Modelled: identity, reset, stand-by, status, the data registers, ranges, offsets, reading and
-//! writing of any number of registers at once. Not modelled: the FIFO, activity detection,
+//! writing of any number of registers at once, the time until samples are valid. Not modelled: the FIFO, activity detection,
 //! temperature, self-test, filters, noise.
 
 use super::BusError;
@@ -11,12 +11,17 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 /// Registers of the chip.
 const REGISTERS: usize = 0x30;
 
+/// Time from the end of the stand-by to the first valid sample, ns.
+const START_NS: u64 = 10_000_000;
+
 /// The chip, on a bus of its own.
 #[derive(Clone, Debug)]
 pub struct Chip {
     registers: [u8; REGISTERS],
     /// Level of a stuck data line, if it is stuck.
     pub stuck: Option<bool>,
+    /// Waits since the end of the stand-by, ns.
+    awake_ns: u64,
 }
 
 impl Default for Chip {
@@ -32,6 +37,7 @@ impl Chip {
         let mut chip = Self {
             registers: [0; REGISTERS],
             stuck: None,
+            awake_ns: 0,
         };
         chip.reset();
         chip
@@ -40,6 +46,7 @@ impl Chip {
     /// A reset.
     pub fn reset(&mut self) {
         self.registers = [0; REGISTERS];
+        self.awake_ns = 0;
         let known = [
             (at::DEVID_AD, at::MAKER),
             (0x01, 0x1D),
@@ -66,7 +73,12 @@ impl Chip {
             let address = at::OFFSET_X_H + 2 * axis;
             let offset = i16::from_be_bytes([self.register(address), self.register(address + 1)]);
             let end = f64::from(1 << 19);
-            let raw = libm::round(g * per_g) - 16.0 * f64::from(offset);
+            let raw = if self.awake_ns < START_NS {
+                // Filters that have not settled.
+                end
+            } else {
+                libm::round(g * per_g) - 16.0 * f64::from(offset)
+            };
             let counts = raw.clamp(-end, end - 1.0) as i32;
             let [high, middle, low, _] = (counts << 12).to_be_bytes();
             for (k, byte) in (0..).zip([high, middle, low]) {
@@ -105,6 +117,10 @@ impl Chip {
         }
         match address {
             at::RESET if byte == at::RESET_CODE => self.reset(),
+            at::POWER_CTL => {
+                self.awake_ns = 0;
+                self.set(address, byte);
+            }
             0x1E..=0x2E => self.set(address, byte),
             _ => {}
         }
@@ -123,7 +139,10 @@ impl SpiDevice for Chip {
         for operation in operations {
             let bytes = match operation {
                 Operation::TransferInPlace(bytes) => bytes,
-                Operation::DelayNs(_) => continue,
+                Operation::DelayNs(ns) => {
+                    self.awake_ns = self.awake_ns.saturating_add(u64::from(*ns));
+                    continue;
+                }
                 _ => return Err(BusError::Unsupported),
             };
             for byte in bytes.iter_mut() {

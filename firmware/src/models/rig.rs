@@ -12,6 +12,9 @@ use crate::drivers::ads131m08::{CLOCK_HZ, RESET_CYCLES};
 use core::cell::RefCell;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 
+/// Clock of the bus, Hz.
+const BUS_HZ: u32 = 10_500_000;
+
 /// Voltages of the sensors.
 pub trait Signal {
     /// Voltage at an input, V, at a cycle of the converters' clock. Inputs count through all
@@ -55,7 +58,6 @@ pub struct Rig<S, const N: usize> {
     /// `true` if a DRDY line has fallen since the last [`Self::wait`].
     pending: bool,
     lost_edges: u32,
-    cycles_a_byte: u64,
 }
 
 /// A chip in its place, with the faults of its wires.
@@ -74,7 +76,7 @@ struct Place {
 
 impl<S: Signal, const N: usize> Rig<S, N> {
     /// Cycles from an interrupt to the reading of the lines: 1 µs.
-    const LOOK: u64 = 8;
+    const LOOK: u64 = (CLOCK_HZ / 1_000_000) as u64;
 
     /// A rig of chips that have just been switched on.
     pub fn new(signal: S, seed: u64) -> Self {
@@ -95,8 +97,6 @@ impl<S: Signal, const N: usize> Rig<S, N> {
             random,
             pending: false,
             lost_edges: 0,
-            // 8 bits at 21 MHz.
-            cycles_a_byte: u64::from(8 * CLOCK_HZ / 21_000_000),
         }
     }
 
@@ -112,7 +112,9 @@ impl<S: Signal, const N: usize> Rig<S, N> {
 
     /// A chip.
     pub fn chip(&mut self, chip: usize) -> Option<&mut Chip> {
-        self.places.get_mut(chip).map(|p| &mut p.chip)
+        let place = self.places.get_mut(chip)?;
+        place.chip.pass_until(self.cycle);
+        Some(&mut place.chip)
     }
 
     /// Time of a chip's last conversion, cycles.
@@ -181,7 +183,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
 
     /// Exchanges a frame with a chip.
     fn transfer(&mut self, chip: usize, bytes: &mut [u8]) -> Result<(), BusError> {
-        let time = bytes.len() as u64 * self.cycles_a_byte;
+        let time = bytes.len() as u64 * 8 * u64::from(CLOCK_HZ) / u64::from(BUS_HZ);
         let place = self.places.get_mut(chip).ok_or(BusError::Unsupported)?;
         if core::mem::take(&mut place.bus_fails) {
             return Err(BusError::Failed);
@@ -191,6 +193,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         {
             *byte ^= 1 << self.random.below(8);
         }
+        place.chip.pass_until(self.cycle);
         let before = place.chip.cycles();
         place.chip.transfer(bytes);
         if place.chip.cycles() != before {

@@ -26,9 +26,13 @@ pub(super) const CHANNELS: [usize; CHIPS] = {
     channels
 };
 
-/// The next sample rates below and above `rate`, Hz; equal if the converters have this rate.
+/// Fastest sample rate of a box, Hz: the load at twice as many is beyond what there is (table in the
+/// README).
+pub const FASTEST_HZ: f64 = 4096.0;
+
+/// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
 pub(super) fn rates_near(rate: f64) -> [f64; 2] {
-    Oversampling::neighbours(rate, CLOCK_HZ)
+    Oversampling::neighbours(rate, CLOCK_HZ).map(|near| near.min(FASTEST_HZ))
 }
 
 /// The converters of a box, behind their buses.

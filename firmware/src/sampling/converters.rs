@@ -9,7 +9,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
 
 /// Nanoseconds that the SYNC line is low: more than a cycle of the converters' clock, and far
-/// less than the 244 µs that would reset them.
+/// less than the 488 µs that would reset them.
 const SYNC_NS: u32 = 2_000;
 
 /// The converters of a box, those with a DRDY line on one SYNC line.

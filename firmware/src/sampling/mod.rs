@@ -24,7 +24,7 @@ mod converters;
 mod plan;
 mod raw_frame;
 
-pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, INPUTS};
+pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS};
 pub use converters::Converters;
 pub use plan::{Plan, problem};
 pub use raw_frame::RawFrame;

@@ -25,6 +25,9 @@
 //!    half-written mark can hide an item, and the remains of an interrupted write cannot run into
 //!    the item behind them.
 //!
+//! Where no whole item can be read, the page that seems to hold the newest one is kept, and so is one
+//! page at least until an item was written and read back: what cannot be read now may be read later.
+//!
 //! These rules assume that bytes read the same each time. A bit whose change was interrupted may
 //! not, for a while: then an item interrupted at its last byte may be valid at first and not later.
 
@@ -109,6 +112,9 @@ pub struct Survey {
     pub is_erased: bool,
     /// Greatest number of an item, whole or not; zero without any.
     greatest: u32,
+    /// The last page that is not erased, of those with the greatest number of an item: that number,
+    /// and the page.
+    last: Option<(u32, u32)>,
 }
 
 impl Survey {
@@ -116,6 +122,7 @@ impl Survey {
         newest: None,
         is_erased: true,
         greatest: 0,
+        last: None,
     };
 }
 
@@ -166,6 +173,7 @@ impl<F: NorFlash> Journal<F> {
     fn survey_page(&mut self, page: u32, survey: &mut Survey) -> Result<(), F::Error> {
         let end = page.saturating_add(Self::PAGE);
         let (mut at, mut free, mut found) = (page, page, None);
+        let mut greatest = 0;
         while at < end {
             let cell = self.cell(at)?;
             let mut next = at.saturating_add(CELL_SIZE);
@@ -177,7 +185,7 @@ impl<F: NorFlash> Journal<F> {
             free = next;
             let head = Head::from_cell(cell);
             if let Some(head) = head.filter(|head| head.span() <= end.saturating_sub(at)) {
-                survey.greatest = survey.greatest.max(head.number);
+                greatest = head.number.max(greatest);
                 // The contents of an incomplete item are not skipped: newer items may lie there.
                 if self.checksum(next, head.length.into())? == head.checksum {
                     next = at.saturating_add(head.span());
@@ -194,6 +202,10 @@ impl<F: NorFlash> Journal<F> {
                 }
             }
             at = next;
+        }
+        survey.greatest = survey.greatest.max(greatest);
+        if free > page {
+            survey.last = survey.last.max(Some((greatest, page)));
         }
         if let Some(found) = found {
             survey.newest = Some(Newest { free, ..found });
@@ -220,12 +232,9 @@ impl<F: NorFlash> Journal<F> {
     /// `item`, and reads it back. `item` has [`item_room`] bytes, not more than a page. `false` if
     /// it cannot be read; the newest item before is valid then.
     pub fn append(&mut self, item: &mut [u8], length: u16) -> Result<bool, F::Error> {
-        let mut survey = self.survey()?;
-        if survey.greatest == u32::MAX {
-            // No flash lasts for so many items: this is the data of another program.
-            self.flash.erase(self.range.start, self.range.end)?;
-            survey = Survey::ERASED;
-        }
+        let survey = self.survey()?;
+        // No flash lasts for so many items: this is the data of another program.
+        let is_over = survey.greatest == u32::MAX;
         let Some((head, contents)) = item.split_first_chunk_mut() else {
             return Ok(false);
         };
@@ -235,7 +244,11 @@ impl<F: NorFlash> Journal<F> {
         filling.fill(0xFF);
         *head = Head {
             length,
-            number: survey.greatest.saturating_add(1),
+            number: if is_over {
+                1
+            } else {
+                survey.greatest.saturating_add(1)
+            },
             checksum: CRC32.checksum(contents),
         }
         .to_cell();
@@ -245,24 +258,32 @@ impl<F: NorFlash> Journal<F> {
         if let Some(newest) = survey.newest {
             first = newest.page.saturating_add(Self::PAGE);
             let room = first.saturating_sub(newest.free) as usize;
-            if item.len() <= room && self.write(newest.free, item)? {
+            if !is_over && item.len() <= room && self.write(newest.free, item)? {
                 return Ok(true);
             }
         }
+        let newest = survey.newest.map(|newest| newest.page);
+        let kept = newest.or(survey.last.map(|(_, page)| page));
         for _ in 0..TRIES {
-            let (behind, before) = (first..end, start..first);
             let step = Self::PAGE as usize;
-            for page in behind.step_by(step).chain(before.step_by(step)) {
-                if survey.newest.is_some_and(|newest| newest.page == page) {
+            let (behind, before) = ((first..end).step_by(step), (start..first).step_by(step));
+            for page in behind.chain(before).filter(|page| Some(*page) != kept) {
+                self.erase(page)?;
+                if !self.write(page, item)? {
                     continue;
                 }
-                self.flash.erase(page, page.saturating_add(Self::PAGE))?;
-                if self.write(page, item)? {
-                    return Ok(true);
+                if is_over {
+                    let others = (start..end).step_by(step).filter(|other| *other != page);
+                    others.into_iter().try_for_each(|other| self.erase(other))?;
                 }
+                return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    fn erase(&mut self, page: u32) -> Result<(), F::Error> {
+        self.flash.erase(page, page.saturating_add(Self::PAGE))
     }
 
     /// Writes whole cells. `true` if they can be read.

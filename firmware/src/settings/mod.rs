@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn settings_are_read_as_set() {
         let mut settings = Settings::<4>::DELIVERED;
-        let preset = Preset::bridge(500.0, 2e-3, 3.3);
+        let preset = Preset::bridge(500.0, 2e-3, 2.5).unwrap();
         let all = [
             (SettingKey::Name, Setting::Name("table 2")),
             (SettingKey::LinkBaud, Setting::LinkBaud(115_200)),
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn invalid_settings_are_refused_and_change_nothing() {
         let mut settings = Settings::<4>::DELIVERED;
-        let preset = Preset::bridge(500.0, 2e-3, 3.3);
+        let preset = Preset::bridge(500.0, 2e-3, 2.5).unwrap();
         let input = preset.input(4, "", "", None, 0.0);
         for setting in [
             Setting::Name("a name that is much longer than any box should have"),

@@ -4,12 +4,9 @@ use super::InputEntry;
 use crate::printable::quoted;
 use crate::setup::keys::{self, outside};
 use crate::setup::{Document, DocumentError, Keys, Section, Source};
-use massline_firmware::calibration::{Certificate, Limits, Preset};
+use massline_firmware::calibration::{BRIDGE_SUPPLY_MAX, Certificate, Limits, Preset};
 use massline_firmware::wire::{Circuit, Date, Field, Input, Item, NAME_MAX, Problem};
 use serde::{Deserialize, Deserializer};
-
-/// Supply of bridges that the wiring page describes, V.
-const SUPPLY: f64 = 3.3;
 
 /// Most inputs of a box: their numbers go over the link as a byte.
 const MOST: usize = 256;
@@ -261,8 +258,12 @@ fn preset(section: &Section<'_>, keys: &InputKeys) -> Result<Preset, DocumentErr
         Kind::Bridge => Preset::bridge(
             given("rated_load", keys.rated_load, RATED_LOAD)?,
             given("rated_output", keys.rated_output, RATED_OUTPUT)?,
-            keys.supply.unwrap_or(SUPPLY),
-        ),
+            keys.supply.unwrap_or(BRIDGE_SUPPLY_MAX),
+        )
+        .map_err(|high| {
+            let expected = format!("{BRIDGE_SUPPLY_MAX} V or less, so that the bridge's outputs stay within the converter's inputs");
+            section.unexpected("supply", format!("{} V", high.found), expected)
+        })?,
         Kind::Charge => Preset::charge(
             per_si("C per SI unit, such as 4e-12")?,
             given("amplifier", keys.amplifier, AMPLIFIER)?,
@@ -387,7 +388,7 @@ mod tests {
         "#;
         let found = read(text).unwrap();
         let presets = [
-            (2, Preset::bridge(500.0, -2e-3, 3.3)),
+            (2, Preset::bridge(500.0, -2e-3, 2.5).unwrap()),
             (0, Preset::iepe(0.0102, 0.1, 490.0)),
             (1, Preset::charge(4e-12, 1e9, 1.0, 2500.0)),
             (11, Preset::voltage(Circuit::Voltage, 1.0, 1.0)),

@@ -3,7 +3,7 @@
 use super::{INPUTS, RigError};
 use crate::setup::Setup;
 use crate::simulate::{DRIVE, Recording};
-use massline_firmware::calibration::{Certificate, FULL_SCALE_VOLTS, Preset};
+use massline_firmware::calibration::{BRIDGE_SUPPLY_MAX, Certificate, FULL_SCALE_VOLTS, Preset};
 use massline_firmware::models::random::mix;
 use massline_firmware::models::rig::Signal;
 use massline_firmware::wire::{Circuit, NAME_MAX};
@@ -73,10 +73,14 @@ impl Outfit {
 impl Sensor {
     /// For a channel at an input, whose largest reading is `peak`.
     fn new(name: &str, at: usize, is_cell: bool, peak: f64) -> Result<Self, RigError> {
+        let refused = || RigError::Sensor {
+            channel: name.to_owned(),
+            peak,
+        };
         let range = if peak > 0.0 { HEADROOM * peak } else { 1.0 };
         let preset = if is_cell {
             // Bridges take 120 % of their rated load.
-            Preset::bridge(range / 1.2, 2e-3, 3.3)
+            Preset::bridge(range / 1.2, 2e-3, BRIDGE_SUPPLY_MAX).map_err(|_| refused())?
         } else if name == DRIVE {
             Preset::voltage(Circuit::Voltage, 1.0 / range, range)
         } else {
@@ -84,10 +88,7 @@ impl Sensor {
         };
         let serial: String = format!("SIM-{name}").chars().take(NAME_MAX / 4).collect();
         let input = preset.input(at as u8, &serial, "simulated", None, 0.0);
-        let certificate = Certificate::new(&input).map_err(|_| RigError::Sensor {
-            channel: name.to_owned(),
-            peak,
-        })?;
+        let certificate = Certificate::new(&input).map_err(|_| refused())?;
         let counts = f64::from(1_u32 << 23) * f64::from(preset.gain);
         Ok(Self {
             channel: name.to_owned(),

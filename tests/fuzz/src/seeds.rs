@@ -100,7 +100,9 @@ fn reading() -> Vec<Vec<u8>> {
 }
 
 fn setting() -> Vec<u8> {
-    let input = Preset::bridge(500.0, 2e-3, 3.3).input(1, "LC-0815", "K 17", None, 1e-3);
+    let input = Preset::bridge(500.0, 2e-3, 2.5)
+        .unwrap()
+        .input(1, "LC-0815", "K 17", None, 1e-3);
     request(&Request::WriteSetting(Setting::Input(input)))
 }
 

@@ -67,7 +67,7 @@ fn faults(talk: &mut Talk) -> FaultCounters {
 
 /// Settings of the wired inputs.
 pub fn inputs() -> impl Iterator<Item = Input<'static>> {
-    let preset = Preset::bridge(500.0, 2e-3, 3.3);
+    let preset = Preset::bridge(500.0, 2e-3, 2.5).unwrap();
     (0..INPUTS).map(move |input| preset.input(input, "LC", "K", None, 1e-3))
 }
 

@@ -19,7 +19,7 @@ pub mod frame;
 pub mod registers;
 
 use self::frame::{Frame, WORD, WORDS, word};
-use self::registers::{CHANNELS, Register, command, mode, status};
+use self::registers::{CHANNELS, Register, clock, command, mode, status};
 use super::{Converter, Fault, Reading};
 use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
 
@@ -27,33 +27,46 @@ use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
 pub const SPI_MODE: Mode = MODE_1;
 /// Fastest clock of the SPI bus at a supply of 2.7 V or more, Hz.
 pub const SPI_HZ_MAX: u32 = 25_000_000;
-/// Clock of the converter for power-of-two sample rates, Hz. Up to 8.4 MHz is allowed.
-pub const CLOCK_HZ: u32 = 8_388_608;
+/// Clock of the converter for power-of-two sample rates up to 16384 Hz, in Hz. Twice as much would
+/// be beyond [`clock_max`] for every gain above 2.
+pub const CLOCK_HZ: u32 = 4_194_304;
 /// Shortest low pulse on the SYNC/RESET pin that resets the chip, cycles of the converter's clock;
 /// shorter pulses of one cycle or more restart the conversions.
 pub const RESET_CYCLES: u32 = 2048;
 /// Start-up time after a reset, ns: twice the 5 µs of the data sheet.
 const RESET_NS: u32 = 10_000;
+/// Time after a change of registers until the check of the register map has seen it, ns: twice a
+/// pass of it, which takes about 90 µs (8.3.13). Until then it may set [`status::REG_MAP`] once more.
+const MAP_NS: u32 = 200_000;
+
+/// Fastest clock of the converter at a gain, Hz (6.3).
+#[must_use]
+pub const fn clock_max(gain: u8) -> u32 {
+    if gain <= 2 { 8_400_000 } else { 8_200_000 }
+}
+
+// The box offers all gains.
+const _: () = assert!(CLOCK_HZ <= clock_max(128));
 
 /// Oversampling ratio: cycles of the modulator, half the converter's clock, for a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Oversampling {
-    /// 32768 samples/s at [`CLOCK_HZ`].
+    /// 16384 samples/s at [`CLOCK_HZ`].
     X128 = 0,
-    /// 16384 samples/s.
-    X256 = 1,
     /// 8192 samples/s.
-    X512 = 2,
+    X256 = 1,
     /// 4096 samples/s.
-    X1024 = 3,
+    X512 = 2,
     /// 2048 samples/s.
-    X2048 = 4,
+    X1024 = 3,
     /// 1024 samples/s.
-    X4096 = 5,
+    X2048 = 4,
     /// 512 samples/s.
-    X8192 = 6,
+    X4096 = 5,
     /// 256 samples/s.
+    X8192 = 6,
+    /// 128 samples/s.
     X16384 = 7,
 }
 
@@ -180,7 +193,7 @@ pub struct Configuration {
 impl Configuration {
     /// 512 samples/s at [`CLOCK_HZ`], all pins at a gain of one.
     pub const PLAIN: Self = Self {
-        oversampling: Oversampling::X8192,
+        oversampling: Oversampling::X4096,
         channels: [Channel::pins(Gain::ONE); CHANNELS],
     };
 
@@ -194,8 +207,8 @@ impl Configuration {
     fn register(&self, register: Register) -> u16 {
         match register {
             Register::MODE => mode::REG_CRC_EN | mode::RX_CRC_EN | mode::WLENGTH_24 | mode::TIMEOUT,
-            // All channels run, high resolution.
-            Register::CLOCK => 0xFF02 | (u16::from(self.oversampling as u8) << 2),
+            // All channels run, in high resolution, by a clock from outside.
+            Register::CLOCK => 0xFF02 | clock::XTAL_DIS | (u16::from(self.oversampling as u8) << 2),
             Register::GAIN1 => self.gains(0),
             Register::GAIN2 => self.gains(4),
             Register(address @ 0x09..=0x30) => {
@@ -421,6 +434,8 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         }
         let registers = self.configuration.registers();
         self.write_registers(Register::MODE, &registers)?;
+        // The next frame brings the status, which clears what the check says of the write above.
+        self.transfer(&mut Frame::command(command::NULL), MAP_NS)?;
         self.compare_registers(Register::MODE, &registers)?;
         self.lock()?;
         // This answer shows the effects of the commands above; samples come with the next one.
@@ -494,9 +509,10 @@ mod tests {
     #[test]
     fn rates_come_from_the_clock() {
         for (rate, expected) in [
-            (512.0, Some(Oversampling::X8192)),
-            (4096.0, Some(Oversampling::X1024)),
-            (16384.0, Some(Oversampling::X256)),
+            (512.0, Some(Oversampling::X4096)),
+            (4096.0, Some(Oversampling::X512)),
+            (16384.0, Some(Oversampling::X128)),
+            (32768.0, None),
             (500.0, None),
             (0.0, None),
             (f64::NAN, None),

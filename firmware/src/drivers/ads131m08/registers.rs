@@ -62,7 +62,7 @@ impl Register {
     pub const fn mask(self) -> u16 {
         match self.0 {
             0x02 => 0x3F1F,
-            0x03 => 0xFF1F,
+            0x03 => 0xFFDF,
             0x04 | 0x05 => 0x7777,
             0x06 => 0x1FFF,
             0x07 => 0xFFFF,
@@ -111,6 +111,12 @@ pub mod status {
     pub const WLENGTH_24: u16 = 0b01 << 8;
     /// Channels with a new count.
     pub const DRDY: u16 = 0xFF;
+}
+
+/// Bits of [`Register::CLOCK`].
+pub mod clock {
+    /// The oscillator for a crystal is off: the clock comes from outside.
+    pub const XTAL_DIS: u16 = 1 << 7;
 }
 
 /// Bits of [`Register::MODE`].

@@ -211,6 +211,8 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
     fn prepare(&mut self) -> Result<(), Fault> {
         /// Time to load the trim after a reset, well rounded up.
         const RESET_NS: u32 = 1_000_000;
+        /// Time from the end of the stand-by to the first valid sample.
+        const START_NS: u32 = 10_000_000;
 
         self.write(at::RESET, at::RESET_CODE, RESET_NS)?;
         let [maker, _, device] = self.read_registers(at::DEVID_AD)?;
@@ -228,7 +230,9 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
         for (address, value) in (at::FILTER..).zip(self.configuration.registers()) {
             self.write_register(address, value)?;
         }
-        Ok(())
+        self.spi
+            .transaction(&mut [Operation::DelayNs(START_NS)])
+            .map_err(|_| Fault::Bus)
     }
 
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
