@@ -180,7 +180,7 @@ mod on_chip {
             8.MHz(),
             &mut rcc,
         );
-        let bus = AtomicCell::new(Bus::new(spi));
+        let bus = AtomicCell::new(Bus::of_frames(spi));
         let select = port.split(&mut rcc).pc2.into_push_pull_output().erase();
         let Ok(mut chip) = AtomicDevice::new(&bus, select, NoDelay);
         let mut good = true;

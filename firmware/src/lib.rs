@@ -8,6 +8,7 @@
 pub mod acquisition;
 pub mod calibration;
 pub mod capacity;
+pub mod crystal;
 pub mod drivers;
 pub mod instrument;
 pub mod link;

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 /// The chip's clock, Hz.
 const CLOCK: f64 = 168e6;
-/// The converters' bus: half of APB1, Hz.
-const SPI: f64 = 21e6;
+/// The converters' bus: a fourth of APB1, Hz.
+const SPI: f64 = 10.5e6;
 /// Frames a sample, bytes a frame.
 const FRAMES: f64 = 4.0;
 const FRAME_BYTES: f64 = 30.0;
@@ -95,7 +95,7 @@ fn table(costs: &BTreeMap<String, f64>) -> String {
     text.push_str(
         "\n| samples/s | bus | samples | blocks | load |\n| ---: | ---: | ---: | ---: | ---: |\n",
     );
-    for rate in [512.0, 4096.0, 16384.0] {
+    for rate in [512.0, 4096.0, 8192.0, 16384.0] {
         let parts = loads(rate, costs);
         let all: f64 = parts.iter().sum();
         let [bus, samples, blocks] = parts.map(|p| format!("{p:.1} %"));

@@ -1,33 +1,45 @@
-//! The converters' bus: SPI2, two bytes at a time.
+//! The converters' buses: the ADS131M08's takes two bytes at a time.
 //!
-//! The HAL exchanges a byte, tests four flags and exchanges the next. At 21 MHz a byte takes 64
-//! cycles of the core, and what lies between two of them nearly half as much. Here it lies between
+//! The HAL exchanges a byte, tests four flags and exchanges the next. At 10.5 MHz a byte takes 128
+//! cycles of the core, and what lies between two of them a fourth as much. Here it lies between
 //! two words of 16 bits. One word is on its way at a time, so that an interrupt in between only
-//! makes the bus wait.
+//! makes the bus wait. The HAL does not wait for the end of the last bit (`flush`), at which the
+//! chip select may rise.
 
 use core::fmt;
 
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, SpiBus};
-use stm32f4xx_hal::pac::SPI2;
-use stm32f4xx_hal::spi::Spi;
+use stm32f4xx_hal::spi::{Instance, Spi};
 
-/// Looks at a flag until the bus counts as dead: a word takes 128 cycles at 21 MHz, and 16 times
+/// Looks at a flag until the bus counts as dead: a word takes 256 cycles at 10.5 MHz, and 16 times
 /// as many at the slowest clock that the HAL would choose.
 const LOOKS: u32 = 4096;
 
 /// The bus, set up by the HAL.
-pub struct Bus {
-    spi: SPI2,
+pub struct Bus<SPI> {
+    spi: SPI,
     is_wide: bool,
+    /// `true` if frames are one transfer each, which may be as wide as it likes.
+    may_widen: bool,
 }
 
-impl Bus {
-    /// Takes over what the HAL has set up; the pins keep their function.
-    pub fn new(spi: Spi<SPI2>) -> Self {
+impl<SPI: Instance> Bus<SPI> {
+    /// Takes over what the HAL has set up; the pins keep their function. Frames are one transfer
+    /// each.
+    pub fn of_frames(spi: Spi<SPI>) -> Self {
+        Self {
+            may_widen: true,
+            ..Self::of_bytes(spi)
+        }
+    }
+
+    /// The same for frames of several transfers.
+    pub fn of_bytes(spi: Spi<SPI>) -> Self {
         let (spi, _) = spi.release();
         Self {
             spi,
             is_wide: false,
+            may_widen: false,
         }
     }
 
@@ -88,11 +100,11 @@ impl Error for Dead {
     }
 }
 
-impl ErrorType for Bus {
+impl<SPI: Instance> ErrorType for Bus<SPI> {
     type Error = Dead;
 }
 
-impl SpiBus for Bus {
+impl<SPI: Instance> SpiBus for Bus<SPI> {
     fn read(&mut self, words: &mut [u8]) -> Result<(), Dead> {
         words.fill(0);
         self.transfer_in_place(words)
@@ -116,7 +128,9 @@ impl SpiBus for Bus {
 
     fn transfer_in_place(&mut self, words: &mut [u8]) -> Result<(), Dead> {
         // The width changes between frames only: while the bus is off its clock line is not driven.
-        if let (pairs, []) = words.as_chunks_mut::<2>() {
+        if let (pairs, []) = words.as_chunks_mut::<2>()
+            && self.may_widen
+        {
             self.set_wide(true);
             for pair in pairs {
                 *pair = self.exchange(u16::from_be_bytes(*pair))?.to_be_bytes();

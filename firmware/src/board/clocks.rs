@@ -9,8 +9,8 @@
 //!
 //! | crystal | PLL | runs on | core clock | bit rate error at 921600 baud |
 //! | --- | --- | --- | --- | --- |
-//! | starts | locks | crystal + PLL | 168 MHz | -0.93 % |
-//! | dead | locks | internal RC + PLL | 166 MHz | +0.07 % and the RC's own error |
+//! | starts, is known | locks | crystal + PLL | 168 MHz | -0.93 % |
+//! | dead, or another | locks | internal RC + PLL | 166 MHz | +0.07 % and the RC's own error |
 //! | any | dead | internal RC | 16 MHz | +2.1 % and the RC's own error |
 //!
 //! Without its crystal the box stays as fast as it was, so that acquisition keeps up (the
@@ -20,18 +20,21 @@
 //! that budget to the oscillator. The third row is the emulator's, where baud rates do not exist;
 //! on a board it means broken silicon and a link that may or may not be readable.
 //!
+//! Boards carry crystals of 8 or 12 MHz and more: factors for the one would have the PLL run 504 MHz
+//! on the other. The crystal is measured against the internal oscillator before the PLL is
+//! switched on ([`crystal`]).
+//!
 //! The polls are counted, not timed: before the choice is made there is no clock to trust, and
 //! the cycle counter stands still in the emulator.
 
 use core::fmt;
 
-use stm32f4xx_hal::pac::RCC;
+use massline_firmware::crystal;
+use stm32f4xx_hal::pac::{RCC, TIM11};
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::{Config, Rcc};
+use stm32f4xx_hal::rcc::{Config, HSI, Rcc};
 use stm32f4xx_hal::time::Hertz;
 
-/// Frequency of the crystal the board is expected to carry.
-const CRYSTAL: Hertz = Hertz::MHz(8);
 /// Core clock with a crystal: the chip's maximum.
 const SYSCLK_FROM_CRYSTAL: Hertz = Hertz::MHz(168);
 /// Core clock from the internal oscillator, chosen for the link's bit rate (see the table above).
@@ -43,6 +46,12 @@ const SYSCLK_FROM_INTERNAL: Hertz = Hertz::MHz(166);
 /// with, so this is 100 ms or more. Crystals start within a few milliseconds, and 100 ms is what
 /// the chip's maker allows them.
 const CRYSTAL_POLLS: u32 = 400_000;
+/// The crystal's clock is divided by so many on its way to the timer that measures it.
+const DIVIDED: u8 = 31;
+/// The timer captures every so many periods of that.
+const CAPTURED: u32 = 8;
+/// Polls until a capture is given up: 1 ms or more; a crystal of 4 MHz makes one in 62 µs.
+const CAPTURE_POLLS: u32 = 4_000;
 /// Polls until the PLL counts as dead: 4 ms or more by the same reckoning; it locks in 0.3 ms.
 const PLL_POLLS: u32 = 16_000;
 
@@ -77,20 +86,26 @@ pub struct Clock {
 }
 
 /// Starts the best clock that works, and returns it.
-pub fn start(rcc: RCC) -> (Rcc, Clock) {
-    let source = match (pll_locks(&rcc), crystal_starts(&rcc)) {
-        (true, true) => Source::CrystalPll,
-        (true, false) => Source::InternalPll,
-        (false, _) => Source::Internal,
+pub fn start(rcc: RCC, timer: &TIM11) -> (Rcc, Clock) {
+    let crystal = if crystal_starts(&rcc) {
+        crystal_hz(&rcc, timer)
+    } else {
+        None
+    };
+    let (source, config) = match (pll_locks(&rcc), crystal) {
+        (true, Some(crystal)) => (
+            Source::CrystalPll,
+            Config::hse(crystal.Hz()).sysclk(SYSCLK_FROM_CRYSTAL),
+        ),
+        (true, None) => (
+            Source::InternalPll,
+            Config::hsi().sysclk(SYSCLK_FROM_INTERNAL),
+        ),
+        (false, _) => (Source::Internal, Config::hsi()),
     };
     if source != Source::CrystalPll {
         rcc.cr().modify(|_, w| w.hseon().clear_bit());
     }
-    let config = match source {
-        Source::CrystalPll => Config::hse(CRYSTAL).sysclk(SYSCLK_FROM_CRYSTAL),
-        Source::InternalPll => Config::hsi().sysclk(SYSCLK_FROM_INTERNAL),
-        Source::Internal => Config::hsi(),
-    };
     let rcc = rcc.freeze(config);
     let core = rcc.clocks.sysclk();
     defmt::info!("clock {} {=u32} Hz", source, core.raw());
@@ -101,6 +116,35 @@ pub fn start(rcc: RCC) -> (Rcc, Clock) {
 fn crystal_starts(rcc: &RCC) -> bool {
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     poll(CRYSTAL_POLLS, || rcc.cr().read().hserdy().bit_is_set())
+}
+
+/// Measures the crystal: TIM11 captures its divided clock, and counts the internal oscillator's, on
+/// which the chip runs until the PLL is on. `None` if there is no edge, or it is no known crystal.
+fn crystal_hz(rcc: &RCC, timer: &TIM11) -> Option<u32> {
+    rcc.cfgr().modify(|_, w| w.rtcpre().set(DIVIDED));
+    rcc.apb2enr().modify(|_, w| w.tim11en().set_bit());
+    // SAFETY: two bits, whose value 2 leads the divided crystal to the capture input.
+    timer.or().write(|w| unsafe { w.rmp().bits(2) });
+    timer
+        .ccmr1_input()
+        .write(|w| w.cc1s().ti1().ic1psc().eight_events());
+    timer.ccer().write(|w| w.cc1e().set_bit());
+    timer.cr1().write(|w| w.cen().set_bit());
+    let capture = || {
+        let is_there = poll(CAPTURE_POLLS, || timer.sr().read().cc1if().bit_is_set());
+        is_there.then(|| timer.ccr1().read().ccr().bits())
+    };
+    // The first capture may be of fewer periods.
+    let _ = capture();
+    let first = capture();
+    let second = capture();
+    timer.cr1().write(|w| w.cen().clear_bit());
+    rcc.apb2enr().modify(|_, w| w.tim11en().clear_bit());
+    rcc.cfgr().modify(|_, w| w.rtcpre().set(0));
+    let ticks = second?.wrapping_sub(first?);
+    let hz = crystal::nominal(ticks.into(), CAPTURED * u32::from(DIVIDED), HSI);
+    defmt::info!("{=u16} ticks of the crystal: {} Hz", ticks, hz);
+    hz
 }
 
 /// Turns the PLL on to see whether it locks, and off again.

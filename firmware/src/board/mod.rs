@@ -16,16 +16,18 @@
 //! | pins | peripheral | use |
 //! | --- | --- | --- |
 //! | PA2 (out), PA3 (in) | USART2, 8N1 | link to the host |
-//! | PH0, PH1 | HSE | 8 MHz crystal, optional |
-//! | PB13, PB14, PB15 | SPI2 SCK, MISO, MOSI | four ADS131M08, mode 1, 21 MHz |
+//! | PH0, PH1 | HSE | crystal of 8, 12 or 16 MHz, optional |
+//! | PB13, PB14, PB15 | SPI2 SCK, MISO, MOSI | four ADS131M08, mode 1, 10.5 MHz |
 //! | PC2, PC3, PC4, PC5 (out) | | their chip selects |
 //! | PC6, PC7, PB8, PB9 (in) | EXTI 6 to 9 | their DRDY lines |
-//! | PA4 (out) | | SYNC/RESET of all four |
+//! | PA6 (out) | | SYNC/RESET of all four |
 //! | PB3, PB4, PB5 | SPI3 SCK, MISO, MOSI | ADXL355, mode 0, 10 MHz at most |
-//! | PA5 (out) | | its chip select |
+//! | PA7 (out) | | its chip select |
+//! | PC12 (out) | | status LED, lit while low |
 //! | none | FLASH | settings, in the last two sectors |
 //! | none | TIM2 | clock of all tick counts |
 //! | none | TIM5 | stands in for DRDY lines in a test pattern |
+//! | none | TIM11 | measures the crystal, before anything else |
 //! | none | SysTick | task watchdog, a hundred times a second |
 //! | none | IWDG | watchdog |
 //! | none | CAN1's first interrupt, CAN2's | interrupts of tasks without hardware of their own |
@@ -54,11 +56,10 @@ use massline_firmware::retained::ResetFlags;
 use massline_firmware::sampling::{self, Converters};
 use massline_firmware::settings::LINK_BAUD;
 use stm32f4xx_hal::gpio::{AnyPin, Edge, Output, PinState, Speed};
-use stm32f4xx_hal::pac::{Interrupt, Peripherals, RCC, SPI3, SYST, USART2};
+use stm32f4xx_hal::pac::{GPIOC, Interrupt, Peripherals, RCC, SPI2, SPI3, SYST, USART2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::HSI;
 use stm32f4xx_hal::serial::{Config, Rx, Tx};
-use stm32f4xx_hal::spi::Spi;
 use stm32f4xx_hal::time::Hertz;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
@@ -76,8 +77,9 @@ const _: () = assert!(HSI / 16 >= LINK_BAUD);
 /// Rounds of the task watchdog in a second.
 pub const ROUNDS: u32 = 100;
 
-/// Clock of the converters' bus, Hz: half of what the bus has at 168 MHz.
-const CONVERTERS_HZ: u32 = 21_000_000;
+/// Clock of the converters' bus, Hz: a fourth of what the bus has at 168 MHz. At twice as much half a
+/// period has 23.8 ns, of which the converter's output takes 20 and the chip's input 6.5.
+const CONVERTERS_HZ: u32 = 10_500_000;
 /// Clock that is asked for the accelerometer's bus, Hz. The HAL divides by powers of two and
 /// rounds the division itself, so that it may run at 4/3 of it.
 const ACCELEROMETER_HZ: u32 = 7_000_000;
@@ -86,11 +88,11 @@ const _: () = assert!(CONVERTERS_HZ <= ads131m08::SPI_HZ_MAX);
 const _: () = assert!(ACCELEROMETER_HZ / 3 * 4 <= adxl355::SPI_HZ_MAX);
 
 /// The bus that all ADS131M08 share.
-type SharedBus = AtomicCell<Bus>;
+type SharedBus = AtomicCell<Bus<SPI2>>;
 /// An ADS131M08 on it.
-type Ads = AtomicDevice<'static, Bus, AnyPin<Output>, Delay>;
+type Ads = AtomicDevice<'static, Bus<SPI2>, AnyPin<Output>, Delay>;
 /// The ADXL355 on a bus of its own.
-type Adxl = ExclusiveDevice<Spi<SPI3>, AnyPin<Output>, Delay>;
+type Adxl = ExclusiveDevice<Bus<SPI3>, AnyPin<Output>, Delay>;
 
 /// The sampling task on this board.
 pub type Sampler = sampling::Sampler<'static, Ads, Adxl, AnyPin<Output>, Delay>;
@@ -140,7 +142,7 @@ impl Board {
         let watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
 
-        let (mut rcc, clock) = clocks::start(device.RCC);
+        let (mut rcc, clock) = clocks::start(device.RCC, &device.TIM11);
         let (a, b, c) = (
             device.GPIOA.split(&mut rcc),
             device.GPIOB.split(&mut rcc),
@@ -175,7 +177,7 @@ impl Board {
             fast,
             &mut rcc,
         );
-        let bus = cortex_m::singleton!(: SharedBus = AtomicCell::new(Bus::new(bus)))
+        let bus = cortex_m::singleton!(: SharedBus = AtomicCell::new(Bus::of_frames(bus)))
             .ok_or(Fault::Twice)?;
         let selects = [
             c.pc2.into_push_pull_output_in_state(PinState::High).erase(),
@@ -196,9 +198,9 @@ impl Board {
             slow,
             &mut rcc,
         );
-        let select = a.pa5.into_push_pull_output_in_state(PinState::High).erase();
-        let adxl = ignore(ExclusiveDevice::new(own_bus, select, delay));
-        let sync = a.pa4.into_push_pull_output_in_state(PinState::High).erase();
+        let select = a.pa7.into_push_pull_output_in_state(PinState::High).erase();
+        let adxl = ignore(ExclusiveDevice::new(Bus::of_bytes(own_bus), select, delay));
+        let sync = a.pa6.into_push_pull_output_in_state(PinState::High).erase();
 
         let (mut exti, mut syscfg) = (device.EXTI, device.SYSCFG.constrain(&mut rcc));
         let mut lines = [
@@ -316,10 +318,22 @@ pub fn pend_identify() {
     NVIC::pend(Interrupt::CAN2_SCE);
 }
 
-/// Logs why the board cannot be used, and stops: there is no link to report it on.
+/// Logs why the board cannot be used, and blinks once or twice every two seconds: [`Fault::LinkBaud`],
+/// [`Fault::Twice`]. There is no link to report it on.
 pub fn halt(fault: Fault) -> ! {
+    /// Cycles of a quarter of a second at the fastest clock.
+    const QUARTER: u32 = 42_000_000;
     defmt::error!("the board does not start: {}", fault);
+    // SAFETY: nothing else runs any more.
+    let (rcc, port) = unsafe { (RCC::steal(), GPIOC::steal()) };
+    rcc.ahb1enr().modify(|_, w| w.gpiocen().set_bit());
+    port.moder().modify(|_, w| w.moder12().output());
+    let blinks = 1 + fault as u8;
     loop {
-        cortex_m::asm::wfi();
+        for quarter in 0..8 {
+            let is_lit = quarter % 2 == 0 && quarter / 2 < blinks;
+            port.odr().modify(|_, w| w.odr12().bit(!is_lit));
+            cortex_m::asm::delay(QUARTER);
+        }
     }
 }

@@ -53,6 +53,24 @@ impl Likelihood {
             noise: None,
         }
     }
+
+    /// The numbers of the fit, of those that the band's method observes; `None` after a step back, which
+    /// error bars make that are no narrower than the band's.
+    pub(crate) fn numbers(
+        &mut self,
+        band: &Identification,
+        known_mass: Option<f64>,
+    ) -> Option<(Identification, massline_core::identify::Covariance)> {
+        let (None, Some(fit)) = (&self.stepped_back, &self.fit) else {
+            return None;
+        };
+        let fitted = identification(band, fit, known_mass);
+        if is_wider(&fitted.0, band) {
+            self.stepped_back = Some("its error bars are no narrower".to_owned());
+            return None;
+        }
+        Some(fitted)
+    }
 }
 
 /// Lines that a fit uses at most, Hz: from the beginning of the averaging band to where the interface is
@@ -219,18 +237,7 @@ fn told(p: likelihood::Progress) -> (String, f64) {
 
 /// Puts the numbers of a fit in the place of the band's.
 fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
-    let fitted = match (&found.stepped_back, &found.fit) {
-        (None, Some(fit)) => Some(identification(
-            &answer.identification,
-            fit,
-            setup.known_mass,
-        )),
-        _ => None,
-    };
-    let fitted = fitted.filter(|(fitted, _)| !is_wider(fitted, &answer.identification));
-    if fitted.is_none() && found.stepped_back.is_none() {
-        found.stepped_back = Some("its error bars are no narrower".to_owned());
-    }
+    let fitted = found.numbers(&answer.identification, setup.known_mass);
     if let Some((identification, covariance)) = fitted {
         answer.identification = identification;
         answer.covariance = covariance;
@@ -276,7 +283,7 @@ fn is_wider(fitted: &Identification, band: &Identification) -> bool {
 }
 
 /// The numbers of a fit, of those that the band's method observes.
-pub(crate) fn identification(
+fn identification(
     band: &Identification,
     fit: &Fit,
     known_mass: Option<f64>,

@@ -13,10 +13,7 @@ mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
 pub use error::{AnswerError, ExamineError};
-pub(crate) use likelihood::{
-    DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, identification as identification_of_fit,
-    told_of,
-};
+pub(crate) use likelihood::{DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, told_of};
 pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
 pub(crate) use notice::notice_numbers;
 pub(crate) use refusal::refusal;

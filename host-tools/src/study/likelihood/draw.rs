@@ -1,7 +1,7 @@
 //! One draw: a random structure, its test, its bound, both answers.
 
 use super::{Case, Disturbance, Drawn, NUMBERS, Options, Scored};
-use crate::identification::{fit_records, identification_of_fit, told_of};
+use crate::identification::{fit_records, told_of};
 use crate::likelihood::{Covariance10, Model as Fitted, Record, bound, numbers};
 use crate::prediction;
 use crate::simulate::{Measurement, Model, Plan, Shaking, Table};
@@ -190,13 +190,14 @@ fn one(
     drawn.work = began.elapsed();
     let mut given = today;
     match found {
-        Ok(found) => {
+        Ok(mut found) => {
             drawn.narrower = !found.rejected.is_empty();
-            drawn.stepped_back.clone_from(&found.stepped_back);
-            if let (None, Some(fit)) = (&found.stepped_back, &found.fit) {
-                given = identification_of_fit(&today, fit, None).0;
-                drawn.surplus = fit.model.modes.len() as i64 - below as i64;
+            if let Some((fitted, _)) = found.numbers(&today, None) {
+                given = fitted;
+                let modes = found.fit.map_or(0, |fit| fit.model.modes.len());
+                drawn.surplus = modes as i64 - below as i64;
             }
+            drawn.stepped_back = found.stepped_back;
         }
         Err(reason) => drawn.stepped_back = Some(reason.to_string()),
     }
