@@ -91,7 +91,7 @@ impl SettingsStore {
 
     /// Sets the settings in use to those of delivery.
     pub fn reset(&mut self) {
-        *self.settings = Settings::DELIVERED;
+        self.settings.deliver();
         self.is_unsaved = true;
     }
 

@@ -65,10 +65,10 @@ pub fn read<const INPUTS: usize>(
     bytes: &[u8],
     settings: &mut Settings<INPUTS>,
 ) -> Result<u16, LayoutError> {
-    *settings = Settings::DELIVERED;
+    settings.deliver();
     let version = read_changed(bytes, settings);
     if version.is_err() {
-        *settings = Settings::DELIVERED;
+        settings.deliver();
     }
     version
 }

@@ -102,7 +102,7 @@ impl<F: NorFlash> Store<F> {
         settings: &mut Settings<INPUTS>,
         buffer: &mut [u8],
     ) -> Result<Loaded, StoreError> {
-        *settings = Settings::DELIVERED;
+        settings.deliver();
         let survey = self.0.survey().map_err(|_| StoreError::Flash)?;
         let Some(newest) = survey.newest else {
             return if survey.is_erased {
