@@ -121,14 +121,20 @@ fn is_refused(setup: &Setup, words: &[&str]) {
 #[test]
 fn one_load_cell_reversed_is_refused() {
     let setup = Setup::satellite("cell", |t| reversed(t, is("cell1.z")));
-    is_refused(&setup, &["a rigid body leaves", "check `direction`"]);
+    is_refused(
+        &setup,
+        &["a rigid body leaves", "`cell1.z` has the other sign"],
+    );
     assert_ne!(setup.document(&[], 1)["plausible"]["ok"], true);
 }
 
 #[test]
 fn one_interface_accelerometer_inverted_is_refused() {
     let setup = Setup::satellite("accelerometer", |t| reversed(t, is("base1.x")));
-    is_refused(&setup, &["a rigid body leaves", "check `direction`"]);
+    is_refused(
+        &setup,
+        &["a rigid body leaves", "`base1.x` has the other sign"],
+    );
 }
 
 #[test]

@@ -75,7 +75,7 @@ impl Found {
     /// Reason to reject the numbers, and advice; `None` if they are accepted.
     #[must_use]
     pub fn refused(&self) -> Option<String> {
-        refusal(&self.judged())
+        refusal(&self.judged()).map(|refused| refused.to_string())
     }
 
     /// Grounds on which the answer is refused or warned of.

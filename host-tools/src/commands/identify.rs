@@ -212,14 +212,20 @@ pub(super) fn with_progress(
         } else {
             session.answer(choice, progress)?
         };
-        let answer = session.add_modes(answer, progress)?;
+        let mut answer = session.add_modes(answer, progress)?;
         let doubtful = answer.refused.is_some()
             || answer
                 .consistency
                 .is_some_and(|test| test.probability < WARNED);
         // What cannot be examined has been answered all the same.
         let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
-        Ok((answer, findings.filter(|findings| !findings.clean())))
+        let findings = findings.filter(|findings| !findings.clean());
+        let culprits = findings.as_ref().and_then(Findings::culprits);
+        if let (Some(refused), Some(culprits)) = (&mut answer.refused, culprits) {
+            refused.remedy =
+                format!("{culprits}; `massline check` prints the lines that mend the setup");
+        }
+        Ok((answer, findings))
     })
 }
 

@@ -114,6 +114,23 @@ impl Findings {
         self.repaired > CONTRADICTS
     }
 
+    /// The faults that explain all of the contradiction, in words; `None` where something is left of it.
+    #[must_use]
+    pub fn culprits(&self) -> Option<String> {
+        let explains = !self.suspects.is_empty() && !self.more_is_wrong();
+        let words = |suspect: &Suspect| {
+            let all: Vec<&str> = suspect.explanations.iter().map(|e| &*e.text).collect();
+            all.join(", or ")
+        };
+        explains.then(|| {
+            self.suspects
+                .iter()
+                .map(words)
+                .collect::<Vec<_>>()
+                .join("; ")
+        })
+    }
+
     /// The evidence in words.
     #[must_use]
     pub fn evidence(&self) -> String {

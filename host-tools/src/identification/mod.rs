@@ -16,6 +16,7 @@ pub use error::{AnswerError, ExamineError};
 pub(crate) use likelihood::{DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, told_of};
 pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
 pub(crate) use notice::notice_numbers;
+pub use refusal::Refusal;
 pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
@@ -70,7 +71,7 @@ pub struct Answer {
     /// certificates state any and the session was asked for it.
     pub type_b: Option<TypeB>,
     /// Why the numbers must not be believed, and what to do, where the data contradict them.
-    pub refused: Option<String>,
+    pub refused: Option<Refusal>,
     /// Averaged spectra.
     pub measurement: Rc<Measurement>,
     /// The fit of each group of runs, where the method is the apparent mass.

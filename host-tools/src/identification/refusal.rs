@@ -5,6 +5,7 @@ use super::{Judged, REFUSED, TypeB, number};
 use crate::format::{plain, with_std};
 use massline_core::identify::{Estimate, Identification};
 use massline_core::rigid_body::{Margin, Verdict};
+use std::fmt;
 
 /// Share of the forces, as amplitude, that a rigid body may leave however small the noise is.
 ///
@@ -32,9 +33,30 @@ const WEIGHED: f64 = 5.0;
 /// that are a few per cent wrong explain what noise does not.
 const SCALE: f64 = 0.05;
 
-/// Why the numbers must not be believed, and what to do; `None` where nothing speaks against
-/// them.
-pub(crate) fn refusal(judged: &Judged<'_>) -> Option<String> {
+/// Reason why the numbers must not be believed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The contradiction in words.
+    pub fact: String,
+    /// Advice: what to check, or what is wrong where that was found.
+    pub remedy: String,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.fact, self.remedy)
+    }
+}
+
+impl Refusal {
+    fn new(fact: String, remedy: &str) -> Self {
+        let remedy = remedy.to_owned();
+        Self { fact, remedy }
+    }
+}
+
+/// The reason why the numbers must not be believed; `None` where nothing speaks against them.
+pub(crate) fn refusal(judged: &Judged<'_>) -> Option<Refusal> {
     let i = judged.identification;
     negative_mass(i)
         .or_else(|| contradiction(judged))
@@ -57,37 +79,46 @@ fn with_interval(e: &Estimate, freedom: f64) -> String {
     format!("{value} ± {half}")
 }
 
-fn negative_mass(i: &Identification) -> Option<String> {
+fn negative_mass(i: &Identification) -> Option<Refusal> {
     let violated = i.plausibility.mass?.verdict() == Verdict::Violated;
     let mass = mass(i).filter(|_| violated)?;
-    Some(format!(
-        "the mass in the data is negative, {} kg: forces and accelerations have opposite signs; check `direction` of the load cells, which is positive where the force acts on the structure, and of the accelerometers",
-        with_interval(&mass, i.freedom)
+    Some(Refusal::new(
+        format!(
+            "the mass in the data is negative, {} kg",
+            with_interval(&mass, i.freedom)
+        ),
+        "forces and accelerations have opposite signs; check `direction` of the load cells, which is positive where the force acts on the structure, and of the accelerometers",
     ))
 }
 
-fn contradiction(judged: &Judged<'_>) -> Option<String> {
+fn contradiction(judged: &Judged<'_>) -> Option<Refusal> {
     let (i, test) = (judged.identification, judged.consistency?);
     let ratio = test.ratio;
     let beyond = test.probability < REFUSED && i.misfit > MISFIT;
     beyond.then(|| {
-        format!(
-            "a rigid body leaves {} % of the forces, {} times what noise explains: check `direction`, `position` and `scale` of each load cell and of each accelerometer (one with the wrong sign does this), and that every load path is measured",
-            plain(100.0 * i.misfit, 2),
-            plain(ratio.sqrt(), 2)
+        Refusal::new(
+            format!(
+                "a rigid body leaves {} % of the forces, {} times what noise explains",
+                plain(100.0 * i.misfit, 2),
+                plain(ratio.sqrt(), 2)
+            ),
+            "check `direction`, `position` and `scale` of each load cell and of each accelerometer (one with the wrong sign does this), and that every load path is measured",
         )
     })
 }
 
-fn impossible(i: &Identification) -> Option<String> {
+fn impossible(i: &Identification) -> Option<Refusal> {
     let p = &i.plausibility;
     let far = |m: Option<Margin>| {
         m.is_some_and(|m| m.relative < -SCALE && m.relative < -IMPOSSIBLE * m.uncertainty)
     };
     let reason = p.reason()?;
     (p.verdict() == Verdict::Violated && (far(p.positive_definite) || far(p.triangle))).then(|| {
-        format!(
-            "no real body has these properties: {reason}, by more than {IMPOSSIBLE} times its error bar; check `direction`, `position` and `scale` of the sensors that turn with the structure"
+        Refusal::new(
+            format!(
+                "no real body has these properties, {reason}, by more than {IMPOSSIBLE} times its error bar"
+            ),
+            "check `direction`, `position` and `scale` of the sensors that turn with the structure",
         )
     })
 }
@@ -116,12 +147,13 @@ fn against_weighed(judged: &Judged<'_>) -> Option<(f64, String)> {
     Some((widths, text))
 }
 
-fn weighed(judged: &Judged<'_>) -> Option<String> {
+fn weighed(judged: &Judged<'_>) -> Option<Refusal> {
     let (widths, text) = against_weighed(judged)?;
     let far = widths > WEIGHED && (judged.identification.indicator?.value - 1.0).abs() > SCALE;
     far.then(|| {
-        format!(
-            "{text}: correct `known_mass`, or the load cells' `scale`, or leave `known_mass` out; the centre of gravity and the inertia about it rest on it"
+        Refusal::new(
+            text,
+            "correct `known_mass`, or the load cells' `scale`, or leave `known_mass` out; the centre of gravity and the inertia about it rest on it",
         )
     })
 }

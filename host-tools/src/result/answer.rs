@@ -259,7 +259,7 @@ impl ResultDocument {
             likelihood: answer.likelihood.as_ref().map(LikelihoodDocument::new),
             findings: Vec::new(),
             warnings: answer.warnings.clone(),
-            refused: answer.refused.clone(),
+            refused: answer.refused.as_ref().map(ToString::to_string),
             consistency_test: answer.consistency.map(ConsistencyDocument::new),
             covariance: Some(CovarianceDocument::new(&identification, covariance)),
             ..Self::of_numbers(&origin, &identification)
