@@ -2,6 +2,7 @@
 //! with equal bits where the form keeps the readings' bits, else within its rounding.
 
 mod binary;
+mod hdf5;
 mod others;
 mod spoilt;
 mod text;
