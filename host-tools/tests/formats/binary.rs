@@ -55,7 +55,7 @@ fn universal_files() {
     };
     let finished = offered(around).identify(&["--verbose"]);
     assert_eq!(finished.code, Some(0), "{finished:?}");
-    finished.says("2 of dataset 15 not read: nodes");
+    finished.says("positions of nodes not read: no dataset 164 states their unit");
     finished.says("lateral-x.csv: read as universal file, 19 of dataset 58 (0 binary)");
 }
 
@@ -133,8 +133,8 @@ fn universal_files_that_are_spoilt() {
     offered(huge).refused_input(
         "lateral-x.csv, byte … 99999999999 bytes of data, and … expected those of 3072 points",
     );
-    offered(|_| b"    -1\n    15\n    -1\n".to_vec())
-        .refused_input("lateral-x.csv: 1 of dataset 15 not read: nodes, expected time histories … export the time histories");
+    offered(|_| b"    -1\n    55\n    -1\n".to_vec())
+        .refused_input("lateral-x.csv: 1 of dataset 55 not read: data at nodes, expected time histories … export the time histories");
 }
 
 fn vectors(table: &Table, single: bool) -> Vec<Vec<u8>> {

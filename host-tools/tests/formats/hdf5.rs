@@ -3,7 +3,8 @@
 use crate::write::RATE;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use std::io::Write;
+use std::borrow::Borrow;
+use std::io::{Cursor, Seek, SeekFrom, Write};
 
 /// Bytes of text above the superblock.
 const BLOCK: usize = 512;
@@ -37,18 +38,22 @@ impl Variable {
 }
 
 /// The parts of a file at their addresses.
-struct Writer(Vec<u8>);
+struct Writer<W> {
+    out: W,
+    len: usize,
+}
 
-impl Writer {
-    fn at(&self) -> u64 {
-        (self.0.len() - BLOCK) as u64
+impl<W: Write> Writer<W> {
+    fn put(&mut self, bytes: &[u8]) {
+        self.out.write_all(bytes).unwrap();
+        self.len += bytes.len();
     }
 
     /// Adds bytes at a multiple of eight; their address.
     fn add(&mut self, bytes: &[u8]) -> u64 {
-        self.0.resize(self.0.len().next_multiple_of(8), 0);
-        let at = self.at();
-        self.0.extend(bytes);
+        self.put(&vec![0; self.len.next_multiple_of(8) - self.len]);
+        let at = (self.len - BLOCK) as u64;
+        self.put(bytes);
         at
     }
 }
@@ -109,7 +114,12 @@ fn class(single: bool) -> Vec<u8> {
 }
 
 /// The numbers of a variable in chunks of so many samples, shuffled and compressed.
-fn chunked(file: &mut Writer, variable: &Variable, raw: &[u8], chunk: usize) -> [Vec<u8>; 2] {
+fn chunked<W: Write>(
+    file: &mut Writer<W>,
+    variable: &Variable,
+    raw: &[u8],
+    chunk: usize,
+) -> [Vec<u8>; 2] {
     let size = if variable.single { 4 } else { 8 };
     let [rows, columns] = variable.shape;
     let mut entries = Vec::new();
@@ -160,13 +170,27 @@ fn chunked(file: &mut Writer, variable: &Variable, raw: &[u8], chunk: usize) -> 
 
 /// A MAT file of version 7.3; `chunk` samples a compressed chunk, or each variable in one piece.
 pub fn mat73(variables: &[Variable], chunk: Option<usize>) -> Vec<u8> {
-    let mut file = Writer(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".to_vec());
-    file.0.resize(116, b' ');
-    file.0.resize(124, 0);
-    file.0.extend(b"\x00\x02IM");
-    file.0.resize(BLOCK + 96, 0);
+    let mut out = Cursor::new(Vec::new());
+    write_mat73(&mut out, variables.iter(), chunk);
+    out.into_inner()
+}
+
+/// The same variable by variable.
+pub fn write_mat73<V: Borrow<Variable>>(
+    out: &mut (impl Write + Seek),
+    variables: impl Iterator<Item = V>,
+    chunk: Option<usize>,
+) {
+    let mut file = Writer { out, len: 0 };
+    let mut text = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".to_vec();
+    text.resize(116, b' ');
+    text.resize(124, 0);
+    text.extend(b"\x00\x02IM");
+    text.resize(BLOCK + 96, 0);
+    file.put(&text);
     let mut links = Vec::new();
     for variable in variables {
+        let variable = variable.borrow();
         let numbers = variable.values.iter();
         let raw: Vec<u8> = match variable.single {
             true => numbers.flat_map(|x| (*x as f32).to_le_bytes()).collect(),
@@ -210,13 +234,8 @@ pub fn mat73(variables: &[Variable], chunk: Option<usize>) -> Vec<u8> {
     let root = file.add(&header(&[message(0x11, &words(&[tree, heap]))]));
     let mut block = b"\x89HDF\r\n\x1a\n\x00\x00\x00\x00\x00\x08\x08\x00".to_vec();
     block.extend([4, 0, 16, 0, 0, 0, 0, 0]);
-    block.extend(words(&[
-        BLOCK as u64,
-        u64::MAX,
-        file.0.len() as u64,
-        u64::MAX,
-    ]));
+    block.extend(words(&[BLOCK as u64, u64::MAX, file.len as u64, u64::MAX]));
     block.extend(words(&[0, root, 0, 0, 0]));
-    file.0[BLOCK..BLOCK + block.len()].copy_from_slice(&block);
-    file.0
+    file.out.seek(SeekFrom::Start(BLOCK as u64)).unwrap();
+    file.out.write_all(&block).unwrap();
 }

@@ -4,6 +4,7 @@
 mod binary;
 mod hdf5;
 mod others;
+mod responses;
 mod spoilt;
 mod text;
 mod write;

@@ -62,14 +62,6 @@ fn pyuff() {
     let units: Vec<Option<&str>> = nodes.iter().map(|name| recording.unit(name)).collect();
     assert_eq!(units, [Some("m/s^2"), Some("g"), Some("N")]);
     assert_eq!(recording.in_file()[1].direction, Some([-1.0, 0.0, 0.0]));
-    let mut notes = Vec::new();
-    recording.notice_columns(&mut notes);
-    assert!(
-        notes
-            .iter()
-            .any(|note| note.ends_with("1 of dataset 15 not read: nodes")),
-        "{notes:?}"
-    );
 }
 
 #[test]

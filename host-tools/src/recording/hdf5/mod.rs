@@ -143,6 +143,7 @@ fn columns(bytes: Rc<Bytes>, matlab: bool) -> Result<Columns, RecordingError> {
     };
     Ok(Columns {
         channels,
+        positions: Vec::new(),
         samples,
         rate: rate.map(|value| StatedRate {
             value,
