@@ -236,8 +236,11 @@ fn sensors(channels: &[&Channel], positions: &HashMap<String, Option<[f64; 3]>>)
         let directions: Option<Vec<String>> = members
             .iter()
             .map(|&k| {
-                let (axis, sign) = all[k].axis?;
-                Some(format!("{}{}", sign.unwrap_or('+'), ["x", "y", "z"][axis]))
+                let stated = channels[k].direction.and_then(word_of);
+                stated.or_else(|| {
+                    let (axis, sign) = all[k].axis?;
+                    Some(format!("{}{}", sign.unwrap_or('+'), ["x", "y", "z"][axis]))
+                })
             })
             .collect();
         let interface = all[first].on_interface && one.kind.is_none_or(|k| k == Kind::Acceleration);
@@ -257,4 +260,13 @@ fn sensors(channels: &[&Channel], positions: &HashMap<String, Option<[f64; 3]>>)
         });
     }
     sensors
+}
+
+/// The word of a direction along an axis.
+fn word_of(direction: [f64; 3]) -> Option<String> {
+    let words = ["x", "y", "z"].into_iter().zip(direction);
+    let mut along = words.filter(|(_, part)| *part != 0.0);
+    let (axis, part) = along.next()?;
+    let sign = if part > 0.0 { '+' } else { '-' };
+    along.next().is_none().then(|| format!("{sign}{axis}"))
 }

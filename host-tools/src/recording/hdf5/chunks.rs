@@ -358,12 +358,12 @@ impl List {
                     let lead = after(group_at, 6 + address + offset);
                     let mut bits = 0;
                     if pages > 1 {
-                        bits = pages.div_ceil(8) * blocks(group);
+                        bits = pages.div_ceil(8).saturating_mul(blocks(group));
                         if !bit(file, lead, block * pages + page)? {
                             return Ok(None);
                         }
                     }
-                    after(lead, bits + block * address)
+                    after(lead, bits.saturating_add(block * address))
                 };
                 let Some(block_at) = given(file, pointer)? else {
                     return Ok(None);
@@ -393,7 +393,9 @@ impl List {
         let written = bit(file, begin, page)?;
         let bits = count.div_ceil(self.page).div_ceil(8);
         // A checksum stands behind the bits and behind each page.
-        let before = bits.saturating_add(4 * (page + 1)).saturating_add(entries);
+        let before = bits
+            .saturating_add((page + 1).saturating_mul(4))
+            .saturating_add(entries);
         Ok(written.then_some(begin.saturating_add(before)))
     }
 }

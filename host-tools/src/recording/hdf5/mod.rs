@@ -6,6 +6,7 @@
 //! of netCDF-4, or read the index of all chunks again for each part.
 
 mod attributes;
+mod channels;
 mod chunks;
 mod dataset;
 mod file;
@@ -89,7 +90,7 @@ fn columns(bytes: Rc<Bytes>, matlab: bool) -> Result<Columns, RecordingError> {
         true => format!("MAT file of version 7.3, variables: {}", tables.len()),
         false => format!("HDF5 file, datasets of numbers: {}", tables.len()),
     };
-    let channels = names::channels(&tables);
+    let channels = channels::channels(&tables);
     let slices: Vec<Slice> = (0..)
         .zip(&tables)
         .flat_map(|(number, table): (usize, &Table)| {

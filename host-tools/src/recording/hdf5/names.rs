@@ -1,4 +1,4 @@
-//! Names, units and directions of channels: from attributes, and from the table of channels of the
+//! Names, units and directions that a file states for channels: by attributes, and by the table of channels of the
 //! Rattlesnake controller.
 
 use super::attributes::{self, Attribute};
@@ -6,10 +6,8 @@ use super::dataset::Dataset;
 use super::file::File;
 use super::links::{self, Link};
 use super::object::Object;
-use super::tables::Table;
 use crate::printable::printable;
 use crate::recording::RecordingError;
-use crate::recording::source::Channel;
 use std::collections::HashMap;
 
 /// Attributes that name the channels of a dataset, and those that state their units.
@@ -29,10 +27,10 @@ const AXES: [&str; 6] = ["X", "Y", "Z", "RX", "RY", "RZ"];
 /// Names and units of the channels of a dataset; empty where the file states none.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Labels {
-    names: Vec<String>,
+    pub(super) names: Vec<String>,
     /// One for each channel, or one for all of them.
-    units: Vec<String>,
-    directions: Vec<Option<[f64; 3]>>,
+    pub(super) units: Vec<String>,
+    pub(super) directions: Vec<Option<[f64; 3]>>,
     /// `true` if they are those of the controller's table.
     pub(super) of_controller: bool,
 }
@@ -157,52 +155,4 @@ impl ChannelTable {
             of_controller: true,
         }
     }
-}
-
-/// The channels of all tables. Names are those that the file has for them, else the name of the
-/// dataset, with a number for each of several; groups stand before names that several have.
-pub(super) fn channels(tables: &[Table]) -> Vec<Channel> {
-    let mut own = Vec::new();
-    let mut count: HashMap<String, usize> = HashMap::new();
-    for table in tables {
-        let across = table.across as usize;
-        let named = table.labels.names.len() == across;
-        for n in 0..across {
-            let numbered = match across {
-                1 => table.name.clone(),
-                _ => format!("{}:{}", table.name, n + 1),
-            };
-            let name = table
-                .labels
-                .names
-                .get(n)
-                .filter(|name| named && !name.is_empty());
-            let name = name
-                .filter(|_| across > 1 || table.labels.of_controller)
-                .cloned();
-            let numbered = printable(&numbered).into_owned();
-            let short = name.unwrap_or_else(|| numbered.clone());
-            *count.entry(short.clone()).or_default() += 1;
-            let units = &table.labels.units;
-            let unit = if units.len() == across {
-                units.get(n)
-            } else {
-                units.first()
-            };
-            let channel = Channel {
-                name: short,
-                unit: unit.filter(|unit| !unit.is_empty()).cloned(),
-                direction: table.labels.directions.get(n).copied().flatten(),
-            };
-            own.push((channel, format!("{}{numbered}", printable(&table.group))));
-        }
-    }
-    let name = |(channel, long): (Channel, String)| {
-        let alone = count.get(&channel.name) == Some(&1);
-        Channel {
-            name: if alone { channel.name } else { long },
-            ..channel
-        }
-    };
-    own.into_iter().map(name).collect()
 }

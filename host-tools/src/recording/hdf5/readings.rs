@@ -219,10 +219,11 @@ impl Readings {
         // The last dimension is the fast one.
         let [along, beside] = match (numbers.dataset.space.shape.len(), numbers.time) {
             (1, _) => [size, 0],
-            (_, 0) => [size * wide, size],
-            _ => [size, size * long],
+            (_, 0) => [size.saturating_mul(wide), size],
+            _ => [size, size.saturating_mul(long)],
         };
-        (self.step, self.at) = (along, within * along + across * beside);
+        let before = within.saturating_mul(along);
+        (self.step, self.at) = (along, before.saturating_add(across.saturating_mul(beside)));
         self.left = long - within;
         Ok(())
     }
@@ -253,7 +254,7 @@ impl Series for Readings {
                 coding.value(bytes.get(self.at as usize..).unwrap_or(&[]))
             }
             Some(&Stock::Stored(begin, end)) => {
-                (self.part.at, self.part.end) = (begin + self.at, end);
+                (self.part.at, self.part.end) = (begin.saturating_add(self.at), end);
                 let mut raw = [0; 8];
                 let raw = raw.get_mut(..size).unwrap_or(&mut []);
                 let read = self.part.read_exact(raw);
@@ -267,7 +268,7 @@ impl Series for Readings {
         }
         self.next += 1;
         self.left -= 1;
-        self.at += self.step;
+        self.at = self.at.saturating_add(self.step);
         Ok(value)
     }
 }
