@@ -55,6 +55,16 @@ struct Slice {
 fn columns(bytes: Rc<Bytes>, matlab: bool) -> Result<Columns, RecordingError> {
     let file = Rc::new(File::open(bytes)?);
     let Found { tables, notes } = tables::tables(&file, matlab)?;
+    let across: u64 = tables
+        .iter()
+        .map(|table| table.across)
+        .fold(0, u64::saturating_add);
+    if across > limits::COLUMNS as u64 {
+        return Err(RecordingError::TooManyColumns {
+            file: file.bytes.file.clone(),
+            found: usize::try_from(across).unwrap_or(usize::MAX),
+        });
+    }
     let usual = most_common(tables.iter().flat_map(|table| {
         let each = usize::try_from(table.across).unwrap_or(usize::MAX);
         std::iter::repeat_n(table.samples, each.min(limits::COLUMNS))
@@ -74,16 +84,6 @@ fn columns(bytes: Rc<Bytes>, matlab: bool) -> Result<Columns, RecordingError> {
             }),
         });
     };
-    let across: u64 = tables
-        .iter()
-        .map(|table| table.across)
-        .fold(0, u64::saturating_add);
-    if across > limits::COLUMNS as u64 {
-        return Err(RecordingError::TooManyColumns {
-            file: file.bytes.file.clone(),
-            found: usize::try_from(across).unwrap_or(usize::MAX),
-        });
-    }
     let usual = tables.iter().filter(|table| table.samples == samples);
     let rate = usual.clone().find_map(|table| table.rate);
     let form = match matlab {

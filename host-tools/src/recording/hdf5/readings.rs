@@ -258,7 +258,12 @@ impl Series for Readings {
                 let mut raw = [0; 8];
                 let raw = raw.get_mut(..size).unwrap_or(&mut []);
                 let read = self.part.read_exact(raw);
-                read.map_err(|e| self.numbers.file.bytes.damaged(begin + self.at, &e))?;
+                read.map_err(|e| {
+                    self.numbers
+                        .file
+                        .bytes
+                        .damaged(begin.saturating_add(self.at), &e)
+                })?;
                 coding.value(raw)
             }
             _ => return Err(self.never_written()),
