@@ -189,6 +189,26 @@ fn responses_in_universal_files_give_the_same_numbers() {
         assert_eq!(found.code, Some(0), "{found:?}");
         assert_eq!(found.stdout, expected.stdout);
     }
+    // pyuff states the length of the real parts.
+    for even in [true, false] {
+        let form = Form { even, binary: true };
+        let short = |run: &Run| {
+            let size = if even { 16 } else { 20 } * run.frequencies.len();
+            let right = format!("          11{size:12}").into_bytes();
+            let wrong = format!("          11{:12}", 8 * run.frequencies.len()).into_bytes();
+            let mut file = uff(run, form, |_| "V");
+            let places: Vec<usize> = (0..file.len() - right.len())
+                .filter(|&at| file[at..].starts_with(&right))
+                .collect();
+            assert_eq!(places.len(), run.names.len());
+            for at in places {
+                file[at..at + wrong.len()].copy_from_slice(&wrong);
+            }
+            file
+        };
+        let found = stepped(short).identify(&["--json"]);
+        assert_eq!(found.stdout, expected.stdout, "{}", found.stderr);
+    }
     // An analyser's line at 0 Hz.
     let with_zero = |run: &Run| {
         let mut run = Run {

@@ -262,8 +262,15 @@ fn skip_binary(bytes: &Bytes, lines: &mut Lines, title: &str) -> Result<(), Reco
     Ok(())
 }
 
+/// `true` if a delimiter stands at a byte, or behind the end of a line there.
+fn ends_behind(bytes: &Rc<Bytes>, at: u64) -> bool {
+    let mut next = Vec::new();
+    let read = bytes.part(at, at.saturating_add(16)).read_to_end(&mut next);
+    read.is_ok() && next.trim_ascii_start().starts_with(b"-1")
+}
+
 fn set(
-    bytes: &Bytes,
+    bytes: &Rc<Bytes>,
     lines: &mut Lines,
     title: &str,
     system: Option<System>,
@@ -311,13 +318,21 @@ fn set(
     };
     let number = if header.is_double() { 8 } else { 4 };
     let parts = if header.is_complex() { 2 } else { 1 };
-    let pairs = if header.even { 0 } else { 4 };
-    let needed = header.points.checked_mul(parts * number + pairs);
-    // Some programs state no length.
-    let length = if stated == 0 {
-        needed.unwrap_or(u64::MAX)
-    } else {
-        stated
+    // Abscissae have single precision; some programs write them as the ordinates.
+    let pairs: &[u64] = if header.even { &[0] } else { &[4, number] };
+    let sizes = pairs
+        .iter()
+        .map(|pair| header.points.checked_mul(parts * number + pair));
+    let needed = sizes.clone().next().flatten();
+    // Some programs state no length, or that of the points' real parts alone: then that one holds
+    // behind which the dataset ends.
+    let length = match needed {
+        Some(needed) if stated < needed => {
+            let mut sizes = sizes.flatten();
+            let ended = sizes.find(|size| ends_behind(bytes, start.saturating_add(*size)));
+            ended.unwrap_or(if stated == 0 { needed } else { stated })
+        }
+        _ => stated,
     };
     if needed.is_none_or(|needed| length < needed) || length > bytes.len - start.min(bytes.len) {
         let found = format!(
