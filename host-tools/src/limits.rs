@@ -60,8 +60,8 @@ pub const RUNS: usize = 1000;
 pub const ROW: u64 = 4 << 20;
 /// Most columns of a recording.
 pub const COLUMNS: usize = 1 << 17;
-/// Most bytes of the structure of an HDF5 file that are read before its first sample; a short part
-/// counts 64 more. With [`COLUMNS`] datasets it has some eighty million.
+/// Most bytes of the structure of an HDF5 file that are read before its first sample; each part
+/// counts 64 more. A dataset takes some five hundred to a thousand of them.
 pub const STRUCTURE: u64 = 128 << 20;
 /// Most bytes of compressed chunks of an HDF5 file that are held unpacked.
 pub const UNPACKED: u64 = 32 << 20;

@@ -163,6 +163,9 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     })
 }
 
+/// A way to name a set; `None` where it has no such name.
+type Way<'a> = &'a dyn Fn(&Set) -> Option<String>;
+
 /// Names of the channels: node and direction of the response, such as `12:+Z`, with the entity
 /// before them where it is given, and of responses to several references with that of the
 /// reference behind a slash; without a node, or where several sets share it, the first line of the
@@ -178,7 +181,7 @@ fn names(sets: &[Set], complex: bool) -> Vec<String> {
     };
     let line = |set: &Set| set.header.description.clone();
     let both = |set: &Set| Some(format!("{} ({})", line(set)?, set.header.remark.as_ref()?));
-    let ways: [&dyn Fn(&Set) -> Option<String>; 3] = [&point, &line, &both];
+    let ways: [Way<'_>; 3] = [&point, &line, &both];
     let counts = ways.map(|way| {
         let mut count: HashMap<String, usize> = HashMap::new();
         for name in sets.iter().filter_map(way) {
