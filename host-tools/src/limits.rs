@@ -60,6 +60,11 @@ pub const RUNS: usize = 1000;
 pub const ROW: u64 = 4 << 20;
 /// Most columns of a recording.
 pub const COLUMNS: usize = 1 << 17;
+/// Most bytes of the structure of an HDF5 file that are read before its first sample; each part
+/// counts 64 more. A dataset takes some five hundred to a thousand of them.
+pub const STRUCTURE: u64 = 128 << 20;
+/// Most bytes of compressed chunks of an HDF5 file that are held unpacked.
+pub const UNPACKED: u64 = 32 << 20;
 
 /// Longest time, s, that something that was asked for `seconds` may take by this computer's clock.
 #[must_use]
@@ -160,6 +165,16 @@ pub fn table() -> Vec<[String; 3]> {
         row(
             "columns of a recording",
             COLUMNS.to_string(),
+            "the command ends",
+        ),
+        row(
+            "structure of an HDF5 file",
+            mega(STRUCTURE),
+            "the command ends",
+        ),
+        row(
+            "compressed chunks of an HDF5 file that are held unpacked",
+            mega(UNPACKED),
             "the command ends",
         ),
     ]

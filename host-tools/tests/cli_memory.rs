@@ -6,56 +6,15 @@
 #![cfg(target_os = "linux")]
 
 mod bench;
-#[allow(dead_code)]
-#[path = "formats/write.rs"]
-mod write;
+#[path = "bench/watched.rs"]
+mod watched;
 
 use bench::{Bench, RECORDINGS, command};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use massline::limits;
-use std::io::{Read, Write};
-use std::process::{Command, Stdio};
-use std::time::Duration;
-
-/// Most memory that a command has resident, bytes; whether it succeeds, and what it says.
-fn watched(mut command: Command) -> (u64, bool, String) {
-    // On a busy machine a command may be gone before it is looked at.
-    for _ in 0..20 {
-        let seen = watched_once(&mut command);
-        if seen.0 > 0 {
-            return seen;
-        }
-    }
-    panic!("the process was gone before it was looked at, twenty times");
-}
-
-fn watched_once(command: &mut Command) -> (u64, bool, String) {
-    command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut stderr = child.stderr.take().unwrap();
-    let said = std::thread::spawn(move || {
-        let mut text = String::new();
-        stderr.read_to_string(&mut text).unwrap();
-        text
-    });
-    let status = format!("/proc/{}/status", child.id());
-    let mut peak = 0;
-    loop {
-        let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let kilobytes = line
-            .and_then(|l| l.trim().strip_suffix(" kB"))
-            .map(str::parse::<u64>);
-        if let Some(Ok(kilobytes)) = kilobytes {
-            peak = peak.max(1024 * kilobytes);
-        }
-        if let Some(status) = child.try_wait().unwrap() {
-            return (peak, status.success(), said.join().unwrap());
-        }
-        std::thread::sleep(Duration::from_micros(200));
-    }
-}
+use std::io::Write;
+use watched::watched;
 
 /// Most memory that `identify` has resident, bytes.
 fn peak(bench: &Bench) -> u64 {
@@ -96,61 +55,6 @@ fn ten_times_the_recording_takes_the_same_memory() {
     // a tenth of the added readings would be 2.1 MB.
     let bound = readings / 10;
     assert!(long < short + bound, "{short} bytes grew to {long}");
-}
-
-/// Channels that lie one after the other, whole or packed, take a page or a decoder each.
-#[test]
-fn ten_times_the_recording_takes_the_same_memory_in_other_formats() {
-    type Form = fn(&[String], &[Vec<f32>]) -> Vec<u8>;
-    const RAW: write::Raw = write::Raw {
-        interleaved: false,
-        big: false,
-        segment: 1024,
-    };
-    let forms: [(&str, Form); 4] = [
-        ("58b", |names, readings| {
-            let numbers = write::Numbers::Binary { big: false };
-            let channels = names.iter().zip(readings);
-            let sets = channels.map(|(name, r)| write::set58(name, 0, 0, r, numbers));
-            sets.flatten().collect()
-        }),
-        ("MAT", |names, readings| {
-            let element = |(name, readings): (&String, &Vec<f32>)| {
-                let wide: Vec<f64> = readings.iter().map(|x| f64::from(*x)).collect();
-                write::matrix(name, wide.len(), &wide, true)
-            };
-            let elements: Vec<Vec<u8>> = names.iter().zip(readings).map(element).collect();
-            write::mat(&elements, true)
-        }),
-        ("TDMS", |names, readings| write::tdms(names, readings, RAW)),
-        ("TDMS, interleaved", |names, readings| {
-            let raw = write::Raw {
-                interleaved: true,
-                ..RAW
-            };
-            write::tdms(names, readings, raw)
-        }),
-    ];
-    for (name, form) in forms {
-        let resident = [10, 100].map(|times| {
-            let (bench, _) = repeated(times);
-            let text = std::fs::read_to_string(bench.file(RECORDINGS[0])).unwrap();
-            let mut lines = text.lines();
-            let names = lines.next().unwrap().split(',').map(str::to_owned);
-            let names: Vec<String> = names.collect();
-            let mut readings = vec![Vec::new(); names.len()];
-            for line in lines {
-                for (channel, field) in readings.iter_mut().zip(line.split(',')) {
-                    channel.push(field.parse().unwrap());
-                }
-            }
-            peak(&bench.write(RECORDINGS[0], form(&names, &readings)))
-        });
-        println!("{name}: {resident:?} resident");
-        // As for CSV: a tenth of the readings that were added.
-        let bound = 19 * 4 * 3072 * 90 / 10;
-        assert!(resident[1] < resident[0] + bound, "{name}: {resident:?}");
-    }
 }
 
 /// So much text, 64 MiB, by repeating some.

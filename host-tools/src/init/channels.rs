@@ -6,7 +6,7 @@ use crate::limits;
 use crate::printable::steers;
 use crate::recording::{Channel, HEALTH_COLUMN, Recording, some_of};
 use crate::setup::{Excitation, Mount};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// A sensor of one channel or of three.
@@ -86,9 +86,22 @@ pub fn find(recordings: &[PathBuf]) -> Result<Found, InitError> {
     let mut runs = Vec::new();
     let mut all: Vec<Vec<Channel>> = Vec::new();
     let mut has_rate = true;
+    let mut positions: HashMap<String, Option<[f64; 3]>> = HashMap::new();
     for file in recordings {
         let recording = Recording::open(file, &[])?;
         let (channels, run, rate) = look(file, &recording)?;
+        for channel in &channels {
+            let parts = ["", ".re"].map(|part| format!("{}{part}", channel.name));
+            let mut stated = parts.iter().filter_map(|name| recording.position(name));
+            let Some(position) = stated.next() else {
+                continue;
+            };
+            // Files that contradict each other state nothing.
+            let known = positions
+                .entry(channel.name.clone())
+                .or_insert(Some(position));
+            *known = known.filter(|known| *known == position);
+        }
         has_rate &= rate;
         all.push(channels);
         runs.push(run);
@@ -116,7 +129,7 @@ pub fn find(recordings: &[PathBuf]) -> Result<Found, InitError> {
         });
     }
     Ok(Found {
-        sensors: sensors(&common),
+        sensors: sensors(&common, &positions),
         runs,
         left_out,
         length_unit: "m".to_owned(),
@@ -177,7 +190,7 @@ fn look(file: &Path, recording: &Recording) -> Result<(Vec<Channel>, OfRun, bool
         let seconds = matches!(c.unit.as_deref(), None | Some("s"));
         seconds && c.name.eq_ignore_ascii_case("time")
     });
-    let has_rate = has_time || recording.preamble().sample_rate.is_some();
+    let has_rate = has_time || recording.states_rate();
     let run = OfRun {
         file: file.to_owned(),
         excitation,
@@ -187,7 +200,7 @@ fn look(file: &Path, recording: &Recording) -> Result<(Vec<Channel>, OfRun, bool
 }
 
 /// Channels of one stem whose axes are x, y and z are one sensor.
-fn sensors(channels: &[&Channel]) -> Vec<Sensor> {
+fn sensors(channels: &[&Channel], positions: &HashMap<String, Option<[f64; 3]>>) -> Vec<Sensor> {
     let all: Vec<_> = channels
         .iter()
         .map(|c| parse(&c.name, c.unit.as_deref()))
@@ -223,8 +236,11 @@ fn sensors(channels: &[&Channel]) -> Vec<Sensor> {
         let directions: Option<Vec<String>> = members
             .iter()
             .map(|&k| {
-                let (axis, sign) = all[k].axis?;
-                Some(format!("{}{}", sign.unwrap_or('+'), ["x", "y", "z"][axis]))
+                let stated = channels[k].direction.and_then(word_of);
+                stated.or_else(|| {
+                    let (axis, sign) = all[k].axis?;
+                    Some(format!("{}{}", sign.unwrap_or('+'), ["x", "y", "z"][axis]))
+                })
             })
             .collect();
         let interface = all[first].on_interface && one.kind.is_none_or(|k| k == Kind::Acceleration);
@@ -239,9 +255,18 @@ fn sensors(channels: &[&Channel]) -> Vec<Sensor> {
             in_header: channels[first].unit.clone(),
             unit: None,
             sensitivity: None,
-            position: None,
+            position: positions.get(&channels[first].name).copied().flatten(),
             mount: interface.then_some(Mount::Interface),
         });
     }
     sensors
+}
+
+/// The word of a direction along an axis.
+fn word_of(direction: [f64; 3]) -> Option<String> {
+    let words = ["x", "y", "z"].into_iter().zip(direction);
+    let mut along = words.filter(|(_, part)| *part != 0.0);
+    let (axis, part) = along.next()?;
+    let sign = if part > 0.0 { '+' } else { '-' };
+    along.next().is_none().then(|| format!("{sign}{axis}"))
 }

@@ -121,7 +121,7 @@ pub(super) fn parse(name: &str, unit: Option<&str>) -> Parsed {
         let (head, tail) =
             letters.split_at(letters.len() - letters.chars().last().map_or(0, char::len_utf8));
         if let Some(number) = axis_of(&letters) {
-            // A minus between two words is a hyphen where no blank stands before it.
+            // A minus between two words is a hyphen where no blank or colon stands before it.
             let sign = sign.filter(|s| *s == "+" || spaced(name, end));
             axis = Some((number, sign.and_then(|s| s.chars().next())));
             stem = cut(1);
@@ -147,11 +147,11 @@ pub(super) fn parse(name: &str, unit: Option<&str>) -> Parsed {
     }
 }
 
-/// `true` if a blank stands before the sign in front of the last letter.
+/// `true` if a blank or a colon stands before the sign in front of the last letter.
 fn spaced(name: &str, end: &str) -> bool {
     let mut back = end[..end.len() - 1].chars().rev();
     back.next();
-    name.len() >= end.len() && back.next().is_none_or(char::is_whitespace)
+    name.len() >= end.len() && back.next().is_none_or(|c| c.is_whitespace() || c == ':')
 }
 
 #[cfg(test)]
@@ -172,6 +172,7 @@ mod tests {
                 Some((1, Some('-'))),
                 Some(Acceleration),
             ),
+            ("12:-X", "12", Some((0, Some('-'))), None),
             ("acc-3-y", "acc-3", Some((1, None)), Some(Acceleration)),
             ("Force/Fz", "Force/F", Some((2, None)), Some(Force)),
             ("a12x", "a12", Some((0, None)), Some(Acceleration)),

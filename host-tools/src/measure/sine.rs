@@ -102,6 +102,10 @@ pub(super) fn read(
     let mut row = vec![0.0; columns.len()];
     while recording.next_row_f64(|i, x| row[i] = x)? {
         let frequency = row[0];
+        // At 0 Hz nothing moves: analysers write a line there all the same.
+        if frequency == 0.0 && recording.rows() == 1 {
+            continue;
+        }
         let last = measured.frequencies.last().copied().unwrap_or(0.0);
         if frequency <= last {
             return Err(MeasureError::FrequencyOrder {

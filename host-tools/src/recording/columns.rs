@@ -31,6 +31,8 @@ pub(super) fn most_common<K: Copy + Eq + Hash + Ord>(keys: impl Iterator<Item = 
 /// A file of series of equal length.
 pub(super) struct Columns {
     pub(super) channels: Vec<Channel>,
+    /// Positions of the channels' sensors in m; empty where the format has none.
+    pub(super) positions: Vec<Option<[f64; 3]>>,
     /// Samples of each channel.
     pub(super) samples: u64,
     pub(super) rate: Option<StatedRate>,
@@ -56,6 +58,10 @@ pub(super) struct Reading {
 impl Source for Columns {
     fn channels(&self) -> &[Channel] {
         &self.channels
+    }
+
+    fn position(&self, channel: usize) -> Option<[f64; 3]> {
+        self.positions.get(channel).copied().flatten()
     }
 
     fn sample_rate(&self) -> Option<StatedRate> {

@@ -7,10 +7,12 @@
 //! | `csv` | CSV |
 //! | `uff` | universal files with time histories of dataset 58 |
 //! | `mat` | MAT files of version 5 |
+//! | `hdf5` | HDF5, with MAT files of version 7.3 and netCDF-4 |
 //! | `tdms` | TDMS without scaling by DAQmx |
 //! | `wav` | WAV |
 //! | `columns` | files that have each channel as a series of its own |
 //! | `bytes` | any part of a file, in shared pages |
+//! | `rate` | names under which files state the sample rate |
 //! | `number` | numbers of fixed size as files hold them |
 //! | `form` | the form of text recordings, where the setup states it |
 //! | `foreign` | files of kinds that are not read, by name and with the way out |
@@ -34,12 +36,14 @@ mod error;
 mod faults;
 mod foreign;
 mod form;
+mod hdf5;
 mod health;
 mod input;
 mod mat;
 mod names;
 mod number;
 mod preamble;
+mod rate;
 mod reader;
 mod source;
 mod tdms;
@@ -77,10 +81,11 @@ struct Format {
 
 /// All formats, in the order in which they are tried. CSV is the last: it takes every file, and
 /// its errors say what one may be that is no text.
-const FORMATS: [Format; 6] = [
+const FORMATS: [Format; 7] = [
     foreign::FORMAT,
     uff::FORMAT,
     mat::FORMAT,
+    hdf5::FORMAT,
     tdms::FORMAT,
     wav::FORMAT,
     csv::FORMAT,

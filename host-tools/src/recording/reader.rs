@@ -255,6 +255,19 @@ impl Recording {
         self.source.channels()
     }
 
+    /// `true` if the file states its sample rate, by a number or by a channel of time.
+    #[must_use]
+    pub fn states_rate(&self) -> bool {
+        self.time.is_some() || self.source.sample_rate().is_some()
+    }
+
+    /// Position in m of the sensor of a channel of the file, where the file states it.
+    #[must_use]
+    pub fn position(&self, channel: &str) -> Option<[f64; 3]> {
+        let position = names::position(self.source.channels(), channel)?;
+        self.source.position(position)
+    }
+
     /// Unit of a channel, which may be named with it or without, where the file states it.
     #[must_use]
     pub fn unit(&self, channel: &str) -> Option<&str> {

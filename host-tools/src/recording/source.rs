@@ -132,6 +132,11 @@ pub trait Source {
         None
     }
 
+    /// Position of the sensor of a channel in m, where the file states it.
+    fn position(&self, _channel: usize) -> Option<[f64; 3]> {
+        None
+    }
+
     /// Sample rate, where the file states it.
     fn sample_rate(&self) -> Option<StatedRate>;
 

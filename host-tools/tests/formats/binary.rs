@@ -1,6 +1,7 @@
-//! Universal files, MAT, TDMS and WAV.
+//! Universal files, MAT, HDF5, TDMS and WAV.
 
 use crate::bench::{Bench, RECORDINGS};
+use crate::hdf5::{Variable, mat73};
 use crate::write::{Numbers, RATE, Raw, mat, matrix, set58, tdms};
 use crate::{Table, close, offered, same};
 use std::io::Cursor;
@@ -54,7 +55,7 @@ fn universal_files() {
     };
     let finished = offered(around).identify(&["--verbose"]);
     assert_eq!(finished.code, Some(0), "{finished:?}");
-    finished.says("2 of dataset 15 not read: nodes");
+    finished.says("positions of nodes not read: no dataset 164 states their unit");
     finished.says("lateral-x.csv: read as universal file, 19 of dataset 58 (0 binary)");
 }
 
@@ -132,8 +133,8 @@ fn universal_files_that_are_spoilt() {
     offered(huge).refused_input(
         "lateral-x.csv, byte … 99999999999 bytes of data, and … expected those of 3072 points",
     );
-    offered(|_| b"    -1\n    15\n    -1\n".to_vec())
-        .refused_input("lateral-x.csv: 1 of dataset 15 not read: nodes, expected time histories … export the time histories");
+    offered(|_| b"    -1\n    55\n    -1\n".to_vec())
+        .refused_input("lateral-x.csv: 1 of dataset 55 not read: data at nodes, expected time histories … export the time histories");
 }
 
 fn vectors(table: &Table, single: bool) -> Vec<Vec<u8>> {
@@ -248,6 +249,89 @@ fn mat_files_that_are_spoilt() {
         .refused_input("channel `a3`: 3000 samples, expected 3072 as the other channels have");
     offered(|_| mat(&[matrix("Fs", 1, &[RATE], false)], true))
         .refused_input("lateral-x.csv: no numeric vector or matrix, expected vectors");
+}
+
+fn variables(table: &Table, single: bool) -> Vec<Variable> {
+    let channels = table.names.iter().zip(table.readings());
+    let channels = channels.map(|(name, readings)| Variable::vector(name, &readings, single));
+    channels.chain([Variable::rate()]).collect()
+}
+
+/// In one piece, in chunks that end with the samples, and in chunks that do not.
+#[test]
+fn mat_files_of_version_7_3() {
+    for (single, chunk) in [
+        (true, None),
+        (false, None),
+        (false, Some(512)),
+        (true, Some(700)),
+    ] {
+        let file = |table: Table| mat73(&variables(&table, single), chunk);
+        same(&of_file(offered(file)));
+        // A matrix of samples and channels.
+        let file = |table: Table| {
+            let readings = table.readings();
+            let matrix = Variable {
+                name: "data".to_owned(),
+                shape: [readings[0].len(), readings.len()],
+                values: readings.iter().flatten().map(|x| f64::from(*x)).collect(),
+                single,
+            };
+            mat73(&[matrix, Variable::rate()], chunk)
+        };
+        close(&of_file(numbered(offered(file), "data:")), 0.0);
+    }
+}
+
+#[test]
+fn mat_files_of_version_7_3_that_are_spoilt() {
+    let spoilt = |change: &dyn Fn(&mut Vec<u8>), chunk: Option<usize>, words: &str| {
+        let file = |table: Table| {
+            let mut file = mat73(&variables(&table, false), chunk);
+            change(&mut file);
+            file
+        };
+        offered(file).refused_input(&format!("lateral-x.csv, {words}"));
+    };
+    spoilt(
+        &|file| file.truncate(20_000),
+        None,
+        "byte … beyond the end of the file, expected bytes of the file, which was cut",
+    );
+    spoilt(
+        &|file| file[520] = 9,
+        None,
+        "byte 512: a superblock of version 9, expected",
+    );
+    // The first numbers lie behind the superblock: here packed, the byte of their kind first.
+    spoilt(
+        &|file| file[608] ^= 0xff,
+        Some(512),
+        "byte 608, channel `drive`: compressed numbers that break off … expected the 4096 bytes of a chunk",
+    );
+    let short = |table: Table| {
+        let mut all = variables(&table, true);
+        let at = all
+            .iter()
+            .position(|variable| variable.name == "a3")
+            .unwrap();
+        all[at].values.truncate(3000);
+        all[at].shape[0] = 3000;
+        mat73(&all, None)
+    };
+    offered(short)
+        .refused_input("channel `a3`: 3000 samples, expected 3072 as the other channels have");
+    offered(|_| mat73(&[Variable::rate()], None))
+        .refused_input("lateral-x.csv: no dataset of numbers, expected vectors");
+    // One chunk has to fit beside those of all other channels.
+    let large = |mut table: Table| {
+        let row = table.rows[0].clone();
+        table.rows.resize(600_000, row);
+        mat73(&variables(&table, false), Some(600_000))
+    };
+    offered(large).refused_input(
+        "compressed chunks of … bytes at a time, expected 32 MiB at most; … h5repack",
+    );
 }
 
 #[test]

@@ -2,7 +2,9 @@
 //! with equal bits where the form keeps the readings' bits, else within its rounding.
 
 mod binary;
+mod hdf5;
 mod others;
+mod responses;
 mod spoilt;
 mod text;
 mod write;

@@ -1,4 +1,4 @@
-//! Recordings that pyuff, scipy and npTDMS wrote, by `tests/fixtures/formats/make.py`.
+//! Recordings that pyuff, scipy, h5py, netCDF4 and npTDMS wrote, by `tests/fixtures/formats/make.py`.
 
 use massline::recording::Recording;
 use std::path::{Path, PathBuf};
@@ -62,14 +62,6 @@ fn pyuff() {
     let units: Vec<Option<&str>> = nodes.iter().map(|name| recording.unit(name)).collect();
     assert_eq!(units, [Some("m/s^2"), Some("g"), Some("N")]);
     assert_eq!(recording.in_file()[1].direction, Some([-1.0, 0.0, 0.0]));
-    let mut notes = Vec::new();
-    recording.notice_columns(&mut notes);
-    assert!(
-        notes
-            .iter()
-            .any(|note| note.ends_with("1 of dataset 15 not read: nodes")),
-        "{notes:?}"
-    );
 }
 
 #[test]
@@ -98,6 +90,90 @@ fn scipy_mat() {
             .enumerate()
             .all(|(n, row)| *row == [n as f64; 2]),
         "{rows:?}"
+    );
+}
+
+fn notes(name: &str) -> String {
+    let recording = Recording::open(&fixture(name), &[]).unwrap();
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    notes.join("\n")
+}
+
+fn refusal(name: &str, channel: &str) -> String {
+    match Recording::open(&fixture(name), &[channel]) {
+        Err(error) => error.to_string(),
+        Ok(mut recording) => loop {
+            match recording.next_row(&mut [0.0]) {
+                Ok(more) => assert!(more, "{channel} was read"),
+                Err(error) => break error.to_string(),
+            }
+        },
+    }
+}
+
+/// Each form of superblock, group, index and filter.
+#[test]
+fn h5py() {
+    check("vectors.h5", NAMES, 0.0);
+    let tables = [
+        "tree.h5",
+        "growing.h5",
+        "growing-gzip.h5",
+        "fixed.h5",
+        "single.h5",
+    ];
+    for name in tables {
+        check(name, NAMES, 0.0);
+        let recording = Recording::open(&fixture(name), &NAMES).unwrap();
+        let units = NAMES.map(|channel| recording.unit(channel).unwrap().to_owned());
+        assert_eq!(units, ["m/s^2", "g", "N"], "{name}");
+    }
+    check("dense.h5", ["c00", "c04", "c11"], 0.0);
+    check("vectors-73.mat", NAMES, 0.0);
+    check("matrix-73.mat", ["data:1", "data:2", "data:3"], 0.0);
+    assert!(notes("vectors-73.mat").contains("not read: note: text"));
+    assert!(notes("matrix-73.mat").contains("not read: settings: a struct"));
+}
+
+#[test]
+fn h5py_of_odd_form() {
+    check("odd.h5", ["first/a1", "a2", "first/fx"], 0.0);
+    let notes = notes("odd.h5");
+    for note in [
+        "second/complex: compounds, as complex numbers are",
+        "second/flag: values of an enumeration, as logical ones are",
+        "second/cube: it has more than two dimensions",
+        "not read: lzf: its filter 32000 (lzf) is not read; `h5repack",
+    ] {
+        assert!(notes.contains(note), "{notes}");
+    }
+    let short = refusal("odd.h5", "second/fx");
+    assert!(
+        short.contains("channel `second/fx`: 30 samples, expected 40"),
+        "{short}"
+    );
+    let begun = refusal("odd.h5", "begun");
+    assert!(
+        begun.contains("sample 21, channel `begun`: a sample that was never written"),
+        "{begun}"
+    );
+}
+
+/// The first stream of the Rattlesnake controller; its specifications are no channels.
+#[test]
+fn netcdf4() {
+    let nodes = ["11:+Z", "12:-X", "13:+Y"];
+    check("controller.nc", nodes, 0.0);
+    let recording = Recording::open(&fixture("controller.nc"), &nodes).unwrap();
+    let units: Vec<Option<&str>> = nodes.iter().map(|name| recording.unit(name)).collect();
+    assert_eq!(units, [Some("m/s^2"), Some("g"), Some("N")]);
+    assert_eq!(recording.in_file().len(), 3);
+    assert_eq!(recording.in_file()[1].direction, Some([-1.0, 0.0, 0.0]));
+    let notes = notes("controller.nc");
+    assert!(
+        notes.contains("later streams not read: time_data_1;"),
+        "{notes}"
     );
 }
 

@@ -5,13 +5,22 @@ use massline::recording::{Recording, RecordingError};
 use std::path::{Path, PathBuf};
 
 /// Files of a program each, with two of their channels.
-const FILES: [(&str, [&str; 2]); 9] = [
+const FILES: [(&str, [&str; 2]); 18] = [
     ("double.uff", ["11:+Z", "13:+Y"]),
     ("binary.uff", ["a1", "fx"]),
     ("uneven.uff", ["11:+Z", "13:+Y"]),
     ("vectors.mat", ["a1", "fx"]),
     ("matrix-plain.mat", ["data:1", "data:3"]),
     ("counts.mat", ["a1", "a2"]),
+    ("vectors.h5", ["a1", "fx"]),
+    ("tree.h5", ["a1", "fx"]),
+    ("growing.h5", ["a1", "fx"]),
+    ("growing-gzip.h5", ["a1", "fx"]),
+    ("fixed.h5", ["a1", "fx"]),
+    ("dense.h5", ["c00", "c11"]),
+    ("odd.h5", ["a2", "first/fx"]),
+    ("matrix-73.mat", ["data:1", "data:3"]),
+    ("controller.nc", ["11:+Z", "13:+Y"]),
     ("segments.tdms", ["a1", "fx"]),
     ("float.wav", ["1", "3"]),
     ("pcm16.wav", ["1", "3"]),

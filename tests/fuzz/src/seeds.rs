@@ -426,6 +426,15 @@ fn recordings() -> Vec<Vec<u8>> {
         (2, include_bytes!("../../fixtures/formats/binary.uff")),
         (2, include_bytes!("../../fixtures/formats/vectors.mat")),
         (2, include_bytes!("../../fixtures/formats/single.mat")),
+        (2, include_bytes!("../../fixtures/formats/vectors.h5")),
+        (2, include_bytes!("../../fixtures/formats/tree.h5")),
+        (2, include_bytes!("../../fixtures/formats/growing.h5")),
+        (2, include_bytes!("../../fixtures/formats/growing-gzip.h5")),
+        (2, include_bytes!("../../fixtures/formats/fixed.h5")),
+        (2, include_bytes!("../../fixtures/formats/single.h5")),
+        (2, include_bytes!("../../fixtures/formats/dense.h5")),
+        (2, include_bytes!("../../fixtures/formats/odd.h5")),
+        (2, NODES.as_bytes()),
         (2, include_bytes!("../../fixtures/formats/segments.tdms")),
         (2 | 8, include_bytes!("../../fixtures/formats/float.wav")),
         (2 | 8, include_bytes!("../../fixtures/formats/pcm16.wav")),
@@ -449,5 +458,38 @@ pub(crate) const SETUPS: [&str; 4] = [
     include_str!("../seeds/poses.toml"),
     include_str!("../seeds/shorthand.toml"),
 ];
+
+/// Nodes of datasets 15 and 2411 in units of a dataset 164, and a response.
+const NODES: &str = "    -1
+   164
+         9  own                    2
+  1.0000D+03  1.0000D+00  1.0000D+00
+  2.7315D+02
+    -1
+    -1
+    15
+        12         0         0        11  6.00000E+02 -5.50000E+02  5.00000E+00
+    -1
+    -1
+  2411
+        13         1         7        11
+   1.0000000000000000D+03   0.0000000000000000D+00  -2.5000000000000000D+02
+    -1
+    -1
+    58
+a1
+NONE
+NONE
+run 1
+NONE
+    4         0    0         0 NONE              12   3 NONE              99   3
+         6         2         1  5.00000e-01  5.00000e-01  0.00000e+00
+        18    0    0    0 NONE                 Hz
+        12    0    0    0 NONE                 NONE
+        13    0    0    0 NONE                 N
+         0    0    0    0 NONE                 NONE
+  1.000000000000E+00 -2.000000000000E+00  3.000000000000E+00  4.000000000000E+00
+    -1
+";
 
 const INPUTS: &str = include_str!("../seeds/inputs.toml");

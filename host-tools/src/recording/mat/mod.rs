@@ -5,6 +5,7 @@ mod elements;
 
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
+use super::rate;
 use super::source::{Channel, Place, StatedRate};
 use super::{Format, Mismatch, RecordingError};
 use crate::limits;
@@ -22,19 +23,6 @@ pub(super) const FORMAT: Format = Format {
     },
     open: |input, _| Ok(Box::new(columns(Bytes::open(input, "a MAT file")?)?)),
 };
-
-/// Names of scalars that state the sample rate, and those that state its inverse, in lower case
-/// and without underscores.
-const RATES: [&str; 7] = [
-    "fs",
-    "samplerate",
-    "samplingrate",
-    "samplefrequency",
-    "samplingfrequency",
-    "srate",
-    "fsamp",
-];
-const STEPS: [&str; 4] = ["dt", "ts", "deltat", "sampletime"];
 
 /// A channel: numbers of a variable.
 #[derive(Clone)]
@@ -125,6 +113,7 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     };
     Ok(Columns {
         channels,
+        positions: Vec::new(),
         samples,
         rate,
         time: None,
@@ -140,15 +129,14 @@ fn stated_rate(
     bytes: &Rc<Bytes>,
     variable: &Variable,
 ) -> Result<Option<StatedRate>, RecordingError> {
-    let name = variable.name.to_lowercase().replace('_', "");
-    let is_rate = RATES.contains(&name.as_str());
-    if (!is_rate && !STEPS.contains(&name.as_str())) || variable.dimensions != [1, 1] {
+    if variable.dimensions != [1, 1] {
         return Ok(None);
     }
-    let value = Numbers::new(bytes, variable, 0, 1, &variable.name)?.next()?;
-    let value = if is_rate { value } else { 1.0 / value };
-    Ok((value.is_finite() && value > 0.0).then_some(StatedRate {
-        value,
-        place: "a scalar beside its samples",
-    }))
+    let number = Numbers::new(bytes, variable, 0, 1, &variable.name)?.next()?;
+    Ok(
+        rate::stated(&variable.name, || Some(number)).map(|value| StatedRate {
+            value,
+            place: "a scalar beside its samples",
+        }),
+    )
 }

@@ -114,6 +114,7 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     };
     Ok(Columns {
         channels,
+        positions: Vec::new(),
         samples,
         rate,
         time: None,

@@ -20,10 +20,12 @@ pub(super) fn number(line: &[u8]) -> Option<u32> {
 pub(super) struct Header {
     /// ID line 1, unless it says nothing.
     pub(super) description: Option<String>,
+    /// ID line 4, unless it says nothing.
+    pub(super) remark: Option<String>,
     pub(super) function: i64,
-    entity: Option<String>,
-    node: i64,
-    direction: i64,
+    pub(super) response: Point,
+    /// The point that a response is referred to.
+    pub(super) reference: Point,
     /// 2 and 4 for real, 5 and 6 for complex numbers; 4 and 6 have double precision.
     pub(super) ordinate: i64,
     pub(super) points: u64,
@@ -37,6 +39,16 @@ pub(super) struct Header {
     pub(super) quantity: i64,
     pub(super) exponents: [i64; 3],
     pub(super) unit: Option<String>,
+    /// The same of the quantity that the ordinate is divided by; `None` where it is not given.
+    pub(super) denominator: Option<(i64, [i64; 3], Option<String>)>,
+}
+
+/// A node, and the direction at it: 1 to 3 along, 4 to 6 about x, y and z.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct Point {
+    entity: Option<String>,
+    pub(super) node: i64,
+    direction: i64,
 }
 
 /// A part of a header that cannot be read: number of its line from one, the part, what was found
@@ -58,18 +70,28 @@ impl Header {
         let function = whole(columns(0, 5)).ok_or_else(|| wrong(6, identity))?;
         // Files that do not keep to columns have ten fields between blanks.
         let fields: Vec<&str> = point.split_whitespace().collect();
-        let by_columns = whole(columns(41, 51)).zip(whole(columns(51, 55)));
-        let by_columns = by_columns.map(|(n, d)| (columns(31, 41), n, d));
-        let by_fields = || match fields.as_slice() {
-            [_, _, _, _, entity, node, direction, ..] => {
+        let by_columns = |from: usize| {
+            let numbers =
+                whole(columns(from + 10, from + 20)).zip(whole(columns(from + 20, from + 24)));
+            numbers.map(|(n, d)| (columns(from, from + 10), n, d))
+        };
+        let by_fields = |from: usize| match fields.get(from..)? {
+            [entity, node, direction, ..] => {
                 let numbers = node.parse().ok().zip(direction.parse().ok());
                 numbers.map(|(node, direction)| ((*entity).to_owned(), node, direction))
             }
             _ => None,
         };
-        let (entity, node, direction) = by_columns
-            .or_else(by_fields)
-            .ok_or_else(|| wrong(6, identity))?;
+        let at = |column, field| {
+            let found = by_columns(column).or_else(|| by_fields(field));
+            found.map(|(entity, node, direction)| Point {
+                entity: given(&entity),
+                node,
+                direction,
+            })
+        };
+        let response = at(31, 4).ok_or_else(|| wrong(6, identity))?;
+        let reference = at(56, 7).unwrap_or_default();
 
         let form = "kind of number, number of points, spacing, first abscissa and step";
         let mut fields = line(7).split_whitespace();
@@ -108,12 +130,13 @@ impl Header {
         };
         let (abscissa_type, _, _) = axis(8)?;
         let (quantity, exponents, unit) = axis(9)?;
+        let denominator = axis(10).ok();
         Ok(Self {
             description: given(line(1)),
+            remark: given(line(4)),
             function,
-            entity: given(&entity),
-            node,
-            direction,
+            response,
+            reference,
             ordinate,
             points,
             even,
@@ -123,6 +146,7 @@ impl Header {
             quantity,
             exponents,
             unit,
+            denominator,
         })
     }
 
@@ -132,6 +156,13 @@ impl Header {
         let over_time = self.abscissa_type == 17;
         let function = self.function == 1 || (self.function == 0 && over_time);
         function && !self.is_complex() && (over_time || self.abscissa_type == 0)
+    }
+
+    /// `true` if it is of complex responses over frequency: frequency responses, transmissibilities
+    /// or spectra.
+    pub(super) fn is_response(&self) -> bool {
+        let over_frequency = matches!(self.abscissa_type, 0 | 18);
+        matches!(self.function, 4 | 5 | 12) && self.is_complex() && over_frequency
     }
 
     pub(super) fn is_complex(&self) -> bool {
@@ -157,14 +188,22 @@ impl Header {
                 step,
                 ..
             } = self;
-            format!("{points} points every {step} s from {start} s on")
+            let unit = if self.is_complex() { "Hz" } else { "s" };
+            format!("{points} points every {step} {unit} from {start} {unit} on")
         } else {
-            format!("{} points with a time each", self.points)
+            format!("{} points with an abscissa each", self.points)
         }
     }
 
+    /// Abscissa of a point of an even set, counted from zero.
+    pub(super) fn even_abscissa(&self, number: u64) -> f64 {
+        self.start + number as f64 * self.step
+    }
+}
+
+impl Point {
     /// `12:+Z`, `wing:12:+Z`, `12` for a scalar; `None` without a node.
-    pub(super) fn node_and_direction(&self) -> Option<String> {
+    pub(super) fn name(&self) -> Option<String> {
         const AXES: [&str; 6] = ["X", "Y", "Z", "RX", "RY", "RZ"];
         if self.node == 0 {
             return None;

@@ -1,6 +1,9 @@
-//! Universal files (UFF, UNV): time histories of dataset 58, in ASCII and binary.
+//! Universal files (UFF, UNV): dataset 58, in ASCII and binary. Time histories are channels;
+//! responses over frequency are those of a stepped sine, with a channel `frequency` and two a
+//! response, `NAME.re` and `NAME.im`.
 
 mod header;
+mod nodes;
 mod scan;
 mod series;
 mod units;
@@ -9,8 +12,8 @@ use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
 use super::source::{Channel, Place, StatedRate};
 use super::{Format, Mismatch, RecordingError};
-use header::Header;
 use scan::Set;
+use series::Part;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -31,7 +34,7 @@ fn recognises(start: &[u8]) -> bool {
 }
 
 fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
-    let scan::Found { sets, notes } = scan::scan(&bytes)?;
+    let scan::Found { sets, notes, nodes } = scan::scan(&bytes)?;
     let Some(first) = sets.first() else {
         return Err(RecordingError::Malformed {
             file: bytes.file.clone(),
@@ -42,76 +45,114 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
                     [] => "it holds no dataset".to_owned(),
                     notes => notes.join("; "),
                 },
-                expected: "time histories in datasets 58".to_owned(),
+                expected: "time histories or complex frequency responses in datasets 58".to_owned(),
                 advice: "export the time histories of the test",
             }),
         });
     };
-    let names = names(&sets);
+    let complex = first.header.is_complex();
+    let names = names(&sets, complex);
     // Channels of one recording share their samples. A set that does not is refused when it is
     // asked for.
     let usual = most_common(sets.iter().map(|set| set.header.abscissa()));
     let shared = sets.iter().find(|set| Some(set.header.abscissa()) == usual);
     let shared = shared.unwrap_or(first).clone();
-    let channel = |(set, name): (&Set, String)| Channel {
-        name,
-        unit: set.unit.clone(),
-        direction: set.header.direction(),
-    };
-    let mut channels: Vec<Channel> = sets.iter().zip(names).map(channel).collect();
-    let step = shared.header.step;
     let (samples, uneven) = (shared.header.points, !shared.header.even);
-    if uneven {
+    let mut channels = Vec::new();
+    // The set and the part of its points that are each channel; no set: the shared one.
+    let mut parts = Vec::new();
+    let mut positions = Vec::new();
+    let parts_of_set: &[(&str, Part)] = match complex {
+        true => &[(".re", Part::Ordinate), (".im", Part::Imaginary)],
+        false => &[("", Part::Ordinate)],
+    };
+    for (number, (set, name)) in sets.iter().zip(names).enumerate() {
+        let node = set.header.response.node;
+        let direction = set.header.response.direction();
+        let turned = nodes.turned(node);
+        // A name that looks like a direction of the global system would be taken for one.
+        let name = turned.map_or_else(|| name.clone(), |system| format!("{name} in {system}"));
+        for (end, part) in parts_of_set {
+            positions.push(nodes.position(node));
+            channels.push(Channel {
+                name: format!("{name}{end}"),
+                unit: set.unit.clone(),
+                direction: direction.filter(|_| turned.is_none()),
+            });
+            parts.push((Some(number), *part));
+        }
+    }
+    if uneven || complex {
+        let (name, unit) = if complex {
+            ("frequency", "Hz")
+        } else {
+            ("time", "s")
+        };
         channels.push(Channel {
-            name: "time".to_owned(),
-            unit: Some("s".to_owned()),
+            name: name.to_owned(),
+            unit: Some(unit.to_owned()),
             direction: None,
         });
+        parts.push((None, Part::Abscissa));
     }
-    let time = uneven.then_some(sets.len());
-    let rate = (!uneven).then(|| StatedRate {
-        value: 1.0 / step,
+    let time = (uneven && !complex).then_some(sets.len());
+    let rate = (!uneven && !complex).then(|| StatedRate {
+        value: 1.0 / shared.header.step,
         place: "its abscissa",
     });
     let binary = sets.iter().filter(|set| set.binary.is_some()).count();
+    let over = if complex {
+        ", responses over frequency"
+    } else {
+        ""
+    };
     let form = format!(
-        "universal file, {} of dataset 58 ({binary} binary)",
+        "universal file, {} of dataset 58 ({binary} binary){over}",
         sets.len()
     );
     let labels: Vec<String> = channels.iter().map(|c| c.name.clone()).collect();
     let open = move |channel: usize| -> Result<Box<dyn Series>, RecordingError> {
         let label = labels.get(channel).map_or("", String::as_str);
-        let abscissa = time == Some(channel);
-        let set = if abscissa {
-            Some(&shared)
-        } else {
-            sets.get(channel)
-        };
-        let Some(set) = set else {
+        let part = parts.get(channel);
+        let set = part.map(|(number, _)| number.map_or(Some(&shared), |number| sets.get(number)));
+        let (Some(&(_, part)), Some(Some(set))) = (part, set) else {
             return Err(bytes.malformed(Place::Byte(0), label, "nothing", "a channel"));
         };
+        let other = |found: String, expected: String, advice| RecordingError::Malformed {
+            file: bytes.file.clone(),
+            place: Some(Place::Line(set.line)),
+            mismatch: Box::new(Mismatch {
+                channel: label.to_owned(),
+                found,
+                expected: format!("{expected} as the other channels have"),
+                advice,
+            }),
+        };
         if set.header.abscissa() != shared.header.abscissa() {
-            return Err(RecordingError::Malformed {
-                file: bytes.file.clone(),
-                place: Some(Place::Line(set.line)),
-                mismatch: Box::new(Mismatch {
-                    channel: label.to_owned(),
-                    found: set.header.described(),
-                    expected: format!("{} as the other channels have", shared.header.described()),
-                    advice: "channels of one recording share their samples: export the others to a file of their own",
-                }),
-            });
+            return Err(other(
+                set.header.described(),
+                shared.header.described(),
+                "channels of one recording share their samples: export the others to a file of their own",
+            ));
         }
-        series::open(
-            &bytes,
-            set,
-            label,
-            abscissa,
-            Some(&shared).filter(|_| uneven),
-        )
+        let per = |set: &Set| set.header.denominator.clone();
+        if complex && per(set) != per(&shared) {
+            let unit = |set| match per(set) {
+                Some((_, _, Some(unit))) => format!("a response per {unit}"),
+                Some((quantity, ..)) => format!("a response per quantity of type {quantity}"),
+                None => "a response per nothing".to_owned(),
+            };
+            return Err(other(
+                unit(set),
+                unit(&shared),
+                "the responses of a run are to one drive in one unit: export them alike",
+            ));
+        }
+        series::open(&bytes, set, label, part, Some(&shared).filter(|_| uneven))
     };
     Ok(Columns {
         channels,
+        positions,
         samples,
         rate,
         time,
@@ -122,23 +163,39 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     })
 }
 
+/// A way to name a set; `None` where it has no such name.
+type Way<'a> = &'a dyn Fn(&Set) -> Option<String>;
+
 /// Names of the channels: node and direction of the response, such as `12:+Z`, with the entity
-/// before them where it is given; without a node, or where several sets share it, the first
-/// line of the set's description.
-fn names(sets: &[Set]) -> Vec<String> {
-    let own = |h: &Header| h.node_and_direction();
-    let mut count: HashMap<String, usize> = HashMap::new();
-    for set in sets {
-        if let Some(name) = own(&set.header) {
+/// before them where it is given, and of responses to several references with that of the
+/// reference behind a slash; without a node, or where several sets share it, the first line of the
+/// set's description, with the fourth where several share the first.
+fn names(sets: &[Set], complex: bool) -> Vec<String> {
+    let mut references = sets.iter().map(|set| &set.header.reference);
+    let first = references.next();
+    let several = complex && references.any(|reference| Some(reference) != first);
+    let point = |set: &Set| {
+        let name = set.header.response.name()?;
+        let reference = set.header.reference.name().filter(|_| several);
+        Some(reference.map_or_else(|| name.clone(), |reference| format!("{name}/{reference}")))
+    };
+    let line = |set: &Set| set.header.description.clone();
+    let both = |set: &Set| Some(format!("{} ({})", line(set)?, set.header.remark.as_ref()?));
+    let ways: [Way<'_>; 3] = [&point, &line, &both];
+    let counts = ways.map(|way| {
+        let mut count: HashMap<String, usize> = HashMap::new();
+        for name in sets.iter().filter_map(way) {
             *count.entry(name).or_default() += 1;
         }
-    }
+        count
+    });
     let name = |(number, set): (usize, &Set)| {
-        let own = own(&set.header);
-        let alone = own.clone().filter(|name| count.get(name) == Some(&1));
+        let mut alone = ways.iter().zip(&counts).filter_map(|(way, count)| {
+            let name = way(set)?;
+            (count.get(&name) == Some(&1)).then_some(name)
+        });
         alone
-            .or_else(|| set.header.description.clone())
-            .or(own)
+            .next()
             .unwrap_or_else(|| format!("set {}", number + 1))
     };
     sets.iter().enumerate().map(name).collect()

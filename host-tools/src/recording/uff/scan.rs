@@ -1,9 +1,11 @@
 //! The datasets of a universal file: those that are read, and the numbers of the others.
 
 use super::header::{self, Header};
-use super::units;
+use super::nodes::Nodes;
+use super::units::{self, System};
 use crate::limits;
 use crate::recording::bytes::{Bytes, Part};
+use crate::recording::columns::most_common;
 use crate::recording::{Place, RecordingError};
 use std::collections::BTreeMap;
 use std::io::{BufRead, Read};
@@ -12,7 +14,7 @@ use std::rc::Rc;
 /// Most bytes of a line. Lines have 80 characters; programs that print doubles have twice that.
 const LINE: u64 = 64 << 10;
 
-/// A time history of dataset 58.
+/// A time history or a response over frequency of dataset 58.
 #[derive(Clone)]
 pub(super) struct Set {
     pub(super) header: Header,
@@ -27,10 +29,12 @@ pub(super) struct Set {
     pub(super) binary: Option<bool>,
 }
 
-/// The time histories of a file, and notes on the rest.
+/// The time histories of a file, or the responses of one that has no time history, and notes on the
+/// rest.
 pub(super) struct Found {
     pub(super) sets: Vec<Set>,
     pub(super) notes: Vec<String>,
+    pub(super) nodes: Nodes,
 }
 
 /// The lines of a file.
@@ -86,9 +90,11 @@ pub(super) fn scan(bytes: &Rc<Bytes>) -> Result<Found, RecordingError> {
     let mut found = Found {
         sets: Vec::new(),
         notes: Vec::new(),
+        nodes: Nodes::default(),
     };
     let mut others: BTreeMap<u32, u64> = BTreeMap::new();
     let mut functions: BTreeMap<i64, u64> = BTreeMap::new();
+    let mut responses: Vec<Set> = Vec::new();
     let mut system = None;
     while let Some(line) = lines.next()? {
         if line.trim_ascii().is_empty() {
@@ -119,17 +125,31 @@ pub(super) fn scan(bytes: &Rc<Bytes>) -> Result<Found, RecordingError> {
                 let set = set(bytes, &mut lines, &title, system)?;
                 if set.header.is_time_history() {
                     found.sets.push(set);
+                } else if set.header.is_response() {
+                    responses.push(set);
                 } else {
                     *functions.entry(set.header.function).or_default() += 1;
                 }
-                if found.sets.len() > limits::COLUMNS {
+                if found.sets.len() + responses.len() > limits::COLUMNS {
                     let most = format!("at most {}", limits::COLUMNS);
                     return Err(bytes.malformed(place, "", "more datasets 58", most));
                 }
             }
             164 => {
-                system = lines.text()?.as_deref().and_then(units::code);
-                rest(bytes, &mut lines, number)?;
+                // Code, and on the next lines the factors.
+                system = units::system(&text(bytes, &mut lines, number, 3)?);
+            }
+            15 | 781 | 2411 if !title.contains('b') => {
+                let begin = lines.number + 1;
+                let pairs = number != 15;
+                let most = 2 * limits::COLUMNS + 2;
+                let text = text(bytes, &mut lines, number, most)?;
+                let added = found.nodes.add(&text, pairs, system);
+                added.map_err(|(line, wrong)| {
+                    let expected =
+                        "a node: its number, two coordinate systems, a colour, x, y and z";
+                    bytes.malformed(Place::Line(begin + line), "", wrong, expected)
+                })?;
             }
             // Header, and qualifiers of a dataset 58.
             151 | 1858 => rest(bytes, &mut lines, number)?,
@@ -140,6 +160,17 @@ pub(super) fn scan(bytes: &Rc<Bytes>) -> Result<Found, RecordingError> {
                 }
                 rest(bytes, &mut lines, number)?;
             }
+        }
+    }
+    // Responses of one kind make a recording, where there are no time histories.
+    let usual = most_common(responses.iter().map(|set| set.header.function));
+    for set in responses {
+        if found.sets.iter().all(|set| set.header.is_complex())
+            && Some(set.header.function) == usual
+        {
+            found.sets.push(set);
+        } else {
+            *functions.entry(set.header.function).or_default() += 1;
         }
     }
     for (function, count) in functions {
@@ -154,7 +185,28 @@ pub(super) fn scan(bytes: &Rc<Bytes>) -> Result<Found, RecordingError> {
             .notes
             .push(format!("{count} of dataset {number} not read: {name}"));
     }
+    found.notes.extend(found.nodes.notes());
     Ok(found)
+}
+
+/// The first lines of a dataset, `most` at most; the rest and the delimiter are left out.
+fn text(
+    bytes: &Bytes,
+    lines: &mut Lines,
+    number: u32,
+    most: usize,
+) -> Result<Vec<String>, RecordingError> {
+    let mut text = Vec::new();
+    while text.len() < most {
+        match lines.text()? {
+            Some(line) if is_delimiter(line.as_bytes()) => return Ok(text),
+            // No line of these datasets is longer.
+            Some(line) => text.push(line.chars().take(160).collect()),
+            None => break,
+        }
+    }
+    rest(bytes, lines, number)?;
+    Ok(text)
 }
 
 /// Leaves out the lines of a dataset and the delimiter behind it.
@@ -210,11 +262,18 @@ fn skip_binary(bytes: &Bytes, lines: &mut Lines, title: &str) -> Result<(), Reco
     Ok(())
 }
 
+/// `true` if a delimiter stands at a byte, or behind the end of a line there.
+fn ends_behind(bytes: &Rc<Bytes>, at: u64) -> bool {
+    let mut next = Vec::new();
+    let read = bytes.part(at, at.saturating_add(16)).read_to_end(&mut next);
+    read.is_ok() && next.trim_ascii_start().starts_with(b"-1")
+}
+
 fn set(
-    bytes: &Bytes,
+    bytes: &Rc<Bytes>,
     lines: &mut Lines,
     title: &str,
-    system: Option<usize>,
+    system: Option<System>,
 ) -> Result<Set, RecordingError> {
     let line = lines.number;
     let binary = binary(bytes, title, Place::Line(line))?;
@@ -259,13 +318,21 @@ fn set(
     };
     let number = if header.is_double() { 8 } else { 4 };
     let parts = if header.is_complex() { 2 } else { 1 };
-    let pairs = if header.even { 0 } else { 4 };
-    let needed = header.points.checked_mul(parts * number + pairs);
-    // Some programs state no length.
-    let length = if stated == 0 {
-        needed.unwrap_or(u64::MAX)
-    } else {
-        stated
+    // Abscissae have single precision; some programs write them as the ordinates.
+    let pairs: &[u64] = if header.even { &[0] } else { &[4, number] };
+    let sizes = pairs
+        .iter()
+        .map(|pair| header.points.checked_mul(parts * number + pair));
+    let needed = sizes.clone().next().flatten();
+    // Some programs state no length, or that of the points' real parts alone: then that one holds
+    // behind which the dataset ends.
+    let length = match needed {
+        Some(needed) if stated < needed => {
+            let mut sizes = sizes.flatten();
+            let ended = sizes.find(|size| ends_behind(bytes, start.saturating_add(*size)));
+            ended.unwrap_or(if stated == 0 { needed } else { stated })
+        }
+        _ => stated,
     };
     if needed.is_none_or(|needed| length < needed) || length > bytes.len - start.min(bytes.len) {
         let found = format!(
@@ -322,7 +389,6 @@ fn function_name(function: i64) -> String {
 
 fn dataset_name(number: u32) -> &'static str {
     match number {
-        15 | 781 | 2411 => "nodes",
         18 | 2420 => "coordinate systems",
         55 => "data at nodes",
         71 | 780 | 2412 => "elements",

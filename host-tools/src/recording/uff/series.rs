@@ -1,67 +1,92 @@
 //! The data of a set of dataset 58, number by number.
 
+use super::header::Header;
 use super::scan::{Lines, Set, is_delimiter};
 use crate::printable::quoted;
-use crate::recording::bytes::{Bytes, Part};
+use crate::recording::bytes::{Bytes, Part as Bits};
 use crate::recording::columns::Series;
 use crate::recording::number::{Coding, Kind};
 use crate::recording::{Place, RecordingError};
 use std::io::Read;
 use std::rc::Rc;
 
-/// Opens the ordinates of a set, or its abscissae. The abscissae of a set that has its own have to
-/// be those of the set `shared`.
+/// The part of the points of a set that is a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Part {
+    Abscissa,
+    /// The ordinate, or its real part.
+    Ordinate,
+    Imaginary,
+}
+
+/// Opens a part of a set. The abscissae of a set that has its own have to be those of the set
+/// `shared`.
 pub(super) fn open(
     bytes: &Rc<Bytes>,
     set: &Set,
     channel: &str,
-    abscissae: bool,
+    part: Part,
     shared: Option<&Set>,
 ) -> Result<Box<dyn Series>, RecordingError> {
-    let pairs = Pairs::new(bytes, set, channel)?;
-    if abscissae {
-        return Ok(Box::new(Abscissae(pairs)));
+    if part == Part::Abscissa && set.header.even {
+        let header = set.header.clone();
+        return Ok(Box::new(Even { header, next: 0 }));
     }
     let shared = shared.filter(|shared| shared.line != set.line);
     let shared = shared
         .map(|shared| Pairs::new(bytes, shared, channel))
         .transpose()?;
-    Ok(Box::new(Ordinates { pairs, shared }))
+    Ok(Box::new(Points {
+        pairs: Pairs::new(bytes, set, channel)?,
+        shared,
+        part,
+    }))
 }
 
-struct Abscissae(Pairs);
+/// Abscissae of an even set.
+struct Even {
+    header: Header,
+    next: u64,
+}
 
-impl Series for Abscissae {
+impl Series for Even {
     fn next(&mut self) -> Result<f64, RecordingError> {
-        Ok(self.0.next()?[0])
+        self.next += 1;
+        Ok(self.header.even_abscissa(self.next - 1))
     }
 }
 
-struct Ordinates {
+struct Points {
     pairs: Pairs,
     shared: Option<Pairs>,
+    part: Part,
 }
 
-impl Series for Ordinates {
+impl Series for Points {
     fn next(&mut self) -> Result<f64, RecordingError> {
-        let [x, y] = self.pairs.next()?;
+        let [x, y, imaginary] = self.pairs.next()?;
         if let Some(shared) = &mut self.shared {
             let expected = shared.next()?[0];
             if x != expected {
-                let found = format!("time {x} s");
-                let expected = format!("{expected} s as the first dataset 58 has it");
+                let found = format!("abscissa {x}");
+                let expected = format!("{expected} as the first dataset 58 has it");
                 return Err(self.pairs.wrong(found, expected));
             }
         }
-        Ok(y)
+        Ok(match self.part {
+            Part::Abscissa => x,
+            Part::Ordinate => y,
+            Part::Imaginary => imaginary,
+        })
     }
 }
 
-/// Abscissae, zero where they are even, and ordinates.
+/// Abscissae, zero where they are even, and ordinates with their imaginary parts.
 struct Pairs {
     bytes: Rc<Bytes>,
     channel: String,
     even: bool,
+    complex: bool,
     points: u64,
     next: u64,
     data: Data,
@@ -74,7 +99,7 @@ enum Data {
         at: usize,
     },
     Binary {
-        part: Part,
+        part: Bits,
         abscissa: Coding,
         ordinate: Coding,
     },
@@ -96,7 +121,8 @@ impl Pairs {
                     big,
                 };
                 // Abscissae have single precision; some programs write them as the ordinates.
-                let wide = header.is_double() && (end - at) / header.points >= 16;
+                let wide = 8 + if header.is_complex() { 16 } else { 8 };
+                let wide = header.is_double() && (end - at) / header.points >= wide;
                 Data::Binary {
                     part: bytes.part(at, end),
                     abscissa: of(wide),
@@ -108,20 +134,26 @@ impl Pairs {
             bytes: Rc::clone(bytes),
             channel: channel.to_owned(),
             even: header.even,
+            complex: header.is_complex(),
             points: header.points,
             next: 0,
             data,
         })
     }
 
-    fn next(&mut self) -> Result<[f64; 2], RecordingError> {
+    fn next(&mut self) -> Result<[f64; 3], RecordingError> {
         let x = if self.even { 0.0 } else { self.number(true)? };
         let y = self.number(false)?;
+        let imaginary = if self.complex {
+            self.number(false)?
+        } else {
+            0.0
+        };
         self.next += 1;
         if self.next == self.points {
             self.end()?;
         }
-        Ok([x, y])
+        Ok([x, y, imaginary])
     }
 
     fn place(&self) -> Place {
