@@ -9,6 +9,8 @@
 //! | `mat` | MAT files of version 5 |
 //! | `tdms` | TDMS without scaling by DAQmx |
 //! | `wav` | WAV |
+//! | `parquet` | Parquet |
+//! | `about` | facts about a recording that Parquet files and journals carry |
 //! | `columns` | files that have each channel as a series of its own |
 //! | `bytes` | any part of a file, in shared pages |
 //! | `number` | numbers of fixed size as files hold them |
@@ -25,6 +27,7 @@
 //! A new format is a file in this folder with a type that implements [`Source`] and a
 //! `Format`, and its two lines in this one (`mod` and `FORMATS`).
 
+mod about;
 mod bytes;
 mod checksum;
 mod columns;
@@ -39,6 +42,7 @@ mod input;
 mod mat;
 mod names;
 mod number;
+mod parquet;
 mod preamble;
 mod reader;
 mod source;
@@ -77,11 +81,12 @@ struct Format {
 
 /// All formats, in the order in which they are tried. CSV is the last: it takes every file, and
 /// its errors say what one may be that is no text.
-const FORMATS: [Format; 6] = [
+const FORMATS: [Format; 7] = [
     foreign::FORMAT,
     uff::FORMAT,
     mat::FORMAT,
     tdms::FORMAT,
     wav::FORMAT,
+    parquet::FORMAT,
     csv::FORMAT,
 ];
