@@ -57,12 +57,15 @@ pub(crate) struct AboutChannel {
 /// The firmware that recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub(crate) struct Firmware {
-    pub(crate) name: String,
-    pub(crate) version: String,
-    pub(crate) build: String,
+pub struct Firmware {
+    /// Name.
+    pub name: String,
+    /// Version.
+    pub version: String,
+    /// Source revision that it was built from.
+    pub build: String,
     /// Serial number of the chip, hexadecimal.
-    pub(crate) chip_serial: String,
+    pub chip_serial: String,
 }
 
 impl About {
@@ -75,6 +78,16 @@ impl About {
         };
         about.state(preamble);
         about
+    }
+
+    /// Facts about a recording of which only the channels' names are known.
+    pub(crate) fn of_names<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
+        let channel = |name: &str| Channel {
+            name: name.to_owned(),
+            ..Channel::default()
+        };
+        let channels = names.into_iter().map(channel).collect();
+        Self::new(channels, &Preamble::default())
     }
 
     /// Takes over true rate and calibrations.

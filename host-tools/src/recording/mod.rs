@@ -22,6 +22,7 @@
 //! | `time` | the channel of time: its name, its unit, and how far it is rounded |
 //! | `preamble` | true sample rate and calibrations that a recording states |
 //! | `faults`, `health` | faults of samples; the state of channels, seen from their samples |
+//! | `rows` | recordings that are written |
 //! | `checksum` | the identity of a file |
 //!
 //! A new format is a file in this folder with a type that implements [`Source`] and a
@@ -45,6 +46,7 @@ mod number;
 mod parquet;
 mod preamble;
 mod reader;
+mod rows;
 mod source;
 mod tdms;
 #[cfg(test)]
@@ -53,17 +55,21 @@ mod time;
 mod uff;
 mod wav;
 
+pub(crate) use about::About;
+pub use about::Firmware;
 pub use checksum::Checksum;
 pub(crate) use checksum::Summed;
-pub(crate) use csv::field;
 pub(crate) use delay::MOST_DELAY;
 pub use error::{Mismatch, RecordingError};
+pub(crate) use faults::read as spelt;
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use form::Form;
 pub use health::{ChannelHealth, Complaint, Health};
 pub(crate) use names::{some_of, split as split_label};
 pub use preamble::{Preamble, Traceability, TrueRate};
 pub use reader::Recording;
+pub use rows::Written;
+pub(crate) use rows::{Line, Rows};
 pub use source::{Block, Channel, Place, Source, StatedRate};
 
 use input::Input;

@@ -245,7 +245,11 @@ impl Chunk {
         };
         (chunk.values, chunk.bytes) = (values, bytes);
         // Some writers state zero where there is no dictionary.
-        chunk.begin = if dictionary > 0 { data.min(dictionary) } else { data };
+        chunk.begin = if dictionary > 0 {
+            data.min(dictionary)
+        } else {
+            data
+        };
         Ok(chunk)
     }
 }

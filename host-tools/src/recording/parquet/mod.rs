@@ -6,6 +6,7 @@
 //! | `footer` | columns, row groups, and notes of the writer |
 //! | `pages` | the pages of a column, unpacked and vetted |
 //! | `series` | the values of a column |
+//! | `write` | recordings of this program to Parquet |
 //! | `pandas` | columns that pandas describes beside the file's schema |
 //!
 //! Each column that is read holds one page, and its dictionary; a row group may be as long as the
@@ -17,6 +18,9 @@ mod pages;
 mod pandas;
 mod series;
 mod thrift;
+mod write;
+
+pub(super) use write::ParquetRows;
 
 use super::about::About;
 use super::input::Input;
@@ -40,9 +44,9 @@ const MAGIC: &[u8; 4] = b"PAR1";
 const ENCRYPTED: &[u8; 4] = b"PARE";
 
 /// Name of the column of time in files that this program writes.
-pub(crate) const TIME_COLUMN: &str = "time";
+const TIME_COLUMN: &str = "time";
 /// Beginning of the name of the program in files that it has written.
-pub(crate) const WRITER: &str = "massline ";
+const WRITER: &str = "massline ";
 
 /// The format.
 pub(super) const FORMAT: Format = Format {
@@ -193,7 +197,9 @@ impl ParquetFile {
         let mut notes = Vec::new();
         if !unread.is_empty() {
             let names = super::some_of(unread.iter());
-            notes.push(format!("columns that are not numbers are not read: {names}"));
+            notes.push(format!(
+                "columns that are not numbers are not read: {names}"
+            ));
         }
         Ok(Self {
             rate: about.rate(),

@@ -179,7 +179,10 @@ impl Pages {
     fn next_page(&mut self) -> Result<Option<Page>> {
         while self.left > 0 {
             if self.at >= self.end {
-                return Err(wrong(format!("{} values are missing at its end", self.left)));
+                return Err(wrong(format!(
+                    "{} values are missing at its end",
+                    self.left
+                )));
             }
             let (header, length) = self.header()?;
             let begin = self.at + length;
@@ -200,7 +203,9 @@ impl Pages {
                 return Err(wrong("a page that breaks off"));
             }
             if header.crc.is_some_and(|crc| crc != crc_of(&packed)) {
-                return Err(wrong("a page whose checksum is another one than its header's"));
+                return Err(wrong(
+                    "a page whose checksum is another one than its header's",
+                ));
             }
             if header.kind == 2 {
                 return self.dictionary(&header, &packed).map(Some);
@@ -245,7 +250,9 @@ impl Pages {
         self.hold(1, bytes.len() as u64)?;
         let mut levels = 0;
         if self.nullable {
-            let stated = bytes.first_chunk().map(|length| u32::from_le_bytes(*length));
+            let stated = bytes
+                .first_chunk()
+                .map(|length| u32::from_le_bytes(*length));
             levels = stated.map_or(usize::MAX, |length| 4 + length as usize);
             if header.levels != 3 || levels > bytes.len() {
                 return Err(wrong("a page whose marks of missing values cannot be read"));
@@ -312,7 +319,9 @@ impl Pages {
             }
             (0, _) => Ok(Encoding::PLAIN),
             (2 | 8, _) if self.has_dictionary => Ok(Encoding::RLE_DICTIONARY),
-            (2 | 8, _) => Err(wrong("a page that refers to a dictionary, and there is none")),
+            (2 | 8, _) => Err(wrong(
+                "a page that refers to a dictionary, and there is none",
+            )),
             (5, Values::Int32(_) | Values::Int64(_)) => {
                 let Some(there) = deltas(values) else {
                     return Err(wrong("a page of differences that cannot be read"));

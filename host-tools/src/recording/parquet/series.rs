@@ -5,9 +5,7 @@ use super::pages::{Pages, Store};
 use crate::recording::faults;
 use massline_firmware::wire::Health;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
-use parquet::data_type::{
-    ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,
-};
+use parquet::data_type::{ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::errors::{ParquetError, Result};
 use parquet::schema::types::{ColumnDescriptor, ColumnPath, Type};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -110,7 +108,9 @@ impl Series {
         // not used again. Those that are known are refused before (`pages`).
         let read = catch_unwind(AssertUnwindSafe(|| self.decode(most)));
         let read = read.unwrap_or_else(|_| {
-            Err(ParquetError::General("values that cannot be decoded".to_owned()))
+            Err(ParquetError::General(
+                "values that cannot be decoded".to_owned(),
+            ))
         });
         if read.is_err() {
             self.reader = None;
@@ -154,19 +154,15 @@ impl Series {
             Some(ColumnReader::DoubleColumnReader(reader)) => {
                 read::<DoubleType>(reader, most, |x| numbers.push(x.copied()))
             }
-            Some(ColumnReader::Int32ColumnReader(reader)) => {
-                read::<Int32Type>(reader, most, |x| {
-                    numbers.push(x.map(|x| match meaning {
-                        Meaning::Unsigned => f64::from(*x as u32),
-                        meaning => whole(i64::from(*x), meaning, first),
-                    }));
-                })
-            }
-            Some(ColumnReader::Int64ColumnReader(reader)) => {
-                read::<Int64Type>(reader, most, |x| {
-                    numbers.push(x.map(|x| whole(*x, meaning, first)));
-                })
-            }
+            Some(ColumnReader::Int32ColumnReader(reader)) => read::<Int32Type>(reader, most, |x| {
+                numbers.push(x.map(|x| match meaning {
+                    Meaning::Unsigned => f64::from(*x as u32),
+                    meaning => whole(i64::from(*x), meaning, first),
+                }));
+            }),
+            Some(ColumnReader::Int64ColumnReader(reader)) => read::<Int64Type>(reader, most, |x| {
+                numbers.push(x.map(|x| whole(*x, meaning, first)));
+            }),
             Some(ColumnReader::ByteArrayColumnReader(reader)) => {
                 read::<ByteArrayType>(reader, most, |x| {
                     let words = x.map_or(Ok(Health::GOOD), |x| {

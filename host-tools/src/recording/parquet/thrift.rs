@@ -213,7 +213,9 @@ mod tests {
     #[test]
     fn fields_are_numbered_by_steps_and_in_full() {
         // Field 3: -2 as i32; field 100, in full: a text; field 101: true; the end.
-        let bytes = [0x35, 0x03, 0x08, 0xc8, 0x01, 0x02, b'h', b'i', 0x11, 0x00, 0xee];
+        let bytes = [
+            0x35, 0x03, 0x08, 0xc8, 0x01, 0x02, b'h', b'i', 0x11, 0x00, 0xee,
+        ];
         let mut thrift = Thrift::new(&bytes);
         let mut seen = Vec::new();
         let done = thrift.fields(|own, number, kind| {
