@@ -17,6 +17,8 @@ mod footer;
 mod pages;
 mod pandas;
 mod series;
+#[cfg(test)]
+mod tests;
 mod thrift;
 mod write;
 
