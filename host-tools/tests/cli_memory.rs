@@ -174,7 +174,10 @@ fn ten_times_the_recording_takes_the_same_memory_in_parquet() {
     let bound = 19 * 4 * 3072 * 90 / 10;
     assert!(long_read < short_read + bound, "{resident:?}");
     // A whole row group of eight mebibytes in lists that grow by doubling, where the short one has less.
-    assert!(long_written < short_written + bound + (16 << 20), "{resident:?}");
+    assert!(
+        long_written < short_written + bound + (16 << 20),
+        "{resident:?}"
+    );
 }
 
 /// So much text, 64 MiB, by repeating some.

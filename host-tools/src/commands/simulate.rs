@@ -43,8 +43,8 @@ pub struct Arguments {
     /// State the mass in the setup, as if it had been weighed
     #[arg(long)]
     weighed: bool,
-    /// Format of the recordings; Parquet also holds the set-up, units and directions
-    #[arg(long, value_enum, default_value_t = Written::Csv)]
+    /// Format of the recordings: csv, or parquet, which holds set-up, units and directions, too
+    #[arg(long, value_enum, default_value_t = Written::Csv, hide_possible_values = true)]
     format: Written,
     /// Replace files of the same names that this program has not simulated
     #[arg(long)]

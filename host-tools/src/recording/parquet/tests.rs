@@ -79,8 +79,13 @@ fn file(pages: &[u8], rows: i64, codec: i64) -> Vec<u8> {
         .number(5, rows)
         .number(7, pages.len() as i64)
         .number(9, 4);
-    let group = new().list(1, vec![new().structure(3, chunk)]).number(3, rows);
-    let footer = new().list(2, vec![root, column]).number(3, rows).list(4, vec![group]);
+    let group = new()
+        .list(1, vec![new().structure(3, chunk)])
+        .number(3, rows);
+    let footer = new()
+        .list(2, vec![root, column])
+        .number(3, rows)
+        .list(4, vec![group]);
     with_footer(pages, &footer.end())
 }
 
@@ -106,35 +111,70 @@ fn read(bytes: &[u8]) -> Result<Vec<f64>, String> {
 #[track_caller]
 fn refused(bytes: &[u8], words: &str) {
     let error = read(bytes).unwrap_err();
-    assert!(error.contains(words) && error.contains("x.parquet"), "{error}");
+    assert!(
+        error.contains(words) && error.contains("x.parquet"),
+        "{error}"
+    );
 }
 
 #[test]
 fn headers_that_ask_for_more_than_there_is() {
     const MOST: i64 = i32::MAX as i64;
-    let values: Vec<u8> = [1.5_f64, -2.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let values: Vec<u8> = [1.5_f64, -2.0]
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
     let page = |header: Vec<u8>| [header, values.clone()].concat();
-    assert_eq!(read(&file(&page(header(0, 16, 16, 2, 0)), 2, 0)), Ok(vec![1.5, -2.0]));
+    assert_eq!(
+        read(&file(&page(header(0, 16, 16, 2, 0)), 2, 0)),
+        Ok(vec![1.5, -2.0])
+    );
     let beyond = "a page of 2147483647 bytes, where at most 16 MiB";
     refused(&file(&page(header(0, 16, MOST, 2, 0)), 2, 0), beyond);
     refused(&file(&page(header(0, MOST, 16, 2, 0)), 2, 1), beyond);
-    refused(&file(&page(header(0, -1, 16, 2, 0)), 2, 0), "fewer than no bytes");
+    refused(
+        &file(&page(header(0, -1, 16, 2, 0)), 2, 0),
+        "fewer than no bytes",
+    );
     // Pages within the limit that are not there, or unpack to another size than they state.
     let most = limits::PAGE as i64;
-    refused(&file(&page(header(0, most, most, 2, 0)), 2, 0), "breaks off");
+    refused(
+        &file(&page(header(0, most, most, 2, 0)), 2, 0),
+        "breaks off",
+    );
     refused(&file(&page(header(0, 16, 15, 2, 0)), 2, 0), "another size");
-    let bomb = snap::raw::Encoder::new().compress_vec(&vec![0; 1 << 20]).unwrap();
+    let bomb = snap::raw::Encoder::new()
+        .compress_vec(&vec![0; 1 << 20])
+        .unwrap();
     let bomb = [header(0, 16, bomb.len() as i64, 2, 0), bomb].concat();
     refused(&file(&bomb, 2, 1), "another size");
     // Values, dictionaries and differences that contradict their pages.
-    refused(&file(&page(header(0, 16, 16, 3, 0)), 3, 0), "Not enough bytes");
-    refused(&file(&page(header(0, 16, 16, MOST, 0)), 2, 0), "more values than its footer");
-    refused(&file(&page(header(2, 16, 16, MOST, 0)), 2, 0), "no list of values");
+    refused(
+        &file(&page(header(0, 16, 16, 3, 0)), 3, 0),
+        "Not enough bytes",
+    );
+    refused(
+        &file(&page(header(0, 16, 16, MOST, 0)), 2, 0),
+        "more values than its footer",
+    );
+    refused(
+        &file(&page(header(2, 16, 16, MOST, 0)), 2, 0),
+        "no list of values",
+    );
     refused(&file(&page(header(0, 16, 16, 2, 8)), 2, 0), "there is none");
-    refused(&file(&page(header(0, 16, 16, 2, 5)), 2, 0), "encoding number 5");
-    refused(&file(&page(header(0, 16, 16, 1, 0)), 2, 0), "missing at its end");
+    refused(
+        &file(&page(header(0, 16, 16, 2, 5)), 2, 0),
+        "encoding number 5",
+    );
+    refused(
+        &file(&page(header(0, 16, 16, 1, 0)), 2, 0),
+        "missing at its end",
+    );
     refused(&file(&[], 2, 0), "missing at its end");
-    refused(&file(&page(header(0, 16, 16, 2, 0)), 2, 4), "compressed by Brotli");
+    refused(
+        &file(&page(header(0, 16, 16, 2, 0)), 2, 4),
+        "compressed by Brotli",
+    );
 }
 
 #[test]
@@ -153,10 +193,15 @@ fn footers_that_ask_for_more_than_there_is() {
     refused(b"PAR1\0\0", "no footer at its end");
     // Groups without columns, and a schema of more columns than it has.
     let group = || new().number(3, 1);
-    let groups = new().number(3, 9).list(4, (0..9).map(|_| group()).collect());
+    let groups = new()
+        .number(3, 9)
+        .list(4, (0..9).map(|_| group()).collect());
     refused(&with_footer(&[], &groups.end()), "without columns");
     let root = new().text(4, "root").number(5, i64::from(i32::MAX));
-    refused(&with_footer(&[], &new().list(2, vec![root]).end()), "a schema that breaks off");
+    refused(
+        &with_footer(&[], &new().list(2, vec![root]).end()),
+        "a schema that breaks off",
+    );
     let empty = with_footer(&[], &new().end());
     refused(&empty, "there is no channel `a1`");
 }
@@ -169,7 +214,11 @@ fn own(folder: &Path) -> PathBuf {
     };
     let mut bytes = Vec::new();
     let mut rows = ParquetRows::begin(&mut bytes, about, Some(512.0), true).unwrap();
-    for (x, health) in [(1.5, Health::GOOD), (0.0, Health::MISSING), (2.5, Health::OPEN)] {
+    for (x, health) in [
+        (1.5, Health::GOOD),
+        (0.0, Health::MISSING),
+        (2.5, Health::OPEN),
+    ] {
         rows.row(&[x], health).unwrap();
     }
     rows.finish().unwrap();
