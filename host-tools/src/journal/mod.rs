@@ -12,8 +12,8 @@
 //! The index of a Parquet file stands at its end: if the program that writes it is killed, nothing of it
 //! can be read. So rows go to a journal, in frames that can be read one by one: each has its length, its
 //! checksum, and the number of its first row. What is damaged or cut costs the rows of that frame, and
-//! since the next one tells its number, none behind it shifts. The head, without which nobody knows
-//! whose the readings are, stands at the beginning and behind every 64th frame.
+//! since the next one tells its number, none behind it shifts. The head, which holds the
+//! names of the channels, stands at the beginning and before every 64th frame of rows.
 
 mod frame;
 mod read;

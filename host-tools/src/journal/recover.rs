@@ -89,7 +89,7 @@ pub enum RecoverError {
     },
     /// A journal of which no head is left.
     #[error(
-        "{}: the names of its channels, which stand at its beginning and behind every 64th frame, are damaged wherever they stand", part.display()
+        "{}: the names of its channels, which stand at its beginning and before every 64th frame of rows, are damaged wherever they stand", part.display()
     )]
     NoHead {
         /// The file.

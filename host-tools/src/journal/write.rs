@@ -27,7 +27,7 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// A journal of a recording. The head is written again and again, so that no single damage takes it.
+    /// A journal of a recording. The head is repeated, so that a damaged place costs one copy of it.
     pub(crate) fn new(about: &About) -> Self {
         let mut head = Vec::new();
         frame::write(Kind::Head, 0, about.to_json().as_bytes(), &mut head);

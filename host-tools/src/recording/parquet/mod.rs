@@ -136,7 +136,7 @@ fn footer(file: &Path, store: &Store, size: u64) -> Result<Footer, RecordingErro
     Ok(footer)
 }
 
-/// Position of the columns of text of faults.
+/// `true` for the column of the faults of the samples.
 fn is_faults(column: &Column) -> bool {
     column.name == HEALTH_COLUMN && column.values == Some(Values::Text)
 }
