@@ -228,7 +228,7 @@ fn again(folder: &Path, file: &Path, part: &Path) {
     forced.says(named);
     assert!(std::fs::read(&aside).unwrap() == left && !part.exists());
     // By a name of its own it is a recording.
-    let own = ["recover", named, "--out", "kept.parquet"];
+    let own = ["recover", named, "--out", "kept.parquet", "--force"];
     assert_eq!(massline(folder, own).code, Some(0));
     let columns: Vec<&str> = Vec::new();
     Recording::open(&folder.join("kept.parquet"), &columns).unwrap();
