@@ -1,8 +1,8 @@
 //! The command line: one file a command, in [`crate::commands`].
 
 use crate::commands::{
-    self, Failure, Verbosity, board, check, demo, export, flash, identify, init, replay, simulate,
-    sketch, study,
+    self, Failure, Verbosity, board, check, demo, export, flash, identify, init, recover, replay,
+    simulate, sketch, study,
 };
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -35,6 +35,7 @@ enum Command {
     Study(study::Arguments),
     Replay(replay::Arguments),
     Board(board::Arguments),
+    Recover(recover::Arguments),
     Flash(flash::Arguments),
     /// Print a completion script for your shell
     #[command(
@@ -75,6 +76,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Study(a) => study::run(&a, verbosity),
         Command::Replay(a) => replay::run(&a, verbosity),
         Command::Board(a) => board::run(&a, verbosity),
+        Command::Recover(a) => recover::run(&a, verbosity),
         Command::Flash(a) => flash::run(&a, verbosity),
         Command::Completions { shell } => {
             let mut command = <Cli as clap::CommandFactory>::command();

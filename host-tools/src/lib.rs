@@ -12,6 +12,7 @@ pub mod frame;
 pub mod identification;
 mod init;
 pub mod inputs;
+pub mod journal;
 pub mod likelihood;
 pub mod limits;
 pub mod measure;

@@ -58,6 +58,12 @@ pub const SENSORS: usize = massline_core::geometry::MAX_CHANNELS;
 pub const RUNS: usize = 1000;
 /// Most bytes of one row of a recording, comments before it included.
 pub const ROW: u64 = 4 << 20;
+/// Most bytes of a page of a Parquet file, packed or not. Writers make pages of a mebibyte.
+pub const PAGE: u64 = 16 << 20;
+/// Most bytes of all pages of a Parquet file that are read at a time.
+pub const PAGES: u64 = 256 << 20;
+/// Most bytes of the footer of a Parquet file.
+pub const FOOTER: u64 = 16 << 20;
 /// Most columns of a recording.
 pub const COLUMNS: usize = 1 << 17;
 /// Most bytes of the structure of an HDF5 file that are read before its first sample; each part
@@ -160,6 +166,21 @@ pub fn table() -> Vec<[String; 3]> {
         row(
             "a row of a recording, comments before it included",
             mega(ROW),
+            "the command ends",
+        ),
+        row(
+            "a page of a Parquet file, packed or not",
+            mega(PAGE),
+            "the command ends",
+        ),
+        row(
+            "all pages of a Parquet file that are read at a time",
+            mega(PAGES),
+            "the command ends",
+        ),
+        row(
+            "the footer of a Parquet file",
+            mega(FOOTER),
             "the command ends",
         ),
         row(

@@ -57,6 +57,33 @@ fn ten_times_the_recording_takes_the_same_memory() {
     assert!(long < short + bound, "{short} bytes grew to {long}");
 }
 
+/// Columns of a row group, and a page of each when they are read.
+#[test]
+fn ten_times_the_recording_takes_the_same_memory_in_parquet() {
+    let resident = [10, 100].map(|times| {
+        let (bench, _) = repeated(times);
+        let text = std::fs::read_to_string(bench.file(RECORDINGS[0])).unwrap();
+        let (header, rows) = text.split_once('\n').unwrap();
+        let lines = format!("{header},health\n{}", rows.replace('\n', ",\n"));
+        let bench = bench.write("x.csv.part", lines);
+        let recover = ["recover", "x.csv.part", "--out", "x.parquet"];
+        let (written, success, said) = watched(command(bench.path(), recover));
+        assert!(success, "{said}");
+        std::fs::rename(bench.file("x.parquet"), bench.file(RECORDINGS[0])).unwrap();
+        [written, peak(&bench)]
+    });
+    println!("Parquet, written and read: {resident:?} resident");
+    let [[short_written, short_read], [long_written, long_read]] = resident;
+    // As for CSV: a tenth of the readings that were added.
+    let bound = 19 * 4 * 3072 * 90 / 10;
+    assert!(long_read < short_read + bound, "{resident:?}");
+    // A whole row group of eight mebibytes in lists that grow by doubling, where the short one has less.
+    assert!(
+        long_written < short_written + bound + (16 << 20),
+        "{resident:?}"
+    );
+}
+
 /// So much text, 64 MiB, by repeating some.
 fn much(of: &str) -> String {
     of.repeat((64 << 20) / of.len())

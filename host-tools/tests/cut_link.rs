@@ -183,6 +183,7 @@ fn a_recording() {
     at_every_frame(0, &|client, folder| {
         let file = folder.join("x.csv");
         let order = acquire::Order {
+            firmware: None,
             inputs: inputs.clone(),
             seconds: Some(0.5),
             file: file.clone(),

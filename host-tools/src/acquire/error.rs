@@ -99,7 +99,7 @@ pub enum AcquireError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// Rows that did not become a recording.
-    #[error("{source}; the rows that came are kept in {}: once what is wrong is mended, rename it to a name that ends in .csv, and it is a recording for a setup with `sample_rate`", .part.display())]
+    #[error("{source}; the rows that came are kept in {}: once what is wrong is mended, `massline recover {}` makes a recording of them", .part.display(), .part.display())]
     Kept {
         /// The rows.
         part: PathBuf,

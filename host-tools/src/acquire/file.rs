@@ -1,38 +1,45 @@
 //! A recording while it grows.
 //!
 //! The preamble above a recording's header is known at its end only, the true sample rate for
-//! one. So rows go to a file beside it, whose name ends in `.part`; at the end the preamble and
-//! they become the recording, which is in its place as a whole or not at all. If this program
-//! dies before, the rows are there: a recording without a preamble. Those that were flushed are
-//! all there, however it dies; the last line may be cut. Once a second the disk is to hold what
-//! came up to then, so that a power cut takes no more than two, or twice the time that the disk
-//! takes for it if that is longer than a second.
+//! one, and so is the index of a Parquet file. So rows go to a file beside it, whose name ends in
+//! `.part`: as lines of CSV, or to a journal ([`crate::journal`]). At the end they become the recording,
+//! which is in its place as a whole or not at all. If this program dies before, the rows are there, and
+//! `massline recover` makes a recording of them. Those that were flushed are all there, however it
+//! dies; the last line or frame may be cut. Once a second the disk is to hold what came up to then, so
+//! that a power cut takes no more than two, or twice the time that the disk takes for it if that is
+//! longer than a second.
 
 use super::AcquireError;
+use crate::journal::{self, Journal};
 use crate::output::{self, Existing, Output, OutputError, Part};
-use crate::recording::{HEALTH_COLUMN, Preamble, field, spell};
-use flate2::Compression;
-use flate2::write::GzEncoder;
+use crate::recording::{About, Line, Rows, TrueRate, Written};
 use massline_firmware::wire::Health;
-use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// A recording while it grows.
 pub(super) struct Growing {
     file: PathBuf,
+    format: Written,
     /// `true` if a file of that name may be replaced.
     replace: bool,
     part: Part,
-    line: String,
+    form: Form,
+    rows: u64,
     /// Rows that the disk was not told to hold.
     unsynced: u64,
     /// As many as there may be: a second's.
     every: u64,
 }
 
+/// Form of the rows while they are no recording.
+enum Form {
+    Lines(Line),
+    Frames(Journal),
+}
+
 impl Growing {
-    /// Begins a recording of these channels, which have so many samples a second. Its folder is
+    /// Begins a recording of which this is known, which has so many samples a second. Its folder is
     /// made if it is missing.
     ///
     /// # Errors
@@ -40,32 +47,44 @@ impl Growing {
     /// what another recording has left.
     pub(super) fn create(
         file: &Path,
-        channels: &[String],
+        about: &About,
         rate: f64,
         replace: bool,
     ) -> Result<Self, AcquireError> {
         let part = Part::begin(file, replace)?;
+        let format = Written::of(file).unwrap_or(Written::Csv);
+        let form = match format {
+            Written::Csv | Written::PackedCsv => Form::Lines(Line::new(true)),
+            Written::Parquet => Form::Frames(Journal::new(about)),
+        };
         let mut growing = Self {
             file: file.to_owned(),
+            format,
             replace,
             part,
-            line: String::new(),
+            form,
+            rows: 0,
             unsynced: 0,
             every: (rate as u64).max(1),
         };
-        let mut header: Vec<String> = channels.iter().map(|name| field(name)).collect();
-        header.push(HEALTH_COLUMN.to_owned());
-        growing.line = header.join(",");
-        let begun = growing.end_line().and_then(|()| growing.flush());
-        let named = |growing: &Self| {
-            let named = growing.part.sync_name();
-            named.map_err(|source| growing.refused(source))
-        };
-        let begun = begun.and_then(|()| named(&growing));
+        let begun = growing.begin(about);
         if begun.is_err() {
             growing.discard();
         }
         begun.map(|()| growing)
+    }
+
+    fn begin(&mut self, about: &About) -> Result<(), AcquireError> {
+        if let Form::Lines(line) = &self.form {
+            let mut header = Vec::new();
+            let names = about.channels.iter().map(|c| c.name.as_str());
+            line.header(names, &mut header);
+            let written = self.part.write_all(&header);
+            written.map_err(|source| self.refused(source))?;
+        }
+        self.flush()?;
+        let named = self.part.sync_name();
+        named.map_err(|source| self.refused(source))
     }
 
     /// New path of the rows of an earlier recording that were in the way.
@@ -73,32 +92,49 @@ impl Growing {
         self.part.set_aside()
     }
 
-    /// Adds a row; once a second the disk is told before to hold those that there are. A sample
-    /// that never came has no readings.
+    /// Adds a row; once a second the disk is told before to hold those that there are, and the `rate`
+    /// as far as it is known. A sample that never came has no readings.
     ///
     /// # Errors
     /// [`AcquireError::Output`] if the file system takes no more; then it is not added.
-    pub(super) fn row(&mut self, si: &[f32], health: Health) -> Result<(), AcquireError> {
+    pub(super) fn row(
+        &mut self,
+        si: &[f32],
+        health: Health,
+        rate: impl FnOnce() -> Option<TrueRate>,
+    ) -> Result<(), AcquireError> {
         if self.unsynced >= self.every {
-            let wanted = self.part.sync_behind();
+            if let Form::Frames(journal) = &mut self.form
+                && let Some(rate) = rate()
+            {
+                journal.rate(&rate);
+            }
+            let wanted = self.hand_over().and_then(|()| self.part.sync_behind());
             wanted.map_err(|source| self.refused(source))?;
             self.unsynced = 0;
         }
-        self.line.clear();
-        for x in si {
-            if !health.contains(Health::MISSING) {
-                // The shortest text that reads back to the same number. Writing to a String
-                // cannot fail.
-                let _ = write!(self.line, "{x:?}");
-            }
-            self.line.push(',');
+        let written = match &mut self.form {
+            // The buffer, which is longer than any line, takes one as a whole or not at all, and
+            // keeps what the system did not take: no later line follows a part of one.
+            Form::Lines(line) => self.part.write_all(line.of(si, health)),
+            Form::Frames(journal) if journal.is_full() => journal.write_to(&mut self.part),
+            Form::Frames(_) => Ok(()),
+        };
+        written.map_err(|source| self.refused(source))?;
+        if let Form::Frames(journal) = &mut self.form {
+            journal.row(si, health);
         }
-        if !health.is_good() {
-            self.line.push_str(&spell(health));
-        }
-        self.end_line()?;
+        self.rows += 1;
         self.unsynced += 1;
         Ok(())
+    }
+
+    /// Hands what is in the making to the buffer.
+    fn hand_over(&mut self) -> io::Result<()> {
+        match &mut self.form {
+            Form::Lines(_) => Ok(()),
+            Form::Frames(journal) => journal.write_to(&mut self.part),
+        }
     }
 
     /// Hands all rows to the system, so that they outlive this program. To be called before
@@ -107,29 +143,22 @@ impl Growing {
     /// # Errors
     /// [`AcquireError::Output`] if the file system does not take them.
     pub(super) fn flush(&mut self) -> Result<(), AcquireError> {
-        let flushed = self.part.flush();
+        let flushed = self.hand_over().and_then(|()| self.part.flush());
         flushed.map_err(|source| self.refused(source))
-    }
-
-    fn end_line(&mut self) -> Result<(), AcquireError> {
-        self.line.push('\n');
-        // The buffer, which is longer than any line, takes one as a whole or not at all, and
-        // keeps what the system did not take: no later line follows a part of one.
-        let written = self.part.write_all(self.line.as_bytes());
-        written.map_err(|source| self.refused(source))
     }
 
     fn refused(&self, source: io::Error) -> AcquireError {
         OutputError::write(self.part.path(), source).into()
     }
 
-    /// Makes it a recording. Where its rows still are, if they could not be removed.
+    /// Makes it a recording of which this is known. Where its rows still are, if they could not be
+    /// removed.
     ///
     /// # Errors
     /// [`AcquireError::Kept`]; the rows are where they were, and so is a recording that was to
     /// be replaced.
-    pub(super) fn finish(&mut self, preamble: &Preamble) -> Result<Option<PathBuf>, AcquireError> {
-        self.join(preamble).map_err(|source| AcquireError::Kept {
+    pub(super) fn finish(&mut self, about: &About) -> Result<Option<PathBuf>, AcquireError> {
+        self.join(about).map_err(|source| AcquireError::Kept {
             part: self.part.path().to_owned(),
             source,
         })?;
@@ -137,27 +166,44 @@ impl Growing {
         Ok(removed.err().map(|_| self.part.path().to_owned()))
     }
 
-    fn join(&mut self, preamble: &Preamble) -> Result<(), OutputError> {
+    fn join(&mut self, about: &About) -> Result<(), OutputError> {
         // Nobody knows what has come there since the recording began.
         let existing = Existing::Keep.or_force(self.replace);
         output::check(&self.file, [], existing)?;
         let mut out = Output::create(&self.file)?;
-        let zipped = self.file.extension();
-        let copied = if zipped.is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
-            let mut zip = GzEncoder::new(&mut out, Compression::default());
-            let copied = self.copy(preamble, &mut zip);
-            copied.and_then(|()| zip.try_finish())
-        } else {
-            self.copy(preamble, &mut out)
-        };
+        let copied = self.hand_over().and_then(|()| self.copy(about, &mut out));
         copied.map_err(|source| OutputError::write(&self.file, source))?;
         out.finish()?.place()
     }
 
-    fn copy(&mut self, preamble: &Preamble, out: &mut dyn Write) -> io::Result<()> {
-        preamble.write(out)?;
-        io::copy(&mut self.part.reread()?, out)?;
-        Ok(())
+    fn copy(&mut self, about: &About, out: &mut Output) -> io::Result<()> {
+        let part = self.part.reread()?;
+        if matches!(self.form, Form::Lines(_)) {
+            let rows = Rows::begin(self.format, out, about, true)?;
+            return rows.lines(part);
+        }
+        let mut rows = Rows::begin(self.format, out, about, true)?;
+        let mut reader = journal::Reader::new(part);
+        let mut copied = 0;
+        let mut row = Vec::with_capacity(about.channels.len());
+        while let Some(part) = reader.next()? {
+            let journal::Part::Rows { content, .. } = part else {
+                continue;
+            };
+            for (health, readings) in journal::rows(content) {
+                row.clear();
+                row.extend(readings);
+                rows.row(&row, health)?;
+                copied += 1;
+            }
+        }
+        if copied != self.rows {
+            let rows = self.rows;
+            return Err(io::Error::other(format!(
+                "of {rows} rows that were written {copied} are read back"
+            )));
+        }
+        rows.finish()
     }
 
     /// Throws it away: there is nothing in it that anybody wants.

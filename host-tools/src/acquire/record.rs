@@ -4,15 +4,18 @@ use super::file::Growing;
 use super::follow::{Course, Taker, follow, sample_rate};
 use super::{AcquireError, Intake, Level};
 use crate::device::{Client, Port};
-use crate::inputs::{InputEntry, day};
+use crate::inputs::{InputEntry, day, to_toml};
 use crate::limits;
 use crate::output::part_of;
-use crate::recording::{Preamble, Traceability, TrueRate};
+use crate::recording::{About, Firmware, Preamble, Traceability, TrueRate};
 use crate::sample_rate::SampleRate;
 use massline_firmware::wire::{Event, Fault, Health};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+
+/// Name of the clock that the true rate is measured against.
+const CLOCK: &str = "host";
 
 /// A recording that is to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,8 +24,10 @@ pub struct Order {
     pub inputs: Vec<InputEntry>,
     /// For how long, s; `None`: until it is stopped.
     pub seconds: Option<f64>,
-    /// The file to write, `.csv` or `.csv.gz`.
+    /// The file to write, `.csv`, `.csv.gz` or `.parquet`.
     pub file: PathBuf,
+    /// The box, for the facts that a Parquet file states.
+    pub firmware: Option<Firmware>,
     /// `true` if a file of that name may be replaced.
     pub replace: bool,
 }
@@ -111,6 +116,7 @@ impl Taker for Recorder {
         let Self {
             intake,
             growing,
+            clock,
             limit,
             levels,
             rows,
@@ -126,7 +132,7 @@ impl Taker for Recorder {
                 return;
             }
             let all = row.all();
-            written = growing.row(row.si, all);
+            written = growing.row(row.si, all, || clock.estimate(CLOCK));
             if written.is_err() {
                 return;
             }
@@ -185,9 +191,21 @@ pub fn record<P: Port>(
     }
     let rate = sample_rate(client)?;
     let channels: Vec<String> = order.inputs.iter().map(InputEntry::column).collect();
+    let known = order.inputs.iter().map(traceability);
+    let mut preamble = Preamble {
+        sample_rate: None,
+        channel: channels.iter().cloned().zip(known).collect(),
+    };
+    let mut about = About {
+        nominal_sample_rate: Some(rate),
+        firmware: order.firmware.clone(),
+        setup: to_toml(&order.inputs),
+        ..About::of_names(channels.iter().map(String::as_str))
+    };
+    about.state(&preamble);
     let recorder = Recorder {
         intake: Intake::new(&order.inputs, rate),
-        growing: Growing::create(&order.file, &channels, rate, order.replace)?,
+        growing: Growing::create(&order.file, &about, rate, order.replace)?,
         clock: SampleRate::default(),
         limit: order.seconds.map(|s| ((s * rate).round() as u64).max(1)),
         rate,
@@ -234,12 +252,10 @@ pub fn record<P: Port>(
         Ok(()) => Ending::Stopped,
         Err(error) => Ending::Failed(error),
     };
-    let sample_rate = recorder.clock.estimate("host");
-    let known = order.inputs.iter().map(traceability);
-    let left_over = recorder.growing.finish(&Preamble {
-        sample_rate: sample_rate.clone(),
-        channel: channels.iter().cloned().zip(known).collect(),
-    })?;
+    let sample_rate = recorder.clock.estimate(CLOCK);
+    preamble.sample_rate.clone_from(&sample_rate);
+    about.state(&preamble);
+    let left_over = recorder.growing.finish(&about)?;
     Ok(Recorded {
         file: order.file.clone(),
         channels,

@@ -141,6 +141,7 @@ fn order(inputs: &[InputEntry], seconds: f64, file: &Path) -> Order {
         seconds: Some(seconds),
         file: file.to_owned(),
         replace: false,
+        firmware: None,
     }
 }
 

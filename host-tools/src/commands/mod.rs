@@ -8,6 +8,7 @@ mod fitted;
 pub mod flash;
 pub mod identify;
 pub mod init;
+pub mod recover;
 pub mod replay;
 pub mod simulate;
 pub mod sketch;

@@ -3,6 +3,7 @@
 use super::{Bar, Failure, print_line};
 use crate::commands::Verbosity;
 use crate::prediction;
+use crate::recording::Written;
 use crate::rig::{self, Trouble, Troubles};
 use crate::simulate::{self, Model, Options, Simulation};
 use std::path::{Path, PathBuf};
@@ -42,6 +43,9 @@ pub struct Arguments {
     /// State the mass in the setup, as if it had been weighed
     #[arg(long)]
     weighed: bool,
+    /// Format of the recordings: csv, or parquet, which holds set-up, units and directions, too
+    #[arg(long, value_enum, default_value_t = Written::Csv, hide_possible_values = true)]
+    format: Written,
     /// Replace files of the same names that this program has not simulated
     #[arg(long)]
     force: bool,
@@ -86,6 +90,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let mut progress = |share: f64, run: &str| bar.set(share, run);
         rig::acquire(&mut simulation, &troubles, &mut progress).map_err(Failure::input)?;
     }
+    simulation.record_as(arguments.format);
     simulation.check(&arguments.out, &inputs, arguments.force)?;
     let setup = simulation.write(&arguments.out)?;
     print_line(&setup.display().to_string())?;

@@ -10,7 +10,7 @@ pub(super) struct Covariance;
 
 /// One row: parameter, unit, value, standard deviation, half of the 95 % interval, and the row of
 /// the matrix.
-type Row = (
+pub(super) type Row = (
     String,
     String,
     Option<f64>,
@@ -35,9 +35,7 @@ impl Export for Covariance {
         _: &View,
         out: &mut dyn Write,
     ) -> Result<(), ExportError> {
-        let rows = rows(result).ok_or_else(|| ExportError::Unsuitable {
-            reason: "a box sends no covariance; identify its recordings by `massline identify`, or export the table `csv`".to_owned(),
-        })?;
+        let rows = rows(result).ok_or_else(unsuitable)?;
         let mut table = csv::Writer::from_writer(out);
         let head = ["parameter", "unit", "value", "std", "interval_95"];
         let names = rows.iter().map(|row| &*row.0);
@@ -64,8 +62,15 @@ impl Export for Covariance {
     }
 }
 
+/// The error of a document that has no covariance.
+pub(super) fn unsuitable() -> ExportError {
+    ExportError::Unsuitable {
+        reason: "a box sends no covariance; identify its recordings by `massline identify`, or export the table `csv`".to_owned(),
+    }
+}
+
 /// The rows; `None` where the document has no covariance.
-fn rows(result: &ResultDocument) -> Option<Vec<Row>> {
+pub(super) fn rows(result: &ResultDocument) -> Option<Vec<Row>> {
     let CovarianceDocument { units, matrix, .. } = result.covariance.as_ref()?;
     let properties = result.properties();
     let first = usize::from(result.indicator.is_some());

@@ -15,6 +15,7 @@ mod json;
 mod mass_matrix;
 mod mjcf;
 mod nastran;
+mod parquet;
 mod responses;
 mod sdf;
 mod sysid;
@@ -136,10 +137,11 @@ impl View {
 }
 
 /// All formats, in the order in which the help lists them.
-pub const FORMATS: [&dyn Export; 9] = [
+pub const FORMATS: [&dyn Export; 10] = [
     &json::Json,
     &csv::Csv,
     &covariance::Covariance,
+    &parquet::Parquet,
     &mass_matrix::MassMatrix,
     &nastran::Nastran,
     &urdf::URDF,

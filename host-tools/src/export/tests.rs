@@ -238,7 +238,9 @@ fn a_body_that_cannot_exist_is_said_so() {
 #[test]
 fn a_number_that_was_changed_is_found() {
     let result = whole_body(BODY);
-    for format in FORMATS {
+    // Parquet is no text: its own test changes each cell.
+    let texts = FORMATS.into_iter().filter(|f| f.form().name != "parquet");
+    for format in texts {
         let whole = text(format, &result, &View::OF_THE_RESULT);
         let mut found = 0;
         for (place, digit) in whole.char_indices() {

@@ -55,7 +55,7 @@ pub(super) fn create_new(path: &Path) -> io::Result<Handle> {
 }
 
 /// `true` if a program has the file in use; `None` where the system does not tell.
-pub(super) fn is_in_use(path: &Path) -> Option<bool> {
+pub(crate) fn is_in_use(path: &Path) -> Option<bool> {
     #[cfg(unix)]
     {
         match File::open(path).ok()?.try_lock() {

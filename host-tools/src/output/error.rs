@@ -39,9 +39,9 @@ pub enum OutputError {
     },
     /// Rows of a recording that a killed program could not finish.
     #[error(
-        "{}: holds the rows ({bytes} bytes) of a recording to {} that was not finished; rename \
-         it to keep them (under a name that ends in .csv it is a recording), or have it set \
-         aside by --force", part.display(), file.display()
+        "{}: holds the rows ({bytes} bytes) of a recording to {} that was not finished; make it a \
+         recording by `massline recover {}` and move it away, or have it set aside by --force",
+        part.display(), file.display(), part.display()
     )]
     Unfinished {
         /// The rows.

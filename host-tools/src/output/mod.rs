@@ -35,9 +35,10 @@ mod place;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use disk::is_in_use;
 pub use error::OutputError;
 pub(crate) use guard::{Existing, check};
-pub(crate) use part::{Part, part_of};
+pub(crate) use part::{GROWING, Part, part_of};
 
 use disk::Handle;
 use place::Place;
@@ -77,7 +78,7 @@ enum To {
         beside: Beside,
     },
     /// A device, pipe or stream, which is written directly.
-    Stream(Box<dyn Write>),
+    Stream(Box<dyn Write + Send>),
 }
 
 /// A file beside its place, and how to get rid of it.

@@ -13,7 +13,7 @@ use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Ending of the name of a recording that grows.
-const GROWING: &str = "part";
+pub(crate) const GROWING: &str = "part";
 
 /// Rows of a recording that grows.
 pub(crate) struct Part {

@@ -14,7 +14,7 @@ pub(super) enum Place {
         old: Option<Metadata>,
     },
     /// A device, pipe or stream, which is written directly.
-    Stream(Box<dyn Write>),
+    Stream(Box<dyn Write + Send>),
 }
 
 /// More links than any system follows.

@@ -44,7 +44,7 @@ pub fn spell(health: Health) -> String {
 const UNKNOWN: &str = "unknown";
 
 /// Reads what [`spell`] writes; the word that is none if there is one.
-pub(super) fn read(text: &str) -> Result<Health, String> {
+pub(crate) fn read(text: &str) -> Result<Health, String> {
     let mut health = Health::GOOD;
     for word in text.split('+').map(str::trim) {
         let found = WORDS.iter().find(|(known, _)| word == *known);

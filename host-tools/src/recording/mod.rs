@@ -10,6 +10,8 @@
 //! | `hdf5` | HDF5, with MAT files of version 7.3 and netCDF-4 |
 //! | `tdms` | TDMS without scaling by DAQmx |
 //! | `wav` | WAV |
+//! | `parquet` | Parquet |
+//! | `about` | facts about a recording that Parquet files and journals carry |
 //! | `columns` | files that have each channel as a series of its own |
 //! | `bytes` | any part of a file, in shared pages |
 //! | `rate` | names under which files state the sample rate |
@@ -22,11 +24,13 @@
 //! | `time` | the channel of time: its name, its unit, and how far it is rounded |
 //! | `preamble` | true sample rate and calibrations that a recording states |
 //! | `faults`, `health` | faults of samples; the state of channels, seen from their samples |
+//! | `rows` | recordings that are written |
 //! | `checksum` | the identity of a file |
 //!
 //! A new format is a file in this folder with a type that implements [`Source`] and a
 //! `Format`, and its two lines in this one (`mod` and `FORMATS`).
 
+mod about;
 mod bytes;
 mod checksum;
 mod columns;
@@ -42,9 +46,11 @@ mod input;
 mod mat;
 mod names;
 mod number;
+mod parquet;
 mod preamble;
 mod rate;
 mod reader;
+mod rows;
 mod source;
 mod tdms;
 #[cfg(test)]
@@ -53,17 +59,21 @@ mod time;
 mod uff;
 mod wav;
 
+pub(crate) use about::About;
+pub use about::Firmware;
 pub use checksum::Checksum;
 pub(crate) use checksum::Summed;
-pub(crate) use csv::field;
 pub(crate) use delay::MOST_DELAY;
 pub use error::{Mismatch, RecordingError};
+pub(crate) use faults::read as spelt;
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use form::Form;
 pub use health::{ChannelHealth, Complaint, Health};
 pub(crate) use names::{some_of, split as split_label};
 pub use preamble::{Preamble, Traceability, TrueRate};
 pub use reader::Recording;
+pub use rows::Written;
+pub(crate) use rows::{Line, Rows};
 pub use source::{Block, Channel, Place, Source, StatedRate};
 
 use input::Input;
@@ -88,5 +98,6 @@ const FORMATS: [Format; 7] = [
     hdf5::FORMAT,
     tdms::FORMAT,
     wav::FORMAT,
+    parquet::FORMAT,
     csv::FORMAT,
 ];

@@ -73,7 +73,7 @@ impl Preamble {
     }
 
     /// The same with texts that show as they stand.
-    fn printable(mut self) -> Self {
+    pub(super) fn printable(mut self) -> Self {
         let clean = |text: &mut String| *text = printable(text).into_owned();
         if let Some(rate) = &mut self.sample_rate {
             clean(&mut rate.clock);

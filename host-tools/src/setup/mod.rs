@@ -373,6 +373,19 @@ impl Setup {
         motion.chain(self.load_cells.iter().map(|c| c.channel.as_str()))
     }
 
+    /// SI unit and positive direction of the channel of a sensor.
+    pub(crate) fn described(&self, channel: &str) -> Option<(&'static str, [f64; 3])> {
+        let motion = self
+            .accelerometers
+            .iter()
+            .map(|a| (&a.channel, a.direction));
+        let load = self.load_cells.iter().map(|c| (&c.channel, c.direction));
+        let mut all = motion.chain(load);
+        let (_, direction) = all.find(|(name, _)| *name == channel)?;
+        let (_, measured, ..) = self.sensor(channel)?;
+        Some((measured.si(), direction))
+    }
+
     /// The units that the recordings of two runs state for the channel of a sensor, held against
     /// each other.
     pub(crate) fn units_of_two(&self, channel: &str, found: [Option<&str>; 2]) -> UnitsOfTwo {

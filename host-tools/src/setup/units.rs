@@ -101,7 +101,7 @@ impl Measured {
     }
 
     /// The SI unit.
-    pub(super) fn si(self) -> &'static str {
+    pub(crate) fn si(self) -> &'static str {
         match self {
             Self::Acceleration => "m/s²",
             Self::Force => "N",

@@ -1,13 +1,12 @@
-//! A simulated test as a folder: setup.toml, one CSV a run, truth.json.
+//! A simulated test as a folder: setup.toml, one recording a run, truth.json.
 
-use std::fmt::Write as _;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::{Recording, Simulation};
 use crate::output::{self, Existing, Output, OutputError};
-use crate::recording::{Checksum, HEALTH_COLUMN, Summed, field, spell};
-use massline_firmware::wire::Health;
+use crate::recording::{About, Channel, Checksum, Rows, Summed, Written};
+use crate::setup::Setup;
 
 const SETUP: &str = "setup.toml";
 const TRUTH: &str = "truth.json";
@@ -30,7 +29,8 @@ impl Simulation {
         let mut setup = self.setup.clone();
         let mut recordings = Vec::with_capacity(self.recordings.len());
         for (run, recording) in setup.runs.iter_mut().zip(&self.recordings) {
-            let (ready, checksum) = write_recording(&folder.join(&recording.file), recording)?;
+            let file = folder.join(&recording.file);
+            let (ready, checksum) = write_recording(&file, recording, &self.setup)?;
             recordings.push(ready);
             run.checksum = Some(checksum);
         }
@@ -46,6 +46,20 @@ impl Simulation {
             recording.place()?;
         }
         Ok(path)
+    }
+
+    /// Has the recordings written in another format than CSV.
+    pub(crate) fn record_as(&mut self, format: Written) {
+        let ending = match format {
+            Written::Csv => "csv",
+            Written::PackedCsv => "csv.gz",
+            Written::Parquet => "parquet",
+        };
+        for (run, recording) in self.setup.runs.iter_mut().zip(&mut self.recordings) {
+            let stem = recording.file.trim_end_matches(".csv");
+            recording.file = format!("{stem}.{ending}");
+            run.recording = recording.file.clone().into();
+        }
     }
 
     /// Checks that all files may be written into a folder: none is one of `inputs`, and none takes
@@ -102,11 +116,27 @@ fn ready(
 fn write_recording(
     file: &Path,
     recording: &Recording,
+    setup: &Setup,
 ) -> Result<(output::Ready, Checksum), OutputError> {
     let mut checksum = None;
     let ready = ready(file, |out| {
         let mut summed = Summed::new(out);
-        write_csv(&mut summed, recording)?;
+        let format = Written::of(file).unwrap_or(Written::Csv);
+        let tells = !recording.health.is_empty();
+        let mut rows = Rows::begin(format, &mut summed, &about(recording, setup), tells)?;
+        let count = recording.samples.first().map_or(0, Vec::len);
+        let mut row = Vec::with_capacity(recording.samples.len());
+        for n in 0..count {
+            row.clear();
+            row.extend(
+                recording
+                    .samples
+                    .iter()
+                    .filter_map(|channel| channel.get(n)),
+            );
+            rows.row(&row, recording.health.get(n).copied().unwrap_or_default())?;
+        }
+        rows.finish()?;
         checksum = Some(summed.checksum());
         Ok(())
     })?;
@@ -114,37 +144,22 @@ fn write_recording(
     Ok((ready, checksum.unwrap_or(Checksum { crc32: 0, bytes: 0 })))
 }
 
-/// Header of channel names, then one row a sample; every number is the shortest text
-/// that reads back to the same f32. A sample that never came has none.
-fn write_csv(file: &mut dyn Write, recording: &Recording) -> io::Result<()> {
-    recording.preamble.write(file)?;
-    let mut header: Vec<String> = recording.channels.iter().map(|name| field(name)).collect();
-    let tells = !recording.health.is_empty();
-    if tells {
-        header.push(HEALTH_COLUMN.to_owned());
-    }
-    writeln!(file, "{}", header.join(","))?;
-    let rows = recording.samples.first().map_or(0, Vec::len);
-    let mut line = String::new();
-    for row in 0..rows {
-        line.clear();
-        let health = recording.health.get(row).copied().unwrap_or_default();
-        for (column, samples) in recording.samples.iter().enumerate() {
-            if column > 0 {
-                line.push(',');
-            }
-            if !health.contains(Health::MISSING) {
-                // Writing to a String cannot fail. `{:?}` turns to exponents where `{}`
-                // would print a long row of zeros.
-                let _ = write!(line, "{:?}", samples[row]);
-            }
+/// Facts about a recording that a Parquet file states.
+fn about(recording: &Recording, setup: &Setup) -> About {
+    let channel = |name: &String| {
+        let (unit, direction) = setup.described(name).unzip();
+        Channel {
+            name: name.clone(),
+            unit: unit.map(str::to_owned),
+            direction,
         }
-        if tells {
-            line.push(',');
-            line.push_str(&spell(health));
-        }
-        line.push('\n');
-        file.write_all(line.as_bytes())?;
+    };
+    About {
+        nominal_sample_rate: recording.sample_rate,
+        setup: setup.to_toml(),
+        ..About::new(
+            recording.channels.iter().map(channel).collect(),
+            &recording.preamble,
+        )
     }
-    Ok(())
 }

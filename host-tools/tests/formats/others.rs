@@ -1,6 +1,8 @@
-//! Recordings that pyuff, scipy, h5py, netCDF4 and npTDMS wrote, by `tests/fixtures/formats/make.py`.
+//! Recordings that pyuff, scipy, h5py, netCDF4 and npTDMS wrote, by `tests/fixtures/formats/make.py`, and
+//! pyarrow, pandas, Polars and DuckDB, by `make_parquet.py` there.
 
 use massline::recording::Recording;
+use massline_firmware::wire::Health;
 use std::path::{Path, PathBuf};
 
 fn fixture(name: &str) -> PathBuf {
@@ -203,4 +205,68 @@ fn scipy_wav() {
             assert!(off <= 0.5 + 1e-6, "{name}: {off} steps");
         }
     }
+}
+
+#[test]
+fn parquet_of_others() {
+    for name in [
+        "snappy.parquet",
+        "zstd-v2.parquet",
+        "gzip.parquet",
+        "split.parquet",
+        "polars.parquet",
+        "duckdb.parquet",
+        "index.parquet",
+        "steps.parquet",
+    ] {
+        check(name, NAMES, 0.0);
+    }
+    // Without a column of time it has no rate of its own.
+    let mut single = Recording::open(&fixture("single.parquet"), &NAMES).unwrap();
+    assert_eq!(single.settle_rate(Some(512.0)).unwrap(), 512.0);
+    let mut row = [0.0; 3];
+    for expected in expected() {
+        assert!(single.next_row_f64(|c, x| row[c] = x).unwrap());
+        assert_eq!(row.to_vec(), expected);
+    }
+    for (name, codec) in [("lz4.parquet", "LZ4"), ("brotli.parquet", "Brotli")] {
+        let error = Recording::open(&fixture(name), &NAMES).err().unwrap();
+        let error = error.to_string();
+        assert!(
+            error.contains(&format!("compressed by {codec}; write it with")),
+            "{error}"
+        );
+    }
+}
+
+/// Instants as time, whole numbers, missing values as faulty samples, and columns that are no channels.
+#[test]
+fn parquet_of_counts() {
+    let mut recording = Recording::open(&fixture("counts.parquet"), &NAMES).unwrap();
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    let notes = notes.join("\n");
+    assert!(
+        notes.contains("columns that are not numbers are not read: note, parts.list.element"),
+        "{notes}"
+    );
+    let form = recording.described().unwrap();
+    assert!(form.contains("time in s in `when`"), "{form}");
+    let rate = recording.settle_rate(None).unwrap();
+    assert!((rate / 512.0 - 1.0).abs() < 1e-6, "{rate}");
+    let mut row = [0.0; 3];
+    for (n, expected) in expected().iter().enumerate() {
+        assert!(recording.next_row_f64(|c, x| row[c] = x).unwrap());
+        if [7, 8].contains(&n) {
+            assert_eq!(recording.health(), Health::MISSING, "sample {n}");
+            continue;
+        }
+        assert!(recording.health().is_good(), "sample {n}");
+        let counts: Vec<f64> = expected
+            .iter()
+            .map(|x| (x * 1_048_576.0).round_ties_even())
+            .collect();
+        assert_eq!(row.to_vec(), counts, "sample {n}");
+    }
+    assert!(!recording.next_row_f64(|_, _| ()).unwrap());
 }

@@ -5,7 +5,7 @@ use massline::recording::{Recording, RecordingError};
 use std::path::{Path, PathBuf};
 
 /// Files of a program each, with two of their channels.
-const FILES: [(&str, [&str; 2]); 18] = [
+const FILES: [(&str, [&str; 2]); 24] = [
     ("double.uff", ["11:+Z", "13:+Y"]),
     ("binary.uff", ["a1", "fx"]),
     ("uneven.uff", ["11:+Z", "13:+Y"]),
@@ -24,6 +24,12 @@ const FILES: [(&str, [&str; 2]); 18] = [
     ("segments.tdms", ["a1", "fx"]),
     ("float.wav", ["1", "3"]),
     ("pcm16.wav", ["1", "3"]),
+    ("snappy.parquet", ["a1", "fx"]),
+    ("zstd-v2.parquet", ["a1", "fx"]),
+    ("gzip.parquet", ["a1", "fx"]),
+    ("split.parquet", ["a1", "fx"]),
+    ("counts.parquet", ["a1", "fx"]),
+    ("index.parquet", ["a1", "fx"]),
 ];
 
 fn read(file: &Path, channels: [&str; 2]) -> Result<u64, RecordingError> {

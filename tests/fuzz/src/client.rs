@@ -281,6 +281,7 @@ fn record(
 ) -> Result<String, String> {
     let scratch = Scratch::new();
     let order = acquire::Order {
+        firmware: None,
         inputs,
         seconds: Some(2.0),
         file: scratch.place("r.csv"),

@@ -438,6 +438,18 @@ fn recordings() -> Vec<Vec<u8>> {
         (2, include_bytes!("../../fixtures/formats/segments.tdms")),
         (2 | 8, include_bytes!("../../fixtures/formats/float.wav")),
         (2 | 8, include_bytes!("../../fixtures/formats/pcm16.wav")),
+        (2, include_bytes!("../../fixtures/formats/snappy.parquet")),
+        (2, include_bytes!("../../fixtures/formats/zstd-v2.parquet")),
+        (2, include_bytes!("../../fixtures/formats/gzip.parquet")),
+        (
+            2 | 4,
+            include_bytes!("../../fixtures/formats/split.parquet"),
+        ),
+        (
+            2 | 4,
+            include_bytes!("../../fixtures/formats/counts.parquet"),
+        ),
+        (2, include_bytes!("../../fixtures/formats/duckdb.parquet")),
     ] {
         all.push([&[choice], file].concat());
     }

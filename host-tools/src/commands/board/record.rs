@@ -7,10 +7,11 @@ use crate::acquire::{
 };
 use crate::commands::device::Device;
 use crate::commands::{Failure, Interrupt, Ticker, Verbosity, print_json, warn};
+use crate::device::{Client, Port};
 use crate::format::{plain, with_std};
 use crate::output::{self, Existing};
 use crate::printable::printable;
-use crate::recording::{TrueRate, fault_words, spell};
+use crate::recording::{Firmware, TrueRate, Written, fault_words, spell};
 use anstyle::{AnsiColor, Style};
 use massline_core::identify::half_width_95;
 use massline_firmware::wire::Health;
@@ -22,10 +23,10 @@ use std::path::{Path, PathBuf};
 /// Record the box's inputs to a file that `massline identify` reads
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n  massline board record x.csv.gz --port /dev/ttyACM0 --inputs inputs.toml\n  massline board record x.csv --host --seconds 60 --inputs drive=1,a1=2,a2=3\n\nIt ends after --seconds, or by Ctrl-C. Samples that are faulty or never came are marked in\nthe column `health`; the true sample rate and the calibrations stand above the header."
+    after_help = "Examples:\n  massline board record x.csv --port /dev/ttyACM0 --seconds 60\n  massline board record x.parquet --port /dev/ttyACM0 --inputs inputs.toml\n  massline board record x.csv.gz --host --seconds 60 --inputs drive=1,a1=2,a2=3\n\nIt ends after --seconds, or by Ctrl-C. Samples that are faulty or never came are marked in\nthe column `health`; the true sample rate and the calibrations stand above the header, or in\nthe metadata of Parquet. Of a recording that was killed `massline recover` makes a file."
 )]
 pub struct Arguments {
-    /// The recording, .csv or .csv.gz; or a folder, for recording-1.csv and so on
+    /// The recording, .csv, .csv.gz or .parquet; or a folder, for recording-1.csv and so on
     file: PathBuf,
     #[command(flatten)]
     device: Device,
@@ -59,6 +60,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let order = Order {
             inputs: columns::choose(client, arguments.inputs.as_ref())?,
             seconds: arguments.seconds,
+            firmware: firmware(client, &file)?,
             file,
             replace: arguments.force,
         };
@@ -100,13 +102,30 @@ fn file(path: &Path) -> Result<PathBuf, Failure> {
     if path.is_dir() || text.ends_with(['/', '\\']) {
         return Ok(free_name(path));
     }
-    let name = text.to_ascii_lowercase();
-    if name.ends_with(".csv") || name.ends_with(".csv.gz") {
+    if Written::of(path).is_some() {
         return Ok(path.to_owned());
     }
     Err(Failure::input(format!(
-        "{text}: a recording's name ends in .csv or .csv.gz; a folder's in /"
+        "{text}: a recording's name ends in .csv, .csv.gz or .parquet; a folder's in /"
     )))
+}
+
+/// Facts about the box, for a format that states them.
+fn firmware<P: Port>(client: &mut Client<'_, P>, file: &Path) -> Result<Option<Firmware>, Failure> {
+    if Written::of(file) != Some(Written::Parquet) {
+        return Ok(None);
+    }
+    let info = client.hello()?;
+    Ok(Some(Firmware {
+        name: info.firmware,
+        version: info.version,
+        build: info.build,
+        chip_serial: info
+            .serial
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect(),
+    }))
 }
 
 /// The line that is shown meanwhile.

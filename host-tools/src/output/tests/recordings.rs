@@ -5,10 +5,13 @@ use super::{Files, files, restore, unfinished};
 use crate::acquire::{AcquireError, Order, Progress, Recorded, record};
 use crate::device::{Client, ClientMemory, HostBox, HostBoxMemory, Port, PortError};
 use crate::inputs::InputEntry;
+use crate::journal::recover;
 use crate::output::OutputError;
 use crate::output::faults::{self, Fault};
 use crate::output::operation::Operation;
+use crate::recording::Recording;
 use crate::rig::{Inputs, Troubles};
+use massline_firmware::wire::Health;
 use std::path::Path;
 use std::time::Duration;
 
@@ -82,6 +85,7 @@ fn recorded_while(
         seconds: Some(seconds),
         file: file.to_owned(),
         replace,
+        firmware: None,
     };
     let mut own = HostBoxMemory::new();
     let mut memory = ClientMemory::new();
@@ -275,4 +279,82 @@ fn two_programs_do_not_record_to_one_file() {
     });
     assert_eq!(first.unwrap().samples, 512);
     assert_eq!(rows(&std::fs::read(&file).unwrap()).len(), 512);
+}
+
+/// All rows of a recording: the bits of its readings, and its faults.
+fn numbers(file: &Path) -> Vec<(Vec<u32>, Health)> {
+    let channels: Vec<String> = inputs().1.iter().map(InputEntry::column).collect();
+    let names: Vec<&str> = channels.iter().map(String::as_str).collect();
+    let mut recording = Recording::open(file, &names).unwrap();
+    let mut sample = vec![0.0; names.len()];
+    let mut rows = Vec::new();
+    while recording.next_row(&mut sample).unwrap() {
+        let bits = sample.iter().map(|x| x.to_bits()).collect();
+        rows.push((bits, recording.health()));
+    }
+    rows
+}
+
+#[test]
+fn parquet_and_csv_hold_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let [text, columns] = ["x.csv", "x.parquet"].map(|name| {
+        let file = folder.path().join(name);
+        assert_eq!(recorded(&file, false, 2.0).0.unwrap().samples, 1024);
+        numbers(&file)
+    });
+    assert_eq!(text.len(), 1024);
+    assert_eq!(text, columns);
+}
+
+/// A journal in the place of lines: at every operation all rows that somebody was told of are in the
+/// recording, or `recover` makes one of them.
+#[test]
+fn at_every_operation_the_rows_of_a_journal_can_be_recovered() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let file = folder.join("x.parquet");
+    let part = folder.join("x.parquet.part");
+    let clean = faults::with(usize::MAX, Fault::Error, || recorded(&file, true, 1.0));
+    assert_eq!(clean.value.0.unwrap().samples, 512);
+    let all = numbers(&file);
+    let old: Files = [("x.parquet".to_owned(), b"an older recording\n".to_vec())].into();
+    for fault in [Fault::Full, Fault::Error, Fault::Killed] {
+        for at in 0..clean.seen.len() {
+            restore(folder, &old);
+            let done = faults::with(at, fault, || recorded(&file, true, 1.0));
+            let (result, told) = done.value;
+            let place = format!("{fault:?} at {at}, {:?}: {result:?}", done.seen[at]);
+            let now = files(folder);
+            let is_new = now["x.parquet"] != old["x.parquet"];
+            // As lines: a recording that was placed is whole.
+            assert!(result.is_err() || is_new, "{place}");
+            let found = if is_new {
+                numbers(&file)
+            } else if part.exists() {
+                let recovered = folder.join("recovered.parquet");
+                match recover(&part, Some(&recovered), true) {
+                    Ok(found) => {
+                        assert_eq!(found.lost.bytes, 0, "{place}");
+                        numbers(&recovered)
+                    }
+                    Err(error) => {
+                        assert!(told == 0, "{place}: {error}");
+                        Vec::new()
+                    }
+                }
+            } else {
+                Vec::new()
+            };
+            assert!(found.len() >= told, "{place}: {} of {told}", found.len());
+            assert!(found[..] == all[..found.len()], "{place}: other rows");
+            if let Err(error) = result {
+                let text = error.to_string();
+                let advised = text.contains("make room") || text.contains("choose another place");
+                assert!(text.contains("x.parquet") && advised, "{place}");
+                let keeps = matches!(error, AcquireError::Kept { .. });
+                assert_eq!(keeps, text.contains("`massline recover "), "{place}");
+            }
+        }
+    }
 }

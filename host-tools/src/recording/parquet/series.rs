@@ -1,0 +1,236 @@
+//! The values of a column, one after the other, across its row groups.
+
+use super::footer::{Column, Footer, Meaning, Values};
+use super::pages::{Pages, Store};
+use crate::recording::faults;
+use massline_firmware::wire::Health;
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
+use parquet::data_type::{ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::errors::{ParquetError, Result};
+use parquet::schema::types::{ColumnDescriptor, ColumnPath, Type};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Values that are decoded at a time.
+const BATCH: usize = 1024;
+
+/// The values of a column.
+pub(super) struct Series {
+    store: Arc<Store>,
+    footer: Rc<Footer>,
+    position: usize,
+    /// The next group.
+    group: usize,
+    reader: Option<ColumnReader>,
+    /// Values to come of the group.
+    left: u64,
+    batch: Batch,
+    /// Number of the next value in the batch.
+    next: usize,
+    /// The first instant, from which on time is counted.
+    first: Option<i64>,
+    /// Checksum of the values so far, and the one that they should have at the end.
+    sum: Option<(flate2::Crc, u32)>,
+}
+
+/// Values that were decoded together.
+#[derive(Default)]
+struct Batch {
+    numbers: Vec<Option<f64>>,
+    words: Vec<std::result::Result<Health, String>>,
+}
+
+impl Series {
+    /// The values of a column by its position.
+    pub(super) fn new(
+        store: &Arc<Store>,
+        footer: &Rc<Footer>,
+        position: usize,
+        crc: Option<u32>,
+    ) -> Self {
+        Self {
+            store: Arc::clone(store),
+            footer: Rc::clone(footer),
+            position,
+            group: 0,
+            reader: None,
+            left: 0,
+            batch: Batch::default(),
+            next: 0,
+            first: None,
+            sum: crc.map(|crc| (flate2::Crc::new(), crc)),
+        }
+    }
+
+    /// The next number; `None`: it is missing.
+    pub(super) fn number(&mut self) -> Result<Option<f64>> {
+        if self.next >= self.batch.numbers.len() {
+            self.fill()?;
+        }
+        let number = self.batch.numbers.get(self.next).copied();
+        self.next += 1;
+        number.ok_or_else(ended)
+    }
+
+    /// The next text as faults, or the word in it that is none.
+    pub(super) fn faults(&mut self) -> Result<std::result::Result<Health, String>> {
+        if self.next >= self.batch.words.len() {
+            self.fill()?;
+        }
+        let words = self.batch.words.get(self.next).cloned();
+        self.next += 1;
+        words.ok_or_else(ended)
+    }
+
+    /// `true` if all values have the checksum that is stated for them.
+    pub(super) fn is_whole(&self) -> bool {
+        let sum = self.sum.as_ref();
+        sum.is_none_or(|(crc, stated)| crc.sum() == *stated)
+    }
+
+    fn fill(&mut self) -> Result<()> {
+        self.batch.numbers.clear();
+        self.batch.words.clear();
+        self.next = 0;
+        while self.left == 0 {
+            let column = self.footer.columns.get(self.position).ok_or_else(ended)?;
+            let group = self.footer.groups.get(self.group).ok_or_else(ended)?;
+            let chunk = group.chunks.get(self.position).ok_or_else(ended)?;
+            let values = column.values.ok_or_else(ended)?;
+            let pages = Pages::new(&self.store, column, values, chunk);
+            self.reader = Some(reader(column, values, pages)?);
+            self.group += 1;
+            self.left = chunk.values;
+        }
+        let most = usize::try_from(self.left).map_or(BATCH, |left| left.min(BATCH));
+        // The crate's decoders stop the program at contradictions, and a reader that has met one is
+        // not used again. Those that are known are refused before (`pages`).
+        let read = catch_unwind(AssertUnwindSafe(|| self.decode(most)));
+        let read = read.unwrap_or_else(|_| {
+            Err(ParquetError::General(
+                "values that cannot be decoded".to_owned(),
+            ))
+        });
+        if read.is_err() {
+            self.reader = None;
+            self.left = 0;
+            self.group = usize::MAX;
+        }
+        let read = read?;
+        if read == 0 {
+            return Err(ended());
+        }
+        self.left -= read as u64;
+        Ok(())
+    }
+
+    fn decode(&mut self, most: usize) -> Result<usize> {
+        let column = self.footer.columns.get(self.position);
+        let meaning = match column.and_then(|c| c.values) {
+            Some(Values::Int32(meaning) | Values::Int64(meaning)) => meaning,
+            _ => Meaning::Signed,
+        };
+        let Self {
+            reader,
+            batch,
+            first,
+            sum,
+            ..
+        } = self;
+        let mut add = |bytes: &[u8]| {
+            if let Some((crc, _)) = sum {
+                crc.update(bytes);
+            }
+        };
+        let numbers = &mut batch.numbers;
+        match reader {
+            Some(ColumnReader::FloatColumnReader(reader)) => read::<FloatType>(reader, most, |x| {
+                if let Some(x) = x {
+                    add(&x.to_le_bytes());
+                }
+                numbers.push(x.map(|x| f64::from(*x)));
+            }),
+            Some(ColumnReader::DoubleColumnReader(reader)) => {
+                read::<DoubleType>(reader, most, |x| numbers.push(x.copied()))
+            }
+            Some(ColumnReader::Int32ColumnReader(reader)) => read::<Int32Type>(reader, most, |x| {
+                numbers.push(x.map(|x| match meaning {
+                    Meaning::Unsigned => f64::from(*x as u32),
+                    meaning => whole(i64::from(*x), meaning, first),
+                }));
+            }),
+            Some(ColumnReader::Int64ColumnReader(reader)) => read::<Int64Type>(reader, most, |x| {
+                numbers.push(x.map(|x| whole(*x, meaning, first)));
+            }),
+            Some(ColumnReader::ByteArrayColumnReader(reader)) => {
+                read::<ByteArrayType>(reader, most, |x| {
+                    let words = x.map_or(Ok(Health::GOOD), |x| {
+                        faults::read(&String::from_utf8_lossy(x.data()))
+                    });
+                    batch.words.push(words);
+                })
+            }
+            _ => Err(ended()),
+        }
+    }
+}
+
+fn ended() -> ParquetError {
+    ParquetError::General("fewer values than its footer states".to_owned())
+}
+
+/// A whole number as its logical type has it.
+fn whole(value: i64, meaning: Meaning, first: &mut Option<i64>) -> f64 {
+    match meaning {
+        Meaning::Signed => value as f64,
+        Meaning::Unsigned => value as u64 as f64,
+        Meaning::Scaled(unit) => value as f64 / unit,
+        // Nanoseconds since 1970 are more than double precision holds.
+        Meaning::Time(second) => {
+            let first = *first.get_or_insert(value);
+            value.wrapping_sub(first) as f64 * second
+        }
+    }
+}
+
+/// Reads values of a column; shows `take` each of them, `None` for missing ones.
+fn read<T: DataType>(
+    reader: &mut ColumnReaderImpl<T>,
+    most: usize,
+    mut take: impl FnMut(Option<&T::T>),
+) -> Result<usize> {
+    let mut levels = Vec::new();
+    let mut values = Vec::with_capacity(most);
+    let (records, ..) = reader.read_records(most, Some(&mut levels), None, &mut values)?;
+    if levels.is_empty() {
+        values.iter().for_each(|value| take(Some(value)));
+        return Ok(records);
+    }
+    let mut values = values.iter();
+    for level in levels {
+        take(if level == 0 { None } else { values.next() });
+    }
+    Ok(records)
+}
+
+fn reader(column: &Column, values: Values, pages: Pages) -> Result<ColumnReader> {
+    use parquet::basic::{Repetition, Type as Physical};
+    let physical = match values {
+        Values::Float => Physical::FLOAT,
+        Values::Double => Physical::DOUBLE,
+        Values::Int32(_) => Physical::INT32,
+        Values::Int64(_) => Physical::INT64,
+        Values::Text => Physical::BYTE_ARRAY,
+    };
+    let repetition = if column.nullable {
+        Repetition::OPTIONAL
+    } else {
+        Repetition::REQUIRED
+    };
+    let kind = Type::primitive_type_builder(&column.name, physical);
+    let kind = kind.with_repetition(repetition).build()?;
+    let path = ColumnPath::from(column.name.as_str());
+    let described = ColumnDescriptor::new(Arc::new(kind), i16::from(column.nullable), 0, path);
+    Ok(get_column_reader(Arc::new(described), Box::new(pages)))
+}
