@@ -192,7 +192,8 @@ fn is_crlf(head: &[u8]) -> bool {
     end.and_then(|end| head.get(end.checked_sub(1)?)) == Some(&b'\r')
 }
 
-fn line_ends(text: &[u8]) -> u64 {
+/// Number of line ends.
+pub(super) fn line_ends(text: &[u8]) -> u64 {
     let mut before = 0;
     let mut count = 0;
     for &byte in text {
