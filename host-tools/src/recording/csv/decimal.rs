@@ -31,42 +31,68 @@ const LAST: [[u64; 2]; WIDTH + 1] = {
     masks
 };
 
+/// A way to read numbers: of any processor, or of one that looks at sixteen characters at once.
+pub(super) trait Way: Copy {
+    /// The digits of the last `count` characters of `window` as one whole number, and the place of the decimal sign
+    /// in the window, 16 without any. `None` where there is no digit, or another character.
+    fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)>;
+}
+
+/// The way of any processor: two words of eight characters.
+#[derive(Clone, Copy)]
+pub(super) struct Words;
+
 /// Value of the last `length` characters of `window`; `None` if they are no number or one of another
 /// form, such as one with an exponent.
-#[inline]
-pub(super) fn number(window: &[u8; WIDTH], length: usize, decimal: u8) -> Option<f64> {
+#[inline(always)]
+pub(super) fn number(
+    way: impl Way,
+    window: &[u8; WIDTH],
+    length: usize,
+    decimal: u8,
+) -> Option<f64> {
     let first = *window.get(WIDTH.wrapping_sub(length))?;
     let negative = first == b'-';
     let count = length - usize::from(negative | (first == b'+'));
-    let mask = LAST.get(count)?;
-    let words = u128::from_le_bytes(*window);
-    let (low, high) = (words as u64 & mask[0], (words >> 64) as u64 & mask[1]);
-    let signs = ONES * u64::from(decimal);
-    // Neither the place of the decimal sign nor the sign can be foreseen: no branch depends on them.
-    let found = u128::from(zeros(low ^ signs)) | u128::from(zeros(high ^ signs)) << 64;
-    let place = (found.trailing_zeros() / 8) as usize;
-    // Characters before the decimal sign move into its place.
-    let (digits, after) = match WIDTH.checked_sub(1 + place) {
-        Some(after) => {
-            let keep = LAST[after & (WIDTH - 1)];
-            let moved = [low << 8, high << 8 | low >> 56];
-            let joined = |i: usize, own: u64| own & keep[i] | moved[i] & !keep[i];
-            ([joined(0, low), joined(1, high)], after)
-        }
-        None => ([low, high], 0),
-    };
-    let active = count - usize::from(place < WIDTH);
-    let mask = LAST.get(active)?;
-    let low = digits[0] ^ mask[0] & (0x30 * ONES);
-    let high = digits[1] ^ mask[1] & (0x30 * ONES);
-    let beyond = |word: u64| (word.wrapping_add(0x76 * ONES) | word) & HIGH;
-    let whole = eight(low) * 100_000_000 + eight(high);
-    if active == 0 || (beyond(low) | beyond(high)) != 0 || whole > EXACT {
+    let (whole, place) = way.digits(window, count, decimal)?;
+    if whole > EXACT {
         return None;
     }
-    // Up to 2^53, a signed number converts faster.
-    let value = whole as i64 as f64 / POWERS[after & (WIDTH - 1)];
+    // Up to 2^53, a signed number converts faster. Without a decimal sign the place is 16.
+    let after = (WIDTH - 1).wrapping_sub(place) % (WIDTH + 1) % WIDTH;
+    let value = whole as i64 as f64 / POWERS[after];
+    // The sign cannot be foreseen: no branch depends on it.
     Some(f64::from_bits(value.to_bits() | u64::from(negative) << 63))
+}
+
+impl Way for Words {
+    #[inline(always)]
+    fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)> {
+        let mask = LAST.get(count)?;
+        let words = u128::from_le_bytes(*window);
+        let (low, high) = (words as u64 & mask[0], (words >> 64) as u64 & mask[1]);
+        let signs = ONES * u64::from(decimal);
+        // Nor can the place of the decimal sign.
+        let found = u128::from(zeros(low ^ signs)) | u128::from(zeros(high ^ signs)) << 64;
+        let place = (found.trailing_zeros() / 8) as usize;
+        // Characters before the decimal sign move into its place.
+        let digits = match WIDTH.checked_sub(1 + place) {
+            Some(after) => {
+                let keep = LAST[after & (WIDTH - 1)];
+                let moved = [low << 8, high << 8 | low >> 56];
+                let joined = |i: usize, own: u64| own & keep[i] | moved[i] & !keep[i];
+                [joined(0, low), joined(1, high)]
+            }
+            None => [low, high],
+        };
+        let active = count.checked_sub(usize::from(place < WIDTH))?;
+        let mask = LAST.get(active).filter(|_| active > 0)?;
+        let low = digits[0] ^ mask[0] & (0x30 * ONES);
+        let high = digits[1] ^ mask[1] & (0x30 * ONES);
+        let beyond = |word: u64| (word.wrapping_add(0x76 * ONES) | word) & HIGH;
+        let whole = eight(low) * 100_000_000 + eight(high);
+        ((beyond(low) | beyond(high)) == 0).then_some((whole, place))
+    }
 }
 
 /// The highest bit of each byte that is zero, exact up to the first of them.
@@ -81,6 +107,63 @@ fn eight(digits: u64) -> u64 {
     fours.wrapping_mul(42_949_672_960_001) >> 32
 }
 
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{LAST, WIDTH, Way};
+    use core::arch::x86_64::__m128i;
+    use pulp::cast;
+    use pulp::x86::V3;
+
+    /// Moves of sixteen characters that close the gap at place `i`; none at 16.
+    const MOVES: [[u8; WIDTH]; WIDTH + 1] = {
+        let mut moves = [[0; WIDTH]; WIDTH + 1];
+        let mut place = 0;
+        while place <= WIDTH {
+            let mut at = 0;
+            while at < WIDTH {
+                moves[place][at] = match at as u8 {
+                    at if place == WIDTH || at > place as u8 => at,
+                    // An index from 128 on makes a zero.
+                    0 => 128,
+                    at => at - 1,
+                };
+                at += 1;
+            }
+            place += 1;
+        }
+        moves
+    };
+
+    /// Factors of digits in pairs, of pairs in fours, of fours in eights.
+    const TENS: [i8; WIDTH] = [10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1];
+    const HUNDREDS: [i16; 8] = [100, 1, 100, 1, 100, 1, 100, 1];
+    const MYRIADS: [i16; 8] = [10_000, 1, 10_000, 1, 10_000, 1, 10_000, 1];
+
+    impl Way for V3 {
+        #[inline(always)]
+        fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)> {
+            let mask: __m128i = cast(*LAST.get(count)?);
+            let text = self.sse2._mm_and_si128(cast(*window), mask);
+            let signs = self.sse2._mm_cmpeq_epi8(text, cast([decimal; WIDTH]));
+            let found = self.sse2._mm_movemask_epi8(signs) as u32 | 1 << WIDTH;
+            let place = found.trailing_zeros() as usize;
+            let active = count.checked_sub(usize::from(place < WIDTH))?;
+            let mask: __m128i = cast(*LAST.get(active).filter(|_| active > 0)?);
+            let digits = self.ssse3._mm_shuffle_epi8(text, cast(*MOVES.get(place)?));
+            let base = self.sse2._mm_and_si128(mask, cast([b'0'; WIDTH]));
+            let digits = self.sse2._mm_sub_epi8(digits, base);
+            let least = self.sse2._mm_min_epu8(digits, cast([9_u8; WIDTH]));
+            let good = self.sse2._mm_cmpeq_epi8(least, digits);
+            let pairs = self.ssse3._mm_maddubs_epi16(digits, cast(TENS));
+            let fours = self.sse2._mm_madd_epi16(pairs, cast(HUNDREDS));
+            let fours = self.sse4_1._mm_packus_epi32(fours, fours);
+            let eights: [u32; 4] = cast(self.sse2._mm_madd_epi16(fours, cast(MYRIADS)));
+            let whole = u64::from(eights[0]) * 100_000_000 + u64::from(eights[1]);
+            (self.sse2._mm_movemask_epi8(good) == 0xffff).then_some((whole, place))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,7 +175,22 @@ mod tests {
         let mut window = *b"7,-3.25,1e5\n42.,";
         let start = WIDTH.checked_sub(text.len())?;
         window[start..].copy_from_slice(text.as_bytes());
-        number(&window, text.len(), decimal)
+        both(&window, text.len(), decimal)
+    }
+
+    /// The value that all ways of this processor agree on.
+    fn both(window: &[u8; WIDTH], length: usize, decimal: u8) -> Option<f64> {
+        let found = number(Words, window, length, decimal);
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            let other = number(simd, window, length, decimal);
+            assert_eq!(
+                other.map(f64::to_bits),
+                found.map(f64::to_bits),
+                "{window:?}"
+            );
+        }
+        found
     }
 
     /// Asserts the standard library's bits, where there is a value.
@@ -186,7 +284,7 @@ mod tests {
                 window[8 + place] = other;
                 let text = std::str::from_utf8(&window[8..]).ok();
                 let expected = text.and_then(|text| text.parse::<f64>().ok());
-                let found = number(&window, 8, b'.');
+                let found = both(&window, 8, b'.');
                 assert!(found.is_none() || found == expected, "{place} {other}");
             }
         }

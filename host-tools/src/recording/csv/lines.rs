@@ -1,6 +1,6 @@
 //! Lines of text without quotes, whose fields are found by a scan over large blocks of bytes.
 
-use super::decimal::{self, WIDTH};
+use super::decimal::{self, WIDTH, Way, Words};
 use super::dialect;
 use super::marks::{self, GROUP};
 use crate::limits;
@@ -34,6 +34,57 @@ pub(super) struct Lines {
     failed: Option<io::Error>,
     /// `true` if the text ends in the middle of a line, which then has been given an end.
     unfinished: bool,
+    /// Instructions that look at sixteen characters at once, where the processor has them.
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<pulp::x86::V3>,
+}
+
+/// Form of a row of numbers: its columns, those that are read, and one that is empty.
+#[derive(Clone, Copy)]
+struct Form<'a> {
+    columns: usize,
+    selected: &'a [usize],
+    empty: Option<usize>,
+}
+
+/// [`Lines::numbers`] with these instructions.
+#[cfg(target_arch = "x86_64")]
+struct Numbers<'a> {
+    simd: pulp::x86::V3,
+    lines: &'a mut Lines,
+    form: Form<'a>,
+    into: &'a mut [f64],
+}
+
+#[cfg(target_arch = "x86_64")]
+impl pulp::NullaryFnOnce for Numbers<'_> {
+    type Output = Option<u64>;
+
+    #[inline(always)]
+    fn call(self) -> Option<u64> {
+        self.lines.numbers_by(self.simd, self.form, self.into)
+    }
+}
+
+/// [`Lines::mark`] with these instructions.
+#[cfg(target_arch = "x86_64")]
+struct Marks<'a>(&'a mut Lines);
+
+#[cfg(target_arch = "x86_64")]
+impl pulp::NullaryFnOnce for Marks<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self(lines) = self;
+        marks::add(
+            &lines.text,
+            WIDTH,
+            lines.end,
+            lines.delimiter,
+            &mut lines.marks,
+        );
+    }
 }
 
 /// A step from line to line.
@@ -68,6 +119,8 @@ impl Lines {
             ended: false,
             failed: None,
             unfinished: false,
+            #[cfg(target_arch = "x86_64")]
+            simd: pulp::x86::V3::try_new(),
         }
     }
 
@@ -100,6 +153,30 @@ impl Lines {
         empty: Option<usize>,
         into: &mut [f64],
     ) -> Option<u64> {
+        let form = Form {
+            columns,
+            selected,
+            empty,
+        };
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.vectorize(Numbers {
+                simd,
+                lines: self,
+                form,
+                into,
+            });
+        }
+        self.numbers_by(Words, form, into)
+    }
+
+    #[inline(always)]
+    fn numbers_by(&mut self, way: impl Way, form: Form<'_>, into: &mut [f64]) -> Option<u64> {
+        let Form {
+            columns,
+            selected,
+            empty,
+        } = form;
         let marks = self.marks.get(self.passed..)?;
         let (fields, rest) = marks.split_at_checked(columns)?;
         let (last, between) = fields.split_last()?;
@@ -134,7 +211,7 @@ impl Lines {
             return None;
         }
         for (slot, column) in into.iter_mut().zip(selected) {
-            *slot = self.number(field(*column)?)?;
+            *slot = self.number(way, field(*column)?)?;
         }
         self.passed += count;
         self.next = after;
@@ -145,11 +222,11 @@ impl Lines {
     }
 
     /// A finite number in a field, with spaces around it.
-    #[inline]
-    fn number(&self, field: Range<usize>) -> Option<f64> {
+    #[inline(always)]
+    fn number(&self, way: impl Way, field: Range<usize>) -> Option<f64> {
         let window = self.text.get(field.end.checked_sub(WIDTH)?..field.end)?;
         let window = window.try_into().ok()?;
-        match decimal::number(window, field.len(), self.decimal) {
+        match decimal::number(way, window, field.len(), self.decimal) {
             Some(value) => Some(value),
             None => self.other_number(field),
         }
@@ -161,7 +238,7 @@ impl Lines {
         let start = field.end - text.trim_ascii_start().len();
         let trimmed = start..start + self.part(start..field.end).trim_ascii_end().len();
         if trimmed != field && trimmed.len() <= WIDTH {
-            return self.number(trimmed);
+            return self.number(Words, trimmed);
         }
         let value = dialect::number(self.part(trimmed), self.decimal)?;
         (value as f32).is_finite().then_some(value)
@@ -254,8 +331,16 @@ impl Lines {
             self.text.resize(self.end + GROUP, 0);
         }
         self.marks.clear();
-        marks::add(&self.text, WIDTH, self.end, self.delimiter, &mut self.marks);
+        self.mark();
         self.quote = self.find_quote(WIDTH);
+    }
+
+    fn mark(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.vectorize(Marks(self));
+        }
+        marks::add(&self.text, WIDTH, self.end, self.delimiter, &mut self.marks);
     }
 
     /// Has more text read where fewer rows than one are left of it.

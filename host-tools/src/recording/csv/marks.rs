@@ -8,6 +8,7 @@ pub(super) const GROUP: usize = 64;
 
 /// Adds the places of the delimiter, and of control characters from backspace to 15, among which are the
 /// line ends. `text` is looked at from `from` to `to` and has [`GROUP`] bytes more.
+#[inline(always)]
 pub(super) fn add(text: &[u8], from: usize, to: usize, delimiter: u8, marks: &mut Vec<u32>) {
     let delimiters = ONES * u64::from(delimiter);
     let groups = text.get(from..).unwrap_or(&[]).chunks_exact(GROUP);
@@ -26,16 +27,19 @@ pub(super) fn add(text: &[u8], from: usize, to: usize, delimiter: u8, marks: &mu
 }
 
 /// The highest bit of each byte that is not zero; the others are of no meaning.
+#[inline(always)]
 fn nonzero(word: u64) -> u64 {
     ((word & !HIGH) + !HIGH) | word
 }
 
 /// The highest bit of each of eight bytes as a byte.
+#[inline(always)]
 fn gathered(bits: u64) -> u64 {
     (bits >> 7).wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
 /// Adds the places of the bits.
+#[inline(always)]
 fn push(mut bits: u64, at: u32, marks: &mut Vec<u32>) {
     /// Places that are written without looking whether there are as many.
     const ALWAYS: usize = 8;
