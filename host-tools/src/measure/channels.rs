@@ -6,7 +6,7 @@
 //! poses are kept as they were read.
 
 use super::drives::DrivesAverage;
-use super::geometry::channel_names;
+use super::geometry::{RunGeometry, channel_names};
 use super::random::drive_columns;
 use super::samples::{Samples, feed};
 use super::stream::{Sink, stream};
@@ -120,7 +120,11 @@ impl Sink for Same<'_> {
         self.1
     }
 
-    fn transform(&self, sample: &[f32], into: &mut [f32]) {
+    fn geometry(&self) -> Option<&RunGeometry> {
+        None
+    }
+
+    fn transform(&self, sample: &[f32], _: &[f32; RESULTANTS], into: &mut [f32]) {
         for (slot, x) in into.iter_mut().zip(sample) {
             *slot = *x;
         }

@@ -383,8 +383,12 @@ impl Sink for Resultants<'_> {
         RESULTANTS
     }
 
-    fn transform(&self, sample: &[f32], into: &mut [f32]) {
-        into.copy_from_slice(&self.geometry.resultants(sample));
+    fn geometry(&self) -> Option<&RunGeometry> {
+        Some(self.geometry)
+    }
+
+    fn transform(&self, _: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]) {
+        into.copy_from_slice(resultants);
     }
 
     fn add(&mut self, block: &BlockSpectra<'_>) {

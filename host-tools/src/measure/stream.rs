@@ -1,8 +1,10 @@
 //! Recordings through blocks into averages.
 
 use super::MeasureError;
+use super::geometry::RunGeometry;
 use super::rejected::{Gate, Rejected};
 use crate::recording::Recording;
+use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{BlockSettings, BlockSpectra, Blocks, Complex32};
 
 /// Rows between two reports of progress.
@@ -13,8 +15,12 @@ pub(super) trait Sink {
     /// Number of channels, behind the drives.
     fn channels(&self) -> usize;
 
-    /// Turns a sample of all channels of the recording into this consumer's channels.
-    fn transform(&self, sample: &[f32], into: &mut [f32]);
+    /// Geometry of the resultants that are among its channels.
+    fn geometry(&self) -> Option<&RunGeometry>;
+
+    /// Turns a sample of all channels of the recording, and its resultants by that geometry, into this consumer's
+    /// channels.
+    fn transform(&self, sample: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]);
 
     /// Takes a block without faults: the drives, then the channels.
     fn add(&mut self, block: &BlockSpectra<'_>);
@@ -52,6 +58,15 @@ pub(super) fn stream(
         })?;
         feeds.push((blocks, vec![0.0_f32; *channels], sink));
     }
+    // A consumer of the geometry of the one before it shares its resultants.
+    let is_new: Vec<bool> = (0..feeds.len())
+        .map(|i| {
+            let of = |i: usize| feeds.get(i).and_then(|(.., sink)| sink.geometry());
+            let before = i.checked_sub(1).and_then(of);
+            !matches!((before, of(i)), (Some(a), Some(b)) if std::ptr::eq(a, b))
+        })
+        .collect();
+    let mut resultants = [0.0; RESULTANTS];
     let mut sample = vec![0.0_f32; recording.channels()];
     let mut gate = Gate::new(settings);
     while recording.next_row(&mut sample)? {
@@ -61,12 +76,15 @@ pub(super) fn stream(
         }
         // All complete their blocks with the same sample.
         let mut admitted = None;
-        for (blocks, input, sink) in &mut feeds {
+        for ((blocks, input, sink), is_new) in feeds.iter_mut().zip(&is_new) {
+            if let Some(geometry) = sink.geometry().filter(|_| *is_new) {
+                resultants = geometry.resultants(&sample);
+            }
             let (head, tail) = input.split_at_mut(lead);
             for (slot, at) in head.iter_mut().zip(drives) {
                 *slot = sample.get(*at).copied().unwrap_or(0.0);
             }
-            sink.transform(&sample, tail);
+            sink.transform(&sample, &resultants, tail);
             if let Some(block) = blocks.push(input)
                 && *admitted.get_or_insert_with(|| gate.admits())
             {

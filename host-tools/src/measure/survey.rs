@@ -232,12 +232,16 @@ impl Sink for Sensors<'_> {
         self.scales.len() + RESULTANTS
     }
 
-    fn transform(&self, sample: &[f32], into: &mut [f32]) {
-        let (sensors, resultants) = into.split_at_mut(self.scales.len());
+    fn geometry(&self) -> Option<&RunGeometry> {
+        Some(self.geometry)
+    }
+
+    fn transform(&self, sample: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]) {
+        let (sensors, behind) = into.split_at_mut(self.scales.len());
         for ((slot, x), scale) in sensors.iter_mut().zip(sample).zip(&self.scales) {
             *slot = x * scale;
         }
-        resultants.copy_from_slice(&self.geometry.resultants(sample));
+        behind.copy_from_slice(resultants);
     }
 
     fn add(&mut self, block: &BlockSpectra<'_>) {

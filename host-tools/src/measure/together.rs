@@ -104,8 +104,13 @@ fn pass(
         .iter()
         .map(|a| RunGeometry::new(setup, number, a));
     let geometries: Vec<RunGeometry> = geometries.collect::<Result<_, _>>()?;
-    let of_survey = survey::is_driven(run).then(|| survey::geometry(setup, number));
-    let of_survey = of_survey.transpose()?;
+    // The survey's geometry is that of the interface accelerometers, where there are any: it is the last selection.
+    let own = match (selections.last(), geometries.last()) {
+        (Some(Accelerations::Interface), Some(_)) => None,
+        _ => Some(survey::geometry(setup, number)?),
+    };
+    let of_survey = own.as_ref().or(geometries.last());
+    let of_survey = of_survey.filter(|_| survey::is_driven(run));
     let (mut units, mut notes) = (None, Vec::new());
     let mut notice = |recording: &Recording| {
         units = Some(StatedUnits::of(setup, run, recording));
@@ -119,9 +124,7 @@ fn pass(
     let resultants = geometries.iter().zip(&mut storages);
     let resultants = resultants.map(|(g, storage)| Resultants::new(&opened, band, g, storage));
     let mut resultants: Vec<Resultants<'_>> = resultants.collect::<Result<_, _>>()?;
-    let sensors = of_survey
-        .as_ref()
-        .map(|g| Sensors::new(&opened, g, &mut of_sensors));
+    let sensors = of_survey.map(|g| Sensors::new(&opened, g, &mut of_sensors));
     let mut sensors = sensors.transpose()?;
     let mut sinks: Vec<&mut dyn super::stream::Sink> = Vec::new();
     for sink in &mut resultants {

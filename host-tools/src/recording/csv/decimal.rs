@@ -1,6 +1,6 @@
 //! Numbers of the common form, a sign, digits and a decimal sign, read sixteen characters at a time.
 //!
-//! A number of at most 2^53 in its digits, over a power of ten of at most 15, is one division of two
+//! A number of at most 2^53 in its digits, over or times a power of ten of at most 22, is one operation on two
 //! exact numbers: rounded once, it is the nearest number to the text, as that of the standard library.
 
 /// Characters that are looked at together.
@@ -12,8 +12,9 @@ const ONES: u64 = 0x0101_0101_0101_0101;
 const HIGH: u64 = 0x80 * ONES;
 
 /// Powers of ten, each exact.
-const POWERS: [f64; WIDTH] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+const POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
 /// Masks of the last `i` of sixteen characters, in two words, the first character lowest.
@@ -63,6 +64,46 @@ pub(super) fn number(
     let value = whole as i64 as f64 / POWERS[after];
     // The sign cannot be foreseen: no branch depends on it.
     Some(f64::from_bits(value.to_bits() | u64::from(negative) << 63))
+}
+
+/// The same of a number with an exponent, whose last `length` characters before it end the window.
+pub(super) fn scaled(
+    window: &[u8; WIDTH],
+    length: usize,
+    decimal: u8,
+    exponent: i32,
+) -> Option<f64> {
+    let first = *window.get(WIDTH.wrapping_sub(length))?;
+    let negative = first == b'-';
+    let count = length - usize::from(negative | (first == b'+'));
+    let (whole, place) = Words.digits(window, count, decimal)?;
+    let after = if place < WIDTH { WIDTH - 1 - place } else { 0 };
+    let power = exponent - after as i32;
+    let scale = *POWERS.get(power.unsigned_abs() as usize)?;
+    let whole = Some(whole).filter(|whole| *whole <= EXACT)? as f64;
+    let value = if power < 0 {
+        whole / scale
+    } else {
+        whole * scale
+    };
+    Some(if negative { -value } else { value })
+}
+
+/// The exponent of a number, of at most two digits, and the text before it.
+pub(super) fn split_exponent(text: &[u8]) -> Option<(&[u8], i32)> {
+    let at = text.iter().rposition(|byte| matches!(byte, b'e' | b'E'))?;
+    let (before, exponent) = (text.get(..at)?, text.get(at + 1..)?);
+    let (negative, digits) = match exponent {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    let value = match digits {
+        [a @ b'0'..=b'9'] => i32::from(a - b'0'),
+        [a @ b'0'..=b'9', b @ b'0'..=b'9'] => 10 * i32::from(a - b'0') + i32::from(b - b'0'),
+        _ => return None,
+    };
+    Some((before, if negative { -value } else { value }))
 }
 
 impl Way for Words {
@@ -191,6 +232,62 @@ mod tests {
             );
         }
         found
+    }
+
+    /// The value of a text with an exponent.
+    fn read_scaled(text: &str) -> Option<f64> {
+        let (before, exponent) = split_exponent(text.as_bytes())?;
+        let mut window = *b"7,-3.25,1e5\n42.,";
+        let start = WIDTH.checked_sub(before.len())?;
+        window[start..].copy_from_slice(before);
+        scaled(&window, before.len(), b'.', exponent)
+    }
+
+    #[test]
+    fn numbers_with_exponents_are_the_standard_librarys_to_the_last_bit() {
+        let mut random = ChaCha8Rng::seed_from_u64(2);
+        let mut taken = 0;
+        for _ in 0..400_000 {
+            let bits = random.next_u64();
+            let places = (bits % 12) as usize;
+            let near = f64::from(bits as u32) * 10f64.powi((bits >> 40) as i32 % 40 - 25);
+            for text in [
+                format!("{:e}", f32::from_bits(bits as u32)),
+                format!("{near:.places$e}"),
+                format!("{:+.places$E}", -near),
+                format!(
+                    "{}.{}e{}",
+                    bits >> 50,
+                    bits % 1_000_000,
+                    (bits % 60) as i32 - 30
+                ),
+            ] {
+                let found = read_scaled(&text).map(f64::to_bits);
+                let expected = text.parse::<f64>().ok().map(f64::to_bits);
+                assert!(found.is_none() || found == expected, "{text}");
+                taken += u32::from(found.is_some());
+            }
+        }
+        assert!(taken > 800_000, "{taken}");
+        for text in [
+            "e5", "1e", "1e+", "1e-", "1e1.0", "1e1e1", "1ee1", ".e1", "-e1", "1e 1", "xe1",
+        ] {
+            assert_eq!(text.parse::<f64>().ok(), None);
+            assert_eq!(read_scaled(text), None, "{text}");
+        }
+        for text in [
+            "1e5",
+            "-0e0",
+            "-0.0e-5",
+            "1.e1",
+            ".5e-2",
+            "9007199254740992e22",
+            "1e22",
+            "1e-22",
+        ] {
+            let found = read_scaled(text).map(f64::to_bits);
+            assert_eq!(found, text.parse().ok().map(f64::to_bits), "{text}");
+        }
     }
 
     /// Asserts the standard library's bits, where there is a value.

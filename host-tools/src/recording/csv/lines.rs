@@ -232,15 +232,28 @@ impl Lines {
         }
     }
 
-    #[cold]
+    /// The same of other forms: with spaces around it, with an exponent, or with many digits.
+    #[inline(never)]
     fn other_number(&self, field: Range<usize>) -> Option<f64> {
-        let text = self.part(field.clone());
-        let start = field.end - text.trim_ascii_start().len();
-        let trimmed = start..start + self.part(start..field.end).trim_ascii_end().len();
-        if trimmed != field && trimmed.len() <= WIDTH {
-            return self.number(Words, trimmed);
+        let start = field.end - self.part(field.clone()).trim_ascii_start().len();
+        let text = self.part(start..field.end).trim_ascii_end();
+        let end = start + text.len();
+        let window = |end: usize| {
+            let window = self.text.get(end.checked_sub(WIDTH)?..end)?;
+            <&[u8; WIDTH]>::try_from(window).ok()
+        };
+        let found = if let Some((before, exponent)) = decimal::split_exponent(text) {
+            window(start + before.len())
+                .and_then(|w| decimal::scaled(w, before.len(), self.decimal, exponent))
+        } else if end < field.end || start > field.start {
+            window(end).and_then(|w| decimal::number(Words, w, text.len(), self.decimal))
+        } else {
+            None
+        };
+        if found.is_some() {
+            return found;
         }
-        let value = dialect::number(self.part(trimmed), self.decimal)?;
+        let value = dialect::number(text, self.decimal)?;
         (value as f32).is_finite().then_some(value)
     }
 
@@ -307,7 +320,7 @@ impl Lines {
         self.next = WIDTH;
         self.passed = 0;
         // A long line is not looked through for each of its chunks.
-        let more = CHUNK.max(self.end);
+        let more = CHUNK.max(self.end / 4);
         self.text.resize(self.end + more + GROUP, 0);
         while !self.ended && self.end < self.text.len() - GROUP {
             let to = self.text.len() - GROUP;

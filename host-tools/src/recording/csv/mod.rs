@@ -8,6 +8,8 @@ mod header;
 mod lines;
 mod marks;
 mod stamp;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use header::field;
 
@@ -262,8 +264,8 @@ impl CsvFile {
 
     /// Reads the next row into the record, and gives its line; `None` at the end.
     fn advance(&mut self) -> Result<Option<u64>, RecordingError> {
+        let line = self.rows.line();
         loop {
-            let line = self.rows.line();
             let lines = match &mut self.rows {
                 Rows::Lines(lines) => lines,
                 Rows::Records(records) => {
