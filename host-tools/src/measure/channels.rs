@@ -7,7 +7,7 @@
 
 use super::drives::DrivesAverage;
 use super::geometry::{RunGeometry, channel_names};
-use super::random::drive_columns;
+use super::opened::drive_columns;
 use super::samples::{Samples, feed};
 use super::stream::{Sink, stream};
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};

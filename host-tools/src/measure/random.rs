@@ -1,21 +1,21 @@
 //! Random runs: Welch averages of the twelve resultants.
 
 use super::drives::{DrivesAverage, Parts};
-use super::geometry::{RunGeometry, channel_names};
+use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
-use super::stream::{Sink, stream};
+use super::opened::{Ended, Opened};
+use super::stream::Sink;
 use super::sums::Sums;
 use super::unexplained::Unexplained;
 use super::units::Noticed;
-use super::{MeasureError, Rejected, WINDOW};
-use crate::recording::{ChannelHealth, Health, Preamble, Recording};
-use crate::setup::{Excitation, Processing, Run, Setup};
+use super::{MeasureError, Rejected};
+use crate::recording::{ChannelHealth, Preamble, Recording};
+use crate::setup::{Run, Setup};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
 use massline_core::spectra::{
     Average, BlockSettings, BlockSpectra, Complex32, DriveAverage, LineGrid, LineRange,
     RunResponses, SpectraError, Sum,
 };
-use std::path::{Path, PathBuf};
 
 /// Averaged spectra of one run.
 #[derive(Clone)]
@@ -162,132 +162,6 @@ pub(super) fn read(
     let averaged = resultants.finish(&opened)?.with(storage);
     let ended = opened.ended(read);
     conclude(setup, geometry, averaged, &ended, &mut noticed.warnings)
-}
-
-/// A run whose recording was opened.
-pub(super) struct Opened<'a> {
-    pub(super) number: usize,
-    run: &'a Run,
-    pub(super) setup: &'a Setup,
-    pub(super) file: PathBuf,
-    recording: Recording,
-    pub(super) settings: BlockSettings,
-    /// Number of channels that are read, and the columns of the drives among them.
-    channels: usize,
-    pub(super) drives: Vec<usize>,
-    /// Columns of the recording that nothing reads.
-    unused: String,
-}
-
-/// The samples of a run, seen while they were read.
-pub(super) struct Read {
-    pub(super) rejected: Rejected,
-    health: Health,
-}
-
-/// The rest of what is known of a run once it has been read.
-pub(super) struct Ended {
-    number: usize,
-    file: PathBuf,
-    settings: BlockSettings,
-    drives: usize,
-    rejected: Rejected,
-    samples: u64,
-    notes: Vec<String>,
-    preamble: Preamble,
-    health: Vec<ChannelHealth>,
-    fingerprint: u64,
-}
-
-impl<'a> Opened<'a> {
-    /// Opens the recording of a random run; `notice` sees it before its sample rate is settled.
-    pub(super) fn new(
-        setup: &'a Setup,
-        number: usize,
-        limit: Option<u64>,
-        settings: &mut Option<BlockSettings>,
-        notice: &mut dyn FnMut(&Recording) -> Result<(), MeasureError>,
-    ) -> Result<Self, MeasureError> {
-        let run = &setup.runs[number];
-        let file = setup.recording_path(run);
-        let names = channel_names(setup, run);
-        let mut recording = setup.open_recording(run, &names)?;
-        recording.limit(limit);
-        notice(&recording)?;
-        let unused = recording.ignored().join(", ");
-        let settings = settle(setup, run, &file, &mut recording, settings)?;
-        let drives = drive_columns(run, &names);
-        Ok(Self {
-            number,
-            run,
-            setup,
-            file,
-            recording,
-            settings,
-            channels: names.len(),
-            drives,
-            unused,
-        })
-    }
-
-    /// The lines of the averaging band.
-    pub(super) fn band(&self) -> Result<LineRange, MeasureError> {
-        let grid = self.settings.grid();
-        match &self.setup.processing {
-            Some(p) => grid
-                .within(p.averaging_band)
-                .map_err(|why| MeasureError::band(&self.file, "averaging_band", why)),
-            None => Ok(LineRange::all(grid.count)),
-        }
-    }
-
-    /// Reads all samples, into all of their consumers.
-    pub(super) fn read(
-        &mut self,
-        sinks: &mut [&mut dyn Sink],
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<Read, MeasureError> {
-        let mut health = Health::new(self.channels);
-        let rejected = stream(
-            &mut self.recording,
-            &self.settings,
-            &self.drives,
-            sinks,
-            &mut |sample| health.add(sample),
-            progress,
-        )?;
-        Ok(Read { rejected, health })
-    }
-
-    /// Samples that were read.
-    pub(super) fn samples(&self) -> u64 {
-        self.recording.rows()
-    }
-
-    pub(super) fn spectral(&self, source: SpectraError) -> MeasureError {
-        MeasureError::Spectra {
-            file: self.file.clone(),
-            source,
-        }
-    }
-
-    /// Closes the recording.
-    pub(super) fn ended(self, read: Read) -> Ended {
-        let mut notes = Vec::new();
-        self.recording.notice_end(&mut notes);
-        Ended {
-            number: self.number,
-            file: self.file,
-            settings: self.settings,
-            drives: self.drives.len(),
-            rejected: read.rejected,
-            samples: self.recording.rows(),
-            notes,
-            preamble: self.recording.preamble().clone(),
-            health: read.health.channels(),
-            fingerprint: read.health.fingerprint(),
-        }
-    }
 }
 
 /// The consumer of a run that averages its twelve resultants.
@@ -483,11 +357,6 @@ pub(super) fn conclude(
     Ok(runs.collect())
 }
 
-/// Columns of a run's drives among the channels that are read, where they come last.
-pub(super) fn drive_columns(run: &Run, names: &[&str]) -> Vec<usize> {
-    (names.len() - run.references.len()..names.len()).collect()
-}
-
 /// Says which drives of a run are left out.
 fn note_dependent(run: &Run, parts: &Parts, warnings: &mut Vec<String>) {
     let names: Vec<&str> = parts
@@ -579,63 +448,4 @@ pub(super) fn densities(
     (0..grid.count)
         .map(|k| core::array::from_fn(|c| power(c, k) * scale))
         .collect()
-}
-
-/// Blocks and kept lines of a setup's random runs, as its first one has them; `None`
-/// without any.
-///
-/// # Errors
-/// [`MeasureError`] that names the recording.
-pub fn block_settings(setup: &Setup) -> Result<Option<BlockSettings>, MeasureError> {
-    let random = |run: &&Run| run.excitation == Excitation::Random;
-    let Some(run) = setup.runs.iter().find(random) else {
-        return Ok(None);
-    };
-    let file = setup.recording_path(run);
-    let mut recording = setup.open_recording(run, &channel_names(setup, run))?;
-    settle(setup, run, &file, &mut recording, &mut None).map(Some)
-}
-
-/// Sample rate and kept lines; the first run decides, the others must agree.
-pub(super) fn settle(
-    setup: &Setup,
-    run: &Run,
-    file: &Path,
-    recording: &mut Recording,
-    settled: &mut Option<BlockSettings>,
-) -> Result<BlockSettings, MeasureError> {
-    let Some(p) = &setup.processing else {
-        return Err(MeasureError::NoProcessing {
-            run: run.name.clone(),
-        });
-    };
-    let rate = recording.settle_rate(p.sample_rate)?;
-    if let Some(settings) = settled {
-        let expected = settings.grid().spacing * settings.block_length() as f64;
-        // Rates read off time columns agree to the columns' rounding.
-        if (rate / expected - 1.0).abs() > 1e-3 {
-            return Err(MeasureError::OtherRate {
-                file: file.to_owned(),
-                found: rate,
-                expected,
-            });
-        }
-        return Ok(*settings);
-    }
-    p.check_bands(rate).map_err(|e| MeasureError::Band {
-        file: file.to_owned(),
-        reason: e.to_string(),
-    })?;
-    let settings = settings_at(p, rate).map_err(|source| MeasureError::Spectra {
-        file: file.to_owned(),
-        source,
-    })?;
-    *settled = Some(settings);
-    Ok(settings)
-}
-
-/// Blocks and lines of a setup at a sample rate, Hz.
-pub(crate) fn settings_at(p: &Processing, rate: f64) -> Result<BlockSettings, SpectraError> {
-    let band = [p.averaging_band[0], p.kept_up_to(Some(rate))];
-    BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, band)
 }

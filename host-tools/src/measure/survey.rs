@@ -5,7 +5,7 @@
 //! own, over the same recordings.
 
 use super::geometry::{Accelerations, RunGeometry};
-use super::random::{Opened, Read};
+use super::opened::{Opened, Read};
 use super::stream::Sink;
 use super::sums::Sums;
 use super::units::Noticed;

@@ -3,7 +3,8 @@
 //! Averages of several selections of accelerometers and the survey have blocks of their own each, so that they
 //! have the bits of passes of their own.
 
-use super::random::{self, Averaged, Ended, Opened, Resultants, block_settings};
+use super::opened::{Ended, Opened, block_settings};
+use super::random::{self, Averaged, Resultants};
 use super::survey::{self, Sensors};
 use super::units::StatedUnits;
 use super::{

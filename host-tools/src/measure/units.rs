@@ -42,7 +42,7 @@ impl StatedUnits {
             Excitation::Sine => recording.unit(&format!("{channel}.re")),
             _ => recording.unit(channel),
         };
-        let channels = setup.sensor_channels().into_iter();
+        let channels = setup.sensor_channels();
         Self {
             file: recording.file().to_owned(),
             place: recording.names_at(),
@@ -98,7 +98,7 @@ impl UnitsOfRuns {
     ) -> Result<(), MeasureError> {
         let file = &stated.file;
         let mut assumed: Vec<(String, String)> = Vec::new();
-        for (channel, found) in setup.sensor_channels().into_iter().zip(&stated.units) {
+        for (channel, found) in setup.sensor_channels().zip(&stated.units) {
             let found = found.as_deref();
             let known = self.0.entry(channel.to_owned()).or_default();
             for (other, first) in known.iter() {

@@ -7,6 +7,7 @@ mod gauge;
 mod header;
 mod lines;
 mod marks;
+mod records;
 mod stamp;
 #[cfg(test)]
 mod tests;
@@ -21,15 +22,14 @@ use super::source::{Block, Channel, Place, Source, StatedRate};
 use super::{Format, HEALTH_COLUMN, RecordingError, faults};
 use crate::limits;
 use crate::printable::quoted;
-use ::csv::{ByteRecord, Position, Reader, ReaderBuilder, Trim};
+use ::csv::ByteRecord;
 use decode::Encoding;
 use dialect::Dialect;
-use gauge::{Gauge, Gauged};
 use lines::{Lines, Step};
 use massline_firmware::wire::Health;
+use records::Records;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 
 use stamp::Stamp;
 
@@ -68,65 +68,6 @@ enum Rows {
     Lines(Lines),
     /// Rows of any form.
     Records(Records),
-}
-
-/// Rows of any form.
-struct Records {
-    reader: Reader<Box<dyn Read>>,
-    gauge: Rc<Gauge>,
-    /// Number of lines before the first one.
-    before: u64,
-    /// `true` if lines end in CR and LF.
-    crlf: bool,
-}
-
-impl Records {
-    fn new(content: impl Read + 'static, before: u64, dialect: &Dialect) -> Self {
-        let gauge = Rc::new(Gauge::default());
-        let content: Box<dyn Read> = Box::new(Gauged::new(content, Rc::clone(&gauge)));
-        let reader = ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .comment(Some(b'#'))
-            .delimiter(dialect.delimiter)
-            .trim(Trim::All)
-            .from_reader(content);
-        Self {
-            reader,
-            gauge,
-            before,
-            crlf: dialect.crlf,
-        }
-    }
-
-    /// Line of the file, counted from one.
-    fn line_of(&self, position: &Position) -> u64 {
-        // The reader ends a row at CR and counts lines at LF, which it takes for the next row's.
-        let late = self.crlf && position.byte() > 0;
-        self.before + position.line() + u64::from(late)
-    }
-
-    /// Line where the next row begins, in front of comments and empty lines.
-    fn line(&self) -> u64 {
-        self.line_of(self.reader.position())
-    }
-
-    fn advance(&mut self, record: &mut ByteRecord, file: &Path) -> Result<bool, RecordingError> {
-        self.gauge.begin_row();
-        self.reader.read_byte_record(record).map_err(|e| {
-            if self.gauge.exceeded() {
-                return RecordingError::RowTooLong {
-                    file: file.to_owned(),
-                    place: Place::Line(self.line()),
-                };
-            }
-            RecordingError::Damaged {
-                file: file.to_owned(),
-                place: Place::Line(self.line_of(e.position().unwrap_or(self.reader.position()))),
-                reason: e.to_string(),
-            }
-        })
-    }
 }
 
 impl Rows {
@@ -216,7 +157,7 @@ impl CsvFile {
         let Rows::Records(records) = &self.rows else {
             return 0;
         };
-        let passed = records.reader.position().byte() as usize;
+        let passed = records.passed() as usize;
         let behind = passed.checked_sub(1).and_then(|last| names.get(last..));
         passed + usize::from(behind.is_some_and(|behind| behind.starts_with(b"\r\n")))
     }
@@ -270,7 +211,7 @@ impl CsvFile {
                 Rows::Lines(lines) => lines,
                 Rows::Records(records) => {
                     let more = records.advance(&mut self.record, &self.file)?;
-                    self.unfinished = !more && !records.gauge.ends_a_line();
+                    self.unfinished = !more && !records.ends_a_line();
                     return Ok(more.then_some(line));
                 }
             };
