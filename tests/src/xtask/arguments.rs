@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn parses_fuzz_mutants_and_miri() {
+    fn parses_fuzz_mutants_miri_and_bench() {
         let order = |line: &str| match parsed(line) {
             Ok(Request::Fuzz(order)) => order,
             other => panic!("{line}: {other:?}"),
@@ -269,6 +269,9 @@ mod tests {
             Ok(Request::Mutants(mutants))
         );
         assert_eq!(parsed("miri"), Ok(Request::Miri));
+        let order = |runs, table| Ok(Request::BenchHost(bench::host::Order { runs, table }));
+        assert_eq!(parsed("bench host"), order(9, false));
+        assert_eq!(parsed("bench host --runs 3 --table"), order(3, true));
     }
 
     #[test]
@@ -276,6 +279,12 @@ mod tests {
         for (line, message) in [
             ("", "a command is missing"),
             ("tset", "there is no command \"tset\""),
+            ("bench", "bench needs a name"),
+            ("bench chop", "there is no benchmark \"chop\""),
+            (
+                "bench host --runs 0",
+                "expected a whole number of one or more",
+            ),
             ("test --fast", "invalid option '--fast'"),
             ("test --only", "missing argument for option '--only'"),
             (

@@ -257,9 +257,13 @@ impl Lines {
         (value as f32).is_finite().then_some(value)
     }
 
-    /// The next row, whatever its form; comments and empty lines are passed over.
+    /// The next row, whatever its form; comments and empty lines are passed over, [`limits::ROW`] bytes of them at most.
     pub(super) fn step(&mut self) -> Step {
+        let mut skipped = 0;
         loop {
+            if skipped > limits::ROW as usize {
+                return Step::TooLong;
+            }
             let Some(end) = self.line_end() else {
                 if self.end - self.next > limits::ROW as usize {
                     return Step::TooLong;
@@ -285,6 +289,7 @@ impl Lines {
             let row = self.row;
             self.pass(after);
             self.row = row;
+            skipped += after - start;
         }
     }
 
