@@ -4,6 +4,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+/// A word from a thread about a job.
+enum Word<T> {
+    /// Share of it that is done, 0 to 1.
+    Share(f64),
+    /// Its result, and the time that it took.
+    Done(T, Duration),
+}
+
+/// A job by its number, which may tell the share of it that is done, 0 to 1.
+type Job<'a, T, E> = &'a (dyn Fn(usize, &mut dyn FnMut(f64)) -> Result<T, E> + Sync);
+
 /// Does jobs 0 to `count` on `threads` threads, as many as there are processors if `None`.
 /// Gives the results in order and the time that the threads worked. `progress` hears how many
 /// are done and which one is the latest.
@@ -15,6 +26,42 @@ pub(crate) fn each<T: Send, E: Send>(
     threads: Option<usize>,
     job: &(dyn Fn(usize) -> Result<T, E> + Sync),
     progress: &mut dyn FnMut(usize, usize),
+) -> Result<(Vec<T>, Duration), E> {
+    let mut done = 0;
+    let job = |number: usize, _: &mut dyn FnMut(f64)| job(number);
+    run(count, threads, &job, &mut |number, _| {
+        done += 1;
+        progress(done, number);
+    })
+}
+
+/// Does jobs 0 to `count` as [`each`] does. `progress` hears which job is the latest that told of itself, and
+/// the sum of the shares of all jobs that are done.
+///
+/// # Errors
+/// The error of the first job that fails.
+pub(crate) fn each_with_shares<T: Send, E: Send>(
+    count: usize,
+    threads: Option<usize>,
+    job: Job<'_, T, E>,
+    progress: &mut dyn FnMut(usize, f64),
+) -> Result<Vec<T>, E> {
+    let mut shares = vec![0.0; count];
+    let told = run(count, threads, job, &mut |number, share: f64| {
+        if let Some(slot) = shares.get_mut(number) {
+            *slot = share.clamp(0.0, 1.0);
+        }
+        progress(number, shares.iter().sum());
+    });
+    told.map(|(results, _)| results)
+}
+
+/// Does the jobs; `told` hears the number of a job and the share of it that is done, 1 at its end.
+fn run<T: Send, E: Send>(
+    count: usize,
+    threads: Option<usize>,
+    job: Job<'_, T, E>,
+    told: &mut dyn FnMut(usize, f64),
 ) -> Result<(Vec<T>, Duration), E> {
     let processors = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = threads.unwrap_or_else(processors).clamp(1, count.max(1));
@@ -32,19 +79,28 @@ pub(crate) fn each<T: Send, E: Send>(
                         return;
                     }
                     let began = Instant::now();
-                    let done = job(number);
                     // Nobody listens any more after a failure elsewhere.
-                    if sender.send((number, done, began.elapsed())).is_err() {
+                    let mut share = |share| drop(sender.send((number, Word::Share(share))));
+                    let done = job(number, &mut share);
+                    if sender
+                        .send((number, Word::Done(done, began.elapsed())))
+                        .is_err()
+                    {
                         return;
                     }
                 }
             });
         }
         drop(sender);
-        for (done, (number, result, took)) in receiver.iter().enumerate() {
-            results[number] = Some(result?);
-            work += took;
-            progress(done + 1, number);
+        for (number, word) in receiver {
+            match word {
+                Word::Share(share) => told(number, share),
+                Word::Done(result, took) => {
+                    results[number] = Some(result?);
+                    work += took;
+                    told(number, 1.0);
+                }
+            }
         }
         Ok::<(), E>(())
     })?;
@@ -74,5 +130,23 @@ mod tests {
             each(20, Some(2), &fails, &mut |_, _| ()).map(|_| ()),
             Err(7)
         );
+    }
+
+    #[test]
+    fn shares_add_up_to_the_number_of_jobs() {
+        let job = |n: usize, share: &mut dyn FnMut(f64)| {
+            share(0.25);
+            share(0.5);
+            Ok::<_, ()>(n)
+        };
+        for threads in [1, 3] {
+            let mut last = 0.0;
+            let mut heard = 0;
+            let done = each_with_shares(5, Some(threads), &job, &mut |_, sum| {
+                assert!(sum > last, "{sum} after {last}");
+                (last, heard) = (sum, heard + 1);
+            });
+            assert_eq!((done, last, heard), (Ok(vec![0, 1, 2, 3, 4]), 5.0, 15));
+        }
     }
 }

@@ -38,6 +38,40 @@ fn repeated(times: usize) -> (Bench, u64) {
     (bench, size)
 }
 
+/// Bytes that a command has read by the time it was last looked at.
+fn bytes_read(mut command: Command) -> u64 {
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    let counts = format!("/proc/{}/io", child.id());
+    let mut read = 0;
+    while child.try_wait().unwrap().is_none() {
+        let text = std::fs::read_to_string(&counts).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("rchar: "));
+        read = line.and_then(|n| n.parse().ok()).unwrap_or(read).max(read);
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    read
+}
+
+/// Levels, survey, and the averages of both selections of accelerometers, from one pass.
+#[test]
+fn identify_reads_each_recording_once() {
+    let bench = Bench::satellite();
+    let recordings = ["x", "y", "z", "about-x", "about-y", "about-z"];
+    let sizes = recordings.map(|name| std::fs::metadata(bench.file(&format!("{name}.csv"))));
+    let whole: u64 = sizes.into_iter().map(|size| size.unwrap().len()).sum();
+    for threads in ["1", "3"] {
+        let identify = ["identify", "setup.toml", "--threads", threads];
+        let read = bytes_read(command(bench.path(), identify));
+        println!("{read} bytes read of {whole}");
+        // Beside one pass: the head of the first recording once more, the program's libraries, and the setup.
+        assert!(
+            read > whole / 2 && read < whole + 600_000,
+            "{read} of {whole}"
+        );
+    }
+}
+
 #[test]
 fn ten_times_the_recording_takes_the_same_memory() {
     // A minute and ten minutes of nineteen channels at 512 Hz.

@@ -234,3 +234,44 @@ fn a_list_of_drives_is_checked() {
     let again = Setup::from_str(&two.to_toml(), &folder.path().join("setup.toml"));
     assert_eq!(again.unwrap(), two);
 }
+
+/// Averages and survey of recordings that are read once are those of a pass for each.
+#[test]
+fn one_pass_for_all_has_the_bits_of_passes_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = record(folder.path());
+    for reference in [
+        "reference = [\"d1\", \"d2\", \"d3\", \"d4\", \"d5\", \"d6\", \"d12\"]",
+        "reference = \"d3\"",
+        "",
+    ] {
+        let setup = Setup::from_str(
+            &format!("{text}{reference}\n"),
+            &folder.path().join("setup.toml"),
+        );
+        let setup = setup.unwrap();
+        let outcome = |threads: Option<usize>| {
+            let mut session = Session::new(&setup).on_threads(threads);
+            if threads.is_some() {
+                session.read_ahead(&Choice::default(), &mut |_| ());
+            }
+            let answer = session.answer_with_modes(&Choice::default(), &mut |_| ());
+            let survey = session.survey(&mut |_| ()).unwrap();
+            let surveyed = survey
+                .runs
+                .iter()
+                .map(|run| (&run.sensors, &run.base, &run.forces));
+            let surveyed = format!("{:?}", surveyed.collect::<Vec<_>>());
+            match answer {
+                Ok(answer) => format!(
+                    "{:?} {:?} {:?} {surveyed}",
+                    answer.identification, answer.covariance, answer.warnings
+                ),
+                Err(error) => format!("{error} {surveyed}"),
+            }
+        };
+        let own = outcome(None);
+        assert_eq!(outcome(Some(1)), own, "{reference}");
+        assert_eq!(outcome(Some(3)), own, "{reference}");
+    }
+}

@@ -127,3 +127,34 @@ fn an_option_out_of_range_ends_with_code_two() {
     assert_eq!(finished.code, Some(2));
     finished.says("--ranges … expected");
 }
+
+/// Results, warnings and errors do not depend on the number of threads, nor does what comes first.
+#[test]
+fn threads_change_nothing() {
+    let spoilt = |files: &[&str]| {
+        let bench = bench::Bench::satellite();
+        files.iter().fold(bench, |bench, file| {
+            bench.channel(file, "top.x", |row, field| match row {
+                3000 => "x".to_owned(),
+                _ => field.to_owned(),
+            })
+        })
+    };
+    let dead = bench::Bench::satellite().channel("about-y.csv", "top.y", |_, _| "1".to_owned());
+    for (bench, code) in [
+        (bench::Bench::satellite(), 0),
+        (dead, 1),
+        (spoilt(&["z.csv", "about-x.csv"]), 2),
+        (spoilt(&["about-z.csv"]), 2),
+    ] {
+        let of = |threads: &str| bench.identify(&["--json", "--threads", threads]);
+        let one = of("1");
+        assert_eq!(one.code, Some(code), "{}", one.stderr);
+        for threads in ["2", "5"] {
+            let several = of(threads);
+            assert_eq!(several.code, one.code);
+            assert!(several.stdout == one.stdout, "{threads} threads");
+            assert_eq!(several.stderr, one.stderr);
+        }
+    }
+}

@@ -73,7 +73,7 @@ pub(crate) fn leave(
     let path = simulation.write(folder)?;
     let truth = simulation.truth;
     let setup = Setup::read(&path)?;
-    let (answer, _) = identify::with_progress(&setup, &Choice::default(), false, verbosity)?;
+    let (answer, _) = identify::with_progress(&setup, &Choice::default(), false, None, verbosity)?;
     let result = ResultDocument::new(&setup, &answer);
     let page = report::render(&setup, &answer, &result, Some(&true_body(&truth)));
     output::write(&html, page.as_bytes())?;

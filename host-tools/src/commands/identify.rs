@@ -46,6 +46,9 @@ pub struct Arguments {
     /// Compare with the truth.json of a simulation
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
+    /// Threads; as many as there are processors if absent. The result does not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
     /// Print numbers that are refused because the data contradict them; exit code 1 stays
     #[arg(long)]
     anyway: bool,
@@ -107,7 +110,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     }
     check_outputs(arguments, &setup)?;
     let fitted = arguments.method == Some(Wanted::Likelihood);
-    let (answer, findings) = with_progress(&setup, &choice, fitted, verbosity)?;
+    let (answer, findings) = with_progress(&setup, &choice, fitted, arguments.threads, verbosity)?;
     let mut result = ResultDocument::new(&setup, &answer);
     if let Some(found) = &findings {
         result.findings = crate::result::findings(&setup, found);
@@ -194,7 +197,7 @@ fn export(
     outcome
 }
 
-/// The answer to a setup, of the method `ml` if `fitted`, with a bar on the terminal meanwhile;
+/// The answer to a setup on `threads` threads, of the method `ml` if `fitted`, with a bar on the terminal meanwhile;
 /// where the data contradict it, what they say of the sensors, too.
 ///
 /// # Errors
@@ -203,10 +206,13 @@ pub(super) fn with_progress(
     setup: &Setup,
     choice: &Choice,
     fitted: bool,
+    threads: Option<usize>,
     verbosity: Verbosity,
 ) -> Result<(Answer, Option<Findings>), Failure> {
-    let mut session = Session::new(setup).with_type_b();
+    let session = Session::new(setup).with_type_b();
+    let mut session = session.on_threads(threads);
     reading(verbosity, |progress| {
+        session.read_ahead(choice, progress);
         let answer = if fitted {
             session.answer_by_likelihood(choice, progress)?
         } else {

@@ -195,7 +195,8 @@ impl Session<'_> {
                 Err(NoRecords::Measure(e)) => return Err(e.into()),
                 Err(reason) => Likelihood::stepped_back(reason.to_string()),
                 Ok(read) => {
-                    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+                    let processors = || std::thread::available_parallelism().map_or(1, usize::from);
+                    let threads = self.threads.unwrap_or_else(processors).max(1);
                     let runs = setup.runs.len();
                     fit_records(
                         &read,

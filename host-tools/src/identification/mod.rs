@@ -142,10 +142,11 @@ pub fn recommended(setup: &Setup) -> (Method, &'static str) {
 pub type OnProgress<'a> = &'a mut dyn FnMut(Progress<'_>);
 
 /// Answers about one setup. Recordings are read once for each selection and weighting of
-/// accelerometers, however many methods ask.
+/// accelerometers, however many methods ask; [`Session::read_ahead`] joins passes.
 pub struct Session<'s> {
     setup: &'s Setup,
     limit: Option<u64>,
+    threads: Option<usize>,
     with_type_b: bool,
     survey: Option<Rc<Survey>>,
     measurements: Vec<(Accelerations, Rc<Measurement>)>,
@@ -164,6 +165,7 @@ impl<'s> Session<'s> {
         Self {
             setup,
             limit,
+            threads: None,
             with_type_b: false,
             survey: None,
             measurements: Vec::new(),
@@ -178,6 +180,30 @@ impl<'s> Session<'s> {
         Self {
             with_type_b: true,
             ..self
+        }
+    }
+
+    /// The same on so many threads, where it works on several; as many as there are processors if `None`. Results do
+    /// not depend on it.
+    #[must_use]
+    pub fn on_threads(self, threads: Option<usize>) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// Reads each random recording once for an answer and the modal data beside it, several at a time. What cannot
+    /// be read so is read when it is asked for, which gives the errors, too.
+    pub fn read_ahead(&mut self, choice: &Choice, progress: OnProgress<'_>) {
+        let method = choice.method.unwrap_or_else(|| recommended(self.setup).0);
+        let has_interface = recommended(self.setup).0 == Method::ApparentMass;
+        let interface = method.interface_only() || has_interface;
+        let mut selections = vec![Accelerations::All(None)];
+        selections.extend(interface.then_some(Accelerations::Interface));
+        let read = measure::together(self.setup, &selections, self.limit, self.threads, progress);
+        if let Ok(Some((measurements, survey))) = read {
+            let measurements = measurements.into_iter().map(Rc::new);
+            self.measurements
+                .extend(selections.into_iter().zip(measurements));
+            self.survey = Some(Rc::new(survey));
         }
     }
 

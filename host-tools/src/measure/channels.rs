@@ -6,15 +6,17 @@
 //! poses are kept as they were read.
 
 use super::drives::DrivesAverage;
-use super::geometry::channel_names;
-use super::random::drive_columns;
+use super::geometry::{RunGeometry, channel_names};
+use super::opened::drive_columns;
 use super::samples::{Samples, feed};
-use super::stream::stream;
+use super::stream::{Sink, stream};
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::StaticPoses;
-use massline_core::spectra::{BlockSettings, Complex32, CrossAverage, SpectraError, Sum};
+use massline_core::spectra::{
+    Average, BlockSettings, BlockSpectra, Complex32, CrossAverage, SpectraError, Sum,
+};
 use nalgebra::{Complex, DMatrix, Vector6};
 
 /// Spectra of every channel in all runs of a measurement, in recorded units.
@@ -89,13 +91,12 @@ fn of_run(
         0 => DrivesAverage::new(settings, count, 0),
         drives => DrivesAverage::new(settings, drives, count),
     };
+    let mut same = Same(&mut average, count);
     stream(
         &mut recording,
         settings,
         &drives,
-        count,
-        &|sample: &[f32], into: &mut [f32]| into.copy_from_slice(&sample[..count]),
-        &mut average,
+        &mut [&mut same],
         &mut |_| {},
         progress,
     )?;
@@ -109,6 +110,29 @@ fn of_run(
         file: setup.recording_path(run),
         source,
     })
+}
+
+/// Sums of as many channels, as they were read.
+struct Same<'a>(&'a mut DrivesAverage, usize);
+
+impl Sink for Same<'_> {
+    fn channels(&self) -> usize {
+        self.1
+    }
+
+    fn geometry(&self) -> Option<&RunGeometry> {
+        None
+    }
+
+    fn transform(&self, sample: &[f32], _: &[f32; RESULTANTS], into: &mut [f32]) {
+        for (slot, x) in into.iter_mut().zip(sample) {
+            *slot = *x;
+        }
+    }
+
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        self.0.add(block);
+    }
 }
 
 /// The spectra of a run's channels from its average: one a drive, or all of them without any.

@@ -23,6 +23,10 @@ const OF_ITS_OWN: f64 = 1e-4;
 pub(super) struct DrivesAverage {
     drives: usize,
     channels: usize,
+    /// Channels of the blocks that are passed over, before the drives.
+    before: usize,
+    /// First line, and number of lines.
+    first: usize,
     lines: usize,
     /// Line by line: the drives' matrix, then each channel's products with the drives and its
     /// power.
@@ -54,11 +58,23 @@ pub(super) struct Parts {
 
 impl DrivesAverage {
     pub(super) fn new(settings: &BlockSettings, drives: usize, channels: usize) -> Self {
-        let lines = settings.grid().count;
+        Self::within(0..settings.grid().count, 0, drives, channels)
+    }
+
+    /// The same over some of the lines, of blocks that have other channels before the drives.
+    pub(super) fn within(
+        band: std::ops::Range<usize>,
+        before: usize,
+        drives: usize,
+        channels: usize,
+    ) -> Self {
         let each = drives * drives + channels * (drives + 1);
+        let lines = band.len();
         Self {
             drives,
             channels,
+            before,
+            first: band.start,
             lines,
             sums: vec![Complex::default(); lines * each],
             blocks: 0,
@@ -176,8 +192,10 @@ impl Average for DrivesAverage {
     fn add(&mut self, block: &BlockSpectra<'_>) {
         let each = self.each();
         let (n, channels) = (self.drives, self.channels);
+        let (before, first) = (self.before, self.first);
         let wide = |c: usize, line: usize| {
-            let z = block.channel(c).get(line).copied().unwrap_or_default();
+            let lines = block.channel(before + c);
+            let z = lines.get(first + line).copied().unwrap_or_default();
             Complex::new(f64::from(z.re), f64::from(z.im))
         };
         let mut drives = vec![Complex::default(); n];

@@ -176,7 +176,16 @@ impl RunGeometry {
     /// as the box does it.
     #[must_use]
     pub fn resultants(&self, sample: &[f32]) -> [f32; RESULTANTS] {
-        let mut si = [0.0; MAX_CHANNELS];
+        // Most tests have few channels, and an array takes time to be cleared.
+        if self.scales.len() <= MAX_CHANNELS / 2 {
+            self.mapped::<{ MAX_CHANNELS / 2 }>(sample)
+        } else {
+            self.mapped::<MAX_CHANNELS>(sample)
+        }
+    }
+
+    fn mapped<const ROOM: usize>(&self, sample: &[f32]) -> [f32; RESULTANTS] {
+        let mut si = [0.0; ROOM];
         for ((si, x), scale) in si.iter_mut().zip(sample).zip(&self.scales) {
             *si = x * scale;
         }

@@ -6,7 +6,7 @@
 
 use super::geometry::{RunGeometry, channel_names};
 use super::noise::Stated;
-use super::random::drive_columns;
+use super::opened::drive_columns;
 use super::samples::Samples;
 use super::{Accelerations, MeasureError, NoiseOrigin, Progress};
 use crate::likelihood::noise::{self, Found};

@@ -9,6 +9,7 @@ mod geometry;
 mod group;
 mod lines;
 mod noise;
+mod opened;
 mod poses;
 mod random;
 mod rejected;
@@ -16,7 +17,9 @@ mod samples;
 mod silent;
 mod sine;
 mod stream;
+mod sums;
 mod survey;
+mod together;
 mod unexplained;
 mod units;
 
@@ -30,13 +33,15 @@ pub use group::Group;
 pub(crate) use lines::sampled_records;
 pub use lines::{NoRecords, Records, read_records};
 pub use noise::{NoiseOrigin, RunNoise};
+pub use opened::block_settings;
+pub(crate) use opened::settings_at;
 pub use poses::MeasuredPoses;
-pub(crate) use random::settings_at;
-pub use random::{MeasuredRun, Spectra, block_settings};
+pub use random::{MeasuredRun, Spectra};
 pub use rejected::{Rejected, blocks_by_word};
 pub(crate) use samples::{Samples, measure_samples};
 pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
+pub(crate) use together::together;
 
 use crate::setup::{Excitation, Setup};
 use massline_core::spectra::{BlockSettings, LineGrid, LineRange};
@@ -129,6 +134,40 @@ pub fn measure_first(
     limit: Option<u64>,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Measurement, MeasureError> {
+    let mut random = |run: Wanted<'_>| {
+        random::read(
+            setup,
+            run.number,
+            run.geometry,
+            limit,
+            run.settings,
+            run.noticed,
+            run.progress,
+        )
+    };
+    assemble(setup, accelerations, &mut random, progress)
+}
+
+/// A random run that a measurement wants averaged.
+struct Wanted<'a> {
+    number: usize,
+    geometry: RunGeometry,
+    /// Blocks and lines, once the first run has settled them.
+    settings: &'a mut Option<BlockSettings>,
+    noticed: &'a mut Noticed,
+    progress: &'a mut dyn FnMut(f64),
+}
+
+/// The averages of a random run, one a drive.
+type Averages<'a> = &'a mut dyn FnMut(Wanted<'_>) -> Result<Vec<MeasuredRun>, MeasureError>;
+
+/// The measurement of all runs, whose random ones `random` averages.
+fn assemble(
+    setup: &Setup,
+    accelerations: &Accelerations,
+    random: Averages<'_>,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Measurement, MeasureError> {
     let mut measurement = Measurement::default();
     let mut settings: Option<BlockSettings> = None;
     let mut health = Vec::new();
@@ -146,15 +185,13 @@ pub fn measure_first(
                 fingerprint
             }
             Excitation::Random => {
-                let measured = random::read(
-                    setup,
+                let measured = random(Wanted {
                     number,
                     geometry,
-                    limit,
-                    &mut settings,
-                    &mut noticed,
-                    &mut report,
-                )?;
+                    settings: &mut settings,
+                    noticed: &mut noticed,
+                    progress: &mut report,
+                })?;
                 let mut fingerprint = 0;
                 // One a drive.
                 if let Some(first) = measured.first() {

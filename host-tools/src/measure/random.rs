@@ -1,20 +1,21 @@
 //! Random runs: Welch averages of the twelve resultants.
 
 use super::drives::{DrivesAverage, Parts};
-use super::geometry::{RunGeometry, channel_names};
+use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
-use super::stream::stream;
+use super::opened::{Ended, Opened};
+use super::stream::Sink;
+use super::sums::Sums;
 use super::unexplained::Unexplained;
 use super::units::Noticed;
-use super::{MeasureError, Rejected, WINDOW};
-use crate::recording::{ChannelHealth, Health, Preamble, Recording};
-use crate::setup::{Excitation, Processing, Run, Setup};
+use super::{MeasureError, Rejected};
+use crate::recording::{ChannelHealth, Preamble, Recording};
+use crate::setup::{Run, Setup};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
 use massline_core::spectra::{
-    Average, BlockSettings, Complex32, CrossAverage, DriveAverage, LineGrid, LineRange,
+    Average, BlockSettings, BlockSpectra, Complex32, DriveAverage, LineGrid, LineRange,
     RunResponses, SpectraError, Sum,
 };
-use std::path::Path;
 
 /// Averaged spectra of one run.
 #[derive(Clone)]
@@ -148,97 +149,171 @@ pub(super) fn read(
     noticed: &mut Noticed,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<MeasuredRun>, MeasureError> {
-    let run = &setup.runs[number];
-    let file = setup.recording_path(run);
-    let names = channel_names(setup, run);
-    let mut recording = setup.open_recording(run, &names)?;
-    recording.limit(limit);
-    noticed.notice(setup, run, &recording)?;
-    let warnings = &mut noticed.warnings;
-    recording.notice_columns(warnings);
-    let unused = recording.ignored().join(", ");
-    let settings = settle(setup, run, &file, &mut recording, settings)?;
-    let grid = settings.grid();
-    let band = match &setup.processing {
-        Some(p) => grid
-            .within(p.averaging_band)
-            .map_err(|why| MeasureError::band(&file, "averaging_band", why))?,
-        None => LineRange::all(grid.count),
+    let mut notice = |recording: &Recording| {
+        noticed.notice(setup, &setup.runs[number], recording)?;
+        recording.notice_columns(&mut noticed.warnings);
+        Ok(())
     };
-    let spectral = |source| MeasureError::Spectra {
-        file: file.clone(),
-        source,
-    };
+    let mut opened = Opened::new(setup, number, limit, settings, &mut notice)?;
+    let band = opened.band()?;
+    let mut storage = Vec::new();
+    let mut resultants = Resultants::new(&opened, band, &geometry, &mut storage)?;
+    let read = opened.read(&mut [&mut resultants], progress)?;
+    let averaged = resultants.finish(&opened)?.with(storage);
+    let ended = opened.ended(read);
+    conclude(setup, geometry, averaged, &ended, &mut noticed.warnings)
+}
 
-    let drives = drive_columns(run, &names);
-    let mut health = Health::new(names.len());
-    let mut feed = |average: &mut dyn Average| {
-        let resultants = |sample: &[f32], into: &mut [f32]| {
-            into.copy_from_slice(&geometry.resultants(sample));
-        };
-        stream(
-            &mut recording,
-            &settings,
-            &drives,
-            RESULTANTS,
-            &resultants,
-            average,
-            &mut |sample| health.add(sample),
-            progress,
-        )
-    };
+/// The consumer of a run that averages its twelve resultants.
+pub(super) struct Resultants<'s> {
+    geometry: &'s RunGeometry,
+    band: LineRange,
+    sums: Sums<'s>,
+    /// Sums that tell a run which its drives do not explain.
+    moved: Option<DrivesAverage>,
+}
 
-    let mut averaged: Vec<(String, Finished)> = Vec::new();
-    let (rejected, count) = match drives.len() {
-        0 => {
-            let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
-            let mut average = CrossAverage::new(&settings, &mut sums).map_err(spectral)?;
-            let rejected = feed(&mut average)?;
-            let blocks = average.blocks();
-            let power = |c: usize, k: usize| average.cross(c, c, k).0;
-            let density = densities(&grid, settings.density(), blocks, &power);
-            averaged.push((run.name.clone(), (Spectra::Cross { sums }, density, blocks)));
-            (rejected, blocks)
-        }
-        1 => {
-            let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)];
-            let mut average =
-                DriveAverage::new(&settings, RESULTANTS, &mut sums).map_err(spectral)?;
-            let rejected = feed(&mut average)?;
-            let finished = finish_drive(band, &geometry, &settings, &average).map_err(spectral)?;
-            averaged.push((run.name.clone(), finished));
-            (rejected, average.blocks())
-        }
-        several => {
-            let mut average = DrivesAverage::new(&settings, several, RESULTANTS);
-            let rejected = feed(&mut average)?;
-            let blocks = average.blocks();
-            if blocks < several as u32 + 2 {
-                return Err(MeasureError::TooFewBlocks {
-                    file,
-                    blocks,
-                    drives: several,
-                });
+/// Averages of one run.
+pub(super) struct Averaged {
+    spectra: Vec<(String, Finished)>,
+    band: LineRange,
+    blocks: u32,
+    notes: Vec<String>,
+    unexplained: Option<String>,
+}
+
+impl<'s> Resultants<'s> {
+    pub(super) fn new(
+        opened: &Opened<'_>,
+        band: LineRange,
+        geometry: &'s RunGeometry,
+        storage: &'s mut Vec<Sum>,
+    ) -> Result<Self, MeasureError> {
+        let drives = opened.drives.len();
+        let sums = Sums::new(&opened.settings, drives, RESULTANTS, storage);
+        Ok(Self {
+            geometry,
+            band,
+            sums: sums.map_err(|source| opened.spectral(source))?,
+            moved: (drives > 0).then(|| Unexplained::sums(band, drives)),
+        })
+    }
+
+    /// The averages, without the sums of a run that has no drive.
+    pub(super) fn finish(self, opened: &Opened<'_>) -> Result<Averaged, MeasureError> {
+        let (run, band, settings) = (opened.run, self.band, &opened.settings);
+        let spectral = |source| opened.spectral(source);
+        let blocks = self.sums.blocks();
+        let mut notes = Vec::new();
+        let spectra = match self.sums {
+            Sums::Cross(average) => {
+                let power = |c: usize, k: usize| average.cross(c, c, k).0;
+                let density = densities(&settings.grid(), settings.density(), blocks, &power);
+                let spectra = Spectra::Cross { sums: Vec::new() };
+                vec![(run.name.clone(), (spectra, density, blocks))]
             }
-            let parts = average.parts(band.indices());
-            note_dependent(run, &parts, warnings);
-            averaged = parts_of_drives(run, parts, band, &geometry, &settings).map_err(spectral)?;
-            (rejected, blocks)
+            Sums::One(average) => {
+                let finished = finish_drive(band, self.geometry, settings, &average);
+                vec![(run.name.clone(), finished.map_err(spectral)?)]
+            }
+            Sums::Several(average) => {
+                let drives = opened.drives.len();
+                if blocks < drives as u32 + 2 {
+                    return Err(MeasureError::TooFewBlocks {
+                        file: opened.file.clone(),
+                        blocks,
+                        drives,
+                    });
+                }
+                let parts = average.parts(band.indices());
+                note_dependent(run, &parts, &mut notes);
+                parts_of_drives(run, parts, band, self.geometry, settings).map_err(spectral)?
+            }
+        };
+        let first = spectra.first().map(|(_, (spectra, ..))| spectra);
+        let unexplained = match (first, &self.moved) {
+            (Some(Spectra::Drive { coherence, .. }), Some(moved)) => Unexplained {
+                run,
+                geometry: self.geometry,
+                band,
+                coherence,
+                unused: &opened.unused,
+            }
+            .warning(moved),
+            _ => None,
+        };
+        Ok(Averaged {
+            spectra,
+            band,
+            blocks,
+            notes,
+            unexplained,
+        })
+    }
+}
+
+impl Sink for Resultants<'_> {
+    fn channels(&self) -> usize {
+        RESULTANTS
+    }
+
+    fn geometry(&self) -> Option<&RunGeometry> {
+        Some(self.geometry)
+    }
+
+    fn transform(&self, _: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]) {
+        into.copy_from_slice(resultants);
+    }
+
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        self.sums.add(block);
+        if let Some(moved) = &mut self.moved {
+            moved.add(block);
         }
-    };
-    recording.notice_end(warnings);
-    let samples = recording.rows();
+    }
+}
+
+impl Averaged {
+    /// The same with the sums of a run that has no drive.
+    pub(super) fn with(mut self, storage: Vec<Sum>) -> Self {
+        if let [(_, (Spectra::Cross { sums }, ..))] = self.spectra.as_mut_slice() {
+            *sums = storage;
+        }
+        self
+    }
+}
+
+/// The measured runs of averages that suffice.
+pub(super) fn conclude(
+    setup: &Setup,
+    geometry: RunGeometry,
+    averaged: Averaged,
+    ended: &Ended,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<MeasuredRun>, MeasureError> {
+    let Ended {
+        number,
+        file,
+        settings,
+        rejected,
+        samples,
+        ..
+    } = ended;
+    let run = &setup.runs[*number];
+    let count = averaged.blocks;
+    warnings.extend(averaged.notes);
+    warnings.extend(ended.notes.iter().cloned());
     if count < 2 && rejected.blocks > 0 {
         return Err(MeasureError::TooFaulty {
-            file,
+            file: file.clone(),
             blocks: count,
-            rejected,
+            rejected: *rejected,
         });
     }
     if count < 2 {
         return Err(MeasureError::TooShort {
-            file,
-            samples,
+            file: file.clone(),
+            samples: *samples,
             blocks: count,
             block_length: settings.block_length(),
         });
@@ -258,48 +333,28 @@ pub(super) fn read(
             run.name
         ));
     }
-    let preamble = recording.preamble().clone();
-    let first = averaged.first().map(|(_, (spectra, ..))| spectra);
-    if let Some(Spectra::Drive { coherence, .. }) = first {
-        let unexplained = Unexplained {
-            setup,
-            run,
-            geometry: &geometry,
-            settings: &settings,
-            band,
-            coherence,
-            unused: &unused,
-        };
-        warnings.extend(unexplained.warning(limit)?);
-    }
+    warnings.extend(averaged.unexplained);
     let stated = Stated::of(setup, &geometry, warnings);
     let stated = stated.whole.iter().all(|w| *w).then_some(stated.noise);
-    let (channels, fingerprint) = (health.channels(), health.fingerprint());
-    let runs = averaged
-        .into_iter()
-        .map(|(name, (spectra, density, _))| MeasuredRun {
-            name,
-            number,
-            geometry: geometry.clone(),
-            spectra,
-            density,
-            blocks: count,
-            freedom: 1 + count - drives.len().max(1) as u32,
-            samples,
-            band,
-            rejected,
-            preamble: preamble.clone(),
-            health: channels.clone(),
-            fingerprint,
-            stated,
-            settings,
-        });
+    let runs = averaged.spectra.into_iter();
+    let runs = runs.map(|(name, (spectra, density, _))| MeasuredRun {
+        name,
+        number: *number,
+        geometry: geometry.clone(),
+        spectra,
+        density,
+        blocks: count,
+        freedom: 1 + count - ended.drives.max(1) as u32,
+        samples: *samples,
+        band: averaged.band,
+        rejected: *rejected,
+        preamble: ended.preamble.clone(),
+        health: ended.health.clone(),
+        fingerprint: ended.fingerprint,
+        stated,
+        settings: *settings,
+    });
     Ok(runs.collect())
-}
-
-/// Columns of a run's drives among the channels that are read, where they come last.
-pub(super) fn drive_columns(run: &Run, names: &[&str]) -> Vec<usize> {
-    (names.len() - run.references.len()..names.len()).collect()
 }
 
 /// Says which drives of a run are left out.
@@ -393,63 +448,4 @@ pub(super) fn densities(
     (0..grid.count)
         .map(|k| core::array::from_fn(|c| power(c, k) * scale))
         .collect()
-}
-
-/// Blocks and kept lines of a setup's random runs, as its first one has them; `None`
-/// without any.
-///
-/// # Errors
-/// [`MeasureError`] that names the recording.
-pub fn block_settings(setup: &Setup) -> Result<Option<BlockSettings>, MeasureError> {
-    let random = |run: &&Run| run.excitation == Excitation::Random;
-    let Some(run) = setup.runs.iter().find(random) else {
-        return Ok(None);
-    };
-    let file = setup.recording_path(run);
-    let mut recording = setup.open_recording(run, &channel_names(setup, run))?;
-    settle(setup, run, &file, &mut recording, &mut None).map(Some)
-}
-
-/// Sample rate and kept lines; the first run decides, the others must agree.
-pub(super) fn settle(
-    setup: &Setup,
-    run: &Run,
-    file: &Path,
-    recording: &mut Recording,
-    settled: &mut Option<BlockSettings>,
-) -> Result<BlockSettings, MeasureError> {
-    let Some(p) = &setup.processing else {
-        return Err(MeasureError::NoProcessing {
-            run: run.name.clone(),
-        });
-    };
-    let rate = recording.settle_rate(p.sample_rate)?;
-    if let Some(settings) = settled {
-        let expected = settings.grid().spacing * settings.block_length() as f64;
-        // Rates read off time columns agree to the columns' rounding.
-        if (rate / expected - 1.0).abs() > 1e-3 {
-            return Err(MeasureError::OtherRate {
-                file: file.to_owned(),
-                found: rate,
-                expected,
-            });
-        }
-        return Ok(*settings);
-    }
-    p.check_bands(rate).map_err(|e| MeasureError::Band {
-        file: file.to_owned(),
-        reason: e.to_string(),
-    })?;
-    let settings = settings_at(p, rate).map_err(|source| MeasureError::Spectra {
-        file: file.to_owned(),
-        source,
-    })?;
-    *settled = Some(settings);
-    Ok(settings)
-}
-
-/// Blocks and lines of a setup at a sample rate, Hz.
-pub(crate) fn settings_at(p: &Processing, rate: f64) -> Result<BlockSettings, SpectraError> {
-    let band = [p.averaging_band[0], p.kept_up_to(Some(rate))];
-    BlockSettings::new(p.block_length, p.overlap, WINDOW, rate, band)
 }

@@ -2,7 +2,8 @@
 //! studies that draw thousands of them.
 
 use super::noise::Stated;
-use super::random::{densities, finish_drive, settings_at};
+use super::opened::settings_at;
+use super::random::{densities, finish_drive};
 use super::{
     Accelerations, MeasureError, MeasuredRun, Measurement, Rejected, RunGeometry, Spectra,
 };

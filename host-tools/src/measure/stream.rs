@@ -1,61 +1,95 @@
 //! Recordings through blocks into averages.
 
 use super::MeasureError;
+use super::geometry::RunGeometry;
 use super::rejected::{Gate, Rejected};
 use crate::recording::Recording;
-use massline_core::spectra::{Average, BlockSettings, Blocks, Complex32};
+use massline_core::geometry::RESULTANTS;
+use massline_core::spectra::{BlockSettings, BlockSpectra, Blocks, Complex32};
 
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
 
-/// Streams a recording through blocks into an average. `transform` turns a sample of all
-/// channels into the `channels` numbers that are averaged; the drives, whose columns are given,
-/// come before them. A block with a faulty sample goes nowhere, and `watch` sees
+/// A consumer of a recording: channels made of each sample, and their spectra block by block.
+pub(super) trait Sink {
+    /// Number of channels, behind the drives.
+    fn channels(&self) -> usize;
+
+    /// Geometry of the resultants that are among its channels.
+    fn geometry(&self) -> Option<&RunGeometry>;
+
+    /// Turns a sample of all channels of the recording, and its resultants by that geometry, into this consumer's
+    /// channels.
+    fn transform(&self, sample: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]);
+
+    /// Takes a block without faults: the drives, then the channels.
+    fn add(&mut self, block: &BlockSpectra<'_>);
+}
+
+/// Streams a recording through blocks into all of its consumers, in one pass. The drives, whose columns
+/// are given, come first in the blocks. A block with a faulty sample goes nowhere, and `watch` sees
 /// good samples only.
-#[allow(clippy::too_many_arguments)]
 pub(super) fn stream(
     recording: &mut Recording,
     settings: &BlockSettings,
     drives: &[usize],
-    channels: usize,
-    transform: &dyn Fn(&[f32], &mut [f32]),
-    average: &mut dyn Average,
+    sinks: &mut [&mut dyn Sink],
     watch: &mut dyn FnMut(&[f32]),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rejected, MeasureError> {
     let lead = drives.len();
     let zero = Complex32::new(0.0, 0.0);
-    let mut history = vec![0.0; settings.history_len(lead + channels)];
-    let mut work = vec![zero; settings.block_length()];
-    let mut lines = vec![zero; settings.lines_len(lead + channels)];
-    let blocks = Blocks::new(
-        *settings,
-        lead + channels,
-        &mut history,
-        &mut work,
-        &mut lines,
-    );
-    let mut blocks = blocks.map_err(|source| MeasureError::Spectra {
-        file: recording.file().to_owned(),
-        source,
-    })?;
+    let store = |sink: &&mut dyn Sink| {
+        let channels = lead + sink.channels();
+        (
+            channels,
+            vec![0.0; settings.history_len(channels)],
+            vec![zero; settings.block_length()],
+            vec![zero; settings.lines_len(channels)],
+        )
+    };
+    let mut stores: Vec<_> = sinks.iter().map(store).collect();
+    let mut feeds = Vec::with_capacity(stores.len());
+    for ((channels, history, work, lines), sink) in stores.iter_mut().zip(sinks) {
+        let blocks = Blocks::new(*settings, *channels, history, work, lines);
+        let blocks = blocks.map_err(|source| MeasureError::Spectra {
+            file: recording.file().to_owned(),
+            source,
+        })?;
+        feeds.push((blocks, vec![0.0_f32; *channels], sink));
+    }
+    // A consumer of the geometry of the one before it shares its resultants.
+    let is_new: Vec<bool> = (0..feeds.len())
+        .map(|i| {
+            let of = |i: usize| feeds.get(i).and_then(|(.., sink)| sink.geometry());
+            let before = i.checked_sub(1).and_then(of);
+            !matches!((before, of(i)), (Some(a), Some(b)) if std::ptr::eq(a, b))
+        })
+        .collect();
+    let mut resultants = [0.0; RESULTANTS];
     let mut sample = vec![0.0_f32; recording.channels()];
-    let mut input = vec![0.0_f32; lead + channels];
     let mut gate = Gate::new(settings);
     while recording.next_row(&mut sample)? {
         gate.sample(recording.health());
         if recording.health().is_good() {
             watch(&sample);
         }
-        let (head, tail) = input.split_at_mut(lead);
-        for (slot, at) in head.iter_mut().zip(drives) {
-            *slot = sample.get(*at).copied().unwrap_or(0.0);
-        }
-        transform(&sample, tail);
-        if let Some(block) = blocks.push(&input)
-            && gate.admits()
-        {
-            average.add(&block);
+        // All complete their blocks with the same sample.
+        let mut admitted = None;
+        for ((blocks, input, sink), is_new) in feeds.iter_mut().zip(&is_new) {
+            if let Some(geometry) = sink.geometry().filter(|_| *is_new) {
+                resultants = geometry.resultants(&sample);
+            }
+            let (head, tail) = input.split_at_mut(lead);
+            for (slot, at) in head.iter_mut().zip(drives) {
+                *slot = sample.get(*at).copied().unwrap_or(0.0);
+            }
+            sink.transform(&sample, &resultants, tail);
+            if let Some(block) = blocks.push(input)
+                && *admitted.get_or_insert_with(|| gate.admits())
+            {
+                sink.add(&block);
+            }
         }
         if recording.rows().is_multiple_of(REPORT_ROWS) {
             progress(recording.progress());

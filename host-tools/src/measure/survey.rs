@@ -1,18 +1,20 @@
 //! The survey pass: what every single accelerometer does over the kept lines.
 //!
 //! Weights (chapter 7), mode shapes and plots of single sensors need more than the twelve
-//! resultants. The measuring pass does not, and runs alike on the box; so this is a pass
-//! of its own over the same recordings.
+//! resultants. Measuring does not, and runs alike on the box; so this has blocks and sums of its
+//! own, over the same recordings.
 
-use super::drives::DrivesAverage;
-use super::geometry::{Accelerations, RunGeometry, channel_names};
-use super::random::{drive_columns, settle};
-use super::stream::stream;
+use super::geometry::{Accelerations, RunGeometry};
+use super::opened::{Opened, Read};
+use super::stream::Sink;
+use super::sums::Sums;
 use super::units::Noticed;
 use super::{MeasureError, Progress, sine};
-use crate::setup::{Excitation, Setup};
-use massline_core::geometry::{Equations, MAX_CHANNELS};
-use massline_core::spectra::{Average, BandError, BlockSettings, DriveAverage, LineRange, Sum};
+use crate::setup::{Excitation, Run, Setup};
+use massline_core::geometry::{Equations, MAX_CHANNELS, RESULTANTS};
+use massline_core::spectra::{
+    BandError, BlockSettings, BlockSpectra, DriveAverage, LineRange, Sum,
+};
 use massline_core::weighting::{join_peaks, weights_from_peaks};
 use nalgebra::{Complex, DMatrix, Matrix6, Vector6};
 
@@ -62,35 +64,58 @@ pub fn survey_first(
     limit: Option<u64>,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Survey, MeasureError> {
+    let mut settings: Option<BlockSettings> = None;
+    let mut random = |number: usize| {
+        let mut report = |share| progress(Progress::of(setup, number, share));
+        let geometry = geometry(setup, number)?;
+        let mut opened = Opened::new(setup, number, limit, &mut settings, &mut |_| Ok(()))?;
+        let mut storage = Vec::new();
+        let mut sensors = Sensors::new(&opened, &geometry, &mut storage)?;
+        let read = opened.read(&mut [&mut sensors], &mut report)?;
+        let found = sensors.finish(&opened, &read)?;
+        report(1.0);
+        Ok(found)
+    };
+    gather(setup, &mut random)
+}
+
+/// Geometry of a run's survey. Without interface accelerometers there is no exact base acceleration, but
+/// peaks and shapes do not need it.
+pub(super) fn geometry(setup: &Setup, number: usize) -> Result<RunGeometry, MeasureError> {
+    RunGeometry::new(setup, number, &Accelerations::Interface)
+        .or_else(|_| RunGeometry::new(setup, number, &Accelerations::All(None)))
+}
+
+/// Frequencies of the lines, Hz, and the surveyed runs of one recording, one a drive.
+pub(super) type Found = (Vec<f64>, Vec<SurveyedRun>);
+
+/// `true` for a random run that is surveyed.
+pub(super) fn is_driven(run: &Run) -> bool {
+    run.excitation == Excitation::Random && !run.references.is_empty()
+}
+
+/// The survey of all runs, whose random ones with a drive `random` gives.
+pub(super) fn gather(
+    setup: &Setup,
+    random: &mut dyn FnMut(usize) -> Result<Found, MeasureError>,
+) -> Result<Survey, MeasureError> {
     let mut survey = Survey {
         frequencies: Vec::new(),
         runs: Vec::new(),
     };
-    let mut settings: Option<BlockSettings> = None;
     for (number, run) in setup.runs.iter().enumerate() {
-        let mut report = |share| progress(Progress::of(setup, number, share));
-        // Without interface accelerometers there is no exact base acceleration, but peaks
-        // and shapes do not need it.
-        let geometry = RunGeometry::new(setup, number, &Accelerations::Interface)
-            .or_else(|_| RunGeometry::new(setup, number, &Accelerations::All(None)))?;
-        let surveyed = match run.excitation {
-            Excitation::Random if !run.references.is_empty() => {
-                let (grid, surveyed) =
-                    random(setup, number, &geometry, limit, &mut settings, &mut report)?;
-                survey.frequencies = grid;
-                survey.runs.extend(surveyed);
-                report(1.0);
-                continue;
-            }
-            Excitation::Sine => {
-                let measured = sine::read(setup, run, geometry, None, &mut Noticed::default())?;
-                survey.frequencies.clone_from(&measured.frequencies);
-                from_sine(number, &measured)
-            }
-            Excitation::Random | Excitation::Static => continue,
-        };
-        survey.runs.push(surveyed);
-        report(1.0);
+        if is_driven(run) {
+            let (grid, surveyed) = random(number)?;
+            survey.frequencies = grid;
+            survey.runs.extend(surveyed);
+        } else if run.excitation == Excitation::Sine {
+            let geometry = geometry(setup, number)?;
+            let measured = sine::read(setup, run, geometry, None, &mut Noticed::default())?;
+            survey.frequencies.clone_from(&measured.frequencies);
+            survey.runs.push(from_sine(number, &measured));
+        } else {
+            geometry(setup, number)?;
+        }
     }
     let lines = survey.frequencies.len();
     survey.runs.retain(|r| r.power.len() == lines);
@@ -113,47 +138,72 @@ fn from_sine(number: usize, measured: &super::MeasuredSine) -> SurveyedRun {
     }
 }
 
-fn random(
-    setup: &Setup,
+/// The consumer of a run that averages its single accelerometers, and the twelve resultants behind them.
+pub(super) struct Sensors<'s> {
     number: usize,
-    geometry: &RunGeometry,
-    limit: Option<u64>,
-    settings: &mut Option<BlockSettings>,
-    progress: &mut dyn FnMut(f64),
-) -> Result<(Vec<f64>, Vec<SurveyedRun>), MeasureError> {
-    let run = &setup.runs[number];
-    let file = setup.recording_path(run);
-    let names = channel_names(setup, run);
-    let mut recording = setup.open_recording(run, &names)?;
-    recording.limit(limit);
-    let settings = settle(setup, run, &file, &mut recording, settings)?;
-    let sensors = setup.accelerometers.len().min(MAX_CHANNELS);
-    let channels = sensors + 12;
-    let spectral = |source| MeasureError::Spectra {
-        file: file.clone(),
-        source,
-    };
-    let transform = |sample: &[f32], into: &mut [f32]| {
-        for ((slot, x), entry) in into.iter_mut().zip(sample).zip(&setup.accelerometers) {
-            *slot = x * entry.scale as f32;
+    geometry: &'s RunGeometry,
+    /// Factors of the accelerometers to m/s².
+    scales: Vec<f32>,
+    sums: Sums<'s>,
+}
+
+impl<'s> Sensors<'s> {
+    pub(super) fn new(
+        opened: &Opened<'_>,
+        geometry: &'s RunGeometry,
+        storage: &'s mut Vec<Sum>,
+    ) -> Result<Self, MeasureError> {
+        let sensors = opened.setup.accelerometers.iter().take(MAX_CHANNELS);
+        let scales: Vec<f32> = sensors.map(|entry| entry.scale as f32).collect();
+        let channels = scales.len() + RESULTANTS;
+        let sums = Sums::new(&opened.settings, opened.drives.len(), channels, storage);
+        Ok(Self {
+            number: opened.number,
+            geometry,
+            scales,
+            sums: sums.map_err(|source| opened.spectral(source))?,
+        })
+    }
+
+    /// The surveyed runs, one a drive.
+    pub(super) fn finish(self, opened: &Opened<'_>, read: &Read) -> Result<Found, MeasureError> {
+        let grid = opened.settings.grid();
+        let blocks = self.sums.blocks();
+        let mut all = Vec::new();
+        match &self.sums {
+            Sums::One(average) => all.push(self.surveyed(average, grid.count)),
+            Sums::Several(average) => {
+                let mut found = average.parts(0..grid.count);
+                for mut part in std::mem::take(&mut found.parts) {
+                    let average = found.average(&mut part);
+                    let average = average.map_err(|source| opened.spectral(source))?;
+                    all.push(self.surveyed(&average, grid.count));
+                }
+            }
+            // Runs without a drive are not surveyed.
+            Sums::Cross(_) => {}
         }
-        into[sensors..].copy_from_slice(&geometry.resultants(sample));
-    };
-    let drives = drive_columns(run, &names);
-    let mut feed = |average: &mut dyn Average| {
-        stream(
-            &mut recording,
-            &settings,
-            &drives,
-            channels,
-            &transform,
-            average,
-            &mut |_| {},
-            progress,
-        )
-    };
-    let grid = settings.grid();
-    let surveyed = |average: &DriveAverage<'_>| {
+        if blocks == 0 && read.rejected.blocks > 0 {
+            return Err(MeasureError::TooFaulty {
+                file: opened.file.clone(),
+                blocks: 0,
+                rejected: read.rejected,
+            });
+        }
+        if blocks == 0 {
+            return Err(MeasureError::TooShort {
+                file: opened.file.clone(),
+                samples: opened.samples(),
+                blocks: 0,
+                block_length: opened.settings.block_length(),
+            });
+        }
+        let frequencies = (0..grid.count).map(|k| grid.frequency(k)).collect();
+        Ok((frequencies, all))
+    }
+
+    fn surveyed(&self, average: &DriveAverage<'_>, count: usize) -> SurveyedRun {
+        let sensors = self.scales.len();
         let response = |c: usize, k: usize| {
             let power = average.drive_power(k);
             let (re, im) = average.cross(c, k);
@@ -163,53 +213,40 @@ fn random(
                 Complex::new(0.0, 0.0)
             }
         };
-        let lines = 0..grid.count;
         let half = |at: usize, k: usize| Vector6::from_fn(|i, _| response(sensors + at + i, k));
         SurveyedRun {
-            number,
-            sensors: lines
-                .clone()
+            number: self.number,
+            sensors: (0..count)
                 .map(|k| (0..sensors).map(|c| response(c, k)).collect())
                 .collect(),
-            base: lines.clone().map(|k| half(0, k)).collect(),
-            forces: lines.clone().map(|k| half(6, k)).collect(),
-            power: lines.map(|k| average.drive_power(k)).collect(),
-            equations: geometry.equations,
+            base: (0..count).map(|k| half(0, k)).collect(),
+            forces: (0..count).map(|k| half(6, k)).collect(),
+            power: (0..count).map(|k| average.drive_power(k)).collect(),
+            equations: self.geometry.equations,
         }
-    };
-    let mut all = Vec::new();
-    let (rejected, blocks) = if let [_] = drives.as_slice() {
-        let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, channels)];
-        let mut average = DriveAverage::new(&settings, channels, &mut sums).map_err(spectral)?;
-        let rejected = feed(&mut average)?;
-        all.push(surveyed(&average));
-        (rejected, average.blocks())
-    } else {
-        let mut average = DrivesAverage::new(&settings, drives.len(), channels);
-        let rejected = feed(&mut average)?;
-        let mut found = average.parts(0..grid.count);
-        for mut part in std::mem::take(&mut found.parts) {
-            all.push(surveyed(&found.average(&mut part).map_err(spectral)?));
+    }
+}
+
+impl Sink for Sensors<'_> {
+    fn channels(&self) -> usize {
+        self.scales.len() + RESULTANTS
+    }
+
+    fn geometry(&self) -> Option<&RunGeometry> {
+        Some(self.geometry)
+    }
+
+    fn transform(&self, sample: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]) {
+        let (sensors, behind) = into.split_at_mut(self.scales.len());
+        for ((slot, x), scale) in sensors.iter_mut().zip(sample).zip(&self.scales) {
+            *slot = x * scale;
         }
-        (rejected, average.blocks())
-    };
-    if blocks == 0 && rejected.blocks > 0 {
-        return Err(MeasureError::TooFaulty {
-            file,
-            blocks: 0,
-            rejected,
-        });
+        behind.copy_from_slice(resultants);
     }
-    if blocks == 0 {
-        return Err(MeasureError::TooShort {
-            file,
-            samples: recording.rows(),
-            blocks: 0,
-            block_length: settings.block_length(),
-        });
+
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        self.sums.add(block);
     }
-    let frequencies = (0..grid.count).map(|k| grid.frequency(k)).collect();
-    Ok((frequencies, all))
 }
 
 /// Responses of sensors to `n` independent inputs, line by line: rows are sensors.

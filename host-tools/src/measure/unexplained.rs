@@ -1,19 +1,15 @@
 //! Runs whose drives explain little of what the accelerations explain.
 
-use super::MeasureError;
 use super::drives::DrivesAverage;
-use super::geometry::{RunGeometry, channel_names};
-use super::stream::stream;
-use crate::setup::{Run, Setup};
+use super::geometry::RunGeometry;
+use crate::setup::Run;
 use massline_core::geometry::{RESULTANT_NAMES, RESULTANTS};
-use massline_core::spectra::{Average, BlockSettings, LineRange};
+use massline_core::spectra::{Average, LineRange};
 
 /// A run whose drives may explain little of it.
 pub(super) struct Unexplained<'a> {
-    pub(super) setup: &'a Setup,
     pub(super) run: &'a Run,
     pub(super) geometry: &'a RunGeometry,
-    pub(super) settings: &'a BlockSettings,
     pub(super) band: LineRange,
     pub(super) coherence: &'a [[f32; RESULTANTS]],
     /// Columns of the recording that nothing reads.
@@ -26,10 +22,15 @@ const LITTLE: f64 = 0.5;
 const MOVED: f64 = 0.9;
 
 impl Unexplained<'_> {
-    /// A warning where the drives explain little of forces that the accelerations do explain:
-    /// something else has moved the table. The recording is read once more only where the first
-    /// of the two is so.
-    pub(super) fn warning(&self, limit: Option<u64>) -> Result<Option<String>, MeasureError> {
+    /// Sums of the six accelerations in place of drives and of the six forces, over the averaging band, of blocks
+    /// that begin with so many drives.
+    pub(super) fn sums(band: LineRange, drives: usize) -> DrivesAverage {
+        DrivesAverage::within(band.indices(), drives, 6, 6)
+    }
+
+    /// A warning where the drives explain little of forces that the accelerations do explain, by these sums:
+    /// something else has moved the table.
+    pub(super) fn warning(&self, average: &DrivesAverage) -> Option<String> {
         let mean = |c: usize| {
             let lines = self.coherence.get(self.band.indices()).unwrap_or_default();
             lines.iter().map(|l| f64::from(l[c])).sum::<f64>() / lines.len().max(1) as f64
@@ -37,43 +38,22 @@ impl Unexplained<'_> {
         let little = |c: &usize| mean(*c) < LITTLE && self.geometry.equations.measured(c - 6) > 0.5;
         let suspects: Vec<usize> = (6..RESULTANTS).filter(little).collect();
         if suspects.is_empty() {
-            return Ok(None);
+            return None;
         }
-        let names = channel_names(self.setup, self.run);
-        let mut recording = self.setup.open_recording(self.run, &names)?;
-        recording.limit(limit);
-        recording.settle_rate(self.setup.processing.as_ref().and_then(|p| p.sample_rate))?;
-        // The six accelerations in place of the drives.
-        let mut average = DrivesAverage::new(self.settings, 6, 6);
-        let resultants = |sample: &[f32], into: &mut [f32]| {
-            into.copy_from_slice(&self.geometry.resultants(sample));
-        };
-        stream(
-            &mut recording,
-            self.settings,
-            &[],
-            RESULTANTS,
-            &resultants,
-            &mut average,
-            &mut |_| {},
-            &mut |_| {},
-        )?;
         if average.blocks() < 12 {
             // Six accelerations explain anything in so few blocks.
-            return Ok(None);
+            return None;
         }
-        let parts = average.parts(self.band.indices());
-        let moved = |c: &&usize| {
-            let lines = parts.coherence.get(self.band.indices()).unwrap_or_default();
-            lines.iter().map(|l| l[**c - 6]).sum::<f64>() > MOVED * lines.len() as f64
-        };
+        let lines = average.parts(0..self.band.indices().len()).coherence;
+        let moved =
+            |c: &&usize| lines.iter().map(|l| l[**c - 6]).sum::<f64>() > MOVED * lines.len() as f64;
         let driven_otherwise: Vec<&str> = suspects
             .iter()
             .filter(moved)
             .map(|&c| RESULTANT_NAMES[c - 6])
             .collect();
         if driven_otherwise.is_empty() {
-            return Ok(None);
+            return None;
         }
         let named = self.run.references.join(", ");
         let advice = if self.unused.is_empty() {
@@ -84,10 +64,10 @@ impl Unexplained<'_> {
                 self.unused
             )
         };
-        Ok(Some(format!(
+        Some(format!(
             "run \"{}\": `reference` ({named}) explains less than half of {}, which the accelerations explain: something else moves the table, too, and what it moves is thrown away as noise; {advice}",
             self.run.name,
             driven_otherwise.join(", ")
-        )))
+        ))
     }
 }

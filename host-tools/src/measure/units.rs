@@ -6,7 +6,7 @@
 
 use super::MeasureError;
 use crate::printable::quoted;
-use crate::recording::{Recording, some_of};
+use crate::recording::{Place, Recording, RecordingError, some_of};
 use crate::setup::{Excitation, Run, Setup, UnitsOfTwo};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -27,6 +27,30 @@ pub(super) struct Noticed {
 #[derive(Debug, Default)]
 pub(super) struct UnitsOfRuns(HashMap<String, Vec<Source>>);
 
+/// Units of the sensors that a recording states.
+#[derive(Default)]
+pub(super) struct StatedUnits {
+    file: PathBuf,
+    place: Option<Place>,
+    /// In the order of the setup's sensor channels.
+    units: Vec<Option<String>>,
+}
+
+impl StatedUnits {
+    pub(super) fn of(setup: &Setup, run: &Run, recording: &Recording) -> Self {
+        let unit = |channel: &str| match run.excitation {
+            Excitation::Sine => recording.unit(&format!("{channel}.re")),
+            _ => recording.unit(channel),
+        };
+        let channels = setup.sensor_channels();
+        Self {
+            file: recording.file().to_owned(),
+            place: recording.names_at(),
+            units: channels.map(|c| unit(c).map(str::to_owned)).collect(),
+        }
+    }
+}
+
 impl Noticed {
     /// Notes what a recording's header says, before its first sample is read.
     ///
@@ -38,7 +62,19 @@ impl Noticed {
         run: &Run,
         recording: &Recording,
     ) -> Result<(), MeasureError> {
-        self.units.add(setup, run, recording, &mut self.warnings)
+        self.notice_units(setup, &StatedUnits::of(setup, run, recording))
+    }
+
+    /// The same of what it has said.
+    ///
+    /// # Errors
+    /// As [`UnitsOfRuns::add`].
+    pub(super) fn notice_units(
+        &mut self,
+        setup: &Setup,
+        stated: &StatedUnits,
+    ) -> Result<(), MeasureError> {
+        self.units.add(setup, stated, &mut self.warnings)
     }
 
     /// `true` if a recording states the unit of a sensor.
@@ -57,18 +93,13 @@ impl UnitsOfRuns {
     fn add(
         &mut self,
         setup: &Setup,
-        run: &Run,
-        recording: &Recording,
+        stated: &StatedUnits,
         warnings: &mut Vec<String>,
     ) -> Result<(), MeasureError> {
-        let file = recording.file();
+        let file = &stated.file;
         let mut assumed: Vec<(String, String)> = Vec::new();
-        for channel in setup.sensor_channels() {
-            let column = match run.excitation {
-                Excitation::Sine => format!("{channel}.re"),
-                _ => channel.to_owned(),
-            };
-            let found = recording.unit(&column);
+        for (channel, found) in setup.sensor_channels().zip(&stated.units) {
+            let found = found.as_deref();
             let known = self.0.entry(channel.to_owned()).or_default();
             for (other, first) in known.iter() {
                 let first = first.display();
@@ -94,11 +125,17 @@ impl UnitsOfRuns {
                         "{both}, so that one run would count as {unit} and the other as {si}; if both are in {unit}, write `unit = \"{unit}\"` into the [[{list}]] of the setup, which then holds for recordings without a unit; else write the unit into the header"
                     ),
                 };
-                return Err(recording.unit_error(channel, reason).into());
+                let error = RecordingError::Unit {
+                    file: file.clone(),
+                    place: stated.place,
+                    channel: channel.to_owned(),
+                    reason,
+                };
+                return Err(error.into());
             }
             let found = found.map(str::to_owned);
             if known.iter().all(|(unit, _)| *unit != found) {
-                known.push((found, file.to_owned()));
+                known.push((found, file.clone()));
             }
         }
         if let Some((_, both)) = assumed.first() {

@@ -1,7 +1,5 @@
 //! The state of the channels, seen from their samples: dead, clipped, copied.
 
-use std::hash::{DefaultHasher, Hasher};
-
 /// Statistics of one channel over one run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelHealth {
@@ -65,19 +63,19 @@ impl ChannelHealth {
 /// Collects [`ChannelHealth`] sample by sample, and a fingerprint of the whole run.
 #[derive(Clone, Debug)]
 pub struct Health {
-    channels: Vec<Running>,
-    fingerprint: DefaultHasher,
+    count: f64,
+    /// Mean, and sum of squares about it, of each channel.
+    means: Vec<f64>,
+    squares: Vec<f64>,
+    last: Vec<f32>,
+    extremes: Vec<[Extreme; 2]>,
+    /// Readings strictly between these change no extreme of their channel.
+    inner: [Vec<f32>; 2],
+    fingerprint: [u64; LANES],
 }
 
-#[derive(Clone, Debug, Default)]
-struct Running {
-    count: f64,
-    mean: f64,
-    squares: f64,
-    last: f32,
-    low: Extreme,
-    high: Extreme,
-}
+/// Parts of a sample whose fingerprints are taken at a time.
+const LANES: usize = 4;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Extreme {
@@ -90,7 +88,7 @@ struct Extreme {
 }
 
 impl Extreme {
-    /// `beyond(a, b)`: whether `a` lies further out than `b`.
+    /// Takes a reading; `beyond(a, b)` is `true` if `a` lies further out than `b`.
     fn see(&mut self, value: f32, beyond: fn(&f32, &f32) -> bool, previous: Option<f32>) {
         if previous.is_none() || beyond(&value, &self.value) {
             *self = Self {
@@ -119,47 +117,94 @@ impl Health {
     #[must_use]
     pub fn new(channels: usize) -> Self {
         Self {
-            channels: vec![Running::default(); channels],
-            fingerprint: DefaultHasher::new(),
+            count: 0.0,
+            means: vec![0.0; channels],
+            squares: vec![0.0; channels],
+            last: vec![0.0; channels],
+            extremes: vec![Default::default(); channels],
+            inner: [
+                vec![f32::INFINITY; channels],
+                vec![f32::NEG_INFINITY; channels],
+            ],
+            fingerprint: [0; LANES],
         }
     }
 
     /// Takes one sample of all channels.
     pub fn add(&mut self, sample: &[f32]) {
-        for (c, &x) in self.channels.iter_mut().zip(sample) {
-            let previous = (c.count > 0.0).then_some(c.last);
-            c.count += 1.0;
-            let before = f64::from(x) - c.mean;
-            c.mean += before / c.count;
-            c.squares += before * (f64::from(x) - c.mean);
-            c.low.see(x, f32::lt, previous);
-            c.high.see(x, f32::gt, previous);
-            c.last = x;
-            self.fingerprint.write_u32(x.to_bits());
+        let first = self.count == 0.0;
+        self.count += 1.0;
+        let moments = self.means.iter_mut().zip(&mut self.squares).zip(sample);
+        for ((mean, squares), &x) in moments {
+            let before = f64::from(x) - *mean;
+            *mean += before / self.count;
+            *squares += before * (f64::from(x) - *mean);
+        }
+        let [low, high] = &self.inner;
+        let bounds = low.iter().zip(high).zip(sample);
+        let inside = bounds.fold(true, |all, ((low, high), x)| all & (x > low) & (x < high));
+        if !inside {
+            self.add_extremes(sample, first);
+        }
+        for (last, x) in self.last.iter_mut().zip(sample) {
+            *last = *x;
+        }
+        for part in sample.chunks(2 * LANES) {
+            for (sum, pair) in self.fingerprint.iter_mut().zip(part.chunks(2)) {
+                let bits = |x: &f32| u64::from(x.to_bits());
+                let word = pair.iter().fold(0, |word, x| word << 32 | bits(x));
+                // Odd factors lose no bit; the turn brings high bits back to where they count.
+                *sum = (*sum ^ word)
+                    .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+                    .rotate_left(29);
+            }
         }
     }
 
-    /// A number that two runs share only if all their samples agree.
+    fn add_extremes(&mut self, sample: &[f32], first: bool) {
+        let [low, high] = &mut self.inner;
+        let inner = low.iter_mut().zip(high);
+        let channels = self
+            .extremes
+            .iter_mut()
+            .zip(&self.last)
+            .zip(inner)
+            .zip(sample);
+        for ((([lowest, highest], last), (low, high)), &x) in channels {
+            let previous = (!first).then_some(*last);
+            lowest.see(x, f32::lt, previous);
+            highest.see(x, f32::gt, previous);
+            if lowest.next_samples > 0 && highest.next_samples > 0 {
+                (*low, *high) = (lowest.next, highest.next);
+            }
+        }
+    }
+
+    /// A number that two runs share only if all their samples agree, but for a chance of some 2⁻⁶⁴.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
-        self.fingerprint.finish()
+        let turned = self.fingerprint.iter().zip([0, 17, 31, 47]);
+        turned.fold(self.count.to_bits(), |all, (sum, turn)| {
+            (all ^ sum.rotate_left(turn)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        })
     }
 
     /// The statistics, channel by channel.
     #[must_use]
     pub fn channels(&self) -> Vec<ChannelHealth> {
-        self.channels
-            .iter()
-            .map(|c| {
-                let worst = if c.low.samples > c.high.samples {
-                    c.low
+        let moments = self.means.iter().zip(&self.squares);
+        moments
+            .zip(&self.extremes)
+            .map(|((mean, squares), [low, high])| {
+                let worst = if low.samples > high.samples {
+                    low
                 } else {
-                    c.high
+                    high
                 };
                 ChannelHealth {
-                    range: [c.low.value, c.high.value],
-                    rms: (c.squares / c.count.max(1.0)).sqrt(),
-                    mean: c.mean,
+                    range: [low.value, high.value],
+                    rms: (squares / self.count.max(1.0)).sqrt(),
+                    mean: *mean,
                     at_limit: [worst.samples, worst.in_a_row],
                     next_to_limit: worst.next_samples,
                 }

@@ -46,7 +46,7 @@ impl Read for Passed {
 }
 
 /// An error that is due when the bytes before it have been read.
-struct Broken(Option<io::Error>);
+pub(super) struct Broken(pub(super) Option<io::Error>);
 
 impl Read for Broken {
     fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {

@@ -176,6 +176,11 @@ impl Recording {
         self.alignment = Alignment::new(delays);
     }
 
+    /// Place of the channels' names, for messages about them.
+    pub(crate) fn names_at(&self) -> Option<Place> {
+        self.source.names_at()
+    }
+
     /// The error of a channel whose unit cannot be used, for this reason.
     pub(crate) fn unit_error(&self, channel: &str, reason: String) -> RecordingError {
         RecordingError::Unit {
@@ -460,7 +465,7 @@ impl Recording {
         row
     }
 
-    fn in_step(&mut self, store: &mut dyn FnMut(usize, f64)) -> Result<bool, RecordingError> {
+    fn in_step(&mut self, store: &mut impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
         let Some(mut alignment) = self.alignment.take() else {
             return self.sample(store);
         };
@@ -480,7 +485,8 @@ impl Recording {
         more
     }
 
-    fn sample(&mut self, store: &mut dyn FnMut(usize, f64)) -> Result<bool, RecordingError> {
+    #[inline]
+    fn sample(&mut self, store: &mut impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
         if self.limit.is_some_and(|limit| self.rows >= limit) {
             return Ok(false);
         }

@@ -110,6 +110,22 @@ impl Block {
         Ok(())
     }
 
+    /// Adds a sample whose readings `fill` writes all at once, with the place and the faults that it
+    /// gives; where it gives none nothing is added. `true` if a sample was added.
+    pub(super) fn fill(
+        &mut self,
+        fill: impl FnOnce(&mut [f64]) -> Option<(Place, Health)>,
+    ) -> bool {
+        let before = self.readings.len();
+        self.readings.resize(before + self.width, 0.0);
+        let sample = self.readings.get_mut(before..).and_then(fill);
+        if sample.is_none() {
+            self.readings.truncate(before);
+        }
+        self.samples.extend(sample);
+        sample.is_some()
+    }
+
     /// Readings, place and faults of a sample.
     pub(super) fn sample(&self, n: usize) -> Option<(&[f64], Place, Health)> {
         let (place, health) = *self.samples.get(n)?;

@@ -4,13 +4,14 @@ use lexopt::Parser;
 use lexopt::prelude::*;
 
 use super::steps::{self, Step};
-use super::{fuzz, mutants};
+use super::{bench, fuzz, mutants};
 
 /// The short help, shown after a mistake.
 pub const USAGE: &str = "\
 usage: cargo xtask test [--only STEP]... [--list]
        cargo xtask fuzz [TARGET]... [--seconds N] [--jobs N] [--table] [--minimise]
        cargo xtask fuzz TARGET --repeat FILE
+       cargo xtask bench host [--runs N] [--table]
        cargo xtask mutants [--shard K/N] [--file PATH]... [--list]
        cargo xtask miri
        cargo xtask test --help";
@@ -33,6 +34,10 @@ fuzz searches for inputs that make a target fail:
   --table       write the results into tests/README.md
   --minimise    then put the inputs with most coverage into the repository
   --repeat FILE repeat an input
+
+bench host measures reading and spectra beside pandas, polars and scipy:
+  --runs N      turns, 9 by default
+  --table       write the tables into host-tools/README.md
 
 mutants changes core in one place at a time and lists the changes that no test detects:
   --shard K/N   only the part K of N, from 0
@@ -64,6 +69,8 @@ pub enum Request {
     },
     /// Search for inputs that make a fuzz target fail.
     Fuzz(fuzz::Order),
+    /// Measure reading and spectra on this machine.
+    BenchHost(bench::host::Order),
     /// Search for changes that no test detects.
     Mutants(mutants::Order),
     /// Run core's tests in an interpreter.
@@ -82,6 +89,7 @@ pub fn parse(arguments: impl Iterator<Item = String>) -> Result<Request, lexopt:
         Some(Value(command)) => match command.string()?.as_str() {
             "test" => parse_test(parser),
             "fuzz" => parse_fuzz(parser),
+            "bench" => parse_bench(parser),
             "mutants" => parse_mutants(parser),
             "miri" => match parser.next()? {
                 None => Ok(Request::Miri),
@@ -137,6 +145,30 @@ fn parse_fuzz(mut parser: Parser) -> Result<Request, lexopt::Error> {
         return Err("--repeat needs the name of one target".into());
     }
     Ok(Request::Fuzz(order))
+}
+
+fn parse_bench(mut parser: Parser) -> Result<Request, lexopt::Error> {
+    match parser.next()? {
+        Some(Value(what)) if what == "host" => {}
+        Some(Value(what)) => {
+            let what = what.string()?;
+            return Err(format!("there is no benchmark {what:?}; there is `host`").into());
+        }
+        Some(other) => return Err(other.unexpected()),
+        None => return Err("bench needs a name: `cargo xtask bench host`".into()),
+    }
+    let mut order = bench::host::Order {
+        runs: 9,
+        table: false,
+    };
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Long("runs") => order.runs = number(&mut parser, "--runs")? as usize,
+            Long("table") => order.table = true,
+            other => return Err(other.unexpected()),
+        }
+    }
+    Ok(Request::BenchHost(order))
 }
 
 fn parse_mutants(mut parser: Parser) -> Result<Request, lexopt::Error> {
@@ -214,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn parses_fuzz_mutants_and_miri() {
+    fn parses_fuzz_mutants_miri_and_bench() {
         let order = |line: &str| match parsed(line) {
             Ok(Request::Fuzz(order)) => order,
             other => panic!("{line}: {other:?}"),
@@ -237,6 +269,9 @@ mod tests {
             Ok(Request::Mutants(mutants))
         );
         assert_eq!(parsed("miri"), Ok(Request::Miri));
+        let order = |runs, table| Ok(Request::BenchHost(bench::host::Order { runs, table }));
+        assert_eq!(parsed("bench host"), order(9, false));
+        assert_eq!(parsed("bench host --runs 3 --table"), order(3, true));
     }
 
     #[test]
@@ -244,6 +279,12 @@ mod tests {
         for (line, message) in [
             ("", "a command is missing"),
             ("tset", "there is no command \"tset\""),
+            ("bench", "bench needs a name"),
+            ("bench chop", "there is no benchmark \"chop\""),
+            (
+                "bench host --runs 0",
+                "expected a whole number of one or more",
+            ),
             ("test --fast", "invalid option '--fast'"),
             ("test --only", "missing argument for option '--only'"),
             (

@@ -13,6 +13,7 @@
 //! * [`apt`]: their search and download.
 //! * [`process`]: other programs, their output and failures.
 //! * [`licences`]: the licences of dependencies.
+//! * [`bench`]: costs beside those of what a user would take instead.
 //! * [`fuzz`]: inputs that make the fuzz targets fail.
 //! * [`mutants`]: changes that no test detects.
 //! * [`miri`]: core's tests in an interpreter.
@@ -27,6 +28,7 @@ use std::process::ExitCode;
 pub mod api;
 pub mod apt;
 pub mod arguments;
+pub mod bench;
 pub mod fuzz;
 pub mod image;
 pub mod licences;
@@ -77,6 +79,11 @@ pub fn main(arguments: impl Iterator<Item = String>) -> ExitCode {
                 &|| context.host_cargo(),
                 &order,
             ));
+        }
+        Request::BenchHost(order) => {
+            let context = steps::Context::new(style.colour);
+            let measured = bench::host::run(context.root(), &|| context.host_cargo(), &order);
+            return ended(measured.map(|tables| report.text(&tables)));
         }
         Request::Miri => {
             let context = steps::Context::new(style.colour);

@@ -20,7 +20,7 @@ const CHECKS: &str = "tests/fixtures/readers/check.py";
 /// [`StepError`] of a check that failed, or of a file that cannot be written.
 pub fn check(root: &Path, program: &Path) -> Result<Ending, StepError> {
     let target = packages::target().unwrap_or_else(|| root.join("target"));
-    let python = match provide(root, &target.join("readers"))? {
+    let python = match provide(root, REQUIREMENTS, &target.join("readers"))? {
         Ok(python) => python,
         Err(reason) => return Ok(Ending::Skipped(format!("NOT checked: {reason}"))),
     };
@@ -39,9 +39,17 @@ pub fn check(root: &Path, program: &Path) -> Result<Ending, StepError> {
     Ok(Ending::Passed(format!("{} checks", output.lines().count())))
 }
 
-/// The environment's Python with the packages in it, or the reason why they cannot be had here.
-fn provide(root: &Path, folder: &Path) -> Result<Result<PathBuf, String>, StepError> {
-    let list = root.join(REQUIREMENTS);
+/// The environment's Python with the packages of a list in it, or the reason why they cannot be had here.
+///
+/// # Errors
+///
+/// [`StepError`] of a file that cannot be read or written.
+pub(super) fn provide(
+    root: &Path,
+    requirements: &str,
+    folder: &Path,
+) -> Result<Result<PathBuf, String>, StepError> {
+    let list = root.join(requirements);
     let wanted = fs::read_to_string(&list).map_err(|error| StepError::file(&list, error))?;
     let programs = if cfg!(windows) { "Scripts" } else { "bin" };
     let python = folder.join(programs).join("python");

@@ -74,9 +74,15 @@ impl Row {
     fn kind(&self, decimal: u8) -> Kind {
         let (mut numbers, mut texts, mut words) = (0, 0, 0);
         for field in self.record.iter().filter(|field| !field.is_empty()) {
+            if number(field, decimal).is_some() {
+                numbers += 1;
+                continue;
+            }
             let text = decode::text(field);
-            let is_time = || Stamp::parse(&text).is_some() || is_date(&text);
-            if number(field, decimal).is_some() || is_time() {
+            // A time has a colon, a date two of its signs.
+            let count = |signs: &[u8]| field.iter().filter(|b| signs.contains(b)).count();
+            let is_time = count(b":") > 0 && Stamp::parse(&text).is_some();
+            if is_time || (count(b"-/.") > 1 && is_date(&text)) {
                 numbers += 1;
             } else if faults::read(&text).is_ok() {
                 words += 1;
@@ -192,7 +198,8 @@ fn is_crlf(head: &[u8]) -> bool {
     end.and_then(|end| head.get(end.checked_sub(1)?)) == Some(&b'\r')
 }
 
-fn line_ends(text: &[u8]) -> u64 {
+/// Number of line ends.
+pub(super) fn line_ends(text: &[u8]) -> u64 {
     let mut before = 0;
     let mut count = 0;
     for &byte in text {
@@ -225,6 +232,14 @@ impl Dialect {
         let mut best: Option<Fit> = None;
         for delimiter in delimiters(form) {
             let rows = rows(head, whole, delimiter);
+            // Rows that are all narrower than those of another delimiter cannot fit better.
+            let widest = rows.iter().map(|row| row.record.len()).max();
+            if best
+                .as_ref()
+                .is_some_and(|best| widest < Some(best.columns))
+            {
+                continue;
+            }
             for decimal in decimals(form) {
                 let Some(fit) = fit(&rows, delimiter, decimal, form) else {
                     continue;

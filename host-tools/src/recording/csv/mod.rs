@@ -1,10 +1,16 @@
 //! CSV, one row at a time; also the format of whatever no other format recognises.
 
+mod decimal;
 mod decode;
 mod dialect;
 mod gauge;
 mod header;
+mod lines;
+mod marks;
+mod records;
 mod stamp;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use header::field;
 
@@ -16,14 +22,14 @@ use super::source::{Block, Channel, Place, Source, StatedRate};
 use super::{Format, HEALTH_COLUMN, RecordingError, faults};
 use crate::limits;
 use crate::printable::quoted;
-use ::csv::{ByteRecord, Position, Reader, ReaderBuilder, Trim};
+use ::csv::ByteRecord;
 use decode::Encoding;
 use dialect::Dialect;
-use gauge::{Gauge, Gauged};
+use lines::{Lines, Step};
 use massline_firmware::wire::Health;
+use records::Records;
 use std::io::{BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
 
 use stamp::Stamp;
 
@@ -39,20 +45,51 @@ const SHOWN: usize = 40;
 /// A CSV file that is being read.
 struct CsvFile {
     file: PathBuf,
-    reader: Reader<Box<dyn Read>>,
+    rows: Rows,
     dialect: Dialect,
     /// The first time stamp.
     first: Option<Stamp>,
     channels: Vec<Channel>,
     selected: Vec<usize>,
+    /// `true` if the selected channels are columns of numbers.
+    plain: bool,
     preamble: Preamble,
     /// Column of faults, and whether it is read as such.
     faults: Option<usize>,
     read_faults: bool,
     record: ByteRecord,
-    gauge: Rc<Gauge>,
     /// `true` if the file ends in the middle of a line.
     unfinished: bool,
+}
+
+/// Rows that are being read.
+enum Rows {
+    /// Rows without quotes, each of which is a line.
+    Lines(Lines),
+    /// Rows of any form.
+    Records(Records),
+}
+
+impl Rows {
+    /// Line where the next row begins, in front of comments and empty lines.
+    fn line(&self) -> u64 {
+        match self {
+            Self::Lines(lines) => lines.row(),
+            Self::Records(records) => records.line(),
+        }
+    }
+
+    /// Has the rows from here on read in any form.
+    fn leave_lines(&mut self, dialect: &Dialect) {
+        let nothing = Self::Records(Records::new(std::io::empty(), 0, dialect));
+        *self = match std::mem::replace(self, nothing) {
+            Self::Lines(lines) => {
+                let (rest, line) = lines.rest();
+                Self::Records(Records::new(rest, line.saturating_sub(1), dialect))
+            }
+            records => records,
+        };
+    }
 }
 
 impl CsvFile {
@@ -78,53 +115,62 @@ impl CsvFile {
         })?;
         let whole = read_head(&mut content, &mut head);
         let dialect = Dialect::of(&head, whole, form, &file)?;
-        let gauge = Rc::new(Gauge::default());
-        let mut head = Cursor::new(head);
-        head.set_position(dialect.start as u64);
-        let content = Gauged::new(head.chain(content), Rc::clone(&gauge));
-        let content: Box<dyn Read> = Box::new(content);
-        let reader = ReaderBuilder::new()
-            .has_headers(false)
-            .flexible(true)
-            .comment(Some(b'#'))
-            .delimiter(dialect.delimiter)
-            .trim(Trim::All)
-            .from_reader(content);
+        let names = head.get(dialect.start..).unwrap_or(&[]).to_vec();
+        let rows = Records::new(Cursor::new(names.clone()), dialect.line, &dialect);
         let mut csv = Self {
             file,
-            reader,
+            rows: Rows::Records(rows),
             dialect,
             first: None,
             channels: Vec::new(),
             selected: Vec::new(),
+            plain: false,
             preamble,
             faults: None,
             read_faults: false,
             record: ByteRecord::new(),
-            gauge,
             unfinished: false,
         };
-        csv.read_header()?;
+        let read = csv.read_header();
+        let passed = csv.passed(&names);
+        let (dialect, before) = (&csv.dialect, names.get(..passed).unwrap_or(&[]));
+        if passed < names.len() || whole {
+            read?;
+            let line = dialect.line + dialect::line_ends(before) + 1;
+            let mut rows = Cursor::new(names);
+            rows.set_position(passed as u64);
+            let rows = Box::new(rows.chain(content));
+            let lines = Lines::new(rows, line, dialect.delimiter, dialect.decimal);
+            csv.rows = Rows::Lines(lines);
+        } else {
+            // Names that are longer than the head.
+            let rows = Cursor::new(names).chain(content);
+            csv.rows = Rows::Records(Records::new(rows, dialect.line, dialect));
+            csv.read_header()?;
+        }
         csv.skip_to(form.first_row)?;
         Ok(csv)
+    }
+
+    /// Bytes of the names that were read, with the end of their last line.
+    fn passed(&self, names: &[u8]) -> usize {
+        let Rows::Records(records) = &self.rows else {
+            return 0;
+        };
+        let passed = records.passed() as usize;
+        let behind = passed.checked_sub(1).and_then(|last| names.get(last..));
+        passed + usize::from(behind.is_some_and(|behind| behind.starts_with(b"\r\n")))
     }
 
     /// Leaves out the rows before a line, counted from one.
     fn skip_to(&mut self, line: Option<u64>) -> Result<(), RecordingError> {
         let Some(line) = line else { return Ok(()) };
-        while self.line_of(self.reader.position()) < line && self.advance()? {}
+        while self.rows.line() < line && self.advance()?.is_some() {}
         Ok(())
     }
 
-    /// Line of the file, counted from one.
-    fn line_of(&self, position: &Position) -> u64 {
-        // The reader ends a row at CR and counts lines at LF, which it takes for the next row's.
-        let late = self.dialect.crlf && position.byte() > 0;
-        self.dialect.line + position.line() + u64::from(late)
-    }
-
     fn read_header(&mut self) -> Result<(), RecordingError> {
-        if !self.advance()? {
+        if self.advance()?.is_none() {
             return Err(RecordingError::Empty {
                 file: self.file.clone(),
             });
@@ -146,7 +192,7 @@ impl CsvFile {
         }
         self.faults = names.iter().position(|name| name == HEALTH_COLUMN);
         self.channels = labelled(&names);
-        if self.dialect.units && self.advance()? {
+        if self.dialect.units && self.advance()?.is_some() {
             for (channel, unit) in self.channels.iter_mut().zip(&self.record) {
                 let unit = decode::text(unit);
                 let unit = dialect::bare(&unit);
@@ -157,34 +203,74 @@ impl CsvFile {
         Ok(())
     }
 
-    fn advance(&mut self) -> Result<bool, RecordingError> {
-        self.gauge.begin_row();
-        let more = self.reader.read_byte_record(&mut self.record);
-        let more = more.map_err(|e| {
-            if self.gauge.exceeded() {
-                return RecordingError::RowTooLong {
-                    file: self.file.clone(),
-                    place: Place::Line(self.line_of(self.reader.position())),
-                };
+    /// Reads the next row into the record, and gives its line; `None` at the end.
+    fn advance(&mut self) -> Result<Option<u64>, RecordingError> {
+        let line = self.rows.line();
+        loop {
+            let lines = match &mut self.rows {
+                Rows::Lines(lines) => lines,
+                Rows::Records(records) => {
+                    let more = records.advance(&mut self.record, &self.file)?;
+                    self.unfinished = !more && !records.ends_a_line();
+                    return Ok(more.then_some(line));
+                }
+            };
+            let place = |lines: &Lines| (self.file.clone(), Place::Line(lines.line()));
+            match lines.step() {
+                Step::Row(range) => {
+                    self.record.clear();
+                    let fields = lines.part(range).split(|b| *b == self.dialect.delimiter);
+                    fields.for_each(|field| self.record.push_field(field.trim_ascii()));
+                    return Ok(Some(line));
+                }
+                Step::End => {
+                    self.unfinished = lines.unfinished();
+                    return Ok(None);
+                }
+                Step::Other => self.rows.leave_lines(&self.dialect),
+                Step::TooLong => {
+                    let (file, place) = place(lines);
+                    return Err(RecordingError::RowTooLong { file, place });
+                }
+                Step::Failed(error) => {
+                    let (file, place) = place(lines);
+                    let reason = error.to_string();
+                    return Err(RecordingError::Damaged {
+                        file,
+                        place,
+                        reason,
+                    });
+                }
             }
-            RecordingError::Damaged {
-                file: self.file.clone(),
-                place: Place::Line(self.line_of(e.position().unwrap_or(self.reader.position()))),
-                reason: e.to_string(),
-            }
-        })?;
-        self.unfinished = !more && !self.gauge.ends_a_line();
-        Ok(more)
+        }
+    }
+
+    /// Reads a row of numbers into a block; `false`, with nothing read, if the next row is of
+    /// another form.
+    fn numbers(&mut self, block: &mut Block) -> bool {
+        let Rows::Lines(lines) = &mut self.rows else {
+            return false;
+        };
+        lines.ready();
+        let (columns, empty) = (
+            self.channels.len(),
+            self.faults.filter(|_| self.read_faults),
+        );
+        self.plain
+            && block.fill(|readings| {
+                let line = lines.numbers(columns, &self.selected, empty, readings)?;
+                Some((Place::Line(line), Health::GOOD))
+            })
     }
 
     /// Reads a row into a block; `false` at the end.
     fn row(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
-        if !self.advance()? {
+        let Some(line) = self.advance()? else {
             return Ok(false);
-        }
+        };
         let row = Row {
             file: &self.file,
-            place: Place::Line(self.record.position().map_or(0, |p| self.line_of(p))),
+            place: Place::Line(line),
             record: &self.record,
             decimal: self.dialect.decimal,
         };
@@ -252,10 +338,13 @@ impl Source for CsvFile {
     fn select(&mut self, channels: &[usize]) {
         self.selected = channels.to_vec();
         self.read_faults = self.faults.is_some_and(|own| !channels.contains(&own));
+        let is_number =
+            |column: &usize| *column < self.channels.len() && self.dialect.stamps != Some(*column);
+        self.plain = channels.iter().all(is_number);
     }
 
     fn read(&mut self, block: &mut Block) -> Result<(), RecordingError> {
-        while block.room() > 0 && self.row(block)? {}
+        while block.room() > 0 && (self.numbers(block) || self.row(block)?) {}
         Ok(())
     }
 

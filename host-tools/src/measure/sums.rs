@@ -1,0 +1,60 @@
+//! Running sums of a consumer's channels, whatever the number of drives.
+
+use super::drives::DrivesAverage;
+use massline_core::spectra::{
+    Average, BlockSettings, BlockSpectra, CrossAverage, DriveAverage, SpectraError, Sum,
+};
+
+/// Running sums.
+pub(super) enum Sums<'s> {
+    /// The cross-spectral matrix of the twelve resultants, without a drive.
+    Cross(CrossAverage<'s>),
+    /// Referred to one drive.
+    One(DriveAverage<'s>),
+    /// Referred to several drives.
+    Several(DrivesAverage),
+}
+
+impl<'s> Sums<'s> {
+    /// Sums of `channels` channels, which are the twelve resultants where there is no drive; `storage` becomes as
+    /// large as they need.
+    ///
+    /// # Errors
+    /// [`SpectraError`] where they do not suit.
+    pub(super) fn new(
+        settings: &BlockSettings,
+        drives: usize,
+        channels: usize,
+        storage: &'s mut Vec<Sum>,
+    ) -> Result<Self, SpectraError> {
+        Ok(match drives {
+            0 => {
+                *storage = vec![Sum::ZERO; CrossAverage::storage_len(settings)];
+                Self::Cross(CrossAverage::new(settings, storage)?)
+            }
+            1 => {
+                *storage = vec![Sum::ZERO; DriveAverage::storage_len(settings, channels)];
+                Self::One(DriveAverage::new(settings, channels, storage)?)
+            }
+            several => Self::Several(DrivesAverage::new(settings, several, channels)),
+        })
+    }
+
+    /// Takes a block.
+    pub(super) fn add(&mut self, block: &BlockSpectra<'_>) {
+        match self {
+            Self::Cross(average) => average.add(block),
+            Self::One(average) => average.add(block),
+            Self::Several(average) => average.add(block),
+        }
+    }
+
+    /// Blocks so far.
+    pub(super) fn blocks(&self) -> u32 {
+        match self {
+            Self::Cross(average) => average.blocks(),
+            Self::One(average) => average.blocks(),
+            Self::Several(average) => average.blocks(),
+        }
+    }
+}
