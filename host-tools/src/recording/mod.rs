@@ -91,7 +91,7 @@ struct Format {
 
 /// All formats, in the order in which they are tried. CSV is the last: it takes every file, and
 /// its errors say what one may be that is no text.
-const FORMATS: [Format; 7] = [
+const FORMATS: [Format; 8] = [
     foreign::FORMAT,
     uff::FORMAT,
     mat::FORMAT,
