@@ -226,7 +226,7 @@ fn a_bridge_lies_within_the_range_of_the_inputs() {
     let rig = rig();
     let mut chip = Ads131m08::new(Port::new(&rig, 0), configuration());
     chip.prepare().unwrap();
-    let mut count = |supply: f64, channel: u8| {
+    let count = |supply: f64, channel: u8| {
         let mut rig = rig.borrow_mut();
         let chip = rig.chip(0).unwrap();
         chip.set_common_mode(channel.into(), 0.5 * supply);

@@ -13,7 +13,7 @@ use bench::{Bench, RECORDINGS, command};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use massline::limits;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 use watched::watched;
