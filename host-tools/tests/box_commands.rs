@@ -239,9 +239,9 @@ fn inputs_are_wired_by_a_file_shown_and_exported_again() {
     let cell = inputs.iter().find(|i| i["input"] == 3).unwrap();
     assert_eq!(cell["serial"], "LC-0815");
     assert_eq!(cell["calibrated"], "2026-03-02");
-    // 13.2 µV/N at gain 128: 1.2 V / 128 / 2^23 / 13.2e-6 V/N.
+    // 10 µV/N on 2.5 V, at gain 128: 1.2 V / 128 / 2^23 / 10e-6 V/N.
     let per_count = cell["per_count"].as_f64().unwrap();
-    assert!((per_count / 8.46657e-5 - 1.0).abs() < 1e-4, "{per_count}");
+    assert!((per_count / 1.117587e-4 - 1.0).abs() < 1e-4, "{per_count}");
     assert_eq!(
         (&cell["gain"], inputs[0]["input"].as_u64()),
         (&128.into(), Some(2))
@@ -257,7 +257,7 @@ fn inputs_are_wired_by_a_file_shown_and_exported_again() {
     let table = settings(&["--inputs", "out.toml"]).stdout;
     let row = table.lines().find(|l| l.contains("LC-0815")).unwrap();
     let cells: Vec<&str> = row.split_whitespace().collect();
-    let expected = "3 bridge LC-0815 K 2026-17 2026-03-02 8.46657e-5 0.2 % 128";
+    let expected = "3 bridge LC-0815 K 2026-17 2026-03-02 0.000111759 0.2 % 128";
     assert_eq!(cells.join(" "), expected);
     std::fs::write(
         folder.path().join("in.toml"),
