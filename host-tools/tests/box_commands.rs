@@ -257,7 +257,7 @@ fn inputs_are_wired_by_a_file_shown_and_exported_again() {
     let table = settings(&["--inputs", "out.toml"]).stdout;
     let row = table.lines().find(|l| l.contains("LC-0815")).unwrap();
     let cells: Vec<&str> = row.split_whitespace().collect();
-    let expected = "3 bridge LC-0815 K 2026-17 2026-03-02 0.000111759 0.2 % 128";
+    let expected = "3 bridge LC-0815 K 2026-17 2026-03-02 1.11759e-4 0.2 % 128";
     assert_eq!(cells.join(" "), expected);
     std::fs::write(
         folder.path().join("in.toml"),
