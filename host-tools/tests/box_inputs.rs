@@ -119,7 +119,7 @@ fn what_cannot_be_recorded_is_said_with_a_way_out() {
     std::fs::write(folder.path().join("x.csv"), "").unwrap();
     for (arguments, words) in [
         (&["record", "x.csv"][..], "--force"),
-        (&["record", "x.txt"], ".csv or .csv.gz"),
+        (&["record", "x.txt"], ".csv, .csv.gz or .parquet"),
         (
             &["record", "y.csv", "--inputs", "30"],
             "nothing is wired to input 30",
