@@ -5,7 +5,7 @@
 //! completions read the list.
 //!
 //! An export is made in memory as a whole, read again by a parser of its own and compared with the
-//! result before the first byte is written ([`bytes`]): numbers that a format would lose or confuse
+//! result before the first byte is written ([`bytes()`]): numbers that a format would lose or confuse
 //! reach no file.
 
 mod body;

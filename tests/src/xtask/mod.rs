@@ -13,7 +13,7 @@
 //! * [`apt`]: their search and download.
 //! * [`process`]: other programs, their output and failures.
 //! * [`licences`]: the licences of dependencies.
-//! * [`bench`]: costs beside those of what a user would take instead.
+//! * [`mod@bench`]: costs beside those of what a user would take instead.
 //! * [`fuzz`]: inputs that make the fuzz targets fail.
 //! * [`mutants`]: changes that no test detects.
 //! * [`miri`]: core's tests in an interpreter.
