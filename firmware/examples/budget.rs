@@ -24,7 +24,7 @@ mod on_chip {
     use core::hint::black_box;
     use embedded_hal::delay::DelayNs;
     use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-    use embedded_hal_bus::spi::AtomicDevice;
+    use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice};
     use embedded_hal_bus::util::AtomicCell;
     use heapless::spsc::Queue;
     use massline_core::geometry::{
@@ -39,13 +39,14 @@ mod on_chip {
     use massline_firmware::drivers::ads131m08::{
         Ads131m08, Channel as Input, Configuration, Gain, Oversampling, SPI_MODE,
     };
+    use massline_firmware::drivers::adxl355::{self, Adxl355};
     use massline_firmware::models::BusError;
     use massline_firmware::models::ads131m08::Chip;
     use massline_firmware::models::random::mix;
     use massline_firmware::sampling::{self, RawFrame, WAITING};
     use massline_firmware::wire::Health;
     use nalgebra::Vector3;
-    use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, TIM2, USART2};
+    use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, SPI3, TIM2, USART2};
     use stm32f4xx_hal::prelude::*;
 
     use super::bus::Bus;
@@ -142,12 +143,14 @@ mod on_chip {
         start(&device.RCC, &device.TIM2, &device.USART2);
         let mut link = Link(device.USART2);
         let timer = device.TIM2;
-        let exchange = exchange(device.SPI2, device.GPIOC, device.RCC, &timer);
+        let buses = (device.SPI2, device.SPI3);
+        let [exchange, accelerometer] = exchanges(buses, device.GPIOC, device.RCC, &timer);
         let (acquisition, counts) = acquisition(&timer);
         let mut report = |name: &str, cost: u32| {
             let _ = writeln!(link, "{name} {cost}");
         };
         report("exchange", exchange);
+        report("accelerometer", accelerometer);
         report("acquisition", acquisition);
         report("hand-over", hand_over(&timer));
         report("calibration", calibration(&timer, &counts));
@@ -170,18 +173,33 @@ mod on_chip {
         link.cr1().write(|w| w.ue().set_bit().te().set_bit());
     }
 
-    /// A frame over the bus, chip select included. The emulated bus never waits, so that this is
-    /// the cost besides its clock.
-    fn exchange(spi: SPI2, port: GPIOC, rcc: RCC, timer: &TIM2) -> u32 {
+    /// A frame over the ADS131M08's bus, and a sample of the ADXL355 over its own, chip select included.
+    /// The emulated buses never wait, so that this is the cost besides their clocks.
+    fn exchanges((frames, bytes): (SPI2, SPI3), port: GPIOC, rcc: RCC, timer: &TIM2) -> [u32; 2] {
         let mut rcc = rcc.constrain();
-        let spi = spi.spi(
+        let port = port.split(&mut rcc);
+        let spi = bytes.spi(
+            (SPI3::NoSck, SPI3::NoMiso, SPI3::NoMosi),
+            adxl355::SPI_MODE,
+            8.MHz(),
+            &mut rcc,
+        );
+        let select = port.pc3.into_push_pull_output().erase();
+        let Ok(device) = ExclusiveDevice::new(Bus::of_bytes(spi), select, NoDelay);
+        let settings = adxl355::Configuration::following(4096.0);
+        let mut chip = Adxl355::new(device, settings);
+        let accelerometer = cost(timer, |_| {
+            // Nobody answers; what the answer says costs nothing beside the bytes.
+            let _ = black_box(chip.read(&mut [0; adxl355::CHANNELS]));
+        });
+        let spi = frames.spi(
             (SPI2::NoSck, SPI2::NoMiso, SPI2::NoMosi),
             SPI_MODE,
             8.MHz(),
             &mut rcc,
         );
         let bus = AtomicCell::new(Bus::of_frames(spi));
-        let select = port.split(&mut rcc).pc2.into_push_pull_output().erase();
+        let select = port.pc2.into_push_pull_output().erase();
         let Ok(mut chip) = AtomicDevice::new(&bus, select, NoDelay);
         let mut good = true;
         let cost = cost(timer, |_| {
@@ -189,7 +207,7 @@ mod on_chip {
             let mut exchange = [Operation::TransferInPlace(&mut bytes)];
             good &= chip.transaction(&mut exchange).is_ok();
         });
-        if good { cost } else { 0 }
+        [if good { cost } else { 0 }, accelerometer]
     }
 
     /// A delay of no time.

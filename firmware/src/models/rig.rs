@@ -58,6 +58,7 @@ pub struct Rig<S, const N: usize> {
     /// `true` if a DRDY line has fallen since the last [`Self::wait`].
     pending: bool,
     lost_edges: u32,
+    bus_hz: u32,
 }
 
 /// A chip in its place, with the faults of its wires.
@@ -97,6 +98,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
             random,
             pending: false,
             lost_edges: 0,
+            bus_hz: BUS_HZ,
         }
     }
 
@@ -183,7 +185,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
 
     /// Exchanges a frame with a chip.
     fn transfer(&mut self, chip: usize, bytes: &mut [u8]) -> Result<(), BusError> {
-        let time = bytes.len() as u64 * 8 * u64::from(CLOCK_HZ) / u64::from(BUS_HZ);
+        let time = bytes.len() as u64 * 8 * u64::from(CLOCK_HZ) / u64::from(self.bus_hz);
         let place = self.places.get_mut(chip).ok_or(BusError::Unsupported)?;
         if core::mem::take(&mut place.bus_fails) {
             return Err(BusError::Failed);
@@ -214,6 +216,11 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         if let Some(place) = self.places.get_mut(chip) {
             change(place);
         }
+    }
+
+    /// Sets the clock of the bus, Hz; 10.5 MHz before.
+    pub fn set_bus(&mut self, hz: u32) {
+        self.bus_hz = hz.max(1);
     }
 
     /// Garbles the next frame that a chip sends.
