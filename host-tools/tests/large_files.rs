@@ -15,10 +15,14 @@ mod watched;
 mod write;
 
 use bench::{Bench, RECORDINGS, command};
-use flate2::Compression;
 use flate2::write::GzEncoder;
 use hdf5::{Variable, write_mat73};
 use massline::recording::Recording;
+use parquet::basic::Compression;
+use parquet::data_type::FloatType;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -63,7 +67,7 @@ fn csv(minute: &Minute, times: usize, out: &mut dyn Write) {
 }
 
 fn csv_gz(minute: &Minute, times: usize, out: &mut dyn Write) {
-    let mut encoder = GzEncoder::new(out, Compression::fast());
+    let mut encoder = GzEncoder::new(out, flate2::Compression::fast());
     csv(minute, times, &mut encoder);
     encoder.finish().unwrap();
 }
@@ -145,10 +149,34 @@ fn wav(minute: &Minute, times: usize, out: &mut BufWriter<File>) {
     writer.finalize().unwrap();
 }
 
+/// Groups of rows and pages as the crate's own defaults make them, which are those of other writers.
+fn parquet(minute: &Minute, times: usize, out: &mut BufWriter<File>) {
+    let field = |name: &String| format!("required float {};", name.replace(':', "_"));
+    let fields: String = minute.names.iter().map(field).collect();
+    let schema = parse_message_type(&format!("message recording {{ {fields} }}")).unwrap();
+    let properties = WriterProperties::builder().set_compression(Compression::SNAPPY);
+    let mut file =
+        SerializedFileWriter::new(out, schema.into(), properties.build().into()).unwrap();
+    let channels = minute.readings.iter().map(|r| varied(r, times));
+    let channels: Vec<Vec<f32>> = channels.collect();
+    for first in (0..channels[0].len()).step_by(1 << 20) {
+        let mut group = file.next_row_group().unwrap();
+        for channel in &channels {
+            let rows = &channel[first..channel.len().min(first + (1 << 20))];
+            let mut column = group.next_column().unwrap().unwrap();
+            let written = column.typed::<FloatType>().write_batch(rows, None, None);
+            assert_eq!(written.unwrap(), rows.len());
+            column.close().unwrap();
+        }
+        group.close().unwrap();
+    }
+    file.close().unwrap();
+}
+
 type Form = fn(&Minute, usize, &mut BufWriter<File>);
 
 /// Formats, and the writer of each.
-const FORMS: [(&str, Form); 9] = [
+const FORMS: [(&str, Form); 10] = [
     ("CSV", |m, n, out| csv(m, n, out)),
     ("CSV, gzip", |m, n, out| csv_gz(m, n, out)),
     ("UFF 58", |m, n, out| uff(m, n, out, Numbers::Double)),
@@ -160,6 +188,7 @@ const FORMS: [(&str, Form); 9] = [
         mat73(m, n, out, Some(8192));
     }),
     ("MAT 7.3, in one piece", |m, n, out| mat73(m, n, out, None)),
+    ("Parquet, snappy", |m, n, out| parquet(m, n, out)),
     ("TDMS", |m, n, out| tdms(m, n, out)),
     ("WAV, 32-bit float", |m, n, out| wav(m, n, out)),
 ];
@@ -210,8 +239,10 @@ fn memory_does_not_grow_with_the_file() {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let file = folder.path().join("large");
     for (name, form) in FORMS {
+        // A page and a dictionary of Parquet are full after 262,144 readings, which is 86 times.
+        let begin = if name.starts_with("Parquet") { 100 } else { 10 };
         let [(_, short), (size, long)] =
-            [10, 100].map(|times| measured(&minute, form, name, &file, times));
+            [begin, begin + 90].map(|times| measured(&minute, form, name, &file, times));
         println!("{name}: {size} bytes, {short} and {long} resident");
         assert!(long < MOST, "{name}: {long}");
         // A tenth of the readings that were added, which is more than chance leaves.

@@ -5,7 +5,7 @@ use super::names::{Kind, parse};
 use crate::limits;
 use crate::printable::steers;
 use crate::recording::{Channel, HEALTH_COLUMN, Recording, some_of};
-use crate::setup::{Excitation, Mount};
+use crate::setup::{Excitation, Mount, is_other};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -114,9 +114,10 @@ pub fn find(recordings: &[PathBuf]) -> Result<Found, InitError> {
             continue;
         }
         let everywhere = all.iter().all(|c| c.iter().any(|c| c.name == channel.name));
-        match everywhere {
-            true => common.push(channel),
-            false => left_out.push(channel.name.clone()),
+        match channel.unit.as_deref().filter(|unit| is_other(unit)) {
+            Some(unit) => left_out.push(format!("{} [{unit}]", channel.name)),
+            None if everywhere => common.push(channel),
+            None => left_out.push(channel.name.clone()),
         }
     }
     if common.is_empty() {

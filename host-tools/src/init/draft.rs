@@ -71,7 +71,7 @@ pub fn draft(found: &Found, out: &Path) -> String {
         entry(&mut text, sensor, &types, "load_cell");
     }
     if !found.left_out.is_empty() {
-        text.push_str("\n# Channels without an entry, not in every recording or not in the table of sensors:\n");
+        text.push_str("\n# Channels without an entry: of another quantity, not in every recording or not in the table of sensors:\n");
         for channel in &found.left_out {
             let _ = writeln!(text, "#   {channel}");
         }

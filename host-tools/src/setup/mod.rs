@@ -41,7 +41,7 @@ pub(crate) use print::quoted as toml_text;
 pub(crate) use sensors::quantity;
 pub use uncertainty::{Defaults, Uncertainty};
 pub use units::Units;
-pub(crate) use units::{Measured, UnitsOfTwo, is_electric, measured_in};
+pub(crate) use units::{Measured, UnitsOfTwo, is_electric, is_other, measured_in};
 
 /// The window of all random runs.
 pub const WINDOW: Window = Window::Hann;

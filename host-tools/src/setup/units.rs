@@ -46,6 +46,13 @@ const UNITS: [(&str, Kind, f64); 15] = [
     ("count", Kind::Counts, 1.0),
 ];
 
+/// Units of what this program measures nothing of, such as sound, temperature, strain and displacement.
+const OTHERS: [&str; 30] = [
+    "Pa", "hPa", "kPa", "MPa", "bar", "mbar", "psi", "dB", "dB(A)", "°C", "degC", "K", "°F",
+    "degF", "%", "m", "mm", "µm", "um", "m/s", "mm/s", "in/s", "µm/m", "um/m", "rpm", "1/min",
+    "deg", "°", "rad", "rad/s",
+];
+
 /// A unit without the characters that are written in several ways.
 fn plain(text: &str) -> String {
     let kept = |c: &char| !matches!(c, ' ' | '·' | '⋅' | '*' | '^');
@@ -65,6 +72,11 @@ pub(crate) fn measured_in(unit: &str) -> Option<Measured> {
         Some((Kind::Of(measured), _)) => Some(measured),
         _ => None,
     }
+}
+
+/// `true` for a unit of neither acceleration, force nor moment, nor of what stands for one.
+pub(crate) fn is_other(unit: &str) -> bool {
+    OTHERS.iter().any(|other| plain(other) == plain(unit))
 }
 
 /// `true` for a unit that a sensitivity belongs to.

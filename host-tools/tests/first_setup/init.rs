@@ -177,6 +177,20 @@ fn what_is_not_known_waits_and_is_named_one_by_one() {
     }
 }
 
+#[test]
+fn channels_of_other_quantities_are_no_sensors() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "T1:X [g],Mic:1:+X [Pa],cell z [N],Oven [°C]\n1,2,3,4\n5,6,7,8\n";
+    std::fs::write(folder.path().join("a.csv"), text).unwrap();
+    let said = succeeded(init(folder.path(), &["a.csv".to_owned()], &[]));
+    said.says("2 sensors, 2 channels; 2 without an entry");
+    let text = std::fs::read_to_string(folder.path().join("setup.toml")).unwrap();
+    assert!(
+        text.contains("#   Mic:1:+X [Pa]\n#   Oven [°C]\n"),
+        "{text}"
+    );
+}
+
 /// Without units in the headers a draft is no setup before they are filled in: what is left out would
 /// be read as SI.
 #[test]

@@ -51,6 +51,57 @@ fn check(name: &str, channels: [&str; 3], share: f64) {
 
 const NAMES: [&str; 3] = ["a1", "a2", "fx"];
 
+/// `catman.uff`, `milestone.uff` and `response.uff` are of the test data of pyuff (MIT licence), which
+/// users sent to it: programs wrote them that we cannot run.
+#[test]
+fn files_of_recorders() {
+    let text = std::fs::read_to_string(fixture("catman.uff")).unwrap();
+    let single: Vec<u8> = text.chars().map(|c| c as u8).collect();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in [("wide.uff", text.as_bytes()), ("single.uff", &single)] {
+        let file = folder.path().join(name);
+        std::fs::write(&file, bytes).unwrap();
+        let mut recording = Recording::open(&file, &["1x : m/s²"]).unwrap();
+        assert_eq!(recording.in_file()[0].unit.as_deref(), Some("m/s²"));
+        let rate = recording.settle_rate(None).unwrap();
+        assert!((rate / 2e4 - 1.0).abs() < 1e-12, "{rate} Hz");
+        let mut row = [0.0];
+        let mut all = Vec::new();
+        while recording.next_row_f64(|_, x| row[0] = x).unwrap() {
+            all.push(row[0]);
+        }
+        assert_eq!((all.len(), all[0], all[12]), (13, -3.81956, -5.84096));
+    }
+
+    // Of two and a half million samples there are 42, and the data end without the end of a line.
+    let file = fixture("milestone.uff");
+    let cut = match Recording::open(&file, &["PWL Mic:1:+X"]) {
+        Err(error) => error,
+        Ok(mut recording) => {
+            recording.settle_rate(None).unwrap();
+            loop {
+                match recording.next_row_f64(|_, _| {}) {
+                    Ok(true) => {}
+                    Ok(false) => panic!("read to its end"),
+                    Err(error) => break error,
+                }
+            }
+        }
+    };
+    let said = cut.to_string();
+    assert!(said.contains("milestone.uff, line"), "{said}");
+    assert!(said.contains("2508876"), "{said}");
+
+    let recording = Recording::open(&fixture("response.uff"), &[]).unwrap();
+    let names: Vec<_> = recording
+        .in_file()
+        .iter()
+        .map(|c| c.name.as_str())
+        .collect();
+    assert_eq!(names, ["ref6_23_Mar.re", "ref6_23_Mar.im", "frequency"]);
+    assert_eq!(recording.in_file()[0].unit.as_deref(), Some("(1/N)*(m/s²)"));
+}
+
 #[test]
 fn pyuff() {
     let nodes = ["11:+Z", "12:-X", "13:+Y"];

@@ -75,9 +75,10 @@ impl Lines {
     }
 
     fn text(&mut self) -> Result<Option<String>, RecordingError> {
-        // Labels of another encoding are labels still.
+        // Labels of single bytes, as on Windows, are labels still.
+        let single = |line: &[u8]| line.iter().copied().map(char::from).collect();
         let line = self.next()?;
-        Ok(line.map(|line| line.iter().copied().map(char::from).collect()))
+        Ok(line.map(|line| std::str::from_utf8(line).map_or_else(|_| single(line), str::to_owned)))
     }
 }
 

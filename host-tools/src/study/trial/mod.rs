@@ -181,12 +181,7 @@ impl Trial {
         band: [f64; 2],
     ) -> Result<Records, TrialError> {
         let noisy = self.noisy(level.unwrap_or(0.0));
-        let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
-            .map(|(sensors, run)| Samples {
-                sensors,
-                drive: &run.drive,
-            })
-            .collect();
+        let samples = self.samples(&noisy);
         Ok(sampled_records(
             &self.setup,
             band,
@@ -230,18 +225,23 @@ impl Trial {
         }
     }
 
+    /// Noisy sensors with the drive of their runs.
+    fn samples<'a>(&'a self, noisy: &'a [Vec<Vec<f32>>]) -> Vec<Samples<'a>> {
+        (noisy.iter().zip(&self.runs))
+            .map(|(sensors, run)| Samples {
+                sensors,
+                drive: &run.drive,
+            })
+            .collect()
+    }
+
     /// The examination of the sensors at a level of noise, of random runs.
     pub(in crate::study) fn examine(
         &self,
         level: f64,
     ) -> Result<Result<Findings, Undecided>, TrialError> {
         let noisy = self.noisy(level);
-        let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
-            .map(|(sensors, run)| Samples {
-                sensors,
-                drive: &run.drive,
-            })
-            .collect();
+        let samples = self.samples(&noisy);
         let setup = &self.setup;
         let measurement = measure_samples(setup, &Accelerations::Interface, &samples)?;
         let channels = channels_of_samples(setup, &measurement, &samples)?;
@@ -254,12 +254,7 @@ impl Trial {
         methods: &[Option<Method>],
     ) -> Result<Vec<Result<Answer, String>>, TrialError> {
         let noisy = self.noisy(level);
-        let samples: Vec<Samples<'_>> = (noisy.iter().zip(&self.runs))
-            .map(|(sensors, run)| Samples {
-                sensors,
-                drive: &run.drive,
-            })
-            .collect();
+        let samples = self.samples(&noisy);
         let recommended = crate::identification::recommended(&self.setup).0;
         let all = self.weights()?;
         let mut measurements = Vec::new();
