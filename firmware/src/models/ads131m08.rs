@@ -217,16 +217,27 @@ impl Chip {
 
     /// Exchanges a frame: the received bytes are replaced by the answer.
     pub fn transfer(&mut self, bytes: &mut [u8]) {
+        let out = self.select();
+        self.release(bytes);
+        for (slot, byte) in bytes.iter_mut().zip(out) {
+            *slot = byte;
+        }
+    }
+
+    /// Begins a frame: the chip select has fallen. The bytes that will be sent.
+    pub fn select(&mut self) -> [u8; BYTES_MAX] {
         let mut out = [0; BYTES_MAX];
         self.send(&mut out);
+        out
+    }
+
+    /// Ends a frame with the bytes that came: the chip select has risen.
+    pub fn release(&mut self, bytes: &[u8]) {
         if bytes.len() >= BYTES {
             // All data were shifted out.
             self.waiting = self.waiting.saturating_sub(1);
         }
         self.receive(bytes);
-        for (slot, byte) in bytes.iter_mut().zip(out) {
-            *slot = byte;
-        }
     }
 
     fn status(&self) -> u16 {

@@ -104,6 +104,29 @@ impl Chip {
         }
     }
 
+    /// Lets a time pass, ns.
+    pub const fn pass_ns(&mut self, ns: u64) {
+        self.awake_ns = self.awake_ns.saturating_add(ns);
+    }
+
+    /// Exchanges a byte, and returns the one to send. The first byte of an exchange, before which
+    /// `head` is `None`, holds address and direction; the address counts up.
+    pub fn shift(&mut self, head: &mut Option<u8>, byte: u8) -> u8 {
+        let answer = match head {
+            None => {
+                *head = Some(byte);
+                0
+            }
+            Some(head) => {
+                let answer = self.exchange(*head >> 1, *head & 1 != 0, byte);
+                *head = head.wrapping_add(2);
+                answer
+            }
+        };
+        self.stuck
+            .map_or(answer, |level| if level { 0xFF } else { 0 })
+    }
+
     /// Reads or writes a register, and returns the byte to send.
     fn exchange(&mut self, address: u8, is_read: bool, byte: u8) -> u8 {
         let found = self.register(address);
@@ -134,32 +157,18 @@ impl ErrorType for Chip {
 
 impl SpiDevice for Chip {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusError> {
-        // The first byte holds address and direction; the address counts up.
         let mut head: Option<u8> = None;
         for operation in operations {
             let bytes = match operation {
                 Operation::TransferInPlace(bytes) => bytes,
                 Operation::DelayNs(ns) => {
-                    self.awake_ns = self.awake_ns.saturating_add(u64::from(*ns));
+                    self.pass_ns(u64::from(*ns));
                     continue;
                 }
                 _ => return Err(BusError::Unsupported),
             };
             for byte in bytes.iter_mut() {
-                let answer = match &mut head {
-                    None => {
-                        head = Some(*byte);
-                        0
-                    }
-                    Some(head) => {
-                        let answer = self.exchange(*head >> 1, *head & 1 != 0, *byte);
-                        *head = head.wrapping_add(2);
-                        answer
-                    }
-                };
-                *byte = self
-                    .stuck
-                    .map_or(answer, |level| if level { 0xFF } else { 0 });
+                *byte = self.shift(&mut head, *byte);
             }
         }
         Ok(())

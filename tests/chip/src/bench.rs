@@ -1,0 +1,249 @@
+//! The board and what is wired to it: four ADS131M08 and an ADXL355, with the models of the firmware's
+//! library, a byte at a time.
+
+use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::drivers::ads131m08::{self, CLOCK_HZ, RESET_CYCLES};
+use massline_firmware::drivers::adxl355;
+use massline_firmware::models::{ads131m08 as ads, adxl355 as adxl};
+
+use crate::gpio::{Gpio, Pin, pin};
+use crate::spi::Word;
+use crate::{SECOND, counted, periods};
+
+/// Number of ADS131M08.
+pub const CONVERTERS: usize = 4;
+/// Alternate function of SPI2, and of SPI3.
+const FUNCTIONS: [u32; 2] = [5, 6];
+/// Samples of the ADXL355 in a second.
+const ADXL_HZ: u32 = 4000;
+
+/// Voltage at an input, V, and acceleration along an axis, in units of standard gravity, at a cycle of
+/// the converters' clock.
+pub type Signal = Box<dyn FnMut(usize, u64) -> f64 + Send>;
+
+/// A converter in its place.
+struct Place {
+    chip: ads::Chip,
+    select: Pin,
+    ready: Pin,
+    /// Cycle of the next conversion.
+    next: u64,
+    /// The frame that goes on: answer, and bytes so far.
+    frame: Option<(Vec<u8>, Vec<u8>)>,
+}
+
+/// The board's parts.
+pub struct Bench {
+    converters: Vec<Place>,
+    adxl: adxl::Chip,
+    adxl_select: Pin,
+    /// Head of the exchange with the ADXL355 that goes on; the outer one: it is selected.
+    adxl_frame: Option<Option<u8>>,
+    adxl_next: u64,
+    sync: Pin,
+    /// Time at which SYNC was pulled low.
+    sync_low: Option<u64>,
+    /// Wires of the two buses: clock, answer, request.
+    wires: [[Pin; 3]; 2],
+    signal: Signal,
+    /// The newest sample of each converter, by cycle and counts.
+    pub converted: Vec<Vec<(u64, [i32; CHANNELS])>>,
+}
+
+impl Bench {
+    /// The board of the wiring page, with these signals.
+    #[must_use]
+    pub fn new(signal: Signal) -> Self {
+        let places = ["PC2", "PC3", "PC4", "PC5"].into_iter();
+        let ready = ["PC6", "PC7", "PB8", "PB9"];
+        let converters: Vec<Place> = places
+            .zip(ready)
+            .enumerate()
+            .map(|(k, (select, ready))| {
+                let chip = ads::Chip::new();
+                let period = u64::from(chip.cycles());
+                Place {
+                    select: pin(select),
+                    ready: pin(ready),
+                    // They were switched on at any instant.
+                    next: period / 7 * (k as u64 + 1),
+                    chip,
+                    frame: None,
+                }
+            })
+            .collect();
+        Self {
+            converted: vec![Vec::new(); converters.len()],
+            converters,
+            adxl: adxl::Chip::new(),
+            adxl_select: pin("PA7"),
+            adxl_frame: None,
+            adxl_next: periods(1, ADXL_HZ),
+            sync: pin("PA6"),
+            sync_low: None,
+            wires: [
+                ["PB13", "PB14", "PB15"].map(pin),
+                ["PB3", "PB4", "PB5"].map(pin),
+            ],
+            signal,
+        }
+    }
+
+    /// Time of the next event, ps.
+    #[must_use]
+    pub fn next(&self) -> u64 {
+        let converters = self.converters.iter().map(|p| time(p.next));
+        converters.chain([self.adxl_next]).min().unwrap_or(u64::MAX)
+    }
+
+    /// Levels of the DRDY lines.
+    pub fn ready(&self) -> impl Iterator<Item = (Pin, bool)> {
+        // While the chip starts its line is not driven, and pulled up.
+        self.converters.iter().map(|p| (p.ready, !p.chip.is_ready()))
+    }
+
+    /// Advances to a time: pins whose level fell, for an instant at least.
+    pub fn pass(&mut self, now: u64) -> Vec<Pin> {
+        let mut fallen = Vec::new();
+        for (k, place) in self.converters.iter_mut().enumerate() {
+            while time(place.next) <= now {
+                let cycle = place.next;
+                place.next += u64::from(place.chip.cycles());
+                place.chip.pass_until(cycle);
+                let signal = &mut self.signal;
+                let volts: [f64; CHANNELS] =
+                    core::array::from_fn(|channel| signal(CHANNELS * k + channel, cycle));
+                place.chip.convert(&volts);
+                if place.chip.is_ready() {
+                    fallen.push(place.ready);
+                    let counts = core::array::from_fn(|channel| {
+                        place.chip.count(channel as u8, volts[channel])
+                    });
+                    self.converted[k].push((cycle, counts));
+                }
+            }
+        }
+        while self.adxl_next <= now {
+            let cycle = counted(self.adxl_next, CLOCK_HZ);
+            let signal = &mut self.signal;
+            let g = core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle));
+            self.adxl.convert(g);
+            self.adxl.pass_ns(periods(1, ADXL_HZ) / 1000);
+            self.adxl_next += periods(1, ADXL_HZ);
+        }
+        fallen
+    }
+
+    /// The pins may have changed their levels; the words that say what was wrong.
+    pub fn look(&mut self, pins: &Gpio, is_busy: [bool; 2], now: u64) -> Vec<String> {
+        let mut wrong = Vec::new();
+        let is_low = |pin: Pin| pins.is_output(pin) && !pins.level(pin);
+        for place in &mut self.converters {
+            match (is_low(place.select), &mut place.frame) {
+                (true, None) => {
+                    place.chip.pass_until(counted(now, CLOCK_HZ));
+                    let answer = place.chip.select().to_vec();
+                    place.frame = Some((answer, Vec::new()));
+                }
+                (false, Some((_, received))) => {
+                    if is_busy[0] {
+                        wrong.push("a converter's chip select rises within a word".to_owned());
+                    }
+                    let before = place.chip.cycles();
+                    place.chip.release(received);
+                    if place.chip.cycles() != before {
+                        place.next = counted(now, CLOCK_HZ) + u64::from(place.chip.cycles());
+                    }
+                    place.frame = None;
+                }
+                _ => {}
+            }
+        }
+        let selected = self.converters.iter().filter(|p| p.frame.is_some()).count();
+        if selected > 1 {
+            wrong.push(format!("{selected} converters are selected at a time"));
+        }
+        match (is_low(self.adxl_select), self.adxl_frame) {
+            (true, None) => self.adxl_frame = Some(None),
+            (false, Some(_)) => {
+                if is_busy[1] {
+                    wrong.push("the ADXL355's chip select rises within a word".to_owned());
+                }
+                self.adxl_frame = None;
+            }
+            _ => {}
+        }
+        match (is_low(self.sync), self.sync_low) {
+            (true, None) => self.sync_low = Some(now),
+            (false, Some(since)) => {
+                self.sync_low = None;
+                self.pulse(counted(now - since, CLOCK_HZ), counted(now, CLOCK_HZ));
+            }
+            _ => {}
+        }
+        wrong
+    }
+
+    fn pulse(&mut self, cycles: u64, now: u64) {
+        for place in &mut self.converters {
+            if cycles < u64::from(RESET_CYCLES) {
+                place.chip.synchronise();
+            } else {
+                place.chip.reset();
+            }
+            place.next = now + u64::from(place.chip.cycles());
+        }
+    }
+
+    /// Exchanges a word on a bus: 0 for the converters', 1 for the ADXL355's. The answer, and what was
+    /// wrong.
+    pub fn exchange(&mut self, bus: usize, word: Word, pins: &Gpio) -> (u16, Option<String>) {
+        let (most, mode) = match bus {
+            0 => (ads131m08::SPI_HZ_MAX, 1),
+            _ => (adxl355::SPI_HZ_MAX, 0),
+        };
+        let is_wired = self.wires[bus]
+            .iter()
+            .all(|pin| pins.has_function(*pin, FUNCTIONS[bus]));
+        let wrong = if !is_wired {
+            Some(format!("SPI{} has pins without its function", bus + 2))
+        } else if word.hz > most || word.mode != mode {
+            Some(format!("bus {bus} has {} Hz in mode {}", word.hz, word.mode))
+        } else {
+            None
+        };
+        let bytes = word.out.to_be_bytes();
+        let out = &bytes[2 - word.bits as usize / 8..];
+        let mut answer = 0_u16;
+        for byte in out {
+            answer = answer << 8 | u16::from(self.byte(bus, *byte));
+        }
+        (answer, wrong)
+    }
+
+    /// A line that nobody drives is low: its pin has no pull.
+    fn byte(&mut self, bus: usize, byte: u8) -> u8 {
+        if bus == 0 {
+            let mut frames = self.converters.iter_mut().filter_map(|p| p.frame.as_mut());
+            return frames.next().map_or(0, |(answer, received)| {
+                let found = answer.get(received.len()).copied().unwrap_or(0);
+                received.push(byte);
+                found
+            });
+        }
+        match &mut self.adxl_frame {
+            Some(head) => self.adxl.shift(head, byte),
+            None => 0,
+        }
+    }
+
+    /// A converter's model.
+    pub fn converter(&mut self, number: usize) -> Option<&mut ads::Chip> {
+        self.converters.get_mut(number).map(|p| &mut p.chip)
+    }
+}
+
+/// Time of a cycle of the converters' clock, ps.
+fn time(cycle: u64) -> u64 {
+    (u128::from(cycle) * u128::from(SECOND) / u128::from(CLOCK_HZ)) as u64
+}

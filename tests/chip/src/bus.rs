@@ -1,0 +1,316 @@
+//! The registers by their addresses, and the interrupts (RM0090, 2.3 and 12.2).
+
+use massline_firmware::models::random::Random;
+
+use crate::bench::Bench;
+use crate::exti::{self, Exti};
+use crate::flash::{Cells, Flash};
+use crate::gpio::Gpio;
+use crate::rcc::{Oscillators, Rcc, Reset};
+use crate::spi::Spi;
+use crate::timers::Timer;
+use crate::usart::Usart;
+use crate::watchdog::Watchdog;
+use crate::{Moment, flash};
+
+/// Register of RCC and bit in it that switch a peripheral's clock on.
+type Enable = (u32, u32);
+
+/// A block of registers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Block {
+    Timer(usize),
+    Watchdog,
+    Power,
+    Spi(usize),
+    Usart,
+    Syscfg,
+    Exti,
+    Port(usize),
+    Rcc,
+    Flash,
+    Debug,
+}
+
+/// The block at an address, its first address, and the switch of its clock.
+fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
+    const AHB1: u32 = 0x30;
+    const APB1: u32 = 0x40;
+    const APB2: u32 = 0x44;
+    let base = address & !0x3FF;
+    let (block, enable) = match base {
+        0x4000_0000 => (Block::Timer(0), Some((APB1, 0))),
+        0x4000_0C00 => (Block::Timer(1), Some((APB1, 3))),
+        0x4000_3000 => (Block::Watchdog, None),
+        0x4000_3800 => (Block::Spi(0), Some((APB1, 14))),
+        0x4000_3C00 => (Block::Spi(1), Some((APB1, 15))),
+        0x4000_4400 => (Block::Usart, Some((APB1, 17))),
+        0x4000_7000 => (Block::Power, Some((APB1, 28))),
+        0x4001_3800 => (Block::Syscfg, Some((APB2, 14))),
+        0x4001_3C00 => (Block::Exti, None),
+        0x4001_4800 => (Block::Timer(2), Some((APB2, 18))),
+        0x4002_0000..=0x4002_2000 => {
+            let port = (base - 0x4002_0000) / 0x400;
+            (Block::Port(port as usize), Some((AHB1, port)))
+        }
+        0x4002_3800 => (Block::Rcc, None),
+        0x4002_3C00 => (Block::Flash, None),
+        0xE004_2000 => (Block::Debug, None),
+        _ => return None,
+    };
+    Some((block, base, enable))
+}
+
+/// Numbers of the interrupts of TIM2, TIM5, USART2.
+const TIMERS: [u16; 2] = [28, 50];
+const USART: u16 = 38;
+
+/// The chip without its processor, on its board.
+pub struct Chip {
+    /// Time, ps.
+    pub now: u64,
+    /// Accesses that the manual forbids.
+    pub forbidden: Vec<String>,
+    /// The link's port.
+    pub usart: Usart,
+    /// The flash.
+    pub flash: Flash,
+    /// The board's parts.
+    pub bench: Bench,
+    /// The watchdog.
+    pub watchdog: Watchdog,
+    rcc: Rcc,
+    gpio: Gpio,
+    exti: Exti,
+    timers: [Timer; 3],
+    spi: [Spi; 2],
+    power: [u32; 2],
+    debug: [u32; 4],
+}
+
+impl Chip {
+    /// The supply has come.
+    #[must_use]
+    pub fn new(cells: Cells, oscillators: Oscillators, bench: Bench, baud: u32) -> Self {
+        Self {
+            now: 0,
+            forbidden: Vec::new(),
+            usart: Usart::new(baud),
+            flash: Flash::new(cells),
+            bench,
+            watchdog: Watchdog::default(),
+            rcc: Rcc::new(oscillators),
+            gpio: Gpio::new(),
+            exti: Exti::default(),
+            timers: Default::default(),
+            spi: Default::default(),
+            power: [0x0000_C000, 0],
+            debug: [0x1007_6413, 0, 0, 0],
+        }
+    }
+
+    /// A reset of the chip, which the board does not notice.
+    pub fn reset(&mut self, cause: Reset, random: &mut Random) {
+        self.usart.reset();
+        let flash = std::mem::replace(&mut self.flash, Flash::new(Cells::default()));
+        self.flash = flash.reset(random);
+        self.watchdog = Watchdog::default();
+        self.rcc.reset(cause);
+        self.gpio.reset();
+        self.exti = Exti::default();
+        self.timers = Default::default();
+        self.spi = Default::default();
+        self.power = [0x0000_C000, 0];
+        self.look();
+    }
+
+    /// Clock of the processor, Hz.
+    #[must_use]
+    pub fn core_hz(&self) -> u32 {
+        self.rcc.clocks(self.now).core
+    }
+
+    fn look(&mut self) {
+        let is_busy = [self.spi[0].is_busy(), self.spi[1].is_busy()];
+        let wrong = self.bench.look(&self.gpio, is_busy, self.now);
+        let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
+        wrong.into_iter().for_each(|words| at.forbid(words));
+        self.drive();
+    }
+
+    /// Levels of DRDY lines that have changed reach their pins.
+    fn drive(&mut self) {
+        let ready: Vec<_> = self.bench.ready().collect();
+        for (pin, level) in ready {
+            if self.gpio.level(pin) != level {
+                self.gpio.drive(pin, level);
+                self.exti.edge(pin, level);
+            }
+        }
+    }
+
+    /// Time of the next event, ps.
+    #[must_use]
+    pub fn next(&self) -> u64 {
+        let clocks = self.rcc.clocks(self.now);
+        let events = [
+            self.usart.next(),
+            self.spi[0].next(),
+            self.spi[1].next(),
+            self.timers[1].next(clocks.timers1),
+            self.flash.busy_until(),
+            self.watchdog.ends,
+            Some(self.bench.next()),
+        ];
+        events.into_iter().flatten().min().unwrap_or(u64::MAX)
+    }
+
+    /// Advances to a time.
+    pub fn pass(&mut self, now: u64) {
+        self.now = now;
+        for pin in self.bench.pass(now) {
+            // A new conversion raises the line before it falls, whether the last was read or not.
+            self.gpio.drive(pin, true);
+        }
+        self.drive();
+        self.flash.pass(now);
+        let clocks = self.rcc.clocks(now);
+        self.timers[1].pass(now, clocks.timers1);
+        let mut at = moment(&self.rcc, now, &mut self.forbidden);
+        self.usart.pass(&mut at);
+        for (number, bus) in self.spi.iter_mut().enumerate() {
+            let (bench, gpio) = (&mut self.bench, &self.gpio);
+            let mut wrong = Vec::new();
+            bus.pass(&mut at, |word| {
+                let (answer, words) = bench.exchange(number, word, gpio);
+                wrong.extend(words);
+                answer
+            });
+            wrong.into_iter().for_each(|words| at.forbid(words));
+        }
+    }
+
+    /// Interrupts and whether they are asked for.
+    #[must_use]
+    pub fn interrupts(&self) -> [(u16, bool); 4] {
+        [
+            (TIMERS[0], self.timers[0].asks()),
+            (TIMERS[1], self.timers[1].asks()),
+            (USART, self.usart.asks()),
+            (exti::LINES_5_TO_9, self.exti.asks()),
+        ]
+    }
+
+    /// Reads registers; `None` where there are none.
+    pub fn read(&mut self, address: u32) -> Option<u32> {
+        let (block, base, enable) = block(address)?;
+        let offset = address - base & !3;
+        let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
+        if let Some(enable) = enable.filter(|enable| !self.rcc.is_enabled(*enable)) {
+            at.forbid(format!("{address:#010x} is read, and its clock is off ({enable:x?})"));
+            return Some(0);
+        }
+        let timers = [at.clocks.timers1, at.clocks.timers1, at.clocks.timers2];
+        Some(match block {
+            Block::Timer(n) => self.timers[n].read(offset, timers[n], &at),
+            Block::Watchdog => self.watchdog.read(offset),
+            Block::Power => word(&self.power, offset),
+            Block::Spi(n) => self.spi[n].read(offset),
+            Block::Usart => self.usart.read(offset, &mut at),
+            Block::Syscfg => self.exti.read_source(offset),
+            Block::Exti => self.exti.read(offset),
+            Block::Port(n) => self.gpio.read(n, offset),
+            Block::Rcc => self.rcc.read(offset, self.now),
+            Block::Flash => self.flash.read(offset),
+            Block::Debug => word(&self.debug, offset),
+        })
+    }
+
+    /// Writes a register; `false` where there is none.
+    pub fn write(&mut self, address: u32, value: u32) -> bool {
+        let Some((block, base, enable)) = block(address) else {
+            return false;
+        };
+        let offset = address - base & !3;
+        let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
+        if let Some(enable) = enable.filter(|enable| !self.rcc.is_enabled(*enable)) {
+            at.forbid(format!(
+                "{address:#010x} is written, and its clock is off ({enable:x?})"
+            ));
+            return true;
+        }
+        match block {
+            Block::Timer(n) => self.timers[n].write(offset, value, &mut at),
+            Block::Watchdog => self.watchdog.write(offset, value, &mut at),
+            Block::Power => set(&mut self.power, offset, value),
+            Block::Spi(n) => self.spi[n].write(offset, value, &mut at),
+            Block::Usart => self.usart.write(offset, value, &mut at),
+            Block::Syscfg => self.exti.write_source(offset, value),
+            Block::Exti => self.exti.write(offset, value),
+            Block::Port(n) => {
+                self.gpio.write(n, offset, value);
+                self.look();
+            }
+            Block::Rcc => {
+                let clocks = self.rcc.clocks(self.now);
+                let mut at = Moment {
+                    now: self.now,
+                    clocks,
+                    forbidden: &mut self.forbidden,
+                };
+                let states = self.flash.wait_states();
+                let resets = self.rcc.write(offset, value, states, &mut at);
+                self.reset_blocks(offset, resets);
+            }
+            Block::Flash => self.flash.write(offset, value, &mut at),
+            Block::Debug => set(&mut self.debug, offset, value),
+        }
+        true
+    }
+
+    /// Resets of peripherals by RCC's registers: those of APB1 and APB2.
+    fn reset_blocks(&mut self, offset: u32, bits: u32) {
+        const APB1: u32 = 0x20;
+        for bit in (0..32).filter(|bit| bits >> bit & 1 != 0) {
+            match (offset, bit) {
+                (APB1, 0) => self.timers[0] = Timer::default(),
+                (APB1, 3) => self.timers[1] = Timer::default(),
+                (APB1, 14) => self.spi[0] = Spi::default(),
+                (APB1, 15) => self.spi[1] = Spi::default(),
+                (APB1, 17) => self.usart.reset(),
+                _ => {}
+            }
+        }
+    }
+
+    /// Reads data of the settings' sectors; `offset` is from their first byte on.
+    pub fn load(&mut self, offset: u32, bytes: &mut [u8]) {
+        self.flash.load(offset, bytes);
+    }
+
+    /// Programs the settings' sectors.
+    pub fn store(&mut self, offset: u32, bytes: &[u8]) {
+        let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
+        self.flash.store(offset, bytes, &mut at);
+    }
+}
+
+const _: () = assert!(flash::SETTINGS.start.is_multiple_of(0x400));
+
+fn moment<'a>(rcc: &Rcc, now: u64, forbidden: &'a mut Vec<String>) -> Moment<'a> {
+    Moment {
+        now,
+        clocks: rcc.clocks(now),
+        forbidden,
+    }
+}
+
+fn word(words: &[u32], offset: u32) -> u32 {
+    words.get(offset as usize / 4).copied().unwrap_or(0)
+}
+
+fn set(words: &mut [u32], offset: u32, value: u32) {
+    if let Some(word) = words.get_mut(offset as usize / 4) {
+        *word = value;
+    }
+}

@@ -1,0 +1,148 @@
+//! SPI2 and SPI3 as masters (RM0090, 28).
+
+use crate::{Moment, periods};
+
+const CR1: u32 = 0x00;
+const SR: u32 = 0x08;
+const DR: u32 = 0x0C;
+
+const ON: u32 = 1 << 6;
+const MASTER: u32 = 1 << 2;
+const WIDE: u32 = 1 << 11;
+const RECEIVED: u32 = 1;
+const EMPTY: u32 = 1 << 1;
+const OVERRUN: u32 = 1 << 6;
+const BUSY: u32 = 1 << 7;
+
+/// A word that has been exchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// Bits that went out.
+    pub out: u16,
+    /// 8 or 16.
+    pub bits: u32,
+    /// Clock of the bus, Hz.
+    pub hz: u32,
+    /// Mode: polarity and phase of the clock.
+    pub mode: u8,
+}
+
+/// A bus.
+#[derive(Clone, Debug, Default)]
+pub struct Spi {
+    words: [u32; 9],
+    received: Option<u16>,
+    overrun: bool,
+    waiting: Option<u16>,
+    /// Word on its way, and the time of its end.
+    shifted: Option<(u16, u64)>,
+}
+
+impl Spi {
+    fn cr1(&self) -> u32 {
+        self.words[0]
+    }
+
+    fn hz(&self, at: &Moment<'_>) -> u32 {
+        at.clocks.apb1 >> ((self.cr1() >> 3 & 7) + 1)
+    }
+
+    const fn bits(&self) -> u32 {
+        if self.words[0] & WIDE != 0 { 16 } else { 8 }
+    }
+
+    /// `true` while a word is on its way.
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
+        self.shifted.is_some() || self.waiting.is_some()
+    }
+
+    /// Reads a register.
+    pub fn read(&mut self, offset: u32) -> u32 {
+        let flag = |bit: u32, is_set: bool| if is_set { bit } else { 0 };
+        match offset {
+            SR => {
+                flag(RECEIVED, self.received.is_some())
+                    | flag(EMPTY, self.waiting.is_none())
+                    | flag(OVERRUN, self.overrun)
+                    | flag(BUSY, self.is_busy())
+            }
+            DR => {
+                self.overrun = false;
+                self.received.take().unwrap_or(0).into()
+            }
+            _ => self.words.get(offset as usize / 4).copied().unwrap_or(0),
+        }
+    }
+
+    /// Writes a register.
+    pub fn write(&mut self, offset: u32, value: u32, at: &mut Moment<'_>) {
+        match offset {
+            SR => {}
+            DR => {
+                if self.cr1() & (ON | MASTER) != ON | MASTER {
+                    at.forbid("28.3.3: a word is written while the bus is off");
+                } else if self.waiting.replace(value as u16).is_some() {
+                    at.forbid("28.3.7: a word is written over one that was not sent");
+                }
+                self.shift(at);
+            }
+            _ => {
+                if offset == CR1 {
+                    let changed = self.cr1() ^ value;
+                    if changed & ON != 0 && value & ON == 0 && self.is_busy() {
+                        at.forbid("28.3.8: the bus is switched off within a word");
+                    }
+                    if self.cr1() & ON != 0 && value & ON != 0 && changed & WIDE != 0 {
+                        at.forbid("28.5.1: the width of words is changed while the bus is on");
+                    }
+                    if self.is_busy() && changed & 0x3F != 0 {
+                        at.forbid("28.5.1: clock or mode are changed within a word");
+                    }
+                }
+                if let Some(word) = self.words.get_mut(offset as usize / 4) {
+                    *word = value;
+                }
+            }
+        }
+    }
+
+    fn shift(&mut self, at: &Moment<'_>) {
+        if self.shifted.is_none()
+            && let Some(word) = self.waiting.take()
+        {
+            let time = periods(self.bits().into(), self.hz(at));
+            self.shifted = Some((word, at.now + time));
+        }
+    }
+
+    /// Time of the next event.
+    #[must_use]
+    pub fn next(&self) -> Option<u64> {
+        self.shifted.map(|(_, ends)| ends)
+    }
+
+    /// Advances to a time; `exchange` gets a word from the device on the bus.
+    pub fn pass(&mut self, at: &mut Moment<'_>, mut exchange: impl FnMut(Word) -> u16) {
+        let now = at.now;
+        while let Some((out, ends)) = self.shifted.filter(|(_, ends)| *ends <= now) {
+            let word = Word {
+                out,
+                bits: self.bits(),
+                hz: self.hz(at),
+                mode: ((self.cr1() & 1) | (self.cr1() >> 1 & 1) << 1) as u8,
+            };
+            let answer = exchange(word);
+            self.shifted = None;
+            if self.received.is_some() {
+                self.overrun = true;
+                at.forbid("28.3.10: a word came while the one before had not been read");
+            } else {
+                self.received = Some(answer);
+            }
+            at.now = ends;
+            self.shift(at);
+        }
+        at.now = now;
+    }
+}
