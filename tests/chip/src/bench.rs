@@ -99,7 +99,9 @@ impl Bench {
     /// Levels of the DRDY lines.
     pub fn ready(&self) -> impl Iterator<Item = (Pin, bool)> {
         // While the chip starts its line is not driven, and pulled up.
-        self.converters.iter().map(|p| (p.ready, !p.chip.is_ready()))
+        self.converters
+            .iter()
+            .map(|p| (p.ready, !p.chip.is_ready()))
     }
 
     /// Advances to a time: pins whose level fell, for an instant at least.
@@ -208,7 +210,10 @@ impl Bench {
         let wrong = if !is_wired {
             Some(format!("SPI{} has pins without its function", bus + 2))
         } else if word.hz > most || word.mode != mode {
-            Some(format!("bus {bus} has {} Hz in mode {}", word.hz, word.mode))
+            Some(format!(
+                "bus {bus} has {} Hz in mode {}",
+                word.hz, word.mode
+            ))
         } else {
             None
         };

@@ -207,7 +207,9 @@ impl Chip {
         let offset = address - base & !3;
         let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
         if let Some(enable) = enable.filter(|enable| !self.rcc.is_enabled(*enable)) {
-            at.forbid(format!("{address:#010x} is read, and its clock is off ({enable:x?})"));
+            at.forbid(format!(
+                "{address:#010x} is read, and its clock is off ({enable:x?})"
+            ));
             return Some(0);
         }
         let timers = [at.clocks.timers1, at.clocks.timers1, at.clocks.timers2];

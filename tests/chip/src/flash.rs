@@ -273,7 +273,9 @@ impl Flash {
             }
             let cached = self.cache.iter().find(|(number, _)| *number == line);
             let within = (address % LINE) as usize;
-            *slot = cached.and_then(|(_, c)| c.get(within).copied()).unwrap_or(0);
+            *slot = cached
+                .and_then(|(_, c)| c.get(within).copied())
+                .unwrap_or(0);
         }
     }
 

@@ -128,7 +128,9 @@ impl Gpio {
         };
         match offset {
             IDR => {}
-            BSRR => words[ODR as usize / 4] = words[ODR as usize / 4] & !(value >> 16) | value & 0xFFFF,
+            BSRR => {
+                words[ODR as usize / 4] = words[ODR as usize / 4] & !(value >> 16) | value & 0xFFFF
+            }
             _ => {
                 if let Some(word) = words.get_mut(offset as usize / 4) {
                     *word = value;

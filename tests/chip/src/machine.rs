@@ -10,11 +10,9 @@ use std::time::Duration;
 use massline::device::{Port, PortError};
 use massline_firmware::models::random::Random;
 use object::read::elf::{ElfFile32, ProgramHeader as _};
-use rsemu::core::BusError;
-use rsemu::core::space::{
-    AddressSpace, MemAttrs, MemOps, MemResult, Perms, RamStore, Region,
-};
-use rsemu::cpu::arm::v7m::sys::{Exception, fpccr};
+use rsemu::core::space::{AddressSpace, MemAttrs, MemOps, MemResult, Perms, RamStore, Region};
+use rsemu::core::{BusError, Width};
+use rsemu::cpu::arm::v7m::sys::{Exception, Sys};
 use rsemu::cpu::arm::v7m::{ArmV7m, Config};
 
 use crate::bench::Bench;
@@ -50,6 +48,8 @@ pub struct Parts<'a> {
 /// A chip that runs.
 pub struct Machine {
     cpu: ArmV7m,
+    /// NVIC, SysTick and system control as a reset leaves them.
+    system: Sys,
     chip: Arc<Mutex<Chip>>,
     now: Arc<AtomicU64>,
     /// `true` if a register was accessed since the last look at it.
@@ -92,7 +92,9 @@ impl Machine {
             let bytes = segment.data(endian, &*file).expect("a segment");
             if segment.p_type(endian) == object::elf::PT_LOAD && !bytes.is_empty() {
                 let offset = segment.p_paddr(endian) - PROGRAM.0;
-                program.write_at(offset.into(), bytes).expect("within the flash");
+                program
+                    .write_at(offset.into(), bytes)
+                    .expect("within the flash");
             }
         }
         let memory = |size: u64, random: &mut Random| {
@@ -123,7 +125,8 @@ impl Machine {
                 .expect("a place");
             for (name, (base, size)) in [("sram", SRAM), ("ccm", CCM)] {
                 let store = memory(size, &mut random);
-                map.map(Region::ram(name, store), base.into()).expect("a place");
+                map.map(Region::ram(name, store), base.into())
+                    .expect("a place");
             }
             let signature = Arc::new(RamStore::new(20));
             let bytes = b"modelledchip\xFF\xFF\xFF\xFF\xFF\xFF\x00\x04";
@@ -132,7 +135,11 @@ impl Machine {
             map.map_with_perms(signature, SIGNATURE.into(), Perms::READ)
                 .expect("a place");
             for (name, base, size) in [
-                ("settings", SETTINGS.start, u64::from(SETTINGS.end - SETTINGS.start)),
+                (
+                    "settings",
+                    SETTINGS.start,
+                    u64::from(SETTINGS.end - SETTINGS.start),
+                ),
                 ("peripherals", 0x4000_0000, 0x8_0000),
                 ("debug", 0xE004_2000, 0x400),
             ] {
@@ -147,6 +154,7 @@ impl Machine {
         let cpu = ArmV7m::new(config);
         cpu.attach_space(Arc::new(space));
         let mut machine = Self {
+            system: cpu.with_sys(|system| system.clone()),
             cpu,
             chip,
             now,
@@ -166,10 +174,9 @@ impl Machine {
 
     /// The first step after a reset, which loads the vectors.
     fn begin(&mut self) {
+        // The emulator's own reset keeps which interrupts are enabled, and their priorities.
+        self.cpu.with_sys(|system| system.clone_from(&self.system));
         self.cpu.step();
-        // The emulator's way of saving the floating-point registers later, when they are first
-        // used, loses some; saving them at once keeps frames of the same size.
-        self.cpu.with_sys(|sys| sys.fpccr &= !fpccr::LSPEN);
         self.is_touched.store(true, Ordering::Relaxed);
         self.look();
     }
@@ -202,15 +209,21 @@ impl Machine {
     }
 
     /// Runs until `is_done`, or for a time in ps at most. `true` if it is done.
-    pub fn run_until(&mut self, time: u64, mut is_done: impl FnMut(&mut Chip) -> bool) -> bool {
+    pub fn run_until(&mut self, time: u64, is_done: impl Fn(&Self) -> bool) -> bool {
         let end = self.time.0 + time;
         while self.time.0 < end {
             let is_event = self.advance(end);
-            if is_event && is_done(&mut lock(&self.chip)) {
+            if is_event && is_done(self) {
                 return true;
             }
         }
         false
+    }
+
+    /// `true` if bytes have come from the chip that nobody has received.
+    #[must_use]
+    pub fn has_bytes(&self) -> bool {
+        !self.received.is_empty()
     }
 
     /// Lets a time in ps pass.
@@ -232,9 +245,12 @@ impl Machine {
             let to = self.next.min(end).min(self.time.0 + self.until_systick());
             self.stand_still(to.max(self.time.0 + 1));
         }
-        let used = self.cpu.step();
+        let used = self.step();
         let fraction = self.time.1 + used * self.cycle.0;
-        self.time = (self.time.0 + (fraction >> 32), fraction & u64::from(u32::MAX));
+        self.time = (
+            self.time.0 + (fraction >> 32),
+            fraction & u64::from(u32::MAX),
+        );
         self.now.store(self.time.0, Ordering::Relaxed);
         let is_event = self.time.0 >= self.next;
         if is_event {
@@ -244,6 +260,37 @@ impl Machine {
             self.reset(Reset::Software);
         }
         is_event
+    }
+
+    /// Executes an instruction, or begins an exception; cycles.
+    ///
+    /// The emulator (rsemu 0.0.7) leaves the state of an IT block out of the frame of an exception, so
+    /// that what is left of the block would be executed whatever its condition. It is put into the
+    /// frame here, from where the return takes it.
+    fn step(&mut self) -> u64 {
+        /// Bits of that state in the program status register.
+        const IT: u32 = 0x0600_FC00;
+        /// Place of the register in a frame.
+        const STATUS: u64 = 0x1C;
+        let status = self.cpu.xpsr();
+        if status & IT == 0 {
+            return self.cpu.step();
+        }
+        let stack = self.cpu.reg(13);
+        let used = self.cpu.step();
+        let frame = self.cpu.reg(13);
+        if self.cpu.xpsr() & 0x1FF != status & 0x1FF
+            && frame < stack
+            && let Some(space) = self.cpu.space()
+        {
+            let place = u64::from(frame) + STATUS;
+            let attributes = MemAttrs::default();
+            let saved = space.read(place, Width::U32, attributes).unwrap_or(0);
+            let whole = saved | u64::from(status & IT);
+            // The frame has just been written.
+            let _ = space.write(place, Width::U32, whole, attributes);
+        }
+        used
     }
 
     /// Time until SysTick comes to zero, less a cycle.
@@ -259,7 +306,7 @@ impl Machine {
     fn stand_still(&mut self, until: u64) {
         let before = self.time.0;
         let ticks = counted(until - before, self.cycle.1);
-        let is_enabled = |sys: &rsemu::cpu::arm::v7m::sys::Sys| sys.syst_csr & 0b11 == 0b11;
+        let is_enabled = |sys: &Sys| sys.syst_csr & 0b11 == 0b11;
         self.cpu.with_sys(|sys| {
             if sys.tick_systick(ticks) && is_enabled(sys) {
                 sys.set_pending(Exception::SYSTICK, true);
@@ -376,7 +423,10 @@ impl MemOps for Registers {
         let address = self.base + offset;
         let word = self.access().read(address).ok_or(BusError::Unassigned)?;
         let lanes = word.to_le_bytes();
-        for (slot, lane) in bytes.iter_mut().zip(lanes.iter().skip((address & 3) as usize)) {
+        for (slot, lane) in bytes
+            .iter_mut()
+            .zip(lanes.iter().skip((address & 3) as usize))
+        {
             *slot = *lane;
         }
         Ok(())

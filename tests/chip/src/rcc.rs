@@ -242,11 +242,15 @@ impl Rcc {
     fn check_pll(&self, at: &mut Moment<'_>) {
         let input = self.vco_input(at.now).unwrap_or(0);
         if !(950_000..=2_100_000).contains(&input) {
-            at.forbid(format!("7.3.2: the VCO's input is {input} Hz, not 1 to 2 MHz"));
+            at.forbid(format!(
+                "7.3.2: the VCO's input is {input} Hz, not 1 to 2 MHz"
+            ));
         }
         let vco = u64::from(input) * u64::from(self.word(PLLCFGR) >> 6 & 0x1FF);
         if !(100_000_000..=432_000_000).contains(&vco) {
-            at.forbid(format!("7.3.2: the VCO's output is {vco} Hz, not 100 to 432 MHz"));
+            at.forbid(format!(
+                "7.3.2: the VCO's output is {vco} Hz, not 100 to 432 MHz"
+            ));
         }
     }
 

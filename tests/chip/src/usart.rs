@@ -98,8 +98,8 @@ impl Usart {
         match offset {
             SR => self.status(),
             DR => {
-                self.overrun = false;
-                if self.received.is_none() {
+                let ends_overrun = std::mem::take(&mut self.overrun);
+                if self.received.is_none() && !ends_overrun {
                     at.forbid("30.6.2: the port is read without a byte in it");
                 }
                 self.received.take().unwrap_or(0).into()

@@ -53,7 +53,9 @@ impl Watchdog {
             }
             (0, 0xCCCC) => self.fed(at.now),
             (4 | 8, _) if !self.is_open => {
-                at.forbid("21.3.2: a protected register of the watchdog is written without the key");
+                at.forbid(
+                    "21.3.2: a protected register of the watchdog is written without the key",
+                );
             }
             (4, _) => self.prescaler = value & 7,
             (8, _) => self.reload = value & 0xFFF,

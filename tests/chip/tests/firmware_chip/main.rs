@@ -1,0 +1,56 @@
+//! The ELF that is flashed, on the chip's registers: clocks, settings through cuts of the supply, and
+//! samples from voltages to the link.
+//!
+//! Tests named `firmware_*` need the firmware; `cargo xtask test` builds it and runs them.
+
+mod clocks;
+mod sampling;
+mod settings;
+
+use massline::device::firmware;
+use massline_chip::SECOND;
+use massline_chip::bench::{Bench, Signal};
+use massline_chip::flash::Cells;
+use massline_chip::machine::{Machine, Parts};
+use massline_chip::rcc::Oscillators;
+use massline_firmware::settings::LINK_BAUD;
+
+/// A board as it is built: a crystal of 12 MHz.
+const GOOD: Oscillators = Oscillators {
+    crystal: Some(12_000_000),
+    pll: true,
+};
+
+/// Time within which the chip has started, ps: a dead crystal is waited for 0.3 s.
+const START: u64 = SECOND;
+
+/// Boots the firmware, up to its first byte on the link.
+fn boot(oscillators: Oscillators, cells: Cells, signal: Signal, seed: u64) -> Machine {
+    let elf = firmware::find(None).unwrap_or_else(|error| panic!("{error}"));
+    let mut machine = Machine::start(Parts {
+        elf: &elf,
+        cells,
+        oscillators,
+        bench: Bench::new(signal),
+        baud: LINK_BAUD,
+        seed,
+    });
+    let has_spoken = machine.run_until(START, Machine::has_bytes);
+    assert!(
+        has_spoken,
+        "{oscillators:?}, silent: {:?}",
+        machine.forbidden()
+    );
+    machine
+}
+
+/// No voltage anywhere.
+fn silence() -> Signal {
+    Box::new(|_, _| 0.0)
+}
+
+/// Asserts that nothing was done that the manual forbids.
+#[track_caller]
+fn clean(machine: &Machine) {
+    assert_eq!(machine.forbidden(), Vec::<String>::new());
+}

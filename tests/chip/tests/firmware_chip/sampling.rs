@@ -1,0 +1,111 @@
+//! Samples from the voltages at the inputs to the link, over DRDY lines, EXTI and SPI.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use massline::device::{Client, ClientMemory};
+use massline_chip::flash::Cells;
+use massline_firmware::calibration::Preset;
+use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::models::random::mix;
+use massline_firmware::wire::{
+    Circuit, Event, FaultCounters, Request, Setting, Stream, Subscription, Values,
+};
+
+use crate::{GOOD, boot, clean};
+
+/// Inputs that are wired: all of three converters, two of the fourth.
+const INPUTS: u8 = 26;
+const RATE: f64 = 512.0;
+/// Samples that are compared.
+const SAMPLES: usize = 300;
+
+/// A voltage that no other input and no other cycle has, V.
+fn volts(input: usize, cycle: u64) -> f64 {
+    let share = mix(cycle << 6 | input as u64) as f64 / u64::MAX as f64;
+    1.1 * (2.0 * share - 1.0)
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn every_sample_on_the_link_is_one_of_the_converters() {
+    let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 3);
+    let rows: Rc<RefCell<Vec<(u64, Vec<i32>)>>> = Rc::default();
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(&mut machine, &mut memory);
+    let taken = Rc::clone(&rows);
+    client.on_event(move |event, _| {
+        let samples = match event {
+            Event::Recorded(samples) => samples,
+            Event::RecordedFaulty(faulty) => panic!("{:?}", faulty.health),
+            _ => return,
+        };
+        let channels = usize::from(samples.channels);
+        let Values::Counts24(counts) = samples.values else {
+            panic!("{:?}", samples.values);
+        };
+        let counts: Vec<i32> = counts.iter().map(|count| count.get()).collect();
+        for (k, row) in (0..).zip(counts.chunks(channels)) {
+            taken.borrow_mut().push((samples.first + k, row.to_vec()));
+        }
+    });
+    client.hello().unwrap();
+    client
+        .tell(&Request::WriteSetting(Setting::SampleRate(RATE)))
+        .unwrap();
+    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
+    for input in 0..INPUTS {
+        let input = preset.input(input, "S", "K", None, 1e-3);
+        client
+            .tell(&Request::WriteSetting(Setting::Input(input)))
+            .unwrap();
+    }
+    let stream = |samples| {
+        Request::Subscribe(Subscription {
+            samples,
+            ..Subscription::default()
+        })
+    };
+    client.tell(&stream(Stream::Counts)).unwrap();
+    // Filters settle during the first samples, and a frame holds ten.
+    for _ in 0..1000 {
+        client.listen(Duration::from_millis(50)).unwrap();
+        if rows.borrow().len() > SAMPLES {
+            break;
+        }
+    }
+    client.tell(&stream(Stream::Off)).unwrap();
+    let faults = client.hello().unwrap().faults;
+    drop(client);
+    clean(&machine);
+    assert_eq!(faults, FaultCounters::default());
+
+    let rows = rows.borrow();
+    assert!(rows.len() > SAMPLES, "{} samples", rows.len());
+    let chip = machine.chip();
+    let converted = &chip.bench.converted;
+    // Each converter counts its own conversions: the first sample tells where the box began.
+    let offsets: Vec<usize> = (0..usize::from(INPUTS).div_ceil(CHANNELS))
+        .map(|k| {
+            let first = rows[0].1[CHANNELS * k];
+            let place = converted[k].iter().position(|(_, c)| c[0] == first);
+            place.unwrap_or_else(|| panic!("converter {k}: {first} was never converted"))
+        })
+        .collect();
+    for (n, (number, row)) in rows.iter().enumerate() {
+        assert_eq!(*number, rows[0].0 + n as u64, "a sample is missing");
+        for (input, found) in row.iter().enumerate() {
+            let (converter, channel) = (input / CHANNELS, input % CHANNELS);
+            let (_, counts) = converted[converter][offsets[converter] + n];
+            assert_eq!(*found, counts[channel], "sample {n}, input {input}");
+        }
+        // Converters that were started together convert together.
+        let cycles = offsets
+            .iter()
+            .enumerate()
+            .map(|(k, at)| converted[k][at + n].0);
+        let (least, most) = (cycles.clone().min(), cycles.max());
+        assert_eq!(least, most, "sample {n}");
+    }
+}
