@@ -131,7 +131,8 @@ impl Chip {
     }
 
     fn look(&mut self) {
-        let is_busy = [self.spi[0].is_busy(), self.spi[1].is_busy()];
+        let now = self.now;
+        let is_busy = [0, 1].map(|n: usize| self.spi[n].is_busy(now));
         let wrong = self.bench.look(&self.gpio, is_busy, self.now);
         let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
         wrong.into_iter().for_each(|words| at.forbid(words));
@@ -204,7 +205,7 @@ impl Chip {
     /// Reads registers; `None` where there are none.
     pub fn read(&mut self, address: u32) -> Option<u32> {
         let (block, base, enable) = block(address)?;
-        let offset = address - base & !3;
+        let offset = (address - base) & !3;
         let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
         if let Some(enable) = enable.filter(|enable| !self.rcc.is_enabled(*enable)) {
             at.forbid(format!(
@@ -217,7 +218,7 @@ impl Chip {
             Block::Timer(n) => self.timers[n].read(offset, timers[n], &at),
             Block::Watchdog => self.watchdog.read(offset),
             Block::Power => word(&self.power, offset),
-            Block::Spi(n) => self.spi[n].read(offset),
+            Block::Spi(n) => self.spi[n].read(offset, self.now),
             Block::Usart => self.usart.read(offset, &mut at),
             Block::Syscfg => self.exti.read_source(offset),
             Block::Exti => self.exti.read(offset),
@@ -233,7 +234,7 @@ impl Chip {
         let Some((block, base, enable)) = block(address) else {
             return false;
         };
-        let offset = address - base & !3;
+        let offset = (address - base) & !3;
         let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
         if let Some(enable) = enable.filter(|enable| !self.rcc.is_enabled(*enable)) {
             at.forbid(format!(
@@ -287,7 +288,10 @@ impl Chip {
 
     /// Reads data of the settings' sectors; `offset` is from their first byte on.
     pub fn load(&mut self, offset: u32, bytes: &mut [u8]) {
-        self.flash.load(offset, bytes);
+        if !self.flash.load(offset, bytes) {
+            let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
+            at.forbid("3.5.2: data come from a line of the cache that an erase has made stale");
+        }
     }
 
     /// Programs the settings' sectors.

@@ -182,15 +182,11 @@ impl Flash {
                 }
                 self.acr = value;
             }
-            KEYR => {
-                if next_key(&mut self.keys, value, [0x4567_0123, 0xCDEF_89AB]) {
-                    self.control &= !LOCK;
-                }
+            KEYR if next_key(&mut self.keys, value, [0x4567_0123, 0xCDEF_89AB]) => {
+                self.control &= !LOCK;
             }
-            OPTKEYR => {
-                if next_key(&mut self.option_keys, value, [0x0819_2A3B, 0x4C5D_6E7F]) {
-                    self.options &= !OPTION_LOCK;
-                }
+            OPTKEYR if next_key(&mut self.option_keys, value, [0x0819_2A3B, 0x4C5D_6E7F]) => {
+                self.options &= !OPTION_LOCK;
             }
             SR => self.status &= !(value & (ERRORS | FINISHED)),
             CR => self.control(value, at),
@@ -254,8 +250,10 @@ impl Flash {
         }
     }
 
-    /// Reads data from the settings' sectors, through the cache.
-    pub fn load(&mut self, offset: u32, bytes: &mut [u8]) {
+    /// Reads data from the settings' sectors, through the cache. `false` if they come from a line that
+    /// an erase has made stale.
+    pub fn load(&mut self, offset: u32, bytes: &mut [u8]) -> bool {
+        let mut is_fresh = true;
         for (address, slot) in (offset..).zip(bytes) {
             let cell = |cells: &[u8]| cells.get(address as usize).copied().unwrap_or(0);
             if self.acr & DATA_CACHE == 0 {
@@ -276,7 +274,9 @@ impl Flash {
             *slot = cached
                 .and_then(|(_, c)| c.get(within).copied())
                 .unwrap_or(0);
+            is_fresh &= *slot == cell(&self.cells.settings);
         }
+        is_fresh
     }
 
     /// Programs the settings' sectors.

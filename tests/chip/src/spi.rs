@@ -34,8 +34,10 @@ pub struct Spi {
     received: Option<u16>,
     overrun: bool,
     waiting: Option<u16>,
-    /// Word on its way, and the time of its end.
+    /// Word on its way, and the time at which its last bit is sampled.
     shifted: Option<(u16, u64)>,
+    /// Time at which the clock of the last word has come to rest.
+    rests: u64,
 }
 
 impl Spi {
@@ -53,19 +55,19 @@ impl Spi {
 
     /// `true` while a word is on its way.
     #[must_use]
-    pub const fn is_busy(&self) -> bool {
-        self.shifted.is_some() || self.waiting.is_some()
+    pub const fn is_busy(&self, now: u64) -> bool {
+        self.shifted.is_some() || self.waiting.is_some() || now < self.rests
     }
 
     /// Reads a register.
-    pub fn read(&mut self, offset: u32) -> u32 {
+    pub fn read(&mut self, offset: u32, now: u64) -> u32 {
         let flag = |bit: u32, is_set: bool| if is_set { bit } else { 0 };
         match offset {
             SR => {
                 flag(RECEIVED, self.received.is_some())
                     | flag(EMPTY, self.waiting.is_none())
                     | flag(OVERRUN, self.overrun)
-                    | flag(BUSY, self.is_busy())
+                    | flag(BUSY, self.is_busy(now))
             }
             DR => {
                 self.overrun = false;
@@ -90,13 +92,13 @@ impl Spi {
             _ => {
                 if offset == CR1 {
                     let changed = self.cr1() ^ value;
-                    if changed & ON != 0 && value & ON == 0 && self.is_busy() {
+                    if changed & ON != 0 && value & ON == 0 && self.is_busy(at.now) {
                         at.forbid("28.3.8: the bus is switched off within a word");
                     }
                     if self.cr1() & ON != 0 && value & ON != 0 && changed & WIDE != 0 {
                         at.forbid("28.5.1: the width of words is changed while the bus is on");
                     }
-                    if self.is_busy() && changed & 0x3F != 0 {
+                    if self.is_busy(at.now) && changed & 0x3F != 0 {
                         at.forbid("28.5.1: clock or mode are changed within a word");
                     }
                 }
@@ -111,8 +113,11 @@ impl Spi {
         if self.shifted.is_none()
             && let Some(word) = self.waiting.take()
         {
-            let time = periods(self.bits().into(), self.hz(at));
-            self.shifted = Some((word, at.now + time));
+            // The last bit is sampled half a period before the clock rests, or a word follows.
+            let begin = at.now.max(self.rests);
+            let (halves, hz) = (u64::from(2 * self.bits()), 2 * self.hz(at));
+            self.shifted = Some((word, begin + periods(halves - 1, hz)));
+            self.rests = begin + periods(halves, hz);
         }
     }
 

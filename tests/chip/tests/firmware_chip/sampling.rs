@@ -21,6 +21,9 @@ const RATE: f64 = 512.0;
 /// Samples that are compared.
 const SAMPLES: usize = 300;
 
+/// Number of a sample, and its counts.
+type Row = (u64, Vec<i32>);
+
 /// A voltage that no other input and no other cycle has, V.
 fn volts(input: usize, cycle: u64) -> f64 {
     let share = mix(cycle << 6 | input as u64) as f64 / u64::MAX as f64;
@@ -31,7 +34,7 @@ fn volts(input: usize, cycle: u64) -> f64 {
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn every_sample_on_the_link_is_one_of_the_converters() {
     let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 3);
-    let rows: Rc<RefCell<Vec<(u64, Vec<i32>)>>> = Rc::default();
+    let rows: Rc<RefCell<Vec<Row>>> = Rc::default();
     let mut memory = ClientMemory::new();
     let mut client = Client::new(&mut machine, &mut memory);
     let taken = Rc::clone(&rows);
