@@ -30,6 +30,18 @@ struct Place {
     next: u64,
     /// The frame that goes on: answer, and bytes so far.
     frame: Option<(Vec<u8>, Vec<u8>)>,
+    wires: Wires,
+}
+
+/// Faults of the wires of a converter.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wires {
+    /// `true` if a bit of the next frame from the converter is wrong.
+    pub is_garbled: bool,
+    /// Conversions whose edge does not reach the pin.
+    pub lost_edges: u32,
+    /// Level that the data line is stuck at.
+    pub stuck: Option<bool>,
 }
 
 /// The board's parts.
@@ -69,6 +81,7 @@ impl Bench {
                     next: period / 7 * (k as u64 + 1),
                     chip,
                     frame: None,
+                    wires: Wires::default(),
                 }
             })
             .collect();
@@ -98,10 +111,8 @@ impl Bench {
 
     /// Levels of the DRDY lines.
     pub fn ready(&self) -> impl Iterator<Item = (Pin, bool)> {
-        // While the chip starts its line is not driven, and pulled up.
-        self.converters
-            .iter()
-            .map(|p| (p.ready, !p.chip.is_ready()))
+        let is_low = |p: &Place| p.chip.is_ready() && p.wires.lost_edges == 0;
+        self.converters.iter().map(move |p| (p.ready, !is_low(p)))
     }
 
     /// Advances to a time: pins whose level fell, for an instant at least.
@@ -116,6 +127,7 @@ impl Bench {
                 let volts: [f64; CHANNELS] =
                     core::array::from_fn(|channel| signal(CHANNELS * k + channel, cycle));
                 place.chip.convert(&volts);
+                place.wires.lost_edges = place.wires.lost_edges.saturating_sub(1);
                 if place.chip.is_ready() {
                     fallen.push(place.ready);
                     let counts = core::array::from_fn(|channel| {
@@ -144,7 +156,13 @@ impl Bench {
             match (is_low(place.select), &mut place.frame) {
                 (true, None) => {
                     place.chip.pass_until(counted(now, CLOCK_HZ));
-                    let answer = place.chip.select().to_vec();
+                    let mut answer = place.chip.select().to_vec();
+                    if std::mem::take(&mut place.wires.is_garbled) {
+                        answer[4] ^= 0x10;
+                    }
+                    if let Some(level) = place.wires.stuck {
+                        answer.fill(if level { 0xFF } else { 0 });
+                    }
                     place.frame = Some((answer, Vec::new()));
                 }
                 (false, Some((_, received))) => {
@@ -239,6 +257,18 @@ impl Bench {
         match &mut self.adxl_frame {
             Some(head) => self.adxl.shift(head, byte),
             None => 0,
+        }
+    }
+
+    /// Wires of a converter.
+    pub fn wires(&mut self, number: usize) -> Option<&mut Wires> {
+        self.converters.get_mut(number).map(|p| &mut p.wires)
+    }
+
+    /// Makes a converter late by so many cycles of its clock.
+    pub fn delay(&mut self, number: usize, cycles: u64) {
+        if let Some(place) = self.converters.get_mut(number) {
+            place.next += cycles;
         }
     }
 

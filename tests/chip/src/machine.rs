@@ -187,6 +187,12 @@ impl Machine {
         lock(&self.chip)
     }
 
+    /// The same for whoever has lent the machine to a client of the link.
+    #[must_use]
+    pub fn shared(&self) -> Arc<Mutex<Chip>> {
+        Arc::clone(&self.chip)
+    }
+
     /// Time since the supply came, ps.
     #[must_use]
     pub const fn time(&self) -> u64 {

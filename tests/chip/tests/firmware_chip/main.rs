@@ -4,6 +4,7 @@
 //! Tests named `firmware_*` need the firmware; `cargo xtask test` builds it and runs them.
 
 mod clocks;
+mod faults;
 mod sampling;
 mod settings;
 

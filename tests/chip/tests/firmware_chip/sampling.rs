@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use massline::device::{Client, ClientMemory};
+use massline::device::{Client, ClientMemory, Port};
 use massline_chip::flash::Cells;
 use massline_firmware::calibration::Preset;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
@@ -17,7 +17,7 @@ use crate::{GOOD, boot, clean};
 
 /// Inputs that are wired: all of three converters, two of the fourth.
 const INPUTS: u8 = 26;
-const RATE: f64 = 512.0;
+pub const RATE: f64 = 512.0;
 /// Samples that are compared.
 const SAMPLES: usize = 300;
 
@@ -25,9 +25,29 @@ const SAMPLES: usize = 300;
 type Row = (u64, Vec<i32>);
 
 /// A voltage that no other input and no other cycle has, V.
-fn volts(input: usize, cycle: u64) -> f64 {
+pub fn volts(input: usize, cycle: u64) -> f64 {
     let share = mix(cycle << 6 | input as u64) as f64 / u64::MAX as f64;
-    1.1 * (2.0 * share - 1.0)
+    0.9 * (2.0 * share - 1.0)
+}
+
+/// Wires the first inputs, to voltages of 1 V at most.
+pub fn wire<P: Port>(client: &mut Client<'_, P>, inputs: u8) {
+    let rate = Request::WriteSetting(Setting::SampleRate(RATE));
+    client.tell(&rate).unwrap();
+    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
+    for input in 0..inputs {
+        let input = preset.input(input, "S", "K", None, 1e-3);
+        let setting = Request::WriteSetting(Setting::Input(input));
+        client.tell(&setting).unwrap();
+    }
+}
+
+/// The request for samples in a form.
+pub fn stream(samples: Stream) -> Request<'static> {
+    Request::Subscribe(Subscription {
+        samples,
+        ..Subscription::default()
+    })
 }
 
 #[test]
@@ -54,22 +74,7 @@ fn every_sample_on_the_link_is_one_of_the_converters() {
         }
     });
     client.hello().unwrap();
-    client
-        .tell(&Request::WriteSetting(Setting::SampleRate(RATE)))
-        .unwrap();
-    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
-    for input in 0..INPUTS {
-        let input = preset.input(input, "S", "K", None, 1e-3);
-        client
-            .tell(&Request::WriteSetting(Setting::Input(input)))
-            .unwrap();
-    }
-    let stream = |samples| {
-        Request::Subscribe(Subscription {
-            samples,
-            ..Subscription::default()
-        })
-    };
+    wire(&mut client, INPUTS);
     client.tell(&stream(Stream::Counts)).unwrap();
     // Filters settle during the first samples, and a frame holds ten.
     for _ in 0..1000 {

@@ -1,0 +1,131 @@
+//! Each of the faults of converters and their wires, named by the flashed ELF for the inputs that it is
+//! about. Overloads and broken leads follow from the counts, which runs and the host watch.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use massline::device::{Client, ClientMemory};
+use massline_chip::bus::Chip;
+use massline_chip::flash::Cells;
+use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::wire::{Event, Health, Stream};
+
+use crate::sampling::{stream, volts, wire};
+use crate::{GOOD, boot, clean};
+
+/// Inputs of three converters.
+const INPUTS: u8 = 24;
+/// Good samples between two faults: more than the hold-off after an overload.
+const GOOD_SAMPLES: u64 = 60;
+/// The converter at fault.
+const CONVERTER: usize = 1;
+
+/// A fault: how it is caused, how the box has to name it, and the inputs that it is about.
+type Case = (fn(&mut Chip), Health, std::ops::Range<usize>);
+
+const OF_CONVERTER: std::ops::Range<usize> = CHANNELS * CONVERTER..CHANNELS * (CONVERTER + 1);
+
+const CASES: [(&str, Case); 5] = [
+    (
+        "a wrong bit",
+        (
+            |chip| wires(chip).is_garbled = true,
+            Health::CHECKSUM,
+            OF_CONVERTER,
+        ),
+    ),
+    (
+        "a lost edge",
+        (
+            |chip| wires(chip).lost_edges = 2,
+            Health::MISSING,
+            OF_CONVERTER,
+        ),
+    ),
+    (
+        "a reset",
+        (
+            |chip| {
+                let converter = chip.bench.converter(CONVERTER);
+                converter.expect("it is there").reset();
+            },
+            Health::CONVERTER_RESET,
+            OF_CONVERTER,
+        ),
+    ),
+    (
+        "a converter that is late",
+        (
+            |chip| chip.bench.delay(CONVERTER, 3000),
+            Health::OUT_OF_STEP,
+            // All are synchronised anew.
+            0..INPUTS as usize,
+        ),
+    ),
+    (
+        "a stuck line",
+        (
+            |chip| wires(chip).stuck = Some(true),
+            Health::STUCK,
+            OF_CONVERTER,
+        ),
+    ),
+];
+
+fn wires(chip: &mut Chip) -> &mut massline_chip::bench::Wires {
+    chip.bench.wires(CONVERTER).expect("it is there")
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn every_fault_is_named_for_its_inputs() {
+    let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 5);
+    let chip = Arc::clone(&machine.shared());
+    let faulty: Rc<RefCell<Vec<Vec<Health>>>> = Rc::default();
+    let good = Rc::new(RefCell::new(0_u64));
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(&mut machine, &mut memory);
+    let (taken, counted) = (Rc::clone(&faulty), Rc::clone(&good));
+    client.on_event(move |event, _| match event {
+        Event::Recorded(samples) => *counted.borrow_mut() += samples.count().unwrap_or(0) as u64,
+        Event::RecordedFaulty(samples) => {
+            let health =
+                (0..usize::from(INPUTS)).map(|k| Health(samples.health.get(k).unwrap_or(0)));
+            taken.borrow_mut().push(health.collect());
+        }
+        _ => {}
+    });
+    client.hello().unwrap();
+    wire(&mut client, INPUTS);
+    client.tell(&stream(Stream::Counts)).unwrap();
+    for (name, (cause, health, inputs)) in CASES {
+        // The faults of before are over, and good samples come.
+        let begin = *good.borrow();
+        for _ in 0..2000 {
+            client.listen(Duration::from_millis(20)).unwrap();
+            if *good.borrow() > begin + GOOD_SAMPLES {
+                break;
+            }
+        }
+        assert!(
+            *good.borrow() > begin + GOOD_SAMPLES,
+            "{name}: no good samples"
+        );
+        faulty.borrow_mut().clear();
+        cause(&mut chip.lock().unwrap());
+        let has_it = |k: usize| faulty.borrow().iter().any(|row| row[k].contains(health));
+        for _ in 0..2000 {
+            client.listen(Duration::from_millis(20)).unwrap();
+            if inputs.clone().all(has_it) {
+                break;
+            }
+        }
+        let named: Vec<usize> = (0..usize::from(INPUTS)).filter(|k| has_it(*k)).collect();
+        assert_eq!(named, inputs.clone().collect::<Vec<_>>(), "{name}");
+        chip.lock().unwrap().bench.wires(CONVERTER).unwrap().stuck = None;
+    }
+    drop(client);
+    clean(&machine);
+}
