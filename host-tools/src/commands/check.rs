@@ -113,7 +113,14 @@ fn lines(findings: &Findings) -> Vec<String> {
         }
         lines.push(String::new());
     }
-    lines.extend(findings.whole.iter().map(|w| w.text.clone()));
+    for whole in &findings.whole {
+        lines.push(whole.text.clone());
+        if !whole.repair.is_empty() {
+            lines.push(String::new());
+            lines.extend(whole.repair.iter().map(|line| format!("  {line}")));
+            lines.push(String::new());
+        }
+    }
     if !findings.suspects.is_empty() || findings.more_is_wrong() {
         lines.push(findings.evidence());
     }
@@ -138,11 +145,13 @@ fn document(findings: &Findings) -> serde_json::Value {
     };
     let suspects: Vec<serde_json::Value> = findings.suspects.iter().map(suspect).collect();
     let whole: Vec<&str> = findings.whole.iter().map(|w| w.text.as_str()).collect();
+    let whole_repair: Vec<&String> = findings.whole.iter().flat_map(|w| &w.repair).collect();
     serde_json::json!({
         "schema": "massline/check/1",
         "clean": findings.clean(),
         "suspects": suspects,
         "whole": whole,
+        "whole_repair": whole_repair,
         "untold": findings.untold,
         "contradiction": findings.contradiction,
         "repaired": findings.repaired,

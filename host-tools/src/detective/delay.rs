@@ -49,12 +49,20 @@ impl Evidence {
         (0..self.sensors.len()).filter(|i| !self.quiet.contains(i))
     }
 
-    /// Sum of the logarithms of the shares that the motion leaves of each channel, mean over the
-    /// mountings.
-    fn unexplained(&self, all: &[Vec<Line>]) -> Option<f64> {
+    /// Number of motions in each mounting.
+    fn counted(&self, all: &[Vec<Line>]) -> Option<Vec<usize>> {
+        let of = |(mounted, lines): (&Mounted, &Vec<Line>)| {
+            Some(Gauge::of(lines, &self.moving(mounted))?.motions())
+        };
+        self.mountings.iter().zip(all).map(of).collect()
+    }
+
+    /// Sum of the logarithms of the shares that so many motions leave of each channel, mean over the
+    /// mountings. A late channel would be a motion of its own, which explains the channel.
+    fn unexplained(&self, all: &[Vec<Line>], motions: &[usize]) -> Option<f64> {
         let mut sum = 0.0;
-        for (mounted, lines) in self.mountings.iter().zip(all) {
-            let gauge = Gauge::of(lines, &self.moving(mounted))?;
+        for ((mounted, lines), &most) in self.mountings.iter().zip(all).zip(motions) {
+            let gauge = Gauge::of_at_most(lines, &self.moving(mounted), most)?;
             let regression = Regression::new(lines, &gauge, mounted.runs)?;
             for i in self.live() {
                 let fit = regression.fit(i, self.terms(i), 0.0)?;
@@ -116,7 +124,7 @@ impl Evidence {
 
     /// The delay that explains most.
     fn latest(&self) -> Option<(Vec<usize>, f64)> {
-        let before = self.unexplained(&self.all_earlier(&[], 0.0))?;
+        let now = self.all_earlier(&[], 0.0);
         let mut groups: Vec<Vec<usize>> = self.live().map(|i| vec![i]).collect();
         groups.extend(places(&self.sensors, &|i| !self.quiet.contains(&i)));
         groups.push(
@@ -134,10 +142,14 @@ impl Evidence {
             }
             phases.sort_by(f64::total_cmp);
             let phase = phases[phases.len() / 2];
-            let Some(after) = self.unexplained(&self.all_earlier(&group, phase)) else {
+            let then = self.all_earlier(&group, phase);
+            let gain = || {
+                let motions = self.counted(&then)?;
+                Some(self.unexplained(&now, &motions)? - self.unexplained(&then, &motions)?)
+            };
+            let Some(gain) = gain() else {
                 continue;
             };
-            let gain = before - after;
             if gain > GAIN && best.as_ref().is_none_or(|(most, ..)| gain > *most) {
                 best = Some((gain, group, phase));
             }

@@ -41,6 +41,8 @@ pub(super) struct Evidence {
     pub(super) quiet: Vec<usize>,
     /// Phase of one sample at the highest line, rad.
     pub(super) sample: f64,
+    /// Weighed mass, kg.
+    pub(super) weighed: Option<f64>,
     /// Delays that were found and taken out of the lines: channels and samples.
     pub(super) delays: Vec<(Vec<usize>, f64)>,
 }
@@ -195,6 +197,7 @@ impl Evidence {
             quiet: (0..n).filter(quiet).collect(),
             mountings,
             sample: std::f64::consts::TAU * highest / rate,
+            weighed: setup.known_mass,
             delays: Vec::new(),
         }
         .without_delays())
@@ -213,6 +216,7 @@ impl Evidence {
             }],
             quiet: Vec::new(),
             sample: 0.25,
+            weighed: None,
             delays: Vec::new(),
         }
         .without_delays()
@@ -300,6 +304,7 @@ impl Evidence {
             mountings,
             equations: equations(sensors, length),
             length,
+            weighed: self.weighed,
         };
         (!bench.mountings.is_empty()).then_some((state, bench))
     }

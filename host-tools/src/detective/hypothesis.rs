@@ -77,6 +77,18 @@ pub enum Fault {
         /// Samples; negative: early.
         samples: f64,
     },
+    /// All load cells have the other sign, or all accelerometers: both are the same to the data.
+    Reversed {
+        /// The load cells.
+        channels: Vec<usize>,
+    },
+    /// All accelerometers, or all load cells, are in another unit; told by the weighed mass.
+    Unit {
+        /// The channels.
+        channels: Vec<usize>,
+        /// Found over expected.
+        factor: f64,
+    },
     /// The channel contradicts all others in a way that is none of these.
     Unlisted {
         /// The channel.
@@ -115,6 +127,21 @@ pub(super) const FACTORS: [f64; 10] = [
     0.001,
     10.0,
     0.1,
+    2.0,
+    0.5,
+    100.0,
+    0.01,
+];
+
+/// Units of all accelerometers that people mix up: g, mm/s².
+const OF_MOTION: [f64; 2] = [1.0 / 9.806_65, 1000.0];
+/// Units of all load cells that people mix up: kgf, kN, mN, lbf, and lost factors. None is so near to one
+/// of all accelerometers that a weighed mass does not tell them apart.
+const OF_FORCE: [f64; 8] = [
+    1.0 / 9.806_65,
+    0.001,
+    1000.0,
+    0.224_809,
     2.0,
     0.5,
     100.0,
@@ -176,8 +203,9 @@ fn cube() -> Vec<Matrix3<f64>> {
 }
 
 /// All hypotheses without free parameters.
-/// A channel that is `quiet` has no signal that a factor or a sign could be told from.
-pub(super) fn fixed(state: &State, quiet: &[usize]) -> Vec<Hypothesis> {
+/// A channel that is `quiet` has no signal that a factor or a sign could be told from; with a mass that
+/// is `weighed`, so is a unit of all accelerometers or of all load cells.
+pub(super) fn fixed(state: &State, quiet: &[usize], weighed: bool) -> Vec<Hypothesis> {
     let sensors = &state.sensors;
     let live = state.live();
     let loud: Vec<usize> = live
@@ -249,6 +277,21 @@ pub(super) fn fixed(state: &State, quiet: &[usize]) -> Vec<Hypothesis> {
             .collect(),
     );
     class(positions(sensors, &places));
+    let (cells, motion): (Vec<usize>, Vec<usize>) =
+        live.iter().partition(|&&i| sensors[i].kind.is_cell());
+    let unit = |channels: &Vec<usize>, factors: &[f64]| -> Vec<Fault> {
+        let unit = |&factor: &f64| Fault::Unit {
+            channels: channels.clone(),
+            factor,
+        };
+        factors.iter().map(unit).collect()
+    };
+    if !cells.is_empty() {
+        if weighed {
+            class([unit(&motion, &OF_MOTION), unit(&cells, &OF_FORCE)].concat());
+        }
+        class(vec![Fault::Reversed { channels: cells }]);
+    }
     all
 }
 
@@ -389,9 +432,21 @@ impl Fault {
                     }
                 }
             }
+            Self::Reversed { channels } => {
+                channels.iter().for_each(|&c| scale(state, c, -1.0));
+            }
+            Self::Unit { channels, factor } => {
+                channels.iter().for_each(|&c| scale(state, c, 1.0 / factor));
+            }
             // Delays are taken out before the rows are made.
             Self::Delayed { .. } => {}
         }
+    }
+
+    /// `true` if all sensors of a kind share the fault.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        matches!(self, Self::Reversed { .. } | Self::Unit { .. })
     }
 
     /// The channels that the fault is about.
@@ -405,7 +460,9 @@ impl Fault {
             | Self::Dead { channel }
             | Self::Unlisted { channel } => vec![*channel],
             Self::Swapped { channels } => channels.to_vec(),
-            Self::Delayed { channels, .. } => channels.clone(),
+            Self::Delayed { channels, .. }
+            | Self::Reversed { channels }
+            | Self::Unit { channels, .. } => channels.clone(),
             Self::PlacesExchanged { places: [a, b] } => [a.as_slice(), b].concat(),
             Self::Turned { place, .. } | Self::Position { place, .. } => place.clone(),
         }

@@ -188,7 +188,7 @@ pub(crate) fn examine(
                 .iter()
                 .map(|candidate| Explanation {
                     fault: candidate.fault.clone(),
-                    text: wording::text(setup, &candidate.fault),
+                    text: wording::texts(setup, &candidate.fault, &candidate.same),
                     repair: wording::repair(setup, &evidence, &candidate.fault),
                 })
                 .collect(),
@@ -218,7 +218,7 @@ pub(crate) fn examine(
         suspects,
         nearest,
         untold: wording::untold(setup, &found.untold),
-        whole: whole::judge(setup, &found, measurement.units_in_recordings),
+        whole: whole::judge(setup, &evidence, &found, measurement.units_in_recordings),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),
         freedom: found.before.freedom,

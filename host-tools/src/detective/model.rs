@@ -27,6 +27,12 @@ const SEEN: f64 = 1e-4;
 /// Share of the whole variance that any combination of resultants has at least.
 const FLOOR: f64 = 1e-9;
 
+/// Relative difference from the weighed mass that adapters, and gains that all sensors share, explain.
+const WEIGHED: f64 = 0.02;
+
+/// Share of the mass in what the runs do not determine, from which they do not determine the mass.
+const FREE: f64 = 1e-6;
+
 /// Mean square that a channel should have, over that of a place, from which it has a signal.
 const SIGNAL: f64 = 0.03;
 
@@ -40,8 +46,15 @@ pub(super) struct Score {
     pub(super) freedom: f64,
     /// Degrees of freedom of the accelerometers alone.
     pub(super) of_motion: f64,
-    /// Mass and first moments of the body that fits best, kg and kg m.
-    pub(super) body: Option<[f64; 10]>,
+    /// Mass of the body that fits best.
+    pub(super) mass: Option<Mass>,
+}
+
+/// A mass with its standard deviation at this tolerance, kg; infinite where the runs do not tell it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mass {
+    pub(super) value: f64,
+    pub(super) error: f64,
 }
 
 impl Score {
@@ -91,6 +104,8 @@ pub(super) struct Bench {
     pub(super) equations: DMatrix<f64>,
     /// Length that rotations are scaled by, m.
     pub(super) length: f64,
+    /// Weighed mass, kg.
+    pub(super) weighed: Option<f64>,
 }
 
 /// The ten derivatives of the mass matrix about the origin with respect to σ of equation (6).
@@ -255,18 +270,20 @@ impl Bench {
             chi2: motions.iter().map(|m| m.chi2).sum(),
             freedom: of_motion,
             of_motion,
-            body: None,
+            mass: None,
         };
-        if let Some((chi2, freedom, body)) = self.forces(&self.posed(state, tolerance), motions) {
+        if let Some((chi2, freedom, mass)) = self.forces(&self.posed(state, tolerance), motions) {
             score.chi2 += chi2;
             score.freedom += freedom;
-            score.body = Some(body);
+            score.mass = Some(mass);
         }
         score.chi2.is_finite().then_some(score)
     }
 
-    /// The balance of the load cells: its sum of squares, degrees of freedom, and body.
-    fn forces(&self, posed: &[Posed<'_>], motions: &[Motion]) -> Option<(f64, f64, [f64; 10])> {
+    /// The balance of the load cells with a body and its weighed mass: sum of squares, degrees of
+    /// freedom, and mass. No body has a negative mass or moment of inertia: one that fits best with such
+    /// a number contradicts the set-up by what it takes to make the number zero.
+    fn forces(&self, posed: &[Posed<'_>], motions: &[Motion]) -> Option<(f64, f64, Mass)> {
         let count = self.equations.nrows();
         if count == 0 {
             return None;
@@ -277,8 +294,12 @@ impl Bench {
             .zip(motions)
             .map(|(posed, motion)| posed.balance(motion, &parts))
             .collect();
-        let rows = count * self.motions();
+        let rows = count * self.motions() + usize::from(self.weighed.is_some());
         let mut body = [0.0; 10];
+        let mut mass = Mass {
+            value: 0.0,
+            error: f64::INFINITY,
+        };
         let (mut chi2, mut freedom) = (0.0, 0.0);
         for pass in 0..2 {
             let mut a = DMatrix::<f64>::zeros(rows, 10);
@@ -290,6 +311,10 @@ impl Bench {
                 a.rows_mut(at, design.nrows()).copy_from(&design);
                 b.rows_mut(at, target.nrows()).copy_from(&target);
                 at += target.nrows();
+            }
+            if let Some(weighed) = self.weighed {
+                let error = WEIGHED * weighed;
+                (a[(at, 0)], b[at]) = (1.0 / error, weighed / error);
             }
             // Columns of unit length: what no motion excites is left out.
             let lengths: Vec<f64> = a.column_iter().map(|c| c.norm()).collect();
@@ -303,32 +328,42 @@ impl Bench {
             let right = a.tr_mul(&b);
             let mut solution = DVector::<f64>::zeros(10);
             let mut rank = 0;
+            let mut variance = [0.0; 10];
+            let mut free = [0.0; 10];
             for (i, &value) in eigen.eigenvalues.iter().enumerate() {
+                let column = eigen.eigenvectors.column(i);
                 if value > 1e-9 {
-                    let column = eigen.eigenvectors.column(i);
                     solution.axpy(column.dot(&right) / value, &column, 1.0);
                     rank += 1;
                 }
+                for (p, x) in column.iter().enumerate() {
+                    if value > 1e-9 {
+                        variance[p] += x * x / value;
+                    } else {
+                        free[p] += x * x;
+                    }
+                }
             }
-            chi2 = (b.norm_squared() - solution.dot(&right)).max(0.0);
+            let told = |p: usize| unit(p) > 0.0 && free[p] < FREE;
+            let negative = |p: usize| match told(p) {
+                true => solution[p].min(0.0).powi(2) / variance[p],
+                false => 0.0,
+            };
+            // The diagonal of the mass matrix: mass, and the three moments of inertia.
+            let impossible = [0, 4, 5, 6].map(negative).into_iter().fold(0.0, f64::max);
+            chi2 = (b.norm_squared() - solution.dot(&right)).max(0.0) + impossible;
             freedom = rows as f64 - f64::from(rank);
             for (p, value) in body.iter_mut().enumerate() {
                 *value = solution[p] * unit(p);
             }
+            mass.value = body[0];
+            if told(0) {
+                mass.error = variance[0].sqrt() * unit(0);
+            }
         }
-        // Back to metres.
-        let power = |p: usize| match p {
-            0 => 1.0,
-            1..=3 => self.length,
-            _ => self.length * self.length,
-        };
-        for (p, value) in body.iter_mut().enumerate() {
-            *value *= power(p);
-        }
-        Some((chi2, freedom, body))
+        Some((chi2, freedom, mass))
     }
 }
-
 /// The balance of forces in one mounting.
 struct Balance {
     /// Resultants that are measured, motion by motion.

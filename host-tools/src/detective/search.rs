@@ -18,6 +18,12 @@ const GAIN_OF: [f64; 2] = [15.0, 25.0];
 const AT_LEAST: f64 = 6.0;
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
+/// Usual cross-talk of a sensor, a share of the other channel.
+const CROSS_TALK: f64 = 0.1;
+/// Faults with which the search for a pair begins, and how many of them may concern one channel.
+const FIRST: [usize; 2] = [8, 2];
+/// Differences up to which two changes of a set-up are the same one: share of a direction or reading, m.
+const SAME: [f64; 2] = [0.03, 1e-6];
 /// Most faults that are named.
 const MOST: usize = 2;
 /// Sum of squares over its degrees of freedom that contradicts the set-up.
@@ -32,6 +38,8 @@ pub(super) struct Candidate {
     pub(super) score: f64,
     pub(super) left: Score,
     pub(super) free: usize,
+    /// Other names of the same change: nothing that is recorded would tell them apart.
+    pub(super) same: Vec<Fault>,
 }
 
 /// Result of the search.
@@ -103,13 +111,23 @@ impl Found {
             score: self.before.chi2,
             left: self.before.clone(),
             free: 0,
+            same: Vec::new(),
         }
     }
 }
 
 fn penalty(hypothesis: &Hypothesis, state: &State, motions: usize) -> f64 {
     let count = (state.sensors.len() * motions) as f64;
-    hypothesis.free as f64 * count.ln() + 2.0 * (hypothesis.class.max(1) as f64).ln()
+    let free = hypothesis.free as f64 * count.ln();
+    let choice = 2.0 * (hypothesis.class.max(1) as f64).ln();
+    match hypothesis.fault {
+        // Seen by itself: the channel was not chosen from many.
+        Fault::Dead { .. } => 0.0,
+        // Free numbers imitate every other fault.
+        Fault::Unlisted { .. } => free + choice + TIE,
+        Fault::CrossTalk { share, .. } => free + choice + (share / CROSS_TALK).powi(2),
+        _ => free + choice,
+    }
 }
 
 fn without(state: &State, fault: &Fault) -> State {
@@ -161,6 +179,7 @@ fn judged(
         score: left.chi2 + penalty(hypothesis, state, bench.motions()) - motions * count.ln(),
         left,
         free: hypothesis.free,
+        same: Vec::new(),
     })
 }
 
@@ -346,59 +365,92 @@ fn generalises(wide: &Candidate, narrow: &Candidate) -> bool {
             .any(|c| narrow.fault.channels().contains(c))
 }
 
-/// One fault with those that explain the data as well; `None` if none does.
-fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidate>, Score)> {
-    let base = bench.score(state, 1.0)?;
-    let mut hypotheses = fixed(state, quiet);
+/// `true` if two faults change a set-up alike.
+fn alike(state: &State, a: &Fault, b: &Fault) -> bool {
+    let (a, b) = (without(state, a), without(state, b));
+    let [share, place] = SAME;
+    (0..state.sensors.len()).all(|i| {
+        let (here, there) = (&a.sensors[i], &b.sensors[i]);
+        let turned = here.direction.dot(&there.direction);
+        // A sensor that looks the other way and has the other sign is the same.
+        let sign = turned.signum();
+        let rows = a.mountings.iter().zip(&b.mountings);
+        (here.direction - there.direction * sign).norm() < share
+            && (here.position - there.position).norm() < place
+            && rows
+                .into_iter()
+                .all(|(a, b)| match (&a.rows[i], &b.rows[i]) {
+                    (Some(a), Some(b)) => {
+                        let size = a.k.norm().max(b.k.norm());
+                        let noise = [&a.noise, &b.noise].map(|n| n.trace());
+                        (&a.k - &b.k * sign).norm() <= share * size
+                            && noise[0].max(noise[1]) <= 2.0 * noise[0].min(noise[1])
+                    }
+                    (None, None) => true,
+                    _ => false,
+                })
+    })
+}
+
+/// All hypotheses, best first at the usual tolerance, each at its best.
+fn first(
+    bench: &Bench,
+    state: &State,
+    quiet: &[usize],
+) -> Option<(Vec<Hypothesis>, Vec<Candidate>)> {
+    let mut hypotheses = fixed(state, quiet, bench.weighed.is_some());
     let motion = bench.motion(state, 1.0)?;
     hypotheses.extend(fitted(bench, state, quiet, 1.0, &motion));
-    let first = ranked(bench, state, &hypotheses, 1.0);
+    let ranked = ranked(bench, state, &hypotheses, 1.0);
+    Some((hypotheses, ranked))
+}
+
+/// One fault with those that explain the data as well; `None` if none does.
+fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidate>, Score)> {
+    let now = bench.score(state, 1.0)?;
+    let (hypotheses, first) = first(bench, state, quiet)?;
     let best = first.first()?;
-    let ratio = best.left.ratio().min(base.ratio());
+    let ratio = best.left.ratio().min(now.ratio());
     let square = ratio.clamp(TOLERANCES[0], TOLERANCES[1]);
     let tolerance = square.sqrt();
     let again: Vec<Hypothesis> = first
         .iter()
         .take(SECOND)
-        .map(|c| {
-            let class = hypotheses
-                .iter()
-                .find(|h| h.fault == c.fault)
-                .map_or(1, |h| h.class);
-            Hypothesis {
-                fault: c.fault.clone(),
-                free: c.free,
-                class,
-            }
-        })
+        .filter_map(|c| hypotheses.iter().find(|h| h.fault == c.fault).cloned())
         .collect();
     let second = ranked(bench, state, &again, tolerance);
     let base = bench.score(state, tolerance)?;
-    let best = second.first()?.clone();
+    let mut best = second.first()?.clone();
     if base.chi2 - best.score <= GAIN_OF[0] + GAIN_OF[1] * square {
         return None;
     }
     // Sharp limits rest on how the sensors differ on average: at the usual ones it is to show as well.
-    let usual = without(state, &best.fault);
-    let usual = bench.score(&usual, 1.0)?;
-    let now = bench.score(state, 1.0)?;
-    if now.chi2 - usual.chi2 <= AT_LEAST {
+    let after = bench.score(&without(state, &best.fault), 1.0)?;
+    if now.chi2 - after.chi2 <= AT_LEAST {
         return None;
     }
     // A fault without a name is one only where the set-up is contradicted as a whole.
-    if matches!(best.fault, Fault::Unlisted { .. }) && now.ratio() <= CONTRADICTS {
+    let unlisted = |c: &Candidate| matches!(c.fault, Fault::Unlisted { .. });
+    if unlisted(&best) && now.ratio() <= CONTRADICTS {
         return None;
     }
-    let ties = second
-        .iter()
-        .skip(1)
-        .filter(|c| c.score < best.score + TIE && !generalises(c, &best))
-        .cloned();
-    let mut all = vec![best.clone()];
-    all.extend(ties);
-    let left = without(state, &best.fault);
-    let after = bench.score(&left, 1.0)?;
-    Some((all, after))
+    let mut ties: Vec<Candidate> = Vec::new();
+    // A channel without a signal is seen by itself, which no other fault explains.
+    let dead = matches!(best.fault, Fault::Dead { .. });
+    for c in second.iter().skip(1) {
+        if dead || c.score >= best.score + TIE || generalises(c, &best) {
+            continue;
+        }
+        let mut before = std::iter::once(&mut best).chain(&mut ties);
+        match before.find(|other| alike(state, &other.fault, &c.fault)) {
+            Some(other) => other.same.push(c.fault.clone()),
+            // What has no name imitates what has one.
+            None if unlisted(c) && !unlisted(&second[0]) => {}
+            None => ties.push(c.clone()),
+        }
+    }
+    ties.insert(0, best);
+    Some((ties, after))
 }
 
 /// The rows anew, with the readings of these channels exchanged.
@@ -451,6 +503,51 @@ impl Given<'_> {
             quiet,
         })
     }
+
+    /// The pair of faults that leaves least, where it leaves no contradiction and less than `single`: what
+    /// is named first may be none of two.
+    fn pair(&self, single_left: &Score) -> Option<([Vec<Candidate>; 2], Score)> {
+        let (_, all) = first(self.bench, self.state, self.quiet)?;
+        let [count, each] = FIRST;
+        let mut chosen: Vec<&Candidate> = Vec::new();
+        for c in all
+            .iter()
+            .filter(|c| !matches!(c.fault, Fault::Unlisted { .. }))
+        {
+            let channels = c.fault.channels();
+            let about = |other: &&&Candidate| other.fault.channels() == channels;
+            if chosen.len() < count && chosen.iter().filter(about).count() < each {
+                chosen.push(c);
+            }
+        }
+        let mut best: Option<([Vec<Candidate>; 2], Score, f64)> = None;
+        for first in chosen {
+            let Some(mended) = self.without(std::slice::from_ref(&first.fault)) else {
+                continue;
+            };
+            let Some((second, after)) = single(&mended.bench, &mended.state, &mended.quiet) else {
+                continue;
+            };
+            let unlisted = matches!(second[0].fault, Fault::Unlisted { .. });
+            if unlisted || overlap(&first.fault, &second[0].fault) || after.ratio() > CONTRADICTS {
+                continue;
+            }
+            // What both are charged for, with what they leave.
+            let score = second[0].score + first.score - first.left.chi2;
+            if after.chi2 + TIE < single_left.chi2
+                && best.as_ref().is_none_or(|(.., least)| score < *least)
+            {
+                best = Some(([vec![first.clone()], second], after, score));
+            }
+        }
+        best.map(|(pair, after, _)| (pair, after))
+    }
+}
+
+/// `true` if two faults are about one channel; those of all sensors of a kind leave room for others.
+fn overlap(a: &Fault, b: &Fault) -> bool {
+    let both = a.channels();
+    !a.is_whole() && !b.is_whole() && b.channels().iter().any(|c| both.contains(c))
 }
 
 /// Names faults one after the other, as long as each explains what the others do not; with the last
@@ -482,11 +579,7 @@ pub(super) fn search(
             break;
         };
         let best = candidates[0].fault.clone();
-        let again = best.channels();
-        if faults
-            .iter()
-            .any(|f| f.channels().iter().any(|c| again.contains(c)))
-        {
+        if faults.iter().any(|f| overlap(f, &best)) {
             break;
         }
         faults.push(best);
@@ -496,6 +589,15 @@ pub(super) fn search(
         };
         found.named.push(candidates);
         (found.after, mended) = (after, next);
+    }
+    let unlisted = |f: &Fault| matches!(f, Fault::Unlisted { .. });
+    if found.after.ratio() > CONTRADICTS || faults.iter().any(unlisted) {
+        if let Some((pair, after)) = given.pair(&found.after) {
+            let of = |c: &Vec<Candidate>| c[0].fault.clone();
+            faults = pair.iter().map(of).collect();
+            mended = given.without(&faults)?;
+            (found.named, found.after) = (pair.into(), after);
+        }
     }
     for i in 0..faults.len() {
         if faults.len() < 2 {

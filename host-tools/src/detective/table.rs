@@ -47,6 +47,11 @@ impl Gauge {
     /// The principal directions of these channels, each scaled to the same power. `None` if
     /// nothing moves.
     pub(super) fn of(lines: &[Line], channels: &[usize]) -> Option<Self> {
+        Self::of_at_most(lines, channels, 6)
+    }
+
+    /// The strongest of these directions, up to a number.
+    pub(super) fn of_at_most(lines: &[Line], channels: &[usize], most: usize) -> Option<Self> {
         let count = lines.first()?.products.nrows();
         let n = channels.len();
         let mut power = DMatrix::<f64>::zeros(n, n);
@@ -71,7 +76,7 @@ impl Gauge {
         let largest = eigen.eigenvalues.max();
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        order.truncate(6);
+        order.truncate(most);
         order.retain(|&i| eigen.eigenvalues[i] > WEAKEST * largest);
         if order.is_empty() || largest <= 0.0 {
             return None;

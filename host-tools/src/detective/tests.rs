@@ -328,12 +328,21 @@ fn a_late_channel() {
     assert_eq!((fault, found.named.len()), (&expected, 1));
 }
 
-/// A gain of all load cells is that of the body: nothing contradicts it.
+/// A gain of all load cells is that of the body, but for its sign.
 #[test]
 fn what_all_load_cells_share_is_the_bodys() {
     let mut l = laboratory(1, 0.003, 1.0);
-    (18..30).for_each(|i| l.scale(i, -2.0));
+    (18..30).for_each(|i| l.scale(i, 2.0));
     let found = l.search();
     assert!(found.named.is_empty(), "{:?}", found.named);
-    assert!(found.after.body.unwrap()[0] < 0.0);
+    assert!(found.after.mass.unwrap().value > 100.0);
+    (18..30).for_each(|i| l.scale(i, -1.0));
+    let found = l.search();
+    let [named] = found.named.as_slice() else {
+        panic!("{:?}", found.named);
+    };
+    let channels = (18..30).collect();
+    assert_eq!(named[0].fault, Fault::Reversed { channels });
+    assert_eq!(named.len(), 1, "{named:?}");
+    assert!(found.after.mass.unwrap().value > 100.0);
 }

@@ -1,12 +1,13 @@
 //! Step 5: faults that all sensors share. They contradict nothing, so that only a body that cannot
-//! be, its density, and a weighed mass speak against them.
+//! be and its density speak against them.
 
 use nalgebra::Vector3;
 
-use super::evidence::{OUTLYING, middle, spread};
-use super::hypothesis::FACTORS;
+use super::evidence::{Evidence, OUTLYING, middle, spread};
+use super::model::Mass;
 use super::search::{CONTRADICTS, Candidate, Found};
 use super::sensor::Sensor;
+use super::wording;
 use crate::format::plain;
 use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
 
@@ -18,8 +19,10 @@ const DENSE: f64 = 1000.0;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
-/// Agreement of a ratio of masses with a usual factor.
+/// Share of 1 up to which a scale states no unit.
 const NEAR: f64 = 0.03;
+/// Standard deviation of a mass, as a share of it, above which it says nothing of density.
+const UNTOLD: f64 = 0.3;
 
 /// Kind of a fault that many sensors share, or of a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,12 +31,6 @@ pub enum WholeFault {
     ReferencePoint,
     /// Single positions lie far away.
     Outlying,
-    /// All load cells or all accelerometers have the other sign.
-    Reversed,
-    /// All accelerations are in g, since the mass is known.
-    InG,
-    /// All load cells or all accelerations are in another unit.
-    Unit,
     /// All positions are in millimetres.
     Millimetres,
     /// The question if all accelerations are in g, since the body would be dense.
@@ -49,9 +46,6 @@ impl WholeFault {
         match self {
             Self::ReferencePoint => "reference-point",
             Self::Outlying => "outlying",
-            Self::Reversed => "all-reversed",
-            Self::InG => "all-in-g",
-            Self::Unit => "unit-of-all",
             Self::Millimetres => "all-in-mm",
             Self::PerhapsInG => "perhaps-all-in-g",
             Self::NoUnit => "no-unit",
@@ -68,142 +62,78 @@ pub struct Whole {
     pub channels: Vec<usize>,
     /// The evidence and the remedy in words.
     pub text: String,
+    /// Lines of the set-up that mend it; empty where none do.
+    pub repair: Vec<String>,
+}
+
+impl Whole {
+    fn new(fault: WholeFault, text: String) -> Self {
+        Self {
+            fault,
+            channels: Vec::new(),
+            text,
+            repair: Vec::new(),
+        }
+    }
 }
 
 /// Faults of the whole set-up and questions.
-pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> Vec<Whole> {
+pub(super) fn judge(
+    setup: &Setup,
+    evidence: &Evidence,
+    found: &Found,
+    units_in_recordings: bool,
+) -> Vec<Whole> {
     let mut all: Vec<Whole> = Vec::new();
-    let mut say = |fault, text| {
-        all.push(Whole {
-            fault,
-            channels: Vec::new(),
-            text,
-        })
-    };
-    let reference = Vector3::from(setup.reference_point);
-    let nearest = found
-        .sensors
-        .iter()
-        .map(|s| (s.position - reference).norm())
-        .fold(f64::INFINITY, f64::min);
-    let farthest = found
-        .sensors
-        .iter()
-        .map(|s| (s.position - found.sensors[0].position).norm())
-        .fold(0.0, f64::max);
-    if farthest > 0.0 && nearest > FAR * farthest {
-        say(
-            WholeFault::ReferencePoint,
-            format!(
-                "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
-                plain(nearest, 3),
-                plain(nearest / farthest, 2)
-            ),
-        );
-    }
-    let (middle, spread) = (middle(&found.sensors), spread(&found.sensors));
-    let far = |i: &usize| (found.sensors[*i].position - middle).norm() > OUTLYING * spread;
-    let channels: Vec<usize> = (0..found.sensors.len()).filter(far).collect();
-    let away: Vec<String> = channels
-        .iter()
-        .map(|&i| format!("`{}`", found.sensors[i].channel))
-        .collect();
-    if !away.is_empty() {
-        say(
-            WholeFault::Outlying,
-            format!(
-                "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
-                away.join(", ")
-            ),
-        );
-    }
-    if let Some(outlying) = all.last_mut().filter(|w| w.fault == WholeFault::Outlying) {
-        outlying.channels = channels;
-    }
-    let mut say = |fault, text| {
-        all.push(Whole {
-            fault,
-            channels: Vec::new(),
-            text,
-        })
-    };
-    let Some(body) = found.after.body else {
-        return all;
-    };
+    all.extend(reference(setup, &found.sensors));
+    all.extend(outlying(&found.sensors));
     // Where the data do not tell which load cell is wrong, they do not tell the mass.
     let cell = |c: &usize| found.sensors[*c].kind.is_cell();
     let vague =
         |named: &Vec<Candidate>| named.len() > 1 && named[0].fault.channels().iter().any(cell);
-    if found.named.iter().any(vague) {
-        return all;
-    }
     // Sensors that contradict each other leave no mass to judge by.
-    if found.after.ratio() > CONTRADICTS {
+    if found.named.iter().any(vague) || found.after.ratio() > CONTRADICTS {
         return all;
     }
-    let mass = body[0];
-    if mass < 0.0 {
-        // One sign for all of them leaves no contradiction: what does is the fault of some.
-        if found.before.ratio() > CONTRADICTS {
-            return all;
-        }
-        say(
-            WholeFault::Reversed,
-            format!(
-                "all load cells, or all accelerometers, have the other sign: the mass is {} kg. Turn the `direction` of all load cells if they measure the force that the structure exerts on the table",
-                plain(mass, 4)
-            ),
-        );
+    let told = |mass: &Mass| mass.error < UNTOLD * mass.value;
+    let Some(mass) = found.after.mass.filter(told).map(|m| m.value) else {
         return all;
-    }
-    if let Some(known) = setup.known_mass {
-        let ratio = mass / known;
-        let factor = FACTORS.iter().find(|f| (ratio / **f - 1.0).abs() < NEAR);
-        if let Some(factor) = factor {
-            let (fault, unit) = if (factor - 9.806_65).abs() < 0.1 {
-                let unit = format!("the accelerometers are in g: {}", in_g(setup));
-                (WholeFault::InG, unit)
-            } else {
-                let unit = "a unit of all load cells or of all accelerometers is wrong";
-                (WholeFault::Unit, unit.to_owned())
-            };
-            say(
-                fault,
-                format!(
-                    "the mass is {} times the weighed one: {unit}",
-                    plain(ratio, 4)
-                ),
-            );
-        }
-    }
+    };
     let Some(volume) = volume(&found.sensors) else {
         return all;
     };
     let density = mass / volume;
     if density < LIGHTEST {
-        say(
-            WholeFault::Millimetres,
-            format!(
-                "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³. Write `length_unit = \"mm\"` at the top of the setup",
-                plain(mass, 4),
-                plain(density, 2)
-            ),
-        );
+        all.push(Whole {
+            repair: vec!["length_unit = \"mm\"".to_owned()],
+            ..Whole::new(
+                WholeFault::Millimetres,
+                format!(
+                    "positions are in millimetres: {} kg in the cube that the sensors span are {} kg/m³. Write `length_unit = \"mm\"` at the top of the setup",
+                    plain(mass, 4),
+                    plain(density, 2)
+                ),
+            )
+        });
     } else if setup.known_mass.is_none() && density > DENSE {
-        say(
-            WholeFault::PerhapsInG,
-            format!(
-                "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, {}; `known_mass` would decide it",
-                plain(mass, 4),
-                plain(density, 2),
-                in_g(setup)
-            ),
-        );
+        let lines = |c| wording::scaled(setup, evidence, c, 9.806_65);
+        all.push(Whole {
+            repair: (0..setup.accelerometers.len()).flat_map(lines).collect(),
+            ..Whole::new(
+                WholeFault::PerhapsInG,
+                format!(
+                    "are the accelerometers in g? {} kg in the cube that the sensors span are {} kg/m³. If so, {}; `known_mass` would decide it",
+                    plain(mass, 4),
+                    plain(density, 2),
+                    in_g(setup)
+                ),
+            )
+        });
     } else if setup.known_mass.is_none()
         && !units_in_recordings
         && setup.accelerometers.iter().all(states_nothing)
     {
-        say(
+        all.push(Whole::new(
             WholeFault::NoUnit,
             format!(
                 "no unit of the accelerations is stated, so that they are taken to be in m/s² and the mass is {} kg; if they are in g it is {} kg, and {}",
@@ -211,9 +141,53 @@ pub(super) fn judge(setup: &Setup, found: &Found, units_in_recordings: bool) -> 
                 plain(mass / 9.806_65, 4),
                 in_g(setup)
             ),
-        );
+        ));
     }
     all
+}
+
+/// A reference point that lies far away from all sensors.
+fn reference(setup: &Setup, sensors: &[Sensor]) -> Option<Whole> {
+    let reference = Vector3::from(setup.reference_point);
+    let distances = |from: Vector3<f64>| sensors.iter().map(move |s| (s.position - from).norm());
+    let nearest = distances(reference).fold(f64::INFINITY, f64::min);
+    let farthest = distances(sensors.first()?.position).fold(0.0, f64::max);
+    if farthest <= 0.0 || nearest <= FAR * farthest {
+        return None;
+    }
+    let metres = reference * 0.001;
+    let near = distances(metres).fold(f64::INFINITY, f64::min) <= FAR * farthest;
+    let line = format!("reference_point = {}", wording::metres(&metres));
+    Some(Whole {
+        repair: near.then_some(line).into_iter().collect(),
+        ..Whole::new(
+            WholeFault::ReferencePoint,
+            format!(
+                "`reference_point` is {} m away from the nearest sensor, {} times the distance between the sensors: it is probably in millimetres",
+                plain(nearest, 3),
+                plain(nearest / farthest, 2)
+            ),
+        )
+    })
+}
+
+/// Single positions that lie far away.
+fn outlying(sensors: &[Sensor]) -> Option<Whole> {
+    let (middle, spread) = (middle(sensors), spread(sensors));
+    let far = |i: &usize| (sensors[*i].position - middle).norm() > OUTLYING * spread;
+    let channels: Vec<usize> = (0..sensors.len()).filter(far).collect();
+    let name = |&i: &usize| format!("`{}`", sensors[i].channel);
+    let away: Vec<String> = channels.iter().map(name).collect();
+    (!away.is_empty()).then(|| Whole {
+        channels,
+        ..Whole::new(
+            WholeFault::Outlying,
+            format!(
+                "the position of {} is more than {OUTLYING} times as far from the middle of the sensors as most of them are: it is probably in millimetres",
+                away.join(", ")
+            ),
+        )
+    })
 }
 
 /// `true` if the set-up does not say what unit the readings of a sensor are in.

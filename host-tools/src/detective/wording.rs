@@ -1,6 +1,6 @@
 //! Faults in words, and as lines of the set-up.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::evidence::Evidence;
 use super::hypothesis::{Fault, Mistake};
@@ -64,8 +64,34 @@ fn vector(v: &Vector3<f64>) -> String {
 }
 
 /// A position as the value of a key: a set-up may state another unit of length than m.
-fn metres(position: &Vector3<f64>) -> String {
+pub(super) fn metres(position: &Vector3<f64>) -> String {
     format!("{}  # m", vector(position))
+}
+
+/// The axis of a rotation, as an axis of coordinates where it is one.
+fn axis(rotation: &Matrix3<f64>) -> String {
+    let skew = rotation - rotation.transpose();
+    let mut axis = Vector3::new(skew.m32, skew.m13, skew.m21);
+    if axis.norm() < 1e-6 {
+        // By half a turn: the columns of R + 1 are along the axis.
+        let twice = rotation + Matrix3::identity();
+        let columns = twice.column_iter().map(|column| column.into_owned());
+        axis = columns.fold(axis, |a, b| if b.norm() > a.norm() { b } else { a });
+    }
+    let axis = axis / axis.amax().max(f64::MIN_POSITIVE);
+    let near = |a: Vector3<f64>| (axis - a).norm() < 0.03;
+    for (name, along) in ["x", "y", "z"]
+        .into_iter()
+        .zip(Matrix3::identity().column_iter())
+    {
+        if near(along.into_owned()) {
+            return name.to_owned();
+        }
+        if near(-along) {
+            return format!("-{name}");
+        }
+    }
+    vector(&axis.map(|x| (100.0 * x).round() / 100.0))
 }
 
 /// A fault in words.
@@ -95,9 +121,10 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
         Fault::Turned { place, rotation } => {
             let angle = ((rotation.trace() - 1.0) / 2.0).clamp(-1.0, 1.0).acos();
             format!(
-                "{} is mounted turned by {}°",
+                "{} is mounted turned by {}° about {}",
                 names(place),
-                plain(angle.to_degrees(), 3)
+                plain(angle.to_degrees(), 3),
+                axis(rotation)
             )
         }
         Fault::Position {
@@ -141,11 +168,49 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
             plain(samples.abs(), 2),
             if *samples > 0.0 { "late" } else { "early" }
         ),
+        Fault::Reversed { .. } => "all load cells, or all accelerometers, have the other sign: the body would have a negative mass. Turn the load cells if they measure the force that the structure exerts on the table".to_owned(),
+        Fault::Unit { channels, factor } => {
+            let motion = channels.iter().all(|&c| c < setup.accelerometers.len());
+            let (these, others) = match motion {
+                true => ("accelerometers", "load cells"),
+                false => ("load cells", "accelerometers"),
+            };
+            let factor_in = |c: &usize| {
+                let entry = entry(setup, *c)?;
+                entry.units.plainest(entry.measured, entry.total / factor)
+            };
+            let units: Vec<Option<&str>> = channels.iter().map(factor_in).collect();
+            match units.first() {
+                Some(Some(unit)) if units.iter().all(|u| *u == Some(unit)) => {
+                    format!("all {these} are in {unit}, by the weighed mass")
+                }
+                _ => {
+                    let [much, little] = match *factor > 1.0 {
+                        true => ["much", "little"],
+                        false => ["little", "much"],
+                    };
+                    format!(
+                        "all {these} read {} times too {much}, or all {others} too {little}, by the weighed mass",
+                        plain(factor.max(1.0 / factor), 6)
+                    )
+                }
+            }
+        }
         Fault::Unlisted { channel } => format!(
             "{} contradicts all others, in a way that is none of the usual mistakes",
             name(channel)
         ),
     }
+}
+
+/// A fault in words with its other names.
+pub(super) fn texts(setup: &Setup, fault: &Fault, same: &[Fault]) -> String {
+    let mut words = text(setup, fault);
+    let others: Vec<String> = same.iter().map(|other| text(setup, other)).collect();
+    if !others.is_empty() {
+        words.push_str(&format!(" (the same as: {})", others.join("; ")));
+    }
+    words
 }
 
 /// Faults that the runs would not show, a sentence a kind.
@@ -190,7 +255,12 @@ pub(super) fn untold(setup: &Setup, untold: &Untold) -> Vec<String> {
 
 /// Lines by which a channel's readings count so many times as much: its unit, where it is one, else
 /// its scale.
-fn scaled(setup: &Setup, evidence: &Evidence, channel: usize, factor: f64) -> Vec<String> {
+pub(super) fn scaled(
+    setup: &Setup,
+    evidence: &Evidence,
+    channel: usize,
+    factor: f64,
+) -> Vec<String> {
     let Some(entry) = entry(setup, channel) else {
         return Vec::new();
     };
@@ -222,8 +292,15 @@ fn scaled(setup: &Setup, evidence: &Evidence, channel: usize, factor: f64) -> Ve
 
 /// Lines of the set-up that mend a fault; comments say what stands there now.
 pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<String> {
-    if let Fault::Factor { channel, factor } | Fault::Gain { channel, factor } = fault {
-        return scaled(setup, evidence, *channel, 1.0 / factor);
+    match fault {
+        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } => {
+            return scaled(setup, evidence, *channel, 1.0 / factor);
+        }
+        Fault::Unit { channels, factor } => {
+            let lines = |&c: &usize| scaled(setup, evidence, c, 1.0 / factor);
+            return channels.iter().flat_map(lines).collect();
+        }
+        _ => {}
     }
     let mut lines = Vec::new();
     let mut add = |channel: usize, key: &str, value: String| {
@@ -240,6 +317,11 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
     };
     match fault {
         Fault::Inverted { channel } => add(*channel, "scale", scale(*channel, -1.0)),
+        Fault::Reversed { channels } => {
+            for &channel in channels {
+                add(channel, "scale", scale(channel, -1.0));
+            }
+        }
         Fault::Turned { place, rotation } => {
             for &channel in place {
                 let direction = rotation * evidence.sensors[channel].direction;
@@ -279,6 +361,7 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
         }
         Fault::Factor { .. }
         | Fault::Gain { .. }
+        | Fault::Unit { .. }
         | Fault::CrossTalk { .. }
         | Fault::Dead { .. }
         | Fault::Unlisted { .. } => {}

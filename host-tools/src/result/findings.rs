@@ -44,6 +44,8 @@ impl Fault {
             Self::CrossTalk { .. } => "cross-talk",
             Self::Dead { .. } => "dead",
             Self::Delayed { .. } => "delayed",
+            Self::Reversed { .. } => "all-reversed",
+            Self::Unit { .. } => "unit-of-all",
             Self::Unlisted { .. } => "unlisted",
         }
     }
@@ -84,7 +86,7 @@ pub fn findings(setup: &Setup, found: &Findings) -> Vec<FindingDocument> {
             sensors: names(setup, &w.channels),
             fault: w.fault.name().to_owned(),
             text: w.text.clone(),
-            repair: Vec::new(),
+            repair: w.repair.clone(),
         },
         ties: Vec::new(),
         evidence: w.text.clone(),

@@ -31,11 +31,13 @@ pub use table::{Document, markdown, print};
 
 use super::chance::Chance;
 use super::coverage::CaseError;
-use super::trial::TrialError;
-use crate::detective::Findings;
+use super::trial::{Trial, TrialError};
+use crate::detective::{Fault, Findings};
 use crate::parallel;
 use bench::{BENCHES, Bench};
+use spoil::Spoilt;
 use std::time::Duration;
+use trace::Scene;
 
 /// Options of the study.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,10 +109,14 @@ pub enum FaultsError {
 pub enum Outcome {
     /// All faults are named, each alone.
     Named,
-    /// All faults are named, one of them among others that explain the data as well.
+    /// All faults are named, one of them among others that exact data do not tell from it.
+    Equal,
+    /// All faults are named, one of them among others that explain the recorded data as well.
     Tied,
-    /// A fault is told by size: of the body, its density, its mass, or of a position; or it is asked for.
+    /// A fault is told by size: of the body and its density, or of a position.
     BySize,
+    /// A fault that no data tell is asked for.
+    Asked,
     /// Of two faults one is named, and nothing else.
     Half,
     /// The right sensor is named, without its fault.
@@ -209,6 +215,30 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64, &str)) -> Result<Fou
 /// Faults that are drawn of one kind until one moves a number, and kinds that are tried.
 const TRIES: [usize; 2] = [10, 12];
 
+/// Traces of all faults, each with the others mended: a channel that is dead stays without a signal.
+fn traces(clean: &Trial, level: f64, faults: &[Spoilt]) -> Vec<f64> {
+    let dead = |fault: &Spoilt| match fault {
+        Spoilt::Dead(channel) => Some(Fault::Dead { channel: *channel }),
+        _ => None,
+    };
+    let trace = |fault: &Spoilt| {
+        // Only size tells it.
+        if *fault == Spoilt::Millimetres {
+            return f64::INFINITY;
+        }
+        let others = faults.iter().filter(|other| *other != fault);
+        let others: Vec<Fault> = others.filter_map(dead).collect();
+        let mended: Vec<&Fault> = others.iter().collect();
+        trace::contradiction(&Scene {
+            clean,
+            level,
+            faults: &[fault],
+            mended: &mended,
+        })
+    };
+    faults.iter().map(trace).collect()
+}
+
 fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
     let case = bench.name;
     let failed = |source| FaultsError::Trial {
@@ -226,8 +256,7 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
         })?
         .map_err(failed)?;
     let mut trial = clean.clone();
-    let mut spoilt: Vec<spoil::Spoilt> = Vec::new();
-    let mut trace = f64::INFINITY;
+    let mut spoilt: Vec<Spoilt> = Vec::new();
     let mut kinds = Vec::new();
     for _ in 0..TRIES[1] {
         // A kind that moves nothing here makes way for another one.
@@ -250,19 +279,25 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
         if !spoil::counts(&clean, &alone, level, &fault).map_err(failed)? {
             continue;
         }
-        if !fault.is_whole() {
-            trace = trace.min(trace::contradiction(&clean, level, &fault));
-        }
         fault.apply(&mut trial);
         spoilt.push(fault);
         left_out.push(kind);
     }
+    let trace = traces(&clean, level, &spoilt)
+        .into_iter()
+        .fold(f64::INFINITY, f64::min);
     let examined = trial.examine(level).map_err(failed)?;
     let said = match &examined {
         Ok(found) => outcome::said(found),
         Err(why) => vec![why.to_string()],
     };
     let found: Option<Findings> = examined.ok();
+    let mut outcome = outcome::outcome(&clean.setup, &spoilt, found.as_ref());
+    if let (Outcome::Tied, Some(found)) = (outcome, &found)
+        && outcome::tied_in_principle(&clean, level, &spoilt, found)
+    {
+        outcome = Outcome::Equal;
+    }
     Ok(Drawn {
         case,
         seed,
@@ -271,7 +306,7 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
             .map(|fault| fault.text(&trial.setup))
             .collect(),
         trace,
-        outcome: outcome::outcome(&clean.setup, &spoilt, found.as_ref()),
+        outcome,
         said,
     })
 }

@@ -1,9 +1,11 @@
 //! Findings compared with the faults that were put into a set-up.
 
 use super::Outcome;
-use super::spoil::{Spoilt, channels, places};
-use crate::detective::{Fault, Findings, Whole, WholeFault};
+use super::spoil::{G, Spoilt, channels, places};
+use super::trace::{self, Scene};
+use crate::detective::{Explanation, Fault, Findings, Whole, WholeFault};
 use crate::setup::Setup;
+use crate::study::trial::Trial;
 use nalgebra::Vector3;
 
 /// Findings in words.
@@ -26,6 +28,7 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
     };
     let mut told = vec![false; faults.len()];
     let (mut tied, mut sensor, mut wrong) = (false, false, false);
+    let mut asked = false;
     for suspect in &found.suspects {
         let hit = |fault: &Spoilt| {
             suspect
@@ -49,6 +52,7 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
     for (fault, told) in faults.iter().zip(&mut told) {
         if !*told && fault.is_told_by(&found.whole) {
             (*told, by_size) = (true, true);
+            asked |= *fault == Spoilt::InG;
         }
     }
     // What only asks accuses nobody, and positions far away are what they are.
@@ -58,7 +62,7 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
         match w.fault {
             WholeFault::PerhapsInG | WholeFault::NoUnit => false,
             WholeFault::Outlying => !faults.iter().any(position),
-            WholeFault::ReferencePoint => !faults.contains(&Spoilt::Whole(WholeFault::Millimetres)),
+            WholeFault::ReferencePoint => !faults.contains(&Spoilt::Millimetres),
             _ => !right,
         }
     };
@@ -68,6 +72,7 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
         Outcome::Wrong
     } else if count == faults.len() && count > 0 {
         match (by_size, tied) {
+            (true, _) if asked => Outcome::Asked,
             (true, _) => Outcome::BySize,
             (_, true) => Outcome::Tied,
             _ => Outcome::Named,
@@ -81,6 +86,35 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
     } else {
         Outcome::Silent
     }
+}
+
+/// `true` if, by exact data, all explanations of a tie mend the set-up alike, the others being mended as
+/// the first ones say.
+pub(super) fn tied_in_principle(
+    clean: &Trial,
+    level: f64,
+    faults: &[Spoilt],
+    found: &Findings,
+) -> bool {
+    let faults: Vec<&Spoilt> = faults.iter().collect();
+    let setup = &clean.setup;
+    let hits = |e: &Explanation| faults.iter().any(|fault| fault.is(setup, &e.fault));
+    let right: Vec<Option<&Explanation>> = (found.suspects.iter())
+        .map(|s| s.explanations.iter().find(|e| hits(e)))
+        .collect();
+    found.suspects.iter().enumerate().all(|(n, suspect)| {
+        suspect.explanations.iter().all(|e| {
+            let others = right.iter().enumerate().filter(|(other, _)| *other != n);
+            let others = others.filter_map(|(_, right)| right.map(|e| &e.fault));
+            let mended: Vec<&Fault> = others.chain([&e.fault]).collect();
+            trace::contradiction(&Scene {
+                clean,
+                level,
+                faults: &faults,
+                mended: &mended,
+            }) < trace::LIMIT
+        })
+    })
 }
 
 impl Spoilt {
@@ -113,6 +147,8 @@ impl Spoilt {
                     && found.source == truth.source
                     && (found.late - truth.late).abs() <= 0.5
                     && found.dead == truth.dead
+                    // A share that is found is good to two hundredths.
+                    && found.leaks.iter().all(|leak| leak.abs() < 0.02)
             })
     }
 
@@ -136,17 +172,21 @@ impl Spoilt {
                 late.iter().for_each(|&c| all[c].late += *samples as f64)
             }
             Self::Dead(c) => all[*c].dead = true,
-            Self::Whole(_) => {}
+            Self::CrossTalk([c, from], share) => all[*c].leaks[*from] += share,
+            Self::Reversed => all
+                .iter_mut()
+                .filter(|s| s.cell)
+                .for_each(|s| s.axis *= -1.0),
+            Self::InG => all.iter_mut().filter(|s| !s.cell).for_each(|s| s.axis /= G),
+            Self::Millimetres => all.iter_mut().for_each(|s| s.position *= 1000.0),
         }
     }
 
     fn is_told_by(&self, whole: &[Whole]) -> bool {
         let told = |fault: WholeFault| whole.iter().any(|w| w.fault == fault);
         match self {
-            Self::Whole(WholeFault::InG) => {
-                told(WholeFault::InG) || told(WholeFault::PerhapsInG) || told(WholeFault::NoUnit)
-            }
-            Self::Whole(fault) => told(*fault),
+            Self::InG => told(WholeFault::PerhapsInG) || told(WholeFault::NoUnit),
+            Self::Millimetres => told(WholeFault::Millimetres),
             Self::Position(place, _) => whole
                 .iter()
                 .any(|w| w.fault == WholeFault::Outlying && w.channels == *place),
@@ -165,11 +205,15 @@ struct State {
     source: usize,
     late: f64,
     dead: bool,
+    /// Shares of all channels that it carries.
+    leaks: Vec<f64>,
+    cell: bool,
 }
 
 fn states(setup: &Setup) -> Vec<State> {
-    channels(setup)
-        .into_iter()
+    let all = channels(setup);
+    let count = all.len();
+    all.into_iter()
         .enumerate()
         .map(|(source, at)| State {
             axis: at.direction,
@@ -177,6 +221,8 @@ fn states(setup: &Setup) -> Vec<State> {
             source,
             late: 0.0,
             dead: false,
+            leaks: vec![0.0; count],
+            cell: at.cell,
         })
         .collect()
 }
@@ -212,7 +258,14 @@ fn mend(all: &mut [State], fault: &Fault) {
             channels.iter().for_each(|&c| all[c].late -= samples);
         }
         Fault::Dead { channel } => all[*channel].dead = !all[*channel].dead,
-        // Nothing is mended by these.
-        Fault::CrossTalk { channel, .. } | Fault::Unlisted { channel } => all[*channel].late = 1e9,
+        Fault::CrossTalk {
+            channel,
+            from,
+            share,
+        } => all[*channel].leaks[*from] -= share,
+        Fault::Reversed { channels } => channels.iter().for_each(|&c| all[c].axis *= -1.0),
+        Fault::Unit { channels, factor } => channels.iter().for_each(|&c| all[c].axis /= *factor),
+        // Nothing is mended by it.
+        Fault::Unlisted { channel } => all[*channel].late = 1e9,
     }
 }

@@ -1,6 +1,5 @@
 //! Faults that are put into a set-up.
 
-use crate::detective::WholeFault;
 use crate::identification::estimates;
 use crate::setup::{Mount, Setup};
 use crate::study::chance::Chance;
@@ -28,6 +27,8 @@ pub enum Kind {
     Delayed,
     /// A channel has no signal.
     Dead,
+    /// A channel carries a share of another one of its kind.
+    CrossTalk,
     /// All load cells have the other sign.
     Reversed,
     /// All accelerations are in g.
@@ -45,7 +46,7 @@ impl Kind {
 }
 
 /// All kinds.
-pub const KINDS: [Kind; 11] = [
+pub const KINDS: [Kind; 12] = [
     Kind::Inverted,
     Kind::Swapped,
     Kind::UpsideDown,
@@ -54,6 +55,7 @@ pub const KINDS: [Kind; 11] = [
     Kind::PositionInMillimetres,
     Kind::Delayed,
     Kind::Dead,
+    Kind::CrossTalk,
     Kind::Reversed,
     Kind::InG,
     Kind::Millimetres,
@@ -72,11 +74,18 @@ pub(super) enum Spoilt {
     Position(Vec<usize>, [Vector3<f64>; 2]),
     Delayed(Vec<usize>, usize),
     Dead(usize),
-    Whole(WholeFault),
+    /// A channel, the one that it carries, and the share.
+    CrossTalk([usize; 2], f64),
+    /// All load cells have the other sign.
+    Reversed,
+    /// All accelerations are in g.
+    InG,
+    /// All positions are in millimetres.
+    Millimetres,
 }
 
 /// Standard acceleration of gravity, m/s².
-const G: f64 = 9.806_65;
+pub(super) const G: f64 = 9.806_65;
 
 /// Kind, position and direction of a channel of a set-up.
 pub(super) struct At {
@@ -112,7 +121,10 @@ fn name(setup: &Setup, channel: usize) -> &str {
     }
 }
 
-fn position_of(setup: &mut Setup, channel: usize) -> (&mut [f64; 3], &mut [f64; 3], &mut f64) {
+pub(super) fn position_of(
+    setup: &mut Setup,
+    channel: usize,
+) -> (&mut [f64; 3], &mut [f64; 3], &mut f64) {
     let sensors = setup.accelerometers.len();
     if channel < sensors {
         let a = &mut setup.accelerometers[channel];
@@ -211,9 +223,17 @@ pub(super) fn spoil(
             Spoilt::Delayed(late, chance.whole(1, 10))
         }
         Kind::Dead => Spoilt::Dead(any(chance)),
-        Kind::Reversed => Spoilt::Whole(WholeFault::Reversed),
-        Kind::InG => Spoilt::Whole(WholeFault::InG),
-        Kind::Millimetres => Spoilt::Whole(WholeFault::Millimetres),
+        Kind::CrossTalk => {
+            let pair = [any(chance), any(chance)];
+            let [a, b] = pair.map(|c| &all[c]);
+            if pair[0] == pair[1] || a.cell != b.cell || a.structure != b.structure {
+                return None;
+            }
+            Spoilt::CrossTalk(pair, chance.by_ratio(0.05, 0.15))
+        }
+        Kind::Reversed => Spoilt::Reversed,
+        Kind::InG => Spoilt::InG,
+        Kind::Millimetres => Spoilt::Millimetres,
     };
     let overlaps = |other: &Spoilt| {
         fault.is_whole()
@@ -231,7 +251,7 @@ pub(super) fn spoil(
 
 impl Spoilt {
     pub(super) fn is_whole(&self) -> bool {
-        matches!(self, Self::Whole(_))
+        matches!(self, Self::Reversed | Self::InG | Self::Millimetres)
     }
 
     /// Its channels; none where all sensors of a kind share it.
@@ -242,7 +262,8 @@ impl Spoilt {
             Self::Turned(place, _) | Self::Position(place, _) | Self::Delayed(place, _) => {
                 place.clone()
             }
-            Self::Whole(_) => Vec::new(),
+            Self::CrossTalk([c, _], _) => vec![*c],
+            Self::Reversed | Self::InG | Self::Millimetres => Vec::new(),
         }
     }
 
@@ -252,7 +273,8 @@ impl Spoilt {
             Self::Swapped([a, b]) => trial.exchange(*a, *b),
             Self::Dead(c) => trial.silence(*c),
             Self::Delayed(late, samples) => trial.delay(late, *samples),
-            Self::Whole(WholeFault::InG) => {
+            Self::CrossTalk([c, from], share) => trial.leak(*c, *from, *share as f32),
+            Self::InG => {
                 for c in 0..trial.setup.accelerometers.len() {
                     trial.record_in(c, G as f32);
                 }
@@ -279,10 +301,10 @@ impl Spoilt {
                     *position = (Vector3::from(*position) - truth + written).into();
                 }
             }
-            Self::Whole(WholeFault::Reversed) => {
+            Self::Reversed => {
                 setup.load_cells.iter_mut().for_each(|c| c.scale *= -1.0);
             }
-            Self::Whole(_) => {
+            Self::Millimetres => {
                 let count = channels(setup).len();
                 for c in 0..count {
                     position_of(setup, c)
@@ -292,7 +314,11 @@ impl Spoilt {
                 }
                 setup.reference_point.iter_mut().for_each(|x| *x *= 1000.0);
             }
-            Self::Swapped(_) | Self::Dead(_) | Self::Delayed(..) => {}
+            Self::Swapped(_)
+            | Self::Dead(_)
+            | Self::Delayed(..)
+            | Self::CrossTalk(..)
+            | Self::InG => {}
         }
     }
 
@@ -314,7 +340,15 @@ impl Spoilt {
             }
             Self::Delayed(late, samples) => format!("{} late by {samples}", list(late)),
             Self::Dead(c) => format!("{} dead", name(setup, *c)),
-            Self::Whole(whole) => whole.name().to_owned(),
+            Self::CrossTalk([c, from], share) => format!(
+                "{} carries {:.1} % of {}",
+                name(setup, *c),
+                100.0 * share,
+                name(setup, *from)
+            ),
+            Self::Reversed => "all load cells reversed".to_owned(),
+            Self::InG => "all accelerations in g".to_owned(),
+            Self::Millimetres => "all positions in mm".to_owned(),
         }
     }
 }

@@ -14,8 +14,10 @@ const DIM: Style = Style::new().dimmed();
 struct Counts {
     setups: usize,
     named: usize,
+    equal: usize,
     tied: usize,
     by_size: usize,
+    asked: usize,
     half: usize,
     sensor: usize,
     unnamed: usize,
@@ -28,8 +30,10 @@ impl Counts {
         self.setups += 1;
         let slot = match outcome {
             Outcome::Named => &mut self.named,
+            Outcome::Equal => &mut self.equal,
             Outcome::Tied => &mut self.tied,
             Outcome::BySize => &mut self.by_size,
+            Outcome::Asked => &mut self.asked,
             Outcome::Half => &mut self.half,
             Outcome::Sensor => &mut self.sensor,
             Outcome::Unnamed => &mut self.unnamed,
@@ -39,18 +43,25 @@ impl Counts {
         *slot += 1;
     }
 
+    /// Faults that are named, or told by size.
+    fn told(&self) -> usize {
+        self.named + self.equal + self.tied + self.by_size
+    }
+
     fn of<'d>(draws: impl Iterator<Item = &'d Drawn>) -> Self {
         let mut counts = Self::default();
         draws.for_each(|d| counts.add(d.outcome));
         counts
     }
 
-    fn all(&self) -> [usize; 9] {
+    fn all(&self) -> [usize; 11] {
         [
             self.setups,
             self.named,
+            self.equal,
             self.tied,
             self.by_size,
+            self.asked,
             self.half,
             self.sensor,
             self.unnamed,
@@ -60,16 +71,9 @@ impl Counts {
     }
 }
 
-const HEADS: [&str; 9] = [
-    "set-ups",
-    "named",
-    "in a tie",
-    "size/asked",
-    "half",
-    "sensor",
-    "unnamed",
-    "silent",
-    "wrongly",
+const HEADS: [&str; 11] = [
+    "set-ups", "named", "equal", "in a tie", "by size", "asked", "half", "sensor", "unnamed",
+    "silent", "wrongly",
 ];
 
 /// A row of the table.
@@ -117,8 +121,10 @@ impl<'f> Document<'f> {
     pub fn new(found: &'f Found) -> Self {
         let word = |outcome| match outcome {
             Outcome::Named => "named",
+            Outcome::Equal => "equal",
             Outcome::Tied => "tied",
             Outcome::BySize => "by-size",
+            Outcome::Asked => "asked",
             Outcome::Half => "half",
             Outcome::Sensor => "sensor",
             Outcome::Unnamed => "unnamed",
@@ -205,7 +211,7 @@ pub fn markdown(found: &Found) -> String {
             let _ = write!(text, " | {count}");
         }
         let hidden = &row.invisible;
-        let told = hidden.named + hidden.tied + hidden.by_size;
+        let told = hidden.told();
         let _ = writeln!(
             text,
             " | {} | {told} | {} | {} | {} |",
@@ -231,7 +237,7 @@ pub fn print(out: &mut dyn Write, found: &Found) -> Result<()> {
             write!(out, " {count:>8}")?;
         }
         let hidden = &row.invisible;
-        let told = hidden.named + hidden.tied + hidden.by_size;
+        let told = hidden.told();
         writeln!(
             out,
             "  {:>9}  {told:>4} {:>7}  {:>5} {:>7}",
@@ -239,7 +245,7 @@ pub fn print(out: &mut dyn Write, found: &Found) -> Result<()> {
         )?;
     }
     let missed = |d: &&Drawn| match d.outcome {
-        Outcome::Named | Outcome::Tied | Outcome::BySize => false,
+        Outcome::Named | Outcome::Equal | Outcome::Tied | Outcome::BySize => false,
         Outcome::Silent => !d.faults.is_empty(),
         _ => true,
     };

@@ -7,7 +7,8 @@
 //! squares that is left is the trace of the fault; without a fault it is zero. Nothing here is shared
 //! with the detective.
 
-use super::spoil::{At, Spoilt, channels};
+use super::spoil::{At, G, Spoilt, channels, position_of};
+use crate::detective::Fault;
 use crate::setup::Setup;
 use crate::simulate::{motion_row, mounting, responses};
 use crate::study::plans::tell::rows;
@@ -21,6 +22,12 @@ pub(super) const LIMIT: f64 = 30.0;
 
 /// Usual differences of sensors: gain; direction, rad; position, m.
 const DIFFERENCES: [f64; 3] = [0.005, 0.0087, 0.001];
+
+/// Variance of a reading that is taken for nothing, over the mean square of its kind.
+const FREED: f64 = 1e4;
+
+/// Relative difference from the weighed mass that is usual.
+const WEIGHED: f64 = 0.02;
 
 /// Rounding of what is solved for, relative.
 const ROUNDING: f64 = 1e-9;
@@ -54,23 +61,114 @@ fn exact(clean: &Trial, run: usize, frequency: f64) -> Vec<Complex<f64>> {
         .unwrap_or_default()
 }
 
-/// Sum of squares by which exact data contradict the set-up with a fault.
-pub(super) fn contradiction(clean: &Trial, level: f64, fault: &Spoilt) -> f64 {
+/// A set-up with faults, of which an explanation mends what it names.
+pub(super) struct Scene<'a> {
+    pub(super) clean: &'a Trial,
+    /// Noise, a share of each channel's RMS.
+    pub(super) level: f64,
+    pub(super) faults: &'a [&'a Spoilt],
+    pub(super) mended: &'a [&'a Fault],
+}
+
+/// Mends a set-up as an explanation says, as far as the fault lies there.
+fn mend(setup: &mut Setup, fault: &Fault) {
+    match fault {
+        Fault::Inverted { channel } => *position_of(setup, *channel).2 *= -1.0,
+        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } => {
+            *position_of(setup, *channel).2 /= factor;
+        }
+        Fault::Unit { channels, factor } => channels
+            .iter()
+            .for_each(|&c| *position_of(setup, c).2 /= factor),
+        Fault::Reversed { channels } => channels
+            .iter()
+            .for_each(|&c| *position_of(setup, c).2 *= -1.0),
+        Fault::Turned { place, rotation } => {
+            for &c in place {
+                let direction = position_of(setup, c).1;
+                *direction = (rotation * Vector3::from(*direction)).into();
+            }
+        }
+        Fault::Position {
+            place, position, ..
+        } => place
+            .iter()
+            .for_each(|&c| *position_of(setup, c).0 = (*position).into()),
+        Fault::PlacesExchanged { places: [a, b] } => {
+            let (here, there) = (*position_of(setup, a[0]).0, *position_of(setup, b[0]).0);
+            a.iter().for_each(|&c| *position_of(setup, c).0 = there);
+            b.iter().for_each(|&c| *position_of(setup, c).0 = here);
+        }
+        Fault::Swapped { .. }
+        | Fault::CrossTalk { .. }
+        | Fault::Delayed { .. }
+        | Fault::Dead { .. }
+        | Fault::Unlisted { .. } => {}
+    }
+}
+
+impl Scene<'_> {
+    /// Readings as they are recorded, and as the explanation takes them, of those of exact data; `turn` is the
+    /// phase of a sample.
+    fn readings(&self, y: &mut [Complex<f64>], turn: f64, accelerometers: usize) {
+        let late = |channels: &[usize], samples: f64, y: &mut [Complex<f64>]| {
+            let phase = Complex::from_polar(1.0, turn * samples);
+            channels.iter().for_each(|&c| y[c] *= phase);
+        };
+        for fault in self.faults {
+            match fault {
+                Spoilt::Swapped([a, b]) => y.swap(*a, *b),
+                Spoilt::Dead(c) => y[*c] = Complex::default(),
+                Spoilt::CrossTalk([c, from], share) => y[*c] = y[*c] + y[*from] * *share,
+                Spoilt::Delayed(channels, samples) => late(channels, *samples as f64, y),
+                Spoilt::InG => y[..accelerometers].iter_mut().for_each(|y| *y /= G),
+                _ => {}
+            }
+        }
+        for fault in self.mended {
+            match fault {
+                Fault::Swapped { channels: [a, b] } => y.swap(*a, *b),
+                Fault::CrossTalk {
+                    channel,
+                    from,
+                    share,
+                } => y[*channel] = y[*channel] - y[*from] * *share,
+                Fault::Delayed { channels, samples } => late(channels, -samples, y),
+                _ => {}
+            }
+        }
+    }
+
+    /// Channels whose readings the explanation takes for nothing.
+    fn freed(&self) -> Vec<usize> {
+        let of = |fault: &&&Fault| match fault {
+            Fault::Dead { channel } | Fault::Unlisted { channel } => Some(*channel),
+            _ => None,
+        };
+        self.mended.iter().filter_map(|f| of(&f)).collect()
+    }
+}
+
+/// Sum of squares by which exact data contradict a set-up.
+pub(super) fn contradiction(scene: &Scene<'_>) -> f64 {
+    let Scene {
+        clean,
+        level,
+        faults,
+        mended,
+    } = *scene;
     let model = clean.model();
     let m = &model.measurement;
     let [low, high] = m.averaging_band;
     // A delay shows most at the top of the band, and counts as its mean square there.
-    let (turn, frequency) = match fault {
-        Spoilt::Delayed(_, samples) => {
-            let late = *samples as f64 / m.sample_rate;
-            let rms = ((high.powi(3) - low.powi(3)) / (3.0 * (high - low))).sqrt();
-            (-std::f64::consts::TAU * rms * late, 0.5 * (low + high))
-        }
-        _ => (0.0, 0.5 * (low + high)),
-    };
+    let rms = ((high.powi(3) - low.powi(3)) / (3.0 * (high - low))).sqrt();
+    let turn = -std::f64::consts::TAU * rms / m.sample_rate;
+    let frequency = 0.5 * (low + high);
     let truth = true_setup(clean);
     let mut faulty = truth.clone();
-    fault.misstate(&mut faulty);
+    faults.iter().for_each(|fault| fault.misstate(&mut faulty));
+    mended.iter().for_each(|fault| mend(&mut faulty, fault));
+    let freed = scene.freed();
     let noise = clean.noise(level);
     let averaged = 0.45 / (m.duration * (high - low));
     let sensors = faulty.accelerometers.len();
@@ -86,14 +184,7 @@ pub(super) fn contradiction(clean: &Trial, level: f64, fault: &Spoilt) -> f64 {
     for (number, plan) in model.runs.iter().enumerate() {
         let carry = mounting(&plan.rotation, &plan.translation);
         let mut y = exact(clean, number, frequency);
-        match fault {
-            Spoilt::Swapped([a, b]) => y.swap(*a, *b),
-            Spoilt::Dead(c) => y[*c] = Complex::default(),
-            Spoilt::Delayed(late, _) => late
-                .iter()
-                .for_each(|&c| y[c] *= Complex::from_polar(1.0, turn)),
-            _ => {}
-        }
+        scene.readings(&mut y, turn, sensors);
         y.iter_mut().enumerate().for_each(|(c, y)| *y *= scale(c));
         let power = |cells: bool| {
             let mut sum = (0.0, 0.0);
@@ -120,7 +211,12 @@ pub(super) fn contradiction(clean: &Trial, level: f64, fault: &Spoilt) -> f64 {
                 } else {
                     0.0
                 };
-                own * own * averaged + gain * gain * y[c].norm_sqr() + turned + moved
+                let nothing = if freed.contains(&c) {
+                    FREED * levels[0]
+                } else {
+                    0.0
+                };
+                own * own * averaged + gain * gain * y[c].norm_sqr() + turned + moved + nothing
             };
             let v: Vec<f64> = (0..sensors).map(variance).collect();
             let a = DMatrix::from_fn(sensors, 6, |c, j| {
@@ -164,7 +260,12 @@ pub(super) fn contradiction(clean: &Trial, level: f64, fault: &Spoilt) -> f64 {
             let [gain, direction, shift] = DIFFERENCES;
             let v = own * own * averaged
                 + gain * gain * y[c].norm_sqr()
-                + direction * direction * levels[1];
+                + direction * direction * levels[1]
+                + if freed.contains(&c) {
+                    FREED * levels[1]
+                } else {
+                    0.0
+                };
             covariance += x.column(k) * x.column(k).transpose() * v;
             if quantity(c) == Some(Quantity::Force) {
                 for axis in 0..3 {
@@ -201,6 +302,12 @@ pub(super) fn contradiction(clean: &Trial, level: f64, fault: &Spoilt) -> f64 {
             }
         }
     }
+    if let Some(weighed) = clean.setup.known_mass {
+        let mut row = [0.0; 10];
+        row[0] = 1.0 / (WEIGHED * weighed);
+        design.push(row);
+        target.push(1.0 / WEIGHED);
+    }
     let lengths: [f64; 10] = std::array::from_fn(|p| {
         design
             .iter()
@@ -214,7 +321,16 @@ pub(super) fn contradiction(clean: &Trial, level: f64, fault: &Spoilt) -> f64 {
     let Ok(inverse) = design.clone().pseudo_inverse(1e-7) else {
         return 0.0;
     };
-    left + (&target - &design * (inverse * &target)).norm_squared()
+    let body = &inverse * &target;
+    // No mass and no moment of inertia is negative.
+    let projection = &inverse * &design;
+    let spread = &inverse * inverse.transpose();
+    let impossible = [0, 4, 5, 6].map(|p| match projection[(p, p)] > 1.0 - 1e-6 {
+        true => body[p].min(0.0).powi(2) / spread[(p, p)],
+        false => 0.0,
+    });
+    let impossible = impossible.into_iter().fold(0.0, f64::max);
+    left + (&target - &design * body).norm_squared() + impossible
 }
 
 /// The set-up as the sensors are.

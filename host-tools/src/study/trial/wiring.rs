@@ -21,6 +21,15 @@ impl Trial {
         }
     }
 
+    /// Adds a share of the readings of one sensor to those of another.
+    pub(in crate::study) fn leak(&mut self, sensor: usize, from: usize, share: f32) {
+        for run in &mut self.runs {
+            let other = run.sensors[from].clone();
+            let readings = run.sensors[sensor].iter_mut();
+            readings.zip(&other).for_each(|(x, y)| *x += share * y);
+        }
+    }
+
     /// Takes the signal of a sensor away; its noise stays.
     pub(in crate::study) fn silence(&mut self, sensor: usize) {
         self.runs
