@@ -18,6 +18,9 @@ use massline_core::geometry::Placement;
 /// quiet.
 const QUIET: f64 = 0.3;
 
+/// Size of the body over the median distance of the sensors from their middle: a standard deviation.
+const REACH: f64 = 4.0;
+
 /// Distance of a sensor from the middle over the median one, above which it is taken for a mistake.
 pub(super) const OUTLYING: f64 = 50.0;
 
@@ -305,6 +308,7 @@ impl Evidence {
             equations: equations(sensors, length),
             length,
             weighed: self.weighed,
+            reach: REACH * (length + middle(sensors).norm()),
         };
         (!bench.mountings.is_empty()).then_some((state, bench))
     }

@@ -72,7 +72,9 @@ pub enum Undecided {
 pub struct Explanation {
     /// The fault.
     pub fault: Fault,
-    /// The fault in words.
+    /// Other names of the same change: nothing that was recorded tells them apart.
+    pub same: Vec<Fault>,
+    /// The fault in words, with its other names.
     pub text: String,
     /// Lines of the set-up that mend it; empty where none do.
     pub repair: Vec<String>,
@@ -188,6 +190,7 @@ pub(crate) fn examine(
                 .iter()
                 .map(|candidate| Explanation {
                     fault: candidate.fault.clone(),
+                    same: candidate.same.clone(),
                     text: wording::texts(setup, &candidate.fault, &candidate.same),
                     repair: wording::repair(setup, &evidence, &candidate.fault),
                 })

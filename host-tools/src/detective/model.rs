@@ -36,6 +36,10 @@ const FREE: f64 = 1e-6;
 /// Mean square that a channel should have, over that of a place, from which it has a signal.
 const SIGNAL: f64 = 0.03;
 
+/// Load cells of one direction, its own not counted, from which most of them tell if one should have a
+/// signal.
+const ALIKE: f64 = 0.5;
+
 /// Mean square at a place, over the upper quartile of all, below which it rests.
 const RESTING: f64 = 0.01;
 
@@ -106,6 +110,8 @@ pub(super) struct Bench {
     pub(super) length: f64,
     /// Weighed mass, kg.
     pub(super) weighed: Option<f64>,
+    /// Distance from the origin within which the body lies, m: a standard deviation.
+    pub(super) reach: f64,
 }
 
 /// The ten derivatives of the mass matrix about the origin with respect to σ of equation (6).
@@ -199,7 +205,7 @@ impl Bench {
     }
 
     /// `true` if a channel should have a signal: an accelerometer by the motion, a load cell by most of
-    /// those that look the same way.
+    /// those that look the same way, or by the motion if it is the only one.
     pub(super) fn expects(
         &self,
         state: &State,
@@ -217,7 +223,16 @@ impl Bench {
                     loud += if quiet.contains(&i) { 0.0 } else { along };
                 }
             }
-            return all > 1.0 && 2.0 * loud > all;
+            if all > ALIKE {
+                return 2.0 * loud > all;
+            }
+            // The only one of its direction carries all of the force.
+            let d = sensor.direction;
+            return sensor.kind == Kind::Cell(Quantity::Force)
+                && motions.iter().any(|motion| {
+                    let all = motion.rows.rows(0, 3);
+                    (d.transpose() * all).norm_squared() > SIGNAL * all.norm_squared()
+                });
         }
         let mut posed = self.posed(state, 1.0).into_iter().zip(motions);
         posed.any(|(posed, motion)| {
@@ -294,7 +309,15 @@ impl Bench {
             .zip(motions)
             .map(|(posed, motion)| posed.balance(motion, &parts))
             .collect();
-        let rows = count * self.motions() + usize::from(self.weighed.is_some());
+        // A body of any inertia would explain moments by rotations that are noise.
+        let heaviest = balances.iter().map(|b| b.mass).fold(0.0, f64::max);
+        let reach = self.reach / self.length;
+        let priors: Vec<(usize, f64)> = (1..RIGID)
+            .map(|p| (p, heaviest * reach.powi(if p < 4 { 1 } else { 2 })))
+            .filter(|(_, size)| *size > 0.0)
+            .collect();
+        let equations = count * self.motions() + usize::from(self.weighed.is_some());
+        let rows = equations + priors.len();
         let mut body = [0.0; 10];
         let mut mass = Mass {
             value: 0.0,
@@ -315,6 +338,11 @@ impl Bench {
             if let Some(weighed) = self.weighed {
                 let error = WEIGHED * weighed;
                 (a[(at, 0)], b[at]) = (1.0 / error, weighed / error);
+                at += 1;
+            }
+            for &(p, size) in &priors {
+                a[(at, p)] = 1.0 / size;
+                at += 1;
             }
             // Columns of unit length: what no motion excites is left out.
             let lengths: Vec<f64> = a.column_iter().map(|c| c.norm()).collect();
@@ -352,7 +380,7 @@ impl Bench {
             // The diagonal of the mass matrix: mass, and the three moments of inertia.
             let impossible = [0, 4, 5, 6].map(negative).into_iter().fold(0.0, f64::max);
             chi2 = (b.norm_squared() - solution.dot(&right)).max(0.0) + impossible;
-            freedom = rows as f64 - f64::from(rank);
+            freedom = equations as f64 - f64::from(rank);
             for (p, value) in body.iter_mut().enumerate() {
                 *value = solution[p] * unit(p);
             }
@@ -372,6 +400,8 @@ struct Balance {
     noise: DMatrix<f64>,
     /// A column for each of the ten numbers.
     design: DMatrix<f64>,
+    /// Force over acceleration, kg: about the mass.
+    mass: f64,
 }
 
 impl Balance {
@@ -543,7 +573,12 @@ impl Posed<'_> {
             let part = DMatrix::from_fn(6, 6, |i, j| part[(i, j)]);
             design.set_column(p, &(&select * pile(&(part * &motion.rows))));
         }
+        let accelerations = motion.rows.rows(0, 3).norm();
         Balance {
+            mass: match accelerations > 0.0 {
+                true => resultants.rows(0, 3).norm() / accelerations,
+                false => 0.0,
+            },
             target: &select * pile(&resultants),
             noise,
             design,

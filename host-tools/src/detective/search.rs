@@ -10,6 +10,8 @@ use super::state::State;
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
 /// sharper limits.
 const TOLERANCES: [f64; 2] = [0.1, 1.0];
+/// Cross-talks whose share is fitted by more than one parabola.
+const REFINED: usize = 20;
 /// Hypotheses that are looked at again with the tolerance that fits.
 const SECOND: usize = 80;
 /// Sum of squares that a fault must explain, and its part that goes with the square of the tolerance.
@@ -18,6 +20,8 @@ const GAIN_OF: [f64; 2] = [15.0, 25.0];
 const AT_LEAST: f64 = 6.0;
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
+/// Factor that leaves nothing of a reading.
+const SILENCE: f64 = 1e6;
 /// Usual cross-talk of a sensor, a share of the other channel.
 const CROSS_TALK: f64 = 0.1;
 /// Faults with which the search for a pair begins, and how many of them may concern one channel.
@@ -301,7 +305,12 @@ fn fitted(
             });
         }
     }
-    let mut cross = Vec::new();
+    let mut cross: Vec<(f64, [usize; 2], f64)> = Vec::new();
+    let of = |[channel, from]: [usize; 2], share: f64| Fault::CrossTalk {
+        channel,
+        from,
+        share,
+    };
     for &channel in &live {
         for &from in &live {
             let silent = [channel, from].iter().any(|c| quiet.contains(c));
@@ -309,23 +318,30 @@ fn fitted(
             {
                 continue;
             }
-            let of = |share: f64| Fault::CrossTalk {
-                channel,
-                from,
-                share,
-            };
-            // The first parabola tells whether it is worth going on.
-            let (Some(a), Some(b), Some(c)) = (chi2(&of(-0.05)), chi2(&of(0.0)), chi2(&of(0.05)))
-            else {
+            let pair = [channel, from];
+            // The first parabola tells if it is worth going on.
+            let first = [-0.05, 0.0, 0.05].map(|share| chi2(&of(pair, share)));
+            let [Some(a), Some(b), Some(c)] = first else {
                 continue;
             };
             let curvature = a + c - 2.0 * b;
             let x = 0.05 * 0.5 * (a - c) / curvature;
             if curvature > 0.0 && x.abs() > SMALLEST.1 && x.abs() < 0.5 {
-                cross.push(of(x));
+                cross.push(((a - c).powi(2) / (8.0 * curvature), pair, x));
             }
         }
     }
+    // Those that explain most get their share to the last digit.
+    cross.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (_, pair, share) in cross.iter_mut().take(REFINED) {
+        if let Some(x) = lowest(&|x| chi2(&of(*pair, x)), *share, 0.01) {
+            *share = x;
+        }
+    }
+    let cross: Vec<Fault> = cross
+        .iter()
+        .map(|(_, pair, share)| of(*pair, *share))
+        .collect();
     let class = cross.len().max(class * 4);
     all.extend(cross.into_iter().map(|fault| Hypothesis {
         fault,
@@ -401,6 +417,19 @@ fn first(
     let mut hypotheses = fixed(state, quiet, bench.weighed.is_some());
     let motion = bench.motion(state, 1.0)?;
     hypotheses.extend(fitted(bench, state, quiet, 1.0, &motion));
+    let silent = |channel: usize| {
+        let factor = SILENCE;
+        Some(mended(bench, state, &Fault::Gain { channel, factor }, 1.0, &motion)?.chi2)
+    };
+    let silent: Vec<Option<f64>> = (0..state.sensors.len()).map(silent).collect();
+    hypotheses.retain(|h| match h.fault {
+        Fault::Factor { channel, factor } | Fault::Gain { channel, factor } if factor > 1.0 => {
+            let left = mended(bench, state, &h.fault, 1.0, &motion).map(|left| left.chi2);
+            // A reading that may as well be nothing was not multiplied.
+            matches!((left, silent[channel]), (Some(left), Some(silent)) if silent > left + TIE)
+        }
+        _ => true,
+    });
     let ranked = ranked(bench, state, &hypotheses, 1.0);
     Some((hypotheses, ranked))
 }

@@ -30,15 +30,12 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
     let (mut tied, mut sensor, mut wrong) = (false, false, false);
     let mut asked = false;
     for suspect in &found.suspects {
-        let hit = |fault: &Spoilt| {
-            suspect
-                .explanations
-                .iter()
-                .any(|e| fault.is(setup, &e.fault))
-        };
+        let hit = |fault: &Spoilt| suspect.explanations.iter().any(|e| fault.is_said(setup, e));
         if let Some(number) = faults.iter().position(hit) {
+            let fault = &faults[number];
             told[number] = true;
-            tied |= suspect.explanations.len() > 1;
+            let all = &suspect.explanations;
+            tied |= all.len() > 1 || !all.iter().any(|e| fault.is(setup, &e.fault));
             continue;
         }
         let vague = suspect.explanations.iter().any(|e| match &e.fault {
@@ -98,7 +95,7 @@ pub(super) fn tied_in_principle(
 ) -> bool {
     let faults: Vec<&Spoilt> = faults.iter().collect();
     let setup = &clean.setup;
-    let hits = |e: &Explanation| faults.iter().any(|fault| fault.is(setup, &e.fault));
+    let hits = |e: &Explanation| faults.iter().any(|fault| fault.is_said(setup, e));
     let right: Vec<Option<&Explanation>> = (found.suspects.iter())
         .map(|s| s.explanations.iter().find(|e| hits(e)))
         .collect();
@@ -118,6 +115,12 @@ pub(super) fn tied_in_principle(
 }
 
 impl Spoilt {
+    /// `true` if one name of an explanation is this fault.
+    fn is_said(&self, setup: &Setup, explanation: &Explanation) -> bool {
+        let mut names = std::iter::once(&explanation.fault).chain(&explanation.same);
+        names.any(|found| self.is(setup, found))
+    }
+
     /// `true` if the repair of an explanation takes this fault away and changes nothing else.
     fn is(&self, setup: &Setup, found: &Fault) -> bool {
         let clean = states(setup);
@@ -126,6 +129,10 @@ impl Spoilt {
         mend(&mut state, found);
         let places = places(setup);
         let alone = |c: usize| places.iter().any(|place| place.as_slice() == [c]);
+        let leak = match self {
+            Self::CrossTalk(_, share) => *share,
+            _ => 0.0,
+        };
         let off = match self {
             Self::Position(_, [written, truth]) => (written - truth).norm(),
             _ => 0.0,
@@ -147,8 +154,8 @@ impl Spoilt {
                     && found.source == truth.source
                     && (found.late - truth.late).abs() <= 0.5
                     && found.dead == truth.dead
-                    // A share that is found is good to two hundredths.
-                    && found.leaks.iter().all(|leak| leak.abs() < 0.02)
+                    // A share that is found is good to two hundredths, or a quarter.
+                    && found.leaks.iter().all(|left| left.abs() < (0.25 * leak).max(0.02))
             })
     }
 
