@@ -3,7 +3,7 @@
 use super::progress::reading;
 use super::{Failure, print_json, print_line};
 use crate::commands::Verbosity;
-use crate::detective::{Findings, Suspect, WholeFault};
+use crate::detective::{Axis, Findings, Suspect, WholeFault, foresee};
 use crate::identification::{ExamineError, Session};
 use crate::setup::Setup;
 use std::path::PathBuf;
@@ -11,11 +11,18 @@ use std::path::PathBuf;
 /// Examine the sensors: which of them the recordings contradict, and how to mend the setup
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline check setup.toml\n  massline check setup.toml --json | jq .suspects\n\nExit code 1: the recordings contradict the setup, and the sensor is named."
+    after_help = "Examples:\n  massline check setup.toml\n  massline check setup.toml --json | jq .suspects\n  massline check setup.toml --plan --axes z\n\nExit code 1: the recordings contradict the setup, and the sensor is named."
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
+    /// Before the test: no recording is read, and faults are listed that the runs would not show
+    #[arg(long)]
+    plan: bool,
+    /// Axes along or about which the runs shake the table, with --plan
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "AXES", requires = "plan",
+        default_values_t = [Axis::X, Axis::Y, Axis::Z, Axis::Rx, Axis::Ry, Axis::Rz])]
+    axes: Vec<Axis>,
     /// One JSON document on stdout and nothing else
     #[arg(long)]
     json: bool,
@@ -27,6 +34,9 @@ pub struct Arguments {
 /// [`Failure`] with the reason.
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let setup = Setup::read(&arguments.setup)?;
+    if arguments.plan {
+        return plan(&setup, arguments);
+    }
     let mut session = Session::new(&setup);
     let findings = reading(verbosity, |progress| Ok(session.examine(progress)?))?;
     if arguments.json {
@@ -43,6 +53,27 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         code: 1,
         message: "the recordings contradict the setup".to_owned(),
     })
+}
+
+/// Faults that the runs would not show.
+fn plan(setup: &Setup, arguments: &Arguments) -> Result<(), Failure> {
+    let untold = foresee(setup, &arguments.axes).map_err(|why| Failure::because(1, why))?;
+    if arguments.json {
+        return print_json(&serde_json::json!({
+            "schema": "massline/check-plan/1",
+            "untold": untold,
+        }));
+    }
+    if untold.is_empty() {
+        return print_line(
+            "these runs would show every wrong sign, every exchanged channel and every wrong position",
+        );
+    }
+    print_line("a mistake in one of these would show nowhere in these runs:")?;
+    for line in &untold {
+        print_line(&format!("  {line}"))?;
+    }
+    Ok(())
 }
 
 impl From<ExamineError> for Failure {

@@ -7,7 +7,7 @@ use super::{
     Failure, check, compare, details, fitted, print_json, print_numbers, refuse, true_body, warn,
 };
 use crate::commands::Verbosity;
-use crate::detective::Findings;
+use crate::detective::{self, Findings};
 use crate::identification::{Answer, Choice, LIKELIHOOD, Session, WARNED};
 use crate::output::{self, Existing};
 use crate::report;
@@ -222,7 +222,10 @@ pub(super) fn with_progress(
         let doubtful = answer.refused.is_some()
             || answer
                 .consistency
-                .is_some_and(|test| test.probability < WARNED);
+                .is_some_and(|test| test.probability < WARNED)
+            // Sensors on the structure bend these methods, and no test of the balance tells.
+            || !answer.method.interface_only()
+            || detective::is_doubtful(setup, answer.identification.mass.map(|m| m.value));
         // What cannot be examined has been answered all the same.
         let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
         let findings = findings.filter(|findings| !findings.clean());

@@ -63,7 +63,7 @@ impl Evidence {
         let mut sum = 0.0;
         for ((mounted, lines), &most) in self.mountings.iter().zip(all).zip(motions) {
             let gauge = Gauge::of_at_most(lines, &self.moving(mounted), most)?;
-            let regression = Regression::new(lines, &gauge, mounted.runs)?;
+            let regression = Regression::new(lines, &gauge, mounted.equations)?;
             for i in self.live() {
                 let fit = regression.fit(i, self.terms(i), 0.0)?;
                 sum += fit.unexplained.max(1e-12).ln();
@@ -84,7 +84,7 @@ impl Evidence {
         let regressions: Vec<Regression<'_>> = loud
             .iter()
             .zip(&gauges)
-            .map(|(m, gauge)| Regression::new(&m.lines, gauge, m.runs))
+            .map(|(m, gauge)| Regression::new(&m.lines, gauge, m.equations))
             .collect::<Option<_>>()?;
         let left = |halves: i32| -> Option<f64> {
             let phase = f64::from(halves) * 0.5 * self.sample;
@@ -124,6 +124,9 @@ impl Evidence {
 
     /// The delay that explains most.
     fn latest(&self) -> Option<(Vec<usize>, f64)> {
+        if self.sample <= 0.0 {
+            return None;
+        }
         let now = self.all_earlier(&[], 0.0);
         let mut groups: Vec<Vec<usize>> = self.live().map(|i| vec![i]).collect();
         groups.extend(places(&self.sensors, &|i| !self.quiet.contains(&i)));

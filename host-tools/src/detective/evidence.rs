@@ -1,7 +1,7 @@
 //! From a measurement to the detective's evidence: sensors in the table's frame, products of all
 //! channels at the low lines, rows.
 
-use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
+use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 
 use super::hypothesis::outlying;
 use super::model::{Bench, Mounting, equations};
@@ -27,22 +27,22 @@ pub(super) const OUTLYING: f64 = 50.0;
 /// The runs in which the specimen is mounted in one way.
 pub(super) struct Mounted {
     pub(super) lines: Vec<Line>,
-    /// Complex equations of a line.
-    pub(super) runs: usize,
+    /// Real equations of a channel in all lines.
+    pub(super) equations: usize,
     /// Channels without a signal in these runs, which are no part of the motion.
     pub(super) quiet: Vec<usize>,
     /// From the specimen's frame, in which the set-up has the structure's sensors, to the table's.
-    rotation: Matrix3<f64>,
-    translation: Vector3<f64>,
+    pub(super) rotation: Matrix3<f64>,
+    pub(super) translation: Vector3<f64>,
 }
 
-/// All that is known of a set-up's random runs.
+/// All that is known of a set-up's runs.
 pub(super) struct Evidence {
     pub(super) sensors: Vec<Sensor>,
     pub(super) mountings: Vec<Mounted>,
     /// Channels without a signal in any run.
     pub(super) quiet: Vec<usize>,
-    /// Phase of one sample at the highest line, rad.
+    /// Phase of one sample at the highest line, rad; 0 without a random run, where nothing is late.
     pub(super) sample: f64,
     /// Weighed mass, kg.
     pub(super) weighed: Option<f64>,
@@ -51,7 +51,7 @@ pub(super) struct Evidence {
 }
 
 /// The sensors as a setup has them.
-fn sensors(setup: &Setup) -> Vec<Sensor> {
+pub(super) fn sensors(setup: &Setup) -> Vec<Sensor> {
     let motion = setup.accelerometers.iter().map(|a| Sensor {
         channel: a.channel.clone(),
         kind: match a.mount {
@@ -113,8 +113,193 @@ fn coherence_of(lines: &[Line], n: usize) -> Vec<f64> {
         .collect()
 }
 
+/// A way in which the specimen is mounted, with the indices of its runs among the measured ones of their kind.
+struct Way {
+    rotation: [f64; 3],
+    translation: [f64; 3],
+    random: Vec<usize>,
+    sines: Vec<usize>,
+    poses: Vec<usize>,
+}
+
+fn ways(setup: &Setup, measurement: &Measurement) -> Vec<Way> {
+    let mut ways: Vec<Way> = Vec::new();
+    let mut counts = [0; 2];
+    for (number, run) in setup.runs.iter().enumerate() {
+        let of = |w: &Way| (w.rotation, w.translation) == (run.rotation, run.translation);
+        let at = ways.iter().position(of).unwrap_or(ways.len());
+        if at == ways.len() {
+            ways.push(Way {
+                rotation: run.rotation,
+                translation: run.translation,
+                random: Vec::new(),
+                sines: Vec::new(),
+                poses: Vec::new(),
+            });
+        }
+        let way = &mut ways[at];
+        let (count, list) = match run.excitation {
+            // With several drives one run of the set-up is several of the measurement.
+            Excitation::Random => {
+                let measured = measurement.runs.iter().enumerate();
+                let of = measured.filter(|(_, m)| m.number == number);
+                way.random.extend(of.map(|(index, _)| index));
+                continue;
+            }
+            Excitation::Sine => (&mut counts[0], &mut way.sines),
+            Excitation::Static => (&mut counts[1], &mut way.poses),
+        };
+        list.push(*count);
+        *count += 1;
+    }
+    ways
+}
+
+/// Sums of the runs of one mounting.
+struct Sums {
+    lines: Vec<Line>,
+    /// Real equations of a channel.
+    equations: usize,
+    /// Channels without a signal.
+    quiet: Vec<usize>,
+}
+
+/// The runs of a measurement, with the readings of all channels.
+struct Runs<'a> {
+    measurement: &'a Measurement,
+    channels: &'a Channels,
+    /// SI per recorded unit, channel by channel.
+    scales: Vec<f64>,
+}
+
+impl Runs<'_> {
+    /// The highest frequency that is looked at, Hz.
+    fn highest(&self) -> f64 {
+        let band = self.measurement.band.indices();
+        let random = self
+            .measurement
+            .grid
+            .map(|grid| grid.frequency(band.end.saturating_sub(1)));
+        let sines = self.measurement.sines.iter();
+        let sines = sines.filter_map(|run| run.frequencies[run.band.indices()].last().copied());
+        sines.chain(random).fold(f64::MIN_POSITIVE, f64::max)
+    }
+
+    /// Sums of random and stepped sine runs.
+    fn moving(&self, way: &Way, highest: f64) -> Option<Sums> {
+        let n = self.scales.len();
+        let mut lines: Vec<Line> = Vec::new();
+        let mut equations = 0;
+        let mut best = vec![0.0_f64; n];
+        let mut driven = !way.random.is_empty();
+        let mut add = |frequency: f64, products: DMatrix<Complex<f64>>| match lines
+            .iter_mut()
+            .find(|line| line.frequency == frequency)
+        {
+            Some(line) => line.products += products,
+            None => lines.push(Line {
+                frequency,
+                products,
+            }),
+        };
+        let band = self.measurement.band.indices();
+        let runs = way.random.iter().filter_map(|&number| {
+            Some((
+                number,
+                self.measurement.grid?,
+                self.measurement.runs.get(number)?,
+            ))
+        });
+        for (number, grid, run) in runs {
+            equations += 2 * band.len() * self.channels.equations(number, run.blocks);
+            for k in band.clone() {
+                let products = self.channels.products(number, k);
+                let scaled = DMatrix::from_fn(n, n, |i, j| {
+                    products[(i, j)] * Complex::new(self.scales[i] * self.scales[j], 0.0)
+                });
+                add(grid.frequency(k) / highest, scaled);
+            }
+            match self.channels.coherence(number, band.clone()) {
+                Some(found) => {
+                    for (best, found) in best.iter_mut().zip(found) {
+                        *best = best.max(found);
+                    }
+                }
+                None => driven = false,
+            }
+        }
+        for run in way
+            .sines
+            .iter()
+            .filter_map(|&n| self.measurement.sines.get(n))
+        {
+            driven = false;
+            for k in run.band.indices() {
+                equations += 2;
+                let x = DVector::from_fn(n, |i, _| {
+                    run.readings[k][i] * Complex::new(self.scales[i], 0.0)
+                });
+                add(run.frequencies[k] / highest, &x * x.adjoint());
+            }
+        }
+        if lines.is_empty() {
+            return None;
+        }
+        if !driven {
+            best = coherence(&lines, (equations / 2).div_ceil(lines.len()));
+        }
+        let silent = |i: usize| lines.iter().all(|line| line.products[(i, i)].re <= 0.0);
+        let quiet = (0..n).filter(|&i| best[i] < QUIET || silent(i)).collect();
+        Some(Sums {
+            lines,
+            equations,
+            quiet,
+        })
+    }
+
+    /// Sums of static poses, each against the mean of its run: offsets of the sensors are no signal.
+    fn still(&self, way: &Way) -> Option<Sums> {
+        let n = self.scales.len();
+        let mut products = DMatrix::zeros(n, n);
+        let mut equations = 0;
+        for run in way
+            .poses
+            .iter()
+            .filter_map(|&n| self.measurement.poses.get(n))
+        {
+            let rows: Vec<DVector<f64>> = (run.readings.iter())
+                .map(|row| DVector::from_fn(n, |i, _| f64::from(row[i]) * self.scales[i]))
+                .collect();
+            let mean = rows.iter().sum::<DVector<f64>>() / rows.len().max(1) as f64;
+            equations += rows.len().saturating_sub(1);
+            for row in rows {
+                let x = (row - &mean).map(|x| Complex::new(x, 0.0));
+                products += &x * x.adjoint();
+            }
+        }
+        if equations == 0 {
+            return None;
+        }
+        let lines = vec![Line {
+            frequency: 0.0,
+            products,
+        }];
+        let best = coherence(&lines, equations);
+        // As many channels as poses explain each other by chance.
+        let enough = equations > 2 * n;
+        let silent = |i: usize| lines[0].products[(i, i)].re <= 0.0;
+        Some(Sums {
+            quiet: (0..n)
+                .filter(|&i| silent(i) || (enough && best[i] < QUIET))
+                .collect(),
+            lines,
+            equations,
+        })
+    }
+}
+
 impl Evidence {
-    /// The evidence of the random runs.
+    /// The evidence of all runs.
     ///
     /// # Errors
     /// [`Undecided`].
@@ -123,26 +308,6 @@ impl Evidence {
         measurement: &Measurement,
         channels: &Channels,
     ) -> Result<Self, Undecided> {
-        let mut ways: Vec<([f64; 3], [f64; 3], Vec<usize>)> = Vec::new();
-        for (index, measured) in measurement.runs.iter().enumerate() {
-            let run = &setup.runs[measured.number];
-            if run.excitation != Excitation::Random {
-                continue;
-            }
-            match ways
-                .iter_mut()
-                .find(|w| (w.0, w.1) == (run.rotation, run.translation))
-            {
-                Some(way) => way.2.push(index),
-                None => ways.push((run.rotation, run.translation, vec![index])),
-            }
-        }
-        let grid = measurement.grid.ok_or(Undecided::NoRandomRun)?;
-        let band = measurement.band.indices();
-        let highest = grid.frequency(band.end.saturating_sub(1));
-        let settings = measurement.runs.first().map(|run| *run.settings());
-        let length = settings.map_or(1, |settings| settings.block_length());
-        let rate = grid.spacing * length as f64;
         let scales: Vec<f64> = setup
             .accelerometers
             .iter()
@@ -150,60 +315,65 @@ impl Evidence {
             .chain(setup.load_cells.iter().map(|c| c.scale))
             .collect();
         let n = scales.len();
+        let runs = Runs {
+            measurement,
+            channels,
+            scales,
+        };
+        let highest = runs.highest();
         let mut mountings = Vec::new();
-        for (rotation, translation, indices) in ways {
-            let translation = Vector3::from(translation);
-            let rotation = Placement::new(Vector3::from(rotation), translation)
+        for way in ways(setup, measurement) {
+            let translation = Vector3::from(way.translation);
+            let rotation = Placement::new(Vector3::from(way.rotation), translation)
                 .map_err(|_| Undecided::Placement)?
                 .rotation();
-            let mut lines: Vec<Line> = band
-                .clone()
-                .map(|k| Line {
-                    frequency: grid.frequency(k) / highest,
-                    products: DMatrix::zeros(n, n),
-                })
-                .collect();
-            let mut best = vec![0.0_f64; n];
-            let mut runs = 0;
-            let mut driven = false;
-            for &index in &indices {
-                runs += channels.equations(index, measurement.runs[index].blocks);
-                for (line, k) in lines.iter_mut().zip(band.clone()) {
-                    let products = channels.products(index, k);
-                    line.products += DMatrix::from_fn(n, n, |i, j| {
-                        products[(i, j)] * Complex::new(scales[i] * scales[j], 0.0)
-                    });
-                }
-                if let Some(found) = channels.coherence(index, band.clone()) {
-                    driven = true;
-                    for (best, found) in best.iter_mut().zip(found) {
-                        *best = best.max(found);
-                    }
-                }
-            }
-            if !driven {
-                best = coherence(&lines, runs);
-            }
-            let silent = |i: usize| lines.iter().all(|line| line.products[(i, i)].re <= 0.0);
-            let quiet = (0..n).filter(|&i| best[i] < QUIET || silent(i)).collect();
-            mountings.push(Mounted {
-                lines,
-                runs,
-                quiet,
+            let moving = [runs.moving(&way, highest), runs.still(&way)];
+            mountings.extend(moving.into_iter().flatten().map(|sums| Mounted {
+                lines: sums.lines,
+                equations: sums.equations,
+                quiet: sums.quiet,
                 rotation,
                 translation,
-            });
+            }));
         }
+        if mountings.is_empty() {
+            return Err(Undecided::NoRun);
+        }
+        // Only random runs have samples.
+        let settings = measurement.runs.first().map(|run| *run.settings());
+        let sample = match (measurement.grid, settings) {
+            (Some(grid), Some(settings)) => {
+                let rate = grid.spacing * settings.block_length() as f64;
+                std::f64::consts::TAU * highest / rate
+            }
+            _ => 0.0,
+        };
         let quiet = |i: &usize| mountings.iter().all(|m: &Mounted| m.quiet.contains(i));
         Ok(Self {
             sensors: sensors(setup),
             quiet: (0..n).filter(quiet).collect(),
             mountings,
-            sample: std::f64::consts::TAU * highest / rate,
+            sample,
             weighed: setup.known_mass,
             delays: Vec::new(),
         }
         .without_delays())
+    }
+
+    /// Sums that were made elsewhere, of which no channel is late.
+    pub(super) fn of_mountings(
+        sensors: Vec<Sensor>,
+        mountings: Vec<Mounted>,
+        weighed: Option<f64>,
+    ) -> Self {
+        Self {
+            sensors,
+            mountings,
+            quiet: Vec::new(),
+            sample: 0.0,
+            weighed,
+            delays: Vec::new(),
+        }
     }
 
     #[cfg(test)]
@@ -211,8 +381,8 @@ impl Evidence {
         Self {
             sensors,
             mountings: vec![Mounted {
+                equations: 2 * runs * lines.len(),
                 lines,
-                runs,
                 quiet: Vec::new(),
                 rotation: Matrix3::identity(),
                 translation: Vector3::zeros(),
@@ -272,7 +442,7 @@ impl Evidence {
             .filter(|i| sensors[*i].kind == Kind::Interface && !quiet.contains(i))
             .collect();
         let gauge = Gauge::of(&lines, &moving)?;
-        let regression = Regression::new(&lines, &gauge, mounted.runs)?;
+        let regression = Regression::new(&lines, &gauge, mounted.equations)?;
         let row = |i: usize, constant: bool| {
             let terms = if constant { 1 } else { 3 };
             regression.fit(i, terms, 0.0).map(|fit| fit.row)
@@ -288,7 +458,11 @@ impl Evidence {
 
     /// The rows of all mountings in which something moves, and what does not change with a
     /// hypothesis.
-    fn state(&self, sensors: &[Sensor], exchanged: &[[usize; 2]]) -> Option<(State, Bench)> {
+    pub(super) fn state(
+        &self,
+        sensors: &[Sensor],
+        exchanged: &[[usize; 2]],
+    ) -> Option<(State, Bench)> {
         let length = spread(sensors);
         let (mut all, mut mountings) = (Vec::new(), Vec::new());
         for mounted in &self.mountings {
@@ -332,7 +506,9 @@ impl Evidence {
         }
         let (state, bench) = self.state(&sensors, &[]).ok_or(Undecided::NoInterface)?;
         let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
-        let mut found = search(&bench, &state, &self.quiet, &anew).ok_or(Undecided::NoMotion)?;
+        let before = outlying.len() + self.delays.len();
+        let mut found =
+            search(&bench, &state, &self.quiet, &anew, before).ok_or(Undecided::NoMotion)?;
         for fault in outlying {
             found.named.insert(0, vec![found.certain(fault)]);
         }

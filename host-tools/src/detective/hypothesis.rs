@@ -117,7 +117,12 @@ pub(super) struct Hypothesis {
     pub(super) fault: Fault,
     pub(super) free: usize,
     pub(super) class: usize,
+    /// Sum of squares that it has to explain besides.
+    pub(super) doubt: f64,
 }
+
+/// Distance from which a position is wrong, m.
+pub(super) const SHORTEST: f64 = 0.010;
 
 /// Factors between units that people mix up.
 pub(super) const FACTORS: [f64; 10] = [
@@ -221,6 +226,7 @@ pub(super) fn fixed(state: &State, quiet: &[usize], weighed: bool) -> Vec<Hypoth
             fault,
             free: 0,
             class,
+            doubt: 0.0,
         }));
     };
     class(
@@ -337,7 +343,7 @@ fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
         let outside =
             |p: &Vector3<f64>| (0..3).any(|i| p[i] < low[i] - margin || p[i] > high[i] + margin);
         let mut add = |position: Vector3<f64>, mistake| {
-            if (position - here).norm() > 1e-6 {
+            if (position - here).norm() > SHORTEST {
                 all.push(Fault::Position {
                     place: place.clone(),
                     position,

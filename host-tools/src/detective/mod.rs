@@ -16,12 +16,14 @@
 //! | `model` | contradiction of the rows with one rigid interface and one rigid body |
 //! | `hypothesis` | faults as changes of rows and sensors |
 //! | `search` | the faults that explain the contradiction |
+//! | `plan` | faults that a test cannot show, from the set-up alone |
 //! | `whole` | what is wrong with all sensors together |
 //! | `wording` | faults in words, and as lines of the set-up |
 //!
 //! # Limits
 //!
-//! * Nothing is found without accelerometers on the interface, or without a random run.
+//! * Nothing is found without accelerometers on the interface.
+//! * Delays are found in random runs only.
 //! * With translations only, positions and exchanges of parallel channels leave no trace.
 //! * Two load cells on one line of action cannot be told apart.
 //! * A common gain of all sensors, a mirrored set-up and positions that are all in millimetres
@@ -31,6 +33,7 @@ mod delay;
 mod evidence;
 mod hypothesis;
 mod model;
+mod plan;
 mod search;
 mod sensor;
 mod state;
@@ -41,6 +44,8 @@ mod whole;
 mod wording;
 
 pub use hypothesis::{Fault, Mistake};
+pub use plan::{Axis, foresee};
+pub(crate) use whole::is_doubtful;
 pub use whole::{Whole, WholeFault};
 
 use crate::measure::{Channels, Measurement};
@@ -51,9 +56,11 @@ use search::CONTRADICTS;
 /// Reason why nothing can be said of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Undecided {
-    /// No random run.
-    #[error("the sensors were not examined: that takes a run with `excitation = \"random\"`")]
-    NoRandomRun,
+    /// No run that is long enough.
+    #[error(
+        "the sensors were not examined: that takes a random run, a stepped sine with lines in `averaging_band`, or static poses"
+    )]
+    NoRun,
     /// No accelerometers that span the motion.
     #[error(
         "the sensors were not examined: that takes accelerometers with `mount = \"interface\"` that move"

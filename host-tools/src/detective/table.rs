@@ -11,10 +11,10 @@
 
 use nalgebra::{Complex, DMatrix, DVector};
 
-/// Products of all channels at one low line, summed over the runs.
+/// Products of all channels at one low line, summed over the runs; those of static poses are at 0 Hz.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
-    /// Angular frequency over that of the highest line.
+    /// Frequency over that of the highest line.
     pub(super) frequency: f64,
     /// `Σ x x*` in SI, channels in the order of the sensors.
     pub(super) products: DMatrix<Complex<f64>>,
@@ -109,13 +109,19 @@ pub(super) struct Regression<'a> {
     motions: Vec<DMatrix<f64>>,
     /// Cholesky factor of the mean product of the motions: unit RMS.
     unit: DMatrix<f64>,
-    /// Real equations of a line: two a run.
+    /// Real equations of a channel.
     equations: f64,
+    /// Terms of the series that the lines tell apart.
+    terms: usize,
 }
 
 impl<'a> Regression<'a> {
-    pub(super) fn new(lines: &'a [Line], gauge: &'a Gauge, runs: usize) -> Option<Self> {
+    /// The sums over lines that hold so many real equations of a channel.
+    pub(super) fn new(lines: &'a [Line], gauge: &'a Gauge, equations: usize) -> Option<Self> {
         let d = gauge.motions();
+        let mut frequencies: Vec<f64> = lines.iter().map(|line| line.frequency).collect();
+        frequencies.sort_by(f64::total_cmp);
+        frequencies.dedup();
         let mut mean = DMatrix::<f64>::zeros(d, d);
         let motions: Vec<DMatrix<f64>> = lines
             .iter()
@@ -132,7 +138,8 @@ impl<'a> Regression<'a> {
             gauge,
             motions,
             unit,
-            equations: 2.0 * runs as f64,
+            equations: equations as f64,
+            terms: frequencies.len(),
         })
     }
 
@@ -140,6 +147,7 @@ impl<'a> Regression<'a> {
     /// angular frequency 1; with the first `terms` of 1, ω², ω⁴.
     pub(super) fn fit(&self, channel: usize, terms: usize, delay: f64) -> Option<Fit> {
         let d = self.gauge.motions();
+        let terms = terms.min(self.terms);
         let size = d * terms;
         let mut normal = DMatrix::<f64>::zeros(size, size);
         let mut right = DVector::<f64>::zeros(size);
@@ -175,9 +183,8 @@ impl<'a> Regression<'a> {
         let cholesky = normal.cholesky()?;
         let solution = cholesky.solve(&right);
         let explained = solution.dot(&right);
-        let equations = self.equations * self.lines.len() as f64;
         let left = (power - explained).max(1e-12 * power);
-        let variance = left / (equations - size as f64).max(1.0);
+        let variance = left / (self.equations - size as f64).max(1.0);
         let inverse = cholesky.inverse();
         let constant = inverse.view((0, 0), (d, d)) * variance;
         let unit = &self.unit;

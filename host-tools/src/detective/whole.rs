@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 
-use super::evidence::{Evidence, OUTLYING, middle, spread};
+use super::evidence::{Evidence, OUTLYING, middle, sensors, spread};
 use super::model::Mass;
 use super::search::{CONTRADICTS, Candidate, Found};
 use super::sensor::Sensor;
@@ -144,6 +144,19 @@ pub(super) fn judge(
         ));
     }
     all
+}
+
+/// `true` if the size, the density or the mass of a body that was identified says that a set-up has to be
+/// examined, though nothing contradicts it.
+pub(crate) fn is_doubtful(setup: &Setup, mass: Option<f64>) -> bool {
+    let sensors = sensors(setup);
+    let density = mass
+        .zip(volume(&sensors))
+        .map(|(mass, volume)| mass / volume);
+    let strange = |density: f64| !(LIGHTEST..=DENSE).contains(&density);
+    reference(setup, &sensors).is_some()
+        || outlying(&sensors).is_some()
+        || density.is_some_and(strange)
 }
 
 /// A reference point that lies far away from all sensors.

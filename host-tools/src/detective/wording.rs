@@ -219,6 +219,9 @@ pub(super) fn untold(setup: &Setup, untold: &Untold) -> Vec<String> {
     if !untold.signs.is_empty() {
         all.push(format!("the sign of {}", names(setup, &untold.signs)));
     }
+    if !untold.gains.is_empty() {
+        all.push(format!("the gain of {}", names(setup, &untold.gains)));
+    }
     // Channels of which none is told from any other are said once.
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for &[a, b] in &untold.pairs {

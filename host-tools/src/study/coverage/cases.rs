@@ -207,7 +207,7 @@ pub(in crate::study) fn remounted(chance: &mut Chance) -> Drawn {
     Ok((model, unlike()))
 }
 
-fn sine(_: &mut Chance) -> Drawn {
+pub(in crate::study) fn sine(_: &mut Chance) -> Drawn {
     let conditions = Conditions {
         sines: (4..=150).map(|k| 0.5 * f64::from(k)).collect(),
         ..Conditions::default()
@@ -215,7 +215,7 @@ fn sine(_: &mut Chance) -> Drawn {
     Ok((satellite_model()?, conditions))
 }
 
-fn poses(chance: &mut Chance) -> Drawn {
+pub(in crate::study) fn poses(chance: &mut Chance) -> Drawn {
     let structure = crate::study::structures::rigid(chance);
     let mut model = six_runs(chance, &structure);
     let tilts = (0..24)

@@ -20,6 +20,8 @@ mod tally;
 
 pub use cases::CaseError;
 pub(super) use cases::{elastic_structure, fork, remounted, satellite};
+#[cfg(test)]
+pub(super) use cases::{poses, sine};
 pub use table::{Document, markdown, print};
 pub use tally::{Count, Interval, NAMES, NUMBERS, Tally, numbers, truths};
 

@@ -24,6 +24,8 @@ mod bench;
 mod outcome;
 mod spoil;
 mod table;
+#[cfg(test)]
+mod tests;
 mod trace;
 
 pub use spoil::{KINDS, Kind};
@@ -145,6 +147,8 @@ pub struct Drawn {
     pub outcome: Outcome,
     /// The findings in words.
     pub said: Vec<String>,
+    /// `true` if the findings say that these runs do not tell the fault.
+    pub foretold: bool,
 }
 
 impl Drawn {
@@ -308,5 +312,9 @@ fn draw(bench: &Bench, seed: u64, count: usize) -> Result<Drawn, FaultsError> {
         trace,
         outcome,
         said,
+        foretold: found.as_ref().is_some_and(|found| {
+            let told = |fault: &Spoilt| fault.is_untold(&trial.setup, &found.untold);
+            spoilt.iter().any(told)
+        }),
     })
 }

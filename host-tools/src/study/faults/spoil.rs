@@ -267,6 +267,34 @@ impl Spoilt {
         }
     }
 
+    /// `true` if one of these sentences says that the fault is not told.
+    pub(super) fn is_untold(&self, setup: &Setup, untold: &[String]) -> bool {
+        let says = |start: &str, channels: &[usize]| {
+            let all = |line: &String| {
+                let named = |c: &usize| line.contains(&format!("`{}`", name(setup, *c)));
+                line.starts_with(start) && channels.iter().all(named)
+            };
+            untold.iter().any(all)
+        };
+        match self {
+            Self::Inverted(c) => says("the sign of", &[*c]),
+            Self::Turned(place, turn) => {
+                let all = channels(setup);
+                let turned =
+                    |c: &&usize| (turn * all[**c].direction - all[**c].direction).norm() > 0.1;
+                let turned: Vec<usize> = place.iter().filter(turned).copied().collect();
+                says("the sign of", &turned)
+            }
+            Self::Swapped(pair) => says("which is which", pair),
+            Self::Position(place, _) => says("the position of", &place[..1]),
+            Self::Factor(c, _) | Self::Dead(c) | Self::CrossTalk([c, _], _) => {
+                says("the gain of", &[*c])
+            }
+            Self::Delayed(late, _) => says("the gain of", late),
+            Self::Reversed | Self::InG | Self::Millimetres => false,
+        }
+    }
+
     /// Puts the fault into a test.
     pub(super) fn apply(&self, trial: &mut Trial) {
         match self {

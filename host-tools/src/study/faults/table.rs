@@ -100,6 +100,7 @@ struct DrawDocument<'f> {
     invisible: bool,
     outcome: &'static str,
     said: &'f [String],
+    foretold: bool,
 }
 
 /// All draws as one JSON document, `massline/faults/1`.
@@ -119,18 +120,6 @@ impl<'f> Document<'f> {
     /// The document of these draws.
     #[must_use]
     pub fn new(found: &'f Found) -> Self {
-        let word = |outcome| match outcome {
-            Outcome::Named => "named",
-            Outcome::Equal => "equal",
-            Outcome::Tied => "tied",
-            Outcome::BySize => "by-size",
-            Outcome::Asked => "asked",
-            Outcome::Half => "half",
-            Outcome::Sensor => "sensor",
-            Outcome::Unnamed => "unnamed",
-            Outcome::Silent => "silent",
-            Outcome::Wrong => "wrong",
-        };
         let draw = |d: &'f Drawn| DrawDocument {
             case: d.case,
             seed: d.seed,
@@ -139,6 +128,7 @@ impl<'f> Document<'f> {
             invisible: d.is_invisible(),
             outcome: word(d.outcome),
             said: &d.said,
+            foretold: d.foretold,
         };
         Self {
             schema: "massline/faults/1",
@@ -202,7 +192,14 @@ pub fn markdown(found: &Found) -> String {
     );
     let mut heads = vec!["set-up"];
     heads.extend(HEADS);
-    heads.extend(["invisible", "of these named", "wrongly", "clean", "accused"]);
+    heads.extend([
+        "invisible",
+        "of these told",
+        "asked",
+        "wrongly",
+        "clean",
+        "accused",
+    ]);
     let _ = writeln!(text, "| {} |", heads.join(" | "));
     let _ = writeln!(text, "|{}", " --- |".repeat(heads.len()));
     for row in rows(found) {
@@ -211,14 +208,108 @@ pub fn markdown(found: &Found) -> String {
             let _ = write!(text, " | {count}");
         }
         let hidden = &row.invisible;
-        let told = hidden.told();
         let _ = writeln!(
             text,
-            " | {} | {told} | {} | {} | {} |",
-            hidden.setups, hidden.wrong, row.clean, row.accused
+            " | {} | {} | {} | {} | {} | {} |",
+            hidden.setups,
+            hidden.told(),
+            hidden.asked,
+            hidden.wrong,
+            row.clean,
+            row.accused
         );
     }
+    let missed: Vec<&Drawn> = found.draws.iter().filter(|d| d.is_missed()).collect();
+    if !missed.is_empty() {
+        text.push_str(
+            "\nVisible faults that are not told, and clean set-ups that are accused:\n\n",
+        );
+        text.push_str("| set-up, seed | fault | trace | said |\n| --- | --- | --- | --- |\n");
+        for d in missed {
+            let said = d.said.join("; ");
+            let _ = writeln!(
+                text,
+                "| `{}` {} | {} | {} | {} |",
+                d.case,
+                d.seed,
+                d.faults.join(", and "),
+                d.size(),
+                if said.is_empty() { "nothing" } else { &said }
+            );
+        }
+    }
+    let invisible: Vec<&Drawn> = found
+        .draws
+        .iter()
+        .filter(|d| !d.faults.is_empty() && d.is_invisible())
+        .collect();
+    if !invisible.is_empty() {
+        text.push_str("\nInvisible faults:\n\n");
+        text.push_str(
+            "| set-up, seed | fault | trace | reason | in `these runs do not tell` | outcome |\n",
+        );
+        text.push_str("| --- | --- | --- | --- | --- | --- |\n");
+        for d in invisible {
+            let _ = writeln!(
+                text,
+                "| `{}` {} | {} | {} | {} | {} | {} |",
+                d.case,
+                d.seed,
+                d.faults.join(", and "),
+                d.size(),
+                d.reason(),
+                if d.foretold { "yes" } else { "no" },
+                word(d.outcome)
+            );
+        }
+    }
     text
+}
+
+impl Drawn {
+    /// `true` for a visible fault that is not told, and for a clean set-up that is accused.
+    fn is_missed(&self) -> bool {
+        match self.outcome {
+            Outcome::Named | Outcome::Equal | Outcome::Tied | Outcome::BySize => false,
+            Outcome::Wrong => self.faults.is_empty() || !self.is_invisible(),
+            _ => !self.faults.is_empty() && !self.is_invisible(),
+        }
+    }
+
+    /// The trace in words.
+    fn size(&self) -> String {
+        match self.trace {
+            trace if trace.is_infinite() => "–".to_owned(),
+            trace if trace < 0.05 => "0".to_owned(),
+            trace if trace < 10.0 => format!("{trace:.1}"),
+            trace => format!("{trace:.0}"),
+        }
+    }
+
+    /// Reason why exact data do not tell the fault.
+    fn reason(&self) -> &'static str {
+        match self.trace {
+            trace if trace < 1e-6 => "contradicts nothing, even without noise",
+            trace if trace < 1.0 => "all but nothing moves what would show it",
+            _ => "small beside noise and usual differences of sensors",
+        }
+    }
+}
+
+/// An outcome as one word of the documents.
+fn word(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Named => "named",
+        Outcome::Equal => "equal",
+        Outcome::Tied => "tied",
+        Outcome::BySize => "by-size",
+        Outcome::Asked => "asked",
+        Outcome::Half => "half",
+        Outcome::Sensor => "sensor",
+        Outcome::Unnamed => "unnamed",
+        Outcome::Silent => "silent",
+        Outcome::Wrong => "wrong",
+    }
 }
 
 /// Prints the table, and the draws that were not named.
@@ -244,12 +335,7 @@ pub fn print(out: &mut dyn Write, found: &Found) -> Result<()> {
             hidden.setups, hidden.wrong, row.clean, row.accused
         )?;
     }
-    let missed = |d: &&Drawn| match d.outcome {
-        Outcome::Named | Outcome::Equal | Outcome::Tied | Outcome::BySize => false,
-        Outcome::Silent => !d.faults.is_empty(),
-        _ => true,
-    };
-    for d in found.draws.iter().filter(missed) {
+    for d in found.draws.iter().filter(|d| d.is_missed()) {
         writeln!(
             out,
             "{DIM}{} {}: {:?}, {}, trace {:.0}: {}{DIM:#}",
@@ -259,6 +345,22 @@ pub fn print(out: &mut dyn Write, found: &Found) -> Result<()> {
             d.faults.join(" and "),
             d.trace,
             d.said.join(" | ")
+        )?;
+    }
+    for d in found
+        .draws
+        .iter()
+        .filter(|d| !d.faults.is_empty() && d.is_invisible())
+    {
+        writeln!(
+            out,
+            "{DIM}{} {}: invisible, {}, trace {}: {}; {}{DIM:#}",
+            d.case,
+            d.seed,
+            d.faults.join(" and "),
+            d.size(),
+            d.reason(),
+            word(d.outcome)
         )?;
     }
     writeln!(

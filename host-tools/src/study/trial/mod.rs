@@ -217,11 +217,10 @@ impl Trial {
         level: f64,
         methods: &[Option<Method>],
     ) -> Result<Vec<Result<Answer, String>>, TrialError> {
-        let random = |r: &crate::setup::Run| r.excitation == Excitation::Random;
-        if self.setup.runs.iter().all(random) {
-            self.in_memory(level, methods)
-        } else {
+        if self.is_on_disk() {
             self.by_files(level, methods)
+        } else {
+            self.in_memory(level, methods)
         }
     }
 
@@ -235,11 +234,28 @@ impl Trial {
             .collect()
     }
 
-    /// The examination of the sensors at a level of noise, of random runs.
+    /// `true` if some runs are stepped sines or static poses, which are written to disk.
+    fn is_on_disk(&self) -> bool {
+        let random = |r: &crate::setup::Run| r.excitation == Excitation::Random;
+        !self.setup.runs.iter().all(random)
+    }
+
+    /// The examination of the sensors at a level of noise.
     pub(in crate::study) fn examine(
         &self,
         level: f64,
     ) -> Result<Result<Findings, Undecided>, TrialError> {
+        if self.is_on_disk() {
+            let (_scratch, setup) = self.written(level)?;
+            let measurement = crate::measure::measure_first(
+                &setup,
+                &Accelerations::Interface,
+                None,
+                &mut |_| (),
+            )?;
+            let channels = crate::measure::channels(&setup, &measurement, None, &mut |_| ())?;
+            return Ok(detective::examine(&setup, &measurement, &channels));
+        }
         let noisy = self.noisy(level);
         let samples = self.samples(&noisy);
         let setup = &self.setup;
@@ -318,6 +334,22 @@ impl Trial {
         level: f64,
         methods: &[Option<Method>],
     ) -> Result<Vec<Result<Answer, String>>, TrialError> {
+        let (_scratch, setup) = self.written(level)?;
+        let mut session = Session::new(&setup);
+        let mut outcomes = Vec::with_capacity(methods.len());
+        for &method in methods {
+            let choice = Choice {
+                method,
+                ..Choice::default()
+            };
+            let answer = session.answer(&choice, &mut |_| ());
+            outcomes.push(answer.map_err(|e| e.to_string()));
+        }
+        Ok(outcomes)
+    }
+
+    /// The recordings at a level of noise in a folder that lasts as long as the first value, with their setup.
+    fn written(&self, level: f64) -> Result<(Scratch, Setup), TrialError> {
         let scratch = Scratch::new()?;
         let mut setup = self.setup.clone();
         setup.folder.clone_from(&scratch.0);
@@ -333,17 +365,7 @@ impl Trial {
             };
             scratch.write(&run.recording, &text)?;
         }
-        let mut session = Session::new(&setup);
-        let mut outcomes = Vec::with_capacity(methods.len());
-        for &method in methods {
-            let choice = Choice {
-                method,
-                ..Choice::default()
-            };
-            let answer = session.answer(&choice, &mut |_| ());
-            outcomes.push(answer.map_err(|e| e.to_string()));
-        }
-        Ok(outcomes)
+        Ok((scratch, setup))
     }
 }
 
