@@ -15,7 +15,10 @@
 //! | `state` | sensors with their rows, which a hypothesis changes |
 //! | `model` | contradiction of the rows with one rigid interface and one rigid body |
 //! | `hypothesis` | faults as changes of rows and sensors |
+//! | `mend` | contradiction without a fault |
+//! | `fit` | faults with free numbers at their best |
 //! | `search` | the faults that explain the contradiction |
+//! | `untold` | faults that these runs would not show |
 //! | `plan` | faults that a test cannot show, from the set-up alone |
 //! | `whole` | what is wrong with all sensors together |
 //! | `wording` | faults in words, and as lines of the set-up |
@@ -31,7 +34,9 @@
 
 mod delay;
 mod evidence;
+mod fit;
 mod hypothesis;
+mod mend;
 mod model;
 mod plan;
 mod search;
@@ -40,6 +45,7 @@ mod state;
 mod table;
 #[cfg(test)]
 mod tests;
+mod untold;
 mod whole;
 mod wording;
 

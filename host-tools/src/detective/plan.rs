@@ -10,9 +10,9 @@
 use nalgebra::{Complex, DMatrix, Matrix3, Matrix6, Vector3, Vector6};
 
 use super::evidence::{self, Evidence, Mounted, middle, spread};
-use super::search::Untold;
 use super::sensor::{Kind, Sensor};
 use super::table::Line;
+use super::untold::Untold;
 use super::{Undecided, wording};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::Placement;

@@ -1,28 +1,20 @@
 //! Step 4: the search for the faults that explain the contradiction.
 
-use nalgebra::Vector3;
-
-use super::hypothesis::{Fault, Hypothesis, Mistake, SHORTEST, fixed, places};
+use super::fit::{fitted, polish};
+use super::hypothesis::{Fault, Hypothesis, fixed};
+use super::mend::{AT_LEAST, GAIN_OF, mended, without};
 use super::model::{Bench, Motion, Score};
 use super::sensor::{Kind, Sensor};
 use super::state::State;
+use super::untold::Untold;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
 /// sharper limits.
 const TOLERANCES: [f64; 2] = [0.1, 1.0];
-/// Cross-talks whose share is fitted by more than one parabola.
-const REFINED: usize = 20;
 /// Hypotheses that are looked at again with the tolerance that fits.
 const SECOND: usize = 80;
-/// Sum of squares that a fault must explain, and its part that goes with the square of the tolerance.
-const GAIN_OF: [f64; 2] = [15.0, 25.0];
-/// Sum of squares that a fault must explain at the usual tolerance: a third of what it takes to count as
-/// visible. One of six accused a clean set-up.
-const AT_LEAST: f64 = 10.0;
 /// Faults that explain this much less than the best are as likely.
 const TIE: f64 = 9.0;
-/// Rounds in which a position is found.
-const POLISHED: usize = 10;
 /// Factor that leaves nothing of a reading.
 const SILENCE: f64 = 1e6;
 /// Usual cross-talk of a sensor, a share of the other channel.
@@ -35,8 +27,6 @@ const SAME: [f64; 2] = [0.03, 1e-6];
 const MOST: usize = 2;
 /// Sum of squares over its degrees of freedom that contradicts the set-up.
 pub(super) const CONTRADICTS: f64 = 1.5;
-/// Smallest errors that are named: gain, cross-talk.
-const SMALLEST: [f64; 2] = [0.03, 0.03];
 
 /// A fault with the sum of squares that is left without it, penalties included.
 #[derive(Clone, Debug)]
@@ -65,65 +55,6 @@ pub(super) struct Found {
     pub(super) untold: Untold,
 }
 
-/// Faults that would contradict nothing, since the runs do not move what would show them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Untold {
-    /// Channels whose sign nothing tells.
-    pub(super) signs: Vec<usize>,
-    /// Channels of which nothing tells a gain that is twice what it should be.
-    pub(super) gains: Vec<usize>,
-    /// Channels that nothing tells apart.
-    pub(super) pairs: Vec<[usize; 2]>,
-    /// Channels at a place, where a position that is off by a fifth of the distance between sensors,
-    /// along any axis, shows nowhere.
-    pub(super) places: Vec<Vec<usize>>,
-}
-
-impl Untold {
-    /// Those that would contradict a state by less than a fault has to.
-    /// Sensors differ by so much of the usual `tolerance`.
-    pub(super) fn of(bench: &Bench, state: &State, tolerance: f64) -> Option<Self> {
-        let base = bench.score(state, tolerance)?;
-        let motion = bench.motion(state, tolerance)?;
-        let least = GAIN_OF[0] + GAIN_OF[1] * tolerance * tolerance;
-        let shows = |fault: &Fault| match mended(bench, state, fault, tolerance, &motion) {
-            Some(left) => left.chi2 > base.chi2 + least,
-            None => true,
-        };
-        let live = state.live();
-        let mut untold = Self::default();
-        for (n, &a) in live.iter().enumerate() {
-            if !shows(&Fault::Inverted { channel: a }) {
-                untold.signs.push(a);
-            }
-            let twice = Fault::Factor {
-                channel: a,
-                factor: 2.0,
-            };
-            if !shows(&twice) {
-                untold.gains.push(a);
-            }
-            for &b in &live[n + 1..] {
-                let alike = state.sensors[a].kind.is_cell() == state.sensors[b].kind.is_cell();
-                if alike && !shows(&Fault::Swapped { channels: [a, b] }) {
-                    untold.pairs.push([a, b]);
-                }
-            }
-        }
-        for place in places(&state.sensors, &|i| state.is_live(i)) {
-            let moved = |axis: usize| Fault::Position {
-                place: place.clone(),
-                position: state.sensors[place[0]].position + Vector3::ith(axis, 0.2 * bench.length),
-                mistake: Mistake::Offset,
-            };
-            if !(0..3).any(|axis| shows(&moved(axis))) {
-                untold.places.push(place);
-            }
-        }
-        Some(untold)
-    }
-}
-
 impl Found {
     /// A fault that was found before the search.
     pub(super) fn certain(&self, fault: Fault) -> Candidate {
@@ -149,29 +80,6 @@ fn penalty(hypothesis: &Hypothesis, state: &State, motions: usize) -> f64 {
         Fault::Unlisted { .. } => free + choice + TIE,
         Fault::CrossTalk { share, .. } => free + choice + (share / CROSS_TALK).powi(2),
         _ => free + choice,
-    }
-}
-
-fn without(state: &State, fault: &Fault) -> State {
-    let mut other = state.clone();
-    fault.repair(&mut other);
-    other
-}
-
-/// Score without a fault. `motion` is that of the state, which load cells do not change.
-fn mended(
-    bench: &Bench,
-    state: &State,
-    fault: &Fault,
-    tolerance: f64,
-    motion: &[Motion],
-) -> Option<Score> {
-    let other = without(state, fault);
-    let cells = |channel: &usize| state.sensors[*channel].kind.is_cell();
-    if fault.channels().iter().all(cells) {
-        bench.score_moved(&other, tolerance, motion)
-    } else {
-        bench.score(&other, tolerance)
     }
 }
 
@@ -204,175 +112,6 @@ fn judged(
         doubt: hypothesis.doubt,
         same: Vec::new(),
     })
-}
-
-/// Lowest point of a function of one number near `start`, by parabolas through three points.
-fn lowest(f: &dyn Fn(f64) -> Option<f64>, start: f64, step: f64) -> Option<f64> {
-    let (mut at, mut step) = (start, step);
-    let mut value = f(at)?;
-    for _ in 0..4 {
-        let (left, right) = (f(at - step)?, f(at + step)?);
-        let curvature = left + right - 2.0 * value;
-        let move_by = if curvature > 0.0 {
-            (0.5 * step * (left - right) / curvature).clamp(-8.0 * step, 8.0 * step)
-        } else if left < right {
-            -2.0 * step
-        } else {
-            2.0 * step
-        };
-        let next = f(at + move_by)?;
-        if next < value {
-            at += move_by;
-            let small = (value - next) < 0.1;
-            value = next;
-            if small {
-                break;
-            }
-        }
-        step *= 0.4;
-    }
-    Some(at)
-}
-
-/// Hypotheses with free numbers, each at its best.
-fn fitted(
-    bench: &Bench,
-    state: &State,
-    quiet: &[usize],
-    tolerance: f64,
-    motion: &[Motion],
-) -> Vec<Hypothesis> {
-    let chi2 = |fault: &Fault| Some(mended(bench, state, fault, tolerance, motion)?.chi2);
-    let live = state.live();
-    let mut all = Vec::new();
-    let class = live.len();
-    for &channel in &live {
-        if quiet.contains(&channel) {
-            let dead = without(state, &Fault::Dead { channel });
-            let others = bench.motion(&dead, tolerance);
-            let expected = others.is_some_and(|m| bench.expects(state, &m, channel, quiet));
-            if expected {
-                all.push(Hypothesis {
-                    fault: Fault::Dead { channel },
-                    free: 0,
-                    class,
-                    doubt: 0.0,
-                });
-            }
-            continue;
-        }
-        let of = |x: f64| Fault::Gain {
-            channel,
-            factor: x.exp(),
-        };
-        // What is left is nearly a square in the factor that mends it: three points tell it.
-        let square = |x: f64| {
-            chi2(&Fault::Gain {
-                channel,
-                factor: 1.0 / x,
-            })
-        };
-        let start = match [0.5, 1.0, 1.5].map(square) {
-            [Some(a), Some(b), Some(c)] if a + c > 2.0 * b => {
-                let x = 1.0 + 0.25 * (a - c) / (a + c - 2.0 * b);
-                -x.clamp(0.1, 10.0).ln()
-            }
-            _ => 0.0,
-        };
-        if let Some(x) = lowest(&|x| chi2(&of(x)), start, 0.05)
-            && (x.exp() - 1.0).abs() > SMALLEST[0]
-        {
-            all.push(Hypothesis {
-                fault: of(x),
-                free: 1,
-                class,
-                doubt: 0.0,
-            });
-        }
-        all.push(Hypothesis {
-            fault: Fault::Unlisted { channel },
-            free: bench.motions(),
-            class,
-            doubt: 0.0,
-        });
-    }
-    let places = places(&state.sensors, &|i| state.is_live(i));
-    for place in &places {
-        let here = state.sensors[place[0]].position;
-        let of = |shift: Vector3<f64>| Fault::Position {
-            place: place.clone(),
-            position: here + shift,
-            mistake: Mistake::Offset,
-        };
-        let mut shift = Vector3::zeros();
-        // One coordinate after the other, and again: they are nearly independent.
-        for round in 0..2 {
-            for axis in 0..3 {
-                let along = |x: f64| {
-                    let mut other = shift;
-                    other[axis] = x;
-                    chi2(&of(other))
-                };
-                let step = if round == 0 { 0.02 } else { 0.005 };
-                if let Some(x) = lowest(&along, shift[axis], step) {
-                    shift[axis] = x;
-                }
-            }
-        }
-        if shift.norm() > SHORTEST {
-            all.push(Hypothesis {
-                fault: of(shift),
-                free: 3,
-                class: places.len(),
-                doubt: 0.0,
-            });
-        }
-    }
-    let mut cross: Vec<(f64, [usize; 2], f64)> = Vec::new();
-    let of = |[channel, from]: [usize; 2], share: f64| Fault::CrossTalk {
-        channel,
-        from,
-        share,
-    };
-    for &channel in &live {
-        for &from in &live {
-            let silent = [channel, from].iter().any(|c| quiet.contains(c));
-            if silent || channel == from || state.sensors[channel].kind != state.sensors[from].kind
-            {
-                continue;
-            }
-            let pair = [channel, from];
-            // The first parabola tells if it is worth going on.
-            let first = [-0.05, 0.0, 0.05].map(|share| chi2(&of(pair, share)));
-            let [Some(a), Some(b), Some(c)] = first else {
-                continue;
-            };
-            let curvature = a + c - 2.0 * b;
-            let x = 0.05 * 0.5 * (a - c) / curvature;
-            if curvature > 0.0 && x.abs() > SMALLEST[1] && x.abs() < 0.5 {
-                cross.push(((a - c).powi(2) / (8.0 * curvature), pair, x));
-            }
-        }
-    }
-    // Those that explain most get their share to the last digit.
-    cross.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (_, pair, share) in cross.iter_mut().take(REFINED) {
-        if let Some(x) = lowest(&|x| chi2(&of(*pair, x)), *share, 0.01) {
-            *share = x;
-        }
-    }
-    let cross: Vec<Fault> = cross
-        .iter()
-        .map(|(_, pair, share)| of(*pair, *share))
-        .collect();
-    let class = cross.len().max(class * 4);
-    all.extend(cross.into_iter().map(|fault| Hypothesis {
-        fault,
-        free: 1,
-        class,
-        doubt: 0.0,
-    }));
-    all
 }
 
 /// All candidates at a tolerance, best first.
@@ -472,43 +211,6 @@ fn first(
     Some((hypotheses, ranked))
 }
 
-/// Moves a position that was found to where it leaves least: its coordinates depend on each other.
-fn polish(bench: &Bench, state: &State, tolerance: f64, candidate: &mut Candidate) {
-    let Fault::Position {
-        place,
-        position,
-        mistake: Mistake::Offset,
-    } = candidate.fault.clone()
-    else {
-        return;
-    };
-    let of = |position: Vector3<f64>| Fault::Position {
-        place: place.clone(),
-        position,
-        mistake: Mistake::Offset,
-    };
-    let chi2 =
-        |position: Vector3<f64>| Some(bench.score(&without(state, &of(position)), tolerance)?.chi2);
-    let mut at = position;
-    for _ in 0..POLISHED {
-        let before = at;
-        for axis in 0..3 {
-            let along = |x: f64| {
-                let mut other = at;
-                other[axis] = x;
-                chi2(other)
-            };
-            if let Some(x) = lowest(&along, at[axis], 0.003) {
-                at[axis] = x;
-            }
-        }
-        if (at - before).norm() < 1e-4 {
-            break;
-        }
-    }
-    candidate.fault = of(at);
-}
-
 /// One fault with those that explain the data as well; `None` if none does.
 fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidate>, Score)> {
     let now = bench.score(state, 1.0)?;
@@ -525,7 +227,7 @@ fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidat
     let second = ranked(bench, state, &again, tolerance);
     let base = bench.score(state, tolerance)?;
     let mut best = second.first()?.clone();
-    polish(bench, state, tolerance, &mut best);
+    polish(bench, state, tolerance, &mut best.fault);
     if base.chi2 - best.score <= GAIN_OF[0] + GAIN_OF[1] * square {
         return None;
     }

@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::evidence::Evidence;
 use super::hypothesis::{Fault, Mistake};
-use super::search::Untold;
 use super::sensor::Sensor;
+use super::untold::Untold;
 use crate::format::plain;
 use crate::setup::{Measured, Setup, Units};
 
