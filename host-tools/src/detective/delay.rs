@@ -12,7 +12,7 @@ const LATEST: i32 = 24;
 /// Unexplained share of a channel at its best delay, over that without one, below which it may be
 /// late.
 const HALVED: f64 = 0.5;
-/// What taking a delay out must lower the sum of the logarithms of all unexplained shares by.
+/// Least decrease of the sum of the logarithms of all unexplained shares for a delay to be taken out.
 const GAIN: f64 = 1.5;
 /// Most delays that are taken out.
 const MOST: usize = 2;

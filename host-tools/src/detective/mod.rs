@@ -100,7 +100,7 @@ pub struct Suspect {
     pub explanations: Vec<Explanation>,
 }
 
-/// What the examination of a set-up has found.
+/// Findings of the examination of a set-up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Findings {
     /// Faults, the plainest first; none if nothing contradicts the set-up.

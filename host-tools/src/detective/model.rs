@@ -99,7 +99,7 @@ impl Mounting {
     }
 }
 
-/// What does not change with a hypothesis.
+/// The part of the equations that does not change with a hypothesis.
 #[derive(Clone, Debug)]
 pub(super) struct Bench {
     /// One for each group of runs.

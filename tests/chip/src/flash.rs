@@ -43,7 +43,7 @@ const LOCK: u32 = 1 << 31;
 const OPTION_LOCK: u32 = 1;
 const OPTION_START: u32 = 1 << 1;
 
-/// What lasts without the supply.
+/// Content that lasts without the supply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cells {
     /// Bytes of the settings' sectors.
@@ -126,7 +126,7 @@ impl Flash {
         Self::new(self.cells)
     }
 
-    /// What lasts without the supply.
+    /// Content that lasts without the supply.
     #[must_use]
     pub const fn cells(&self) -> &Cells {
         &self.cells

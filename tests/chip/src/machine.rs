@@ -29,11 +29,11 @@ const CCM: (u32, u64) = (0x1000_0000, 64 << 10);
 /// Serial number and size of the flash (RM0090, 39).
 const SIGNATURE: u32 = 0x1FFF_7A10;
 
-/// What a box is made of.
+/// Parts of a box.
 pub struct Parts<'a> {
     /// The ELF that is flashed.
     pub elf: &'a Path,
-    /// What the settings' sectors hold.
+    /// Content of the flash, of the sectors of the settings alone.
     pub cells: Cells,
     /// Crystal and PLL.
     pub oscillators: Oscillators,
