@@ -87,7 +87,7 @@ mod on_chip {
     /// Memory of a measurement: the SRAM has no room for all of it at a time.
     union Spectra {
         /// Sums of all products of twelve channels.
-        full: Room<{ 13 * 326 }, 256, { 144 * 64 }>,
+        full: Room<{ 13 * 400 }, 256, { 144 * 64 }>,
         /// Samples of twelve channels at the full rate.
         exact: Room<{ 12 * 1024 }, 1024, { (1 + 3 * 11) * 64 }>,
     }

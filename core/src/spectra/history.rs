@@ -1,6 +1,6 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
-use super::decimate::{Phase, settling, state_len};
+use super::decimate::{Decimator, TOGETHER};
 use super::fft::transform;
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
@@ -14,9 +14,7 @@ pub struct Rings {
     settings: BlockSettings,
     channels: usize,
     head: usize,
-    phase: Phase,
-    /// Samples until the filters have forgotten that they started from rest.
-    settling: usize,
+    decimator: Decimator,
     /// Decimated samples still missing before the next block is complete.
     missing: usize,
 }
@@ -38,8 +36,7 @@ impl Rings {
             settings,
             channels,
             head: 0,
-            phase: Phase::new(settings.stages()),
-            settling: 0,
+            decimator: Decimator::new(settings.filters(), channels),
             missing: 0,
         };
         rings.restart(storage);
@@ -54,14 +51,17 @@ impl Rings {
 
     /// Forgets all samples: the next block starts with the next one.
     pub fn restart(&mut self, storage: &mut [f32]) {
-        let rings = self.channels * self.settings.transform_length();
-        if let Some(filters) = storage.get_mut(rings..) {
+        let n = self.settings.transform_length();
+        if let Some(filters) = storage.get_mut(self.channels * n..) {
             filters.fill(0.0);
         }
-        self.head = 0;
-        self.phase = Phase::new(self.settings.stages());
-        self.settling = settling(self.settings.stages());
-        self.missing = self.settings.transform_length();
+        let filters = self.settings.filters();
+        self.decimator = Decimator::new(filters, self.channels);
+        // Those that see the start from rest are part of no block. The first block is to begin where
+        // the rings do.
+        let unsettled = filters.settling() >> filters.stages();
+        self.head = (n - unsettled % n) % n;
+        self.missing = unsettled + n;
     }
 
     /// The settings.
@@ -74,30 +74,30 @@ impl Rings {
     /// less storage than there was at the beginning it takes nothing.
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
-        let kept = self.phase.yields() && self.settling == 0;
-        let filters = self.channels * state_len(self.settings.stages());
-        let Some((rings, rest)) = storage.split_at_mut_checked(self.channels * n) else {
+        let Some((rings, states)) = storage.split_at_mut_checked(self.channels * n) else {
             return false;
         };
-        let Some(states) = rest.get_mut(..filters) else {
-            return false;
+        let stages = self.settings.filters().stages();
+        let outputs = if stages == 0 {
+            let slots = rings.iter_mut().skip(self.head).step_by(n.max(1));
+            let sample = sample.iter().copied().chain(core::iter::repeat(0.0));
+            slots.zip(sample).for_each(|(slot, x)| *slot = x);
+            1
+        } else {
+            let outputs = self.missing.min(TOGETHER);
+            if !self.decimator.push(states, sample, outputs) {
+                return false;
+            }
+            let place = (n, self.head);
+            self.decimator.filter(states, rings, place, outputs);
+            outputs
         };
-        let (head, kept_in) = (self.head, if kept { rings } else { &mut [] });
-        let slots = kept_in
-            .chunks_exact_mut(n.max(1))
-            .filter_map(|ring| ring.get_mut(head));
-        self.phase.push(states, sample, slots);
-        self.phase.advance();
-        self.settling = self.settling.saturating_sub(1);
-        if !kept {
-            return false;
-        }
-        self.head = if self.head + 1 == n { 0 } else { self.head + 1 };
-        self.missing -= 1;
+        self.head = (self.head + outputs) & n.wrapping_sub(1);
+        self.missing -= outputs;
         if self.missing > 0 {
             return false;
         }
-        self.missing = self.settings.hop() >> self.settings.stages();
+        self.missing = self.settings.hop() >> stages;
         true
     }
 
@@ -135,8 +135,11 @@ impl Rings {
         transform(work);
         self.settings.remove_mean(work);
         self.settings.unpack(work, a, b);
-        for z in b.iter_mut().take(self.settings.grid().count) {
-            *z *= back;
+        // The filters' gain goes, too.
+        let gain = power_of_two(-(self.settings.filters().stages() as i32));
+        for (a, b) in a.iter_mut().zip(b).take(self.settings.grid().count) {
+            *a *= gain;
+            *b *= gain * back;
         }
     }
 }
