@@ -36,6 +36,8 @@ pub(super) const TOGETHER: usize = 8;
 
 /// One sample of the channels of a group.
 type Row = [f32; LANES];
+/// The rows that eight outputs of a stage go to, each of both kinds.
+type Four = [Row; TOGETHER / 2];
 
 /// Twice the coefficients at the distances 1, 3, 5, … from the middle, on either side: the middle
 /// one is then one, and an output is too large by a factor of two a stage.
@@ -87,34 +89,65 @@ macro_rules! add_tap {
     };
 }
 
-/// A filter over rows of second samples and of first ones. The sums are written out, since the
-/// chip's code is made small rather than fast. The coefficients of each filter stand in the order
-/// of the samples, oldest first.
-macro_rules! filter {
-    ($name:ident, $h:ident, $rows:literal, $($j:literal $i:literal),*) => {
-        #[inline(always)]
-        fn $name(seconds: &[Row], firsts: &[Row], lane: usize) -> [f32; TOGETHER] {
-            let (Some(e), Some(f)) = (
-                seconds.first_chunk::<$rows>(),
-                firsts.first_chunk::<TOGETHER>(),
-            ) else {
-                return [0.0; TOGETHER];
+/// Eight outputs of a filter over a lane of rows of second samples and of first ones. The sums are
+/// written out, since the chip's code is made small rather than fast. The coefficients of each filter
+/// stand in the order of the samples, oldest first.
+macro_rules! sums {
+    ($h:ident, $e:ident, $f:ident, $l:ident, $($j:literal $i:literal),*) => {{
+        let mut y = [
+            $f[0][$l], $f[1][$l], $f[2][$l], $f[3][$l], $f[4][$l], $f[5][$l], $f[6][$l], $f[7][$l],
+        ];
+        $(add_tap!(y, $e, $l, $h[$i], $j);)*
+        y
+    }};
+}
+
+/// A filter before the last one, for `lanes` lanes: its outputs are first and second samples of the
+/// next.
+macro_rules! early {
+    ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
+        #[inline(never)] // All registers are its own.
+        fn $name(lanes: usize, [e, f]: [&[Row]; 2], [firsts, seconds]: [&mut Four; 2]) {
+            let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
+                return;
             };
-            let l = lane % LANES;
-            let mut y = [
-                f[0][l], f[1][l], f[2][l], f[3][l], f[4][l], f[5][l], f[6][l], f[7][l],
-            ];
-            $(add_tap!(y, e, l, $h[$i], $j);)*
-            y
+            for l in 0..lanes.min(LANES) {
+                let y = sums!($h, e, f, l, $($taps)*);
+                firsts[0][l] = y[0];
+                seconds[0][l] = y[1];
+                firsts[1][l] = y[2];
+                seconds[1][l] = y[3];
+                firsts[2][l] = y[4];
+                seconds[2][l] = y[5];
+                firsts[3][l] = y[6];
+                seconds[3][l] = y[7];
+            }
         }
     };
 }
 
-filter!(narrow_early, NARROW_EARLY, 13, 0 2, 1 1, 2 0, 3 0, 4 1, 5 2);
-filter!(wide_early, WIDE_EARLY, 17, 0 4, 1 3, 2 2, 3 1, 4 0, 5 0, 6 1, 7 2, 8 3, 9 4);
-filter!(narrow_last, NARROW_LAST, 19,
+/// The last filter, for as many lanes as there are rings, whose places `at` take the outputs.
+macro_rules! last {
+    ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
+        #[inline(never)] // All registers are its own.
+        fn $name([e, f]: [&[Row]; 2], rings: &mut [f32], (n, at): (usize, usize)) {
+            let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
+                return;
+            };
+            for (l, ring) in rings.chunks_exact_mut(n.max(1)).enumerate().take(LANES) {
+                if let Some(into) = ring.get_mut(at..).and_then(|r| r.first_chunk_mut()) {
+                    *into = sums!($h, e, f, l, $($taps)*);
+                }
+            }
+        }
+    };
+}
+
+early!(narrow_early, NARROW_EARLY, 13, 0 2, 1 1, 2 0, 3 0, 4 1, 5 2);
+early!(wide_early, WIDE_EARLY, 17, 0 4, 1 3, 2 2, 3 1, 4 0, 5 0, 6 1, 7 2, 8 3, 9 4);
+last!(narrow_last, NARROW_LAST, 19,
     0 5, 1 4, 2 3, 3 2, 4 1, 5 0, 6 0, 7 1, 8 2, 9 3, 10 4, 11 5);
-filter!(wide_last, WIDE_LAST, 37,
+last!(wide_last, WIDE_LAST, 37,
     0 14, 1 13, 2 12, 3 11, 4 10, 5 9, 6 8, 7 7, 8 6, 9 5, 10 4, 11 3, 12 2, 13 1, 14 0,
     15 0, 16 1, 17 2, 18 3, 19 4, 20 5, 21 6, 22 7, 23 8, 24 9, 25 10, 26 11, 27 12, 28 13,
     29 14);
@@ -188,29 +221,68 @@ impl Filters {
     }
 }
 
+/// Rows of the delay line of a stage.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    /// Second samples of pairs, then first ones.
+    rows: [usize; 2],
+    /// Those of them that the next output sees, too.
+    kept: [usize; 2],
+    /// Outputs that are computed together.
+    outputs: usize,
+}
+
 /// Samples on their way through the filters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Decimator {
     filters: Filters,
+    lines: [Line; MAX_STAGES],
     /// Samples that wait to be filtered.
     waiting: usize,
-    /// Elements of the states of all channels.
-    length: usize,
-    /// Elements of a group's state, and the offsets of the rows in it that take the next two
-    /// samples.
+    /// Elements of a group's state.
     group: usize,
+    channels: usize,
+    /// Rows of a group before the last stage's, and of its second samples.
+    last: usize,
+    seconds_of_last: usize,
+    /// Offsets in a group's state of the rows that take the next two samples.
     places: [usize; 2],
 }
 
 impl Decimator {
-    pub(super) const fn new(filters: Filters, channels: usize) -> Self {
-        Self {
-            filters,
-            waiting: 0,
-            length: filters.state_len(channels),
-            group: filters.rows() * LANES,
-            places: places(&filters),
+    pub(super) fn new(filters: Filters, channels: usize) -> Self {
+        let mut lines = [Line::default(); MAX_STAGES];
+        for (stage, line) in lines.iter_mut().enumerate().take(filters.stages) {
+            let half = filters.half(stage);
+            *line = Line {
+                rows: filters.rows_of(stage),
+                kept: [2 * half - 1, half - 1],
+                outputs: filters.outputs(stage),
+            };
         }
+        let used = lines.get(..filters.stages).unwrap_or(&lines);
+        let (last, before) = used.split_last().unzip();
+        let before: &[Line] = before.unwrap_or_default();
+        let mut new = Self {
+            filters,
+            lines,
+            waiting: 0,
+            group: filters.rows() * LANES,
+            channels,
+            last: before.iter().flat_map(|line| line.rows).sum(),
+            seconds_of_last: last.map_or(0, |line| line.rows[0]),
+            places: [0; 2],
+        };
+        new.begin();
+        new
+    }
+
+    /// Begins to collect samples.
+    fn begin(&mut self) {
+        let [Line { rows, kept, .. }, ..] = &self.lines;
+        self.waiting = 0;
+        // The first one of a pair, and the second one.
+        self.places = [(rows[0] + kept[1]) * LANES, kept[0] * LANES];
     }
 
     /// Takes one sample of every channel into their `states`, of [`Filters::state_len`]; a channel
@@ -219,30 +291,41 @@ impl Decimator {
     #[inline]
     pub(super) fn push(&mut self, states: &mut [f32], sample: &[f32], outputs: usize) -> bool {
         let [place, next] = self.places;
-        let (groups, rest) = sample.as_chunks::<LANES>();
-        let states = states.get_mut(..self.length).unwrap_or_default();
-        let mut states = states.chunks_exact_mut(self.group.max(LANES));
-        for (x, state) in groups.iter().zip(states.by_ref()) {
-            if let Some(row) = row_mut(state, place) {
-                *row = *x;
-            }
+        if sample.len() < self.channels {
+            self.clear(states);
         }
-        if let Some(row) = states.next().and_then(|state| row_mut(state, place)) {
-            *row = [0.0; LANES];
-            row.iter_mut().zip(rest).for_each(|(slot, x)| *slot = *x);
+        let (groups, rest) = sample.as_chunks();
+        let mut at = place;
+        for x in groups {
+            let Some(row) = states
+                .get_mut(at..)
+                .and_then(|s| s.first_chunk_mut::<LANES>())
+            else {
+                break;
+            };
+            *row = *x;
+            at += self.group;
         }
-        for state in states {
-            if let Some(row) = row_mut(state, place) {
-                *row = [0.0; LANES];
-            }
-        }
+        let row = states.get_mut(at..).unwrap_or_default();
+        row.iter_mut().zip(rest).for_each(|(slot, x)| *slot = *x);
         self.places = [next, place + LANES];
         self.waiting += 1;
         self.waiting >= outputs << self.filters.stages
     }
 
+    /// Lets the sample that comes next read zero in all channels.
+    #[cold]
+    fn clear(&self, states: &mut [f32]) {
+        let [place, _] = self.places;
+        let states = states.chunks_exact_mut(self.group.max(LANES));
+        states
+            .filter_map(|state| state.get_mut(place..place + LANES))
+            .for_each(|row| row.fill(0.0));
+    }
+
     /// Filters the samples that wait, of every channel: the outputs of each, `outputs` of them and
     /// too large by two a stage, go to its ring of `n` from `head` on.
+    #[inline(never)] // Storing a sample is to be short.
     pub(super) fn filter(
         &mut self,
         states: &mut [f32],
@@ -250,119 +333,103 @@ impl Decimator {
         (n, head): (usize, usize),
         outputs: usize,
     ) {
+        let n = n.max(1);
+        let lanes = rings.len() / n;
         let states = states.chunks_exact_mut(self.group.max(LANES));
-        for (state, rings) in states.zip(rings.chunks_mut(LANES * n.max(1))) {
+        for (group, (state, rings)) in states.zip(rings.chunks_mut(LANES * n)).enumerate() {
             let (rows, _) = state.as_chunks_mut();
-            for (lane, ring) in rings.chunks_exact_mut(n.max(1)).enumerate() {
-                let y = self.filters.run(rows, lane, outputs);
-                if outputs == TOGETHER
-                    && let Some(slots) = ring.get_mut(head..).and_then(|r| r.first_chunk_mut())
-                {
-                    *slots = y;
-                    continue;
+            let lanes = (lanes - LANES * group).min(LANES);
+            self.run(rows, lanes, outputs);
+            if outputs == TOGETHER && head + TOGETHER <= n {
+                self.finish(rows, rings, (n, head));
+            } else {
+                let mut y = [0.0; LANES * TOGETHER];
+                self.finish(rows, &mut y, (TOGETHER, 0));
+                for (ring, y) in rings.chunks_exact_mut(n).zip(y.chunks_exact(TOGETHER)) {
+                    let (start, end) = ring.split_at_mut(head.min(n));
+                    let slots = end.iter_mut().chain(start).zip(y);
+                    slots.take(outputs).for_each(|(slot, y)| *slot = *y);
                 }
-                let (start, end) = ring.split_at_mut(head.min(n));
-                let slots = end.iter_mut().chain(start).zip(y);
-                slots.take(outputs).for_each(|(slot, y)| *slot = y);
             }
-            self.filters.forget(rows, outputs);
+            self.forget(rows, outputs);
         }
-        (self.waiting, self.places) = (0, places(&self.filters));
+        self.begin();
     }
-}
 
-impl Filters {
-    /// The outputs of a lane: those that its rows have inputs for, others mean nothing.
-    #[inline]
-    fn run(&self, mut rows: &mut [Row], lane: usize, outputs: usize) -> [f32; TOGETHER] {
-        let mut half = self.half(0);
-        for stage in 1..self.stages {
-            let count = outputs << (self.stages - stage);
-            let [seconds, firsts] = self.rows_of(stage - 1);
-            let (seconds, rest) = rows.split_at_mut(seconds.min(rows.len()));
-            let (firsts, rest) = rest.split_at_mut(firsts.min(rest.len()));
+    /// Filters a group by all stages before the last one.
+    fn run(&self, mut rows: &mut [Row], lanes: usize, outputs: usize) {
+        let filter = if self.filters.wide {
+            wide_early
+        } else {
+            narrow_early
+        };
+        let stages = self.filters.stages;
+        for (stage, pair) in self.lines.windows(2).enumerate().take(stages - 1) {
+            let [line, next] = pair else {
+                return;
+            };
+            let (seconds, rest) = rows.split_at_mut(line.rows[0].min(rows.len()));
+            let (firsts, rest) = rest.split_at_mut(line.rows[1].min(rest.len()));
             rows = rest;
-            half = self.half(stage);
-            let (into_seconds, into_firsts) =
-                rows.split_at_mut(self.rows_of(stage)[0].min(rows.len()));
-            let into_seconds = into_seconds.get_mut(2 * half - 1..).unwrap_or_default();
-            let into_firsts = into_firsts.get_mut(half - 1..).unwrap_or_default();
-            for at in (0..count).step_by(TOGETHER) {
-                let (seconds, firsts) = (from(seconds, at), from(firsts, at));
-                let y = if self.wide {
-                    wide_early(seconds, firsts, lane)
-                } else {
-                    narrow_early(seconds, firsts, lane)
-                };
-                let [a, b, c, d, e, f, g, h] = y;
-                put(into_firsts, at / 2, lane, [a, c, e, g]);
-                put(into_seconds, at / 2, lane, [b, d, f, h]);
+            let (into_seconds, into_firsts) = rows.split_at_mut(next.rows[0].min(rows.len()));
+            let into_seconds = into_seconds.get_mut(next.kept[0]..).unwrap_or_default();
+            let into_firsts = into_firsts.get_mut(next.kept[1]..).unwrap_or_default();
+            let (into_seconds, _) = into_seconds.as_chunks_mut();
+            let (into_firsts, _) = into_firsts.as_chunks_mut();
+            let count = outputs << (stages - 1 - stage);
+            let blocks = into_firsts.iter_mut().zip(into_seconds);
+            for (block, (first, second)) in blocks.enumerate().take(count.div_ceil(TOGETHER)) {
+                let from = [&*seconds, firsts].map(|rows| rows.get(TOGETHER * block..));
+                filter(lanes, from.map(Option::unwrap_or_default), [first, second]);
             }
         }
-        let (seconds, firsts) = rows.split_at((2 * half - 1 + TOGETHER).min(rows.len()));
-        if self.wide {
-            wide_last(seconds, firsts, lane)
+    }
+
+    /// Filters a group by the last stage.
+    fn finish(&self, rows: &[Row], rings: &mut [f32], place: (usize, usize)) {
+        let rows = rows.get(self.last..).unwrap_or_default();
+        let (seconds, firsts) = rows.split_at(self.seconds_of_last.min(rows.len()));
+        if self.filters.wide {
+            wide_last([seconds, firsts], rings, place);
         } else {
-            narrow_last(seconds, firsts, lane)
+            narrow_last([seconds, firsts], rings, place);
         }
     }
 
     /// Moves the rows that later outputs see to the beginning, after `outputs` outputs.
     fn forget(&self, mut rows: &mut [Row], outputs: usize) {
-        for stage in 0..self.stages {
-            let count = outputs << (self.stages - 1 - stage);
-            let half = self.half(stage);
-            for (length, kept) in self
-                .rows_of(stage)
-                .into_iter()
-                .zip([2 * half - 1, half - 1])
-            {
-                let (line, rest) = rows.split_at_mut(length.min(rows.len()));
+        for line in self.lines.iter().take(self.filters.stages) {
+            let count = outputs * line.outputs / TOGETHER;
+            for (length, kept) in line.rows.into_iter().zip(line.kept) {
+                let (part, rest) = rows.split_at_mut(length.min(rows.len()));
                 rows = rest;
-                if let Some(last) = line.len().checked_sub(kept)
-                    && count <= last
-                {
-                    line.copy_within(count..count + kept, 0);
-                }
+                shift(part, count, kept);
             }
         }
     }
 }
 
-/// Offsets of the rows that take the first sample of a pair and the second one.
-const fn places(filters: &Filters) -> [usize; 2] {
-    if filters.stages == 0 {
-        return [0; 2];
+/// Moves `kept` rows from `by` on to the beginning.
+fn shift(rows: &mut [Row], by: usize, kept: usize) {
+    // By fours, since a loop over single ones would become a call that moves word by word.
+    let mut at = 0;
+    while by >= 4 && at + 4 <= kept {
+        let Some((to, from)) = rows.split_at_mut_checked(at + by) else {
+            return;
+        };
+        let to = to
+            .get_mut(at..)
+            .and_then(|rows| rows.first_chunk_mut::<4>());
+        if let (Some(to), Some(from)) = (to, from.first_chunk::<4>()) {
+            to[0] = from[0];
+            to[1] = from[1];
+            to[2] = from[2];
+            to[3] = from[3];
+        }
+        at += 4;
     }
-    let half = filters.half(0);
-    let [seconds, _] = filters.rows_of(0);
-    [(seconds + half - 1) * LANES, (2 * half - 1) * LANES]
-}
-
-/// The rows from one on.
-#[inline]
-fn from(rows: &[Row], at: usize) -> &[Row] {
-    rows.get(at..).unwrap_or_default()
-}
-
-/// The row of a group's state at an offset.
-#[inline]
-fn row_mut(state: &mut [f32], place: usize) -> Option<&mut Row> {
-    state.get_mut(place..)?.first_chunk_mut()
-}
-
-/// Puts inputs of a lane into four rows.
-#[inline(always)]
-fn put(rows: &mut [Row], at: usize, lane: usize, x: [f32; 4]) {
-    if let Some(rows) = rows
-        .get_mut(at..)
-        .and_then(|rows| rows.first_chunk_mut::<4>())
-    {
-        let l = lane % LANES;
-        rows[0][l] = x[0];
-        rows[1][l] = x[1];
-        rows[2][l] = x[2];
-        rows[3][l] = x[3];
+    if by + kept <= rows.len() {
+        rows.copy_within(by + at..by + kept, at);
     }
 }
 
