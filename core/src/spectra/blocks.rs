@@ -32,7 +32,7 @@ pub struct Blocks<'s> {
 
 impl<'s> Blocks<'s> {
     /// Blocks of `channels` channels in lent storage: `history` of
-    /// [`BlockSettings::history_len`], `work` of one
+    /// [`BlockSettings::history_len`], `work` of half a
     /// transform length, `lines` of
     /// [`BlockSettings::lines_len`].
     ///
@@ -46,7 +46,7 @@ impl<'s> Blocks<'s> {
         lines: &'s mut [Complex32],
     ) -> Result<Self, SpectraError> {
         enough(lines.len(), settings.lines_len(channels))?;
-        enough(work.len(), settings.transform_length())?;
+        enough(work.len(), settings.transform_length() / 2)?;
         let rings = Rings::new(settings, channels, history)?;
         Ok(Self {
             rings,

@@ -1,5 +1,6 @@
 //! The cross-spectral matrix of the twelve resultants, for tests without a drive channel.
 
+use super::sum::settle;
 use super::{Average, BlockSettings, BlockSpectra, Complex32, SpectraError, Sum};
 use crate::geometry::RESULTANTS;
 
@@ -71,22 +72,11 @@ const fn pair(i: usize, j: usize) -> usize {
 
 impl Average for CrossAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
-        for (k, sums) in self.sums.chunks_exact_mut(SUMS_PER_LINE).enumerate() {
-            let x: [Complex32; RESULTANTS] =
-                core::array::from_fn(|c| block.channel(c).get(k).copied().unwrap_or_default());
-            let (auto, cross) = sums.split_at_mut(RESULTANTS);
-            for (sum, x) in auto.iter_mut().zip(&x) {
-                sum.add(x.re * x.re + x.im * x.im);
-            }
-            let mut cross = cross.chunks_exact_mut(2);
-            for (i, xi) in x.iter().enumerate() {
-                for xj in &x[i + 1..] {
-                    if let Some([re, im]) = cross.next() {
-                        re.add(xi.re * xj.re + xi.im * xj.im);
-                        im.add(xi.im * xj.re - xi.re * xj.im);
-                    }
-                }
-            }
+        settle(self.sums, SUMS_PER_LINE, self.blocks);
+        let (lines, _) = self.sums.as_chunks_mut();
+        for (k, sums) in lines.iter_mut().enumerate() {
+            let x = core::array::from_fn(|c| block.channel(c).get(k).copied().unwrap_or_default());
+            add_line(&x, sums);
         }
         self.blocks = self.blocks.saturating_add(1);
     }
@@ -94,6 +84,41 @@ impl Average for CrossAverage<'_> {
     fn blocks(&self) -> u32 {
         self.blocks
     }
+}
+
+/// Adds the products of one line.
+fn add_line(x: &[Complex32; RESULTANTS], sums: &mut [Sum; SUMS_PER_LINE]) {
+    let (auto, mut cross) = sums.split_at_mut(RESULTANTS);
+    for (sum, x) in auto.iter_mut().zip(x) {
+        sum.add([x.re, x.re], [x.im, x.im]);
+    }
+    // Two rows of the matrix at a time, so that a spectrum is loaded once for both.
+    let mut others: &[Complex32] = x;
+    while let [p, q, after @ ..] = others {
+        let Some((own, rest)) = cross.split_first_chunk_mut::<2>() else {
+            return;
+        };
+        let Some((of_p, rest)) = rest.split_at_mut_checked(2 * after.len()) else {
+            return;
+        };
+        let Some((of_q, rest)) = rest.split_at_mut_checked(2 * after.len()) else {
+            return;
+        };
+        add_product(own, p, q);
+        let (of_p, of_q) = (of_p.as_chunks_mut().0, of_q.as_chunks_mut().0);
+        for ((of_p, of_q), z) in of_p.iter_mut().zip(of_q).zip(after) {
+            add_product(of_p, p, z);
+            add_product(of_q, q, z);
+        }
+        (others, cross) = (after, rest);
+    }
+}
+
+/// Adds x y*.
+#[inline(always)]
+fn add_product([re, im]: &mut [Sum; 2], x: &Complex32, y: &Complex32) {
+    re.add([x.re, y.re], [x.im, y.im]);
+    im.add([x.im, y.re], [-x.re, y.im]);
 }
 
 #[cfg(test)]
