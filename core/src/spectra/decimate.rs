@@ -36,8 +36,6 @@ pub(super) const TOGETHER: usize = 8;
 
 /// One sample of the channels of a group.
 type Row = [f32; LANES];
-/// The rows that eight outputs of a stage go to, each of both kinds.
-type Four = [Row; TOGETHER / 2];
 
 /// Twice the coefficients at the distances 1, 3, 5, … from the middle, on either side: the middle
 /// one is then one, and an output is too large by a factor of two a stage.
@@ -75,29 +73,29 @@ const NARROW_LAST: [f32; 6] = [
 ];
 const NARROW_EARLY: [f32; 3] = [0.590_407_9, -0.104_623_47, 0.014_234_926];
 
-/// Adds the part of one coefficient to eight outputs, each of which sees it one row later.
-macro_rules! add_tap {
-    ($y:ident, $rows:ident, $lane:ident, $h:expr, $j:literal) => {
-        $y[0] += $h * $rows[$j][$lane];
-        $y[1] += $h * $rows[$j + 1][$lane];
-        $y[2] += $h * $rows[$j + 2][$lane];
-        $y[3] += $h * $rows[$j + 3][$lane];
-        $y[4] += $h * $rows[$j + 4][$lane];
-        $y[5] += $h * $rows[$j + 5][$lane];
-        $y[6] += $h * $rows[$j + 6][$lane];
-        $y[7] += $h * $rows[$j + 7][$lane];
+/// Adds the part of one coefficient to eight outputs, each of which sees its two samples one row later.
+macro_rules! add_pair {
+    ($y:ident, $e:ident, $l:ident, $h:expr, $j:literal $k:literal) => {
+        $y[0] += $h * ($e[$j][$l] + $e[$k][$l]);
+        $y[1] += $h * ($e[$j + 1][$l] + $e[$k + 1][$l]);
+        $y[2] += $h * ($e[$j + 2][$l] + $e[$k + 2][$l]);
+        $y[3] += $h * ($e[$j + 3][$l] + $e[$k + 3][$l]);
+        $y[4] += $h * ($e[$j + 4][$l] + $e[$k + 4][$l]);
+        $y[5] += $h * ($e[$j + 5][$l] + $e[$k + 5][$l]);
+        $y[6] += $h * ($e[$j + 6][$l] + $e[$k + 6][$l]);
+        $y[7] += $h * ($e[$j + 7][$l] + $e[$k + 7][$l]);
     };
 }
 
 /// Eight outputs of a filter over a lane of rows of second samples and of first ones. The sums are
-/// written out, since the chip's code is made small rather than fast. The coefficients of each filter
-/// stand in the order of the samples, oldest first.
+/// written out, since the chip's code is made small rather than fast. Each coefficient comes with the
+/// rows of its two samples, those next to the middle one first.
 macro_rules! sums {
-    ($h:ident, $e:ident, $f:ident, $l:ident, $($j:literal $i:literal),*) => {{
+    ($h:ident, $e:ident, $f:ident, $l:ident, $($i:literal: $j:literal $k:literal),*) => {{
         let mut y = [
             $f[0][$l], $f[1][$l], $f[2][$l], $f[3][$l], $f[4][$l], $f[5][$l], $f[6][$l], $f[7][$l],
         ];
-        $(add_tap!(y, $e, $l, $h[$i], $j);)*
+        $(add_pair!(y, $e, $l, $h[$i], $j $k);)*
         y
     }};
 }
@@ -107,8 +105,15 @@ macro_rules! sums {
 macro_rules! early {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
         #[inline(never)] // All registers are its own.
-        fn $name(lanes: usize, [e, f]: [&[Row]; 2], [firsts, seconds]: [&mut Four; 2]) {
+        fn $name(lanes: usize, e: &[Row], f: &[Row], into: &mut [Row], [second, first]: [usize; 2]) {
             let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
+                return;
+            };
+            let Some((seconds, firsts)) = into.split_at_mut_checked(first) else {
+                return;
+            };
+            let seconds = seconds.get_mut(second..).and_then(|rows| rows.first_chunk_mut::<4>());
+            let (Some(seconds), Some(firsts)) = (seconds, firsts.first_chunk_mut::<4>()) else {
                 return;
             };
             for l in 0..lanes.min(LANES) {
@@ -143,14 +148,15 @@ macro_rules! last {
     };
 }
 
-early!(narrow_early, NARROW_EARLY, 13, 0 2, 1 1, 2 0, 3 0, 4 1, 5 2);
-early!(wide_early, WIDE_EARLY, 17, 0 4, 1 3, 2 2, 3 1, 4 0, 5 0, 6 1, 7 2, 8 3, 9 4);
+early!(narrow_early, NARROW_EARLY, 13,
+    0: 2 3, 1: 1 4, 2: 0 5);
+early!(wide_early, WIDE_EARLY, 17,
+    0: 4 5, 1: 3 6, 2: 2 7, 3: 1 8, 4: 0 9);
 last!(narrow_last, NARROW_LAST, 19,
-    0 5, 1 4, 2 3, 3 2, 4 1, 5 0, 6 0, 7 1, 8 2, 9 3, 10 4, 11 5);
+    0: 5 6, 1: 4 7, 2: 3 8, 3: 2 9, 4: 1 10, 5: 0 11);
 last!(wide_last, WIDE_LAST, 37,
-    0 14, 1 13, 2 12, 3 11, 4 10, 5 9, 6 8, 7 7, 8 6, 9 5, 10 4, 11 3, 12 2, 13 1, 14 0,
-    15 0, 16 1, 17 2, 18 3, 19 4, 20 5, 21 6, 22 7, 23 8, 24 9, 25 10, 26 11, 27 12, 28 13,
-    29 14);
+    0: 14 15, 1: 13 16, 2: 12 17, 3: 11 18, 4: 10 19, 5: 9 20, 6: 8 21, 7: 7 22, 8: 6 23, 9:
+    5 24, 10: 4 25, 11: 3 26, 12: 2 27, 13: 1 28, 14: 0 29);
 
 /// The filters of some number of stages.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -188,10 +194,20 @@ impl Filters {
         TOGETHER << (self.stages - 1 - stage)
     }
 
+    /// Rows of a stage that later outputs see, a multiple of four: of second samples, then of first
+    /// ones.
+    const fn kept(&self, stage: usize) -> [usize; 2] {
+        let half = self.half(stage);
+        [
+            (2 * half - 1).next_multiple_of(4),
+            (half - 1).next_multiple_of(4),
+        ]
+    }
+
     /// Rows of a stage: of second samples, then of first ones.
     const fn rows_of(&self, stage: usize) -> [usize; 2] {
-        let (half, outputs) = (self.half(stage), self.outputs(stage));
-        [2 * half - 1 + outputs, half - 1 + outputs]
+        let ([seconds, firsts], outputs) = (self.kept(stage), self.outputs(stage));
+        [seconds + outputs, firsts + outputs]
     }
 
     /// Rows of all stages.
@@ -221,13 +237,15 @@ impl Filters {
     }
 }
 
-/// Rows of the delay line of a stage.
+/// Delay line of a stage, as rows of a group's state.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
-    /// Second samples of pairs, then first ones.
-    rows: [usize; 2],
-    /// Those of them that the next output sees, too.
+    /// Where second samples of pairs begin, and first ones.
+    begin: [usize; 2],
+    /// Rows of each that later outputs see, after which new ones lie.
     kept: [usize; 2],
+    /// Rows that the filter does not see, of those.
+    slack: [usize; 2],
     /// Outputs that are computed together.
     outputs: usize,
 }
@@ -237,108 +255,108 @@ struct Line {
 pub(super) struct Decimator {
     filters: Filters,
     lines: [Line; MAX_STAGES],
-    /// Samples that wait to be filtered.
-    waiting: usize,
+    channels: usize,
     /// Elements of a group's state.
     group: usize,
-    channels: usize,
-    /// Rows of a group before the last stage's, and of its second samples.
-    last: usize,
-    seconds_of_last: usize,
-    /// Offsets in a group's state of the rows that take the next two samples.
+    /// Places in the storage of the rows that take the next two samples, for the first group.
     places: [usize; 2],
+    /// Samples until the filters run.
+    wanted: usize,
 }
 
 impl Decimator {
+    /// Filters of so many channels, to be begun.
     pub(super) fn new(filters: Filters, channels: usize) -> Self {
         let mut lines = [Line::default(); MAX_STAGES];
+        let mut begin = 0;
         for (stage, line) in lines.iter_mut().enumerate().take(filters.stages) {
-            let half = filters.half(stage);
+            let (half, kept) = (filters.half(stage), filters.kept(stage));
+            let [seconds, firsts] = filters.rows_of(stage);
             *line = Line {
-                rows: filters.rows_of(stage),
-                kept: [2 * half - 1, half - 1],
+                begin: [begin, begin + seconds],
+                kept,
+                slack: [kept[0] + 1 - 2 * half, kept[1] + 1 - half],
                 outputs: filters.outputs(stage),
             };
+            begin += seconds + firsts;
         }
-        let used = lines.get(..filters.stages).unwrap_or(&lines);
-        let (last, before) = used.split_last().unzip();
-        let before: &[Line] = before.unwrap_or_default();
-        let mut new = Self {
+        Self {
             filters,
             lines,
-            waiting: 0,
-            group: filters.rows() * LANES,
             channels,
-            last: before.iter().flat_map(|line| line.rows).sum(),
-            seconds_of_last: last.map_or(0, |line| line.rows[0]),
+            group: filters.rows() * LANES,
             places: [0; 2],
-        };
-        new.begin();
-        new
+            wanted: 0,
+        }
     }
 
-    /// Begins to collect samples.
-    fn begin(&mut self) {
-        let [Line { rows, kept, .. }, ..] = &self.lines;
-        self.waiting = 0;
+    /// Begins to collect the samples of `outputs` outputs, 8 at most. The states begin at `base` in
+    /// their storage.
+    pub(super) fn begin(&mut self, base: usize, outputs: usize) {
+        let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.
-        self.places = [(rows[0] + kept[1]) * LANES, kept[0] * LANES];
+        self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
+            (Some(begin), Some(kept)) => base + (begin + kept) * LANES,
+            _ => base,
+        });
+        self.wanted = outputs << self.filters.stages;
     }
 
-    /// Takes one sample of every channel into their `states`, of [`Filters::state_len`]; a channel
-    /// that `sample` lacks reads zero. `true` once there are inputs for `outputs` outputs, 8 at
-    /// most.
+    /// Takes one sample of every channel into their states in `storage`; a channel that `sample` lacks
+    /// reads zero. `true` once the filters can run.
     #[inline]
-    pub(super) fn push(&mut self, states: &mut [f32], sample: &[f32], outputs: usize) -> bool {
+    pub(super) fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let [place, next] = self.places;
         if sample.len() < self.channels {
-            self.clear(states);
+            self.clear(storage);
         }
-        let (groups, rest) = sample.as_chunks();
+        let (groups, rest) = sample.as_chunks::<LANES>();
         let mut at = place;
         for x in groups {
-            let Some(row) = states
-                .get_mut(at..)
-                .and_then(|s| s.first_chunk_mut::<LANES>())
-            else {
+            let slots = storage
+                .get_mut(at..at + LANES)
+                .and_then(|s| s.first_chunk_mut());
+            let Some(row) = slots else {
                 break;
             };
             *row = *x;
             at += self.group;
         }
-        let row = states.get_mut(at..).unwrap_or_default();
-        row.iter_mut().zip(rest).for_each(|(slot, x)| *slot = *x);
+        if !rest.is_empty() {
+            let row = storage.get_mut(at..).unwrap_or_default();
+            row.iter_mut().zip(rest).for_each(|(slot, x)| *slot = *x);
+        }
         self.places = [next, place + LANES];
-        self.waiting += 1;
-        self.waiting >= outputs << self.filters.stages
+        self.wanted -= 1;
+        self.wanted == 0
     }
 
     /// Lets the sample that comes next read zero in all channels.
     #[cold]
-    fn clear(&self, states: &mut [f32]) {
+    fn clear(&self, storage: &mut [f32]) {
         let [place, _] = self.places;
-        let states = states.chunks_exact_mut(self.group.max(LANES));
-        states
-            .filter_map(|state| state.get_mut(place..place + LANES))
-            .for_each(|row| row.fill(0.0));
+        let states = storage.get_mut(place..).unwrap_or_default();
+        let groups = states.chunks_mut(self.group.max(LANES));
+        for state in groups.take(self.channels.div_ceil(LANES)) {
+            state.iter_mut().take(LANES).for_each(|x| *x = 0.0);
+        }
     }
 
     /// Filters the samples that wait, of every channel: the outputs of each, `outputs` of them and
     /// too large by two a stage, go to its ring of `n` from `head` on.
     #[inline(never)] // Storing a sample is to be short.
     pub(super) fn filter(
-        &mut self,
+        &self,
         states: &mut [f32],
         rings: &mut [f32],
         (n, head): (usize, usize),
         outputs: usize,
     ) {
         let n = n.max(1);
-        let lanes = rings.len() / n;
+        let mut lanes = self.channels;
         let states = states.chunks_exact_mut(self.group.max(LANES));
-        for (group, (state, rings)) in states.zip(rings.chunks_mut(LANES * n)).enumerate() {
+        for (state, rings) in states.zip(rings.chunks_mut(LANES * n)) {
             let (rows, _) = state.as_chunks_mut();
-            let lanes = (lanes - LANES * group).min(LANES);
             self.run(rows, lanes, outputs);
             if outputs == TOGETHER && head + TOGETHER <= n {
                 self.finish(rows, rings, (n, head));
@@ -352,84 +370,82 @@ impl Decimator {
                 }
             }
             self.forget(rows, outputs);
+            lanes = lanes.saturating_sub(LANES);
         }
-        self.begin();
     }
 
     /// Filters a group by all stages before the last one.
-    fn run(&self, mut rows: &mut [Row], lanes: usize, outputs: usize) {
+    fn run(&self, rows: &mut [Row], lanes: usize, outputs: usize) {
         let filter = if self.filters.wide {
             wide_early
         } else {
             narrow_early
         };
-        let stages = self.filters.stages;
-        for (stage, pair) in self.lines.windows(2).enumerate().take(stages - 1) {
+        for pair in self.lines.windows(2).take(self.filters.stages - 1) {
             let [line, next] = pair else {
                 return;
             };
-            let (seconds, rest) = rows.split_at_mut(line.rows[0].min(rows.len()));
-            let (firsts, rest) = rest.split_at_mut(line.rows[1].min(rest.len()));
-            rows = rest;
-            let (into_seconds, into_firsts) = rows.split_at_mut(next.rows[0].min(rows.len()));
-            let into_seconds = into_seconds.get_mut(next.kept[0]..).unwrap_or_default();
-            let into_firsts = into_firsts.get_mut(next.kept[1]..).unwrap_or_default();
-            let (into_seconds, _) = into_seconds.as_chunks_mut();
-            let (into_firsts, _) = into_firsts.as_chunks_mut();
-            let count = outputs << (stages - 1 - stage);
-            let blocks = into_firsts.iter_mut().zip(into_seconds);
-            for (block, (first, second)) in blocks.enumerate().take(count.div_ceil(TOGETHER)) {
-                let from = [&*seconds, firsts].map(|rows| rows.get(TOGETHER * block..));
-                filter(lanes, from.map(Option::unwrap_or_default), [first, second]);
+            let (own, later) = rows.split_at_mut(next.begin[0].min(rows.len()));
+            let (mut seconds, mut firsts) =
+                (line.begin[0] + line.slack[0], line.begin[1] + line.slack[1]);
+            let mut into = [next.kept[0], next.begin[1] - next.begin[0] + next.kept[1]];
+            let last = seconds + outputs * line.outputs / TOGETHER;
+            while seconds < last {
+                let (Some(e), Some(f)) = (own.get(seconds..), own.get(firsts..)) else {
+                    return;
+                };
+                filter(lanes, e, f, later, into);
+                seconds += TOGETHER;
+                firsts += TOGETHER;
+                into = into.map(|row| row + TOGETHER / 2);
             }
         }
     }
 
     /// Filters a group by the last stage.
     fn finish(&self, rows: &[Row], rings: &mut [f32], place: (usize, usize)) {
-        let rows = rows.get(self.last..).unwrap_or_default();
-        let (seconds, firsts) = rows.split_at(self.seconds_of_last.min(rows.len()));
+        let line = self.lines.get(self.filters.stages - 1);
+        let Some(Line { begin, slack, .. }) = line else {
+            return;
+        };
+        let inputs = [begin[0] + slack[0], begin[1] + slack[1]]
+            .map(|row| rows.get(row..).unwrap_or_default());
         if self.filters.wide {
-            wide_last([seconds, firsts], rings, place);
+            wide_last(inputs, rings, place);
         } else {
-            narrow_last([seconds, firsts], rings, place);
+            narrow_last(inputs, rings, place);
         }
     }
 
     /// Moves the rows that later outputs see to the beginning, after `outputs` outputs.
-    fn forget(&self, mut rows: &mut [Row], outputs: usize) {
+    fn forget(&self, rows: &mut [Row], outputs: usize) {
         for line in self.lines.iter().take(self.filters.stages) {
             let count = outputs * line.outputs / TOGETHER;
-            for (length, kept) in line.rows.into_iter().zip(line.kept) {
-                let (part, rest) = rows.split_at_mut(length.min(rows.len()));
-                rows = rest;
-                shift(part, count, kept);
+            for (begin, kept) in line.begin.into_iter().zip(line.kept) {
+                if let Some(rows) = rows.get_mut(begin..begin + kept + count) {
+                    shift(rows, count);
+                }
             }
         }
     }
 }
 
-/// Moves `kept` rows from `by` on to the beginning.
-fn shift(rows: &mut [Row], by: usize, kept: usize) {
+/// Moves the rows from `by` on, a multiple of four of them, to the beginning.
+fn shift(rows: &mut [Row], by: usize) {
+    if by < 4 {
+        return rows.copy_within(by.., 0);
+    }
     // By fours, since a loop over single ones would become a call that moves word by word.
-    let mut at = 0;
-    while by >= 4 && at + 4 <= kept {
-        let Some((to, from)) = rows.split_at_mut_checked(at + by) else {
+    let mut rest = rows;
+    while let Some((to, from)) = rest.split_at_mut_checked(by) {
+        let (Some(to), Some(from)) = (to.first_chunk_mut::<4>(), from.first_chunk::<4>()) else {
             return;
         };
-        let to = to
-            .get_mut(at..)
-            .and_then(|rows| rows.first_chunk_mut::<4>());
-        if let (Some(to), Some(from)) = (to, from.first_chunk::<4>()) {
-            to[0] = from[0];
-            to[1] = from[1];
-            to[2] = from[2];
-            to[3] = from[3];
-        }
-        at += 4;
-    }
-    if by + kept <= rows.len() {
-        rows.copy_within(by + at..by + kept, at);
+        to[0] = from[0];
+        to[1] = from[1];
+        to[2] = from[2];
+        to[3] = from[3];
+        rest = rest.get_mut(4..).unwrap_or_default();
     }
 }
 
@@ -468,8 +484,8 @@ mod tests {
         }
     }
 
-    /// Every second output of a filter as it is written in books: all taps over all samples, oldest
-    /// first, of which the middle one is taken first.
+    /// Every second output of a filter as it is written in books: all taps over all samples, those
+    /// beside the middle one first.
     fn by_the_book(h: &[f32], samples: &[f32]) -> Vec<f32> {
         let taps = 4 * h.len() - 1;
         let middle = taps / 2;
@@ -478,9 +494,9 @@ mod tests {
         let outputs = padded.windows(taps).skip(1).step_by(2);
         outputs
             .map(|line| {
-                let odd = line.iter().enumerate().step_by(2);
-                odd.fold(line[middle], |sum, (i, x)| {
-                    sum + h[middle.abs_diff(i) / 2] * x
+                let pairs = h.iter().enumerate();
+                pairs.fold(line[middle], |sum, (i, h)| {
+                    sum + h * (line[middle - 1 - 2 * i] + line[middle + 1 + 2 * i])
                 })
             })
             .collect()
@@ -494,10 +510,12 @@ mod tests {
         let mut rings = vec![0.0; N * channels.len()];
         let mut found = vec![Vec::new(); channels.len()];
         let mut head = 0;
+        decimator.begin(0, batch);
         for n in 0..channels[0].len() {
             let sample: Vec<f32> = channels.iter().map(|x| x[n]).collect();
-            if decimator.push(&mut states, &sample, batch) {
+            if decimator.push(&mut states, &sample) {
                 decimator.filter(&mut states, &mut rings, (N, head), batch);
+                decimator.begin(0, batch);
                 for (found, ring) in found.iter_mut().zip(rings.chunks(N)) {
                     found.extend((0..batch).map(|k| ring[(head + k) % N]));
                 }

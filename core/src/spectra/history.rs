@@ -54,13 +54,19 @@ impl Rings {
         if let Some(filters) = storage.get_mut(self.channels * n..) {
             filters.fill(0.0);
         }
-        let filters = self.settings.filters();
-        self.decimator = Decimator::new(filters, self.channels);
         // Those that see the start from rest are part of no block. The first block is to begin where
         // the rings do.
+        let filters = self.settings.filters();
         let unsettled = filters.settling() >> filters.stages();
         self.head = (n - unsettled % n) % n;
         self.missing = unsettled + n;
+        self.begin();
+    }
+
+    /// Goes on to the next outputs of the filters.
+    fn begin(&mut self) {
+        let base = self.channels * self.settings.transform_length();
+        self.decimator.begin(base, self.missing.min(TOGETHER));
     }
 
     /// The settings.
@@ -72,31 +78,44 @@ impl Rings {
     /// whenever a block is complete: it can be transformed until the next sample comes. With
     /// less storage than there was at the beginning it takes nothing.
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
+        if self.settings.filters().stages() == 0 {
+            return self.push_unfiltered(storage, sample);
+        }
+        self.decimator.push(storage, sample) && self.filter(storage)
+    }
+
+    /// Filters the samples that wait. `true` if a block is complete.
+    fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
-        let Some((rings, states)) = storage.split_at_mut_checked(self.channels * n) else {
-            return false;
-        };
-        let stages = self.settings.filters().stages();
-        let outputs = if stages == 0 {
-            let slots = rings.iter_mut().skip(self.head).step_by(n.max(1));
-            let sample = sample.iter().copied().chain(core::iter::repeat(0.0));
-            slots.zip(sample).for_each(|(slot, x)| *slot = x);
-            1
-        } else {
-            let outputs = self.missing.min(TOGETHER);
-            if !self.decimator.push(states, sample, outputs) {
-                return false;
-            }
+        let outputs = self.missing.min(TOGETHER);
+        if let Some((rings, states)) = storage.split_at_mut_checked(self.channels * n) {
             let place = (n, self.head);
             self.decimator.filter(states, rings, place, outputs);
-            outputs
-        };
+        }
+        let complete = self.advance(outputs);
+        self.begin();
+        complete
+    }
+
+    /// Takes one sample of every channel at the full rate. `true` if a block is complete.
+    fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
+        let n = self.settings.transform_length();
+        let rings = storage.get_mut(..self.channels * n).unwrap_or_default();
+        let slots = rings.iter_mut().skip(self.head).step_by(n.max(1));
+        let sample = sample.iter().copied().chain(core::iter::repeat(0.0));
+        slots.zip(sample).for_each(|(slot, x)| *slot = x);
+        self.advance(1)
+    }
+
+    /// Goes on by some outputs. `true` if a block is complete.
+    fn advance(&mut self, outputs: usize) -> bool {
+        let n = self.settings.transform_length();
         self.head = (self.head + outputs) & n.wrapping_sub(1);
         self.missing -= outputs;
         if self.missing > 0 {
             return false;
         }
-        self.missing = self.settings.hop() >> stages;
+        self.missing = self.settings.hop() >> self.settings.filters().stages();
         true
     }
 
