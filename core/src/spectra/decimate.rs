@@ -322,9 +322,15 @@ impl Decimator {
             *row = *x;
             at += self.group;
         }
-        if !rest.is_empty() {
-            let row = storage.get_mut(at..).unwrap_or_default();
-            row.iter_mut().zip(rest).for_each(|(slot, x)| *slot = *x);
+        // One by one, since a loop would become a call.
+        if let ([a, rest @ ..], Some([x, y, z, ..])) = (rest, storage.get_mut(at..)) {
+            *x = *a;
+            if let [b, rest @ ..] = rest {
+                *y = *b;
+                if let [c, ..] = rest {
+                    *z = *c;
+                }
+            }
         }
         self.places = [next, place + LANES];
         self.wanted -= 1;

@@ -94,51 +94,59 @@ pub(super) fn transform_pairs(ring: &[f32], head: usize, work: &mut [Complex32])
     let half = work.len();
     let radix = if half.trailing_zeros() % 2 == 1 { 8 } else { 4 };
     let groups = half / radix;
-    // Where each of the first pass's inputs lies in one piece with those of the other groups.
-    let aligned = head % (2 * groups).max(1) == 0;
-    let (pairs, _) = ring.as_chunks::<2>();
-    let first = head / 2;
-    let (reversed, groups_mask) = (Reversed::of(groups), ring.len().wrapping_sub(1));
-    let piece = |r: usize| {
-        let at = (first + r * groups) & half.wrapping_sub(1);
-        pairs.get(at..at + groups).unwrap_or_default()
-    };
-    let sample = |n: usize| {
-        ring.get((head + n) & groups_mask)
-            .copied()
-            .unwrap_or_default()
-    };
-    if radix == 8 {
-        let (work, _) = work.as_chunks_mut::<8>();
-        if aligned {
-            let pieces: [_; 8] = core::array::from_fn(piece);
-            for (group, work) in work.iter_mut().enumerate() {
-                let at = reversed.place(group);
-                *work = eight(|r| pair(pieces[r].get(at)));
-            }
-        } else {
-            for (group, work) in work.iter_mut().enumerate() {
-                let at = 2 * reversed.place(group);
-                *work = eight(|r| {
-                    let n = at + 2 * r * groups;
-                    Complex32::new(sample(n), sample(n + 1))
-                });
-            }
-        }
+    if radix == 8 && head % (2 * groups) == 0 {
+        in_pieces(ring, head, work);
     } else {
-        let (work, _) = work.as_chunks_mut::<4>();
-        for (group, work) in work.iter_mut().enumerate() {
-            let at = 2 * reversed.place(group);
-            *work = four(|r| {
-                let n = at + 2 * r * groups;
-                Complex32::new(sample(n), sample(n + 1))
-            });
-        }
+        one_by_one(ring, head, work, radix);
     }
     let mut length = radix;
     while length < half {
         combine(work, length);
         length *= 4;
+    }
+}
+
+/// The first pass, where each input of all groups lies in one piece.
+#[inline(never)]
+fn in_pieces(ring: &[f32], head: usize, work: &mut [Complex32]) {
+    let (pairs, _) = ring.as_chunks::<2>();
+    let groups = pairs.len() / 8;
+    let (newer, older) = pairs.split_at((head / 2).min(pairs.len()));
+    let pieces = [older, newer].map(|part| part.chunks_exact(groups.max(1)));
+    let mut pieces = pieces.into_iter().flatten();
+    let mut piece = || pieces.next().unwrap_or_default().iter();
+    let (a, b, c, d) = (piece(), piece(), piece(), piece());
+    let (e, f, g, h) = (piece(), piece(), piece(), piece());
+    let inputs = a.zip(e).zip(c.zip(g)).zip(b.zip(f).zip(d.zip(h)));
+    let (work, _) = work.as_chunks_mut::<8>();
+    let reversed = Reversed::of(groups);
+    for (group, (((a, e), (c, g)), ((b, f), (d, h)))) in inputs.enumerate() {
+        if let Some(work) = work.get_mut(reversed.place(group)) {
+            let z = |pair: &[f32; 2]| Complex32::new(pair[0], pair[1]);
+            *work = eight([z(a), z(b), z(c), z(d), z(e), z(f), z(g), z(h)]);
+        }
+    }
+}
+
+/// The first pass, wherever the inputs lie.
+#[inline(never)]
+fn one_by_one(ring: &[f32], head: usize, work: &mut [Complex32], radix: usize) {
+    let groups = work.len() / radix;
+    let (reversed, last) = (Reversed::of(groups), ring.len().wrapping_sub(1));
+    let sample = |n: usize| ring.get((head + n) & last).copied().unwrap_or_default();
+    let input = |group: usize, r: usize| {
+        let n = 2 * (reversed.place(group) + r * groups);
+        Complex32::new(sample(n), sample(n + 1))
+    };
+    if radix == 8 {
+        for (group, work) in work.as_chunks_mut().0.iter_mut().enumerate() {
+            *work = eight(core::array::from_fn(|r| input(group, r)));
+        }
+    } else {
+        for (group, work) in work.as_chunks_mut().0.iter_mut().enumerate() {
+            let [a, b, c, d] = core::array::from_fn(|r| input(group, r));
+            *work = butterfly(a, b, c, d);
+        }
     }
 }
 
@@ -165,12 +173,6 @@ impl Reversed {
     }
 }
 
-#[inline]
-fn pair(samples: Option<&[f32; 2]>) -> Complex32 {
-    let [re, im] = samples.copied().unwrap_or_default();
-    Complex32::new(re, im)
-}
-
 /// -j z.
 #[inline(always)]
 fn turned(z: Complex32) -> Complex32 {
@@ -178,11 +180,6 @@ fn turned(z: Complex32) -> Complex32 {
 }
 
 /// The transform of four numbers.
-#[inline(always)]
-fn four(z: impl Fn(usize) -> Complex32) -> [Complex32; 4] {
-    butterfly(z(0), z(1), z(2), z(3))
-}
-
 #[inline(always)]
 fn butterfly(a: Complex32, b: Complex32, c: Complex32, d: Complex32) -> [Complex32; 4] {
     let (ac, bd) = (a + c, b + d);
@@ -192,10 +189,10 @@ fn butterfly(a: Complex32, b: Complex32, c: Complex32, d: Complex32) -> [Complex
 
 /// The transform of eight numbers.
 #[inline(always)]
-fn eight(z: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
+fn eight([a, b, c, d, e, f, g, h]: [Complex32; 8]) -> [Complex32; 8] {
     const S: f32 = core::f32::consts::FRAC_1_SQRT_2;
-    let [e0, e1, e2, e3] = butterfly(z(0), z(2), z(4), z(6));
-    let [o0, o1, o2, o3] = butterfly(z(1), z(3), z(5), z(7));
+    let [e0, e1, e2, e3] = butterfly(a, c, e, g);
+    let [o0, o1, o2, o3] = butterfly(b, d, f, h);
     let o1 = Complex32::new((o1.re + o1.im) * S, (o1.im - o1.re) * S);
     let o2 = turned(o2);
     let o3 = Complex32::new((o3.im - o3.re) * S, (o3.re + o3.im) * -S);
@@ -212,14 +209,19 @@ fn eight(z: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
 }
 
 /// Combines transforms of `length` lines by fours.
+#[inline(never)]
 fn combine(work: &mut [Complex32], length: usize) {
     let step = (BUTTERFLIES / length.max(1)).max(1);
     for four in work.chunks_exact_mut(4 * length) {
         let (ab, cd) = four.split_at_mut(2 * length);
         let ((a, b), (c, d)) = (ab.split_at_mut(length), cd.split_at_mut(length));
-        let twiddles = TWIDDLES.iter().step_by(step);
-        for ((((a, b), c), d), w) in a.iter_mut().zip(b).zip(c).zip(d).zip(twiddles) {
-            [*a, *b, *c, *d] = butterfly(*a, times(*b, w[0]), times(*c, w[1]), times(*d, w[2]));
+        let inputs = a.iter_mut().zip(b).zip(c.iter_mut().zip(d));
+        // Chunks rather than steps, whose ends would be computed anew for each.
+        for (((a, b), (c, d)), w) in inputs.zip(TWIDDLES.chunks_exact(step)) {
+            if let [w, ..] = w {
+                let (b1, c1, d1) = (times(*b, w[0]), times(*c, w[1]), times(*d, w[2]));
+                [*a, *b, *c, *d] = butterfly(*a, b1, c1, d1);
+            }
         }
     }
 }
@@ -235,14 +237,19 @@ pub(super) fn lines(z: &[Complex32], first: usize) -> impl Iterator<Item = Compl
     let n = 2 * z.len();
     let step = (MAX_BLOCK_LENGTH / n.max(1)).max(1);
     let twiddles = HALF_CIRCLE.get(first * step..).unwrap_or_default();
-    // The line k is made of the ones k and N/2 - k.
+    // The line k is made of the ones k and N/2 - k. Chunks rather than steps and reversals, whose ends
+    // would be computed anew for each.
     let up = z.get(first..).unwrap_or_default().iter();
     let down = z
         .get(..(z.len() + 1).saturating_sub(first))
         .unwrap_or_default();
-    up.zip(down.iter().rev())
-        .zip(twiddles.iter().step_by(step))
+    let twiddles = twiddles.chunks_exact(step);
+    up.zip(down.rchunks_exact(1))
+        .zip(twiddles)
         .map(|((z, y), w)| {
+            let ([y, ..], [w, ..]) = (y, w) else {
+                return Complex32::new(0.0, 0.0);
+            };
             // Twice the transforms of the even samples and of the odd ones.
             let even = Complex32::new(z.re + y.re, z.im - y.im);
             let odd = Complex32::new(z.im + y.im, y.re - z.re);
