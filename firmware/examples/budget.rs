@@ -451,16 +451,17 @@ mod on_chip {
         blocks: &mut Blocks<'_>,
         average: &mut impl Average,
     ) -> u32 {
-        let mut next = noise.iter().cycle();
-        let mut take = |count: usize| {
-            for sample in next.by_ref().take(count) {
-                if let Some(block) = blocks.push(black_box(sample)) {
-                    average.add(&block);
+        let mut take = |times: usize| {
+            for _ in 0..times {
+                for sample in noise {
+                    if let Some(block) = blocks.push(black_box(sample)) {
+                        average.add(&block);
+                    }
                 }
             }
         };
-        take(4096);
-        let cost = cost(timer, |_| take(512));
+        take(4096 / noise.len());
+        let cost = cost(timer, |_| take(512 / noise.len()));
         // Each of those hops had its block.
         if average.blocks() >= 64 + 6 { cost } else { 0 }
     }

@@ -62,16 +62,22 @@ impl<'s> Blocks<'s> {
         if !self.rings.push(self.history, sample) {
             return None;
         }
+        Some(self.transform())
+    }
+
+    /// The spectra of the block that is complete.
+    #[inline(never)] // Storing a sample is to be short.
+    fn transform(&mut self) -> BlockSpectra<'_> {
         let count = self.rings.settings().grid().count;
         let pairs = self.lines.chunks_mut(2 * count).enumerate();
         for (pair, lines) in pairs.take(self.rings.pairs()) {
             let (a, b) = lines.split_at_mut(count.min(lines.len()));
             self.rings.transform(pair, self.history, self.work, a, b);
         }
-        Some(BlockSpectra {
+        BlockSpectra {
             lines: self.lines,
             count,
-        })
+        }
     }
 }
 

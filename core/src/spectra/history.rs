@@ -77,6 +77,7 @@ impl Rings {
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
     /// whenever a block is complete: it can be transformed until the next sample comes. With
     /// less storage than there was at the beginning it takes nothing.
+    #[inline]
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         if self.settings.filters().stages() == 0 {
             return self.push_unfiltered(storage, sample);
@@ -84,26 +85,39 @@ impl Rings {
         self.decimator.push(storage, sample) && self.filter(storage)
     }
 
+    #[inline(never)] // Storing a sample is to be short.
     /// Filters the samples that wait. `true` if a block is complete.
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
         let outputs = self.missing.min(TOGETHER);
-        if let Some((rings, states)) = storage.split_at_mut_checked(self.channels * n) {
-            let place = (n, self.head);
-            self.decimator.filter(states, rings, place, outputs);
+        if storage.len() < self.settings.history_len(self.channels) {
+            self.begin();
+            return false;
         }
+        let (rings, states) = storage.split_at_mut(self.channels * n);
+        let place = (n, self.head);
+        self.decimator.filter(states, rings, place, outputs);
         let complete = self.advance(outputs);
         self.begin();
         complete
     }
 
+    #[inline(never)] // As above.
     /// Takes one sample of every channel at the full rate. `true` if a block is complete.
     fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
-        let rings = storage.get_mut(..self.channels * n).unwrap_or_default();
-        let slots = rings.iter_mut().skip(self.head).step_by(n.max(1));
-        let sample = sample.iter().copied().chain(core::iter::repeat(0.0));
-        slots.zip(sample).for_each(|(slot, x)| *slot = x);
+        let mut slots = storage.get_mut(..self.channels * n).unwrap_or_default();
+        slots = slots.get_mut(self.head..).unwrap_or_default();
+        if sample.len() < self.channels {
+            slots.iter_mut().step_by(n.max(1)).for_each(|x| *x = 0.0);
+        }
+        for x in sample {
+            let Some(slot) = slots.first_mut() else {
+                break;
+            };
+            *slot = *x;
+            slots = slots.get_mut(n..).unwrap_or_default();
+        }
         self.advance(1)
     }
 
