@@ -19,6 +19,19 @@ impl<'a> BlockSpectra<'a> {
             .get(c * self.count..(c + 1) * self.count)
             .unwrap_or(&[])
     }
+
+    /// The kept line `k` of the first channels.
+    #[inline]
+    pub(super) fn line(&self, k: usize, into: &mut [Complex32]) {
+        let mut rest = self.lines.get(k..).unwrap_or_default();
+        for z in into {
+            let Some(first) = rest.first() else {
+                break;
+            };
+            *z = *first;
+            rest = rest.get(self.count..).unwrap_or_default();
+        }
+    }
 }
 
 /// Blocks of all channels out of a stream, each transformed as soon as it is complete.
