@@ -19,8 +19,8 @@
 //! A frequency that folds onto a line is uncorrelated with it, so it biases averaged spectra by its
 //! power, 4e-10 at most, and makes them scatter by its amplitude, 2e-5.
 //!
-//! Samples are kept until eight outputs of all channels can be computed together: a sample is then
-//! loaded once for eight sums. The channels lie side by side by fours, so that a group of them is
+//! Samples are kept until eight sums of a channel can be computed together, for which a sample is
+//! loaded once. The channels lie side by side by fours, so that a group of them is
 //! stored at once.
 
 /// Share of the decimated block up to which lines may be kept: the pass band's edge.
@@ -32,7 +32,7 @@ pub(super) const MAX_STAGES: usize = 4;
 /// Channels that lie side by side.
 const LANES: usize = 4;
 /// Outputs that are computed together.
-pub(super) const TOGETHER: usize = 8;
+const TOGETHER: usize = 8;
 
 /// One sample of the channels of a group.
 type Row = [f32; LANES];
@@ -189,9 +189,19 @@ impl Filters {
         }
     }
 
-    /// Outputs of a stage that are computed together.
+    /// Outputs that are computed together: of many stages fewer, since each takes its inputs.
+    pub(super) const fn batch(&self) -> usize {
+        TOGETHER >> self.stages.saturating_sub(2)
+    }
+
+    /// Outputs of a stage for which there is room.
     const fn outputs(&self, stage: usize) -> usize {
-        TOGETHER << (self.stages - 1 - stage)
+        let outputs = self.batch() << (self.stages - 1 - stage);
+        if outputs < TOGETHER {
+            TOGETHER
+        } else {
+            outputs
+        }
     }
 
     /// Rows of a stage that later outputs see, a multiple of four: of second samples, then of first
@@ -246,8 +256,8 @@ struct Line {
     kept: [usize; 2],
     /// Rows that the filter does not see, of those.
     slack: [usize; 2],
-    /// Outputs that are computed together.
-    outputs: usize,
+    /// Logarithm to base two of its outputs for one of the last stage.
+    shift: usize,
 }
 
 /// Samples on their way through the filters.
@@ -276,7 +286,7 @@ impl Decimator {
                 begin: [begin, begin + seconds],
                 kept,
                 slack: [kept[0] + 1 - 2 * half, kept[1] + 1 - half],
-                outputs: filters.outputs(stage),
+                shift: filters.stages - 1 - stage,
             };
             begin += seconds + firsts;
         }
@@ -290,7 +300,7 @@ impl Decimator {
         }
     }
 
-    /// Begins to collect the samples of `outputs` outputs, 8 at most. The states begin at `base` in
+    /// Begins to collect the samples of `outputs` outputs, [`Filters::batch`] at most. The states begin at `base` in
     /// their storage.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
         let [Line { begin, kept, .. }, ..] = &self.lines;
@@ -395,7 +405,7 @@ impl Decimator {
             let (mut seconds, mut firsts) =
                 (line.begin[0] + line.slack[0], line.begin[1] + line.slack[1]);
             let mut into = [next.kept[0], next.begin[1] - next.begin[0] + next.kept[1]];
-            let last = seconds + outputs * line.outputs / TOGETHER;
+            let last = seconds + (outputs << line.shift);
             while seconds < last {
                 let (Some(e), Some(f)) = (own.get(seconds..), own.get(firsts..)) else {
                     return;
@@ -426,7 +436,7 @@ impl Decimator {
     /// Moves the rows that later outputs see to the beginning, after `outputs` outputs.
     fn forget(&self, rows: &mut [Row], outputs: usize) {
         for line in self.lines.iter().take(self.filters.stages) {
-            let count = outputs * line.outputs / TOGETHER;
+            let count = outputs << line.shift;
             for (begin, kept) in line.begin.into_iter().zip(line.kept) {
                 if let Some(rows) = rows.get_mut(begin..begin + kept + count) {
                     shift(rows, count);
@@ -545,7 +555,7 @@ mod tests {
         ] {
             for stages in 1..=MAX_STAGES {
                 let filters = Filters::new(stages, share);
-                for batch in [TOGETHER, 4, 1] {
+                for batch in [filters.batch(), 2, 1] {
                     let found = outputs(filters, &channels, batch);
                     for (found, samples) in found.iter().zip(&channels) {
                         let early =
@@ -561,7 +571,7 @@ mod tests {
     #[test]
     fn a_constant_comes_out_every_fourth_time() {
         let filters = Filters::new(2, 0.25);
-        let found = outputs(filters, &[vec![1.0; 800]], TOGETHER);
+        let found = outputs(filters, &[vec![1.0; 800]], filters.batch());
         assert_eq!(found[0].len(), 200);
         for y in &found[0][filters.settling() >> 2..] {
             // Four times as large, with two ripples of 6e-6 and 2e-5.
@@ -575,7 +585,7 @@ mod tests {
         let run = |lead: f32| {
             let mut samples: Vec<f32> = (0..1600).map(|n| libm::sinf(n as f32)).collect();
             samples[0] = lead;
-            outputs(filters, &[samples], TOGETHER).remove(0)
+            outputs(filters, &[samples], filters.batch()).remove(0)
         };
         let (a, b) = (run(0.0), run(1000.0));
         let differ = |n: usize| a[n] != b[n];

@@ -1,6 +1,6 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
-use super::decimate::{Decimator, TOGETHER};
+use super::decimate::Decimator;
 use super::fft::{lines, transform_pairs};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
@@ -63,10 +63,15 @@ impl Rings {
         self.begin();
     }
 
+    /// Outputs that the filters yield next.
+    fn outputs(&self) -> usize {
+        self.missing.min(self.settings.filters().batch())
+    }
+
     /// Goes on to the next outputs of the filters.
     fn begin(&mut self) {
         let base = self.channels * self.settings.transform_length();
-        self.decimator.begin(base, self.missing.min(TOGETHER));
+        self.decimator.begin(base, self.outputs());
     }
 
     /// The settings.
@@ -89,7 +94,7 @@ impl Rings {
     /// Filters the samples that wait. `true` if a block is complete.
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
-        let outputs = self.missing.min(TOGETHER);
+        let outputs = self.outputs();
         if storage.len() < self.settings.history_len(self.channels) {
             self.begin();
             return false;

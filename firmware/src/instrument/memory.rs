@@ -31,14 +31,16 @@ const DECIMATIONS: usize = {
 };
 /// Decimated samples of a block.
 pub(super) const TRANSFORM: usize = BLOCK_LENGTH >> DECIMATIONS;
-/// States of a channel's filters. One decimation more adds 20, and takes more samples off.
+/// States of the filters of four channels, which lie together. One decimation more adds 128, and takes
+/// more samples off.
 const FILTERS: usize = match DECIMATIONS {
     0 => 0,
-    count => 30 + 20 * count,
+    1 => 4 * 64,
+    count => 4 * (64 + 48 + 32 * (count - 2)),
 };
 
 /// Samples and filter states of the blocks that are under way.
-const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
+const HISTORY: usize = AVERAGED * TRANSFORM + AVERAGED.div_ceil(4) * FILTERS;
 /// Lines of the drive and of the two channels that are transformed together.
 const BLOCK_LINES: usize = 3 * LINES;
 /// Running sums: the drive's power, and three numbers for each resultant.
@@ -180,7 +182,7 @@ impl Default for WorkingStorage {
 pub struct RunStorage {
     pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
     pub(super) drive: [f32; STORED_LINES],
-    pub(super) work: [Complex32; TRANSFORM],
+    pub(super) work: [Complex32; TRANSFORM / 2],
     pub(super) lines: [Complex32; BLOCK_LINES],
     pub(super) levels: LevelMeter,
 }
@@ -192,7 +194,7 @@ impl RunStorage {
         Self {
             responses: [[NOTHING; RESULTANTS]; STORED_LINES],
             drive: [0.0; STORED_LINES],
-            work: [NOTHING; TRANSFORM],
+            work: [NOTHING; TRANSFORM / 2],
             lines: [NOTHING; BLOCK_LINES],
             levels: LevelMeter::new(),
         }
