@@ -17,7 +17,20 @@
 //! | | before | 19 | 0.09765625, ripple 3e-6 | 0.40234375 and up, -111 dB |
 //!
 //! A frequency that folds onto a line is uncorrelated with it, so it biases averaged spectra by its
-//! power, 4e-10 at most, and makes them scatter by its amplitude, 2e-5.
+//! power, 4e-10 at most, and makes them scatter by its amplitude, 2e-5. What this does to responses,
+//! computed in `f64` for white noise of 24 blocks and a structure with modes in the band and in both
+//! stop bands, 1 % noise, 64 lines of 1024; a response without leakage scatters by 2e-3 there:
+//!
+//! | taps, last and before | stop bands, dB | products an output of four | change of responses |
+//! | --- | --- | --- | --- |
+//! | 15, 7 | -72, -65 | 8 | 1e-4 |
+//! | 19, 11 | -89, -94 | 11 | 3e-6 |
+//! | 23, 11 | -105, -94 | 12 | 2e-6 |
+//! | 27, 15 | -121, -123 | 15 | 2e-7 |
+//! | 59, 19 | -107, -112 | 25 | 7e-7 |
+//!
+//! The first of them could be seen in the scatter, and the second where modes above the band are a
+//! thousand times those in it. The third takes one product in twelve more than the second.
 //!
 //! Samples are kept until eight sums of a channel can be computed together, for which a sample is
 //! loaded once. The channels lie side by side by fours, so that a group of them is
