@@ -94,7 +94,7 @@ pub(super) fn transform_pairs(ring: &[f32], head: usize, work: &mut [Complex32])
     let half = work.len();
     let radix = if half.trailing_zeros() % 2 == 1 { 8 } else { 4 };
     let groups = half / radix;
-    if radix == 8 && head % (2 * groups) == 0 {
+    if radix == 8 && head.is_multiple_of(2 * groups) {
         in_pieces(ring, head, work);
     } else {
         one_by_one(ring, head, work, radix);

@@ -69,6 +69,10 @@ pub struct WorkingStorage {
 /// Scratch memory of a run, or of an identification: neither may begin before the other has
 /// ended.
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one memory for both, and no allocator to put either elsewhere"
+)]
 // A tag without padding behind it: the rest is then cleared where it lies, rather than
 // on the stack and copied.
 #[repr(u64)]
@@ -88,7 +92,7 @@ pub(super) struct Averaging {
 }
 
 /// Memory of an identification, which would lie on the stack otherwise. It takes none of its own
-/// where it is smaller than a run's, as it just is with the capacities of the STM32F405.
+/// where it is smaller than a run's, as it is with the capacities of the STM32F405.
 #[derive(Debug)]
 pub(super) struct Solver {
     pub(super) load_cells: LoadCells,
