@@ -263,7 +263,7 @@ impl Filters {
 /// Delay line of a stage, as rows of a group's state.
 #[derive(Clone, Copy, Debug, Default)]
 struct Line {
-    /// Where second samples of pairs begin, and first ones.
+    /// First row of the second samples of pairs, and of the first ones.
     begin: [usize; 2],
     /// Rows of each that later outputs see, after which new ones lie.
     kept: [usize; 2],
@@ -531,7 +531,7 @@ mod tests {
             .collect()
     }
 
-    /// What comes out of `channels` channels, taken in batches as their rings of `n` ask for.
+    /// Outputs of `channels` channels, taken in batches.
     fn outputs(filters: Filters, channels: &[Vec<f32>], batch: usize) -> Vec<Vec<f32>> {
         const N: usize = 16;
         let mut decimator = Decimator::new(filters, channels.len());

@@ -11,7 +11,7 @@ pub struct BlockSettings {
     hop: usize,
     window: Window,
     grid: LineGrid,
-    /// Decimations by two before the transform.
+    /// Filters of the decimations by two before the transform.
     filters: Filters,
 }
 

@@ -7,7 +7,7 @@ const TOGETHER: usize = 16;
 ///
 /// A plain `f32` sum over the fourteen thousand blocks of a four-hour recording loses
 /// up to 14000 / 2 · 6e-8 = 4e-4. Here terms are added to a small number first, which is taken
-/// over into the large one after sixteen additions, without loss ([`Sum::settle`]): roundings are those
+/// over into the large one after sixteen additions, without loss: roundings are those
 /// of sums of sixteen, 6e-8 · 135 / 16 = 5e-7 at most if all of them point one way, and 1e-7 otherwise
 /// whatever the length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,7 +32,7 @@ impl Sum {
         Self { sum, carry }
     }
 
-    /// Adds the term `a b`, which two products make.
+    /// Adds `a b + c d`, the real or the imaginary part of a product.
     #[inline(always)]
     pub(crate) fn add(&mut self, [a, b]: [f32; 2], [c, d]: [f32; 2]) {
         self.carry = (self.carry - a * b) - c * d;
