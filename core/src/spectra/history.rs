@@ -90,8 +90,8 @@ impl Rings {
         self.decimator.push(storage, sample) && self.filter(storage)
     }
 
-    #[inline(never)] // Storing a sample is to be short.
     /// Filters the samples that wait. `true` if a block is complete.
+    #[inline(never)] // Storing a sample is to be short.
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
         let outputs = self.outputs();
@@ -107,8 +107,8 @@ impl Rings {
         complete
     }
 
-    #[inline(never)] // As above.
     /// Takes one sample of every channel at the full rate. `true` if a block is complete.
+    #[inline(never)] // As above.
     fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
         let mut slots = storage.get_mut(..self.channels * n).unwrap_or_default();
