@@ -173,9 +173,8 @@ fn regress<L: Lines + ?Sized>(
         }
         let frequency = lines.frequency(line);
         take_out(apart, frequency, &mut m);
-        regression.add(&m, &basis.at(frequency)[..terms], count);
+        regression.add(&mut m, &basis.at(frequency)[..terms], count);
     }
-    regression.turn();
     Ok(regression)
 }
 

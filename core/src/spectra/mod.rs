@@ -31,8 +31,7 @@ pub use settings::BlockSettings;
 pub use sum::Sum;
 pub use window::Window;
 
-/// A complex number in single precision.
-pub type Complex32 = nalgebra::Complex<f32>;
+pub use microfft::Complex32;
 
 /// Reason why spectral settings or storage are unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
