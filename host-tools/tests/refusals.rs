@@ -142,14 +142,14 @@ fn all_forces_reversed_is_refused_for_the_negative_mass() {
     let setup = Setup::satellite("forces", |t| reversed(t, is_load_cell));
     is_refused(
         &setup,
-        &["negative, -", "opposite signs", "check `direction`"],
+        &["negative, -", "have the other sign", "Turn the load cells"],
     );
     let weighed = Setup::satellite("forces-weighed", |t| {
         known_mass(&reversed(t, is_load_cell), 800.0)
     });
     is_refused(
         &weighed,
-        &["negative, -", "opposite signs", "check `direction`"],
+        &["negative, -", "have the other sign", "Turn the load cells"],
     );
 }
 
