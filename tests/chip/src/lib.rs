@@ -19,7 +19,7 @@
 //! | [`watchdog`] | IWDG | 21 |
 //! | [`spi`] | SPI2, SPI3 | 28 |
 //! | [`usart`] | USART2 | 30 |
-//! | [`bench`] | converters, accelerometer, and crystals | |
+//! | [`mod@bench`] | converters, accelerometer, and crystals | |
 //!
 //! Time is that of the processor's cycles as the emulator charges them, which are no measurement:
 //! order and values of accesses are what this shows. What a data sheet was misread for is misread
