@@ -11,7 +11,7 @@ use crate::spi::Spi;
 use crate::timers::Timer;
 use crate::usart::Usart;
 use crate::watchdog::Watchdog;
-use crate::{Moment, flash};
+use crate::{Moment, Words, flash};
 
 /// Register of RCC and bit in it that switch a peripheral's clock on.
 type Enable = (u32, u32);
@@ -84,8 +84,8 @@ pub struct Chip {
     exti: Exti,
     timers: [Timer; 3],
     spi: [Spi; 2],
-    power: [u32; 2],
-    debug: [u32; 4],
+    power: Words<2>,
+    debug: Words<4>,
 }
 
 impl Chip {
@@ -104,8 +104,8 @@ impl Chip {
             exti: Exti::default(),
             timers: Default::default(),
             spi: Default::default(),
-            power: [0x0000_C000, 0],
-            debug: [0x1007_6413, 0, 0, 0],
+            power: power(),
+            debug: debug(),
         }
     }
 
@@ -120,7 +120,7 @@ impl Chip {
         self.exti = Exti::default();
         self.timers = Default::default();
         self.spi = Default::default();
-        self.power = [0x0000_C000, 0];
+        self.power = power();
         self.look();
     }
 
@@ -217,7 +217,7 @@ impl Chip {
         Some(match block {
             Block::Timer(n) => self.timers[n].read(offset, timers[n], &at),
             Block::Watchdog => self.watchdog.read(offset),
-            Block::Power => word(&self.power, offset),
+            Block::Power => self.power.get(offset),
             Block::Spi(n) => self.spi[n].read(offset, self.now),
             Block::Usart => self.usart.read(offset, &mut at),
             Block::Syscfg => self.exti.read_source(offset),
@@ -225,7 +225,7 @@ impl Chip {
             Block::Port(n) => self.gpio.read(n, offset),
             Block::Rcc => self.rcc.read(offset, self.now),
             Block::Flash => self.flash.read(offset),
-            Block::Debug => word(&self.debug, offset),
+            Block::Debug => self.debug.get(offset),
         })
     }
 
@@ -245,7 +245,7 @@ impl Chip {
         match block {
             Block::Timer(n) => self.timers[n].write(offset, value, &mut at),
             Block::Watchdog => self.watchdog.write(offset, value, &mut at),
-            Block::Power => set(&mut self.power, offset, value),
+            Block::Power => self.power.set(offset, value),
             Block::Spi(n) => self.spi[n].write(offset, value, &mut at),
             Block::Usart => self.usart.write(offset, value, &mut at),
             Block::Syscfg => self.exti.write_source(offset, value),
@@ -266,7 +266,7 @@ impl Chip {
                 self.reset_blocks(offset, resets);
             }
             Block::Flash => self.flash.write(offset, value, &mut at),
-            Block::Debug => set(&mut self.debug, offset, value),
+            Block::Debug => self.debug.set(offset, value),
         }
         true
     }
@@ -311,12 +311,16 @@ fn moment<'a>(rcc: &Rcc, now: u64, forbidden: &'a mut Vec<String>) -> Moment<'a>
     }
 }
 
-fn word(words: &[u32], offset: u32) -> u32 {
-    words.get(offset as usize / 4).copied().unwrap_or(0)
+/// PWR after a reset: the scale of the regulator for 168 MHz.
+fn power() -> Words<2> {
+    let mut words = Words::default();
+    words.set(0, 0x0000_C000);
+    words
 }
 
-fn set(words: &mut [u32], offset: u32, value: u32) {
-    if let Some(word) = words.get_mut(offset as usize / 4) {
-        *word = value;
-    }
+/// DBGMCU: the chip's identity.
+fn debug() -> Words<4> {
+    let mut words = Words::default();
+    words.set(0, 0x1007_6413);
+    words
 }

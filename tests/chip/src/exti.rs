@@ -1,5 +1,6 @@
 //! SYSCFG and EXTI: interrupts by edges of pins (RM0090, 9 and 12).
 
+use crate::Words;
 use crate::gpio::Pin;
 
 const IMR: u32 = 0x00;
@@ -14,7 +15,7 @@ pub const LINES_5_TO_9: u16 = 23;
 /// The registers.
 #[derive(Clone, Debug, Default)]
 pub struct Exti {
-    words: [u32; 6],
+    words: Words<6>,
     /// Port of each line.
     sources: [u32; 4],
     pending: u32,
@@ -26,7 +27,7 @@ impl Exti {
     pub fn read(&self, offset: u32) -> u32 {
         match offset {
             PENDING => self.pending,
-            _ => self.words.get(offset as usize / 4).copied().unwrap_or(0),
+            _ => self.words.get(offset),
         }
     }
 
@@ -39,9 +40,7 @@ impl Exti {
         if offset == SOFTWARE {
             self.pending |= value & self.read(IMR);
         }
-        if let Some(word) = self.words.get_mut(offset as usize / 4) {
-            *word = value;
-        }
+        self.words.set(offset, value);
     }
 
     /// Reads a register of SYSCFG.

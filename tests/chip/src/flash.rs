@@ -4,7 +4,7 @@
 
 use massline_firmware::models::random::Random;
 
-use crate::{Moment, SECOND};
+use crate::{Moment, SECOND, flag};
 
 /// First byte of the settings, and their number.
 pub const SETTINGS: std::ops::Range<u32> = 0x080C_0000..0x0810_0000;
@@ -162,7 +162,7 @@ impl Flash {
     pub const fn read(&self, offset: u32) -> u32 {
         match offset {
             ACR => self.acr,
-            SR => self.status | if self.operation.is_some() { BUSY } else { 0 },
+            SR => self.status | flag(BUSY, self.operation.is_some()),
             CR => self.control,
             OPTCR => self.options,
             _ => 0,

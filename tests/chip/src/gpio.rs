@@ -1,5 +1,7 @@
 //! GPIO: pins and their functions (RM0090, 8).
 
+use crate::Words;
+
 /// Number of ports, A to I.
 const PORTS: usize = 9;
 
@@ -29,7 +31,7 @@ pub fn pin(name: &str) -> Pin {
 /// The ports.
 #[derive(Clone, Debug)]
 pub struct Gpio {
-    words: [[u32; 10]; PORTS],
+    words: [Words<10>; PORTS],
     /// Levels that the board drives: mask and bits.
     driven: [(u32, u32); PORTS],
 }
@@ -45,7 +47,7 @@ impl Gpio {
     #[must_use]
     pub fn new() -> Self {
         let mut gpio = Self {
-            words: [[0; 10]; PORTS],
+            words: [Words::default(); PORTS],
             driven: [(0, 0); PORTS],
         };
         gpio.reset();
@@ -54,19 +56,16 @@ impl Gpio {
 
     /// The registers go to their initial values; the board drives what it drove.
     pub fn reset(&mut self) {
-        self.words = [[0; 10]; PORTS];
+        self.words = [Words::default(); PORTS];
         // PA13 to PA15, PB3 and PB4 belong to the debugger.
-        self.words[0][0] = 0xA800_0000;
-        self.words[0][3] = 0x6400_0000;
-        self.words[1][0] = 0x0000_0280;
-        self.words[1][3] = 0x0000_0100;
+        self.words[0].set(MODER, 0xA800_0000);
+        self.words[0].set(PUPDR, 0x6400_0000);
+        self.words[1].set(MODER, 0x0000_0280);
+        self.words[1].set(PUPDR, 0x0000_0100);
     }
 
     fn word(&self, port: usize, offset: u32) -> u32 {
-        let port = self.words.get(port);
-        port.and_then(|words| words.get(offset as usize / 4))
-            .copied()
-            .unwrap_or(0)
+        self.words.get(port).map_or(0, |words| words.get(offset))
     }
 
     fn mode(&self, (port, number): Pin) -> u32 {
@@ -128,14 +127,8 @@ impl Gpio {
         };
         match offset {
             IDR => {}
-            BSRR => {
-                words[ODR as usize / 4] = words[ODR as usize / 4] & !(value >> 16) | value & 0xFFFF
-            }
-            _ => {
-                if let Some(word) = words.get_mut(offset as usize / 4) {
-                    *word = value;
-                }
-            }
+            BSRR => words.set(ODR, words.get(ODR) & !(value >> 16) | value & 0xFFFF),
+            _ => words.set(offset, value),
         }
     }
 }

@@ -63,6 +63,37 @@ impl Moment<'_> {
     }
 }
 
+/// Registers by their offsets, as they were written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Words<const N: usize>([u32; N]);
+
+impl<const N: usize> Default for Words<N> {
+    fn default() -> Self {
+        Self([0; N])
+    }
+}
+
+impl<const N: usize> Words<N> {
+    /// The register at an offset; 0 beyond the last one.
+    #[must_use]
+    pub fn get(&self, offset: u32) -> u32 {
+        self.0.get(offset as usize / 4).copied().unwrap_or(0)
+    }
+
+    /// Sets the register at an offset; nothing beyond the last one.
+    pub fn set(&mut self, offset: u32, value: u32) {
+        if let Some(word) = self.0.get_mut(offset as usize / 4) {
+            *word = value;
+        }
+    }
+}
+
+/// A bit, or zero.
+#[must_use]
+pub const fn flag(bit: u32, is_set: bool) -> u32 {
+    if is_set { bit } else { 0 }
+}
+
 /// Time of so many periods of a clock, ps.
 #[must_use]
 pub fn periods(count: u64, hz: u32) -> u64 {

@@ -1,6 +1,6 @@
 //! RCC: oscillators, the PLL, clocks and resets of the peripherals (RM0090, 7).
 
-use crate::{Moment, SECOND};
+use crate::{Moment, SECOND, Words, flag};
 
 /// Internal oscillator, Hz.
 pub const HSI: u32 = 16_000_000;
@@ -15,7 +15,7 @@ const CR: u32 = 0x00;
 const PLLCFGR: u32 = 0x04;
 const CFGR: u32 = 0x08;
 const RESETS: std::ops::RangeInclusive<u32> = 0x10..=0x24;
-const ENABLES: std::ops::RangeInclusive<u32> = 0x30..=0x44;
+const AHB1ENR: u32 = 0x30;
 const CSR: u32 = 0x74;
 
 const HSE_ON: u32 = 1 << 16;
@@ -63,7 +63,7 @@ pub struct Oscillators {
 /// The registers.
 #[derive(Clone, Debug)]
 pub struct Rcc {
-    words: [u32; 0x90 / 4],
+    words: Words<{ 0x90 / 4 }>,
     oscillators: Oscillators,
     hse_since: Option<u64>,
     pll_since: Option<u64>,
@@ -75,7 +75,7 @@ impl Rcc {
     #[must_use]
     pub fn new(oscillators: Oscillators) -> Self {
         let mut rcc = Self {
-            words: [0; 0x90 / 4],
+            words: Words::default(),
             oscillators,
             hse_since: None,
             pll_since: None,
@@ -87,10 +87,10 @@ impl Rcc {
 
     /// Everything but the causes of earlier resets goes to its initial value.
     pub fn reset(&mut self, cause: Reset) {
-        self.words = [0; 0x90 / 4];
-        self.words[0] = 0x83;
-        self.words[1] = 0x2400_3010;
-        self.words[ENABLES.start().div_euclid(4) as usize] = 0x0010_0000;
+        self.words = Words::default();
+        self.words.set(CR, 0x83);
+        self.words.set(PLLCFGR, 0x2400_3010);
+        self.words.set(AHB1ENR, 0x0010_0000);
         (self.hse_since, self.pll_since) = (None, None);
         self.csr |= match cause {
             // Every reset pulls the pin, too.
@@ -100,14 +100,10 @@ impl Rcc {
         };
     }
 
-    fn word(&self, offset: u32) -> u32 {
-        self.words.get(offset as usize / 4).copied().unwrap_or(0)
-    }
-
     /// `true` if bit `bit` of the enable register at `offset` is set.
     #[must_use]
     pub fn is_enabled(&self, (offset, bit): (u32, u32)) -> bool {
-        self.word(offset) >> bit & 1 != 0
+        self.words.get(offset) >> bit & 1 != 0
     }
 
     fn hse_ready(&self, now: u64) -> bool {
@@ -121,7 +117,7 @@ impl Rcc {
     }
 
     fn vco_input(&self, now: u64) -> Option<u32> {
-        let pll = self.word(PLLCFGR);
+        let pll = self.words.get(PLLCFGR);
         let source = match pll >> 22 & 1 {
             0 => HSI,
             _ => self.oscillators.crystal.filter(|_| self.hse_ready(now))?,
@@ -130,7 +126,7 @@ impl Rcc {
     }
 
     fn pll_output(&self, now: u64) -> Option<u32> {
-        let pll = self.word(PLLCFGR);
+        let pll = self.words.get(PLLCFGR);
         let vco = self.vco_input(now)?.checked_mul(pll >> 6 & 0x1FF)?;
         Some(vco / (2 * ((pll >> 16 & 3) + 1)))
     }
@@ -138,13 +134,13 @@ impl Rcc {
     /// The clocks.
     #[must_use]
     pub fn clocks(&self, now: u64) -> Clocks {
-        let system = match self.word(CFGR) & 3 {
+        let system = match self.words.get(CFGR) & 3 {
             1 => self.oscillators.crystal,
             2 => self.pll_output(now),
             _ => Some(HSI),
         };
         let system = system.unwrap_or(HSI);
-        let cfgr = self.word(CFGR);
+        let cfgr = self.words.get(CFGR);
         let core = match cfgr >> 4 & 0xF {
             code @ 8..=11 => system >> (code - 7),
             code @ 12..=15 => system >> (code - 6),
@@ -173,24 +169,24 @@ impl Rcc {
     pub fn read(&self, offset: u32, now: u64) -> u32 {
         match offset {
             CR => {
-                let hse = if self.hse_ready(now) { HSE_READY } else { 0 };
-                let pll = if self.pll_ready(now) { PLL_READY } else { 0 };
-                self.word(CR) & !(HSE_READY | PLL_READY) | 2 | hse | pll
+                let hse = flag(HSE_READY, self.hse_ready(now));
+                let pll = flag(PLL_READY, self.pll_ready(now));
+                self.words.get(CR) & !(HSE_READY | PLL_READY) | 2 | hse | pll
             }
             // The switch takes a few cycles.
-            CFGR => self.word(CFGR) & !0xC | (self.word(CFGR) & 3) << 2,
+            CFGR => self.words.get(CFGR) & !0xC | (self.words.get(CFGR) & 3) << 2,
             CSR => self.csr | (self.csr & 1) << 1,
-            _ => self.word(offset),
+            _ => self.words.get(offset),
         }
     }
 
     /// Writes a register; the words and bits of a reset register that went from 0 to 1.
     pub fn write(&mut self, offset: u32, value: u32, wait_states: u32, at: &mut Moment<'_>) -> u32 {
-        let before = self.word(offset);
+        let before = self.words.get(offset);
         let now = at.now;
         match offset {
             CR => {
-                if self.word(CFGR) & 3 == 2 && value & PLL_ON == 0 {
+                if self.words.get(CFGR) & 3 == 2 && value & PLL_ON == 0 {
                     at.forbid("7.3.1: the PLL is switched off while it is the system clock");
                 }
                 if value & PLL_ON != 0 && before & PLL_ON == 0 {
@@ -203,7 +199,7 @@ impl Rcc {
                 self.hse_since = since(HSE_ON, self.hse_since);
                 self.pll_since = since(PLL_ON, self.pll_since);
             }
-            PLLCFGR if self.word(CR) & PLL_ON != 0 && value != before => {
+            PLLCFGR if self.words.get(CR) & PLL_ON != 0 && value != before => {
                 at.forbid("7.3.2: PLLCFGR is written while the PLL is on");
             }
             CFGR => {
@@ -227,9 +223,7 @@ impl Rcc {
             }
             _ => {}
         }
-        if let Some(word) = self.words.get_mut(offset as usize / 4) {
-            *word = value;
-        }
+        self.words.set(offset, value);
         if offset == CFGR {
             self.check_clocks(wait_states, at);
         }
@@ -246,7 +240,7 @@ impl Rcc {
                 "7.3.2: the VCO's input is {input} Hz, not 1 to 2 MHz"
             ));
         }
-        let vco = u64::from(input) * u64::from(self.word(PLLCFGR) >> 6 & 0x1FF);
+        let vco = u64::from(input) * u64::from(self.words.get(PLLCFGR) >> 6 & 0x1FF);
         if !(100_000_000..=432_000_000).contains(&vco) {
             at.forbid(format!(
                 "7.3.2: the VCO's output is {vco} Hz, not 100 to 432 MHz"

@@ -1,6 +1,6 @@
 //! SPI2 and SPI3 as masters (RM0090, 28).
 
-use crate::{Moment, periods};
+use crate::{Moment, Words, flag, periods};
 
 const CR1: u32 = 0x00;
 const SR: u32 = 0x08;
@@ -30,7 +30,7 @@ pub struct Word {
 /// A bus.
 #[derive(Clone, Debug, Default)]
 pub struct Spi {
-    words: [u32; 9],
+    words: Words<9>,
     received: Option<u16>,
     overrun: bool,
     waiting: Option<u16>,
@@ -42,15 +42,15 @@ pub struct Spi {
 
 impl Spi {
     fn cr1(&self) -> u32 {
-        self.words[0]
+        self.words.get(CR1)
     }
 
     fn hz(&self, at: &Moment<'_>) -> u32 {
         at.clocks.apb1 >> ((self.cr1() >> 3 & 7) + 1)
     }
 
-    const fn bits(&self) -> u32 {
-        if self.words[0] & WIDE != 0 { 16 } else { 8 }
+    fn bits(&self) -> u32 {
+        if self.cr1() & WIDE != 0 { 16 } else { 8 }
     }
 
     /// `true` while a word is on its way.
@@ -61,7 +61,6 @@ impl Spi {
 
     /// Reads a register.
     pub fn read(&mut self, offset: u32, now: u64) -> u32 {
-        let flag = |bit: u32, is_set: bool| if is_set { bit } else { 0 };
         match offset {
             SR => {
                 flag(RECEIVED, self.received.is_some())
@@ -73,7 +72,7 @@ impl Spi {
                 self.overrun = false;
                 self.received.take().unwrap_or(0).into()
             }
-            _ => self.words.get(offset as usize / 4).copied().unwrap_or(0),
+            _ => self.words.get(offset),
         }
     }
 
@@ -102,9 +101,7 @@ impl Spi {
                         at.forbid("28.5.1: clock or mode are changed within a word");
                     }
                 }
-                if let Some(word) = self.words.get_mut(offset as usize / 4) {
-                    *word = value;
-                }
+                self.words.set(offset, value);
             }
         }
     }

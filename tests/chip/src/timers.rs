@@ -1,7 +1,7 @@
 //! Timers: TIM2 counts freely, TIM5 interrupts periodically, TIM11 captures the crystal
 //! (RM0090, 18 and 19).
 
-use crate::{Moment, counted, periods};
+use crate::{Moment, Words, counted, periods};
 
 const CR1: u32 = 0x00;
 const DIER: u32 = 0x0C;
@@ -21,7 +21,7 @@ const CAPTURE: u32 = 1 << 1;
 /// A timer.
 #[derive(Clone, Debug)]
 pub struct Timer {
-    words: [u32; 0x54 / 4],
+    words: Words<{ 0x54 / 4 }>,
     /// Time at which the counter was zero, or began to count down, ps.
     since: u64,
     /// Number of captures that were read.
@@ -30,8 +30,8 @@ pub struct Timer {
 
 impl Default for Timer {
     fn default() -> Self {
-        let mut words = [0; 0x54 / 4];
-        words[ARR as usize / 4] = u32::MAX;
+        let mut words = Words::default();
+        words.set(ARR, u32::MAX);
         Self {
             words,
             since: 0,
@@ -41,23 +41,19 @@ impl Default for Timer {
 }
 
 impl Timer {
-    fn word(&self, offset: u32) -> u32 {
-        self.words.get(offset as usize / 4).copied().unwrap_or(0)
-    }
-
     fn is_on(&self) -> bool {
-        self.word(CR1) & ENABLED != 0
+        self.words.get(CR1) & ENABLED != 0
     }
 
     fn hz(&self, clock: u32) -> u32 {
-        clock / (self.word(PSC) + 1)
+        clock / (self.words.get(PSC) + 1)
     }
 
     fn count(&self, now: u64, clock: u32) -> u32 {
-        let period = u64::from(self.word(ARR)) + 1;
+        let period = u64::from(self.words.get(ARR)) + 1;
         let ticks = counted(now.saturating_sub(self.since), self.hz(clock)) % period;
         let ticks = if self.is_on() { ticks } else { 0 };
-        match self.word(CR1) & DOWN {
+        match self.words.get(CR1) & DOWN {
             0 => ticks as u32,
             _ => (period - 1 - ticks) as u32,
         }
@@ -72,7 +68,7 @@ impl Timer {
 
     /// Number of captures so far.
     fn captures(&self, now: u64, divided_crystal: Option<u32>) -> u64 {
-        let is_led = self.word(OPTIONS) & 3 == 2 && self.is_on();
+        let is_led = self.words.get(OPTIONS) & 3 == 2 && self.is_on();
         let crystal = divided_crystal.filter(|_| is_led);
         crystal.map_or(0, |hz| counted(now - self.since, hz) / 8)
     }
@@ -82,7 +78,7 @@ impl Timer {
         let crystal = at.clocks.divided_crystal;
         match offset {
             CNT => self.count(at.now, clock),
-            SR if self.captures(at.now, crystal) > self.captured => self.word(SR) | CAPTURE,
+            SR if self.captures(at.now, crystal) > self.captured => self.words.get(SR) | CAPTURE,
             CCR1 => {
                 let last = self.captures(at.now, crystal);
                 self.captured = last;
@@ -91,7 +87,7 @@ impl Timer {
                     _ => 0,
                 }
             }
-            _ => self.word(offset),
+            _ => self.words.get(offset),
         }
     }
 
@@ -100,40 +96,38 @@ impl Timer {
         let was_on = self.is_on();
         if offset == SR {
             // Zeros clear.
-            self.words[SR as usize / 4] &= value;
+            self.words.set(SR, self.words.get(SR) & value);
             return;
         }
-        if let Some(word) = self.words.get_mut(offset as usize / 4) {
-            *word = value;
-        }
+        self.words.set(offset, value);
         let starts = offset == CR1 && self.is_on() && !was_on;
         if starts || (offset == EGR && value & UPDATE != 0) {
             self.since = at.now;
             self.captured = 0;
         }
         if offset == EGR {
-            self.words[EGR as usize / 4] = 0;
+            self.words.set(EGR, 0);
         }
     }
 
     /// Time of the next update, ps; `None` if nobody waits for it.
     #[must_use]
     pub fn next(&self, clock: u32) -> Option<u64> {
-        let waits = self.is_on() && self.word(DIER) & UPDATE != 0;
-        waits.then(|| self.since + periods(u64::from(self.word(ARR)) + 1, self.hz(clock)))
+        let waits = self.is_on() && self.words.get(DIER) & UPDATE != 0;
+        waits.then(|| self.since + periods(u64::from(self.words.get(ARR)) + 1, self.hz(clock)))
     }
 
     /// Advances to a time.
     pub fn pass(&mut self, now: u64, clock: u32) {
         while let Some(next) = self.next(clock).filter(|next| *next <= now) {
             self.since = next;
-            self.words[SR as usize / 4] |= UPDATE;
+            self.words.set(SR, self.words.get(SR) | UPDATE);
         }
     }
 
     /// `true` if the interrupt is asked for.
     #[must_use]
     pub fn asks(&self) -> bool {
-        self.word(SR) & self.word(DIER) & UPDATE != 0
+        self.words.get(SR) & self.words.get(DIER) & UPDATE != 0
     }
 }

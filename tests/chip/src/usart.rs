@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::{Moment, SECOND, periods};
+use crate::{Moment, SECOND, Words, flag, periods};
 
 const SR: u32 = 0x00;
 const DR: u32 = 0x04;
@@ -21,7 +21,7 @@ const ON: u32 = 1 << 13;
 /// The port, and the line to its host.
 #[derive(Clone, Debug)]
 pub struct Usart {
-    words: [u32; 7],
+    words: Words<7>,
     received: Option<u8>,
     overrun: bool,
     /// Byte that waits for the shift register.
@@ -44,7 +44,7 @@ impl Usart {
     #[must_use]
     pub fn new(baud: u32) -> Self {
         Self {
-            words: [0; 7],
+            words: Words::default(),
             received: None,
             overrun: false,
             waiting: None,
@@ -59,17 +59,12 @@ impl Usart {
 
     /// The registers go to their initial values; the line stays.
     pub fn reset(&mut self) {
-        self.words = [0; 7];
+        self.words = Words::default();
         (self.received, self.waiting, self.shifted) = (None, None, None);
         self.overrun = false;
     }
 
-    fn word(&self, offset: u32) -> u32 {
-        self.words.get(offset as usize / 4).copied().unwrap_or(0)
-    }
-
     fn status(&self) -> u32 {
-        let flag = |bit: u32, is_set: bool| if is_set { bit } else { 0 };
         flag(OVERRUN, self.overrun)
             | flag(RECEIVED, self.received.is_some())
             | flag(EMPTY, self.waiting.is_none())
@@ -77,7 +72,7 @@ impl Usart {
     }
 
     fn is_on(&self, part: u32) -> bool {
-        self.word(CR1) & (ON | part) == ON | part
+        self.words.get(CR1) & (ON | part) == ON | part
     }
 
     /// Bytes from the host, from now on.
@@ -104,7 +99,7 @@ impl Usart {
                 }
                 self.received.take().unwrap_or(0).into()
             }
-            _ => self.word(offset),
+            _ => self.words.get(offset),
         }
     }
 
@@ -121,9 +116,7 @@ impl Usart {
                 self.shift(at);
             }
             _ => {
-                if let Some(word) = self.words.get_mut(offset as usize / 4) {
-                    *word = value;
-                }
+                self.words.set(offset, value);
                 if offset == BRR {
                     self.check(at);
                 }
@@ -135,13 +128,13 @@ impl Usart {
         if self.shifted.is_none()
             && let Some(byte) = self.waiting.take()
         {
-            let bits = periods(10 * u64::from(self.word(BRR)), at.clocks.apb1);
+            let bits = periods(10 * u64::from(self.words.get(BRR)), at.clocks.apb1);
             self.shifted = Some((byte, at.now + bits));
         }
     }
 
     fn check(&self, at: &mut Moment<'_>) {
-        let baud = f64::from(at.clocks.apb1) / f64::from(self.word(BRR).max(1));
+        let baud = f64::from(at.clocks.apb1) / f64::from(self.words.get(BRR).max(1));
         let off = baud / f64::from(self.baud) - 1.0;
         // Half of what ten bits bear, for the other half is the host's.
         if off.abs() > 0.025 {
@@ -187,7 +180,7 @@ impl Usart {
     /// `true` if the interrupt is asked for.
     #[must_use]
     pub fn asks(&self) -> bool {
-        let enabled = self.word(CR1);
+        let enabled = self.words.get(CR1);
         let mut status = self.status();
         if self.overrun {
             status |= RECEIVED;
