@@ -1,5 +1,6 @@
 //! Centre of gravity and inertia about any point from σ, with their error bars.
 
+use super::measurement::{TERMS, Term, inertia_about};
 use super::normal::Workspace;
 use super::student::half_width_95;
 use crate::algebra::{multiply_left, multiply_right, not_negative};
@@ -44,23 +45,6 @@ pub type InertiaEstimate = [Option<Estimate>; 6];
 
 /// Covariance of ten numbers, in the squares and products of their SI units.
 pub type Covariance = [[Option<f64>; 10]; 10];
-
-/// The two axes that a term of inertia multiplies: a moment about one axis is the sum of
-/// the squares along the other two.
-const TERMS: [Term; 6] = [
-    Term::Moment(1, 2),
-    Term::Moment(0, 2),
-    Term::Moment(0, 1),
-    Term::Product(0, 1),
-    Term::Product(0, 2),
-    Term::Product(1, 2),
-];
-
-#[derive(Clone, Copy)]
-enum Term {
-    Moment(usize, usize),
-    Product(usize, usize),
-}
 
 /// Mass, CG relative to the point of solution, and inertia about that point, with the
 /// covariance of these ten.
@@ -168,34 +152,15 @@ impl<'w> Body<'w> {
         })
     }
 
-    /// Inertia about `target`, m, by the parallel-axis rule: a sum of the elements of σ, which
-    /// may be determined though some of them are not.
-    pub(super) fn inertia_about(&self, target: &Vector3<f64>) -> InertiaEstimate {
-        let c = target - self.point;
-        let c = seen(&c);
+    /// Inertia about the reference point, m, by the parallel-axis rule: a sum of the elements of σ,
+    /// which may be determined though some of them are not.
+    pub(super) fn inertia_about(&self, reference: &Vector3<f64>) -> InertiaEstimate {
+        let c = reference - self.point;
         let solved = &self.space.solved;
+        let known = seen(&solved.inertia_about_reference[..]);
         core::array::from_fn(|j| {
-            let mut sum = SVector::<f64, 10>::zeros();
-            let slopes = &mut cells(&mut sum);
-            slopes[4 + j] = 1.0;
-            // The elements of (7) are lengths, those of (6) first moments.
-            let (mut exact, weight) = (0.0, solved.known_mass.unwrap_or(1.0));
-            let mut add = |p: usize, q: usize| {
-                slopes[1 + q] -= weight * c[p];
-                slopes[1 + p] -= weight * c[q];
-                match solved.known_mass {
-                    Some(mass) => exact += mass * c[p] * c[q],
-                    None => slopes[0] += c[p] * c[q],
-                }
-            };
-            match TERMS.get(j)? {
-                Term::Moment(p, q) => {
-                    add(*p, *p);
-                    add(*q, *q);
-                }
-                Term::Product(p, q) => add(*p, *q),
-            }
-            self.space.determines(&sum).then(|| Estimate {
+            let (sum, exact) = inertia_about(j, &c, solved.known_mass);
+            known[j].then(|| Estimate {
                 value: exact + sum.dot(&solved.sigma),
                 std: deviation((sum.transpose() * solved.covariance * sum)[0]),
             })

@@ -1,6 +1,7 @@
 //! Equation (8): the measurement matrix B of one acceleration vector.
 
-use nalgebra::{SMatrix, SVector, Vector6};
+use crate::cells::{cells, seen};
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Six equations by ten unknowns.
 pub(crate) type Measurement = SMatrix<f64, 6, 10>;
@@ -27,6 +28,56 @@ pub(crate) fn measurement_matrix(acceleration: &Vector6<f64>, mass: f64) -> Meas
           0.0,   -m * az,      0.0,      m * ax,   0.0,  beta,  0.0,  -alpha,  0.0,   -gamma,
           0.0,    m * ay,   -m * ax,      0.0,     0.0,   0.0, gamma,  0.0,   -alpha, -beta,
     ])
+}
+
+/// The two axes that a term of inertia multiplies: a moment about one axis is the sum of
+/// the squares along the other two.
+pub(super) const TERMS: [Term; 6] = [
+    Term::Moment(1, 2),
+    Term::Moment(0, 2),
+    Term::Moment(0, 1),
+    Term::Product(0, 1),
+    Term::Product(0, 2),
+    Term::Product(1, 2),
+];
+
+#[derive(Clone, Copy)]
+pub(super) enum Term {
+    Moment(usize, usize),
+    Product(usize, usize),
+}
+
+/// Term `j` (below six) of the inertia about the point `c` (m), seen from that of σ, by the
+/// parallel-axis rule: the coefficients of σ, and what a known mass (kg) adds to their sum, kg m².
+#[must_use]
+pub(super) fn inertia_about(
+    j: usize,
+    c: &Vector3<f64>,
+    known_mass: Option<f64>,
+) -> (Vector10, f64) {
+    let c = seen(c);
+    let mut sum = Vector10::zeros();
+    let slopes = &mut cells(&mut sum);
+    // The elements of (7) are lengths, those of (6) first moments.
+    let (mut exact, weight) = (0.0, known_mass.unwrap_or(1.0));
+    slopes[4 + j] = 1.0;
+    let mut add = |p: usize, q: usize| {
+        slopes[1 + q] -= weight * c[p];
+        slopes[1 + p] -= weight * c[q];
+        match known_mass {
+            Some(mass) => exact += mass * c[p] * c[q],
+            None => slopes[0] += c[p] * c[q],
+        }
+    };
+    match TERMS.get(j) {
+        Some(Term::Moment(p, q)) => {
+            add(*p, *p);
+            add(*q, *q);
+        }
+        Some(Term::Product(p, q)) => add(*p, *q),
+        None => (),
+    }
+    (sum, exact)
 }
 
 #[cfg(test)]

@@ -4,7 +4,8 @@
 //! | --- | --- |
 //! | `measurement` | the rows of B, equation (8) |
 //! | `weighed` | weights of the equations of a set |
-//! | `normal` | stacking (9), normal equations (10), observability |
+//! | `normal` | stacking (9), normal equations (10) |
+//! | `determined` | observability |
 //! | `derived` | CG, inertia about A and S with their error bars |
 //! | `student` | 95 % intervals for the degrees of freedom behind the error bars |
 //!
@@ -12,6 +13,7 @@
 //! and too few runs all come out of one rule.
 
 mod derived;
+mod determined;
 mod measurement;
 mod normal;
 mod student;

@@ -1,38 +1,13 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
 use super::IdentifyError;
-use super::measurement::{Measurement, Vector10};
+use super::determined::{Answered, Matrix10, determine, times};
+use super::measurement::{Measurement, Vector10, inertia_about};
 use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
-use crate::algebra::{
-    half, inverse_lower, lower, multiply_left, multiply_right, not_negative, symmetric_eigen,
-};
-use crate::cells::seen;
+use crate::algebra::{half, multiply_left, multiply_right, not_negative, symmetric_eigen};
 use crate::geometry::{resultants_at, transfer};
-use crate::masslines::{EXCITED, Masslines};
-use nalgebra::{ArrayStorage, SMatrix, Vector3, Vector6};
-
-/// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
-///
-/// Their diagonal is one, so rounding is 1e-15. The smallest honest eigenvalue falls
-/// with the fourth power of the distance of A from the body in radii of gyration: 1e-12
-/// allows a thousand.
-const RANK: f64 = 1e-12;
-
-/// Limit of the rotation, by chance, of the undetermined combinations towards a parameter, in units
-/// of the noise of a pair: nine combinations exceed it once in two hundred times (χ² of nine).
-const CHANCE: f64 = 23.6;
-
-/// The same share where nothing is noisy but the arithmetic.
-const ROUNDING: f64 = 1e-8;
-
-/// Share of the noise of a parameter that rounding may leave along a combination that has none:
-/// a run keeps its noise in single precision.
-const SINGLE: f64 = 1e-6;
-
-/// Share of a parameter in the undetermined combinations if no equation contains it.
-const NEVER_SEEN: f64 = 1e100;
-
-type Matrix10 = SMatrix<f64, 10, 10>;
+use crate::masslines::Masslines;
+use nalgebra::{ArrayStorage, Vector3, Vector6};
 
 const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
 const NO_VECTOR: Vector10 = Vector10::from_array_storage(ArrayStorage([[0.0; 10]]));
@@ -47,8 +22,8 @@ pub(super) struct Solved {
     pub(super) covariance: Matrix10,
     /// Which elements of σ the data determine, about this point.
     pub(super) observable: [bool; 10],
-    /// Limit of the rotation of an undetermined combination by chance, see [`determine`].
-    chance: f64,
+    /// Which terms of the inertia about the reference of the first set they determine.
+    pub(super) inertia_about_reference: [bool; 6],
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,
     pub(super) attenuation: f64,
@@ -66,7 +41,7 @@ impl Solved {
         sigma: NO_VECTOR,
         covariance: NO_MATRIX,
         observable: [false; 10],
-        chance: 0.0,
+        inertia_about_reference: [false; 6],
         condition_number: 0.0,
         consistency: None,
         attenuation: 0.0,
@@ -125,19 +100,6 @@ impl Workspace {
         inverse: NO_MATRIX,
         solved: Solved::NONE,
     };
-
-    /// `true` if the data determine the sum of the elements of σ with these coefficients, in SI
-    /// units. A sum may be determined whose elements are not: a rotation about A tells the
-    /// inertia about A, and about no other point as long as the mass is unknown.
-    pub(super) fn determines(&self, sum: &Vector10) -> bool {
-        let undetermined = square(&self.normal.noise, sum);
-        undetermined <= self.solved.chance * square(&self.inverse, sum)
-    }
-}
-
-/// `vᵀ M v` of a symmetric matrix.
-fn square(m: &Matrix10, v: &Vector10) -> f64 {
-    v.dot(&times(m, v))
 }
 
 /// Normal equations of all sets about one point.
@@ -145,8 +107,7 @@ fn square(m: &Matrix10, v: &Vector10) -> f64 {
 struct Normal {
     matrix: Matrix10,
     right: Vector10,
-    /// The value of `matrix` for noise alone, see [`floor`]; after
-    /// [`determine`] the sum `Σ v vᵀ` over the undetermined combinations v.
+    /// The value of `matrix` for noise alone, see [`floor`]; used up by [`determine`].
     noise: Matrix10,
     forces: f64,
     rows: f64,
@@ -154,8 +115,6 @@ struct Normal {
     variance: f64,
     /// `true` if every equation was weighted by its variance.
     weighted: bool,
-    /// `true` if there is noise in the accelerations.
-    noisy: bool,
     freedom: f64,
 }
 
@@ -168,7 +127,6 @@ impl Normal {
         rows: 0.0,
         variance: 0.0,
         weighted: false,
-        noisy: false,
         freedom: 0.0,
     };
 
@@ -214,7 +172,6 @@ impl Normal {
                 self.rows += weighed.count as f64;
                 self.variance += pair.variance.sum();
             }
-            self.noisy |= set.noise().trace() > 0.0;
             let w = if self.weighted {
                 weighed.mean_weights(set.pairs())
             } else {
@@ -231,7 +188,7 @@ impl Normal {
     /// `N σ`, where N is what noise adds to the normal equations.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     fn pull<const PAIRS: usize>(
-        &self,
+        weighted: bool,
         sets: &[Masslines<PAIRS>],
         point: &Vector3<f64>,
         mass: f64,
@@ -242,7 +199,7 @@ impl Normal {
         for set in sets {
             let shift = point - set.reference();
             let weighed = Weighed::new(set, &shift, mass, body);
-            let w = if self.weighted {
+            let w = if weighted {
                 weighed.mean_weights(set.pairs())
             } else {
                 ONES
@@ -258,13 +215,8 @@ impl Normal {
     }
 }
 
-/// `m v`: the operator between values would copy the matrix.
-fn times(m: &Matrix10, v: &Vector10) -> Vector10 {
-    m * v
-}
-
 /// Multiplies rows and columns with `d`.
-fn scale(m: &mut Matrix10, d: &Vector10) {
+pub(super) fn scale(m: &mut Matrix10, d: &Vector10) {
     for i in 0..10 {
         for j in 0..10 {
             m[(i, j)] = m[(i, j)] * d[i] * d[j];
@@ -322,9 +274,11 @@ fn solve_with<const PAIRS: usize>(
     scale(&mut n.noise, &d);
     n.right.component_mul_assign(&d);
 
-    let unknowns = determine(n, inverse).ok_or(IdentifyError::NothingObservable)?;
+    let pairs = sets.iter().map(|set| set.pairs().len()).max().unwrap_or(0);
+    let mut undetermined = determine(&n.matrix, &mut n.noise, inverse, pairs)
+        .ok_or(IdentifyError::NothingObservable)?;
     let mut sigma = times(inverse, &n.right);
-    let freedom = n.rows - unknowns as f64;
+    let freedom = n.rows - undetermined.unknowns() as f64;
     let left = not_negative(n.forces - sigma.dot(&n.right));
     let mut consistency = None;
     let covariance = &mut into.covariance;
@@ -354,21 +308,32 @@ fn solve_with<const PAIRS: usize>(
     }
     // The pull of the noise is a bias: its square joins the variance.
     let physical = sigma.component_mul(&d);
-    let mut pull = n.pull(sets, point, mass, body, &physical);
+    let mut pull = Normal::pull(n.weighted, sets, point, mass, body, &physical);
     pull.component_mul_assign(&d);
     let mut pull = times(inverse, &pull);
     covariance.ger(1.0, &pull, &pull, 1.0);
-    into.chance = match n.noisy {
-        true => CHANCE / EXCITED,
-        false => ROUNDING,
+    let answered = Answered {
+        sets,
+        point,
+        mass,
+        weighted: n.weighted,
+        body,
+        units: &d,
     };
-    let mut observable = observed(n, inverse, into.chance);
-    if known_mass.is_some() && !observable[0] && d[0] > 0.0 {
-        weigh(n, [inverse, covariance], &mut sigma, &mut pull, 1.0 / d[0]);
-        observable = observed(n, inverse, into.chance);
-        // It is known, but not from the data.
-        observable[0] = false;
+    let mut is_weighed = false;
+    if known_mass.is_some() && d[0] > 0.0 {
+        is_weighed = !answered.tells(&unit(0), inverse, &undetermined);
+        if is_weighed && let Some(w) = undetermined.know_first() {
+            weigh(&w, [inverse, covariance], &mut sigma, &mut pull, 1.0 / d[0]);
+        }
     }
+    let tells = |sum: &Vector10| answered.tells(sum, inverse, &undetermined);
+    let mut observable = core::array::from_fn(|j| tells(&unit(j)));
+    // It is known, but not from the data.
+    observable[0] &= !is_weighed;
+    let to_reference = sets.first().map_or(*point, |set| *set.reference()) - point;
+    into.inertia_about_reference =
+        core::array::from_fn(|j| tells(&inertia_about(j, &to_reference, known_mass).0));
     let mut attenuation = 0.0_f64;
     for j in (0..10).filter(|&j| observable[j]) {
         if covariance[(j, j)] > 0.0 {
@@ -376,13 +341,6 @@ fn solve_with<const PAIRS: usize>(
         }
     }
     into.condition_number = condition(&n.matrix, &observable);
-    scale(inverse, &d);
-    scale(&mut n.noise, &d);
-    for j in 0..10 {
-        if d[j] == 0.0 {
-            n.noise[(j, j)] = NEVER_SEEN;
-        }
-    }
     scale(covariance, &d);
     into.point = *point;
     into.sigma = sigma.component_mul(&d);
@@ -399,59 +357,9 @@ fn solve_with<const PAIRS: usize>(
     Ok(())
 }
 
-/// The one rule: which combinations of parameters the equations determine; returns how many.
-/// Leaves the inverse of the equilibrated normal equations on those in `inverse`, and `Σ v vᵀ`
-/// over the others in `n.noise`. `None` if none is determined.
-///
-/// A combination v is determined if the data weigh it, `vᵀ Q v`, by [`EXCITED`] times what
-/// noise alone would; the pencil of these two matrices has the same eigenvalues at every
-/// reference point and in all units. Where data say nothing, the combination is only known to
-/// within what noise turns it by: a sum of parameters is observable if the undetermined
-/// combinations involve it by no more than chance would. What they involve is left out of the
-/// solution.
-#[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn determine(n: &mut Normal, inverse: &mut Matrix10) -> Option<usize> {
-    let floor = &mut n.noise;
-    *floor *= EXCITED;
-    for j in 0..10 {
-        floor[(j, j)] += RANK + SINGLE * floor[(j, j)];
-    }
-    lower(floor, 10)?;
-    inverse_lower(floor, 10);
-    inverse.copy_from(&n.matrix);
-    multiply_left(floor, inverse);
-    floor.transpose_mut();
-    multiply_right(inverse, floor);
-    let mut vectors = NO_MATRIX;
-    let values = symmetric_eigen(inverse, &mut vectors);
-    // Of length one in the floor, and of length λ in the data.
-    multiply_left(floor, &mut vectors);
-    inverse.fill(0.0);
-    let undetermined = floor;
-    undetermined.fill(0.0);
-    let mut unknowns = 0;
-    for (i, &value) in values.iter().enumerate() {
-        let v = Vector10::from_fn(|j, _| seen(&vectors)[(j, i)]);
-        if value > 1.0 {
-            unknowns += 1;
-            inverse.ger(1.0 / value, &v, &v, 1.0);
-        } else {
-            undetermined.ger(1.0, &v, &v, 1.0);
-        }
-    }
-    (unknowns > 0).then_some(unknowns)
-}
-
-/// The single parameters that are observable, see [`determine`].
-fn observed(n: &Normal, inverse: &Matrix10, chance: f64) -> [bool; 10] {
-    let undetermined = n.noise.diagonal();
-    let determined = inverse.diagonal();
-    let mut observable = [false; 10];
-    let pairs = undetermined.iter().zip(&determined);
-    for (observable, (undetermined, determined)) in observable.iter_mut().zip(pairs) {
-        *observable = *undetermined <= chance * determined;
-    }
-    observable
+/// The parameter `j` alone, as a sum of parameters.
+fn unit(j: usize) -> Vector10 {
+    Vector10::from_fn(|i, _| if i == j { 1.0 } else { 0.0 })
 }
 
 /// Sets Δ, which the data do not determine, to `one`, its value for the weighed mass: moves
@@ -459,25 +367,19 @@ fn observed(n: &Normal, inverse: &Matrix10, chance: f64) -> [bool; 10] {
 /// in the forces.
 #[inline(never)] // Not on the stack while equations are solved.
 fn weigh(
-    n: &mut Normal,
+    w: &Vector10,
     matrices: [&mut Matrix10; 2],
     sigma: &mut Vector10,
     pull: &mut Vector10,
     one: f64,
 ) {
-    let share = n.noise[(0, 0)];
-    if share > 0.0 {
-        // Of w w_Δ, with w_Δ² = share.
-        let w = Vector10::from_fn(|j, _| n.noise[(j, 0)] / share);
-        n.noise.ger(-share, &w, &w, 1.0);
-        sigma.axpy(one - sigma[0], &w, 1.0);
-        pull.axpy(-pull[0], &w, 1.0);
-        for matrix in matrices {
-            let row = Vector10::from_fn(|j, _| matrix[(0, j)]);
-            matrix.ger(-1.0, &w, &row, 1.0);
-            let column = Vector10::from_fn(|j, _| matrix[(j, 0)]);
-            matrix.ger(-1.0, &column, &w, 1.0);
-        }
+    sigma.axpy(one - sigma[0], w, 1.0);
+    pull.axpy(-pull[0], w, 1.0);
+    for matrix in matrices {
+        let row = Vector10::from_fn(|j, _| matrix[(0, j)]);
+        matrix.ger(-1.0, w, &row, 1.0);
+        let column = Vector10::from_fn(|j, _| matrix[(j, 0)]);
+        matrix.ger(-1.0, &column, w, 1.0);
     }
 }
 

@@ -98,16 +98,19 @@ pub struct Tried {
     /// Numbers that the plan tells and the estimator gives.
     pub right: usize,
     /// Numbers that the plan cannot tell and the estimator gives.
-    pub invented: Vec<Invented>,
+    pub invented: Vec<Given>,
+    /// Numbers that the plan tells and the estimator gives, but more than [`OFF`] times half of
+    /// their 95 % interval from the truth.
+    pub off: Vec<Given>,
     /// Numbers that the plan tells and the estimator does not give.
     pub missed: Vec<&'static str>,
     /// Why there is no answer, if there is none.
     pub refused: Option<String>,
 }
 
-/// A number that the plan cannot tell.
+/// A number that should not have been given, or not like that.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Invented {
+pub struct Given {
     /// Name of the number.
     pub name: &'static str,
     /// Its value, SI units.
@@ -134,22 +137,30 @@ pub struct Plans {
     pub plans_with_invented: usize,
     /// Numbers that plans cannot tell, and the estimator gave.
     pub invented: usize,
+    /// Numbers that plans tell, and the estimator gave with an error bar that is far too small.
+    pub off: usize,
     /// Numbers that plans tell.
     pub told: usize,
     /// Numbers that the estimator did not give.
     pub missed: usize,
-    /// Plans with an invented or a missed number.
+    /// Plans with an invented number, a missed one or one that is off.
     pub faults: Vec<Tried>,
 }
+
+/// Distance from the truth from which a number is off, in halves of its 95 % interval: six standard
+/// deviations, which chance does not exceed in a hundred thousand plans.
+pub const OFF: f64 = 3.0;
 
 /// Least share of told numbers that the estimator is to give.
 pub const GIVEN: f64 = 0.99;
 
 impl Plans {
-    /// `true` if no number was invented and enough of the others were given.
+    /// `true` if no number was invented, none is off, and enough of those that are told were given.
     #[must_use]
     pub fn hold(&self) -> bool {
-        self.invented == 0 && self.missed as f64 <= (1.0 - GIVEN) * self.told as f64
+        self.invented == 0
+            && self.off == 0
+            && self.missed as f64 <= (1.0 - GIVEN) * self.told as f64
     }
 }
 
@@ -176,11 +187,12 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64)) -> Result<Plans, Pl
         drawn_anew: borders,
         plans_with_invented: tried.iter().filter(|t| !t.invented.is_empty()).count(),
         invented: tried.iter().map(|t| t.invented.len()).sum(),
+        off: tried.iter().map(|t| t.off.len()).sum(),
         told: tried.iter().map(|t| t.right + t.missed.len()).sum(),
         missed: tried.iter().map(|t| t.missed.len()).sum(),
         faults: tried
             .into_iter()
-            .filter(|t| !t.invented.is_empty() || !t.missed.is_empty())
+            .filter(|t| !(t.invented.is_empty() && t.off.is_empty() && t.missed.is_empty()))
             .collect(),
     })
 }
@@ -225,6 +237,7 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
             drawn_anew: borders,
             right: 0,
             invented: Vec::new(),
+            off: Vec::new(),
             missed: Vec::new(),
             refused,
         };
@@ -233,15 +246,21 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
             if number == 0 && weighed {
                 continue;
             }
+            let as_given = |n: super::coverage::Interval| Given {
+                name,
+                value: n.value,
+                std: n.std,
+                interval: n.half,
+                truth: truth[number],
+            };
             match (given[number], told[number]) {
-                (Some(_), true) => tried.right += 1,
-                (Some(n), false) => tried.invented.push(Invented {
-                    name,
-                    value: n.value,
-                    std: n.std,
-                    interval: n.half,
-                    truth: truth[number],
-                }),
+                (Some(n), true) => {
+                    tried.right += 1;
+                    if truth[number].is_some_and(|t| (n.value - t).abs() > OFF * n.half) {
+                        tried.off.push(as_given(n));
+                    }
+                }
+                (Some(n), false) => tried.invented.push(as_given(n)),
                 (None, true) => tried.missed.push(name),
                 (None, false) => (),
             }
@@ -268,6 +287,11 @@ pub fn print(out: &mut dyn Write, plans: &Plans) -> std::io::Result<()> {
         "{} numbers that a plan cannot tell were given, in {} plans (0 expected)",
         plans.invented, plans.plans_with_invented
     )?;
+    writeln!(
+        out,
+        "{} numbers were given more than {OFF} half intervals from the truth",
+        plans.off
+    )?;
     let share = 100.0 * (plans.told - plans.missed) as f64 / plans.told.max(1) as f64;
     writeln!(
         out,
@@ -278,13 +302,15 @@ pub fn print(out: &mut dyn Write, plans: &Plans) -> std::io::Result<()> {
     )?;
     for tried in &plans.faults {
         writeln!(out, "\nplan {}: {}", tried.seed, tried.what)?;
-        for n in &tried.invented {
-            let truth = n.truth.map_or("-".to_owned(), |t| format!("{t:.4}"));
-            writeln!(
-                out,
-                "  invented {}: {:.4} ± {:.4} (95 %), truth {truth}",
-                n.name, n.value, n.interval
-            )?;
+        for (what, numbers) in [("invented", &tried.invented), ("off", &tried.off)] {
+            for n in numbers {
+                let truth = n.truth.map_or("-".to_owned(), |t| format!("{t:.4}"));
+                writeln!(
+                    out,
+                    "  {what} {}: {:.4} ± {:.4} (95 %), truth {truth}",
+                    n.name, n.value, n.interval
+                )?;
+            }
         }
         if !tried.missed.is_empty() {
             writeln!(out, "  missed {}", tried.missed.join(", "))?;

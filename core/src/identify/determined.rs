@@ -1,0 +1,272 @@
+//! Combinations of the ten parameters that the equations determine.
+
+use super::measurement::{Measurement, Vector10};
+use super::weighed::{Weighed, floor, measured, weights};
+use crate::algebra::{half, inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
+use crate::cells::cells;
+use crate::geometry::transfer;
+use crate::masslines::{EXCITED, Masslines};
+use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3, Vector6};
+
+/// Matrix of the ten parameters.
+pub(super) type Matrix10 = SMatrix<f64, 10, 10>;
+
+const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
+
+/// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
+///
+/// Their diagonal is one, so rounding is 1e-15. The smallest honest eigenvalue falls
+/// with the fourth power of the distance of A from the body in radii of gyration: 1e-12
+/// allows a thousand.
+const RANK: f64 = 1e-12;
+
+/// Limit of the squares of a parameter's shares in the undetermined combinations, in units of the
+/// squares that noise gives them: χ² of nine combinations exceeds it once in two hundred times.
+const CHANCE: f64 = 23.6;
+
+/// Share of the variance of a parameter that rounding may leave along undetermined combinations.
+const ROUNDING: f64 = 1e-8;
+
+/// Share of the noise of a parameter that rounding may leave along a combination that has none:
+/// a run keeps its noise in single precision.
+const SINGLE: f64 = 1e-6;
+
+/// Combinations of parameters that the equations do not determine, in units in which the normal
+/// equations have ones on their diagonal.
+#[derive(Debug)]
+pub(super) struct Undetermined<'a> {
+    /// One a column, the first `count`; the others are zero.
+    vectors: &'a mut Matrix10,
+    count: usize,
+    /// Sum over the determined combinations of noise, times [`EXCITED`], over data.
+    noise: f64,
+    /// Share of the noise of each parameter that is not known where it lies, since noise is rounded.
+    unsure: Vector10,
+    /// `true` for a combination that the data weigh more than noise alone would, though not enough:
+    /// motion turns it, too, by no more than one over the root of [`EXCITED`] in units of deviations.
+    moved: [bool; 10],
+}
+
+impl Undetermined<'_> {
+    /// Number of combinations that are determined.
+    pub(super) fn unknowns(&self) -> usize {
+        10 - self.count
+    }
+
+    /// Takes the combination w out that alone holds the first parameter, which is known otherwise;
+    /// returns it with a first element of one. `None` if none holds it.
+    pub(super) fn know_first(&mut self) -> Option<Vector10> {
+        let vectors = &mut cells(&mut *self.vectors);
+        let shares: Vector10 = Vector10::from_fn(|k, _| vectors[(0, k)]);
+        let square = shares.norm_squared();
+        if square == 0.0 {
+            return None;
+        }
+        let w = Vector10::from_fn(|j, _| {
+            let terms = (0..10).map(|k| vectors[(j, k)] * shares[k]);
+            terms.fold(0.0, |sum, x| sum + x) / square
+        });
+        for k in 0..10 {
+            for j in 0..10 {
+                vectors[(j, k)] -= w[j] * shares[k];
+            }
+        }
+        Some(w)
+    }
+}
+
+/// Ratio of the weight that data give a combination to the mean of what noise gives it, from which
+/// it is not noise alone: six pairs exceed it once in a hundred times (χ² of six), more less often.
+const ALONE: f64 = 2.8;
+
+/// The one rule: which combinations of parameters the equations determine. Leaves the inverse of the
+/// equilibrated normal equations on those in `inverse`; the others take the place of `floor`, which
+/// is what noise alone would give the equations. `None` if none is determined.
+///
+/// A combination v is determined if the data weigh it, `vᵀ Q v`, by [`EXCITED`] times what
+/// noise alone would; the pencil of these two matrices has the same eigenvalues at every
+/// reference point and in all units. Where data say nothing, the combination is only known to
+/// within what noise turns it by: a sum of parameters is observable if the undetermined
+/// combinations involve it by no more than chance would, see [`Answered::tells`]. What they involve
+/// is left out of the solution.
+#[inline(never)] // Its matrices are off the stack when the caller goes on.
+pub(super) fn determine<'a>(
+    matrix: &Matrix10,
+    floor: &'a mut Matrix10,
+    inverse: &mut Matrix10,
+    pairs: usize,
+) -> Option<Undetermined<'a>> {
+    *floor *= EXCITED;
+    let unsure = floor.diagonal().map(|x| RANK + SINGLE * x);
+    for (j, unsure) in unsure.iter().enumerate() {
+        floor[(j, j)] += unsure;
+    }
+    lower(floor, 10)?;
+    inverse_lower(floor, 10);
+    inverse.copy_from(matrix);
+    multiply_left(floor, inverse);
+    floor.transpose_mut();
+    multiply_right(inverse, floor);
+    let mut vectors = NO_MATRIX;
+    let values = symmetric_eigen(inverse, &mut vectors);
+    // Of length one in the floor, and of length λ in the data.
+    multiply_left(floor, &mut vectors);
+    inverse.fill(0.0);
+    floor.fill(0.0);
+    let (mut count, mut noise) = (0, 0.0);
+    let mut moved = [false; 10];
+    for (v, &value) in vectors.data.0.iter().zip(&values) {
+        if value > 1.0 {
+            noise += 1.0 / value;
+            let v = Vector10::from(*v);
+            inverse.ger(1.0 / value, &v, &v, 1.0);
+        } else if let (Some(column), Some(moved)) =
+            (floor.data.0.get_mut(count), moved.get_mut(count))
+        {
+            *column = *v;
+            *moved = value * EXCITED > ALONE * pairs as f64;
+            count += 1;
+        }
+    }
+    (count < 10).then_some(Undetermined {
+        vectors: floor,
+        count,
+        noise,
+        unsure,
+        moved,
+    })
+}
+
+/// The equations that were solved, for the question of what they determine.
+pub(super) struct Answered<'a, const PAIRS: usize> {
+    pub(super) sets: &'a [Masslines<PAIRS>],
+    /// Point of the equations, m.
+    pub(super) point: &'a Vector3<f64>,
+    /// The known mass (kg), or one.
+    pub(super) mass: f64,
+    /// `true` if equations were weighted by their variance.
+    pub(super) weighted: bool,
+    /// σ about the point, see [`Weighed::new`].
+    pub(super) body: Option<&'a Vector10>,
+    /// Units of the parameters.
+    pub(super) units: &'a Vector10,
+}
+
+impl<const PAIRS: usize> Answered<'_, PAIRS> {
+    /// `true` if the equations determine the sum of the parameters with these coefficients, in SI
+    /// units: if the undetermined combinations v involve it by no more than noise and rounding make
+    /// them. A sum may be determined whose elements are not: a rotation about A tells the inertia
+    /// about A, and about no other point as long as the mass is unknown.
+    ///
+    /// Noise N in the measurement matrix B of a pair, see [`floor`], takes v, for which `B v = 0`, to
+    /// `v - Q⁻ Bᵀ W N v` with the weights W and the inverse `Q⁻` of the normal equations on what they
+    /// determine. So the shares `eᵀ v` of the sum e
+    /// have the covariance `Σ (rᵀ N v)(rᵀ N v)ᵀ` with `r = W B Q⁻ e`, summed over the pairs and over the directions of the
+    /// noise. An equation without the sum's parameters turns nothing towards them,
+    /// however precise it is.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    pub(super) fn tells(
+        &self,
+        sum: &Vector10,
+        inverse: &Matrix10,
+        undetermined: &Undetermined<'_>,
+    ) -> bool {
+        // No equation contains it.
+        if sum
+            .iter()
+            .zip(self.units)
+            .any(|(c, unit)| *c != 0.0 && *unit == 0.0)
+        {
+            return false;
+        }
+        let Undetermined {
+            vectors,
+            count,
+            noise,
+            unsure,
+            moved,
+        } = undetermined;
+        let sum = sum.component_mul(self.units);
+        let mut shares = vectors.tr_mul(&sum);
+        let inverse = times(inverse, &sum);
+        let determined = sum.dot(&inverse);
+        let rounding = ROUNDING * determined;
+        let square = shares.norm_squared();
+        if square <= rounding {
+            return true;
+        }
+        // Noise turns each v by at most one over the root of `EXCITED`, in units of the sum's deviation.
+        if square > CHANCE * *count as f64 / EXCITED * determined + rounding {
+            return false;
+        }
+        let mut limit = self.turned(&inverse, vectors);
+        limit *= CHANCE;
+        // Noise of the second order: that change itself, turned by noise.
+        let again = CHANCE * noise / (EXCITED * EXCITED) * determined;
+        // What rounding of the noise leaves may lie in any equation.
+        let anywhere = CHANCE / EXCITED * determined;
+        for (unsure, row) in unsure.iter().zip(vectors.row_iter()) {
+            limit.ger(anywhere * unsure, &row.transpose(), &row.transpose(), 1.0);
+        }
+        for (k, moved) in moved.iter().enumerate() {
+            let by_motion = if *moved {
+                CHANCE / EXCITED * determined
+            } else {
+                0.0
+            };
+            limit[(k, k)] += again + rounding + by_motion;
+        }
+        if lower(&mut limit, *count).is_none() {
+            return false;
+        }
+        inverse_lower(&mut limit, *count);
+        shares = times(&limit, &shares);
+        shares.norm_squared() <= 1.0
+    }
+
+    /// Covariance of the shares of a sum e in the undetermined combinations, from `Q⁻ e`.
+    fn turned(&self, inverse: &Vector10, vectors: &Matrix10) -> Matrix10 {
+        let mut covariance = NO_MATRIX;
+        for set in self.sets {
+            let shift = self.point - set.reference();
+            let t = transfer(&shift);
+            let weighed = Weighed::new(set, &shift, self.mass, self.body);
+            // Σ r rᵀ over the pairs.
+            let mut weights_of_rows = Matrix6::zeros();
+            for pair in set.pairs() {
+                let b = self.scaled(&weighed, &(t * pair.acceleration));
+                let mut r = b * inverse;
+                if self.weighted {
+                    r.component_mul_assign(&weights(&weighed.variance(pair)));
+                }
+                weights_of_rows.ger(1.0, &r, &r, 1.0);
+            }
+            let root = half(&weights_of_rows);
+            let columns = t * half(&floor(set));
+            for column in columns.column_iter() {
+                let n = self.scaled(&weighed, &column.into_owned());
+                for r in root.column_iter() {
+                    let of_parameters = n.tr_mul(&r);
+                    let change = vectors.tr_mul(&of_parameters);
+                    covariance.ger(1.0, &change, &change, 1.0);
+                }
+            }
+        }
+        covariance
+    }
+
+    /// Rows of an acceleration in units of the parameters.
+    #[inline(never)] // One matrix on the caller's stack.
+    fn scaled(&self, weighed: &Weighed, acceleration: &Vector6<f64>) -> Measurement {
+        let mut b = measured(&weighed.rows, acceleration, self.mass);
+        for (mut column, unit) in b.column_iter_mut().zip(self.units) {
+            column *= *unit;
+        }
+        b
+    }
+}
+
+/// `m v`: the operator between values would copy the matrix.
+pub(super) fn times(m: &Matrix10, v: &Vector10) -> Vector10 {
+    m * v
+}
