@@ -30,7 +30,9 @@ mod on_chip {
     use massline_core::geometry::{
         Accelerometer, LoadCell, Mount, Placement, Quantity, RunGeometry, RunSensor,
     };
-    use massline_core::spectra::{BlockSettings, Complex32, DriveAverage, Rings, Sum, Window};
+    use massline_core::spectra::{
+        Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, Rings, Sum, Window,
+    };
     use massline_firmware::acquisition::{Acquisition, Sample};
     use massline_firmware::calibration::{Channel, Limits, Scale, Watch};
     use massline_firmware::drivers::Converter;
@@ -73,9 +75,31 @@ mod on_chip {
         }
     }
 
-    static HISTORY: Storage<[f32; 13 * 512]> = Storage(UnsafeCell::new([0.0; 13 * 512]));
     static QUEUES: Storage<Queue<RawFrame, WAITING>> = Storage(UnsafeCell::new(Queue::new()));
-    static SUMS: Storage<[Sum; 37 * LINES]> = Storage(UnsafeCell::new([Sum::ZERO; 37 * LINES]));
+    static SPECTRA: Storage<Spectra> = Storage(UnsafeCell::new(Spectra {
+        exact: Room {
+            history: [0.0; 12 * 1024],
+            work: [NOTHING; 1024],
+            sums: [Sum::ZERO; (1 + 3 * 11) * 64],
+        },
+    }));
+
+    /// Memory of a measurement: the SRAM has no room for all of it at a time.
+    union Spectra {
+        /// Sums of all products of twelve channels.
+        full: Room<{ 13 * 400 }, 256, { 144 * 64 }>,
+        /// Samples of twelve channels at the full rate.
+        exact: Room<{ 12 * 1024 }, 1024, { (1 + 3 * 11) * 64 }>,
+    }
+
+    #[derive(Clone, Copy)]
+    struct Room<const HISTORY: usize, const WORK: usize, const SUMS: usize> {
+        history: [f32; HISTORY],
+        work: [Complex32; WORK],
+        sums: [Sum; SUMS],
+    }
+
+    const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 
     /// The bus to one chip: a model that answers, or a replay of its last frame.
     struct Wire {
@@ -155,9 +179,21 @@ mod on_chip {
         report("hand-over", hand_over(&timer));
         report("calibration", calibration(&timer, &counts));
         report("resultants", resultants(&timer));
-        let (decimation, block) = spectra(&timer);
+        let memory = SPECTRA.take();
+        // SAFETY: both are numbers alone, for which any bits are good, and one is used at a time.
+        let full = unsafe { &mut memory.full };
+        let (decimation, block) = spectra(&timer, &mut full.history, &mut full.sums);
         report("decimation", decimation);
         report("block", block);
+        let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 32.0]);
+        if let Ok(settings) = settings {
+            report("hop-drive", hop(&timer, settings, true, full));
+            report("hop-full", hop(&timer, settings, false, full));
+            // SAFETY: as above.
+            let exact = unsafe { &mut memory.exact };
+            let all = settings.without_decimation();
+            report("hop-exact", hop(&timer, all, true, exact));
+        }
         let _ = writeln!(link, "end");
         loop {
             cortex_m::asm::wfi();
@@ -327,27 +363,23 @@ mod on_chip {
 
     /// A sample of drive and resultants into the history, on average; and a block: the transforms
     /// of thirteen channels, with powers, cross powers and coherences of 100 lines.
-    fn spectra(timer: &TIM2) -> (u32, u32) {
-        let nothing = Complex32::new(0.0, 0.0);
+    fn spectra(timer: &TIM2, storage: &mut [f32], sums: &mut [Sum]) -> (u32, u32) {
         let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 50.0]);
-        let mut work = [nothing; 256];
-        let storage = HISTORY.take();
+        let mut work = [NOTHING; 256];
         let rings = settings.and_then(|s| Rings::new(s, 1 + RESULTANTS, storage));
         let (Ok(lines), Ok(mut rings)) = (settings, rings) else {
             return (0, 0);
         };
-        let mut complete = 0;
+        // A block is transformed when it is complete.
+        let mut complete = false;
         for number in 0..4096_u64 {
             let noise = |c: usize| (mix(number ^ (c as u64) << 40) >> 40) as f32;
-            complete += u32::from(rings.push(storage, &core::array::from_fn::<f32, 13, _>(noise)));
+            complete = rings.push(storage, &core::array::from_fn::<f32, 13, _>(noise));
+            if complete && number > 3000 {
+                break;
+            }
         }
-        let sample: [f32; 1 + RESULTANTS] = core::array::from_fn(|c| c as f32);
-        // Whole periods of the decimation.
-        let decimation = cost(timer, |_| {
-            rings.push(storage, black_box(&sample));
-        });
-        let sums = SUMS.take();
-        let (mut drive, mut a, mut b) = ([nothing; LINES], [nothing; LINES], [nothing; LINES]);
+        let (mut drive, mut a, mut b) = ([NOTHING; LINES], [NOTHING; LINES], [NOTHING; LINES]);
         let block = cost(timer, |_| {
             let Ok(mut average) = DriveAverage::resume(LINES, RESULTANTS, sums, 8) else {
                 return;
@@ -371,6 +403,66 @@ mod on_chip {
                 black_box(average.mean_coherence(c, band));
             }
         });
-        (decimation, if complete > 0 { block } else { 0 })
+        let sample: [f32; 1 + RESULTANTS] = core::array::from_fn(|c| c as f32);
+        // Whole periods of the decimation.
+        let decimation = cost(timer, |_| {
+            rings.push(storage, black_box(&sample));
+        });
+        (decimation, if complete { block } else { 0 })
+    }
+
+    const COMPARED: usize = 12;
+
+    /// A hop of 512 samples of twelve channels, from samples to the sums of 64 lines, in instructions:
+    /// the job of the comparison with other libraries in the firmware's README. `driven` has the first
+    /// channel for a drive, else there are the products of all with all.
+    #[inline(never)] // Its lines are off the stack again.
+    fn hop<const HISTORY: usize, const WORK: usize, const SUMS: usize>(
+        timer: &TIM2,
+        settings: BlockSettings,
+        driven: bool,
+        room: &mut Room<HISTORY, WORK, SUMS>,
+    ) -> u32 {
+        let Room {
+            history,
+            work,
+            sums,
+        } = room;
+        let mut lines = [NOTHING; COMPARED * 64];
+        let Ok(mut blocks) = Blocks::new(settings, COMPARED, history, work, &mut lines) else {
+            return 0;
+        };
+        let mut noise = [[0.0; COMPARED]; 8];
+        for (n, x) in noise.as_flattened_mut().iter_mut().enumerate() {
+            *x = (mix(n as u64) >> 40) as f32;
+        }
+        if driven {
+            let average = DriveAverage::new(&settings, COMPARED - 1, sums);
+            average.map_or(0, |mut sums| hops(timer, &noise, &mut blocks, &mut sums))
+        } else {
+            let average = CrossAverage::new(&settings, sums);
+            average.map_or(0, |mut sums| hops(timer, &noise, &mut blocks, &mut sums))
+        }
+    }
+
+    fn hops(
+        timer: &TIM2,
+        noise: &[[f32; COMPARED]],
+        blocks: &mut Blocks<'_>,
+        average: &mut impl Average,
+    ) -> u32 {
+        let mut take = |times: usize| {
+            for _ in 0..times {
+                for sample in noise {
+                    if let Some(block) = blocks.push(black_box(sample)) {
+                        average.add(&block);
+                    }
+                }
+            }
+        };
+        take(4096 / noise.len());
+        let cost = cost(timer, |_| take(512 / noise.len()));
+        // Each of those hops had its block.
+        if average.blocks() >= 64 + 6 { cost } else { 0 }
     }
 }

@@ -173,8 +173,9 @@ fn regress<L: Lines + ?Sized>(
         }
         let frequency = lines.frequency(line);
         take_out(apart, frequency, &mut m);
-        regression.add(&mut m, &basis.at(frequency)[..terms], count);
+        regression.add(&m, &basis.at(frequency)[..terms], count);
     }
+    regression.turn();
     Ok(regression)
 }
 

@@ -115,38 +115,72 @@ impl Regression {
     }
 
     /// Adds the moments of one line, where term t has the value `phi[t]`, that hold
-    /// `equations` real equations. They are turned into the regression's coordinates.
-    pub(super) fn add(&mut self, moments: &mut Moments, phi: &[Complex<f64>], equations: f64) {
-        let rank = self.excitation.rank();
-        let p = self.excitation.coordinates();
-        let e = self.equations.rows();
+    /// `equations` real equations. [`Self::turn`] follows after the last one.
+    pub(super) fn add(&mut self, moments: &Moments, phi: &[Complex<f64>], equations: f64) {
         let Moments { aa, fa, ff } = moments;
-        between(p, aa, p);
-        between(e, fa, p);
         let (aa, fa) = (seen(aa), seen(fa));
         let (normal, right) = (&mut cells(&mut self.normal), &mut cells(&mut self.right));
         for (t, phi_t) in phi.iter().enumerate().take(self.terms) {
             for (u, phi_u) in phi.iter().enumerate().take(t + 1) {
                 // Re conj(φ_t a_i) φ_u a_j
                 let factor = Factor::of(phi_t.conj() * phi_u);
-                for i in 0..rank {
-                    let columns = if t == u { i + 1 } else { rank };
+                for i in 0..6 {
+                    let columns = if t == u { i + 1 } else { 6 };
                     for j in 0..columns {
                         normal[(6 * t + i, 6 * u + j)] += factor.real_product(&aa[(j, i)]);
                     }
                 }
             }
             let factor = Factor::of(phi_t.conj());
-            for i in 0..rank {
-                for j in 0..self.equations.count() {
+            for i in 0..6 {
+                for j in 0..6 {
                     right[(6 * t + i, j)] += factor.real_product(&fa[(j, i)]);
                 }
             }
         }
-        let mut power = ff.map(|z| z.re);
-        between(e, &mut power, e);
-        self.power += power;
+        for (sum, z) in self.power.iter_mut().zip(ff) {
+            *sum += z.re;
+        }
         self.count += equations;
+    }
+
+    /// Turns the sums over all lines into the regression's coordinates: once, and not for each line.
+    #[inline(never)] // Its matrices are off the stack when it is solved.
+    pub(super) fn turn(&mut self) {
+        let (p, e) = (self.excitation.coordinates(), self.equations.rows());
+        let mut block = NO_MATRIX;
+        for t in 0..self.terms {
+            for u in 0..=t {
+                let normal = &mut cells(&mut self.normal);
+                for i in 0..6 {
+                    for j in 0..6 {
+                        // Of a term with itself there is one half.
+                        let (k, l) = if t == u && j > i { (j, i) } else { (i, j) };
+                        block[(i, j)] = normal[(6 * t + k, 6 * u + l)];
+                    }
+                }
+                between(p, &mut block, p);
+                for i in 0..6 {
+                    let columns = if t == u { i + 1 } else { 6 };
+                    for j in 0..columns {
+                        normal[(6 * t + i, 6 * u + j)] = block[(i, j)];
+                    }
+                }
+            }
+            let right = &mut cells(&mut self.right);
+            for i in 0..6 {
+                for j in 0..6 {
+                    block[(i, j)] = right[(6 * t + i, j)];
+                }
+            }
+            between(p, &mut block, e);
+            for i in 0..6 {
+                for j in 0..6 {
+                    right[(6 * t + i, j)] = block[(i, j)];
+                }
+            }
+        }
+        between(e, &mut self.power, e);
     }
 
     /// Solves with the given terms, the first of which is the rigid one. `None` if the

@@ -99,13 +99,14 @@ impl StaticPoses {
             .ok_or(MasslineError::NoExcitation)?;
         regression.take_residuals_as_independent();
         let complex = |m: Matrix6<f64>| m.map(|x| Complex::new(x, 0.0));
-        let mut moments = Moments {
+        let moments = Moments {
             aa: complex(symmetric(&self.aa)),
             fa: complex(self.fa),
             ff: complex(symmetric(&self.ff)),
         };
         // One equation per row went into the offset.
-        regression.add(&mut moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
+        regression.add(&moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
+        regression.turn();
         let mut solution = Solution::EMPTY;
         let needed = regression.excitation().rank() + 2;
         if self.count() < needed {

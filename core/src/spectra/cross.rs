@@ -1,5 +1,6 @@
 //! The cross-spectral matrix of the twelve resultants, for tests without a drive channel.
 
+use super::sum::settle;
 use super::{Average, BlockSettings, BlockSpectra, Complex32, SpectraError, Sum};
 use crate::geometry::RESULTANTS;
 
@@ -71,22 +72,12 @@ const fn pair(i: usize, j: usize) -> usize {
 
 impl Average for CrossAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
-        for (k, sums) in self.sums.chunks_exact_mut(SUMS_PER_LINE).enumerate() {
-            let x: [Complex32; RESULTANTS] =
-                core::array::from_fn(|c| block.channel(c).get(k).copied().unwrap_or_default());
-            let (auto, cross) = sums.split_at_mut(RESULTANTS);
-            for (sum, x) in auto.iter_mut().zip(&x) {
-                sum.add(x.re * x.re + x.im * x.im);
-            }
-            let mut cross = cross.chunks_exact_mut(2);
-            for (i, xi) in x.iter().enumerate() {
-                for xj in &x[i + 1..] {
-                    if let Some([re, im]) = cross.next() {
-                        re.add(xi.re * xj.re + xi.im * xj.im);
-                        im.add(xi.im * xj.re - xi.re * xj.im);
-                    }
-                }
-            }
+        settle(self.sums, SUMS_PER_LINE, self.blocks);
+        let (lines, _) = self.sums.as_chunks_mut();
+        for (k, sums) in lines.iter_mut().enumerate() {
+            let mut x = [Complex32::new(0.0, 0.0); RESULTANTS];
+            block.line(k, &mut x);
+            add_line(&x, sums);
         }
         self.blocks = self.blocks.saturating_add(1);
     }
@@ -94,6 +85,55 @@ impl Average for CrossAverage<'_> {
     fn blocks(&self) -> u32 {
         self.blocks
     }
+}
+
+/// Adds the products of one line.
+fn add_line(x: &[Complex32; RESULTANTS], sums: &mut [Sum; SUMS_PER_LINE]) {
+    let (auto, cross) = sums.split_at_mut(RESULTANTS);
+    for (sum, x) in auto.iter_mut().zip(x) {
+        sum.add([x.re, x.re], [x.im, x.im]);
+    }
+    // Written out, so that lengths are known to the compiler.
+    let mut left: (&[Complex32], &mut [Sum]) = (x, cross);
+    left = add_two_rows(left.0, left.1);
+    left = add_two_rows(left.0, left.1);
+    left = add_two_rows(left.0, left.1);
+    left = add_two_rows(left.0, left.1);
+    left = add_two_rows(left.0, left.1);
+    add_two_rows(left.0, left.1);
+}
+
+/// Adds the products of two rows of the matrix, which share what is loaded, and returns what is left:
+/// the spectra after both, and the sums of the rows after them.
+#[inline(always)]
+fn add_two_rows<'x, 's>(
+    x: &'x [Complex32],
+    sums: &'s mut [Sum],
+) -> (&'x [Complex32], &'s mut [Sum]) {
+    let [p, q, after @ ..] = x else {
+        return (x, sums);
+    };
+    let Some((own, rest)) = sums.split_first_chunk_mut() else {
+        return (&[], &mut []);
+    };
+    let (of_p, rest) = rest.split_at_mut((2 * after.len()).min(rest.len()));
+    let (of_q, rest) = rest.split_at_mut((2 * after.len()).min(rest.len()));
+    add_product(own, p, q);
+    let (of_p, of_q) = (of_p.as_chunks_mut().0, of_q.as_chunks_mut().0);
+    for ((of_p, of_q), z) in of_p.iter_mut().zip(of_q).zip(after) {
+        // Before it is used for both rows, since they might share memory for all the compiler knows.
+        let z = *z;
+        add_product(of_p, p, &z);
+        add_product(of_q, q, &z);
+    }
+    (after, rest)
+}
+
+/// Adds x y*.
+#[inline(always)]
+fn add_product([re, im]: &mut [Sum; 2], x: &Complex32, y: &Complex32) {
+    re.add([x.re, y.re], [x.im, y.im]);
+    im.add([x.im, y.re], [-x.re, y.im]);
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! sensor does not correlate with the drive, so it averages out of H; only its scatter
 //! remains, and the coherence tells how much.
 
+use super::sum::settle;
 use super::{
     Average, BlockSettings, BlockSpectra, Complex32, LineGrid, LineRange, SpectraError, Sum,
 };
@@ -118,7 +119,7 @@ impl<'s> DriveAverage<'s> {
             let line = self.line(k);
             if let (Some(rr), Some([re, im, xx])) = (line.first(), line.get(1 + 3 * c..4 + 3 * c)) {
                 // Ratios first: products of powers leave the range of `f32`.
-                let [rr, re, im, xx] = [rr, re, im, xx].map(Sum::rounded);
+                let [rr, re, im, xx] = [rr.rounded(), re.rounded(), im.rounded(), xx.rounded()];
                 if rr > 0.0 && xx > 0.0 {
                     sum += (re * (re / rr) + im * (im / rr)) / xx;
                 }
@@ -143,9 +144,10 @@ impl DriveAverage<'_> {
     /// [`Self::add_response`].
     pub fn add_drive(&mut self, drive: &[Complex32]) {
         let n = sums_per_line(self.channels);
+        settle(self.sums, n, self.blocks);
         for (sums, r) in self.sums.chunks_exact_mut(n.max(1)).zip(drive) {
             if let Some(rr) = sums.first_mut() {
-                rr.add(r.re * r.re + r.im * r.im);
+                rr.add([r.re, r.re], [r.im, r.im]);
             }
         }
         self.blocks = self.blocks.saturating_add(1);
@@ -158,9 +160,9 @@ impl DriveAverage<'_> {
         let products = drive.iter().zip(response);
         for (sums, (r, x)) in self.sums.chunks_exact_mut(n.max(1)).zip(products) {
             if let Some([re, im, xx]) = sums.get_mut(at..at + 3) {
-                re.add(x.re * r.re + x.im * r.im);
-                im.add(x.im * r.re - x.re * r.im);
-                xx.add(x.re * x.re + x.im * x.im);
+                re.add([x.re, r.re], [x.im, r.im]);
+                im.add([x.im, r.re], [-x.re, r.im]);
+                xx.add([x.re, x.re], [x.im, x.im]);
             }
         }
     }

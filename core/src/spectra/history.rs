@@ -1,10 +1,9 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
-use super::decimate::{Phase, settling, state_len};
-use super::fft::transform;
+use super::decimate::Decimator;
+use super::fft::{lines, transform_pairs};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
-use crate::cells::seen;
 
 /// The last block's worth of samples of every channel, in storage that its owner lends anew with
 /// each sample, always the same: for a chip that has no room for the lines of all channels at
@@ -14,9 +13,7 @@ pub struct Rings {
     settings: BlockSettings,
     channels: usize,
     head: usize,
-    phase: Phase,
-    /// Samples until the filters have forgotten that they started from rest.
-    settling: usize,
+    decimator: Decimator,
     /// Decimated samples still missing before the next block is complete.
     missing: usize,
 }
@@ -38,8 +35,7 @@ impl Rings {
             settings,
             channels,
             head: 0,
-            phase: Phase::new(settings.stages()),
-            settling: 0,
+            decimator: Decimator::new(settings.filters(), channels),
             missing: 0,
         };
         rings.restart(storage);
@@ -54,14 +50,28 @@ impl Rings {
 
     /// Forgets all samples: the next block starts with the next one.
     pub fn restart(&mut self, storage: &mut [f32]) {
-        let rings = self.channels * self.settings.transform_length();
-        if let Some(filters) = storage.get_mut(rings..) {
+        let n = self.settings.transform_length();
+        if let Some(filters) = storage.get_mut(self.channels * n..) {
             filters.fill(0.0);
         }
-        self.head = 0;
-        self.phase = Phase::new(self.settings.stages());
-        self.settling = settling(self.settings.stages());
-        self.missing = self.settings.transform_length();
+        // Those that see the start from rest are part of no block. The first block is to begin where
+        // the rings do.
+        let filters = self.settings.filters();
+        let unsettled = filters.settling() >> filters.stages();
+        self.head = (n - unsettled % n) % n;
+        self.missing = unsettled + n;
+        self.begin();
+    }
+
+    /// Outputs that the filters yield next.
+    fn outputs(&self) -> usize {
+        self.missing.min(self.settings.filters().batch())
+    }
+
+    /// Goes on to the next outputs of the filters.
+    fn begin(&mut self) {
+        let base = self.channels * self.settings.transform_length();
+        self.decimator.begin(base, self.outputs());
     }
 
     /// The settings.
@@ -72,37 +82,64 @@ impl Rings {
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
     /// whenever a block is complete: it can be transformed until the next sample comes. With
     /// less storage than there was at the beginning it takes nothing.
+    #[inline]
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
+        if self.settings.filters().stages() == 0 {
+            return self.push_unfiltered(storage, sample);
+        }
+        self.decimator.push(storage, sample) && self.filter(storage)
+    }
+
+    /// Filters the samples that wait. `true` if a block is complete.
+    #[inline(never)] // Storing a sample is to be short.
+    fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
-        let kept = self.phase.yields() && self.settling == 0;
-        let filters = self.channels * state_len(self.settings.stages());
-        let Some((rings, rest)) = storage.split_at_mut_checked(self.channels * n) else {
-            return false;
-        };
-        let Some(states) = rest.get_mut(..filters) else {
-            return false;
-        };
-        let (head, kept_in) = (self.head, if kept { rings } else { &mut [] });
-        let slots = kept_in
-            .chunks_exact_mut(n.max(1))
-            .filter_map(|ring| ring.get_mut(head));
-        self.phase.push(states, sample, slots);
-        self.phase.advance();
-        self.settling = self.settling.saturating_sub(1);
-        if !kept {
+        let outputs = self.outputs();
+        if storage.len() < self.settings.history_len(self.channels) {
+            self.begin();
             return false;
         }
-        self.head = if self.head + 1 == n { 0 } else { self.head + 1 };
-        self.missing -= 1;
+        let (rings, states) = storage.split_at_mut(self.channels * n);
+        let place = (n, self.head);
+        self.decimator.filter(states, rings, place, outputs);
+        let complete = self.advance(outputs);
+        self.begin();
+        complete
+    }
+
+    /// Takes one sample of every channel at the full rate. `true` if a block is complete.
+    #[inline(never)] // As above.
+    fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
+        let n = self.settings.transform_length();
+        let mut slots = storage.get_mut(..self.channels * n).unwrap_or_default();
+        slots = slots.get_mut(self.head..).unwrap_or_default();
+        if sample.len() < self.channels {
+            slots.iter_mut().step_by(n.max(1)).for_each(|x| *x = 0.0);
+        }
+        for x in sample {
+            let Some(slot) = slots.first_mut() else {
+                break;
+            };
+            *slot = *x;
+            slots = slots.get_mut(n..).unwrap_or_default();
+        }
+        self.advance(1)
+    }
+
+    /// Goes on by some outputs. `true` if a block is complete.
+    fn advance(&mut self, outputs: usize) -> bool {
+        let n = self.settings.transform_length();
+        self.head = (self.head + outputs) & n.wrapping_sub(1);
+        self.missing -= outputs;
         if self.missing > 0 {
             return false;
         }
-        self.missing = self.settings.hop() >> self.settings.stages();
+        self.missing = self.settings.hop() >> self.settings.filters().stages();
         true
     }
 
-    /// The kept lines of channels `2 pair` and `2 pair + 1`: they travel as real and
-    /// imaginary part of one complex transform, in `work` of one transform length at least.
+    /// The kept lines of channels `2 pair` and `2 pair + 1`, one after the other in `work` of half a
+    /// transform length at least.
     pub fn transform(
         &self,
         pair: usize,
@@ -112,107 +149,76 @@ impl Rings {
         b: &mut [Complex32],
     ) {
         let n = self.settings.transform_length();
-        let mut rings = storage
-            .chunks_exact(n.max(1))
-            .take(self.channels)
-            .skip(2 * pair);
-        let first = rings.next().unwrap_or(&[]);
-        let second = rings.next().unwrap_or(&[]);
-        let Some(work) = work.get_mut(..n) else {
+        let rings = storage.chunks_exact(n.max(1)).take(self.channels);
+        let Some(work) = work.get_mut(..n / 2) else {
             return;
         };
-        work.fill(Complex32::new(0.0, 0.0));
-        for (w, x) in work.iter_mut().zip(oldest_first(first, self.head)) {
-            w.re = *x;
-        }
-        // Rounding is a share of the larger one: a drive in counts would drown the
-        // acceleration beside it. Powers of two change no digit.
-        let apart = exponent(first) - exponent(second);
-        let (level, back) = (power_of_two(apart), power_of_two(-apart));
-        for (w, x) in work.iter_mut().zip(oldest_first(second, self.head)) {
-            w.im = *x * level;
-        }
-        transform(work);
-        self.settings.remove_mean(work);
-        self.settings.unpack(work, a, b);
-        for z in b.iter_mut().take(self.settings.grid().count) {
-            *z *= back;
+        for (ring, kept) in rings.skip(2 * pair).zip([a, b]) {
+            transform_pairs(ring, self.head, work);
+            self.settings.window_lines(work, kept);
         }
     }
-}
-
-/// Binary exponent of the largest of these, within 60 of that of one.
-fn exponent(ring: &[f32]) -> i32 {
-    let largest = ring.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
-    let biased = (largest.to_bits() >> 23) as i32;
-    (biased - 127).clamp(-60, 60)
-}
-
-/// 2 to the power of `exponent`, which is within 126 of zero.
-fn power_of_two(exponent: i32) -> f32 {
-    f32::from_bits(((exponent + 127) as u32) << 23)
-}
-
-/// The samples of a ring whose oldest one lies at `head`.
-fn oldest_first(ring: &[f32], head: usize) -> impl Iterator<Item = &f32> {
-    let (new, old) = ring.split_at(head.min(ring.len()));
-    old.iter().chain(new)
 }
 
 impl BlockSettings {
-    /// Takes the mean under the window out: what makes the windowed line 0 vanish.
+    /// The kept lines of the block whose transformed pairs are `z`, under the window.
     ///
-    /// The plain mean would let a strong resonance leak in, unwindowed, and leave it in
-    /// the lowest lines.
-    fn remove_mean(&self, z: &mut [Complex32]) {
-        let n = self.transform_length();
-        let mut others = Complex32::new(0.0, 0.0);
-        let mut sign = -1.0;
-        let Some((first, rest)) = self.window().coefficients().split_first() else {
-            return;
-        };
-        // The lines next to the mean on its one side, and on the other side from the end.
-        let (_, lines) = z.get_mut(..n).and_then(|z| z.split_first_mut()).unzip();
-        let lines: &[Complex32] = lines.map_or(&[], |lines| lines);
-        for ((below, above), &c) in lines.iter().rev().zip(lines).zip(rest) {
-            others += (above + below) * (sign * 0.5 * c);
-            sign = -sign;
-        }
-        if let Some(mean) = z.first_mut() {
-            *mean = others * (-1.0 / first);
-        }
-    }
-
-    /// Separates the two packed channels and windows them, for the kept lines only.
-    fn unpack(&self, z: &[Complex32], a: &mut [Complex32], b: &mut [Complex32]) {
-        let n = self.transform_length();
-        let coefficients = self.window().coefficients();
-        // A power of two, so that a mask is the remainder.
-        let (mask, z) = (n.wrapping_sub(1), seen(z));
-        let windowed = |k: usize| {
-            let mut sum = Complex32::new(0.0, 0.0);
-            let mut sign = 1.0;
-            for (i, &c) in coefficients.iter().enumerate() {
-                // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
-                if i == 0 {
-                    sum += z[k & mask] * c;
-                } else {
-                    let half = sign * 0.5 * c;
-                    sum += (z[(k + i) & mask] + z[(k + n - i) & mask]) * half;
+    /// The mean under the window is taken out: what makes the windowed line 0 vanish. The plain mean
+    /// would let a strong resonance leak in, unwindowed, and leave it in the lowest lines.
+    fn window_lines(&self, z: &[Complex32], kept: &mut [Complex32]) {
+        let (grid, coefficients) = (self.grid(), self.window().coefficients());
+        let kept = kept.get_mut(..grid.count).unwrap_or_default();
+        // The lines come twice as large, and the filters' gain is two a stage.
+        let gain = 1.0 / (2 << self.filters().stages()) as f32;
+        match *coefficients {
+            [c0] => {
+                let own = c0 * gain;
+                for (kept, x) in kept.iter_mut().zip(lines(z, grid.first)) {
+                    *kept = x * own;
                 }
-                sign = -sign;
             }
-            sum
-        };
-        for k in 0..self.grid().count {
-            let line = self.grid().first + k;
-            let (p, q) = (windowed(line), windowed(n - line));
-            // z = a + j b with a, b real: A = (Z(k) + Z*(N-k))/2, B = (Z(k) - Z*(N-k))/2j.
-            if let Some(slot) = a.get_mut(k) {
-                *slot = Complex32::new(0.5 * (p.re + q.re), 0.5 * (p.im - q.im));
+            [c0, c1] => {
+                let (own, beside) = (c0 * gain, -0.5 * c1 * gain);
+                // The line before the first one is the mean, or one that is not kept.
+                let mut from = lines(z, grid.first.max(2) - 1);
+                let mut before = from.next().unwrap_or_default();
+                let mut line = before;
+                if grid.first > 1 {
+                    line = from.next().unwrap_or_default();
+                } else {
+                    before = Complex32::new(c1 / c0 * line.re, 0.0);
+                }
+                for (kept, next) in kept.iter_mut().zip(from) {
+                    *kept = line * own + (before + next) * beside;
+                    (before, line) = (line, next);
+                }
             }
-            if let Some(slot) = b.get_mut(k) {
-                *slot = Complex32::new(0.5 * (p.im + q.im), 0.5 * (q.re - p.re));
+            _ => {
+                let at = |k: usize| lines(z, k).next().unwrap_or_default();
+                let mut others = 0.0;
+                for (i, c) in coefficients.iter().enumerate().skip(1) {
+                    others += if i % 2 == 1 { *c } else { -c } * at(i).re;
+                }
+                let first = coefficients.first().copied().unwrap_or(1.0);
+                let mean = Complex32::new(others / first, 0.0);
+                for (k, kept) in (grid.first..).zip(kept) {
+                    let line = |i: isize| match k.checked_add_signed(i) {
+                        Some(0) => mean,
+                        Some(k) => at(k),
+                        None => at(i.unsigned_abs() - k).conj(),
+                    };
+                    let mut sum = Complex32::new(0.0, 0.0);
+                    let mut sign = gain;
+                    for (i, c) in (0..).zip(coefficients) {
+                        // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
+                        sum += match i {
+                            0 => line(0) * (sign * c),
+                            _ => (line(i) + line(-i)) * (sign * 0.5 * c),
+                        };
+                        sign = -sign;
+                    }
+                    *kept = sum;
+                }
             }
         }
     }

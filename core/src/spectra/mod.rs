@@ -31,7 +31,8 @@ pub use settings::BlockSettings;
 pub use sum::Sum;
 pub use window::Window;
 
-pub use microfft::Complex32;
+/// A complex number in single precision.
+pub type Complex32 = nalgebra::Complex<f32>;
 
 /// Reason why spectral settings or storage are unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! Settings of the blocks that a stream of samples is cut into.
 
-use super::decimate::{MAX_STAGES, USABLE, settling, state_len};
+use super::decimate::{Filters, MAX_STAGES, USABLE};
 use super::fft::supported;
 use super::{BandError, LineGrid, SpectraError, Window};
 
@@ -11,8 +11,8 @@ pub struct BlockSettings {
     hop: usize,
     window: Window,
     grid: LineGrid,
-    /// Decimations by two before the transform.
-    stages: usize,
+    /// Filters of the decimations by two before the transform.
+    filters: Filters,
 }
 
 impl BlockSettings {
@@ -76,14 +76,14 @@ impl BlockSettings {
                 count: last - first + 1,
                 spacing,
             },
-            stages: stages(block_length, last),
+            filters: filters(block_length, last),
         }
         .with_whole_hop())
     }
 
     /// A hop is a whole number of decimated samples.
     fn with_whole_hop(self) -> Self {
-        let unit = 1 << self.stages;
+        let unit = 1 << self.filters.stages();
         Self {
             hop: (self.hop / unit).max(1) * unit,
             ..self
@@ -94,23 +94,26 @@ impl BlockSettings {
     /// of the recording, but at several times the cost.
     #[must_use]
     pub fn without_decimation(self) -> Self {
-        Self { stages: 0, ..self }
+        Self {
+            filters: Filters::new(0, 0.0),
+            ..self
+        }
     }
 
-    pub(super) fn stages(&self) -> usize {
-        self.stages
+    pub(super) fn filters(&self) -> Filters {
+        self.filters
     }
 
     /// By how much the samples are decimated before the transform.
     #[cfg(test)]
     pub(super) fn decimation(&self) -> usize {
-        1 << self.stages
+        1 << self.filters.stages()
     }
 
     /// Samples that are transformed.
     #[must_use]
     pub fn transform_length(&self) -> usize {
-        self.block_length >> self.stages
+        self.block_length >> self.filters.stages()
     }
 
     /// Samples per block.
@@ -149,13 +152,13 @@ impl BlockSettings {
     /// Elements of history that `channels` need: decimated samples and filter states.
     #[must_use]
     pub fn history_len(&self, channels: usize) -> usize {
-        channels * (self.transform_length() + state_len(self.stages))
+        channels * self.transform_length() + self.filters.state_len(channels)
     }
 
     /// Consecutive samples that have a part in a block: what its filters look back on, too.
     #[must_use]
     pub fn support(&self) -> usize {
-        ((self.transform_length() - 1) << self.stages) + settling(self.stages) + 1
+        ((self.transform_length() - 1) << self.filters.stages()) + self.filters.settling() + 1
     }
 
     /// Elements of line storage that `channels` need.
@@ -165,13 +168,12 @@ impl BlockSettings {
     }
 }
 
-/// Most decimations that leave the last line in the pass band and a transform to do.
-fn stages(block_length: usize, last: usize) -> usize {
-    let fits = |stages: usize| {
-        let length = block_length >> stages;
-        supported(length) && last as f64 <= USABLE * length as f64
-    };
-    (1..=MAX_STAGES).rev().find(|&s| fits(s)).unwrap_or(0)
+/// Filters of as many decimations as leave the last line in the pass band and a transform to do.
+fn filters(block_length: usize, last: usize) -> Filters {
+    let share = |stages: usize| last as f64 / (block_length >> stages) as f64;
+    let fits = |stages: usize| supported(block_length >> stages) && share(stages) <= USABLE;
+    let stages = (1..=MAX_STAGES).rev().find(|&s| fits(s)).unwrap_or(0);
+    Filters::new(stages, share(stages))
 }
 
 pub(super) fn enough(given: usize, needed: usize) -> Result<(), SpectraError> {
@@ -203,7 +205,8 @@ mod tests {
         assert_eq!(settings.grid().count, 96);
         assert_eq!(settings.lines_len(13), 13 * 96);
         assert_eq!(settings.lines_len(1), 96);
-        assert_eq!(settings.history_len(13), 13 * settings.history_len(1));
+        // Filters hold their channels by fours.
+        assert_eq!(settings.history_len(16), 4 * settings.history_len(4));
     }
 
     /// White noise of unit density at a sample rate of 128 Hz has a variance of 64; weighted by

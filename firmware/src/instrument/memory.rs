@@ -31,14 +31,16 @@ const DECIMATIONS: usize = {
 };
 /// Decimated samples of a block.
 pub(super) const TRANSFORM: usize = BLOCK_LENGTH >> DECIMATIONS;
-/// States of a channel's filters. One decimation more adds 20, and takes more samples off.
+/// States of the filters of four channels, which lie together. One decimation more adds 128, and takes
+/// more samples off.
 const FILTERS: usize = match DECIMATIONS {
     0 => 0,
-    count => 30 + 20 * count,
+    1 => 4 * 64,
+    count => 4 * (64 + 48 + 32 * (count - 2)),
 };
 
 /// Samples and filter states of the blocks that are under way.
-const HISTORY: usize = AVERAGED * (TRANSFORM + FILTERS);
+const HISTORY: usize = AVERAGED * TRANSFORM + AVERAGED.div_ceil(4) * FILTERS;
 /// Lines of the drive and of the two channels that are transformed together.
 const BLOCK_LINES: usize = 3 * LINES;
 /// Running sums: the drive's power, and three numbers for each resultant.
@@ -67,6 +69,10 @@ pub struct WorkingStorage {
 /// Scratch memory of a run, or of an identification: neither may begin before the other has
 /// ended.
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one memory for both, and no allocator to put either elsewhere"
+)]
 // A tag without padding behind it: the rest is then cleared where it lies, rather than
 // on the stack and copied.
 #[repr(u64)]
@@ -86,7 +92,7 @@ pub(super) struct Averaging {
 }
 
 /// Memory of an identification, which would lie on the stack otherwise. It takes none of its own
-/// where it is smaller than a run's, as it just is with the capacities of the STM32F405.
+/// where it is smaller than a run's, as it is with the capacities of the STM32F405.
 #[derive(Debug)]
 pub(super) struct Solver {
     pub(super) load_cells: LoadCells,
@@ -180,7 +186,7 @@ impl Default for WorkingStorage {
 pub struct RunStorage {
     pub(super) responses: [[Complex32; RESULTANTS]; STORED_LINES],
     pub(super) drive: [f32; STORED_LINES],
-    pub(super) work: [Complex32; TRANSFORM],
+    pub(super) work: [Complex32; TRANSFORM / 2],
     pub(super) lines: [Complex32; BLOCK_LINES],
     pub(super) levels: LevelMeter,
 }
@@ -192,7 +198,7 @@ impl RunStorage {
         Self {
             responses: [[NOTHING; RESULTANTS]; STORED_LINES],
             drive: [0.0; STORED_LINES],
-            work: [NOTHING; TRANSFORM],
+            work: [NOTHING; TRANSFORM / 2],
             lines: [NOTHING; BLOCK_LINES],
             levels: LevelMeter::new(),
         }

@@ -339,8 +339,9 @@ impl Fit<'_> {
             }
             let phi = basis.at(lines.frequency(line));
             let phi = phi.get(..basis.terms()).unwrap_or(&phi);
-            self.regression.add(&mut m, phi, count);
+            self.regression.add(&m, phi, count);
         }
+        self.regression.turn();
     }
 
     /// Of the noise, the pairs hold only what lies along the excited directions.
