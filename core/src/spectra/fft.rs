@@ -303,6 +303,32 @@ mod tests {
         }
     }
 
+    /// The lines of microfft, whose transforms were those of core before.
+    #[test]
+    fn lines_are_those_of_another_transform() {
+        fn theirs(samples: &[f32]) -> Vec<[f32; 2]> {
+            let lines: &[_] = match samples.len() {
+                64 => microfft::real::rfft_64(samples.to_vec().leak().try_into().unwrap()),
+                256 => microfft::real::rfft_256(samples.to_vec().leak().try_into().unwrap()),
+                _ => microfft::real::rfft_1024(samples.to_vec().leak().try_into().unwrap()),
+            };
+            lines.iter().map(|line| [line.re, line.im]).collect()
+        }
+        for n in [64, 256, 1024] {
+            let samples: Vec<f32> = (0..n).map(|i| ((i * i * 7 + i) % 101) as f32 - 50.0).collect();
+            let expected = theirs(&samples);
+            let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
+            transform_pairs(&samples, 0, &mut work);
+            let rms = samples.iter().map(|x| x * x).sum::<f32>().sqrt();
+            for (k, found) in (1..).zip(lines(&work, 1).take(n / 2 - 1)) {
+                let [re, im] = expected[k];
+                let off = (found.re / 2.0 - re).hypot(found.im / 2.0 - im);
+                // Both round as above.
+                assert!(off < 1.6e-6 * rms, "{k} of {n}: {off}");
+            }
+        }
+    }
+
     #[test]
     fn factors_are_rounded_once() {
         for n in [8, 64, MAX_BLOCK_LENGTH] {
