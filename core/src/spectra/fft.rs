@@ -315,7 +315,9 @@ mod tests {
             lines.iter().map(|line| [line.re, line.im]).collect()
         }
         for n in [64, 256, 1024] {
-            let samples: Vec<f32> = (0..n).map(|i| ((i * i * 7 + i) % 101) as f32 - 50.0).collect();
+            let samples: Vec<f32> = (0..n)
+                .map(|i| ((i * i * 7 + i) % 101) as f32 - 50.0)
+                .collect();
             let expected = theirs(&samples);
             let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
             transform_pairs(&samples, 0, &mut work);
