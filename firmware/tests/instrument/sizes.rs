@@ -12,8 +12,10 @@ fn the_instrument_and_its_jobs_stay_small() {
         size_of::<Persistent>()
     );
     // On a host pointers and lengths are twice as long; the chip's are never larger. One channel
-    // more takes eight bytes of the instrument, for its part in a synthetic run.
-    assert!(size_of::<Instrument<'_>>() <= 1_416);
+    // more takes eight bytes of the instrument, for its part in a synthetic run; the filters of a
+    // band are 192 of them.
+    println!("instrument: {} bytes", size_of::<Instrument<'_>>());
+    assert!(size_of::<Instrument<'_>>() <= 1_608);
     // A job is moved, from one task to another.
     assert!(size_of::<Job<'_>>() <= 272);
 }
