@@ -232,13 +232,18 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         synchronise: &mut dyn FnMut(),
         ticks: u64,
     ) -> bool {
-        if !self.grid.is_silent(ticks, SILENT) {
+        if !self.is_silent(ticks) {
             return false;
         }
         if let Err((part, _)) = self.start(converters, synchronise) {
             self.report(part);
         }
         true
+    }
+
+    /// `true` if no edge has come for some periods: [`Self::watch`] would prepare all converters.
+    pub fn is_silent(&self, ticks: u64) -> bool {
+        self.grid.is_silent(ticks, SILENT)
     }
 
     /// Fault counters; those of converters and overruns are counted here.

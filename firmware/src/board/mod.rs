@@ -50,6 +50,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use embedded_hal::delay::DelayNs;
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice};
 use embedded_hal_bus::util::AtomicCell;
+use massline_firmware::drivers::lanes::ByDrivers;
 use massline_firmware::drivers::{ads131m08, adxl355};
 use massline_firmware::link::rate::LinkRate;
 use massline_firmware::retained::ResetFlags;
@@ -95,7 +96,7 @@ type Ads = AtomicDevice<'static, Bus<SPI2>, AnyPin<Output>, Delay>;
 type Adxl = ExclusiveDevice<Bus<SPI3>, AnyPin<Output>, Delay>;
 
 /// The sampling task on this board.
-pub type Sampler = sampling::Sampler<'static, Ads, Adxl, AnyPin<Output>, Delay>;
+pub type Sampler = sampling::Sampler<'static, Ads, Adxl, AnyPin<Output>, Delay, ByDrivers>;
 
 /// The board, with its clock running and its peripherals set up.
 pub struct Board {

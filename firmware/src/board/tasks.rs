@@ -16,6 +16,7 @@
 mod app {
     use core::sync::atomic::{AtomicBool, Ordering};
 
+    use massline_firmware::drivers::lanes::ByDrivers;
     use massline_firmware::instrument::{Memory, Persistent, WorkingStorage};
     use massline_firmware::link::Queues;
     use massline_firmware::retained::Cause;
@@ -118,7 +119,7 @@ mod app {
         let port = Port::new(board.link, ends);
         let (ends, commands, frames) = cx.local.samples.split();
         let tick_hz = board.ticks.raw();
-        let sampler = Sampler::new(board.converters, ends, &COUNTERS, tick_hz);
+        let sampler = Sampler::new(board.converters, ByDrivers, ends, &COUNTERS, tick_hz);
         let inputs = Inputs {
             commands,
             test_clock: board.test_clock,
@@ -213,11 +214,12 @@ mod app {
     #[task(binds = CAN1_TX, priority = 4, local = [sampler])]
     fn sample(cx: sample::Context) {
         let sampler = cx.local.sampler;
-        let is_new = match (edges::take_periods(), edges::take()) {
-            (periods @ 1.., _) => sampler.test_pattern(periods),
-            (0, Some((ready, at))) => sampler.edge(ready, at),
-            (0, None) => false,
+        let mut is_new = match edges::take_periods() {
+            0 => false,
+            periods => sampler.test_pattern(periods),
         };
+        is_new |= edges::take().is_some_and(|edge| sampler.edge(edge));
+        is_new |= sampler.resume();
         sampler.poll(ticks::now());
         if is_new {
             board::pend_block();
