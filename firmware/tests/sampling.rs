@@ -101,6 +101,10 @@ impl Lanes for OnLanes<'_> {
         self.each().abort(lane);
     }
 
+    fn is_edge_noted(&self) -> bool {
+        false
+    }
+
     fn received(&self, converter: usize) -> &[u8] {
         match self {
             Self::Drivers(lanes) => lanes.received(converter),

@@ -59,6 +59,9 @@ pub trait Lanes {
     /// Breaks the frame off that was begun. The lane is at rest then.
     fn abort(&mut self, lane: usize);
 
+    /// `true` if an edge of the DRDY lines was noted that the sequencer has not seen.
+    fn is_edge_noted(&self) -> bool;
+
     /// Bytes that were received from a converter, at the places of their requests.
     fn received(&self, converter: usize) -> &[u8];
 }
@@ -77,6 +80,10 @@ impl Lanes for ByDrivers {
     }
 
     fn abort(&mut self, _: usize) {}
+
+    fn is_edge_noted(&self) -> bool {
+        false
+    }
 
     fn received(&self, _: usize) -> &[u8] {
         &[]

@@ -99,6 +99,11 @@ impl<A: SpiDevice, D: SpiDevice, const N: usize> Lanes for Model<A, D, N> {
         }
     }
 
+    /// The drivers of a model read in no time.
+    fn is_edge_noted(&self) -> bool {
+        false
+    }
+
     fn received(&self, converter: usize) -> &[u8] {
         self.received.get(converter).map_or(&[], |bytes| bytes)
     }

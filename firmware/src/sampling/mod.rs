@@ -34,19 +34,19 @@ pub mod sequencer;
 
 pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS};
 pub use converters::Converters;
+pub use fetched::acquire;
 pub use plan::{Plan, problem};
 pub use queues::{Commands, Ends, Queues, WAITING};
 pub use raw_frame::RawFrame;
 
 use crate::acquisition::{Acquisition, SETTLING, Sample};
+use crate::drivers::Fault;
 use crate::drivers::lanes::Lanes;
-use crate::drivers::{Converter, Fault};
 use crate::wire::FaultCounters;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
-use fetched::{Fetched, Received};
 use heapless::spsc::Producer;
 use sequencer::{Conversion, Edge, Event, Sequencer};
 
@@ -132,6 +132,8 @@ pub struct Sampler<'q, A, D, P, T, L> {
     ends: Ends<'q>,
     counters: &'q Counters,
     running: bool,
+    /// Bits of the converters whose buffers were emptied after the edge that waits.
+    emptied: u32,
     /// Samples dropped because the queue was full.
     dropped: u32,
     /// Ticks between two checks for silent converters, and time of the last one.
@@ -164,6 +166,7 @@ where
             ends,
             counters,
             running: false,
+            emptied: 0,
             dropped: 0,
             watch: [u64::from(tick_hz) / WATCHES, 0],
             period: 0,
@@ -239,6 +242,10 @@ where
     /// edges that came meanwhile were handled, the newest of which counts. `true` if there is a new
     /// sample.
     pub fn resume(&mut self) -> bool {
+        if self.sequencer.is_waiting() {
+            self.acquisition.doubt(self.emptied);
+        }
+        self.emptied = 0;
         let complete = self.sequencer.resume(&mut self.lanes);
         complete.is_some_and(|conversion| self.hand_over(conversion))
     }
@@ -254,25 +261,20 @@ where
 
     /// Decodes a conversion, and passes the sample on. `true` if there is one.
     fn hand_over(&mut self, conversion: Conversion) -> bool {
-        let Edge { ready, at, .. } = conversion.edge;
+        let at = conversion.edge.at;
+        let is_waiting = self.sequencer.is_waiting();
         let (acquisition, lanes) = (&mut self.acquisition, &self.lanes);
-        let sample = self.converters.with(|all, synchronise| {
-            let mut number = 0;
-            let mut fetched = all.each_mut().map(|converter| {
-                let bit = 1_u32.wrapping_shl(number as u32);
-                let received = if conversion.read & bit != 0 {
-                    Received::Bytes(lanes.received(number))
-                } else if conversion.failed & bit != 0 {
-                    Received::Failed
-                } else {
-                    Received::Nothing
-                };
-                number = usize::wrapping_add(number, 1);
-                Fetched::new(&mut **converter, received)
-            });
-            let mut all = fetched.each_mut().map(|f| -> &mut dyn Converter { f });
-            acquisition.edge(&mut all, synchronise, ready, at)
+        let (sample, emptied) = self.converters.with(|all, synchronise| {
+            acquire(
+                acquisition,
+                all,
+                synchronise,
+                &conversion,
+                lanes,
+                is_waiting,
+            )
         });
+        self.emptied |= emptied;
         let is_new = pass_on(sample, at, &mut self.ends.frames, &mut self.dropped);
         self.report();
         is_new

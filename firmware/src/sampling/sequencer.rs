@@ -107,6 +107,12 @@ impl<const LANES: usize> Sequencer<LANES> {
         self.lost
     }
 
+    /// `true` if an edge waits until the conversion before it is done with.
+    #[must_use]
+    pub const fn is_waiting(&self) -> bool {
+        self.next.is_some()
+    }
+
     /// Handles an event; the conversion that is complete with it, if any.
     #[inline]
     pub fn handle(&mut self, event: Event, lanes: &mut impl Lanes) -> Option<Conversion> {
