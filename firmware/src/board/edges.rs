@@ -67,6 +67,11 @@ static READY: AtomicU32 = AtomicU32::new(0);
 /// [`ticks::low`] at that edge.
 static AT: AtomicU32 = AtomicU32::new(0);
 
+/// `true` if there is an edge that the sampling task has not seen yet.
+pub fn is_noted() -> bool {
+    READY.load(Ordering::Relaxed) != 0
+}
+
 /// The last edge since the last call, with the lines that were low a microsecond later.
 pub fn take() -> Option<Edge> {
     let (noted, at) = cortex_m::interrupt::free(|_| {

@@ -161,6 +161,11 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
         self.configuration = configuration;
     }
 
+    /// The bus.
+    pub const fn bus(&mut self) -> &mut SPI {
+        &mut self.spi
+    }
+
     /// Reads registers from an address on.
     ///
     /// # Errors
