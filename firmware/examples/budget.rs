@@ -72,6 +72,8 @@ mod on_chip {
     const INPUTS: usize = CHIPS * CHANNELS;
     /// Those of the accelerometer, too.
     const ALL: usize = INPUTS + adxl355::CHANNELS;
+    /// Bits of two converters on buses of their own.
+    const TWO: u32 = 0b101;
     const RESULTANTS: usize = 12;
     const LINES: usize = 100;
     const PERIOD: u64 = 1000;
@@ -158,16 +160,20 @@ mod on_chip {
         let mut link = Link(device.USART2);
         let timer = device.TIM2;
         let buses = (device.SPI1, device.SPI2, device.SPI3);
-        let frames = frames(buses, device.GPIOC, &device.RCC, &timer);
-        let (acquisition, counts) = acquisition(&timer);
+        let [frames, of_two] = frames(buses, device.GPIOC, &device.RCC, &timer);
+        let (all, counts) = acquisition(&timer, 0b1_1111);
         let mut report = |name: &str, cost: u32| {
             let _ = writeln!(link, "{name} {cost}");
         };
         report("frames", frames);
-        report("acquisition", acquisition);
+        report("frames-16", of_two);
+        report("acquisition", all);
+        report("acquisition-16", acquisition(&timer, TWO).0);
         report("hand-over", hand_over(&timer));
         report("calibration", calibration(&timer, &counts));
-        report("resultants", resultants(&timer));
+        report("calibration-16", calibration(&timer, &counts[..16]));
+        report("resultants", resultants::<{ INPUTS - 1 }>(&timer));
+        report("resultants-16", resultants::<15>(&timer));
         let (decimation, block) = spectra(&timer);
         report("decimation", decimation);
         report("block", block);
@@ -196,8 +202,8 @@ mod on_chip {
     }));
 
     /// A conversion over all lanes: the edge begins a frame on each, and six ends of frames begin the next
-    /// one or complete it.
-    fn frames(buses: (SPI1, SPI2, SPI3), port: GPIOC, rcc: &RCC, timer: &TIM2) -> u32 {
+    /// one or complete it. And that of two converters, with two ends of frames.
+    fn frames(buses: (SPI1, SPI2, SPI3), port: GPIOC, rcc: &RCC, timer: &TIM2) -> [u32; 2] {
         rcc.ahb1enr().modify(|_, w| w.gpiocen().set_bit());
         port.moder().reset();
         rcc.apb1enr()
@@ -210,22 +216,28 @@ mod on_chip {
         let mut lanes = DmaLanes::start(buses, [streams.cast(); 2]);
         let mut sequencer = Sequencer::new(ORDER);
         let mut good = lanes.is_there();
-        let cost = cost(timer, |round| {
-            let edge = Edge {
-                ready: black_box(0b1_1111),
-                at: round.into(),
-                is_merged: false,
-            };
-            good &= sequencer.handle(Event::Edge(edge), &mut lanes).is_none();
-            let mut complete = None;
-            for lane in [0, 1, 2, 0, 1, 2] {
-                good &= complete.is_none();
-                complete = sequencer.handle(Event::Lane(black_box(lane)), &mut lanes);
-            }
-            good &= complete.is_some_and(|conversion| black_box(conversion).read == 0b1_1111);
-            good &= sequencer.resume(&mut lanes).is_none();
-        });
-        if good { cost } else { 0 }
+        let mut conversion = |ready: u32, ends: &[usize]| {
+            let cost = cost(timer, |round| {
+                let edge = Edge {
+                    ready: black_box(ready),
+                    at: round.into(),
+                    is_merged: false,
+                };
+                good &= sequencer.handle(Event::Edge(edge), &mut lanes).is_none();
+                let mut complete = None;
+                for lane in ends {
+                    good &= complete.is_none();
+                    complete = sequencer.handle(Event::Lane(*lane), &mut lanes);
+                }
+                good &= complete.is_some_and(|conversion| black_box(conversion).read == ready);
+                good &= sequencer.resume(&mut lanes).is_none();
+            });
+            if good { cost } else { 0 }
+        };
+        [
+            conversion(0b1_1111, &[0, 1, 2, 0, 1, 2]),
+            conversion(TWO, &[0, 1]),
+        ]
     }
 
     /// A sample into the queue and out of it.
@@ -272,9 +284,9 @@ mod on_chip {
         }
     }
 
-    /// A conversion of four converters and the accelerometer, from the bytes of its frames, with all
-    /// checksums.
-    fn acquisition(timer: &TIM2) -> (u32, [i32; INPUTS]) {
+    /// A conversion of these converters and the accelerometer, by bits, from the bytes of their frames,
+    /// with all checksums.
+    fn acquisition(timer: &TIM2, used: u32) -> (u32, [i32; INPUTS]) {
         let configuration = Configuration {
             oversampling: Oversampling::X4096,
             channels: [Input::pins(Gain::ONE); CHANNELS],
@@ -289,6 +301,9 @@ mod on_chip {
         let settings = adxl355::Configuration::following(512.0);
         let mut follower = Adxl355::new(adxl355_model::Chip::new(), settings);
         let mut acquisition = Acquisition::<{ CHIPS + 1 }, ALL>::new(PERIOD as f32);
+        for chip in (0..=CHIPS).filter(|chip| used >> chip & 1 == 0) {
+            acquisition.leave_out(chip);
+        }
         let mut synchronise = || ();
         let mut ticks = 0;
         for round in 0..16 {
@@ -304,7 +319,7 @@ mod on_chip {
                 continue;
             }
             ticks += PERIOD;
-            let _ = acquisition.edge(converters, &mut synchronise, 0b1_1111, ticks);
+            let _ = acquisition.edge(converters, &mut synchronise, used, ticks);
         }
         follower.bus().convert([0.1, 0.2, 0.3]);
         let mut own = adxl355::REQUEST;
@@ -320,15 +335,15 @@ mod on_chip {
         let mut converters: [&mut dyn Converter; CHIPS + 1] = [a, b, c, d, &mut follower];
         let mut counts = [0; INPUTS];
         let mut good = true;
-        let mut sample = |ticks: u64| {
+        let mut sample = |ticks: u64, counts: Option<&mut [i32; INPUTS]>| {
             let edge = Edge {
-                ready: 0b1_1111,
+                ready: used,
                 at: ticks,
                 is_merged: false,
             };
             let conversion = black_box(Conversion {
                 edge,
-                read: 0b1_1111,
+                read: used,
                 failed: 0,
             });
             let (sample, _) = acquire(
@@ -341,20 +356,22 @@ mod on_chip {
             );
             let sample = black_box(sample);
             good &= sample.is_some_and(|s| s.health.first() == Some(&Health::GOOD));
-            if let Some(first) = sample.and_then(|s| s.counts.first_chunk()) {
-                counts = *first;
+            let first = sample.and_then(|s| s.counts.first_chunk());
+            if let (Some(first), Some(counts)) = (first, counts) {
+                *counts = *first;
             }
         };
         let cost = cost(timer, |_| {
             ticks += PERIOD;
-            sample(ticks);
+            sample(ticks, None);
         });
+        sample(ticks + PERIOD, Some(&mut counts));
         // A cost of zero shows that the samples were not good.
         (if good { cost } else { 0 }, counts)
     }
 
     /// Counts of all inputs to SI, with the watch over them.
-    fn calibration(timer: &TIM2, counts: &[i32; INPUTS]) -> u32 {
+    fn calibration(timer: &TIM2, counts: &[i32]) -> u32 {
         let watch = Watch::new(Limits::CONVERTER, 4096.0);
         let scale = Scale::new(1e-6, 12.0).unwrap_or(Scale::ONE);
         let mut channels = [Channel::watched(scale, watch); INPUTS];
@@ -365,10 +382,10 @@ mod on_chip {
         })
     }
 
-    /// Equations (4) and (5): 31 sensors to twelve resultants.
-    fn resultants(timer: &TIM2) -> u32 {
+    /// Equations (4) and (5): so many sensors to twelve resultants.
+    fn resultants<const SENSORS: usize>(timer: &TIM2) -> u32 {
         // A third load cells, at places and in directions that are no other's.
-        let sensors = (0..INPUTS - 1).filter_map(|k| {
+        let sensors = (0..SENSORS).filter_map(|k| {
             let (x, y, z) = (0.1 * (k % 4) as f64, 0.1 * (k / 4) as f64, 0.01 * k as f64);
             let (position, direction) = (Vector3::new(x, y, z), Vector3::new(y + 0.1, z, x - 0.2));
             match k % 3 {
@@ -384,7 +401,7 @@ mod on_chip {
         let Ok(RunGeometry { map, .. }) = geometry else {
             return 0;
         };
-        let sample: [f32; INPUTS - 1] = core::array::from_fn(|k| 0.1 * k as f32);
+        let sample: [f32; SENSORS] = core::array::from_fn(|k| 0.1 * k as f32);
         cost(timer, |_| {
             black_box(map.apply(black_box(&sample)));
         })

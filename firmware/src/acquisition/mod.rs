@@ -433,6 +433,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
 }
 
 /// `true` if bit `k`, below 32, is set.
+#[inline]
 const fn has(bits: u32, k: usize) -> bool {
     bits.wrapping_shr(k as u32) & 1 != 0
 }

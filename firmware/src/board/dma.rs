@@ -29,14 +29,20 @@ pub enum State {
     Failed,
 }
 
-/// A stream on one channel.
+/// A stream on one channel, with the places of its registers: a frame looks at them four times.
 #[derive(Clone, Copy)]
 pub struct Stream {
-    registers: *const RegisterBlock,
-    number: usize,
+    st: *const ST,
+    /// LISR or HISR, and LIFCR or HIFCR.
+    flags: *const u32,
+    clear: *mut u32,
+    /// Place of the stream's flags in these.
+    shift: u32,
+    /// CR with the stream on.
+    on: u32,
 }
 
-// SAFETY: a pointer to registers, which are where they are for every task. One task has the stream.
+// SAFETY: pointers to registers, which are where they are for every task. One task has the stream.
 unsafe impl Send for Stream {}
 
 impl Stream {
@@ -49,9 +55,10 @@ impl Stream {
         direction: Direction,
         peripheral: u32,
     ) -> Self {
-        let stream = Self { registers, number };
+        // SAFETY: registers of the chip, at the address that the HAL gives.
+        let controller = unsafe { &*registers };
+        let st = controller.st(number & 7);
         let is_received = direction == Direction::Receive;
-        let st = stream.st();
         // SAFETY: the address of a data register, which lasts.
         st.par().write(|w| unsafe { w.pa().bits(peripheral) });
         st.cr().write(|w| {
@@ -69,7 +76,22 @@ impl Stream {
             w.chsel().set(channel).minc().set_bit();
             w.tcie().bit(is_received).teie().bit(is_received)
         });
-        stream
+        let (flags, clear) = match number {
+            0..=3 => (controller.lisr().as_ptr(), controller.lifcr().as_ptr()),
+            _ => (controller.hisr().as_ptr(), controller.hifcr().as_ptr()),
+        };
+        Self {
+            st,
+            flags,
+            clear,
+            shift: match number & 3 {
+                0 => 0,
+                1 => 6,
+                2 => 16,
+                _ => 22,
+            },
+            on: st.cr().read().bits() | 1,
+        }
     }
 
     /// `true` if the controller keeps what is written to it: emulators without DMA read zero.
@@ -78,42 +100,15 @@ impl Stream {
         self.st().ndtr().read().ndt().bits() == 1
     }
 
-    fn controller(&self) -> &'static RegisterBlock {
-        // SAFETY: registers of the chip, at the address that the HAL gives.
-        unsafe { &*self.registers }
-    }
-
     fn st(&self) -> &'static ST {
-        self.controller().st(self.number & 7)
-    }
-
-    /// Place of the stream's flags in their register.
-    const fn shift(&self) -> u32 {
-        match self.number & 3 {
-            0 => 0,
-            1 => 6,
-            2 => 16,
-            _ => 22,
-        }
-    }
-
-    fn flags(&self) -> u32 {
-        let controller = self.controller();
-        let word = match self.number {
-            0..=3 => controller.lisr().read().bits(),
-            _ => controller.hisr().read().bits(),
-        };
-        word >> self.shift() & ALL
+        // SAFETY: registers of the chip.
+        unsafe { &*self.st }
     }
 
     /// Clears the stream's flags, without which it does not begin.
     pub fn clear(&self) {
-        let bits = ALL << self.shift();
         // SAFETY: writing ones clears the flags of this stream alone.
-        match self.number {
-            0..=3 => self.controller().lifcr().write(|w| unsafe { w.bits(bits) }),
-            _ => self.controller().hifcr().write(|w| unsafe { w.bits(bits) }),
-        };
+        unsafe { self.clear.write_volatile(ALL.wrapping_shl(self.shift)) };
     }
 
     /// Begins to move so many bytes.
@@ -128,12 +123,14 @@ impl Stream {
         // SAFETY: the caller vouches for the bytes at that address.
         st.m0ar().write(|w| unsafe { w.m0a().bits(memory) });
         st.ndtr().write(|w| w.ndt().set(bytes));
-        st.cr().modify(|_, w| w.en().set_bit());
+        // SAFETY: what `start` has written there, with the stream on.
+        st.cr().write(|w| unsafe { w.bits(self.on) });
     }
 
     /// State of what was begun.
     pub fn state(&self) -> State {
-        let flags = self.flags();
+        // SAFETY: a read of a register that has no effect.
+        let flags = unsafe { self.flags.read_volatile() }.wrapping_shr(self.shift);
         if flags & ERRORS != 0 {
             State::Failed
         } else if flags & COMPLETE != 0 {

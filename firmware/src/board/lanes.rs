@@ -25,7 +25,7 @@ use super::dma::{Direction, State, Stream};
 use super::edges;
 
 /// Pins of port C that select the converters.
-pub const SELECTS: [u8; CHIPS] = [2, 3, 4, 5, 1];
+const SELECTS: [u8; CHIPS] = [2, 3, 4, 5, 1];
 /// Bytes of the longest request, and more.
 const BYTES: usize = 32;
 
@@ -51,13 +51,15 @@ static BUFFERS: Place = Place(UnsafeCell::new(Buffers {
 fn sent(converter: usize) -> *mut u8 {
     // SAFETY: within the variable; no reference to it is made.
     let rows = unsafe { &raw mut (*BUFFERS.0.get()).sent };
-    rows.cast::<u8>().wrapping_add(converter % CHIPS * BYTES)
+    rows.cast::<u8>()
+        .wrapping_add(usize::wrapping_mul(converter, BYTES))
 }
 
 fn received(converter: usize) -> *mut u8 {
     // SAFETY: within the variable; no reference to it is made.
     let rows = unsafe { &raw mut (*BUFFERS.0.get()).received };
-    rows.cast::<u8>().wrapping_add(converter % CHIPS * BYTES)
+    rows.cast::<u8>()
+        .wrapping_add(usize::wrapping_mul(converter, BYTES))
 }
 
 /// A bus with its streams.
@@ -65,8 +67,8 @@ struct Lane {
     bus: Registers,
     receive: Stream,
     send: Stream,
-    /// The converter that is selected.
-    converter: usize,
+    /// Bit of the pin that selects the converter of the frame.
+    select: u32,
 }
 
 impl Lane {
@@ -75,22 +77,17 @@ impl Lane {
     fn end(&self) -> bool {
         let is_at_rest = self.bus.rest();
         self.bus.cr2().reset();
-        select(self.converter, false);
+        // The lower half of the register lets pins go high.
+        set_pins(self.select);
         is_at_rest
     }
 }
 
-/// Pulls a chip select low, or lets it go high.
-fn select(converter: usize, is_selected: bool) {
-    let Some(pin) = SELECTS.get(converter) else {
-        return;
-    };
-    // The upper half of the register pulls pins low, the lower one lets them go high.
-    let pin = 1_u32.wrapping_shl((*pin).into());
-    let bit = if is_selected { pin << 16 } else { pin };
+/// Writes BSRR of the port of the chip selects.
+fn set_pins(bits: u32) {
     // SAFETY: one write that sets one pin and leaves the others. Its driver does not exchange words
     // while a frame runs.
-    unsafe { (*GPIOC::ptr()).bsrr().write(|w| w.bits(bit)) };
+    unsafe { (*GPIOC::ptr()).bsrr().write(|w| w.bits(bits)) };
 }
 
 /// The lanes of the box.
@@ -109,7 +106,7 @@ impl DmaLanes {
             receive: Stream::start(dma, rx, channel, Direction::Receive, bus.data()),
             send: Stream::start(dma, tx, channel, Direction::Send, bus.data()),
             bus,
-            converter: 0,
+            select: 0,
         };
         let lanes = [
             lane(a, dma1, [3, 4], 0),
@@ -141,11 +138,13 @@ impl Lanes for DmaLanes {
         let Some(lane) = self.lanes.get_mut(lane) else {
             return Progress::Failed;
         };
-        lane.converter = step.converter.into();
-        let address = |row: *mut u8| {
-            let first = row.wrapping_add(usize::from(step.first) % BYTES);
-            first.expose_provenance() as u32
+        let converter = usize::from(step.converter);
+        let Some(pin) = SELECTS.get(converter) else {
+            return Progress::Failed;
         };
+        lane.select = 1_u32.wrapping_shl((*pin).into());
+        let first = usize::from(step.first);
+        let address = |row: *mut u8| row.wrapping_add(first).expose_provenance() as u32;
         let bytes = u16::from(step.bytes);
         lane.bus.set_wide(false);
         lane.bus.cr2().write(|w| w.rxdmaen().set_bit());
@@ -154,10 +153,11 @@ impl Lanes for DmaLanes {
         // SAFETY: rows of a static variable in the SRAM, with room for each step of the box's order.
         // They are reached again after the frame's end only, see `received`.
         unsafe {
-            lane.receive.begin(address(received(lane.converter)), bytes);
-            lane.send.begin(address(sent(lane.converter)), bytes);
+            lane.receive.begin(address(received(converter)), bytes);
+            lane.send.begin(address(sent(converter)), bytes);
         }
-        select(lane.converter, true);
+        // The upper half pulls pins low.
+        set_pins(lane.select << 16);
         lane.bus
             .cr2()
             .write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
@@ -202,6 +202,7 @@ impl Lanes for DmaLanes {
     fn received(&self, converter: usize) -> &[u8] {
         // What the stream has written is read after its end was seen.
         fence(Ordering::SeqCst);
+        let converter = converter.min(CHIPS - 1);
         // SAFETY: a row of a static variable. A stream writes to it from `begin` on, which borrows the
         // lanes, until the sequencer has seen the end of the frame.
         unsafe { core::slice::from_raw_parts(received(converter), BYTES) }

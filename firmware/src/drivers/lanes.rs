@@ -26,6 +26,7 @@ pub struct Step {
 impl Step {
     /// Bit of the converter.
     #[must_use]
+    #[inline]
     pub const fn bit(&self) -> u32 {
         1_u32.wrapping_shl(self.converter as u32)
     }

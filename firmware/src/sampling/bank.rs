@@ -70,8 +70,8 @@ const ADXL: [Step; 2] = {
     ]
 };
 
-/// Fastest sample rate of a box, Hz: the load at twice as many is beyond what there is (table in the
-/// README).
+/// Fastest sample rate of a box, Hz: at twice as many, more samples come while a block is computed than
+/// the queue holds.
 pub const FASTEST_HZ: f64 = 4096.0;
 
 /// The next sample rates below and above `rate`, Hz; equal if the box has this rate.

@@ -5,71 +5,74 @@ use crate::acquisition::{Acquisition, Sample};
 use crate::drivers::lanes::Lanes;
 use crate::drivers::{Converter, Fault, Reading};
 use core::cell::Cell;
+use heapless::Vec;
 
 /// Handles the edge of a conversion that was read over lanes: the sample, if any, as
 /// [`Acquisition::edge`] returns it; and the bits of the converters whose buffers were emptied after
 /// another edge, whose sample may be gone with that: [`Acquisition::doubt`] has to be told before it.
 /// `is_waiting` is `true` if such an edge waits.
-pub fn acquire<'a, const CHIPS: usize, const INPUTS: usize>(
+pub fn acquire<'a, L: Lanes, const CHIPS: usize, const INPUTS: usize>(
     acquisition: &'a mut Acquisition<CHIPS, INPUTS>,
     converters: &mut [&mut dyn Converter; CHIPS],
     synchronise: &mut dyn FnMut(),
     conversion: &Conversion,
-    lanes: &impl Lanes,
+    lanes: &L,
     is_waiting: bool,
 ) -> (Option<Sample<'a>>, u32) {
-    let has_edge = || is_waiting || lanes.is_edge_noted();
-    let emptied = Cell::new(0);
-    let mut number = 0;
-    let mut fetched = converters.each_mut().map(|converter| {
-        let bit = 1_u32.wrapping_shl(number as u32);
-        let received = if conversion.read & bit != 0 {
-            Received::Bytes(lanes.received(number))
-        } else if conversion.failed & bit != 0 {
-            Received::Failed
-        } else {
-            Received::Nothing
-        };
-        number = usize::wrapping_add(number, 1);
-        Fetched {
+    let shared = Shared {
+        conversion,
+        lanes,
+        is_waiting,
+        read: Cell::new(0),
+        emptied: Cell::new(0),
+    };
+    // Lists, and no maps of arrays: those are three times as slow where code is small.
+    let mut fetched: Vec<Fetched<'_, L>, CHIPS> = Vec::new();
+    for (number, converter) in (0..).zip(converters.iter_mut()) {
+        // There is room for all.
+        let _ = fetched.push(Fetched {
             converter: &mut **converter,
-            received,
-            bit,
-            is_read: false,
-            emptied: &emptied,
-            has_edge: &has_edge,
-        }
-    });
-    let mut all = fetched.each_mut().map(|f| -> &mut dyn Converter { f });
+            shared: &shared,
+            number,
+        });
+    }
+    let mut all: Vec<&mut dyn Converter, CHIPS> = Vec::new();
+    for converter in &mut fetched {
+        let _ = all.push(converter);
+    }
     let edge = conversion.edge;
     let sample = acquisition.edge(&mut all, synchronise, edge.ready, edge.at);
-    (sample, emptied.get())
+    (sample, shared.emptied.get())
 }
 
-/// What a lane has received from a converter.
-#[derive(Clone, Copy, Debug)]
-enum Received<'b> {
-    /// Nothing: the driver reads.
-    Nothing,
-    /// A part, before the bus failed.
-    Failed,
-    /// All frames.
-    Bytes(&'b [u8]),
+/// What the converters of a conversion share.
+struct Shared<'c, L> {
+    conversion: &'c Conversion,
+    lanes: &'c L,
+    /// `true` if an edge waits.
+    is_waiting: bool,
+    /// Bits of the converters that were read once.
+    read: Cell<u32>,
+    /// Bits of those that were read again while an edge waited.
+    emptied: Cell<u32>,
 }
 
 /// A converter whose first read takes the bytes that were received; later ones use the bus.
-struct Fetched<'c> {
+struct Fetched<'c, L> {
     converter: &'c mut dyn Converter,
-    received: Received<'c>,
-    bit: u32,
-    is_read: bool,
-    /// Bits of the converters that were read more than once while an edge waited.
-    emptied: &'c Cell<u32>,
-    /// `true` if an edge waits.
-    has_edge: &'c dyn Fn() -> bool,
+    shared: &'c Shared<'c, L>,
+    number: u32,
 }
 
-impl Converter for Fetched<'_> {
+impl<L> Fetched<'_, L> {
+    /// Notes a read in these bits: `true` if it is not the first one.
+    fn note(&self, bits: &Cell<u32>) -> bool {
+        let bit = 1_u32.wrapping_shl(self.number);
+        bits.replace(bits.get() | bit) & bit != 0
+    }
+}
+
+impl<L: Lanes> Converter for Fetched<'_, L> {
     fn channels(&self) -> usize {
         self.converter.channels()
     }
@@ -79,22 +82,28 @@ impl Converter for Fetched<'_> {
     }
 
     fn prepare(&mut self) -> Result<(), Fault> {
-        self.received = Received::Nothing;
+        // What was received is from before.
+        self.note(&self.shared.read);
         self.converter.prepare()
     }
 
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
-        let is_again = core::mem::replace(&mut self.is_read, true);
-        match core::mem::replace(&mut self.received, Received::Nothing) {
-            Received::Bytes(bytes) => self.converter.decode(bytes, counts),
-            Received::Failed => Err(Fault::Bus),
-            Received::Nothing => {
-                let reading = self.converter.read(counts);
-                if is_again && (self.has_edge)() {
-                    self.emptied.set(self.emptied.get() | self.bit);
-                }
-                reading
-            }
+        let Shared {
+            conversion, lanes, ..
+        } = self.shared;
+        let bit = 1_u32.wrapping_shl(self.number);
+        let is_again = self.note(&self.shared.read);
+        if !is_again && conversion.read & bit != 0 {
+            let bytes = lanes.received(self.number as usize);
+            return self.converter.decode(bytes, counts);
         }
+        if !is_again && conversion.failed & bit != 0 {
+            return Err(Fault::Bus);
+        }
+        let reading = self.converter.read(counts);
+        if is_again && (self.shared.is_waiting || lanes.is_edge_noted()) {
+            self.note(&self.shared.emptied);
+        }
+        reading
     }
 }
