@@ -15,17 +15,31 @@ fn main() {
 
 #[cfg(target_os = "none")]
 #[path = "../src/board/bus.rs"]
+#[expect(dead_code, reason = "the drivers' part is not measured")]
 mod bus;
+
+#[cfg(target_os = "none")]
+#[path = "../src/board/dma.rs"]
+mod dma;
+
+#[cfg(target_os = "none")]
+#[path = "../src/board/lanes.rs"]
+mod lanes;
+
+/// The DRDY lines, of which there are none.
+#[cfg(target_os = "none")]
+mod edges {
+    pub const fn is_noted() -> bool {
+        false
+    }
+}
 
 #[cfg(target_os = "none")]
 mod on_chip {
     use core::cell::UnsafeCell;
     use core::fmt::Write;
     use core::hint::black_box;
-    use embedded_hal::delay::DelayNs;
     use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-    use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice};
-    use embedded_hal_bus::util::AtomicCell;
     use heapless::spsc::Queue;
     use massline_core::geometry::{
         Accelerometer, LoadCell, Mount, Placement, Quantity, RunGeometry, RunSensor,
@@ -42,19 +56,26 @@ mod on_chip {
         Ads131m08, Channel as Input, Configuration, Gain, Oversampling, SPI_MODE,
     };
     use massline_firmware::drivers::adxl355::{self, Adxl355};
+    use massline_firmware::drivers::lanes::{Lanes, Progress, Step};
     use massline_firmware::models::BusError;
     use massline_firmware::models::ads131m08::Chip;
+    use massline_firmware::models::adxl355 as adxl355_model;
     use massline_firmware::models::random::mix;
-    use massline_firmware::sampling::{self, RawFrame, WAITING};
+    use massline_firmware::sampling::sequencer::{Conversion, Edge, Event, Sequencer};
+    use massline_firmware::sampling::{self, ORDER, RawFrame, WAITING, acquire};
     use massline_firmware::wire::Health;
     use nalgebra::Vector3;
-    use stm32f4xx_hal::pac::{GPIOC, RCC, SPI2, SPI3, TIM2, USART2};
-    use stm32f4xx_hal::prelude::*;
+    use stm32f4xx_hal::pac::{GPIOC, RCC, SPI1, SPI2, SPI3, TIM2, USART2};
 
-    use super::bus::Bus;
+    use super::bus::Registers;
+    use super::lanes::DmaLanes;
 
     const CHIPS: usize = 4;
     const INPUTS: usize = CHIPS * CHANNELS;
+    /// Those of the accelerometer, too.
+    const ALL: usize = INPUTS + adxl355::CHANNELS;
+    /// Bits of two converters on buses of their own.
+    const TWO: u32 = 0b101;
     const RESULTANTS: usize = 12;
     const LINES: usize = 100;
     const PERIOD: u64 = 1000;
@@ -101,11 +122,10 @@ mod on_chip {
 
     const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
 
-    /// The bus to one chip: a model that answers, or a replay of its last frame.
+    /// The bus to one chip: a model that answers, and its last frame.
     struct Wire {
         chip: Chip,
         last: [u8; BYTES],
-        replaying: bool,
     }
 
     impl ErrorType for Wire {
@@ -118,13 +138,9 @@ mod on_chip {
                 let Operation::TransferInPlace(bytes) = operation else {
                     continue;
                 };
-                if self.replaying {
-                    bytes.copy_from_slice(&self.last);
-                } else {
-                    self.chip.transfer(bytes);
-                    if bytes.len() == BYTES {
-                        self.last.copy_from_slice(bytes);
-                    }
+                self.chip.transfer(bytes);
+                if bytes.len() == BYTES {
+                    self.last.copy_from_slice(bytes);
                 }
             }
             Ok(())
@@ -167,18 +183,21 @@ mod on_chip {
         start(&device.RCC, &device.TIM2, &device.USART2);
         let mut link = Link(device.USART2);
         let timer = device.TIM2;
-        let buses = (device.SPI2, device.SPI3);
-        let [exchange, accelerometer] = exchanges(buses, device.GPIOC, device.RCC, &timer);
-        let (acquisition, counts) = acquisition(&timer);
+        let buses = (device.SPI1, device.SPI2, device.SPI3);
+        let [frames, of_two] = frames(buses, device.GPIOC, &device.RCC, &timer);
+        let (all, counts) = acquisition(&timer, 0b1_1111);
         let mut report = |name: &str, cost: u32| {
             let _ = writeln!(link, "{name} {cost}");
         };
-        report("exchange", exchange);
-        report("accelerometer", accelerometer);
-        report("acquisition", acquisition);
+        report("frames", frames);
+        report("frames-16", of_two);
+        report("acquisition", all);
+        report("acquisition-16", acquisition(&timer, TWO).0);
         report("hand-over", hand_over(&timer));
         report("calibration", calibration(&timer, &counts));
-        report("resultants", resultants(&timer));
+        report("calibration-16", calibration(&timer, &counts[..16]));
+        report("resultants", resultants::<{ INPUTS - 1 }>(&timer));
+        report("resultants-16", resultants::<15>(&timer));
         let memory = SPECTRA.take();
         // SAFETY: both are numbers alone, for which any bits are good, and one is used at a time.
         let full = unsafe { &mut memory.full };
@@ -209,48 +228,52 @@ mod on_chip {
         link.cr1().write(|w| w.ue().set_bit().te().set_bit());
     }
 
-    /// A frame over the ADS131M08's bus, and a sample of the ADXL355 over its own, chip select included.
-    /// The emulated buses never wait, so that this is the cost besides their clocks.
-    fn exchanges((frames, bytes): (SPI2, SPI3), port: GPIOC, rcc: RCC, timer: &TIM2) -> [u32; 2] {
-        let mut rcc = rcc.constrain();
-        let port = port.split(&mut rcc);
-        let spi = bytes.spi(
-            (SPI3::NoSck, SPI3::NoMiso, SPI3::NoMosi),
-            adxl355::SPI_MODE,
-            8.MHz(),
-            &mut rcc,
-        );
-        let select = port.pc3.into_push_pull_output().erase();
-        let Ok(device) = ExclusiveDevice::new(Bus::of_bytes(spi), select, NoDelay);
-        let settings = adxl355::Configuration::following(4096.0);
-        let mut chip = Adxl355::new(device, settings);
-        let accelerometer = cost(timer, |_| {
-            // Nobody answers; what the answer says costs nothing beside the bytes.
-            let _ = black_box(chip.read(&mut [0; adxl355::CHANNELS]));
-        });
-        let spi = frames.spi(
-            (SPI2::NoSck, SPI2::NoMiso, SPI2::NoMosi),
-            SPI_MODE,
-            8.MHz(),
-            &mut rcc,
-        );
-        let bus = AtomicCell::new(Bus::of_frames(spi));
-        let select = port.pc2.into_push_pull_output().erase();
-        let Ok(mut chip) = AtomicDevice::new(&bus, select, NoDelay);
-        let mut good = true;
-        let cost = cost(timer, |_| {
-            let mut bytes = black_box([0; BYTES]);
-            let mut exchange = [Operation::TransferInPlace(&mut bytes)];
-            good &= chip.transaction(&mut exchange).is_ok();
-        });
-        [if good { cost } else { 0 }, accelerometer]
-    }
+    /// The registers of a controller of DMA, which the emulator does not have: variables, whose flags say
+    /// that every stream is complete.
+    static STREAMS: Storage<[u32; 52]> = Storage(UnsafeCell::new({
+        let mut words = [0; 52];
+        // Transfer complete of streams 0 to 3; those that are asked for are among them.
+        words[0] = 0x0820_0820;
+        words
+    }));
 
-    /// A delay of no time.
-    struct NoDelay;
-
-    impl DelayNs for NoDelay {
-        fn delay_ns(&mut self, _: u32) {}
+    /// A conversion over all lanes: the edge begins a frame on each, and six ends of frames begin the next
+    /// one or complete it. And that of two converters, with two ends of frames.
+    fn frames(buses: (SPI1, SPI2, SPI3), port: GPIOC, rcc: &RCC, timer: &TIM2) -> [u32; 2] {
+        rcc.ahb1enr().modify(|_, w| w.gpiocen().set_bit());
+        port.moder().reset();
+        rcc.apb1enr()
+            .modify(|_, w| w.spi2en().set_bit().spi3en().set_bit());
+        rcc.apb2enr().modify(|_, w| w.spi1en().set_bit());
+        let (own, first, second) = buses;
+        let buses = [&*first, &*second, &*own]
+            .map(|spi| Registers::start(spi, SPI_MODE, 16_000_000, 8_000_000));
+        let streams: *const u32 = STREAMS.take().as_ptr();
+        let mut lanes = DmaLanes::start(buses, [streams.cast(); 2]);
+        let mut sequencer = Sequencer::new(ORDER);
+        let mut good = lanes.is_there();
+        let mut conversion = |ready: u32, ends: &[usize]| {
+            let cost = cost(timer, |round| {
+                let edge = Edge {
+                    ready: black_box(ready),
+                    at: round.into(),
+                    is_merged: false,
+                };
+                good &= sequencer.handle(Event::Edge(edge), &mut lanes).is_none();
+                let mut complete = None;
+                for lane in ends {
+                    good &= complete.is_none();
+                    complete = sequencer.handle(Event::Lane(*lane), &mut lanes);
+                }
+                good &= complete.is_some_and(|conversion| black_box(conversion).read == ready);
+                good &= sequencer.resume(&mut lanes).is_none();
+            });
+            if good { cost } else { 0 }
+        };
+        [
+            conversion(0b1_1111, &[0, 1, 2, 0, 1, 2]),
+            conversion(TWO, &[0, 1]),
+        ]
     }
 
     /// A sample into the queue and out of it.
@@ -274,8 +297,32 @@ mod on_chip {
         if good { cost } else { 0 }
     }
 
-    /// Four converters read at one edge, with all checksums.
-    fn acquisition(timer: &TIM2) -> (u32, [i32; INPUTS]) {
+    /// Lanes that have received the last frames of all converters.
+    struct Recorded<'b>([&'b [u8]; CHIPS + 1]);
+
+    impl Lanes for Recorded<'_> {
+        fn begin(&mut self, _: usize, _: Step) -> Progress {
+            Progress::Failed
+        }
+
+        fn progress(&mut self, _: usize) -> Progress {
+            Progress::Failed
+        }
+
+        fn abort(&mut self, _: usize) {}
+
+        fn is_edge_noted(&self) -> bool {
+            false
+        }
+
+        fn received(&self, converter: usize) -> &[u8] {
+            self.0.get(converter).copied().unwrap_or_default()
+        }
+    }
+
+    /// A conversion of these converters and the accelerometer, by bits, from the bytes of their frames,
+    /// with all checksums.
+    fn acquisition(timer: &TIM2, used: u32) -> (u32, [i32; INPUTS]) {
         let configuration = Configuration {
             oversampling: Oversampling::X4096,
             channels: [Input::pins(Gain::ONE); CHANNELS],
@@ -284,11 +331,15 @@ mod on_chip {
             let wire = Wire {
                 chip: Chip::new(),
                 last: [0; BYTES],
-                replaying: false,
             };
             Ads131m08::new(wire, configuration)
         });
-        let mut acquisition = Acquisition::<CHIPS, INPUTS>::new(PERIOD as f32);
+        let settings = adxl355::Configuration::following(512.0);
+        let mut follower = Adxl355::new(adxl355_model::Chip::new(), settings);
+        let mut acquisition = Acquisition::<{ CHIPS + 1 }, ALL>::new(PERIOD as f32);
+        for chip in (0..=CHIPS).filter(|chip| used >> chip & 1 == 0) {
+            acquisition.leave_out(chip);
+        }
         let mut synchronise = || ();
         let mut ticks = 0;
         for round in 0..16 {
@@ -296,36 +347,67 @@ mod on_chip {
                 let volts = core::array::from_fn(|c| 0.1 + 0.01 * (k + c + round) as f64);
                 chip.bus().chip.convert(&volts);
             }
+            follower.bus().convert([0.1, 0.2, 0.3]);
             let [a, b, c, d] = &mut chips;
-            let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+            let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d, &mut follower];
             if round == 0 {
                 assert!(acquisition.start(converters, &mut synchronise).is_ok());
                 continue;
             }
             ticks += PERIOD;
-            let _ = acquisition.edge(converters, &mut synchronise, 0b1111, ticks);
+            let _ = acquisition.edge(converters, &mut synchronise, used, ticks);
         }
-        chips.iter_mut().for_each(|c| c.bus().replaying = true);
+        follower.bus().convert([0.1, 0.2, 0.3]);
+        let mut own = adxl355::REQUEST;
+        let (data, rest) = own.split_at_mut(adxl355::DATA_BYTES);
+        for frame in [data, rest] {
+            let exchange = &mut [Operation::TransferInPlace(frame)];
+            assert!(follower.bus().transaction(exchange).is_ok());
+        }
+        let frames = chips.each_mut().map(|chip| chip.bus().last);
+        let [a, b, c, d] = &frames;
+        let lanes = Recorded([a, b, c, d, &own]);
+        let [a, b, c, d] = &mut chips;
+        let mut converters: [&mut dyn Converter; CHIPS + 1] = [a, b, c, d, &mut follower];
         let mut counts = [0; INPUTS];
         let mut good = true;
-        let [a, b, c, d] = &mut chips;
-        let converters: &mut [&mut dyn Converter] = &mut [a, b, c, d];
+        let mut sample = |ticks: u64, counts: Option<&mut [i32; INPUTS]>| {
+            let edge = Edge {
+                ready: used,
+                at: ticks,
+                is_merged: false,
+            };
+            let conversion = black_box(Conversion {
+                edge,
+                read: used,
+                failed: 0,
+            });
+            let (sample, _) = acquire(
+                &mut acquisition,
+                &mut converters,
+                &mut synchronise,
+                &conversion,
+                &lanes,
+                false,
+            );
+            let sample = black_box(sample);
+            good &= sample.is_some_and(|s| s.health.first() == Some(&Health::GOOD));
+            let first = sample.and_then(|s| s.counts.first_chunk());
+            if let (Some(first), Some(counts)) = (first, counts) {
+                *counts = *first;
+            }
+        };
         let cost = cost(timer, |_| {
             ticks += PERIOD;
-            let sample = acquisition.edge(converters, &mut synchronise, 0b1111, ticks);
-            good &= black_box(sample).is_some();
+            sample(ticks, None);
         });
-        ticks += PERIOD;
-        if let Some(sample) = acquisition.edge(converters, &mut synchronise, 0b1111, ticks) {
-            good &= sample.health.iter().all(|h| h.is_good());
-            counts.copy_from_slice(sample.counts);
-        }
+        sample(ticks + PERIOD, Some(&mut counts));
         // A cost of zero shows that the samples were not good.
         (if good { cost } else { 0 }, counts)
     }
 
     /// Counts of all inputs to SI, with the watch over them.
-    fn calibration(timer: &TIM2, counts: &[i32; INPUTS]) -> u32 {
+    fn calibration(timer: &TIM2, counts: &[i32]) -> u32 {
         let watch = Watch::new(Limits::CONVERTER, 4096.0);
         let scale = Scale::new(1e-6, 12.0).unwrap_or(Scale::ONE);
         let mut channels = [Channel::watched(scale, watch); INPUTS];
@@ -336,10 +418,10 @@ mod on_chip {
         })
     }
 
-    /// Equations (4) and (5): 31 sensors to twelve resultants.
-    fn resultants(timer: &TIM2) -> u32 {
+    /// Equations (4) and (5): so many sensors to twelve resultants.
+    fn resultants<const SENSORS: usize>(timer: &TIM2) -> u32 {
         // A third load cells, at places and in directions that are no other's.
-        let sensors = (0..INPUTS - 1).filter_map(|k| {
+        let sensors = (0..SENSORS).filter_map(|k| {
             let (x, y, z) = (0.1 * (k % 4) as f64, 0.1 * (k / 4) as f64, 0.01 * k as f64);
             let (position, direction) = (Vector3::new(x, y, z), Vector3::new(y + 0.1, z, x - 0.2));
             match k % 3 {
@@ -355,7 +437,7 @@ mod on_chip {
         let Ok(RunGeometry { map, .. }) = geometry else {
             return 0;
         };
-        let sample: [f32; INPUTS - 1] = core::array::from_fn(|k| 0.1 * k as f32);
+        let sample: [f32; SENSORS] = core::array::from_fn(|k| 0.1 * k as f32);
         cost(timer, |_| {
             black_box(map.apply(black_box(&sample)));
         })

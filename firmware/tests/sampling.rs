@@ -9,13 +9,16 @@ use heapless::spsc::Consumer;
 use massline_firmware::acquisition::SETTLING;
 use massline_firmware::calibration::Preset;
 use massline_firmware::drivers::ads131m08::CLOCK_HZ;
+use massline_firmware::drivers::lanes::{ByDrivers, Lanes, Progress, Step};
 use massline_firmware::models::BusError;
 use massline_firmware::models::adxl355::Chip as Adxl;
+use massline_firmware::models::lanes::Model;
 use massline_firmware::models::pattern;
 use massline_firmware::models::rig::{Garble, Port, Rig};
+use massline_firmware::sampling::sequencer::Edge;
 use massline_firmware::sampling::{
-    CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Plan, Queues, RawFrame, Sampler,
-    WAITING, problem,
+    CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Plan, Queues, REQUESTS, RawFrame,
+    Sampler, WAITING, problem,
 };
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{ConverterFault, FaultCounters, Field, Health, Problem, Setting};
@@ -50,7 +53,77 @@ impl DelayNs for NoDelay {
     fn delay_ns(&mut self, _: u32) {}
 }
 
-type OnRig<'r> = Sampler<'r, Port<'r, Signal, CONVERTERS>, Follower<'r>, Sync<'r>, NoDelay>;
+type Ads<'r> = Port<'r, Signal, CONVERTERS>;
+type OnRig<'r> = Sampler<'r, Ads<'r>, Follower<'r>, Sync<'r>, NoDelay, OnLanes<'r>>;
+
+/// Who exchanges the frames of samples.
+#[derive(Clone, Copy, Debug)]
+enum By {
+    Drivers,
+    Lanes,
+}
+
+/// Lanes of either kind.
+enum OnLanes<'r> {
+    Drivers(ByDrivers),
+    Lanes(Box<Model<Ads<'r>, Follower<'r>, CONVERTERS>>),
+}
+
+impl OnLanes<'_> {
+    /// Ends the frame that runs on the first lane that is not at rest; its number.
+    fn finish(&mut self) -> Option<usize> {
+        let Self::Lanes(model) = self else {
+            return None;
+        };
+        let lane = model.running()?;
+        model.finish(lane);
+        Some(lane)
+    }
+
+    fn each(&mut self) -> &mut dyn Lanes {
+        match self {
+            Self::Drivers(lanes) => lanes,
+            Self::Lanes(lanes) => &mut **lanes,
+        }
+    }
+}
+
+impl Lanes for OnLanes<'_> {
+    fn begin(&mut self, lane: usize, step: Step) -> Progress {
+        self.each().begin(lane, step)
+    }
+
+    fn progress(&mut self, lane: usize) -> Progress {
+        self.each().progress(lane)
+    }
+
+    fn abort(&mut self, lane: usize) {
+        self.each().abort(lane);
+    }
+
+    fn is_edge_noted(&self) -> bool {
+        false
+    }
+
+    fn received(&self, converter: usize) -> &[u8] {
+        match self {
+            Self::Drivers(lanes) => lanes.received(converter),
+            Self::Lanes(lanes) => lanes.received(converter),
+        }
+    }
+}
+
+/// Tests that hold whoever exchanges the frames.
+macro_rules! tests {
+    ($($name:ident)*) => {
+        mod frames_by_drivers {
+            $(#[test] fn $name() { super::$name(super::By::Drivers); })*
+        }
+        mod frames_by_lanes {
+            $(#[test] fn $name() { super::$name(super::By::Lanes); })*
+        }
+    };
+}
 
 /// The SPI device of the accelerometer.
 struct Follower<'r>(&'r RefCell<Adxl>);
@@ -67,6 +140,7 @@ impl SpiDevice for Follower<'_> {
 
 /// A box with its converters.
 struct Bench {
+    by: By,
     rig: Chips,
     adxl: RefCell<Adxl>,
     queues: Queues,
@@ -84,8 +158,9 @@ struct Tasks<'b> {
 }
 
 impl Bench {
-    fn new() -> Self {
+    fn new(by: By) -> Self {
         Self {
+            by,
             rig: RefCell::new(Rig::new(volts as Signal, 5)),
             adxl: RefCell::new(Adxl::new()),
             queues: Queues::new(),
@@ -98,11 +173,18 @@ impl Bench {
         let (ends, commands, frames) = self.queues.split();
         let ports = core::array::from_fn(|k| Port::new(rig, k));
         let converters = Converters::new(ports, Follower(adxl), Sync(rig), NoDelay);
+        let lanes = match self.by {
+            By::Drivers => OnLanes::Drivers(ByDrivers),
+            By::Lanes => {
+                let ports = core::array::from_fn(|k| Port::new(rig, k));
+                OnLanes::Lanes(Box::new(Model::new(ports, Follower(adxl), &REQUESTS)))
+            }
+        };
         Tasks {
             rig,
             adxl,
             counters,
-            sampler: Sampler::new(converters, ends, counters, TICK_HZ),
+            sampler: Sampler::new(converters, lanes, ends, counters, TICK_HZ),
             commands,
             frames,
         }
@@ -128,7 +210,15 @@ impl Tasks<'_> {
         let g = [0.1, 0.2, -0.5];
         self.adxl.borrow_mut().convert(g);
         self.sampler.poll(edge.cycle);
-        self.sampler.edge(edge.ready, edge.cycle)
+        let mut is_new = self.sampler.edge(Edge {
+            ready: edge.ready,
+            at: edge.cycle,
+            is_merged: false,
+        });
+        while let Some(lane) = self.sampler.lanes().finish() {
+            is_new |= self.sampler.lane(lane);
+        }
+        is_new | self.sampler.resume()
     }
 
     fn edges(&mut self, count: usize) {
@@ -176,9 +266,8 @@ fn plan(settings: &Settings<INPUTS>) -> Plan {
     Plan::new(settings, 512.0, TICK_HZ).unwrap()
 }
 
-#[test]
-fn all_inputs_of_a_sample_come_under_one_number() {
-    let mut bench = Bench::new();
+fn all_inputs_of_a_sample_come_under_one_number(by: By) {
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     // One input of each chip at a gain of 128, which 1 mV and more than 9 mV would overdrive.
     tasks.start(&plan(&wired(&[14, 16, 32]))).unwrap();
@@ -207,9 +296,8 @@ fn all_inputs_of_a_sample_come_under_one_number() {
     assert_eq!(tasks.faults(), FaultCounters::default());
 }
 
-#[test]
-fn a_missing_chip_is_left_out_unless_it_is_in_use() {
-    let mut bench = Bench::new();
+fn a_missing_chip_is_left_out_unless_it_is_in_use(by: By) {
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     for chip in [1, 3] {
         tasks.rig.borrow_mut().stick(chip, Some(true));
@@ -253,10 +341,9 @@ fn a_missing_chip_is_left_out_unless_it_is_in_use() {
     assert_eq!(none_answers, stuck(0));
 }
 
-#[test]
-fn a_dropped_sample_is_counted_and_missing_in_the_numbers() {
+fn a_dropped_sample_is_counted_and_missing_in_the_numbers(by: By) {
     const LATE: u64 = 10;
-    let mut bench = Bench::new();
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     tasks.start(&plan(&wired(&[0]))).unwrap();
     (0..FIRST).for_each(|_| assert!(!tasks.edge()));
@@ -276,9 +363,8 @@ fn a_dropped_sample_is_counted_and_missing_in_the_numbers() {
     assert_eq!(tasks.faults().overrun, 0);
 }
 
-#[test]
-fn fault_counters_continue_over_a_new_start() {
-    let mut bench = Bench::new();
+fn fault_counters_continue_over_a_new_start(by: By) {
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     let plan = plan(&wired(&[0]));
     for start in 1..4 {
@@ -294,9 +380,8 @@ fn fault_counters_continue_over_a_new_start() {
     assert!(!tasks.edge());
 }
 
-#[test]
-fn a_failed_converter_is_reported_once() {
-    let mut bench = Bench::new();
+fn a_failed_converter_is_reported_once(by: By) {
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     tasks.start(&plan(&wired(&[0, 8]))).unwrap();
     tasks.edges(10);
@@ -310,9 +395,8 @@ fn a_failed_converter_is_reported_once() {
     assert_eq!(failed, [1]);
 }
 
-#[test]
-fn converters_without_edges_are_restarted() {
-    let mut bench = Bench::new();
+fn converters_without_edges_are_restarted(by: By) {
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     tasks.start(&plan(&wired(&[0]))).unwrap();
     tasks.edges(10);
@@ -332,9 +416,8 @@ fn converters_without_edges_are_restarted() {
     assert!(tasks.faults().converter_missed > before.converter_missed);
 }
 
-#[test]
-fn a_test_pattern_identifies_each_sample_by_its_counts() {
-    let mut bench = Bench::new();
+fn a_test_pattern_identifies_each_sample_by_its_counts(by: By) {
+    let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     tasks.commands.send(Command::TestPattern, || ());
     tasks.start(&plan(&wired(&[0]))).unwrap();
@@ -370,7 +453,7 @@ fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
     for (rate, low, high) in [
         (500.0, 256.0, 512.0),
         (1.0, 128.0, 128.0),
-        // The converters have these rates, the processor has not the time.
+        // The converters have these rates, the queue of samples has not the room.
         (8192.0, 4096.0, 4096.0),
         (16_384.0, 4096.0, 4096.0),
         (1e5, 4096.0, 4096.0),
@@ -384,4 +467,14 @@ fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
     assert_eq!(plan.inputs, 34);
     assert_eq!(Plan::new(&settings, 512.0, TICK_HZ).unwrap().inputs, INPUTS);
     assert_eq!((plan.gains[3], plan.gains[4]), (128, 1));
+}
+
+tests! {
+    all_inputs_of_a_sample_come_under_one_number
+    a_missing_chip_is_left_out_unless_it_is_in_use
+    a_dropped_sample_is_counted_and_missing_in_the_numbers
+    fault_counters_continue_over_a_new_start
+    a_failed_converter_is_reported_once
+    converters_without_edges_are_restarted
+    a_test_pattern_identifies_each_sample_by_its_counts
 }

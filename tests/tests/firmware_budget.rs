@@ -9,45 +9,54 @@ use std::time::Duration;
 
 /// The chip's clock, Hz.
 const CLOCK: f64 = 168e6;
-/// The converters' bus: a fourth of APB1, Hz.
-const SPI: f64 = 10.5e6;
-/// The same at twice the clock, which code may be measured by and wires do not allow.
-const FAST_SPI: f64 = 21e6;
-/// The accelerometer's bus, Hz, and its bytes a sample: data and settings, with an address each.
-const OWN_SPI: f64 = 5.25e6;
-const OWN_BYTES: f64 = 14.0 + 7.0;
 /// Most of the processor's time that the link takes, percent: a microsecond a byte, which lasts 10.85.
 const LINK: f64 = 10.0;
-/// Frames a sample, bytes a frame.
-const FRAMES: f64 = 4.0;
-const FRAME_BYTES: f64 = 30.0;
-/// Cycles of the interrupts of a sample: of DRDY, of sampling and of the task that processes it,
-/// with 22 each to begin and to end, from the processor's manual, and RTIC's part of a task. And
-/// the microsecond after which the DRDY lines are read.
+/// Cycles of the interrupts of a sample but those of its frames: of DRDY, of the begin of frames and
+/// of the task that processes it, with 22 each to begin and to end, from the processor's manual, and RTIC's
+/// part of a task. And the microsecond after which the DRDY lines are read.
 const INTERRUPTS: f64 = 3.0 * 60.0 + 168.0;
+/// Cycles of the interrupt at the end of a frame: the same, and two looks for edges.
+const FRAME_END: f64 = 100.0;
 /// Samples from one block to the next.
 const HOP: f64 = 512.0;
 /// Cycles of an instruction, unknown to the emulator; on a Cortex-M4 most take one, loads two,
 /// taken branches two to four, and the flash's accelerator hides its wait states.
 const CYCLES: f64 = 1.3;
 
-/// Parts of the work for each sample.
-const SAMPLE: [(&str, &str); 5] = [
+/// Channels, interrupts at the end of a frame, and what is behind the names of their costs. The
+/// accelerometer has two frames, and comes beside 32 channels.
+const SIZES: [(u32, f64, &str); 2] = [(32, 6.0, ""), (16, 2.0, "-16")];
+
+/// Parts of the work for each sample, and whether they depend on the number of channels.
+const SAMPLE: [(&str, bool, &str); 6] = [
+    (
+        "frames",
+        true,
+        "a sample: its frames begun and ended, chip selects, DMA",
+    ),
     (
         "acquisition",
-        "a sample: four frames to counts, checksums, numbers, faults",
+        true,
+        "a sample: frames to counts, checksums, numbers, faults",
     ),
-    ("hand-over", "a sample: into the queue, and looked at there"),
+    (
+        "hand-over",
+        false,
+        "a sample: into the queue, and looked at there",
+    ),
     (
         "calibration",
+        true,
         "a sample: counts to SI, watch for overload, open and stuck",
     ),
     (
         "resultants",
-        "a sample: 31 sensors to twelve resultants, (4) and (5)",
+        true,
+        "a sample: all sensors but the drive to twelve resultants, (4) and (5)",
     ),
     (
         "decimation",
+        false,
         "a sample: drive and resultants into the history",
     ),
 ];
@@ -116,56 +125,63 @@ fn measure() -> BTreeMap<String, f64> {
     costs
 }
 
-/// Shares of a second at a sample rate and a clock of the bus, in percent: buses, samples, blocks; the
-/// accelerometer's is the second one.
-fn loads([rate, spi]: [f64; 2], costs: &BTreeMap<String, f64>) -> [f64; 4] {
-    let of_sample: f64 = SAMPLE.iter().map(|(what, _)| costs[*what]).sum();
+/// Instructions of a part for the size whose costs have these words behind their names.
+fn part(costs: &BTreeMap<String, f64>, (what, depends, _): (&str, bool, &str), size: &str) -> f64 {
+    costs[&format!("{what}{}", if depends { size } else { "" })]
+}
+
+/// Shares of a second at a sample rate, in percent: frames and interrupts, samples, blocks.
+fn loads((_, ends, size): (u32, f64, &str), rate: f64, costs: &BTreeMap<String, f64>) -> [f64; 3] {
     let compute = |instructions: f64| CYCLES * instructions / CLOCK;
-    // Between two words the bus waits for the processor, within a word the processor for the bus.
-    let frame = FRAME_BYTES * 8.0 / spi + compute(costs["exchange"]);
-    let own = OWN_BYTES * 8.0 / OWN_SPI + compute(costs["accelerometer"]);
+    let [frames, work @ ..] = SAMPLE.map(|row| part(costs, row, size));
+    let interrupts = (INTERRUPTS + ends * FRAME_END) / CLOCK;
     [
-        rate * FRAMES * frame,
-        rate * own,
-        rate * (compute(of_sample) + INTERRUPTS / CLOCK),
+        rate * (compute(frames) + interrupts),
+        rate * compute(work.iter().sum()),
         rate / HOP * compute(costs["block"]),
     ]
     .map(|share| 100.0 * share)
 }
 
+/// Samples of 32 channels that come while a block is computed, at a sample rate: what has a higher
+/// priority takes its part of that time.
+fn during_a_block(rate: f64, costs: &BTreeMap<String, f64>) -> f64 {
+    let [frames, ..] = loads(SIZES[0], rate, costs);
+    let above = ["acquisition", "hand-over"].map(|what| costs[what]);
+    let above = rate * CYCLES * above.iter().sum::<f64>() / CLOCK;
+    let left = 1.0 - above - (frames + LINK) / 100.0;
+    rate * CYCLES * costs["block"] / CLOCK / left.max(0.01)
+}
+
 fn table(costs: &BTreeMap<String, f64>) -> String {
-    let mut text = String::from("| what, for 32 channels | instructions |\n| --- | ---: |\n");
-    let frame = [(
-        "exchange",
-        "a frame, of which a sample has four: SPI driver, chip select",
-    )];
-    let block = [(
-        "block",
-        "a block: 13 transforms, powers, cross powers, coherences of 100 lines",
-    )];
-    let own = [(
-        "accelerometer",
-        "a sample of the accelerometer on its own bus: SPI driver, chip select",
-    )];
-    for (what, words) in frame.iter().chain(&own).chain(&SAMPLE).chain(&block) {
-        let _ = writeln!(text, "| {words} | {} |", costs[*what]);
+    let mut text =
+        String::from("| what | instructions for 32 channels | for 16 |\n| --- | ---: | ---: |\n");
+    for row in SAMPLE {
+        let [all, half] = SIZES.map(|(_, _, size)| part(costs, row, size));
+        let _ = writeln!(text, "| {} | {all} | {half} |", row.2);
     }
+    let words = "a block: 13 transforms, powers, cross powers, coherences of 100 lines";
+    let _ = writeln!(text, "| {words} | {0} | {0} |", costs["block"]);
     text.push_str(
-        "\n| samples/s | bus | accelerometer | samples | blocks | load |\n| ---: | ---: | ---: | ---: | ---: | ---: |\n",
+        "\n| channels | samples/s | frames, interrupts | samples | blocks | load |\n\
+         | ---: | ---: | ---: | ---: | ---: | ---: |\n",
     );
-    for rate in [512.0, 4096.0, 8192.0, 16384.0] {
-        let parts = loads([rate, SPI], costs);
-        let all: f64 = parts.iter().sum();
-        let [bus, own, samples, blocks] = parts.map(|p| format!("{p:.1} %"));
-        let verdict = if all < 100.0 {
-            format!("**{all:.1} %**")
-        } else {
-            format!("{all:.0} %: more than there is")
-        };
-        let _ = writeln!(
-            text,
-            "| {rate} | {bus} | {own} | {samples} | {blocks} | {verdict} |"
-        );
+    for size in SIZES {
+        for rate in [512.0, 4096.0, 8192.0, 16384.0] {
+            let parts = loads(size, rate, costs);
+            let all: f64 = parts.iter().sum();
+            let [frames, samples, blocks] = parts.map(|p| format!("{p:.1} %"));
+            let verdict = if all < 100.0 {
+                format!("**{all:.1} %**")
+            } else {
+                format!("{all:.0} %: more than there is")
+            };
+            let _ = writeln!(
+                text,
+                "| {} | {rate} | {frames} | {samples} | {blocks} | {verdict} |",
+                size.0
+            );
+        }
     }
     text
 }
@@ -183,15 +199,20 @@ fn the_table_of_load_follows_from_counted_instructions() {
         let cost = costs[name];
         assert!(cost <= budget, "{name}: {cost}, {budget} are allowed");
     }
-    let [bus, _, samples, blocks] = loads([4096.0, FAST_SPI], &costs);
-    let at_4096 = bus + samples + blocks;
-    assert!(at_4096 < 50.0, "{at_4096} % at 4096 samples/s and 21 MHz");
-    let of = |times: f64| -> f64 {
-        let rate = times * massline_firmware::sampling::FASTEST_HZ;
-        loads([rate, SPI], &costs).iter().sum()
-    };
-    let fastest = of(1.0) + LINK;
-    assert!(fastest < 100.0, "{fastest} % at the fastest rate");
-    // What is refused could not be done.
-    assert!(of(2.0) > 100.0, "{} % at twice the fastest rate", of(2.0));
+    let rate = massline_firmware::sampling::FASTEST_HZ;
+    let all = |size| -> f64 { loads(size, rate, &costs).iter().sum() };
+    for size in SIZES {
+        let fastest = all(size) + LINK;
+        assert!(fastest < 100.0, "{fastest} % at the fastest rate");
+    }
+    let at_4096: f64 = loads(SIZES[0], 4096.0, &costs).iter().sum();
+    assert!(at_4096 < 35.0, "{at_4096} % at 4096 samples/s");
+    // What is accepted fits into the queue while a block is computed, and what is refused does not.
+    let room = massline_firmware::sampling::WAITING as f64 - 1.0;
+    let [slow, fast] = [1.0, 2.0].map(|times| during_a_block(times * rate, &costs));
+    assert!(slow < room, "{slow} samples come during a block");
+    assert!(
+        fast > room,
+        "{fast} samples would fit at twice the fastest rate"
+    );
 }

@@ -224,6 +224,18 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         })
     }
 
+    /// Marks these converters, by bits, as holding another sample than that of the next edge: their
+    /// buffers are emptied then, and that sample of theirs is missing.
+    pub fn doubt(&mut self, converters: u32) {
+        for (k, chip) in self.chips.iter_mut().enumerate() {
+            if has(converters, k) && chip.state == State::InStep && !chip.full {
+                chip.full = true;
+                let missed = &mut self.faults.converter_missed;
+                *missed = missed.saturating_add(1);
+            }
+        }
+    }
+
     /// Prepares and restarts all converters if no edge has come for some periods, and returns
     /// `true` then. To be called about ten times a second.
     pub fn watch(
@@ -232,13 +244,18 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         synchronise: &mut dyn FnMut(),
         ticks: u64,
     ) -> bool {
-        if !self.grid.is_silent(ticks, SILENT) {
+        if !self.is_silent(ticks) {
             return false;
         }
         if let Err((part, _)) = self.start(converters, synchronise) {
             self.report(part);
         }
         true
+    }
+
+    /// `true` if no edge has come for some periods: [`Self::watch`] would prepare all converters.
+    pub fn is_silent(&self, ticks: u64) -> bool {
+        self.grid.is_silent(ticks, SILENT)
     }
 
     /// Fault counters; those of converters and overruns are counted here.
@@ -416,6 +433,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
 }
 
 /// `true` if bit `k`, below 32, is set.
+#[inline]
 const fn has(bits: u32, k: usize) -> bool {
     bits.wrapping_shr(k as u32) & 1 != 0
 }

@@ -1,57 +1,106 @@
 //! The converters' buses: the ADS131M08's takes two bytes at a time.
 //!
-//! The HAL exchanges a byte, tests four flags and exchanges the next. At 10.5 MHz a byte takes 128
+//! Samples come by DMA (`lanes`); this exchanges what sets converters up, and samples where there is no
+//! DMA. The HAL exchanges a byte, tests four flags and exchanges the next. At 10.5 MHz a byte takes 128
 //! cycles of the core, and what lies between two of them a fourth as much. Here it lies between
 //! two words of 16 bits. One word is on its way at a time, so that an interrupt in between only
 //! makes the bus wait. The HAL does not wait for the end of the last bit (`flush`), at which the
 //! chip select may rise.
 
 use core::fmt;
+use core::ops::Deref;
 
-use embedded_hal::spi::{Error, ErrorKind, ErrorType, SpiBus};
-use stm32f4xx_hal::spi::{Instance, Spi};
+use embedded_hal::spi::{Error, ErrorKind, ErrorType, Mode, Phase, Polarity, SpiBus};
+use stm32f4xx_hal::pac::spi1::RegisterBlock;
 
 /// Looks at a flag until the bus counts as dead: a word takes 256 cycles at 10.5 MHz, and 16 times
-/// as many at the slowest clock that the HAL would choose.
+/// as many at the slowest clock.
 const LOOKS: u32 = 4096;
 
-/// The bus, set up by the HAL.
-pub struct Bus<SPI> {
-    spi: SPI,
-    is_wide: bool,
+/// Registers of an SPI, which the drivers' bus and a lane of DMA use in turn.
+#[derive(Clone, Copy)]
+pub struct Registers(*const RegisterBlock);
+
+// SAFETY: a pointer to registers, which are where they are for every task. One task has both users.
+unsafe impl Send for Registers {}
+
+impl Deref for Registers {
+    type Target = RegisterBlock;
+
+    fn deref(&self) -> &RegisterBlock {
+        // SAFETY: registers of the chip, at the address that the HAL gives.
+        unsafe { &*self.0 }
+    }
+}
+
+impl Registers {
+    /// Sets an SPI up as master of bytes, whose clock is on and which is as a reset leaves it: the
+    /// fastest clock up to `most`, Hz, by a power of two from that of its bus.
+    pub fn start(spi: *const RegisterBlock, mode: Mode, clock: u32, most: u32) -> Self {
+        // Code k divides by 2^(k + 1), k up to 7.
+        let fits = |code: &u8| clock.wrapping_shr(u32::from(*code)) / 2 <= most;
+        let divider = (0..7).find(fits).unwrap_or(7);
+        let bus = Self(spi);
+        bus.cr1().write(|w| {
+            w.cpol().bit(mode.polarity == Polarity::IdleHigh);
+            w.cpha().bit(mode.phase == Phase::CaptureOnSecondTransition);
+            // The chip selects are pins of their own.
+            w.mstr().set_bit().ssm().set_bit().ssi().set_bit();
+            w.br().set(divider)
+        });
+        bus.cr1().modify(|_, w| w.spe().set_bit());
+        bus
+    }
+
+    /// Address of the data register, for DMA.
+    pub fn data(&self) -> u32 {
+        self.dr().as_ptr().expose_provenance() as u32
+    }
+
+    /// Chooses between words of 8 and 16 bits, which the chip allows only while it is off.
+    pub fn set_wide(&self, is_wide: bool) {
+        if self.cr1().read().dff().bit() == is_wide {
+            return;
+        }
+        self.cr1().modify(|_, w| w.spe().clear_bit());
+        self.cr1().modify(|_, w| w.dff().bit(is_wide));
+        self.cr1().modify(|_, w| w.spe().set_bit());
+    }
+
+    /// Waits until the clock has come to rest, `false` if it does not.
+    pub fn rest(&self) -> bool {
+        within_reason(|| self.sr().read().bsy().bit_is_clear()).is_ok()
+    }
+
+    /// Takes what was received and not read.
+    pub fn forget(&self) {
+        let _ = self.dr().read();
+        let _ = self.sr().read();
+    }
+}
+
+/// The bus, word by word.
+pub struct Bus {
+    spi: Registers,
     /// `true` if frames are one transfer each, which may be as wide as it likes.
     may_widen: bool,
 }
 
-impl<SPI: Instance> Bus<SPI> {
-    /// Takes over what the HAL has set up; the pins keep their function. Frames are one transfer
-    /// each.
-    pub fn of_frames(spi: Spi<SPI>) -> Self {
+impl Bus {
+    /// A bus whose frames are one transfer each.
+    pub const fn of_frames(spi: Registers) -> Self {
         Self {
+            spi,
             may_widen: true,
-            ..Self::of_bytes(spi)
         }
     }
 
     /// The same for frames of several transfers.
-    pub fn of_bytes(spi: Spi<SPI>) -> Self {
-        let (spi, _) = spi.release();
+    pub const fn of_bytes(spi: Registers) -> Self {
         Self {
             spi,
-            is_wide: false,
             may_widen: false,
         }
-    }
-
-    /// Chooses between words of 8 and 16 bits, which the chip allows only while it is off.
-    fn set_wide(&mut self, is_wide: bool) {
-        if self.is_wide == is_wide {
-            return;
-        }
-        self.is_wide = is_wide;
-        self.spi.cr1().modify(|_, w| w.spe().clear_bit());
-        self.spi.cr1().modify(|_, w| w.dff().bit(is_wide));
-        self.spi.cr1().modify(|_, w| w.spe().set_bit());
     }
 
     #[inline(always)]
@@ -64,7 +113,7 @@ impl<SPI: Instance> Bus<SPI> {
     }
 
     fn exchange_byte(&mut self, byte: u8) -> Result<u8, Dead> {
-        self.set_wide(false);
+        self.spi.set_wide(false);
         // Eight bits came; the others are zero.
         self.exchange(byte.into()).map(|word| word as u8)
     }
@@ -100,11 +149,11 @@ impl Error for Dead {
     }
 }
 
-impl<SPI: Instance> ErrorType for Bus<SPI> {
+impl ErrorType for Bus {
     type Error = Dead;
 }
 
-impl<SPI: Instance> SpiBus for Bus<SPI> {
+impl SpiBus for Bus {
     fn read(&mut self, words: &mut [u8]) -> Result<(), Dead> {
         words.fill(0);
         self.transfer_in_place(words)
@@ -131,7 +180,7 @@ impl<SPI: Instance> SpiBus for Bus<SPI> {
         if let (pairs, []) = words.as_chunks_mut::<2>()
             && self.may_widen
         {
-            self.set_wide(true);
+            self.spi.set_wide(true);
             for pair in pairs {
                 *pair = self.exchange(u16::from_be_bytes(*pair))?.to_be_bytes();
             }
@@ -144,6 +193,6 @@ impl<SPI: Instance> SpiBus for Bus<SPI> {
     }
 
     fn flush(&mut self) -> Result<(), Dead> {
-        within_reason(|| self.spi.sr().read().bsy().bit_is_clear())
+        if self.spi.rest() { Ok(()) } else { Err(Dead) }
     }
 }

@@ -7,6 +7,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use massline_firmware::sampling::CONVERTERS;
+use massline_firmware::sampling::sequencer::Edge;
 use stm32f4xx_hal::gpio::{AnyPin, Input};
 use stm32f4xx_hal::pac::{EXTI, TIM5};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
@@ -50,27 +51,42 @@ impl Edges {
         let low = (0..).zip(&self.lines).filter(|(_, pin)| pin.is_low());
         let ready = low.fold(NOTED, |bits, (k, _): (u32, _)| bits | 1 << k);
         AT.store(at, Ordering::Relaxed);
-        READY.store(ready, Ordering::Relaxed);
+        let is_unseen = READY.load(Ordering::Relaxed) & NOTED != 0;
+        let merged = if is_unseen { MERGED } else { 0 };
+        READY.store(ready | merged, Ordering::Relaxed);
         board::call_sampling();
     }
 }
 
 /// Bit of [`READY`]: there is an edge that the sampling task has not seen yet.
 const NOTED: u32 = 1 << 31;
+/// Bit of [`READY`]: there was another edge before, which it has not seen either.
+const MERGED: u32 = 1 << 30;
 /// Lines that were low after the last edge, by bits.
 static READY: AtomicU32 = AtomicU32::new(0);
 /// [`ticks::low`] at that edge.
 static AT: AtomicU32 = AtomicU32::new(0);
 
-/// The last edge since the last call: the lines that were low a microsecond later, by bits, and the
-/// time of the edge, ticks.
-pub fn take() -> Option<(u32, u64)> {
-    let (ready, at) = cortex_m::interrupt::free(|_| {
+/// `true` if there is an edge that the sampling task has not seen yet.
+pub fn is_noted() -> bool {
+    READY.load(Ordering::Relaxed) != 0
+}
+
+/// The last edge since the last call, with the lines that were low a microsecond later.
+pub fn take() -> Option<Edge> {
+    let (noted, at) = cortex_m::interrupt::free(|_| {
         (READY.swap(0, Ordering::Relaxed), AT.load(Ordering::Relaxed))
     });
+    if noted == 0 {
+        return None;
+    }
     let now = ticks::now();
     let since = (now as u32).wrapping_sub(at);
-    (ready != 0).then_some((ready & !NOTED, now - u64::from(since)))
+    Some(Edge {
+        ready: noted & !(NOTED | MERGED),
+        at: now - u64::from(since),
+        is_merged: noted & MERGED != 0,
+    })
 }
 
 /// Periods of the test clock that the sampling task has not seen yet.

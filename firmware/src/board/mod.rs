@@ -6,7 +6,9 @@
 //! | `mod` | pins and peripherals, and the types that follow from them |
 //! | `tasks` | tasks, their interrupts and priorities |
 //! | `clocks` | crystal, PLL, and the substitutes for them |
-//! | `bus` | SPI of the converters, two bytes at a time |
+//! | `bus` | SPI of the converters, word by word |
+//! | `dma` | streams of the DMA controllers |
+//! | `lanes` | frames of the converters by DMA |
 //! | `port` | serial port of the link |
 //! | `edges` | DRDY lines, and the timer that stands in for them in a test pattern |
 //! | `ticks` | clock of all tick counts |
@@ -17,13 +19,15 @@
 //! | --- | --- | --- |
 //! | PA2 (out), PA3 (in) | USART2, 8N1 | link to the host |
 //! | PH0, PH1 | HSE | crystal of 8, 12 or 16 MHz, optional |
-//! | PB13, PB14, PB15 | SPI2 SCK, MISO, MOSI | four ADS131M08, mode 1, 10.5 MHz |
+//! | PB13, PB14, PB15 | SPI2 SCK, MISO, MOSI | ADS131M08 number 0 and 1, mode 1, 10.5 MHz |
+//! | PC10, PC11, PB5 | SPI3 SCK, MISO, MOSI | ADS131M08 number 2 and 3, the same |
 //! | PC2, PC3, PC4, PC5 (out) | | their chip selects |
 //! | PC6, PC7, PB8, PB9 (in) | EXTI 6 to 9 | their DRDY lines |
 //! | PA6 (out) | | SYNC/RESET of all four |
-//! | PB3, PB4, PB5 | SPI3 SCK, MISO, MOSI | ADXL355, mode 0, 10 MHz at most |
-//! | PA7 (out) | | its chip select |
+//! | PB3, PB4, PA7 | SPI1 SCK, MISO, MOSI | ADXL355, mode 0, 10 MHz at most |
+//! | PC1 (out) | | its chip select |
 //! | PC12 (out) | | status LED, lit while low |
+//! | none | DMA1 streams 0, 3, 4, 5, DMA2 streams 0, 3 | frames of the converters |
 //! | none | FLASH | settings, in the last two sectors |
 //! | none | TIM2 | clock of all tick counts |
 //! | none | TIM5 | stands in for DRDY lines in a test pattern |
@@ -32,14 +36,19 @@
 //! | none | IWDG | watchdog |
 //! | none | CAN1's first interrupt, CAN2's | interrupts of tasks without hardware of their own |
 //!
+//! Free for what comes next: PA4, PA5 (DAC), PA11, PA12 (USB), PA1 (TIM2 channel 2, for a pulse a
+//! second), PB10 (TIM2 channel 3, for a trigger), PA0 (button).
+//!
 //! Every peripheral that is reset is on APB1, on purpose. The HAL resets a peripheral when it takes
-//! it over, and newer emulators crash on a reset through APB2: no USART1, USART6, SPI1, ADC, SDIO
-//! or TIM8 here. SYSCFG, which leads pins to EXTI, is there, too, but is only switched on.
+//! it over, and newer emulators crash on a reset through APB2. SPI1 and SYSCFG, which leads pins to EXTI,
+//! are there, too, but are only switched on.
 
 pub mod bus;
 pub mod clocks;
+mod dma;
 pub mod edges;
 pub mod flash;
+pub mod lanes;
 pub mod memory;
 pub mod port;
 mod tasks;
@@ -56,18 +65,21 @@ use massline_firmware::retained::ResetFlags;
 use massline_firmware::sampling::{self, Converters};
 use massline_firmware::settings::LINK_BAUD;
 use stm32f4xx_hal::gpio::{AnyPin, Edge, Output, PinState, Speed};
-use stm32f4xx_hal::pac::{GPIOC, Interrupt, Peripherals, RCC, SPI2, SPI3, SYST, USART2};
+use stm32f4xx_hal::pac::{
+    DMA1, DMA2, GPIOC, Interrupt, Peripherals, RCC, SPI1, SPI2, SPI3, SYST, USART2,
+};
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::HSI;
+use stm32f4xx_hal::rcc::{Enable, HSI};
 use stm32f4xx_hal::serial::{Config, Rx, Tx};
 use stm32f4xx_hal::time::Hertz;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use crate::faults;
-use bus::Bus;
+use bus::{Bus, Registers};
 use clocks::Clock;
 use edges::{Edges, TestClock};
 use flash::Flash;
+use lanes::DmaLanes;
 use port::BitRate;
 
 // 16 clocks a bit even on the slowest clock, so that no choice of clock makes the rate that a box
@@ -80,22 +92,21 @@ pub const ROUNDS: u32 = 100;
 /// Clock of the converters' bus, Hz: a fourth of what the bus has at 168 MHz. At twice as much half a
 /// period has 23.8 ns, of which the converter's output takes 20 and the chip's input 6.5.
 const CONVERTERS_HZ: u32 = 10_500_000;
-/// Clock that is asked for the accelerometer's bus, Hz. The HAL divides by powers of two and
-/// rounds the division itself, so that it may run at 4/3 of it.
+/// Most of the accelerometer's bus, Hz: 5.25 MHz with a clock of 168 MHz.
 const ACCELEROMETER_HZ: u32 = 7_000_000;
 
 const _: () = assert!(CONVERTERS_HZ <= ads131m08::SPI_HZ_MAX);
-const _: () = assert!(ACCELEROMETER_HZ / 3 * 4 <= adxl355::SPI_HZ_MAX);
+const _: () = assert!(ACCELEROMETER_HZ <= adxl355::SPI_HZ_MAX);
 
-/// The bus that all ADS131M08 share.
-type SharedBus = AtomicCell<Bus<SPI2>>;
+/// A bus that two ADS131M08 share.
+type SharedBus = AtomicCell<Bus>;
 /// An ADS131M08 on it.
-type Ads = AtomicDevice<'static, Bus<SPI2>, AnyPin<Output>, Delay>;
+type Ads = AtomicDevice<'static, Bus, AnyPin<Output>, Delay>;
 /// The ADXL355 on a bus of its own.
-type Adxl = ExclusiveDevice<Bus<SPI3>, AnyPin<Output>, Delay>;
+type Adxl = ExclusiveDevice<Bus, AnyPin<Output>, Delay>;
 
 /// The sampling task on this board.
-pub type Sampler = sampling::Sampler<'static, Ads, Adxl, AnyPin<Output>, Delay>;
+pub type Sampler = sampling::Sampler<'static, Ads, Adxl, AnyPin<Output>, Delay, DmaLanes>;
 
 /// The board, with its clock running and its peripherals set up.
 pub struct Board {
@@ -111,6 +122,8 @@ pub struct Board {
     pub watchdog: IndependentWatchdog,
     /// Converters of the inputs.
     pub converters: Converters<Ads, Adxl, AnyPin<Output>, Delay>,
+    /// The buses of the converters, by DMA.
+    pub lanes: DmaLanes,
     /// Their DRDY lines.
     pub edges: Edges,
     /// Timer that stands in for these lines in a test pattern.
@@ -164,42 +177,58 @@ impl Board {
         let delay = Delay {
             megahertz: clock.core.to_MHz(),
         };
-        // More than there is would be a mistake in the HAL's eyes.
-        let no_faster = |hz: u32| hz.min(rcc.clocks.pclk1().raw()).Hz();
-        let (fast, slow) = (no_faster(CONVERTERS_HZ), no_faster(ACCELEROMETER_HZ));
-        let bus = device.SPI2.spi(
-            (
-                Some(b.pb13.into_alternate().speed(Speed::VeryHigh)),
-                Some(b.pb14.into_alternate()),
-                Some(b.pb15.into_alternate().speed(Speed::VeryHigh)),
-            ),
-            ads131m08::SPI_MODE,
-            fast,
-            &mut rcc,
+        // The pins keep their functions.
+        let _ = (
+            b.pb13.into_alternate::<5>().speed(Speed::VeryHigh),
+            b.pb14.into_alternate::<5>(),
+            b.pb15.into_alternate::<5>().speed(Speed::VeryHigh),
         );
-        let bus = cortex_m::singleton!(: SharedBus = AtomicCell::new(Bus::of_frames(bus)))
-            .ok_or(Fault::Twice)?;
-        let selects = [
-            c.pc2.into_push_pull_output_in_state(PinState::High).erase(),
-            c.pc3.into_push_pull_output_in_state(PinState::High).erase(),
-            c.pc4.into_push_pull_output_in_state(PinState::High).erase(),
-            c.pc5.into_push_pull_output_in_state(PinState::High).erase(),
+        let _ = (
+            c.pc10.into_alternate::<6>().speed(Speed::VeryHigh),
+            c.pc11.into_alternate::<6>(),
+            b.pb5.into_alternate::<6>().speed(Speed::VeryHigh),
+        );
+        let _ = (
+            b.pb3.into_alternate::<5>().speed(Speed::High),
+            b.pb4.into_alternate::<5>(),
+            a.pa7.into_alternate::<5>().speed(Speed::High),
+        );
+        SPI2::enable(&mut rcc);
+        SPI3::enable(&mut rcc);
+        // Not reset: emulators do not bear that on APB2.
+        SPI1::enable(&mut rcc);
+        let (slow, fast) = (rcc.clocks.pclk1().raw(), rcc.clocks.pclk2().raw());
+        let buses = [
+            Registers::start(SPI2::ptr(), ads131m08::SPI_MODE, slow, CONVERTERS_HZ),
+            Registers::start(SPI3::ptr(), ads131m08::SPI_MODE, slow, CONVERTERS_HZ),
+            Registers::start(SPI1::ptr(), adxl355::SPI_MODE, fast, ACCELEROMETER_HZ),
         ];
-        let bus: &'static SharedBus = bus;
-        let ads = selects.map(|select| ignore(AtomicDevice::new(bus, select, delay)));
-
-        let own_bus = device.SPI3.spi(
-            (
-                Some(b.pb3.into_alternate().speed(Speed::High)),
-                Some(b.pb4.into_alternate()),
-                Some(b.pb5.into_alternate().speed(Speed::High)),
-            ),
-            adxl355::SPI_MODE,
-            slow,
-            &mut rcc,
-        );
-        let select = a.pa7.into_push_pull_output_in_state(PinState::High).erase();
-        let adxl = ignore(ExclusiveDevice::new(Bus::of_bytes(own_bus), select, delay));
+        let [first, second, third] = buses;
+        let first: &'static SharedBus =
+            cortex_m::singleton!(: SharedBus = AtomicCell::new(Bus::of_frames(first)))
+                .ok_or(Fault::Twice)?;
+        let second: &'static SharedBus =
+            cortex_m::singleton!(: SharedBus = AtomicCell::new(Bus::of_frames(second)))
+                .ok_or(Fault::Twice)?;
+        let high = PinState::High;
+        let [a_select, b_select, c_select, d_select] = [
+            c.pc2.into_push_pull_output_in_state(high).erase(),
+            c.pc3.into_push_pull_output_in_state(high).erase(),
+            c.pc4.into_push_pull_output_in_state(high).erase(),
+            c.pc5.into_push_pull_output_in_state(high).erase(),
+        ];
+        let ads = [
+            ignore(AtomicDevice::new(first, a_select, delay)),
+            ignore(AtomicDevice::new(first, b_select, delay)),
+            ignore(AtomicDevice::new(second, c_select, delay)),
+            ignore(AtomicDevice::new(second, d_select, delay)),
+        ];
+        let select = c.pc1.into_push_pull_output_in_state(high).erase();
+        let adxl = ignore(ExclusiveDevice::new(Bus::of_bytes(third), select, delay));
+        DMA1::enable(&mut rcc);
+        DMA2::enable(&mut rcc);
+        let lanes = DmaLanes::start(buses, [DMA1::ptr(), DMA2::ptr()]);
+        defmt::info!("frames by DMA: {}", lanes.is_there());
         let sync = a.pa6.into_push_pull_output_in_state(PinState::High).erase();
 
         let (mut exti, mut syscfg) = (device.EXTI, device.SYSCFG.constrain(&mut rcc));
@@ -224,6 +253,7 @@ impl Board {
             link: link.split(),
             watchdog,
             converters: Converters::new(ads, adxl, sync, delay),
+            lanes,
             edges: Edges::new(exti, lines, delay.megahertz),
             test_clock: TestClock::new(device.TIM5, &mut rcc),
         };

@@ -6,7 +6,8 @@
 //! | 6 | `edge` | DRDY lines | a microsecond | notes when a sample was taken |
 //! | 6 | `test_clock` | TIM5, in a test pattern | a microsecond | stands in for that |
 //! | 5 | `link` | USART2 | a microsecond a byte | the port holds one byte, 11 µs long; it moves some bytes at a time, so that no traffic starves what is below |
-//! | 4 | `sample` | `edge`, `test_clock`, `watch_tasks` | a sample of all inputs | a sample waits a period at the most, and takes no lock |
+//! | 4 | `sample` | `edge`, `test_clock`, `watch_tasks` | the begin of frames | a sample waits a period at the most, and takes no lock |
+//! | 4 | `first_lane`, `second_lane`, `third_lane` | DMA, at the end of a frame | the next frame, or a sample of all inputs | the same task, by another interrupt |
 //! | 3 | `requests` | `link` at a frame's end | a message | answers while blocks are computed and jobs run |
 //! | 2 | `block` | `sample`, `requests`, `watch_tasks` | a block | takes milliseconds, no one waits for it |
 //! | 2 | `telemetry` | `watch_tasks`, every 100 ms | a look at the stack | so does this |
@@ -61,12 +62,13 @@ mod app {
     #[shared]
     struct Shared {
         app: &'static mut App,
+        #[lock_free]
+        sampler: Sampler,
     }
 
     #[local]
     struct Local {
         port: Port,
-        sampler: Sampler,
         edges: Edges,
         task_watchdog: TaskWatchdog<6>,
         watchdog: IndependentWatchdog,
@@ -118,7 +120,7 @@ mod app {
         let port = Port::new(board.link, ends);
         let (ends, commands, frames) = cx.local.samples.split();
         let tick_hz = board.ticks.raw();
-        let sampler = Sampler::new(board.converters, ends, &COUNTERS, tick_hz);
+        let sampler = Sampler::new(board.converters, board.lanes, ends, &COUNTERS, tick_hz);
         let inputs = Inputs {
             commands,
             test_clock: board.test_clock,
@@ -146,10 +148,9 @@ mod app {
             (receive, transmit, board.link_rate),
         );
         (
-            Shared { app },
+            Shared { app, sampler },
             Local {
                 port,
-                sampler,
                 edges: board.edges,
                 task_watchdog,
                 watchdog: board.watchdog,
@@ -210,19 +211,49 @@ mod app {
         cx.local.edges.note();
     }
 
-    #[task(binds = CAN1_TX, priority = 4, local = [sampler])]
+    #[task(binds = CAN1_TX, priority = 4, shared = [sampler])]
     fn sample(cx: sample::Context) {
-        let sampler = cx.local.sampler;
-        let is_new = match (edges::take_periods(), edges::take()) {
-            (periods @ 1.., _) => sampler.test_pattern(periods),
-            (0, Some((ready, at))) => sampler.edge(ready, at),
-            (0, None) => false,
+        let sampler = cx.shared.sampler;
+        let mut is_new = match edges::take_periods() {
+            0 => false,
+            periods => sampler.test_pattern(periods),
         };
+        is_new |= see_edge(sampler) | sampler.resume();
         sampler.poll(ticks::now());
         if is_new {
             board::pend_block();
         }
         CHECK_INS.check_in(SAMPLE);
+    }
+
+    #[task(binds = DMA1_STREAM3, priority = 4, shared = [sampler])]
+    fn first_lane(cx: first_lane::Context) {
+        end_frame(cx.shared.sampler, 0);
+    }
+
+    #[task(binds = DMA1_STREAM0, priority = 4, shared = [sampler])]
+    fn second_lane(cx: second_lane::Context) {
+        end_frame(cx.shared.sampler, 1);
+    }
+
+    #[task(binds = DMA2_STREAM0, priority = 4, shared = [sampler])]
+    fn third_lane(cx: third_lane::Context) {
+        end_frame(cx.shared.sampler, 2);
+    }
+
+    /// Handles the interrupt of a lane.
+    fn end_frame(sampler: &mut Sampler, lane: usize) {
+        // An edge from before the end of the frame may have cost it its sample.
+        let mut is_new = see_edge(sampler) | sampler.lane(lane);
+        // A sample that was emptied from a buffer may have taken a while.
+        is_new |= see_edge(sampler) | sampler.resume();
+        if is_new {
+            board::pend_block();
+        }
+    }
+
+    fn see_edge(sampler: &mut Sampler) -> bool {
+        edges::take().is_some_and(|edge| sampler.edge(edge))
     }
 
     #[task(binds = CAN2_TX, priority = 3, shared = [app])]

@@ -11,6 +11,7 @@
 
 pub mod ads131m08;
 pub mod adxl355;
+pub mod lanes;
 
 /// A device that samples some channels at once and keeps them until they are read.
 pub trait Converter {
@@ -39,6 +40,15 @@ pub trait Converter {
     ///
     /// The [`Fault`] because of which there is none; `counts` is not valid then.
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault>;
+
+    /// The same from bytes that a lane has received for the device's request, see [`lanes`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`]; [`Fault::Bus`] if there are too few bytes, or the device has no request.
+    fn decode(&mut self, _received: &[u8], _counts: &mut [i32]) -> Result<Reading, Fault> {
+        Err(Fault::Bus)
+    }
 }
 
 /// Status of a good sample.

@@ -7,6 +7,7 @@
 //! | [`adxl355`] | the accelerometer ADXL355 |
 //! | [`flash`] | a NOR flash with power cuts and wrong bits |
 //! | [`rig`] | some ADS131M08 on one clock, with time and faults of wires |
+//! | [`lanes`] | buses that exchange frames by themselves |
 //! | [`pattern`] | a converter of test patterns |
 //! | [`injector`] | random faults, with the counters they should raise |
 //! | [`random`] | random numbers |
@@ -16,6 +17,7 @@ pub mod ads131m08;
 pub mod adxl355;
 pub mod flash;
 pub mod injector;
+pub mod lanes;
 pub mod pattern;
 pub mod random;
 pub mod rig;

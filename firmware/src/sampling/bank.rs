@@ -4,10 +4,17 @@
 //! | --- | --- |
 //! | 0 to 31 | four ADS131M08, eight each, with DRDY lines |
 //! | 32 to 34 | ADXL355: x, y, z, read at the others' edges |
+//!
+//! | lane | converters, in the order in which they are read |
+//! | --- | --- |
+//! | 0 | ADS131M08 number 0, 1 |
+//! | 1 | ADS131M08 number 2, 3 |
+//! | 2 | ADXL355 |
 
 use crate::drivers::Converter;
 use crate::drivers::ads131m08::{self, Ads131m08, Oversampling, registers};
 use crate::drivers::adxl355::{self, Adxl355};
+use crate::drivers::lanes::{Lane, Step};
 use embedded_hal::spi::SpiDevice;
 
 /// Number of converters with a DRDY line, which come first.
@@ -26,8 +33,45 @@ pub(super) const CHANNELS: [usize; CHIPS] = {
     channels
 };
 
-/// Fastest sample rate of a box, Hz: the load at twice as many is beyond what there is (table in the
-/// README).
+/// Number of lanes of a box.
+pub const LANES: usize = 3;
+/// Frames that each lane exchanges at a conversion.
+pub const ORDER: [Lane; LANES] = [&[ads(0), ads(1)], &[ads(2), ads(3)], &ADXL];
+/// Bytes that read a sample of each converter, of which a [`Step`] is a part.
+pub const REQUESTS: [&[u8]; CHIPS] = [
+    &ads131m08::REQUEST,
+    &ads131m08::REQUEST,
+    &ads131m08::REQUEST,
+    &ads131m08::REQUEST,
+    &adxl355::REQUEST,
+];
+
+const fn ads(converter: u8) -> Step {
+    Step {
+        converter,
+        first: 0,
+        bytes: ads131m08::REQUEST.len() as u8,
+    }
+}
+
+const ADXL: [Step; 2] = {
+    let data = adxl355::DATA_BYTES as u8;
+    [
+        Step {
+            converter: CONVERTERS as u8,
+            first: 0,
+            bytes: data,
+        },
+        Step {
+            converter: CONVERTERS as u8,
+            first: data,
+            bytes: adxl355::REQUEST.len() as u8 - data,
+        },
+    ]
+};
+
+/// Fastest sample rate of a box, Hz: at twice as many, more samples come while a block is computed than
+/// the queue holds.
 pub const FASTEST_HZ: f64 = 4096.0;
 
 /// The next sample rates below and above `rate`, Hz; equal if the box has this rate.

@@ -11,7 +11,12 @@
 //! computed. A sample without room is dropped and counted as an overrun; the number of the next one
 //! shows how many are missing.
 //!
-//! The converters of a box are listed in `bank`.
+//! Converters are read over lanes, which exchange frames while the processor does other work
+//! (`sequencer`); what a frame says is decoded once those of all converters have come. Whatever is not
+//! the common case, as the emptying of a converter's buffer or its preparation, is left to its driver,
+//! word by word.
+//!
+//! The converters of a box are listed in `bank`, with their lanes.
 //!
 //! The first samples after a start, while filters settle, are dropped.
 //!
@@ -21,25 +26,30 @@
 
 mod bank;
 mod converters;
+mod fetched;
 mod plan;
+mod queues;
 mod raw_frame;
+pub mod sequencer;
 
-pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS};
+pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS};
 pub use converters::Converters;
+pub use fetched::acquire;
 pub use plan::{Plan, problem};
+pub use queues::{Commands, Ends, Queues, WAITING};
 pub use raw_frame::RawFrame;
 
-use crate::acquisition::{Acquisition, SETTLING};
+use crate::acquisition::{Acquisition, SETTLING, Sample};
 use crate::drivers::Fault;
+use crate::drivers::lanes::Lanes;
 use crate::wire::FaultCounters;
 use core::sync::atomic::{AtomicU32, Ordering};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
-use heapless::spsc::{Consumer, Producer, Queue};
+use heapless::spsc::Producer;
+use sequencer::{Conversion, Edge, Event, Sequencer};
 
-/// Most samples in the queue: a block takes 3.8 ms, in which 16 samples come at 4096 samples/s.
-pub const WAITING: usize = 32;
 /// Checks for silent converters per second.
 const WATCHES: u64 = 10;
 
@@ -58,77 +68,6 @@ pub enum Command {
 
 /// A failed start: number of the converter, and its fault.
 pub type Failure = (u8, Fault);
-
-/// The queues between the sampling task and the others.
-pub struct Queues {
-    commands: Queue<Command, 3>,
-    outcomes: Queue<Result<(), Failure>, 3>,
-    frames: Queue<RawFrame, WAITING>,
-}
-
-impl Queues {
-    /// Empty queues.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self {
-            commands: Queue::new(),
-            outcomes: Queue::new(),
-            frames: Queue::new(),
-        }
-    }
-
-    /// The ends of the sampling task, of the sender of commands and of the receiver of samples.
-    pub fn split(&mut self) -> (Ends<'_>, Commands<'_>, Consumer<'_, RawFrame>) {
-        let (sent, commands) = self.commands.split();
-        let (done, outcomes) = self.outcomes.split();
-        let (produced, frames) = self.frames.split();
-        let ends = Ends {
-            commands,
-            outcomes: done,
-            frames: produced,
-        };
-        let commands = Commands {
-            queue: sent,
-            outcomes,
-        };
-        (ends, commands, frames)
-    }
-}
-
-impl Default for Queues {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-/// The sampling task's ends of the queues.
-pub struct Ends<'q> {
-    commands: Consumer<'q, Command>,
-    outcomes: Producer<'q, Result<(), Failure>>,
-    frames: Producer<'q, RawFrame>,
-}
-
-/// The sender's ends of the queues of commands and outcomes.
-pub struct Commands<'q> {
-    queue: Producer<'q, Command>,
-    outcomes: Consumer<'q, Result<(), Failure>>,
-}
-
-impl Commands<'_> {
-    /// Sends a command; `call` makes the sampling task run at once. `false` if the queue is full.
-    pub fn send(&mut self, command: Command, call: impl FnOnce()) -> bool {
-        let is_sent = self.queue.enqueue(command).is_ok();
-        call();
-        is_sent
-    }
-
-    /// Starts sampling and returns the outcome; `None` if the sampling task was not called.
-    pub fn start(&mut self, plan: Plan, call: impl FnOnce()) -> Option<Result<(), Failure>> {
-        while self.outcomes.dequeue().is_some() {}
-        self.send(Command::Start(plan), call);
-        self.outcomes.dequeue()
-    }
-}
 
 /// Counters of the sampling task, which other tasks read.
 #[derive(Debug, Default)]
@@ -185,12 +124,16 @@ impl Counters {
 }
 
 /// The sampling task.
-pub struct Sampler<'q, A, D, P, T> {
+pub struct Sampler<'q, A, D, P, T, L> {
     converters: Converters<A, D, P, T>,
+    lanes: L,
+    sequencer: Sequencer<LANES>,
     acquisition: Acquisition<CHIPS, INPUTS>,
     ends: Ends<'q>,
     counters: &'q Counters,
     running: bool,
+    /// Bits of the converters whose buffers were emptied after the edge that waits.
+    emptied: u32,
     /// Samples dropped because the queue was full.
     dropped: u32,
     /// Ticks between two checks for silent converters, and time of the last one.
@@ -199,26 +142,31 @@ pub struct Sampler<'q, A, D, P, T> {
     period: u64,
 }
 
-impl<'q, A, D, P, T> Sampler<'q, A, D, P, T>
+impl<'q, A, D, P, T, L> Sampler<'q, A, D, P, T, L>
 where
     A: SpiDevice,
     D: SpiDevice,
     P: OutputPin,
     T: DelayNs,
+    L: Lanes,
 {
     /// A sampling task that waits for commands; `tick_hz` is the rate of all ticks.
     pub fn new(
         converters: Converters<A, D, P, T>,
+        lanes: L,
         ends: Ends<'q>,
         counters: &'q Counters,
         tick_hz: u32,
     ) -> Self {
         Self {
             converters,
+            lanes,
+            sequencer: Sequencer::new(ORDER),
             acquisition: Acquisition::new(tick_hz as f32 / CLOCK_HZ as f32),
             ends,
             counters,
             running: false,
+            emptied: 0,
             dropped: 0,
             watch: [u64::from(tick_hz) / WATCHES, 0],
             period: 0,
@@ -231,19 +179,24 @@ where
         while let Some(command) = self.ends.commands.dequeue() {
             match command {
                 Command::Start(plan) => {
+                    self.break_off();
                     let outcome = self.start(&plan);
                     self.running = outcome.is_ok();
                     self.watch[1] = ticks;
                     // There is room: the sender empties the queue before each start.
                     let _ = self.ends.outcomes.enqueue(outcome);
                 }
-                Command::Stop => self.running = false,
+                Command::Stop => {
+                    self.break_off();
+                    self.running = false;
+                }
                 Command::ClearFaults => {
                     self.acquisition.clear_faults();
                     self.dropped = 0;
                     self.counters.write(self.acquisition.faults(), 0);
                 }
                 Command::TestPattern => {
+                    self.break_off();
                     self.running = false;
                     self.converters.use_test_pattern();
                 }
@@ -253,6 +206,10 @@ where
         let is_due = ticks.saturating_sub(last) >= every;
         if self.running && is_due && !self.converters.is_test_pattern() {
             self.watch[1] = ticks;
+            if self.acquisition.is_silent(ticks) {
+                // A frame that has not ended in all that time never will.
+                self.break_off();
+            }
             let acquisition = &mut self.acquisition;
             self.converters
                 .with(|all, synchronise| acquisition.watch(all, synchronise, ticks));
@@ -260,27 +217,65 @@ where
         }
     }
 
-    /// Handles an edge of the DRDY lines at a time in ticks; bit k of `ready` is set if the line of
-    /// ADS131M08 number k is low. `true` if there is a new sample.
-    pub fn edge(&mut self, ready: u32, ticks: u64) -> bool {
+    /// Handles an edge of the DRDY lines; bit k of its `ready` is set if the line of ADS131M08 number k
+    /// is low. `true` if there is a new sample. To be followed by [`Self::resume`].
+    pub fn edge(&mut self, edge: Edge) -> bool {
         if !self.running {
             return false;
         }
-        let Some(ready) = self.converters.with_followers(ready) else {
+        let Some(ready) = self.converters.with_followers(edge.ready) else {
             return false;
         };
-        let acquisition = &mut self.acquisition;
-        let sample = self
-            .converters
-            .with(|all, synchronise| acquisition.edge(all, synchronise, ready, ticks));
-        // The filters settle during the first samples after a start.
-        let sample = sample.filter(|sample| sample.number > SETTLING.into());
-        let is_new = sample.is_some();
-        if let Some(frame) = sample.and_then(|sample| RawFrame::new(&sample, ticks))
-            && self.ends.frames.enqueue(frame).is_err()
-        {
-            self.dropped = self.dropped.saturating_add(1);
+        let event = Event::Edge(Edge { ready, ..edge });
+        let complete = self.sequencer.handle(event, &mut self.lanes);
+        complete.is_some_and(|conversion| self.hand_over(conversion))
+    }
+
+    /// Handles an interrupt of a lane. `true` if there is a new sample. To be followed by
+    /// [`Self::resume`].
+    pub fn lane(&mut self, lane: usize) -> bool {
+        let complete = self.sequencer.handle(Event::Lane(lane), &mut self.lanes);
+        complete.is_some_and(|conversion| self.hand_over(conversion))
+    }
+
+    /// Begins with the edge that came while another one was being read, if any; to be called after the
+    /// edges that came meanwhile were handled, the newest of which counts. `true` if there is a new
+    /// sample.
+    pub fn resume(&mut self) -> bool {
+        if self.sequencer.is_waiting() {
+            self.acquisition.doubt(self.emptied);
         }
+        self.emptied = 0;
+        let complete = self.sequencer.resume(&mut self.lanes);
+        complete.is_some_and(|conversion| self.hand_over(conversion))
+    }
+
+    /// The lanes.
+    pub const fn lanes(&mut self) -> &mut L {
+        &mut self.lanes
+    }
+
+    fn break_off(&mut self) {
+        self.sequencer.handle(Event::Stop, &mut self.lanes);
+    }
+
+    /// Decodes a conversion, and passes the sample on. `true` if there is one.
+    fn hand_over(&mut self, conversion: Conversion) -> bool {
+        let at = conversion.edge.at;
+        let is_waiting = self.sequencer.is_waiting();
+        let (acquisition, lanes) = (&mut self.acquisition, &self.lanes);
+        let (sample, emptied) = self.converters.with(|all, synchronise| {
+            acquire(
+                acquisition,
+                all,
+                synchronise,
+                &conversion,
+                lanes,
+                is_waiting,
+            )
+        });
+        self.emptied |= emptied;
+        let is_new = pass_on(sample, at, &mut self.ends.frames, &mut self.dropped);
         self.report();
         is_new
     }
@@ -292,7 +287,16 @@ where
         let converted = self.converters.convert(samples);
         // Exact for periods below 2^32 ticks.
         let ticks = u64::from(converted).wrapping_mul(self.period);
-        samples > 0 && self.edge(u32::MAX, ticks)
+        if samples == 0 || !self.running {
+            return false;
+        }
+        let acquisition = &mut self.acquisition;
+        let sample = self
+            .converters
+            .with(|all, synchronise| acquisition.edge(all, synchronise, u32::MAX, ticks));
+        let is_new = pass_on(sample, ticks, &mut self.ends.frames, &mut self.dropped);
+        self.report();
+        is_new
     }
 
     fn start(&mut self, plan: &Plan) -> Result<(), Failure> {
@@ -319,4 +323,23 @@ where
             self.counters.failed.fetch_or(bit, Ordering::Relaxed);
         }
     }
+}
+
+/// Puts a sample whose edge came at that time, ticks, into the queue, or counts it as dropped. `true`
+/// if there is one.
+fn pass_on(
+    sample: Option<Sample<'_>>,
+    ticks: u64,
+    frames: &mut Producer<'_, RawFrame>,
+    dropped: &mut u32,
+) -> bool {
+    // The filters settle during the first samples after a start.
+    let sample = sample.filter(|sample| sample.number > SETTLING.into());
+    let is_new = sample.is_some();
+    if let Some(frame) = sample.and_then(|sample| RawFrame::new(&sample, ticks))
+        && frames.enqueue(frame).is_err()
+    {
+        *dropped = dropped.saturating_add(1);
+    }
+    is_new
 }

@@ -12,8 +12,12 @@ use crate::{SECOND, counted, periods};
 
 /// Number of ADS131M08.
 pub const CONVERTERS: usize = 4;
-/// Alternate function of SPI2, and of SPI3.
-const FUNCTIONS: [u32; 2] = [5, 6];
+/// Buses: SPI2 with converters 0 and 1, SPI3 with 2 and 3, SPI1 with the ADXL355.
+pub const BUSES: usize = 3;
+/// The ADXL355's.
+const OWN: usize = 2;
+/// Names of the buses, and alternate functions of their pins (data sheet, table 9).
+const FUNCTIONS: [(&str, u32); BUSES] = [("SPI2", 5), ("SPI3", 6), ("SPI1", 5)];
 /// Samples of the ADXL355 in a second.
 const ADXL_HZ: u32 = 4000;
 
@@ -55,8 +59,8 @@ pub struct Bench {
     sync: Pin,
     /// Time at which SYNC was pulled low.
     sync_low: Option<u64>,
-    /// Wires of the two buses: clock, answer, request.
-    wires: [[Pin; 3]; 2],
+    /// Wires of the buses: clock, answer, request.
+    wires: [[Pin; 3]; BUSES],
     signal: Signal,
     /// The newest sample of each converter, by cycle and counts.
     pub converted: Vec<Vec<(u64, [i32; CHANNELS])>>,
@@ -89,14 +93,15 @@ impl Bench {
             converted: vec![Vec::new(); converters.len()],
             converters,
             adxl: adxl::Chip::new(),
-            adxl_select: pin("PA7"),
+            adxl_select: pin("PC1"),
             adxl_frame: None,
             adxl_next: periods(1, ADXL_HZ),
             sync: pin("PA6"),
             sync_low: None,
             wires: [
                 ["PB13", "PB14", "PB15"].map(pin),
-                ["PB3", "PB4", "PB5"].map(pin),
+                ["PC10", "PC11", "PB5"].map(pin),
+                ["PB3", "PB4", "PA7"].map(pin),
             ],
             signal,
         }
@@ -149,10 +154,10 @@ impl Bench {
     }
 
     /// The pins may have changed their levels; the words that say what was wrong.
-    pub fn look(&mut self, pins: &Gpio, is_busy: [bool; 2], now: u64) -> Vec<String> {
+    pub fn look(&mut self, pins: &Gpio, is_busy: [bool; BUSES], now: u64) -> Vec<String> {
         let mut wrong = Vec::new();
         let is_low = |pin: Pin| pins.is_output(pin) && !pins.level(pin);
-        for place in &mut self.converters {
+        for (k, place) in self.converters.iter_mut().enumerate() {
             match (is_low(place.select), &mut place.frame) {
                 (true, None) => {
                     place.chip.pass_until(counted(now, CLOCK_HZ));
@@ -166,7 +171,7 @@ impl Bench {
                     place.frame = Some((answer, Vec::new()));
                 }
                 (false, Some((_, received))) => {
-                    if is_busy[0] {
+                    if is_busy[bus_of(k)] {
                         wrong.push("a converter's chip select rises within a word".to_owned());
                     }
                     let before = place.chip.cycles();
@@ -179,14 +184,18 @@ impl Bench {
                 _ => {}
             }
         }
-        let selected = self.converters.iter().filter(|p| p.frame.is_some()).count();
-        if selected > 1 {
-            wrong.push(format!("{selected} converters are selected at a time"));
+        for pair in self.converters.chunks(CONVERTERS / 2) {
+            let selected = pair.iter().filter(|p| p.frame.is_some()).count();
+            if selected > 1 {
+                wrong.push(format!(
+                    "{selected} converters of a bus are selected at a time"
+                ));
+            }
         }
         match (is_low(self.adxl_select), self.adxl_frame) {
             (true, None) => self.adxl_frame = Some(None),
             (false, Some(_)) => {
-                if is_busy[1] {
+                if is_busy[OWN] {
                     wrong.push("the ADXL355's chip select rises within a word".to_owned());
                 }
                 self.adxl_frame = None;
@@ -215,23 +224,20 @@ impl Bench {
         }
     }
 
-    /// Exchanges a word on a bus: 0 for the converters', 1 for the ADXL355's. The answer, and what was
-    /// wrong.
+    /// Exchanges a word on a bus, see [`BUSES`]. The answer, and what was wrong.
     pub fn exchange(&mut self, bus: usize, word: Word, pins: &Gpio) -> (u16, Option<String>) {
         let (most, mode) = match bus {
-            0 => (ads131m08::SPI_HZ_MAX, 1),
-            _ => (adxl355::SPI_HZ_MAX, 0),
+            OWN => (adxl355::SPI_HZ_MAX, 0),
+            _ => (ads131m08::SPI_HZ_MAX, 1),
         };
+        let (name, function) = FUNCTIONS[bus];
         let is_wired = self.wires[bus]
             .iter()
-            .all(|pin| pins.has_function(*pin, FUNCTIONS[bus]));
+            .all(|pin| pins.has_function(*pin, function));
         let wrong = if !is_wired {
-            Some(format!("SPI{} has pins without its function", bus + 2))
+            Some(format!("{name} has pins without its function"))
         } else if word.hz > most || word.mode != mode {
-            Some(format!(
-                "bus {bus} has {} Hz in mode {}",
-                word.hz, word.mode
-            ))
+            Some(format!("{name} has {} Hz in mode {}", word.hz, word.mode))
         } else {
             None
         };
@@ -246,8 +252,10 @@ impl Bench {
 
     /// A line that nobody drives is low: its pin has no pull.
     fn byte(&mut self, bus: usize, byte: u8) -> u8 {
-        if bus == 0 {
-            let mut frames = self.converters.iter_mut().filter_map(|p| p.frame.as_mut());
+        if bus != OWN {
+            let pairs = self.converters.chunks_mut(CONVERTERS / 2);
+            let own = pairs.skip(bus).take(1).flatten();
+            let mut frames = own.filter_map(|p| p.frame.as_mut());
             return frames.next().map_or(0, |(answer, received)| {
                 let found = answer.get(received.len()).copied().unwrap_or(0);
                 received.push(byte);
@@ -281,4 +289,9 @@ impl Bench {
 /// Time of a cycle of the converters' clock, ps.
 fn time(cycle: u64) -> u64 {
     (u128::from(cycle) * u128::from(SECOND) / u128::from(CLOCK_HZ)) as u64
+}
+
+/// Bus of a converter.
+const fn bus_of(converter: usize) -> usize {
+    converter / (CONVERTERS / 2)
 }

@@ -1,8 +1,12 @@
 //! The registers by their addresses, and the interrupts (RM0090, 2.3 and 12.2).
 
-use massline_firmware::models::random::Random;
+use std::sync::Arc;
 
-use crate::bench::Bench;
+use massline_firmware::models::random::Random;
+use rsemu::core::space::RamStore;
+
+use crate::bench::{BUSES, Bench};
+use crate::dma::Dma;
 use crate::exti::{self, Exti};
 use crate::flash::{Cells, Flash};
 use crate::gpio::Gpio;
@@ -11,7 +15,7 @@ use crate::spi::Spi;
 use crate::timers::Timer;
 use crate::usart::Usart;
 use crate::watchdog::Watchdog;
-use crate::{Moment, Words, flash};
+use crate::{Moment, Words, flash, spi};
 
 /// Register of RCC and bit in it that switch a peripheral's clock on.
 type Enable = (u32, u32);
@@ -29,6 +33,7 @@ enum Block {
     Port(usize),
     Rcc,
     Flash,
+    Dma(usize),
     Debug,
 }
 
@@ -46,6 +51,7 @@ fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
         0x4000_3C00 => (Block::Spi(1), Some((APB1, 15))),
         0x4000_4400 => (Block::Usart, Some((APB1, 17))),
         0x4000_7000 => (Block::Power, Some((APB1, 28))),
+        0x4001_3000 => (Block::Spi(2), Some((APB2, 12))),
         0x4001_3800 => (Block::Syscfg, Some((APB2, 14))),
         0x4001_3C00 => (Block::Exti, None),
         0x4001_4800 => (Block::Timer(2), Some((APB2, 18))),
@@ -55,6 +61,8 @@ fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
         }
         0x4002_3800 => (Block::Rcc, None),
         0x4002_3C00 => (Block::Flash, None),
+        0x4002_6000 => (Block::Dma(0), Some((AHB1, 21))),
+        0x4002_6400 => (Block::Dma(1), Some((AHB1, 22))),
         0xE004_2000 => (Block::Debug, None),
         _ => return None,
     };
@@ -64,6 +72,15 @@ fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
 /// Numbers of the interrupts of TIM2, TIM5, USART2.
 const TIMERS: [u16; 2] = [28, 50];
 const USART: u16 = 38;
+/// Number of interrupts: those and EXTI's, and the streams'.
+pub const INTERRUPTS: usize = 4 + 16;
+/// Numbers of the buses' SPI.
+const SPI_NUMBERS: [usize; BUSES] = [2, 3, 1];
+
+/// The buses after a reset.
+fn buses() -> [Spi; BUSES] {
+    SPI_NUMBERS.map(|number| Spi::new(number == 1))
+}
 
 /// The chip without its processor, on its board.
 pub struct Chip {
@@ -83,7 +100,10 @@ pub struct Chip {
     gpio: Gpio,
     exti: Exti,
     timers: [Timer; 3],
-    spi: [Spi; 2],
+    /// SPI2, SPI3, SPI1: in the order of the board's buses.
+    spi: [Spi; BUSES],
+    /// The controllers of DMA.
+    pub dma: [Dma; 2],
     power: Words<2>,
     debug: Words<4>,
 }
@@ -91,7 +111,13 @@ pub struct Chip {
 impl Chip {
     /// The supply has come.
     #[must_use]
-    pub fn new(cells: Cells, oscillators: Oscillators, bench: Bench, baud: u32) -> Self {
+    pub fn new(
+        cells: Cells,
+        oscillators: Oscillators,
+        bench: Bench,
+        baud: u32,
+        sram: &Arc<RamStore>,
+    ) -> Self {
         Self {
             now: 0,
             forbidden: Vec::new(),
@@ -103,7 +129,8 @@ impl Chip {
             gpio: Gpio::new(),
             exti: Exti::default(),
             timers: Default::default(),
-            spi: Default::default(),
+            spi: buses(),
+            dma: [1, 2].map(|number| Dma::new(number, Arc::clone(sram))),
             power: power(),
             debug: debug(),
         }
@@ -119,7 +146,8 @@ impl Chip {
         self.gpio.reset();
         self.exti = Exti::default();
         self.timers = Default::default();
-        self.spi = Default::default();
+        self.spi = buses();
+        self.dma.iter_mut().for_each(Dma::reset);
         self.power = power();
         self.look();
     }
@@ -132,7 +160,7 @@ impl Chip {
 
     fn look(&mut self) {
         let now = self.now;
-        let is_busy = [0, 1].map(|n: usize| self.spi[n].is_busy(now));
+        let is_busy = self.spi.each_ref().map(|bus| bus.is_busy(now));
         let wrong = self.bench.look(&self.gpio, is_busy, self.now);
         let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
         wrong.into_iter().for_each(|words| at.forbid(words));
@@ -158,6 +186,7 @@ impl Chip {
             self.usart.next(),
             self.spi[0].next(),
             self.spi[1].next(),
+            self.spi[2].next(),
             self.timers[1].next(clocks.timers1),
             self.flash.busy_until(),
             self.watchdog.ends,
@@ -179,27 +208,59 @@ impl Chip {
         self.timers[1].pass(now, clocks.timers1);
         let mut at = moment(&self.rcc, now, &mut self.forbidden);
         self.usart.pass(&mut at);
-        for (number, bus) in self.spi.iter_mut().enumerate() {
-            let (bench, gpio) = (&mut self.bench, &self.gpio);
-            let mut wrong = Vec::new();
-            bus.pass(&mut at, |word| {
-                let (answer, words) = bench.exchange(number, word, gpio);
-                wrong.extend(words);
-                answer
-            });
-            wrong.into_iter().for_each(|words| at.forbid(words));
+        for number in 0..BUSES {
+            while let Some(ended) = self.end_word(number) {
+                self.serve(number, ended);
+            }
+        }
+    }
+
+    /// Ends a bus's word that is due: the time of its end.
+    fn end_word(&mut self, number: usize) -> Option<u64> {
+        let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
+        let (bench, gpio) = (&mut self.bench, &self.gpio);
+        let mut wrong = None;
+        let ended = self.spi[number].end_word(&mut at, |word| {
+            let (answer, words) = bench.exchange(number, word, gpio);
+            wrong = words;
+            answer
+        });
+        if let Some(words) = wrong {
+            at.forbid(words);
+        }
+        ended
+    }
+
+    /// Serves a bus's requests of DMA at a time.
+    fn serve(&mut self, number: usize, now: u64) {
+        let name = SPI_NUMBERS[number];
+        let mut at = moment(&self.rcc, now, &mut self.forbidden);
+        let bus = &mut self.spi[number];
+        for dma in &mut self.dma {
+            let bits = bus.bits();
+            if bus.asks_to_take() {
+                dma.take(name, bits, || bus.read(spi::DR, now) as u16, &mut at);
+            }
+            while bus.asks_to_give()
+                && let Some(word) = dma.give(name, bits, &mut at)
+            {
+                bus.write(spi::DR, word.into(), &mut at);
+            }
         }
     }
 
     /// Interrupts and whether they are asked for.
     #[must_use]
-    pub fn interrupts(&self) -> [(u16, bool); 4] {
-        [
+    pub fn interrupts(&self) -> [(u16, bool); INTERRUPTS] {
+        let mut all = [
             (TIMERS[0], self.timers[0].asks()),
             (TIMERS[1], self.timers[1].asks()),
             (USART, self.usart.asks()),
             (exti::LINES_5_TO_9, self.exti.asks()),
         ]
+        .into_iter()
+        .chain(self.dma.iter().flat_map(Dma::interrupts));
+        std::array::from_fn(|_| all.next().expect("so many"))
     }
 
     /// Reads registers; `None` where there are none.
@@ -225,6 +286,7 @@ impl Chip {
             Block::Port(n) => self.gpio.read(n, offset),
             Block::Rcc => self.rcc.read(offset, self.now),
             Block::Flash => self.flash.read(offset),
+            Block::Dma(n) => self.dma[n].read(offset),
             Block::Debug => self.debug.get(offset),
         })
     }
@@ -246,7 +308,14 @@ impl Chip {
             Block::Timer(n) => self.timers[n].write(offset, value, &mut at),
             Block::Watchdog => self.watchdog.write(offset, value, &mut at),
             Block::Power => self.power.set(offset, value),
-            Block::Spi(n) => self.spi[n].write(offset, value, &mut at),
+            Block::Spi(n) => {
+                self.spi[n].write(offset, value, &mut at);
+                self.serve(n, self.now);
+            }
+            Block::Dma(n) => {
+                self.dma[n].write(offset, value, &mut at);
+                (0..BUSES).for_each(|bus| self.serve(bus, self.now));
+            }
             Block::Usart => self.usart.write(offset, value, &mut at),
             Block::Syscfg => self.exti.write_source(offset, value),
             Block::Exti => self.exti.write(offset, value),
@@ -273,13 +342,18 @@ impl Chip {
 
     /// Resets of peripherals by RCC's registers: those of APB1 and APB2.
     fn reset_blocks(&mut self, offset: u32, bits: u32) {
+        const AHB1: u32 = 0x10;
         const APB1: u32 = 0x20;
+        const APB2: u32 = 0x24;
         for bit in (0..32).filter(|bit| bits >> bit & 1 != 0) {
             match (offset, bit) {
                 (APB1, 0) => self.timers[0] = Timer::default(),
                 (APB1, 3) => self.timers[1] = Timer::default(),
-                (APB1, 14) => self.spi[0] = Spi::default(),
-                (APB1, 15) => self.spi[1] = Spi::default(),
+                (AHB1, 21) => self.dma[0].reset(),
+                (AHB1, 22) => self.dma[1].reset(),
+                (APB1, 14) => self.spi[0] = Spi::new(false),
+                (APB1, 15) => self.spi[1] = Spi::new(false),
+                (APB2, 12) => self.spi[2] = Spi::new(true),
                 (APB1, 17) => self.usart.reset(),
                 _ => {}
             }

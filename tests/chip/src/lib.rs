@@ -17,7 +17,8 @@
 //! | [`exti`] | edges of pins | 9, 12 |
 //! | [`timers`] | TIM2, TIM5, TIM11 | 18, 19 |
 //! | [`watchdog`] | IWDG | 21 |
-//! | [`spi`] | SPI2, SPI3 | 28 |
+//! | [`spi`] | SPI1, SPI2, SPI3 | 28 |
+//! | [`dma`] | DMA1, DMA2 | 10 |
 //! | [`usart`] | USART2 | 30 |
 //! | [`mod@bench`] | converters, accelerometer, and crystals | |
 //!
@@ -29,6 +30,7 @@
 
 pub mod bench;
 pub mod bus;
+pub mod dma;
 pub mod exti;
 pub mod flash;
 pub mod gpio;

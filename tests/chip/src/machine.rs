@@ -16,7 +16,7 @@ use rsemu::cpu::arm::v7m::sys::{Exception, Sys};
 use rsemu::cpu::arm::v7m::{ArmV7m, Config};
 
 use crate::bench::Bench;
-use crate::bus::Chip;
+use crate::bus::{Chip, INTERRUPTS};
 use crate::flash::{Cells, SETTINGS};
 use crate::rcc::{Oscillators, Reset};
 use crate::{SECOND, counted, periods};
@@ -62,7 +62,7 @@ pub struct Machine {
     next: u64,
     /// Time until which the flash cannot be read.
     stalled: Option<u64>,
-    asked: [bool; 4],
+    asked: [bool; INTERRUPTS],
     random: Random,
     /// Resets since the supply came, and their causes.
     pub resets: Vec<Reset>,
@@ -105,7 +105,14 @@ impl Machine {
             }
             store
         };
-        let chip = Chip::new(parts.cells, parts.oscillators, parts.bench, parts.baud);
+        let [sram, ccm] = [SRAM, CCM].map(|(_, size)| memory(size, &mut random));
+        let chip = Chip::new(
+            parts.cells,
+            parts.oscillators,
+            parts.bench,
+            parts.baud,
+            &sram,
+        );
         let chip = Arc::new(Mutex::new(chip));
         let now = Arc::new(AtomicU64::new(0));
         let is_touched = Arc::new(AtomicBool::new(true));
@@ -123,8 +130,7 @@ impl Machine {
             let program = Region::ram("program", program);
             map.map_with_perms(program, PROGRAM.0.into(), Perms::RX)
                 .expect("a place");
-            for (name, (base, size)) in [("sram", SRAM), ("ccm", CCM)] {
-                let store = memory(size, &mut random);
+            for (name, (base, _), store) in [("sram", SRAM, sram), ("ccm", CCM, ccm)] {
                 map.map(Region::ram(name, store), base.into())
                     .expect("a place");
             }
@@ -163,7 +169,7 @@ impl Machine {
             cycle: (0, 0),
             next: 0,
             stalled: None,
-            asked: [false; 4],
+            asked: [false; INTERRUPTS],
             random,
             resets: vec![Reset::Power],
             received: VecDeque::new(),

@@ -1,14 +1,18 @@
-//! SPI2 and SPI3 as masters (RM0090, 28).
+//! SPI1 to SPI3 as masters, with their requests of DMA (RM0090, 28).
 
 use crate::{Moment, Words, flag, periods};
 
 const CR1: u32 = 0x00;
+const CR2: u32 = 0x04;
 const SR: u32 = 0x08;
-const DR: u32 = 0x0C;
+/// Offset of the data register.
+pub const DR: u32 = 0x0C;
 
 const ON: u32 = 1 << 6;
 const MASTER: u32 = 1 << 2;
 const WIDE: u32 = 1 << 11;
+const RECEIVE_BY_DMA: u32 = 1;
+const SEND_BY_DMA: u32 = 1 << 1;
 const RECEIVED: u32 = 1;
 const EMPTY: u32 = 1 << 1;
 const OVERRUN: u32 = 1 << 6;
@@ -30,6 +34,8 @@ pub struct Word {
 /// A bus.
 #[derive(Clone, Debug, Default)]
 pub struct Spi {
+    /// `true` if its clock is that of APB2.
+    is_on_apb2: bool,
     words: Words<9>,
     received: Option<u16>,
     overrun: bool,
@@ -41,15 +47,43 @@ pub struct Spi {
 }
 
 impl Spi {
+    /// After a reset, on APB1 or APB2.
+    #[must_use]
+    pub fn new(is_on_apb2: bool) -> Self {
+        Self {
+            is_on_apb2,
+            ..Self::default()
+        }
+    }
+
     fn cr1(&self) -> u32 {
         self.words.get(CR1)
     }
 
     fn hz(&self, at: &Moment<'_>) -> u32 {
-        at.clocks.apb1 >> ((self.cr1() >> 3 & 7) + 1)
+        let clock = if self.is_on_apb2 {
+            at.clocks.apb2
+        } else {
+            at.clocks.apb1
+        };
+        clock >> ((self.cr1() >> 3 & 7) + 1)
     }
 
-    fn bits(&self) -> u32 {
+    /// `true` if a stream is asked to take a word that was received.
+    #[must_use]
+    pub fn asks_to_take(&self) -> bool {
+        self.received.is_some() && self.words.get(CR2) & RECEIVE_BY_DMA != 0
+    }
+
+    /// `true` if a stream is asked for a word to send.
+    #[must_use]
+    pub fn asks_to_give(&self) -> bool {
+        self.waiting.is_none() && self.words.get(CR2) & SEND_BY_DMA != 0
+    }
+
+    /// Bits of a word.
+    #[must_use]
+    pub fn bits(&self) -> u32 {
         if self.cr1() & WIDE != 0 { 16 } else { 8 }
     }
 
@@ -89,6 +123,9 @@ impl Spi {
                 self.shift(at);
             }
             _ => {
+                if offset == CR2 && value & (SEND_BY_DMA | RECEIVE_BY_DMA) == SEND_BY_DMA {
+                    at.forbid("28.3.9: words are sent by DMA, and nothing takes the answers");
+                }
                 if offset == CR1 {
                     let changed = self.cr1() ^ value;
                     if changed & ON != 0 && value & ON == 0 && self.is_busy(at.now) {
@@ -124,27 +161,30 @@ impl Spi {
         self.shifted.map(|(_, ends)| ends)
     }
 
-    /// Advances to a time; `exchange` gets a word from the device on the bus.
-    pub fn pass(&mut self, at: &mut Moment<'_>, mut exchange: impl FnMut(Word) -> u16) {
-        let now = at.now;
-        while let Some((out, ends)) = self.shifted.filter(|(_, ends)| *ends <= now) {
-            let word = Word {
-                out,
-                bits: self.bits(),
-                hz: self.hz(at),
-                mode: ((self.cr1() & 1) | (self.cr1() >> 1 & 1) << 1) as u8,
-            };
-            let answer = exchange(word);
-            self.shifted = None;
-            if self.received.is_some() {
-                self.overrun = true;
-                at.forbid("28.3.10: a word came while the one before had not been read");
-            } else {
-                self.received = Some(answer);
-            }
-            at.now = ends;
-            self.shift(at);
+    /// Ends the word on its way if that is due at the latest; `exchange` gets a word from the device on
+    /// the bus. The time of its end.
+    pub fn end_word(
+        &mut self,
+        at: &mut Moment<'_>,
+        exchange: impl FnOnce(Word) -> u16,
+    ) -> Option<u64> {
+        let (out, ends) = self.shifted.filter(|(_, ends)| *ends <= at.now)?;
+        let word = Word {
+            out,
+            bits: self.bits(),
+            hz: self.hz(at),
+            mode: ((self.cr1() & 1) | (self.cr1() >> 1 & 1) << 1) as u8,
+        };
+        let answer = exchange(word);
+        self.shifted = None;
+        if self.received.is_some() {
+            self.overrun = true;
+            at.forbid("28.3.10: a word came while the one before had not been read");
+        } else {
+            self.received = Some(answer);
         }
-        at.now = now;
+        at.now = ends;
+        self.shift(at);
+        Some(ends)
     }
 }

@@ -15,7 +15,7 @@ const SMALL: u64 = 256;
 const MEMORIES: [(&str, &str); 2] = [("CCM", "core-coupled memory"), ("RAM", "SRAM")];
 
 /// Purposes of the large variables. Those without one are shown by their names alone.
-const WORDS: [(&str, &str); 11] = [
+const WORDS: [(&str, &str); 12] = [
     (
         "board::memory::RUNS",
         "six stored runs, 100 lines of twelve responses and the drive each; a block's transform \
@@ -39,6 +39,10 @@ const WORDS: [(&str, &str); 11] = [
         "instrument, run that is going on, frame that is sent",
     ),
     ("defmt_rtt::BUFFER", "log"),
+    (
+        "board::lanes::BUFFERS",
+        "bytes to and from the converters, by DMA",
+    ),
     ("faults::RETAINED", "last words, which outlive a reset"),
     (
         "board::tasks::app::init::VAR",

@@ -444,12 +444,17 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
     }
 
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
-        let mut bytes = NULL;
+        let mut bytes = REQUEST;
         let mut exchange = [Operation::TransferInPlace(&mut bytes)];
         self.spi
             .transaction(&mut exchange)
             .map_err(|_| Fault::Bus)?;
-        let words = frame::checked(&bytes, WORDS - 1)?;
+        self.decode(&bytes, counts)
+    }
+
+    fn decode(&mut self, received: &[u8], counts: &mut [i32]) -> Result<Reading, Fault> {
+        let bytes: &[u8; frame::BYTES] = received.first_chunk().ok_or(Fault::Bus)?;
+        let words = frame::checked(bytes, WORDS - 1)?;
         let status = word(words, 0);
         let refused = status & status::CRC_ERR != 0;
         let status = status & !status::CRC_ERR;
@@ -480,8 +485,8 @@ fn no_sample(status: u16) -> Fault {
     }
 }
 
-/// The frame of the NULL command, with its checksum.
-const NULL: [u8; frame::BYTES] = {
+/// Bytes that read a sample, in one frame: the NULL command with its checksum.
+pub const REQUEST: [u8; frame::BYTES] = {
     let mut bytes = [0; frame::BYTES];
     // Checksum of three zeros.
     bytes[WORD] = 0xCC;
@@ -503,7 +508,7 @@ mod tests {
 
     #[test]
     fn null_frame_has_its_checksum() {
-        assert_eq!(Frame::command(command::NULL).bytes_mut(), NULL);
+        assert_eq!(Frame::command(command::NULL).bytes_mut(), REQUEST);
     }
 
     #[test]

@@ -59,6 +59,18 @@ pub mod registers {
 
 use registers as at;
 
+/// Bytes of the first of the two frames that read a sample: the address, and the registers from
+/// STATUS to the last axis.
+pub const DATA_BYTES: usize = 14;
+/// Bytes that read a sample, in two frames: status and axes, then the settings, each behind its
+/// address.
+pub const REQUEST: [u8; DATA_BYTES + 7] = {
+    let mut bytes = [0; DATA_BYTES + 7];
+    bytes[0] = at::STATUS << 1 | 1;
+    bytes[DATA_BYTES] = at::FILTER << 1 | 1;
+    bytes
+};
+
 /// Largest acceleration, in units of standard gravity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -149,6 +161,11 @@ impl<SPI: SpiDevice> Adxl355<SPI> {
         self.configuration = configuration;
     }
 
+    /// The bus.
+    pub const fn bus(&mut self) -> &mut SPI {
+        &mut self.spi
+    }
+
     /// Reads registers from an address on.
     ///
     /// # Errors
@@ -236,14 +253,30 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
     }
 
     fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
-        let [status, _, _, _, data @ ..] = self.read_registers::<13>(at::STATUS)?;
-        if self.read_registers(at::FILTER)? != self.configuration.registers() {
+        let mut bytes = REQUEST;
+        let (data, settings) = bytes.split_at_mut(DATA_BYTES);
+        for frame in [data, settings] {
+            self.spi
+                .transaction(&mut [Operation::TransferInPlace(frame)])
+                .map_err(|_| Fault::Bus)?;
+        }
+        self.decode(&bytes, counts)
+    }
+
+    fn decode(&mut self, received: &[u8], counts: &mut [i32]) -> Result<Reading, Fault> {
+        let bytes: &[u8; REQUEST.len()] = received.first_chunk().ok_or(Fault::Bus)?;
+        let (data, settings) = bytes.split_at(DATA_BYTES);
+        if settings.get(1..) != Some(&self.configuration.registers()) {
             return Err(Fault::Reset);
         }
+        // Nothing is said while the address is received.
+        let [_, status, _, _, _, axes @ ..] = data else {
+            return Err(Fault::Bus);
+        };
         if status & at::DATA_RDY == 0 {
             return Err(Fault::Stale);
         }
-        for (slot, bytes) in counts.iter_mut().zip(data.chunks_exact(3)) {
+        for (slot, bytes) in counts.iter_mut().zip(axes.chunks_exact(3)) {
             if let [high, middle, low] = *bytes {
                 // 20 bits at the top of 24.
                 *slot = i32::from_be_bytes([high, middle, low, 0]) >> 12;

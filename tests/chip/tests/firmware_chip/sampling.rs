@@ -1,4 +1,4 @@
-//! Samples from the voltages at the inputs to the link, over DRDY lines, EXTI and SPI.
+//! Samples from the voltages at the inputs to the link, over DRDY lines, EXTI, SPI and DMA.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -92,6 +92,12 @@ fn every_sample_on_the_link_is_one_of_the_converters() {
     let rows = rows.borrow();
     assert!(rows.len() > SAMPLES, "{} samples", rows.len());
     let chip = machine.chip();
+    // Every sample has come by DMA: 30 bytes of each converter, two on each of SPI2 and SPI3, and 21 of
+    // the accelerometer on SPI1.
+    let [moved, own] = [0, 1].map(|n: usize| chip.dma[n].moved());
+    for (bytes, of_sample) in [(moved[3], 60), (moved[0], 60), (own[0], 21)] {
+        assert!(bytes >= of_sample * SAMPLES as u64, "{bytes} bytes by DMA");
+    }
     let converted = &chip.bench.converted;
     // Each converter counts its own conversions: the first sample tells where the box began.
     let offsets: Vec<usize> = (0..usize::from(INPUTS).div_ceil(CHANNELS))
