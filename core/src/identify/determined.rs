@@ -1,9 +1,8 @@
 //! Combinations of the ten parameters that the equations determine.
 
 use super::measurement::{Measurement, Vector10};
-use super::weighed::{Weighed, floor, measured, weights};
+use super::weighed::{Weighed, floor, is_turned, measured, weights};
 use crate::algebra::{half, inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
-use crate::cells::cells;
 use crate::geometry::transfer;
 use crate::masslines::{EXCITED, Masslines};
 use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3, Vector6};
@@ -56,19 +55,21 @@ impl Undetermined<'_> {
     /// Takes the combination w out that alone holds the first parameter, which is known otherwise;
     /// returns it with a first element of one. `None` if none holds it.
     pub(super) fn know_first(&mut self) -> Option<Vector10> {
-        let vectors = &mut cells(&mut *self.vectors);
-        let shares: Vector10 = Vector10::from_fn(|k, _| vectors[(0, k)]);
-        let square = shares.norm_squared();
+        let mut w = Vector10::zeros();
+        let mut square = 0.0;
+        for v in &self.vectors.data.0 {
+            let share = v[0];
+            square += share * share;
+            w.axpy(share, &Vector10::from(*v), 1.0);
+        }
         if square == 0.0 {
             return None;
         }
-        let w = Vector10::from_fn(|j, _| {
-            let terms = (0..10).map(|k| vectors[(j, k)] * shares[k]);
-            terms.fold(0.0, |sum, x| sum + x) / square
-        });
-        for k in 0..10 {
-            for j in 0..10 {
-                vectors[(j, k)] -= w[j] * shares[k];
+        w /= square;
+        for v in &mut self.vectors.data.0 {
+            let share = v[0];
+            for (x, w) in v.iter_mut().zip(&w) {
+                *x -= share * w;
             }
         }
         Some(w)
@@ -208,8 +209,11 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
         for (unsure, row) in unsure.iter().zip(vectors.row_iter()) {
             limit.ger(anywhere * unsure, &row.transpose(), &row.transpose(), 1.0);
         }
+        // Methods that do not tell noise along the directions that are not excited from the rest know
+        // how much it is, and not where it lies.
+        let is_known = self.sets.iter().any(is_turned);
         for (k, moved) in moved.iter().enumerate() {
-            let by_motion = if *moved {
+            let by_motion = if *moved || !is_known {
                 CHANCE / EXCITED * determined
             } else {
                 0.0

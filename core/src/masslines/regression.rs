@@ -163,7 +163,7 @@ impl Regression {
                 for i in 0..6 {
                     let columns = if t == u { i + 1 } else { 6 };
                     for j in 0..columns {
-                        normal[(6 * t + i, 6 * u + j)] = block[(i, j)];
+                        normal[(6 * t + i, 6 * u + j)] = seen(&block)[(i, j)];
                     }
                 }
             }

@@ -384,7 +384,7 @@ impl Decimator {
         let n = n.max(1);
         let mut lanes = self.channels;
         let states = states.chunks_exact_mut(self.group.max(LANES));
-        for (state, rings) in states.zip(rings.chunks_mut(LANES * n)) {
+        for (state, rings) in states.zip(rings.chunks_mut((LANES * n).max(1))) {
             let (rows, _) = state.as_chunks_mut();
             self.run(rows, lanes, outputs);
             if outputs == TOGETHER && head + TOGETHER <= n {
@@ -393,7 +393,9 @@ impl Decimator {
                 let mut y = [0.0; LANES * TOGETHER];
                 self.finish(rows, &mut y, (TOGETHER, 0));
                 for (ring, y) in rings.chunks_exact_mut(n).zip(y.chunks_exact(TOGETHER)) {
-                    let (start, end) = ring.split_at_mut(head.min(n));
+                    let Some((start, end)) = ring.split_at_mut_checked(head) else {
+                        break;
+                    };
                     let slots = end.iter_mut().chain(start).zip(y);
                     slots.take(outputs).for_each(|(slot, y)| *slot = *y);
                 }
@@ -462,7 +464,14 @@ impl Decimator {
 /// Moves the rows from `by` on, a multiple of four of them, to the beginning.
 fn shift(rows: &mut [Row], by: usize) {
     if by < 4 {
-        return rows.copy_within(by.., 0);
+        for to in 0..rows.len().saturating_sub(by) {
+            if let Some(from) = rows.get(to + by).copied()
+                && let Some(to) = rows.get_mut(to)
+            {
+                *to = from;
+            }
+        }
+        return;
     }
     // By fours, since a loop over single ones would become a call that moves word by word.
     let mut rest = rows;

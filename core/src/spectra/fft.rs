@@ -212,7 +212,7 @@ fn eight([a, b, c, d, e, f, g, h]: [Complex32; 8]) -> [Complex32; 8] {
 #[inline(never)]
 fn combine(work: &mut [Complex32], length: usize) {
     let step = (BUTTERFLIES / length.max(1)).max(1);
-    for four in work.chunks_exact_mut(4 * length) {
+    for four in work.chunks_exact_mut((4 * length).max(1)) {
         let (ab, cd) = four.split_at_mut(2 * length);
         let ((a, b), (c, d)) = (ab.split_at_mut(length), cd.split_at_mut(length));
         let inputs = a.iter_mut().zip(b).zip(c.iter_mut().zip(d));

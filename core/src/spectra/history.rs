@@ -58,7 +58,10 @@ impl Rings {
         // the rings do.
         let filters = self.settings.filters();
         let unsettled = filters.settling() >> filters.stages();
-        self.head = (n - unsettled % n) % n;
+        self.head = match unsettled.checked_rem(n) {
+            Some(rest) if rest > 0 => n - rest,
+            _ => 0,
+        };
         self.missing = unsettled + n;
         self.begin();
     }
@@ -95,11 +98,10 @@ impl Rings {
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
         let outputs = self.outputs();
-        if storage.len() < self.settings.history_len(self.channels) {
+        let Some((rings, states)) = storage.split_at_mut_checked(self.channels * n) else {
             self.begin();
             return false;
-        }
-        let (rings, states) = storage.split_at_mut(self.channels * n);
+        };
         let place = (n, self.head);
         self.decimator.filter(states, rings, place, outputs);
         let complete = self.advance(outputs);

@@ -10,7 +10,7 @@
 //! 28.3.9: requests of the receiver, streams, requests of the transmitter. The bus itself stays on, since
 //! its clock line is not driven while it is off.
 //!
-//! The drivers exchange words by the same buses and chip selects while no frame runs: see [`Bus`].
+//! The drivers exchange words by the same buses and chip selects while no frame runs (`bus`).
 
 use core::cell::UnsafeCell;
 use core::sync::atomic::{Ordering, fence};
