@@ -453,7 +453,7 @@ fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
     for (rate, low, high) in [
         (500.0, 256.0, 512.0),
         (1.0, 128.0, 128.0),
-        // The converters have these rates, the queue of samples has not the room.
+        // The converters have these rates, the accelerometer has not.
         (8192.0, 4096.0, 4096.0),
         (16_384.0, 4096.0, 4096.0),
         (1e5, 4096.0, 4096.0),

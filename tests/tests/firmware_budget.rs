@@ -207,12 +207,9 @@ fn the_table_of_load_follows_from_counted_instructions() {
     }
     let at_4096: f64 = loads(SIZES[0], 4096.0, &costs).iter().sum();
     assert!(at_4096 < 35.0, "{at_4096} % at 4096 samples/s");
-    // What is accepted fits into the queue while a block is computed, and what is refused does not.
+    // What comes while a block is computed fits into the queue.
     let room = massline_firmware::sampling::WAITING as f64 - 1.0;
-    let [slow, fast] = [1.0, 2.0].map(|times| during_a_block(times * rate, &costs));
-    assert!(slow < room, "{slow} samples come during a block");
-    assert!(
-        fast > room,
-        "{fast} samples would fit at twice the fastest rate"
-    );
+    let waiting = during_a_block(rate, &costs);
+    println!("{waiting:.1} samples come during a block");
+    assert!(waiting < room, "{waiting} samples come during a block");
 }

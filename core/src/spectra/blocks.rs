@@ -82,7 +82,7 @@ impl<'s> Blocks<'s> {
     #[inline(never)] // Storing a sample is to be short.
     fn transform(&mut self) -> BlockSpectra<'_> {
         let count = self.rings.settings().grid().count;
-        let pairs = self.lines.chunks_mut(2 * count).enumerate();
+        let pairs = self.lines.chunks_mut((2 * count).max(1)).enumerate();
         for (pair, lines) in pairs.take(self.rings.pairs()) {
             let (a, b) = lines.split_at_mut(count.min(lines.len()));
             self.rings.transform(pair, self.history, self.work, a, b);

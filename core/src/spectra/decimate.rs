@@ -384,7 +384,11 @@ impl Decimator {
         let n = n.max(1);
         let mut lanes = self.channels;
         let states = states.chunks_exact_mut(self.group.max(LANES));
-        for (state, rings) in states.zip(rings.chunks_mut((LANES * n).max(1))) {
+        let mut groups = rings.chunks_mut((LANES * n).max(1));
+        for state in states {
+            let Some(rings) = groups.next() else {
+                break;
+            };
             let (rows, _) = state.as_chunks_mut();
             self.run(rows, lanes, outputs);
             if outputs == TOGETHER && head + TOGETHER <= n {
@@ -392,7 +396,7 @@ impl Decimator {
             } else {
                 let mut y = [0.0; LANES * TOGETHER];
                 self.finish(rows, &mut y, (TOGETHER, 0));
-                for (ring, y) in rings.chunks_exact_mut(n).zip(y.chunks_exact(TOGETHER)) {
+                for (ring, y) in rings.chunks_mut(n).zip(y.as_chunks::<TOGETHER>().0) {
                     let Some((start, end)) = ring.split_at_mut_checked(head) else {
                         break;
                     };

@@ -70,8 +70,8 @@ const ADXL: [Step; 2] = {
     ]
 };
 
-/// Fastest sample rate of a box, Hz: at twice as many, more samples come while a block is computed than
-/// the queue holds.
+/// Fastest sample rate of a box, Hz: the ADXL355's filter gives 4000 values a second at most, and at
+/// twice this rate every second one of its samples would be a repetition.
 pub const FASTEST_HZ: f64 = 4096.0;
 
 /// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
