@@ -76,9 +76,12 @@ impl Undetermined<'_> {
     }
 }
 
-/// Ratio of the weight that data give a combination to the mean of what noise gives it, from which
-/// it is not noise alone: six pairs exceed it once in a hundred times (χ² of six), more less often.
-const ALONE: f64 = 2.8;
+/// Weight that data give a combination, in units of what noise gives it by one pair, from which it
+/// is not noise alone: so many pairs exceed it once in a hundred times (χ²).
+fn alone(pairs: usize) -> f64 {
+    let pairs = pairs as f64;
+    pairs + 3.0 * libm::sqrt(2.0 * pairs) + 1.5
+}
 
 /// The one rule: which combinations of parameters the equations determine. Leaves the inverse of the
 /// equilibrated normal equations on those in `inverse`; the others take the place of `floor`, which
@@ -125,7 +128,7 @@ pub(super) fn determine<'a>(
             (floor.data.0.get_mut(count), moved.get_mut(count))
         {
             *column = *v;
-            *moved = value * EXCITED > ALONE * pairs as f64;
+            *moved = value * EXCITED > alone(pairs);
             count += 1;
         }
     }
@@ -273,4 +276,76 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
 /// `m v`: the operator between values would copy the matrix.
 pub(super) fn times(m: &Matrix10, v: &Vector10) -> Vector10 {
     m * v
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::geometry::Equations;
+    use crate::identify::{Identification, Question, identify};
+    use crate::masslines::Masslines;
+    use crate::rigid_body::{Inertia, RigidBody};
+    use nalgebra::{Matrix6, Vector3, Vector6};
+
+    /// Uniform between -√3 and √3, so that its variance is one.
+    struct Draws(u64);
+
+    impl Draws {
+        fn next(&mut self) -> f64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            let unit = (self.0 >> 11) as f64 / (1_u64 << 53) as f64;
+            (2.0 * unit - 1.0) * libm::sqrt(3.0)
+        }
+    }
+
+    /// Noise of a line's accelerations, m/s² and rad/s².
+    const NOISE: f64 = 1e-3;
+    const LINES: f64 = 20.0;
+
+    /// A rotation about an axis along z that passes 0.3 m beside A. Along z there is no force, and no
+    /// noise of it to speak of.
+    fn found(draws: &mut Draws) -> Identification {
+        let body = RigidBody {
+            mass: 5.0,
+            centre_of_gravity: Vector3::new(0.1, -0.05, 0.4),
+            inertia: Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
+        };
+        let mass = body.mass_matrix(&Vector3::zeros());
+        let variance = Vector6::new(1e-4, 1e-4, 1e-14, 1e-4, 1e-4, 1e-4);
+        let weights = Matrix6::from_diagonal(&variance.map(|v| 1.0 / libm::sqrt(v)));
+        let mut set: Masslines =
+            Masslines::new(Vector3::zeros(), Equations::all().whitened(&weights));
+        let a = Vector6::new(0.0, -0.3, 0.0, 0.0, 0.0, 1.0);
+        let turned = NOISE * libm::sqrt(0.5 / LINES);
+        let noise = Vector6::from_fn(|_, _| turned * draws.next());
+        let force = mass * a + Vector6::from_fn(|j, _| libm::sqrt(variance[j]) * draws.next());
+        set.push(a + noise, force, Vector6::repeat(1.0)).unwrap();
+        let excited = a * a.transpose() / a.norm_squared();
+        set.noise = Matrix6::identity() * NOISE * NOISE;
+        set.pull = excited * NOISE * NOISE;
+        set.lines = LINES as f32;
+        identify(&[set], &Question::default()).unwrap()
+    }
+
+    /// The moment of inertia about A is that about the axis and a multiple of the mass, which a
+    /// rotation does not tell. That no force is seen where the noise of the accelerations would
+    /// have a mass give one says nothing of the mass.
+    #[test]
+    fn a_force_without_noise_does_not_tell_the_mass() {
+        let mut draws = Draws(7);
+        for _ in 0..50 {
+            let found = found(&mut draws);
+            assert_eq!(found.mass, None);
+            // The axis lies beside A along x, so that the mass is no part of the product yz.
+            let [others @ .., yz] = found.inertia_reference;
+            assert_eq!(others, [None; 5]);
+            let yz = yz.unwrap();
+            assert!(
+                (yz.value - (0.03 - 5.0 * 0.05 * 0.4)).abs() < 9.0 * yz.std,
+                "{yz:?}"
+            );
+        }
+    }
 }
