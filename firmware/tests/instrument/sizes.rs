@@ -17,5 +17,6 @@ fn the_instrument_and_its_jobs_stay_small() {
     println!("instrument: {} bytes", size_of::<Instrument<'_>>());
     assert!(size_of::<Instrument<'_>>() <= 1_608);
     // A job is moved, from one task to another.
-    assert!(size_of::<Job<'_>>() <= 272);
+    println!("job: {} bytes", size_of::<Job<'_>>());
+    assert!(size_of::<Job<'_>>() <= 280);
 }
