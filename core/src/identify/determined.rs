@@ -39,7 +39,7 @@ pub(super) struct Undetermined<'a> {
     count: usize,
     /// Sum over the determined combinations of noise, times [`EXCITED`], over data.
     noise: f64,
-    /// Share of the noise of each parameter that is not known where it lies, since noise is rounded.
+    /// Noise of each parameter that may lie in any equation, since noise is rounded.
     unsure: Vector10,
     /// `true` for a combination that the data weigh more than noise alone would, though not enough:
     /// motion turns it, too, by no more than one over the root of [`EXCITED`] in units of deviations.
@@ -164,10 +164,9 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
     ///
     /// Noise N in the measurement matrix B of a pair, see [`floor`], takes v, for which `B v = 0`, to
     /// `v - Q⁻ Bᵀ W N v` with the weights W and the inverse `Q⁻` of the normal equations on what they
-    /// determine. So the shares `eᵀ v` of the sum e
-    /// have the covariance `Σ (rᵀ N v)(rᵀ N v)ᵀ` with `r = W B Q⁻ e`, summed over the pairs and over the directions of the
-    /// noise. An equation without the sum's parameters turns nothing towards them,
-    /// however precise it is.
+    /// determine. So the shares `eᵀ v` of the sum e have the covariance `Σ (rᵀ N v)(rᵀ N v)ᵀ` with
+    /// `r = W B Q⁻ e`, summed over the pairs and over the directions of the noise. An equation
+    /// without the sum's parameters turns nothing towards them, however precise it is.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     pub(super) fn tells(
         &self,
@@ -199,7 +198,8 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
         if square <= rounding {
             return true;
         }
-        // Noise turns each v by at most one over the root of `EXCITED`, in units of the sum's deviation.
+        // Noise turns each v by at most one over the root of `EXCITED`, in units of the sum's
+        // deviation.
         if square > CHANCE * *count as f64 / EXCITED * determined + rounding {
             return false;
         }
