@@ -1,7 +1,7 @@
 //! Parameters that a test plan does not determine have no number, the others have one: random
 //! plans, judged by exact kinematics, the same thousand as `massline study plans`.
 
-use massline::study::plans::{self, Options, Plans};
+use massline::study::plans::{self, OFF, Options, Plans};
 
 /// Number of plans: a release build takes a second for fifty of them on a core.
 const COUNT: usize = if cfg!(debug_assertions) { 40 } else { 1000 };
@@ -35,6 +35,19 @@ fn precise_equations_tell_nothing_of_parameters_that_they_do_not_contain() {
         let found = plans(1, seed, Some(1));
         assert_eq!(found.invented, 0, "{:?}", found.faults);
         assert_eq!(found.missed, 0, "{:?}", found.faults);
+    }
+}
+
+/// A plan whose elastic modes leave more in the band than noise does.
+#[test]
+fn numbers_far_from_the_truth_are_counted() {
+    let found = plans(1, 250, Some(1));
+    let off: Vec<_> = found.faults.iter().flat_map(|tried| &tried.off).collect();
+    assert!(!off.is_empty());
+    assert_eq!(found.off, off.len());
+    for n in off {
+        let truth = n.truth.unwrap_or_else(|| panic!("{n:?}"));
+        assert!((n.value - truth).abs() > OFF * n.interval, "{n:?}");
     }
 }
 

@@ -313,8 +313,8 @@ impl Decimator {
         }
     }
 
-    /// Begins to collect the samples of `outputs` outputs, [`Filters::batch`] at most. The states begin at `base` in
-    /// their storage.
+    /// Begins to collect the samples of `outputs` outputs, [`Filters::batch`] at most. The states begin
+    /// at `base` in their storage.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
         let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.

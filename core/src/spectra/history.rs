@@ -98,7 +98,9 @@ impl Rings {
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
         let outputs = self.outputs();
-        let Some((rings, states)) = storage.split_at_mut_checked(self.channels * n) else {
+        let places = storage.split_at_mut_checked(self.channels * n);
+        let state_len = self.settings.filters().state_len(self.channels);
+        let Some((rings, states)) = places.filter(|(_, states)| states.len() >= state_len) else {
             self.begin();
             return false;
         };
@@ -113,8 +115,10 @@ impl Rings {
     #[inline(never)] // As above.
     fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
-        let mut slots = storage.get_mut(..self.channels * n).unwrap_or_default();
-        slots = slots.get_mut(self.head..).unwrap_or_default();
+        let Some(rings) = storage.get_mut(..self.channels * n) else {
+            return false;
+        };
+        let mut slots = rings.get_mut(self.head..).unwrap_or_default();
         if sample.len() < self.channels {
             slots.iter_mut().step_by(n.max(1)).for_each(|x| *x = 0.0);
         }
@@ -263,6 +267,30 @@ mod tests {
                 let off = (found - expected).norm_sqr().sqrt() / largest;
                 assert!(off < 2e-6, "{beside}: {off}");
             }
+        }
+    }
+
+    /// One element less than there was at the beginning, of the filters' states or of the rings.
+    #[test]
+    fn less_storage_takes_nothing() {
+        const NOTHING: f32 = -7.0;
+        for whole in [false, true] {
+            let mut settings =
+                BlockSettings::new(256, 0.5, Window::Hann, 256.0, [1.0, 20.0]).unwrap();
+            if whole {
+                settings = settings.without_decimation();
+            }
+            let len = settings.history_len(2);
+            let mut storage = [NOTHING; 4096];
+            let mut rings = Rings::new(settings, 2, &mut storage[..len]).unwrap();
+            let rings_len = 2 * settings.transform_length();
+            for _ in 0..10_000 {
+                assert!(!rings.push(&mut storage[..len - 1], &[1.0, 1.0]), "{whole}");
+            }
+            assert!(
+                storage[..rings_len].iter().all(|x| *x == NOTHING),
+                "{whole}"
+            );
         }
     }
 }
