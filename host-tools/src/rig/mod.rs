@@ -20,7 +20,7 @@ mod trouble;
 pub use chain::Chain;
 use chain::Felt;
 pub use inputs::{Inputs, Shaker};
-pub use sensors::Outfit;
+pub use sensors::{Outfit, Upset, Voltages};
 pub use trouble::{Trouble, Troubles};
 
 use crate::recording::{Preamble, Traceability};

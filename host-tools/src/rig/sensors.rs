@@ -4,6 +4,7 @@ use super::{INPUTS, RigError};
 use crate::setup::Setup;
 use crate::simulate::{DRIVE, Recording};
 use massline_firmware::calibration::{BRIDGE_SUPPLY_MAX, Certificate, FULL_SCALE_VOLTS, Preset};
+use massline_firmware::drivers::ads131m08::CLOCK_HZ;
 use massline_firmware::models::random::mix;
 use massline_firmware::models::rig::Signal;
 use massline_firmware::wire::{Circuit, NAME_MAX};
@@ -114,7 +115,7 @@ fn peak(recordings: &[Recording], name: &str) -> f64 {
 
 /// State of a sensor that does not measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Upset {
+pub enum Upset {
     /// It is knocked: twice its range on top of what it measures.
     Knock,
     /// Its lead is broken: the input floats to its stop.
@@ -186,6 +187,37 @@ impl<D: AsRef<[Vec<f32>]>> Sensors<D> {
         let (a, b, c, d) = (x(-1), x(0), x(1), x(2));
         let (p, q) = (2.0 * a - 5.0 * b + 4.0 * c - d, 3.0 * (b - c) + d - a);
         b + 0.5 * f * (c - a + f * (p + f * q))
+    }
+}
+
+/// Voltages at the inputs while the sensors of a test feel one of its recordings, for a model of the
+/// converters that is not [`super::Chain`]'s.
+pub struct Voltages(Sensors<Vec<Vec<f32>>>);
+
+impl Voltages {
+    /// Those of a recording, whose first channel is at the first input. `None` without a sample rate.
+    #[must_use]
+    pub fn new(outfit: &Outfit, recording: &Recording) -> Option<Self> {
+        let period = f64::from(CLOCK_HZ) / recording.sample_rate?;
+        let sensors = outfit.of(recording);
+        let samples = recording.samples.clone();
+        Some(Self(Sensors::new(&sensors, samples, period, false)))
+    }
+
+    /// Begins the recording at this cycle of the converters' clock. Before it nothing moves, behind its
+    /// end its last sample stays.
+    pub const fn begin_at(&mut self, cycle: u64) {
+        self.0.begin_at(cycle);
+    }
+
+    /// Upsets an input until a cycle.
+    pub const fn upset(&mut self, input: usize, upset: Upset, until: u64) {
+        self.0.upset(input, upset, until);
+    }
+
+    /// Voltage at an input at a cycle, V; zero where nothing is wired.
+    pub fn at(&mut self, input: usize, cycle: u64) -> f64 {
+        self.0.volts(input, cycle)
     }
 }
 

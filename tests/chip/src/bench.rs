@@ -44,8 +44,8 @@ pub struct Wires {
     pub is_garbled: bool,
     /// Conversions whose edge does not reach the pin.
     pub lost_edges: u32,
-    /// Level that the data line is stuck at.
-    pub stuck: Option<bool>,
+    /// Level that the data line is stuck at, and for how many frames.
+    pub stuck: Option<(bool, u32)>,
 }
 
 /// The board's parts.
@@ -165,8 +165,9 @@ impl Bench {
                     if std::mem::take(&mut place.wires.is_garbled) {
                         answer[4] ^= 0x10;
                     }
-                    if let Some(level) = place.wires.stuck {
+                    if let Some((level, frames)) = place.wires.stuck {
                         answer.fill(if level { 0xFF } else { 0 });
+                        place.wires.stuck = (frames > 1).then(|| (level, frames - 1));
                     }
                     place.frame = Some((answer, Vec::new()));
                 }

@@ -12,7 +12,7 @@ use massline_firmware::models::random::Random;
 use object::read::elf::{ElfFile32, ProgramHeader as _};
 use rsemu::core::space::{AddressSpace, MemAttrs, MemOps, MemResult, Perms, RamStore, Region};
 use rsemu::core::{BusError, Width};
-use rsemu::cpu::arm::v7m::sys::{Exception, Sys};
+use rsemu::cpu::arm::v7m::sys::{Exception, Sys, fpccr};
 use rsemu::cpu::arm::v7m::{ArmV7m, Config};
 
 use crate::bench::Bench;
@@ -28,6 +28,9 @@ const SRAM: (u32, u64) = (0x2000_0000, 128 << 10);
 const CCM: (u32, u64) = (0x1000_0000, 64 << 10);
 /// Serial number and size of the flash (RM0090, 39).
 const SIGNATURE: u32 = 0x1FFF_7A10;
+
+/// Lazy state preservation of floating-point registers (ARMv7-M, B3.2.21).
+const LAZY: u32 = fpccr::LSPEN;
 
 /// Parts of a box.
 pub struct Parts<'a> {
@@ -63,6 +66,8 @@ pub struct Machine {
     /// Time until which the flash cannot be read.
     stalled: Option<u64>,
     asked: [bool; INTERRUPTS],
+    /// `true` if an interrupt was asked for since the last step.
+    is_asked: bool,
     random: Random,
     /// Resets since the supply came, and their causes.
     pub resets: Vec<Reset>,
@@ -170,6 +175,7 @@ impl Machine {
             next: 0,
             stalled: None,
             asked: [false; INTERRUPTS],
+            is_asked: false,
             random,
             resets: vec![Reset::Power],
             received: VecDeque::new(),
@@ -183,6 +189,9 @@ impl Machine {
         // The emulator's own reset keeps which interrupts are enabled, and their priorities.
         self.cpu.with_sys(|system| system.clone_from(&self.system));
         self.cpu.step();
+        // The emulator (rsemu 0.0.7) forgets flags of floating-point comparisons when an exception's frame
+        // has room for them, but is not written at once.
+        self.cpu.with_sys(|system| system.fpccr &= !LAZY);
         self.is_touched.store(true, Ordering::Relaxed);
         self.look();
     }
@@ -253,7 +262,9 @@ impl Machine {
                 return true;
             }
         }
-        if self.cpu.is_asleep() || self.cpu.is_locked_up() {
+        // What is asked for in the very cycle in which it falls asleep wakes it at once.
+        let is_asked = std::mem::take(&mut self.is_asked);
+        if self.cpu.is_asleep() && !is_asked || self.cpu.is_locked_up() {
             let to = self.next.min(end).min(self.time.0 + self.until_systick());
             self.stand_still(to.max(self.time.0 + 1));
         }
@@ -346,6 +357,7 @@ impl Machine {
         for ((number, asks), before) in chip.interrupts().into_iter().zip(&mut self.asked) {
             if asks != *before {
                 *before = asks;
+                self.is_asked |= asks;
                 self.cpu.set_irq(number, asks);
             }
         }

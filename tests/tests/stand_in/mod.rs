@@ -44,48 +44,10 @@ impl StandIn {
 
     /// Sends a set-up.
     pub fn set_up(&mut self, setup: &Setup, accelerations: Accelerations) -> Grid {
-        let processing = setup.processing.as_ref().unwrap();
-        let rate = processing.sample_rate.unwrap();
-        let sensors = setup.accelerometers.len() + setup.load_cells.len();
-        self.done(&Request::BeginSetup(Plan {
-            sensors: sensors as u8,
-            runs: setup.runs.len() as u8,
-            reference_point: setup.reference_point,
-            fingerprint: 7,
-        }));
-        self.done(&Request::SetProcessing(Processing {
-            sample_rate: rate,
-            block_length: processing.block_length as u32,
-            overlap: processing.overlap,
-            window: WINDOW,
-            kept_band: [
-                processing.averaging_band[0],
-                processing.kept_up_to(Some(rate)),
-            ],
-            averaging_band: processing.averaging_band,
-            mode_band: processing.mode_band,
-            accelerations,
-            weighting: self.weighting,
-            minimum_weight: setup.estimation.minimum_weight,
-        }));
-        for mut sensor in sensor_pieces(setup) {
-            if self.is_wired {
-                sensor.scale = ScaleSource::Stored;
-            }
-            self.done(&Request::SetSensor(sensor));
-        }
-        let mut channels: Vec<u8> = (0..sensors as u8).collect();
-        channels.push(ChannelRole::Drive.code());
-        for (k, run) in setup.runs.iter().enumerate() {
-            self.done(&Request::SetRun(Run {
-                run: k as u8,
-                name: &run.name,
-                excitation: Excitation::Random,
-                rotation: run.rotation,
-                translation: run.translation,
-                channels: &channels,
-            }));
-        }
+        let (weighting, is_wired) = (self.weighting, self.is_wired);
+        pieces(setup, accelerations, weighting, is_wired, &mut |request| {
+            self.done(request);
+        });
         match self.ask(&Request::EndSetup) {
             Said::Grid(grid) => grid,
             other => panic!("{other:?}"),
@@ -143,6 +105,58 @@ impl StandIn {
             Said::Weights(weights) => weights,
             other => panic!("{other:?}"),
         }
+    }
+}
+
+/// The requests of a set-up before its end. Inputs that are wired have their own calibrations.
+pub fn pieces(
+    setup: &Setup,
+    accelerations: Accelerations,
+    weighting: Weighting,
+    is_wired: bool,
+    send: &mut dyn FnMut(&Request<'_>),
+) {
+    let processing = setup.processing.as_ref().unwrap();
+    let rate = processing.sample_rate.unwrap();
+    let sensors = setup.accelerometers.len() + setup.load_cells.len();
+    send(&Request::BeginSetup(Plan {
+        sensors: sensors as u8,
+        runs: setup.runs.len() as u8,
+        reference_point: setup.reference_point,
+        fingerprint: 7,
+    }));
+    send(&Request::SetProcessing(Processing {
+        sample_rate: rate,
+        block_length: processing.block_length as u32,
+        overlap: processing.overlap,
+        window: WINDOW,
+        kept_band: [
+            processing.averaging_band[0],
+            processing.kept_up_to(Some(rate)),
+        ],
+        averaging_band: processing.averaging_band,
+        mode_band: processing.mode_band,
+        accelerations,
+        weighting,
+        minimum_weight: setup.estimation.minimum_weight,
+    }));
+    for mut sensor in sensor_pieces(setup) {
+        if is_wired {
+            sensor.scale = ScaleSource::Stored;
+        }
+        send(&Request::SetSensor(sensor));
+    }
+    let mut channels: Vec<u8> = (0..sensors as u8).collect();
+    channels.push(ChannelRole::Drive.code());
+    for (k, run) in setup.runs.iter().enumerate() {
+        send(&Request::SetRun(Run {
+            run: k as u8,
+            name: &run.name,
+            excitation: Excitation::Random,
+            rotation: run.rotation,
+            translation: run.translation,
+            channels: &channels,
+        }));
     }
 }
 

@@ -1,5 +1,5 @@
 //! Each of the faults of converters and their wires, named by the flashed ELF for the inputs that it is
-//! about. Overloads and broken leads follow from the counts, which runs and the host watch.
+//! about. Overloads and broken leads follow from the counts, which runs watch, see `fork`, and the host.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -9,6 +9,7 @@ use std::time::Duration;
 use massline::device::{Client, ClientMemory};
 use massline_chip::bus::Chip;
 use massline_chip::flash::Cells;
+use massline_firmware::acquisition::GARBLED;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::wire::{Event, Health, Stream};
 
@@ -22,12 +23,15 @@ const GOOD_SAMPLES: u64 = 60;
 /// The converter at fault.
 const CONVERTER: usize = 1;
 
+/// Frames of a stuck line: less than those after which the converter is prepared anew.
+const STUCK: u32 = GARBLED as u32 - 2;
+
 /// A fault: how it is caused, how the box has to name it, and the inputs that it is about.
-type Case = (fn(&mut Chip), Health, std::ops::Range<usize>);
+pub type Case = (fn(&mut Chip), Health, std::ops::Range<usize>);
 
 const OF_CONVERTER: std::ops::Range<usize> = CHANNELS * CONVERTER..CHANNELS * (CONVERTER + 1);
 
-const CASES: [(&str, Case); 5] = [
+pub const CASES: [(&str, Case); 5] = [
     (
         "a wrong bit",
         (
@@ -67,7 +71,7 @@ const CASES: [(&str, Case); 5] = [
     (
         "a stuck line",
         (
-            |chip| wires(chip).stuck = Some(true),
+            |chip| wires(chip).stuck = Some((true, STUCK)),
             Health::STUCK,
             OF_CONVERTER,
         ),
@@ -130,7 +134,6 @@ fn every_fault_is_named_for_its_inputs() {
         }
         let named: Vec<usize> = named().unwrap_or_default();
         assert_eq!(named, inputs.collect::<Vec<_>>(), "{name}");
-        chip.lock().unwrap().bench.wires(CONVERTER).unwrap().stuck = None;
     }
     drop(client);
     clean(&machine);

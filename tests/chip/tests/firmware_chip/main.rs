@@ -1,12 +1,15 @@
 //! The ELF that is flashed, on the chip's registers: clocks, settings through cuts of the supply, and
-//! samples from voltages to the link.
+//! samples from voltages to the link, and the fork from voltages to its ten numbers.
 //!
 //! Tests named `firmware_*` need the firmware; `cargo xtask test` builds it and runs them.
 
 mod clocks;
 mod faults;
+mod fork;
 mod sampling;
 mod settings;
+#[path = "../../../tests/stand_in/mod.rs"]
+mod stand_in;
 
 use massline::device::firmware;
 use massline_chip::SECOND;
@@ -50,8 +53,11 @@ fn silence() -> Signal {
     Box::new(|_, _| 0.0)
 }
 
-/// Asserts that nothing was done that the manual forbids.
+/// Asserts that nothing was done that the manual forbids, and that no byte from the host was lost.
 #[track_caller]
 fn clean(machine: &Machine) {
     assert_eq!(machine.forbidden(), Vec::<String>::new());
+    let chip = machine.shared();
+    let lost = chip.lock().map(|chip| chip.usart.lost);
+    assert_eq!(lost.ok(), Some(0), "bytes");
 }
