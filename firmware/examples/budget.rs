@@ -288,7 +288,7 @@ mod on_chip {
                 counts: black_box(&counts),
                 health: black_box(&health),
             };
-            good &= RawFrame::new(&sample, 0).is_some_and(|frame| producer.enqueue(frame).is_ok());
+            good &= RawFrame::enqueue(&sample, 0, &mut producer);
             good &= frames
                 .peek()
                 .is_some_and(|frame| black_box(frame).number == u64::from(round));

@@ -335,11 +335,11 @@ fn pass_on(
 ) -> bool {
     // The filters settle during the first samples after a start.
     let sample = sample.filter(|sample| sample.number > SETTLING.into());
-    let is_new = sample.is_some();
-    if let Some(frame) = sample.and_then(|sample| RawFrame::new(&sample, ticks))
-        && frames.enqueue(frame).is_err()
-    {
+    let Some(sample) = sample else {
+        return false;
+    };
+    if !RawFrame::enqueue(&sample, ticks, frames) {
         *dropped = dropped.saturating_add(1);
     }
-    is_new
+    true
 }

@@ -3,6 +3,7 @@
 use super::INPUTS;
 use crate::acquisition::Sample;
 use crate::wire::Health;
+use heapless::spsc::Producer;
 
 /// Raw counts of all inputs at one instant.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,14 +19,23 @@ pub struct RawFrame {
 }
 
 impl RawFrame {
-    /// The frame of a sample whose edge came at that time, ticks; `None` unless it has all inputs.
-    #[must_use]
-    pub fn new(sample: &Sample<'_>, ticks: u64) -> Option<Self> {
-        Some(Self {
-            number: sample.number,
-            ticks,
-            counts: *sample.counts.first_chunk()?,
-            health: *sample.health.first_chunk()?,
-        })
+    /// Puts the frame of a sample whose edge came at that time, ticks, into a queue. `false` if there is
+    /// no room, or if the sample has not all inputs.
+    #[inline]
+    pub fn enqueue(sample: &Sample<'_>, ticks: u64, queue: &mut Producer<'_, Self>) -> bool {
+        let (Some(counts), Some(health)) =
+            (sample.counts.first_chunk(), sample.health.first_chunk())
+        else {
+            return false;
+        };
+        // Made where it is passed: any value of it in between is a copy of all inputs.
+        queue
+            .enqueue(Self {
+                number: sample.number,
+                ticks,
+                counts: *counts,
+                health: *health,
+            })
+            .is_ok()
     }
 }

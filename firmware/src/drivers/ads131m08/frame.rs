@@ -19,16 +19,27 @@ pub fn crc(bytes: &[u8]) -> u16 {
     // The checksum is linear, so that each byte of a word adds its own, shifted by the bytes behind
     // it. Three independent look-ups take the chip half as long as three in turn. Bytes stay in the
     // wire's order until the end.
-    let (words, rest) = bytes.as_chunks::<WORD>();
-    let crc = words.iter().fold(0xFFFF_u16, |crc, &[a, b, c]| {
-        let [a, b] = (u16::from_le_bytes([a, b]) ^ crc).to_le_bytes();
-        TWO_BEHIND[usize::from(a)] ^ ONE_BEHIND[usize::from(b)] ^ ALONE[usize::from(c)]
-    });
+    let (threes, words) = bytes.as_chunks::<{ 3 * WORD }>();
+    let (words, rest) = words.as_chunks::<WORD>();
+    let crc = threes
+        .iter()
+        .fold(0xFFFF, |crc, &[a, b, c, d, e, f, g, h, i]| {
+            let crc = add(crc, [a, b, c]);
+            add(add(crc, [d, e, f]), [g, h, i])
+        });
+    let crc = words.iter().fold(crc, |crc, word| add(crc, *word));
     let crc = rest.iter().fold(crc, |crc, &byte| {
         let [high, low] = crc.to_le_bytes();
         u16::from(low) ^ ALONE[usize::from(high ^ byte)]
     });
     u16::from_be_bytes(crc.to_le_bytes())
+}
+
+/// The checksum with a word behind it.
+#[inline(always)]
+fn add(crc: u16, [a, b, c]: [u8; WORD]) -> u16 {
+    let [a, b] = (u16::from_le_bytes([a, b]) ^ crc).to_le_bytes();
+    TWO_BEHIND[usize::from(a)] ^ ONE_BEHIND[usize::from(b)] ^ ALONE[usize::from(c)]
 }
 
 /// Checksums of single bytes from zero on, with no, one and two zeros behind them, in the wire's
@@ -177,19 +188,27 @@ pub fn count([high, middle, low]: [u8; WORD]) -> i32 {
 #[inline]
 pub fn counts(words: &[u8]) -> [i32; CHANNELS] {
     // Written out, since the chip's code is compiled for size, and this runs for every sample.
-    match words.as_chunks().0 {
-        &[_, a, b, c, d, e, f, g, h] => [
-            count(a),
-            count(b),
-            count(c),
-            count(d),
-            count(e),
-            count(f),
-            count(g),
-            count(h),
-        ],
-        _ => [0; CHANNELS],
-    }
+    words.first_chunk().map_or([0; CHANNELS], |words| {
+        [
+            count_at::<1>(words),
+            count_at::<2>(words),
+            count_at::<3>(words),
+            count_at::<4>(words),
+            count_at::<5>(words),
+            count_at::<6>(words),
+            count_at::<7>(words),
+            count_at::<8>(words),
+        ]
+    })
+}
+
+/// The count in the word of this number, above zero. It is loaded with the byte before it, at once, and
+/// shifts drop that byte and extend the sign.
+#[inline(always)]
+fn count_at<const NUMBER: usize>(words: &[u8; (CHANNELS + 1) * WORD]) -> i32 {
+    let four = words.get(NUMBER * WORD - 1..).and_then(<[u8]>::first_chunk);
+    // They are there.
+    four.map_or(0, |four| i32::from_be_bytes(*four) << 8 >> 8)
 }
 
 #[cfg(test)]
@@ -213,10 +232,20 @@ mod tests {
 
     #[test]
     fn counts_keep_their_sign() {
-        assert_eq!(count([0x7F, 0xFF, 0xFF]), 8_388_607);
-        assert_eq!(count([0x80, 0, 0]), -8_388_608);
-        assert_eq!(count([0xFF, 0xFF, 0xFE]), -2);
-        assert_eq!(count([0, 1, 2]), 258);
+        let cases = [
+            ([0x7F, 0xFF, 0xFF], 8_388_607),
+            ([0x80, 0, 0], -8_388_608),
+            ([0xFF, 0xFF, 0xFE], -2),
+            ([0, 1, 2], 258),
+        ];
+        for (bytes, expected) in cases {
+            assert_eq!(count(bytes), expected);
+            // All words alike, so that each of these bytes is before a count once.
+            assert_eq!(
+                counts(&[bytes; CHANNELS + 1].concat()),
+                [expected; CHANNELS]
+            );
+        }
     }
 
     #[test]

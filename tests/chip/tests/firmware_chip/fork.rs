@@ -1,6 +1,6 @@
 //! The fork from voltages at the inputs to its ten numbers, and its blocks when something goes wrong.
 //!
-//! A run lasts six seconds; `MASSLINE_SECONDS=60` makes a minute of it, which takes ten times as long.
+//! A run lasts four seconds; `MASSLINE_SECONDS=60` makes a minute of it, which takes ten minutes.
 
 use std::cell::RefCell;
 use std::env;
@@ -32,7 +32,7 @@ use crate::{GOOD, boot, clean};
 /// Seconds of a run.
 fn seconds() -> f64 {
     let given = env::var("MASSLINE_SECONDS").ok();
-    given.map_or(6.0, |text| text.parse().expect("MASSLINE_SECONDS in s"))
+    given.map_or(4.0, |text| text.parse().expect("MASSLINE_SECONDS in s"))
 }
 
 /// The fork with its drive as the last channel. The sensors feel more than is measured, since the
