@@ -259,14 +259,14 @@ mod on_chip {
                     at: round.into(),
                     is_merged: false,
                 };
-                good &= sequencer.handle(Event::Edge(edge), &mut lanes).is_none();
-                let mut complete = None;
+                good &= !sequencer.handle(Event::Edge(edge), &mut lanes);
+                let mut is_complete = false;
                 for lane in ends {
-                    good &= complete.is_none();
-                    complete = sequencer.handle(Event::Lane(*lane), &mut lanes);
+                    good &= !is_complete;
+                    is_complete = sequencer.handle(Event::Lane(*lane), &mut lanes);
                 }
-                good &= complete.is_some_and(|conversion| black_box(conversion).read == ready);
-                good &= sequencer.resume(&mut lanes).is_none();
+                good &= is_complete && black_box(sequencer.conversion()).read == ready;
+                good &= !sequencer.resume(&mut lanes);
             });
             if good { cost } else { 0 }
         };

@@ -11,7 +11,7 @@ use massline_firmware::acquisition::{Acquisition, SETTLING};
 use massline_firmware::drivers::lanes::{Lane, Lanes, Progress, Step};
 use massline_firmware::drivers::{Converter, Fault, Reading};
 use massline_firmware::sampling::acquire;
-use massline_firmware::sampling::sequencer::{Conversion, Edge, Event, Sequencer};
+use massline_firmware::sampling::sequencer::{Edge, Event, Sequencer};
 
 const PERIOD: u64 = 1000;
 const LANES: usize = 2;
@@ -315,10 +315,11 @@ impl<const CHIPS: usize> Walk<CHIPS> {
         }
     }
 
-    fn hand_over(&mut self, conversion: Option<Conversion>) {
-        let Some(conversion) = conversion else {
+    fn hand_over(&mut self, is_complete: bool) {
+        if !is_complete {
             return;
-        };
+        }
+        let conversion = *self.sequencer.conversion();
         assert!(self.is_running, "a sample comes after the stop");
         let mut chips = self.chips.each_mut().map(|c| -> &mut dyn Converter { c });
         let acquisition = &mut self.acquisition;

@@ -1,7 +1,7 @@
 //! State of one converter among several, and the health of its samples.
 
 use super::{ABSENT, BUFFERED, GARBLED};
-use crate::drivers::{Converter, Fault, Reading};
+use crate::drivers::{Fault, Reading};
 use crate::wire::{FaultCounters, Health};
 
 /// State of a converter.
@@ -17,6 +17,11 @@ pub(super) struct Chip {
     /// Fault after which it was lost.
     pub(super) loss: Health,
 }
+
+/// A read of the converter's oldest sample, as [`crate::drivers::Converter::read`].
+pub(super) trait Read: FnMut(&mut [i32]) -> Result<Reading, Fault> {}
+
+impl<R: FnMut(&mut [i32]) -> Result<Reading, Fault>> Read for R {}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
@@ -46,7 +51,7 @@ impl Chip {
     #[inline]
     pub(super) fn read(
         &mut self,
-        converter: &mut dyn Converter,
+        read: &mut impl Read,
         counts: &mut [i32],
         (is_ready, is_settling): (bool, bool),
         faults: &mut FaultCounters,
@@ -55,21 +60,21 @@ impl Chip {
         // The common case is kept short.
         if self.state == State::InStep && is_ready && !is_settling && !self.full {
             self.absent = 0;
-            let newest = converter.read(counts);
+            let newest = read(counts);
             if newest == Ok(Reading { refused: false }) {
                 self.garbled = 0;
                 return Health::GOOD;
             }
             return self.classify(newest, (false, false), faults, restart);
         }
-        self.read_unready(converter, counts, (is_ready, is_settling), faults, restart)
+        self.read_unready(read, counts, (is_ready, is_settling), faults, restart)
     }
 
     /// Reads a converter that is not in step, ready and settled with an empty buffer.
     #[cold]
     fn read_unready(
         &mut self,
-        converter: &mut dyn Converter,
+        read: &mut impl Read,
         counts: &mut [i32],
         (is_ready, is_settling): (bool, bool),
         faults: &mut FaultCounters,
@@ -83,7 +88,7 @@ impl Chip {
                 return Health::GOOD;
             }
             State::InStep => {
-                if self.probe(converter, counts, faults) == Health::CONVERTER_RESET {
+                if self.probe(read, counts, faults) == Health::CONVERTER_RESET {
                     return Health::CONVERTER_RESET;
                 }
                 self.absent = self.absent.saturating_add(1);
@@ -107,9 +112,9 @@ impl Chip {
         // sample.
         let was_full = core::mem::take(&mut self.full) || is_settling;
         let newest = if was_full {
-            drain(converter, counts)
+            drain(read, counts)
         } else {
-            converter.read(counts)
+            read(counts)
         };
         self.classify(newest, (was_full, is_settling), faults, restart)
     }
@@ -172,12 +177,12 @@ impl Chip {
     /// Reads a converter that is not on the others' grid, to detect a reset.
     pub(super) fn probe(
         &mut self,
-        converter: &mut dyn Converter,
+        read: &mut impl Read,
         counts: &mut [i32],
         faults: &mut FaultCounters,
     ) -> Health {
         self.full = true;
-        if converter.read(counts) == Err(Fault::Reset) {
+        if read(counts) == Err(Fault::Reset) {
             count(&mut faults.converter_reset);
             return self.lose(Health::CONVERTER_RESET);
         }
@@ -199,10 +204,10 @@ impl Chip {
 }
 
 /// Reads until the buffer is empty, and returns the last sample.
-fn drain(converter: &mut dyn Converter, counts: &mut [i32]) -> Result<Reading, Fault> {
+fn drain(read: &mut impl Read, counts: &mut [i32]) -> Result<Reading, Fault> {
     let mut newest = Err(Fault::Stale);
     for _ in 0..BUFFERED {
-        newest = match converter.read(counts) {
+        newest = match read(counts) {
             Ok(reading) => Ok(reading),
             Err(Fault::Stale) => return newest,
             // Reported once after a restart, without a sample.

@@ -38,7 +38,7 @@ mod grid;
 
 use self::chip::{Chip, State};
 use self::grid::{Grid, Place};
-use crate::drivers::{Converter, Fault};
+use crate::drivers::{Converter, Fault, Reading};
 use crate::wire::{self, FaultCounters, FaultKind, Health};
 
 /// Invalid samples after a restart: the response of a third-order filter.
@@ -166,8 +166,23 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         ready: u32,
         ticks: u64,
     ) -> Option<Sample<'_>> {
+        let mut read =
+            |_: usize, converter: &mut dyn Converter, counts: &mut [i32]| converter.read(counts);
+        self.edge_read_by(&mut read, converters, synchronise, ready, ticks)
+    }
+
+    /// The same where `read`, given the number of a converter, reads its oldest sample.
+    #[inline]
+    pub fn edge_read_by(
+        &mut self,
+        read: &mut impl FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault>,
+        converters: &mut [&mut dyn Converter],
+        synchronise: &mut dyn FnMut(),
+        ready: u32,
+        ticks: u64,
+    ) -> Option<Sample<'_>> {
         if !self.is_majority(ready) {
-            self.probe_early(converters, ready);
+            self.probe_early(read, converters, ready);
             // If no line is low, any converter may have a sample nevertheless.
             self.leave_unread(if ready == 0 { u32::MAX } else { ready });
             return None;
@@ -209,7 +224,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             self.synchronise(synchronise, reason);
             self.health = [reason; INPUTS];
         } else {
-            self.read_all(converters, ready, on_grid);
+            self.read_all(read, converters, ready, on_grid);
             if !on_grid {
                 // Neither the samples that were read nor those that are left are known.
                 self.leave_unread(u32::MAX);
@@ -329,13 +344,19 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     }
 
     /// Marks converters whose lines fall before the others' as out of step, or as reset.
-    fn probe_early(&mut self, converters: &mut [&mut dyn Converter], ready: u32) {
+    fn probe_early(
+        &mut self,
+        read: &mut impl FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault>,
+        converters: &mut [&mut dyn Converter],
+        ready: u32,
+    ) {
         let mut counts = [0; INPUTS];
         for (k, (chip, converter)) in self.chips.iter_mut().zip(converters).enumerate() {
             // An edge from before a restart may still be pending after it.
             let is_early = has(ready, k) && self.settling < SETTLING;
             if is_early && chip.state == State::InStep {
-                let found = chip.probe(&mut **converter, &mut counts, &mut self.faults);
+                let mut read = |counts: &mut [i32]| read(k, &mut **converter, counts);
+                let found = chip.probe(&mut read, &mut counts, &mut self.faults);
                 if found != Health::CONVERTER_RESET {
                     chip.lose_step(&mut self.faults, &mut self.restart);
                 }
@@ -360,7 +381,13 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         }
     }
 
-    fn read_all(&mut self, converters: &mut [&mut dyn Converter], ready: u32, on_grid: bool) {
+    fn read_all(
+        &mut self,
+        read: &mut impl FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault>,
+        converters: &mut [&mut dyn Converter],
+        ready: u32,
+        on_grid: bool,
+    ) {
         let mut first = 0;
         for (k, (chip, converter)) in self.chips.iter_mut().zip(converters).enumerate() {
             let inputs = first..usize::saturating_add(first, converter.channels());
@@ -374,7 +401,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             let is_ready = has(ready, k);
             let settling = self.settling > 0;
             let mut found = chip.read(
-                &mut **converter,
+                &mut |counts: &mut [i32]| read(k, &mut **converter, counts),
                 counts,
                 (is_ready, settling),
                 &mut self.faults,

@@ -48,7 +48,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
 use heapless::spsc::Producer;
-use sequencer::{Conversion, Edge, Event, Sequencer};
+use sequencer::{Edge, Event, Sequencer};
 
 /// Checks for silent converters per second.
 const WATCHES: u64 = 10;
@@ -227,15 +227,14 @@ where
             return false;
         };
         let event = Event::Edge(Edge { ready, ..edge });
-        let complete = self.sequencer.handle(event, &mut self.lanes);
-        complete.is_some_and(|conversion| self.hand_over(conversion))
+        self.sequencer.handle(event, &mut self.lanes) && self.hand_over()
     }
 
     /// Handles an interrupt of a lane. `true` if there is a new sample. To be followed by
     /// [`Self::resume`].
     pub fn lane(&mut self, lane: usize) -> bool {
-        let complete = self.sequencer.handle(Event::Lane(lane), &mut self.lanes);
-        complete.is_some_and(|conversion| self.hand_over(conversion))
+        let lane = Event::Lane(lane);
+        self.sequencer.handle(lane, &mut self.lanes) && self.hand_over()
     }
 
     /// Begins with the edge that came while another one was being read, if any; to be called after the
@@ -246,8 +245,7 @@ where
             self.acquisition.doubt(self.emptied);
         }
         self.emptied = 0;
-        let complete = self.sequencer.resume(&mut self.lanes);
-        complete.is_some_and(|conversion| self.hand_over(conversion))
+        self.sequencer.resume(&mut self.lanes) && self.hand_over()
     }
 
     /// The lanes.
@@ -259,20 +257,14 @@ where
         self.sequencer.handle(Event::Stop, &mut self.lanes);
     }
 
-    /// Decodes a conversion, and passes the sample on. `true` if there is one.
-    fn hand_over(&mut self, conversion: Conversion) -> bool {
+    /// Decodes the conversion that is complete, and passes the sample on. `true` if there is one.
+    fn hand_over(&mut self) -> bool {
+        let conversion = self.sequencer.conversion();
         let at = conversion.edge.at;
         let is_waiting = self.sequencer.is_waiting();
         let (acquisition, lanes) = (&mut self.acquisition, &self.lanes);
         let (sample, emptied) = self.converters.with(|all, synchronise| {
-            acquire(
-                acquisition,
-                all,
-                synchronise,
-                &conversion,
-                lanes,
-                is_waiting,
-            )
+            acquire(acquisition, all, synchronise, conversion, lanes, is_waiting)
         });
         self.emptied |= emptied;
         let is_new = pass_on(sample, at, &mut self.ends.frames, &mut self.dropped);

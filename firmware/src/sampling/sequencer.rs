@@ -113,35 +113,42 @@ impl<const LANES: usize> Sequencer<LANES> {
         self.next.is_some()
     }
 
-    /// Handles an event; the conversion that is complete with it, if any.
+    /// The conversion that is read, or was complete last.
+    #[must_use]
+    pub const fn conversion(&self) -> &Conversion {
+        &self.current
+    }
+
+    /// Handles an event. `true` if [`Self::conversion`] is complete with it.
     #[inline]
-    pub fn handle(&mut self, event: Event, lanes: &mut impl Lanes) -> Option<Conversion> {
+    pub fn handle(&mut self, event: Event, lanes: &mut impl Lanes) -> bool {
         match (event, self.state) {
             (Event::Lane(lane), State::Reading) => self.advance(lane, lanes),
-            (Event::Lane(_), _) => None,
+            (Event::Lane(_), _) => false,
             (Event::Edge(edge), State::Rest) => self.begin(edge, lanes),
             (Event::Edge(edge), _) => self.wait(edge, lanes),
             (Event::Stop, _) => {
                 self.abort(lanes);
                 self.next = None;
                 self.state = State::Rest;
-                None
+                false
             }
         }
     }
 
-    /// Ends the use of the last conversion's bytes, and begins with the edge that waits, if any.
-    pub fn resume(&mut self, lanes: &mut impl Lanes) -> Option<Conversion> {
+    /// Ends the use of the last conversion's bytes, and begins with the edge that waits, if any. `true` if
+    /// its conversion is complete at once.
+    pub fn resume(&mut self, lanes: &mut impl Lanes) -> bool {
         if self.state == State::Reading {
-            return None;
+            return false;
         }
         self.state = State::Rest;
-        let edge = self.next.take()?;
-        self.begin(edge, lanes)
+        let next = self.next.take();
+        next.is_some_and(|edge| self.begin(edge, lanes))
     }
 
-    /// Begins to read the conversion of an edge.
-    fn begin(&mut self, edge: Edge, lanes: &mut impl Lanes) -> Option<Conversion> {
+    /// Begins to read the conversion of an edge. `true` if it is complete at once.
+    fn begin(&mut self, edge: Edge, lanes: &mut impl Lanes) -> bool {
         self.state = State::Reading;
         self.current = Conversion {
             edge,
@@ -177,14 +184,18 @@ impl<const LANES: usize> Sequencer<LANES> {
         }
     }
 
-    /// Handles an interrupt of a lane.
-    fn advance(&mut self, lane: usize, lanes: &mut impl Lanes) -> Option<Conversion> {
-        let running = self.running.get_mut(lane)?;
-        let place = (*running)?;
-        let step = self.order.get(lane)?.get(place)?;
+    /// Handles an interrupt of a lane. `true` if the conversion is complete.
+    fn advance(&mut self, lane: usize, lanes: &mut impl Lanes) -> bool {
+        let places = self.running.get_mut(lane).zip(self.order.get(lane));
+        let Some((running, steps)) = places else {
+            return false;
+        };
+        let Some((place, step)) = running.and_then(|place| Some((place, steps.get(place)?))) else {
+            return false;
+        };
         match lanes.progress(lane) {
             // An interrupt of a frame that was broken off.
-            Progress::Running => return None,
+            Progress::Running => return false,
             Progress::Done | Progress::ByDriver => self.current.read |= step.bit(),
             Progress::Failed => self.current.failed |= step.bit(),
         }
@@ -193,26 +204,26 @@ impl<const LANES: usize> Sequencer<LANES> {
         self.completed()
     }
 
-    /// The conversion, if no frame of it runs.
-    fn completed(&mut self) -> Option<Conversion> {
+    /// `true` if no frame of the conversion runs.
+    fn completed(&mut self) -> bool {
         if self.running.iter().any(Option::is_some) {
-            return None;
+            return false;
         }
         self.state = State::Complete;
         // A converter with several frames has failed with one of them.
         self.current.read &= !self.current.failed;
-        Some(self.current)
+        true
     }
 
-    /// Keeps an edge that comes before the last one's conversion is done with.
-    fn wait(&mut self, edge: Edge, lanes: &mut impl Lanes) -> Option<Conversion> {
+    /// Keeps an edge that comes before the last one's conversion is done with. `true` if it ends that.
+    fn wait(&mut self, edge: Edge, lanes: &mut impl Lanes) -> bool {
         let waiting = self.next.take();
         self.lost = self.lost.saturating_add(u32::from(waiting.is_some()));
         let is_second = waiting.is_some() || edge.is_merged;
         if self.state == State::Complete || !is_second {
             let is_merged = is_second;
             self.next = Some(Edge { is_merged, ..edge });
-            return None;
+            return false;
         }
         // The conversion that was being read is lost; the newest edge stands for it.
         self.lost = self.lost.saturating_add(1);
@@ -223,7 +234,7 @@ impl<const LANES: usize> Sequencer<LANES> {
             failed: edge.ready,
         };
         self.state = State::Complete;
-        Some(self.current)
+        true
     }
 
     fn abort(&mut self, lanes: &mut impl Lanes) {
