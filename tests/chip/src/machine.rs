@@ -262,9 +262,10 @@ impl Machine {
                 return true;
             }
         }
-        // What is asked for in the very cycle in which it falls asleep wakes it at once.
+        // What was asked for before it fell asleep, or in that very cycle, wakes it at once.
         let is_asked = std::mem::take(&mut self.is_asked);
-        if self.cpu.is_asleep() && !is_asked || self.cpu.is_locked_up() {
+        let is_pending = || self.cpu.with_sys(|sys| sys.highest_pending().is_some());
+        if self.cpu.is_asleep() && !is_asked && !is_pending() || self.cpu.is_locked_up() {
             let to = self.next.min(end).min(self.time.0 + self.until_systick());
             self.stand_still(to.max(self.time.0 + 1));
         }
@@ -402,6 +403,10 @@ impl Port for Machine {
     /// Time of the chip passes more slowly than that of the host.
     fn patience(&self) -> Duration {
         Duration::from_secs(30)
+    }
+
+    fn longest_work(&self) -> Duration {
+        Duration::from_secs(600)
     }
 
     fn seconds(&self) -> f64 {

@@ -14,7 +14,7 @@ use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::wire::{Event, Health, Stream};
 
 use crate::sampling::{stream, volts, wire};
-use crate::{GOOD, boot, clean};
+use crate::{GOOD, boot, lossless};
 
 /// Inputs of three converters.
 const INPUTS: u8 = 24;
@@ -136,5 +136,5 @@ fn every_fault_is_named_for_its_inputs() {
         assert_eq!(named, inputs.collect::<Vec<_>>(), "{name}");
     }
     drop(client);
-    clean(&machine);
+    lossless(&mut machine);
 }

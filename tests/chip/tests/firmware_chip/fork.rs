@@ -27,7 +27,7 @@ use crate::faults::CASES;
 use crate::sampling::stream;
 use crate::stand_in::bench::Heard;
 use crate::stand_in::{StandIn, pieces};
-use crate::{GOOD, boot, clean};
+use crate::{GOOD, boot, lossless};
 
 /// Seconds of a run.
 fn seconds() -> f64 {
@@ -242,7 +242,7 @@ fn the_fork_has_the_bits_of_the_host_from_voltages_to_its_ten_numbers() {
     assert_eq!(found.answer, of_host.answer);
     let faults = client.hello().unwrap().faults;
     drop(client);
-    clean(&machine);
+    lossless(&mut machine);
     assert_eq!(faults, FaultCounters::default());
 
     let mass = found.answer.identification.mass;
@@ -296,7 +296,7 @@ fn each_of_the_seven_faults_is_named_in_a_run_and_rejects_its_blocks() {
     client.listen(Duration::from_secs(2)).unwrap();
     let summary = client.stop().unwrap();
     drop(client);
-    clean(&machine);
+    lossless(&mut machine);
     assert_eq!(summary.outcome, Outcome::Stopped);
     let mut all: Vec<Health> = Trouble::ALL.iter().map(|trouble| trouble.flag()).collect();
     all.sort_unstable_by_key(|health| health.0);

@@ -13,7 +13,7 @@ use massline_firmware::wire::{
     Circuit, Event, FaultCounters, Request, Setting, Stream, Subscription, Values,
 };
 
-use crate::{GOOD, boot, clean};
+use crate::{GOOD, boot, lossless};
 
 /// Inputs that are wired: all of three converters, two of the fourth.
 const INPUTS: u8 = 26;
@@ -86,7 +86,7 @@ fn every_sample_on_the_link_is_one_of_the_converters() {
     client.tell(&stream(Stream::Off)).unwrap();
     let faults = client.hello().unwrap().faults;
     drop(client);
-    clean(&machine);
+    lossless(&mut machine);
     assert_eq!(faults, FaultCounters::default());
 
     let rows = rows.borrow();
