@@ -67,9 +67,13 @@ impl Registers {
         self.cr1().modify(|_, w| w.spe().set_bit());
     }
 
-    /// Waits until the clock has come to rest, `false` if it does not.
+    /// Waits until all words are out and the clock has come to rest, `false` if it does not.
     pub fn rest(&self) -> bool {
-        within_reason(|| self.sr().read().bsy().bit_is_clear()).is_ok()
+        let is_at_rest = || {
+            let status = self.sr().read();
+            status.txe().bit_is_set() && status.bsy().bit_is_clear()
+        };
+        within_reason(is_at_rest).is_ok()
     }
 
     /// Takes what was received and not read.

@@ -68,12 +68,19 @@ static READY: AtomicU32 = AtomicU32::new(0);
 static AT: AtomicU32 = AtomicU32::new(0);
 
 /// `true` if there is an edge that the sampling task has not seen yet.
+#[inline]
 pub fn is_noted() -> bool {
     READY.load(Ordering::Relaxed) != 0
 }
 
 /// The last edge since the last call, with the lines that were low a microsecond later.
+#[inline]
 pub fn take() -> Option<Edge> {
+    // At most ends of frames there is none.
+    if is_noted() { take_noted() } else { None }
+}
+
+fn take_noted() -> Option<Edge> {
     let (noted, at) = cortex_m::interrupt::free(|_| {
         (READY.swap(0, Ordering::Relaxed), AT.load(Ordering::Relaxed))
     });

@@ -187,8 +187,9 @@ impl Lanes for DmaLanes {
 
     fn abort(&mut self, lane: usize) {
         if let Some(lane) = self.lanes.get(lane) {
-            // The sender first, so that no word begins any more.
+            // The sender first, so that no word begins any more; those on their way are still received.
             lane.send.stop();
+            lane.bus.rest();
             lane.receive.stop();
             lane.end();
             lane.bus.forget();

@@ -20,11 +20,18 @@ pub(super) enum Sample<'a> {
     Computed(&'a [f32]),
 }
 
+/// Places behind those of the sensors: the drive's, and that of channels without a role.
+const DRIVE: usize = SENSORS;
+const UNUSED: usize = SENSORS + 1;
+
 /// Calibration and role of a channel.
 #[derive(Clone, Copy, Debug)]
 struct Route {
     channel: Channel,
-    carries: ChannelRole,
+    /// Place of its readings: the number of a sensor, [`DRIVE`] or [`UNUSED`].
+    place: u8,
+    /// Faults that count: none of a channel without a role.
+    faults: u16,
 }
 
 /// Channels of a run at work.
@@ -33,10 +40,9 @@ pub(super) struct Channels {
     routes: heapless::Vec<Route, CHANNELS>,
     /// SI by channel.
     readings: [f32; CHANNELS],
-    /// SI by sensor.
-    sensors: [f32; SENSORS],
+    /// SI by place.
+    places: [f32; UNUSED + 1],
     sensors_used: usize,
-    drive: f32,
     /// Faults of each channel at the last sample.
     health: [u16; CHANNELS],
 }
@@ -47,9 +53,8 @@ impl Channels {
         Self {
             routes: heapless::Vec::new(),
             readings: [0.0; CHANNELS],
-            sensors: [0.0; SENSORS],
+            places: [0.0; UNUSED + 1],
             sensors_used: 0,
-            drive: 0.0,
             health: [0; CHANNELS],
         }
     }
@@ -58,15 +63,23 @@ impl Channels {
     pub(super) fn begin(&mut self, sensors: usize) {
         self.routes.clear();
         self.readings.fill(0.0);
-        self.sensors.fill(0.0);
-        self.sensors_used = sensors;
-        self.drive = 0.0;
+        self.places.fill(0.0);
+        self.sensors_used = sensors.min(SENSORS);
         self.health.fill(0);
     }
 
     /// Adds the next channel of a sample; one that finds no room is left out.
     pub(super) fn add(&mut self, carries: ChannelRole, channel: Channel) {
-        let _ = self.routes.push(Route { channel, carries });
+        let place = match carries {
+            ChannelRole::Sensor(sensor) if usize::from(sensor) < SENSORS => usize::from(sensor),
+            ChannelRole::Drive => DRIVE,
+            ChannelRole::Sensor(_) | ChannelRole::Unused => UNUSED,
+        };
+        let _ = self.routes.push(Route {
+            channel,
+            place: place as u8,
+            faults: if place == UNUSED { 0 } else { u16::MAX },
+        });
     }
 
     /// Number of channels.
@@ -90,28 +103,19 @@ impl Channels {
         index: u64,
         out: &mut impl Transmit,
     ) -> Health {
-        let mut all = 0;
-        let mut changed = false;
-        let routes = self.routes.iter_mut().zip(&mut self.readings);
-        for (c, ((route, reading), last)) in (0..CHANNELS).zip(routes.zip(&mut self.health)) {
-            let (si, health) = read(sample, c, &mut route.channel);
-            let si = if si.is_finite() { si } else { 0.0 };
-            *reading = si;
-            match route.carries {
-                ChannelRole::Sensor(sensor) => {
-                    if let Some(slot) = self.sensors.get_mut(usize::from(sensor)) {
-                        *slot = si;
-                    }
-                }
-                ChannelRole::Drive => self.drive = si,
-                // A channel without a role is not used, so its faults do not count.
-                ChannelRole::Unused => continue,
-            }
-            changed |= *last != health.0;
-            *last = health.0;
-            all |= health.0;
-        }
-        if changed {
+        // Those of the converters come thousands of times a second, and counts are numbers always.
+        let (all, changed) = if let Sample::Counts { counts, health, .. } = sample {
+            self.take_by(|c, channel| {
+                let known = health.get(c).copied().unwrap_or(Health::GOOD);
+                counts.get(c).map_or(MISSING, |x| channel.count(*x, known))
+            })
+        } else {
+            self.take_by(|c, channel| {
+                let (si, health) = read(sample, c, channel);
+                (if si.is_finite() { si } else { 0.0 }, health)
+            })
+        };
+        if changed != 0 {
             let known = self.health.get(..self.routes.len()).unwrap_or(&[]);
             out.event(&Event::Health(ChannelHealth {
                 sample: index,
@@ -121,6 +125,30 @@ impl Channels {
         Health(all)
     }
 
+    /// Takes the sample whose channels `read` reads. The faults that it has, and those of any channel that
+    /// have come or gone.
+    #[inline(always)]
+    fn take_by(&mut self, read: impl Fn(usize, &mut Channel) -> (f32, Health)) -> (u16, u16) {
+        let (mut all, mut changed) = (0, 0);
+        // One list and numbers: lists side by side are slow where code is small.
+        for (c, route) in (0..CHANNELS).zip(self.routes.as_mut_slice()) {
+            let (Some(reading), Some(last)) = (self.readings.get_mut(c), self.health.get_mut(c))
+            else {
+                break;
+            };
+            let (si, Health(health)) = read(c, &mut route.channel);
+            let found = health & route.faults;
+            changed |= *last ^ found;
+            all |= found;
+            *last = found;
+            *reading = si;
+            if let Some(place) = self.places.get_mut(usize::from(route.place)) {
+                *place = si;
+            }
+        }
+        (all, changed)
+    }
+
     /// SI by channel.
     pub(super) fn readings(&self) -> &[f32] {
         self.readings.get(..self.routes.len()).unwrap_or(&[])
@@ -128,33 +156,32 @@ impl Channels {
 
     /// SI by sensor.
     pub(super) fn sensors(&self) -> &[f32] {
-        self.sensors.get(..self.sensors_used).unwrap_or(&[])
+        self.places.get(..self.sensors_used).unwrap_or(&[])
     }
 
     /// The drive signal, in its own unit.
     pub(super) fn drive(&self) -> f32 {
-        self.drive
+        self.places.get(DRIVE).copied().unwrap_or(0.0)
     }
 }
 
+/// Of a channel that the sample does not have.
+const MISSING: (f32, Health) = (0.0, Health::MISSING);
+
 fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
-    let missing = (0.0, Health::MISSING);
     // A value's place in a message is below the message's length, which is one frame at most.
     let place = |at: &usize| at.wrapping_add(c);
     match sample {
         Sample::Host(Values::Readings(list), at) => list
             .get(place(at))
-            .map_or(missing, |x| channel.reading(x, Health::GOOD)),
+            .map_or(MISSING, |x| channel.reading(x, Health::GOOD)),
         Sample::Host(Values::Counts(list), at) => list
             .get(place(at))
-            .map_or(missing, |x| channel.count(x, Health::GOOD)),
+            .map_or(MISSING, |x| channel.count(x, Health::GOOD)),
         Sample::Host(Values::Counts24(list), at) => list
             .get(place(at))
-            .map_or(missing, |x| channel.count(x.get(), Health::GOOD)),
-        Sample::Counts { counts, health, .. } => {
-            let known = health.get(c).copied().unwrap_or(Health::GOOD);
-            counts.get(c).map_or(missing, |x| channel.count(*x, known))
-        }
-        Sample::Computed(list) => list.get(c).map_or(missing, |x| (*x, Health::GOOD)),
+            .map_or(MISSING, |x| channel.count(x.get(), Health::GOOD)),
+        Sample::Counts { .. } => MISSING,
+        Sample::Computed(list) => list.get(c).map_or(MISSING, |x| (*x, Health::GOOD)),
     }
 }

@@ -62,6 +62,12 @@ impl Chip {
         }
     }
 
+    /// `true` if pulses at its SYNC pin sample, `false` if its own clock does.
+    #[must_use]
+    pub fn is_led(&self) -> bool {
+        self.register(at::SYNC) & 0b11 != 0
+    }
+
     /// Converts the acceleration along the axes, in units of standard gravity.
     pub fn convert(&mut self, g: [f64; 3]) {
         if self.register(at::POWER_CTL) & at::STANDBY != 0 {

@@ -18,8 +18,10 @@ pub const BUSES: usize = 3;
 const OWN: usize = 2;
 /// Names of the buses, and alternate functions of their pins (data sheet, table 9).
 const FUNCTIONS: [(&str, u32); BUSES] = [("SPI2", 5), ("SPI3", 6), ("SPI1", 5)];
-/// Samples of the ADXL355 in a second.
+/// Samples of the ADXL355 in a second by its own clock.
 const ADXL_HZ: u32 = 4000;
+/// Converter whose DRDY line leads to its SYNC pin.
+const LEADER: usize = 0;
 
 /// Voltage at an input, V, and acceleration along an axis, in units of standard gravity, at a cycle of
 /// the converters' clock.
@@ -133,6 +135,11 @@ impl Bench {
                     core::array::from_fn(|channel| signal(CHANNELS * k + channel, cycle));
                 place.chip.convert(&volts);
                 place.wires.lost_edges = place.wires.lost_edges.saturating_sub(1);
+                if k == LEADER && self.adxl.is_led() {
+                    let g =
+                        core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle));
+                    self.adxl.convert(g);
+                }
                 if place.chip.is_ready() {
                     fallen.push(place.ready);
                     let counts = core::array::from_fn(|channel| {
@@ -143,10 +150,12 @@ impl Bench {
             }
         }
         while self.adxl_next <= now {
-            let cycle = counted(self.adxl_next, CLOCK_HZ);
-            let signal = &mut self.signal;
-            let g = core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle));
-            self.adxl.convert(g);
+            if !self.adxl.is_led() {
+                let cycle = counted(self.adxl_next, CLOCK_HZ);
+                let signal = &mut self.signal;
+                let g = core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle));
+                self.adxl.convert(g);
+            }
             self.adxl.pass_ns(periods(1, ADXL_HZ) / 1000);
             self.adxl_next += periods(1, ADXL_HZ);
         }

@@ -73,6 +73,8 @@ pub struct Machine {
     pub resets: Vec<Reset>,
     /// Bytes from the chip that nobody has received yet.
     received: VecDeque<u8>,
+    /// Instructions and begins of exceptions since the supply came.
+    instructions: u64,
 }
 
 fn lock(chip: &Mutex<Chip>) -> MutexGuard<'_, Chip> {
@@ -179,6 +181,7 @@ impl Machine {
             random,
             resets: vec![Reset::Power],
             received: VecDeque::new(),
+            instructions: 0,
         };
         machine.begin();
         machine
@@ -212,6 +215,12 @@ impl Machine {
     #[must_use]
     pub const fn time(&self) -> u64 {
         self.time.0
+    }
+
+    /// Instructions and begins of exceptions since the supply came.
+    #[must_use]
+    pub const fn instructions(&self) -> u64 {
+        self.instructions
     }
 
     /// The supply is cut; what lasts without it.
@@ -270,6 +279,7 @@ impl Machine {
             self.stand_still(to.max(self.time.0 + 1));
         }
         let used = self.step();
+        self.instructions += 1;
         let fraction = self.time.1 + used * self.cycle.0;
         self.time = (
             self.time.0 + (fraction >> 32),

@@ -6,6 +6,7 @@
 mod clocks;
 mod faults;
 mod fork;
+mod load;
 mod sampling;
 mod settings;
 #[path = "../../../tests/stand_in/mod.rs"]
