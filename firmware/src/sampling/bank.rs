@@ -70,20 +70,14 @@ const ADXL: [Step; 2] = {
     ]
 };
 
-/// Fastest sample rate of a box, Hz: at twice this rate more than the processor has time for, see the
-/// table of load in the firmware's README.
-pub const FASTEST_HZ: f64 = 8192.0;
+/// Fastest sample rate of a box, Hz: at twice this rate 32 channels leave no time for anything else, and
+/// every second sample of the ADXL355, whose filter gives 4000 values a second at most, would be a
+/// repetition.
+pub const FASTEST_HZ: f64 = 4096.0;
 
-/// The next sample rates below and above `rate`, Hz, of these converters, by bits; equal if they have
-/// this rate.
-pub(super) fn rates_near(rate: f64, used: u32) -> [f64; 2] {
-    let has_follower = used >> CONVERTERS != 0;
-    let fastest = if has_follower {
-        adxl355::RATE_MAX
-    } else {
-        FASTEST_HZ
-    };
-    Oversampling::neighbours(rate, CLOCK_HZ).map(|near| near.min(fastest))
+/// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
+pub(super) fn rates_near(rate: f64) -> [f64; 2] {
+    Oversampling::neighbours(rate, CLOCK_HZ).map(|near| near.min(FASTEST_HZ))
 }
 
 /// The converters of a box, behind their buses.

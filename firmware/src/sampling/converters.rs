@@ -72,19 +72,18 @@ where
     }
 
     /// Bits of all ready converters, from the low DRDY lines: a converter without a line is ready
-    /// with the majority of the others, unless it is left out. `None` if the edge is of one that is.
+    /// with the majority of the others. `None` if the edge is of a converter that is left out.
     pub(super) const fn with_followers(&self, ready: u32) -> Option<u32> {
         let used = self.in_use(ready);
         if used == 0 && ready != 0 {
             return None;
         }
         let is_majority = 2 * used.count_ones() >= self.in_use(u32::MAX).count_ones();
-        let follower = (is_majority as u32) << CONVERTERS;
-        Some(used | follower & !self.left_out)
+        Some(used | (is_majority as u32) << CONVERTERS)
     }
 
     /// Chooses rate and gains, and returns the bits of the converters that are left out: those
-    /// without an input in use that do not answer, or do not have the rate.
+    /// without an input in use that do not answer.
     ///
     /// # Errors
     ///
@@ -94,19 +93,15 @@ where
         let used = plan.used;
         let (left_out, first) = self.with(|converters, _| {
             let mut gains = &plan.gains[..];
-            let mut left_out = 0;
             for (k, converter) in (0..).zip(converters.iter_mut()) {
                 let channels = converter.channels();
-                match converter.choose(plan.rate, gains) {
-                    Ok(()) => {}
-                    Err(_) if used >> k & 1 == 0 => left_out |= 1 << k,
-                    Err(fault) => return Err((k, fault)),
-                }
+                converter.choose(plan.rate, gains).map_err(|f| (k, f))?;
                 gains = gains.get(channels..).unwrap_or(&[]);
             }
             let mut first: Option<Fault> = None;
+            let mut left_out = 0;
             for (k, converter) in converters.iter_mut().enumerate() {
-                if (used | left_out) >> k & 1 == 0
+                if used >> k & 1 == 0
                     && let Err(fault) = converter.prepare()
                 {
                     first = first.or(Some(fault));

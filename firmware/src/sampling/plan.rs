@@ -26,9 +26,13 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`Problem::Range`] if the converters in use do not have this rate; its ends are the next rates
-    /// that they have.
+    /// [`Problem::Range`] if the converters do not have this rate; its ends are the next rates that
+    /// they have.
     pub fn new(settings: &Settings<INPUTS>, rate: f64, tick_hz: u32) -> Result<Self, Problem> {
+        let [low, high] = rates_near(rate);
+        if low != rate || high != rate {
+            return Err(Problem::range(Field::SampleRate, 0, rate, [low, high]));
+        }
         let mut plan = Self {
             period: (f64::from(tick_hz) / rate) as f32,
             rate,
@@ -49,10 +53,6 @@ impl Plan {
         }
         if plan.inputs == 0 {
             plan.inputs = INPUTS;
-        }
-        let [low, high] = rates_near(rate, plan.used);
-        if low != rate || high != rate {
-            return Err(Problem::range(Field::SampleRate, 0, rate, [low, high]));
         }
         Ok(plan)
     }

@@ -3,7 +3,7 @@
 use super::{Command, Failure, Plan, RawFrame};
 use heapless::spsc::{Consumer, Producer, Queue};
 
-/// Most samples in the queue: while a block is computed, some 22 come at the fastest rate
+/// Most samples in the queue: while a block is computed, some 10 come at 4096 samples/s
 /// (`tests/tests/firmware_budget.rs`).
 pub const WAITING: usize = 32;
 

@@ -19,9 +19,6 @@ pub const SPI_MODE: Mode = MODE_0;
 pub const SPI_HZ_MAX: u32 = 10_000_000;
 /// Axes.
 pub const CHANNELS: usize = 3;
-/// Fastest rate at which samples may be read, Hz: the filters give 4000 a second at most, and at twice
-/// this rate every second one would be a repetition.
-pub const RATE_MAX: f64 = 4096.0;
 
 /// Addresses of registers.
 pub mod registers {
@@ -224,9 +221,6 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
     }
 
     fn choose(&mut self, rate: f64, _: &[u8]) -> Result<(), Fault> {
-        if rate > RATE_MAX {
-            return Err(Fault::Unsupported);
-        }
         self.configuration = Configuration::following(rate);
         Ok(())
     }
