@@ -171,6 +171,13 @@ impl<const LEN: usize> Triangle<LEN> {
     /// All zero.
     pub(crate) const ZERO: Self = Self([0.0; LEN]);
 
+    /// Takes the entries from numbers of single precision in the same order.
+    pub(crate) fn copy_from(&mut self, entries: &[f32]) {
+        for (own, entry) in self.0.iter_mut().zip(entries) {
+            *own = f64::from(*entry);
+        }
+    }
+
     /// Makes it all zero.
     pub(crate) fn clear(&mut self) {
         self.0.fill(0.0);

@@ -183,9 +183,8 @@ pub(in crate::masslines) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     search: &mut PoleSearch,
     work: &'w mut [Complex<f64>],
 ) -> Result<(heapless::Vec<Pole, MAX_MODES>, Trace<'w>), MasslineError> {
-    let frequency = |k: usize| lines.frequency(fit.start + k);
-    let trace = fixed_trace(lines, energy, fit.clone(), work)?;
-    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
+    let trace = fixed_trace(lines, energy, fit, work)?;
+    let poles = find_poles(&trace, Residues::Positive, search);
     Ok((poles, trace))
 }
 
@@ -206,8 +205,9 @@ pub(in crate::masslines) fn fixed_trace<'w, L: Lines + ?Sized>(
         let (a, f) = (energy.aa[(j, j)], energy.ff[j]);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    power_like(lines, fit, &w, work);
-    Ok(Trace::new(work))
+    power_like(lines, fit.clone(), &w, work);
+    let frequency = |k: usize| lines.frequency(fit.start + k);
+    Ok(Trace::new(work, &frequency))
 }
 
 /// The scalar `Σ_runs a*f / a*W a` of each of the lines `fit`.
