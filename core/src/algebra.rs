@@ -171,6 +171,11 @@ impl<const LEN: usize> Triangle<LEN> {
     /// All zero.
     pub(crate) const ZERO: Self = Self([0.0; LEN]);
 
+    /// All entries, row after row.
+    pub(crate) fn entries_mut(&mut self) -> &mut [f64] {
+        &mut self.0
+    }
+
     /// Takes the entries from numbers of single precision in the same order.
     pub(crate) fn copy_from(&mut self, entries: &[f32]) {
         for (own, entry) in self.0.iter_mut().zip(entries) {

@@ -1,5 +1,6 @@
 //! Averaged lines about another reference point: exact, nothing is averaged again.
 
+use super::driven::Driven;
 use super::lines::{Amplitudes, Internals, Lines};
 use super::regression::between;
 use super::{MasslineError, Moments};
@@ -114,6 +115,10 @@ impl<L: Lines + ?Sized> Internals for Moved<'_, L> {
         let (force, moment) = f.as_mut_slice().split_at_mut(3);
         take_cross(moment, &self.shift, force);
         Some(pair)
+    }
+
+    fn driven(&self) -> Option<Driven<'_>> {
+        Some(self.lines.driven()?.moved(&self.shift))
     }
 
     fn pair_weight(&self, run: usize, line: usize) -> f64 {

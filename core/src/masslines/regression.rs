@@ -7,14 +7,15 @@
 //! the forces that go with them. Nothing is lost: least squares on these pairs with any
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
+use super::driven::{Columns, Functions, Whole};
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{
     Triangle, inverse_lower, lower, multiply_left, multiply_right, not_negative, triangle_len,
 };
 use crate::cells::{cells, seen};
-use crate::geometry::Equations;
+use crate::geometry::{Equations, transfer};
 use core::ops::{AddAssign, Mul};
-use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector3, Vector6};
 
 /// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
@@ -144,10 +145,70 @@ impl Regression {
         self.count += equations;
     }
 
+    /// Adds all lines of `columns`, where the terms have the values of `functions`, that hold
+    /// `equations` real equations, to empty sums.
+    ///
+    /// Whole numbers are summed as they are, in the memory of the sums that they become at last.
+    pub(super) fn add_columns(
+        &mut self,
+        columns: &Columns<'_>,
+        functions: &dyn Fn(usize) -> Functions,
+        equations: f64,
+    ) {
+        let Self {
+            normal,
+            right,
+            power,
+            ..
+        } = self;
+        columns.visit(functions, |_, whole| {
+            let (forces, terms) = whole.split_at(6.min(whole.len()));
+            let mut rest = normal.entries_mut();
+            for (i, column) in terms.iter().enumerate() {
+                let Some((row, after)) = rest.split_at_mut_checked(i + 1) else {
+                    return;
+                };
+                add_whole(row, column, terms);
+                rest = after;
+            }
+            for (sums, force) in right.data.0.iter_mut().zip(forces) {
+                add_whole(sums, force, terms);
+            }
+            for (sums, force) in power.data.0.iter_mut().zip(forces) {
+                add_whole(sums, force, forces);
+            }
+        });
+        let mut rest = normal.entries_mut();
+        for i in 0..6 * self.terms {
+            let Some((row, after)) = rest.split_at_mut_checked(i + 1) else {
+                break;
+            };
+            settle(row, columns, 6 + i, 6);
+            rest = after;
+        }
+        for (j, sums) in right.data.0.iter_mut().enumerate() {
+            let used = sums.get_mut(..6 * self.terms).unwrap_or_default();
+            settle(used, columns, j, 6);
+        }
+        for (j, sums) in power.data.0.iter_mut().enumerate() {
+            settle(sums, columns, j, 0);
+        }
+        self.count += equations;
+    }
+
     /// Turns the sums over all lines into the regression's coordinates: once, and not for each line.
+    /// With a `shift`, m, amplitudes were those about the point from which that of the regression
+    /// lies so far away.
     #[inline(never)] // Its matrices are off the stack when it is solved.
-    pub(super) fn turn(&mut self) {
-        let (p, e) = (self.excitation.coordinates(), self.equations.rows());
+    pub(super) fn turn(&mut self, shift: Option<&Vector3<f64>>) {
+        let mut p = *self.excitation.coordinates();
+        let mut e = *self.equations.rows();
+        if let Some(shift) = shift {
+            // Of accelerations, T, and of resultants, T⁻ᵀ.
+            multiply_right(&mut p, &transfer(shift));
+            multiply_right(&mut e, &transfer(&-shift).transpose());
+        }
+        let (p, e) = (&p, &e);
         let mut block = NO_MATRIX;
         for t in 0..self.terms {
             for u in 0..=t {
@@ -583,6 +644,26 @@ where
                 }
             }
         }
+    }
+}
+
+/// Adds the products of `column` with others to whole numbers that lie in `sums` bit by bit.
+#[inline]
+fn add_whole(sums: &mut [f64], column: &Whole, others: &[Whole]) {
+    for (sum, other) in sums.iter_mut().zip(others) {
+        let whole = sum.to_bits().cast_signed() + column.product(other);
+        *sum = f64::from_bits(whole.cast_unsigned());
+    }
+}
+
+/// Makes the sums of whole numbers those of the numbers: of the column `own` with those from
+/// `first` on.
+#[inline(never)] // Once in the flash.
+fn settle(sums: &mut [f64], columns: &Columns<'_>, own: usize, first: usize) {
+    let unit = columns.unit(own);
+    for (j, sum) in sums.iter_mut().enumerate() {
+        let whole = sum.to_bits().cast_signed() as f64;
+        *sum = whole * unit * columns.unit(first + j);
     }
 }
 

@@ -16,6 +16,7 @@ use crate::cells::cells;
 use crate::geometry::transfer;
 use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
+use crate::masslines::driven::Columns;
 use crate::masslines::lines::{Internals, indices, two_a_line};
 use crate::masslines::moments::add_scaled;
 use crate::masslines::moved::Moved;
@@ -218,6 +219,11 @@ fn power_like<L: Lines + ?Sized>(
     w: &Vector6<f64>,
     into: &mut [Complex<f64>],
 ) {
+    let driven = lines.driven();
+    let done = driven.and_then(|runs| runs.power_like(fit.clone(), w, into));
+    if done.is_some() {
+        return;
+    }
     for (line, t) in fit.zip(into) {
         *t = Complex::new(0.0, 0.0);
         for run in 0..lines.runs() {
@@ -329,6 +335,23 @@ impl Fit<'_> {
         band: &Range<usize>,
         basis: &Basis,
     ) {
+        if let Some(driven) = lines.driven() {
+            let functions = |line: usize| {
+                let phi = basis.at(lines.frequency(line));
+                phi.map(|phi| Complex::new(phi.re as f32, phi.im as f32))
+            };
+            let terms = basis.terms();
+            let runs = 0..self.runs;
+            let columns = Columns::new(driven, &self.weights, runs, band, terms, &functions);
+            if let Some(columns) = columns {
+                // Real and imaginary part hold independently (chapter 6).
+                let equations = (0..self.runs).map(|run| 2.0 * lines.equations_per_line(run));
+                let count = equations.sum::<f64>() * band.len() as f64;
+                self.regression.add_columns(&columns, &functions, count);
+                self.regression.turn(Some(driven.shift()));
+                return;
+            }
+        }
         for line in band.clone() {
             let mut m = Moments::zero();
             let mut count = 0.0;
@@ -341,7 +364,7 @@ impl Fit<'_> {
             let phi = phi.get(..basis.terms()).unwrap_or(&phi);
             self.regression.add(&m, phi, count);
         }
-        self.regression.turn();
+        self.regression.turn(None);
     }
 
     /// Of the noise, the pairs hold only what lies along the excited directions.

@@ -3,9 +3,11 @@
 
 use super::{Basis, Fit};
 use crate::algebra::{multiply_left, multiply_right, not_negative};
-use crate::geometry::transfer;
+use crate::geometry::{RESULTANTS, transfer};
+use crate::masslines::driven::Driven;
 use crate::masslines::run_powers::RunPowers;
 use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
+use crate::spectra::Complex32;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 
@@ -63,11 +65,12 @@ impl Fit<'_> {
         }
         let models = models.get(..basis.terms()).unwrap_or(&[]);
         let runs = self.runs;
-        for line in band.clone() {
+        let solution = &*self.solution;
+        let model = |line: usize, model: &mut Complex6| {
             let phi = basis.at(lines.frequency(line));
-            let mut model = NO_MODEL;
+            model.fill(Complex::new(0.0, 0.0));
             for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
-                if !self.solution.has(t) {
+                if !solution.has(t) {
                     continue;
                 }
                 // The first term is one, others are real.
@@ -80,11 +83,21 @@ impl Fit<'_> {
                     }
                 }
             }
-            for (run, left) in left.iter_mut().enumerate().take(runs) {
-                *left += residual(lines, run, line, &equations, &model);
+        };
+        let left = left.get_mut(..runs).unwrap_or_default();
+        let driven = lines.driven();
+        let found = driven.and_then(|runs| in_single(runs, band, &equations, &model, left));
+        if found.is_none() {
+            left.fill(Vector6::zeros());
+            for line in band.clone() {
+                let mut of_line = NO_MODEL;
+                model(line, &mut of_line);
+                for (run, left) in left.iter_mut().enumerate() {
+                    *left += residual(lines, run, line, &equations, &of_line);
+                }
             }
         }
-        for (run, left) in left.iter_mut().enumerate().take(runs) {
+        for (run, left) in left.iter_mut().enumerate() {
             *left /= (lines.equations_per_line(run) * band.len() as f64).max(1.0);
         }
     }
@@ -165,6 +178,65 @@ fn move_equations(rows: &mut Matrix6<f64>, shift: &Vector3<f64>) {
         row[1] -= lost.y;
         row[2] -= lost.z;
     }
+}
+
+/// As the sum of [`residual`] over all lines of each run, for runs that are kept in single
+/// precision: what is left is in units of its own standard deviation, and rounding as small as that
+/// of the spectra. `None` if they are about another point, or single precision has no room.
+#[inline(never)] // Its model is on the stack only where it is needed.
+fn in_single(
+    runs: Driven<'_>,
+    band: &Range<usize>,
+    e: &Matrix6<f64>,
+    model: &dyn Fn(usize, &mut Complex6),
+    left: &mut [Vector6<f64>],
+) -> Option<()> {
+    if *runs.shift() != Vector3::zeros() {
+        return None;
+    }
+    // Row after row, accelerations before forces as the amplitudes are.
+    let mut rows = [[Complex32::new(0.0, 0.0); RESULTANTS]; 6];
+    for (row, e) in rows.iter_mut().zip(e.row_iter()) {
+        let (_, forces) = row.split_at_mut(6);
+        for (to, from) in forces.iter_mut().zip(e.iter()) {
+            to.re = *from as f32;
+        }
+    }
+    let mut sums = [[0.0_f32; 6]; MAX_RUNS];
+    let mut of_line = NO_MODEL;
+    for line in band.clone() {
+        model(line, &mut of_line);
+        for (row, model) in rows.iter_mut().zip(of_line.row_iter()) {
+            let (accelerations, _) = row.split_at_mut(6);
+            for (to, from) in accelerations.iter_mut().zip(model.iter()) {
+                *to = Complex32::new(from.re as f32, from.im as f32);
+            }
+        }
+        for (run, sums) in sums.iter_mut().enumerate().take(left.len()) {
+            let amplitudes = runs.scaled(run, line, 1.0)?;
+            let (accelerations, forces) = amplitudes.split_at(6);
+            for (sum, row) in sums.iter_mut().zip(&rows) {
+                let (model, e) = row.split_at(6);
+                let mut left = Complex32::new(0.0, 0.0);
+                for (f, e) in forces.iter().zip(e) {
+                    left += f * e.re;
+                }
+                for (a, model) in accelerations.iter().zip(model) {
+                    left -= model * a;
+                }
+                *sum += left.norm_sqr();
+            }
+        }
+    }
+    for (left, sums) in left.iter_mut().zip(&sums) {
+        for (left, sum) in left.iter_mut().zip(sums) {
+            if !sum.is_finite() {
+                return None;
+            }
+            *left = f64::from(*sum);
+        }
+    }
+    Some(())
 }
 
 /// Power that `model`, the apparent mass in the equations with the rows `e`, leaves in each of
