@@ -9,6 +9,7 @@
 use super::MAX_RUNS;
 use super::moments::Squares;
 use super::regression::MAX_TERMS;
+use crate::algebra::larger;
 use crate::geometry::{RESULTANTS, move_accelerations, move_forces};
 use crate::spectra::{Complex32, RunResponses};
 use core::ops::Range;
@@ -164,6 +165,17 @@ impl Whole {
         }
     }
 
+    /// Sum of whole numbers with whole coefficients.
+    #[inline]
+    pub(super) fn combined(columns: &[Self], coefficients: &[i32]) -> Complex32 {
+        let (mut re, mut im) = (0_i64, 0_i64);
+        for (z, c) in columns.iter().zip(coefficients) {
+            re += i64::from(z.re) * i64::from(*c);
+            im += i64::from(z.im) * i64::from(*c);
+        }
+        Complex32::new(re as f32, im as f32)
+    }
+
     /// Real part of the product with the conjugate of another one.
     #[inline]
     pub(super) fn product(&self, other: &Self) -> i64 {
@@ -184,6 +196,8 @@ pub(super) struct Columns<'a> {
     band: Range<usize>,
     /// Columns in use.
     count: usize,
+    /// Bits of the largest part of a column.
+    bits: u32,
     /// Reciprocals of the units, powers of two.
     per_unit: [f32; COLUMNS],
 }
@@ -223,6 +237,7 @@ impl<'a> Columns<'a> {
             runs,
             band: band.clone(),
             count: 6 + 6 * terms.min(MAX_TERMS),
+            bits,
             per_unit: [1.0; COLUMNS],
         };
         let mut largest = [0; COLUMNS];
@@ -272,7 +287,46 @@ impl<'a> Columns<'a> {
         f64::from(1.0 / self.per_unit.get(column).copied().unwrap_or(1.0))
     }
 
-    /// Shows the columns of every run at every line, and the number of the line.
+    /// Weight of a run.
+    pub(super) fn weight(&self, run: usize) -> f64 {
+        let root = f64::from(self.roots.get(run).copied().unwrap_or(1.0));
+        root * root
+    }
+
+    /// Leaves the coefficients of a sum over the columns as whole numbers in `row`, and returns the
+    /// unit of the sum. `None` if they are not finite, or have no unit in single precision.
+    ///
+    /// A sum does not overflow: of at most 2^6 columns, with parts below 2^b and coefficients of at
+    /// most `2^(56 - b)`, it stays below 2^62.
+    pub(super) fn whole_coefficients(
+        &self,
+        coefficient: &dyn Fn(usize) -> Option<f64>,
+        row: &mut [i32; COLUMNS],
+    ) -> Option<f32> {
+        let of = |column: usize| Some(coefficient(column)? * self.unit(column));
+        let mut largest = 0.0_f64;
+        for column in 0..self.count {
+            largest = larger(of(column)?.abs(), largest);
+        }
+        if largest == 0.0 {
+            row.fill(0);
+            return Some(0.0);
+        }
+        // The power of two above it.
+        let exponent = (largest.to_bits() >> 52) as u32;
+        let room = 1023 + 56 - self.bits;
+        // Of single precision, with squares.
+        if !(1023 - 90..1023 + 60).contains(&exponent) {
+            return None;
+        }
+        let per_unit = f64::from_bits(u64::from(1023 + room - 1 - exponent) << 52);
+        for (column, row) in row.iter_mut().enumerate().take(self.count) {
+            *row = (of(column)? * per_unit) as i32;
+        }
+        Some((1.0 / per_unit) as f32)
+    }
+
+    /// Shows the columns of every run at every line, and the number of the run.
     #[inline]
     pub(super) fn visit(
         &self,
@@ -301,7 +355,7 @@ impl<'a> Columns<'a> {
                         *whole = Whole::of(z * phi, *per_unit);
                     }
                 }
-                see(line, whole);
+                see(run, whole);
             }
         }
     }

@@ -88,10 +88,14 @@ pub(crate) fn find_poles(
 const WORTH: f64 = 20.0;
 /// Peaks that may turn out to be none before the search ends.
 const TRIES: usize = 6;
-/// Relative gain of a step at which a fit ends: while modes are looked for, and at last, where
-/// the cost is not known any better.
+/// Relative gain of a step at which a fit ends: while modes are looked for, and at last.
 const ROUGH: f64 = 1e-3;
-const FINE: f64 = 1e-6;
+const FINE: f64 = 1e-9;
+/// Relative gain that the cost in single precision does not show.
+const KNOWN: f64 = 1e-5;
+/// Cost of a line that fits to within rounding: a weight is no more than the inverse square of 2 %
+/// of the value, of which rounding is 2e-6.
+const ROUNDING: f64 = 1e-8;
 
 struct Fit {
     modes: usize,
@@ -118,6 +122,8 @@ struct Model {
 struct Mode {
     residue: f32,
     frequency: f32,
+    /// What single precision leaves of the frequency.
+    rest: f32,
     damping: f32,
     /// The quadrature residue over the frequency.
     quadrature: f32,
@@ -127,8 +133,8 @@ impl Mode {
     /// Reciprocal of the denominator of the amplification at `f` Hz.
     #[inline]
     fn inverse(&self, f: f32) -> Complex<f32> {
-        // Close to the resonance the difference is exact, that of squares would not be.
-        let re = (self.frequency - f) * (self.frequency + f);
+        // Close to the resonance the first difference is exact, that of squares would not be.
+        let re = (self.frequency - f + self.rest) * (self.frequency + f);
         let im = 2.0 * self.damping * self.frequency * f;
         let scale = 1.0 / (re * re + im * im);
         Complex::new(re * scale, -im * scale)
@@ -255,6 +261,7 @@ impl Fit {
             *mode = Mode {
                 residue: p[at] as f32,
                 frequency: p[at + 1] as f32,
+                rest: (p[at + 1] - f64::from(p[at + 1] as f32)) as f32,
                 damping: p[at + 2] as f32,
                 quadrature: match self.residues {
                     Residues::Positive => 0.0,
@@ -353,17 +360,31 @@ impl Fit {
         let n = self.unknowns();
         let mut lambda = 1e-3;
         let mut cost = self.model(&self.parameters).cost(trace);
+        let rounding = ROUNDING * trace.len() as f64;
+        let mut last = f64::INFINITY;
         for _ in 0..STEPS {
             self.model(&self.parameters).add_up(trace, n + 1, sums);
             let mut improved = false;
             while lambda < 1e9 {
-                let Some(tried) = self.step(n, sums, lambda, damped) else {
+                let Some((tried, promise)) = self.step(n, sums, lambda, damped) else {
                     lambda *= 10.0;
                     continue;
                 };
+                let promise = promise / (cost + rounding);
+                if promise < KNOWN {
+                    // The gradient is known better than the cost, until it is rounding, too.
+                    self.parameters = tried;
+                    lambda *= 0.1;
+                    improved = promise > end && promise < 0.5 * last;
+                    last = promise;
+                    break;
+                }
+                if promise < end {
+                    break;
+                }
                 let tried_cost = self.model(&tried).cost(trace);
                 if tried_cost < cost {
-                    let gain = (cost - tried_cost) / cost;
+                    let gain = (cost - tried_cost) / (cost + rounding);
                     self.parameters = tried;
                     cost = tried_cost;
                     lambda *= 0.1;
@@ -380,27 +401,33 @@ impl Fit {
     }
 
     /// The parameters after a step with Marquardt's factor `lambda`, from the sums of `n`
-    /// unknowns. `None` if the system cannot be solved.
+    /// unknowns, and how much less a linear model would cost there. `None` if the system cannot be
+    /// solved.
     fn step(
         &self,
         n: usize,
         sums: &[f32],
         lambda: f64,
         damped: &mut Triangle<{ triangle_len(UNKNOWNS) }>,
-    ) -> Option<Parameters> {
+    ) -> Option<(Parameters, f64)> {
         let (normal, right) = sums.split_at_checked(triangle_len(n))?;
         damped.copy_from(normal);
-        let diagonal = &mut cells(damped);
-        for i in 0..n {
-            diagonal[(i, i)] *= 1.0 + lambda;
+        let (diagonal, mut excess) = (&mut cells(damped), Parameters::zeros());
+        for (i, excess) in excess.iter_mut().enumerate().take(n) {
+            *excess = lambda * diagonal[(i, i)];
+            diagonal[(i, i)] += *excess;
         }
         let mut step = Parameters::zeros();
         for (step, right) in step.iter_mut().zip(right).take(n) {
             *step = f64::from(*right);
         }
         solve_positive(damped, step.as_mut_slice(), n)?;
+        let mut promise = 0.0;
+        for ((step, excess), right) in step.iter().zip(&excess).zip(right).take(n) {
+            promise += step * (step * excess + f64::from(*right));
+        }
         step += self.parameters;
-        Some(self.bounded(&step))
+        Some((self.bounded(&step), promise))
     }
 
     fn bounded(&self, p: &Parameters) -> Parameters {

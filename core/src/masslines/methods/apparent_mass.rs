@@ -16,7 +16,7 @@ use crate::cells::cells;
 use crate::geometry::transfer;
 use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
-use crate::masslines::driven::Columns;
+use crate::masslines::driven::{Columns, Driven, Functions};
 use crate::masslines::lines::{Internals, indices, two_a_line};
 use crate::masslines::moments::add_scaled;
 use crate::masslines::moved::Moved;
@@ -140,14 +140,16 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
         runs: lines.runs(),
         noise: NO_MATRIX,
         power: Vector6::zeros(),
+        columns: None,
     };
+    let driven = lines.driven();
     fit.regression
         .begin(&set.equations, basis.terms(), lines.correlation());
-    fit.solve(lines, &band, &basis, &energy)?;
+    fit.solve(lines, driven, &band, &basis, &energy)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
-    fit.solve(lines, &band, &basis, &energy)?;
+    fit.solve(lines, driven, &band, &basis, &energy)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(given, shift, &band, &basis);
@@ -276,6 +278,17 @@ impl Basis {
         1 + self.poles.len()
     }
 
+    /// Values at each line, in single precision.
+    pub(in crate::masslines) fn functions<L: Lines + ?Sized>(
+        &self,
+        lines: &L,
+    ) -> impl Fn(usize) -> Functions {
+        |line| {
+            let phi = self.at(lines.frequency(line));
+            phi.map(|phi| Complex::new(phi.re as f32, phi.im as f32))
+        }
+    }
+
     /// Values at frequency `f`, Hz.
     pub(in crate::masslines) fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
@@ -290,7 +303,7 @@ impl Basis {
 }
 
 /// The fit that is under way.
-pub(in crate::masslines) struct Fit<'s> {
+pub(in crate::masslines) struct Fit<'s, 'l> {
     pub(in crate::masslines) regression: &'s mut Regression,
     pub(in crate::masslines) solution: &'s mut Solution,
     /// Solution that is compared with it.
@@ -302,14 +315,17 @@ pub(in crate::masslines) struct Fit<'s> {
     /// Covariance of the noise of the accelerations, summed like their powers.
     noise: Matrix6<f64>,
     power: Vector6<f64>,
+    /// The lines in whole numbers, if that is what was added last.
+    columns: Option<Columns<'l>>,
 }
 
-impl Fit<'_> {
+impl<'l> Fit<'_, 'l> {
     /// Regression over all lines of the band with the weights as they are, with which the
     /// lines have the given energy.
     fn solve<L: Lines + ?Sized>(
         &mut self,
         lines: &Moved<'_, L>,
+        driven: Option<Driven<'l>>,
         band: &Range<usize>,
         basis: &Basis,
         energy: &Powers,
@@ -323,7 +339,7 @@ impl Fit<'_> {
         self.regression
             .restart(&energy.aa, &self.noise)
             .ok_or(MasslineError::NoExcitation)?;
-        self.add_lines(lines, band, basis);
+        self.add_lines(lines, driven, band, basis);
         best(self.regression, basis, self.candidate, self.solution).ok_or(MasslineError::Singular)
     }
 
@@ -332,25 +348,22 @@ impl Fit<'_> {
     fn add_lines<L: Lines + ?Sized>(
         &mut self,
         lines: &Moved<'_, L>,
+        driven: Option<Driven<'l>>,
         band: &Range<usize>,
         basis: &Basis,
     ) {
-        if let Some(driven) = lines.driven() {
-            let functions = |line: usize| {
-                let phi = basis.at(lines.frequency(line));
-                phi.map(|phi| Complex::new(phi.re as f32, phi.im as f32))
-            };
-            let terms = basis.terms();
+        let functions = basis.functions(lines);
+        self.columns = driven.and_then(|driven| {
             let runs = 0..self.runs;
-            let columns = Columns::new(driven, &self.weights, runs, band, terms, &functions);
-            if let Some(columns) = columns {
-                // Real and imaginary part hold independently (chapter 6).
-                let equations = (0..self.runs).map(|run| 2.0 * lines.equations_per_line(run));
-                let count = equations.sum::<f64>() * band.len() as f64;
-                self.regression.add_columns(&columns, &functions, count);
-                self.regression.turn(Some(driven.shift()));
-                return;
-            }
+            Columns::new(driven, &self.weights, runs, band, basis.terms(), &functions)
+        });
+        if let (Some(columns), Some(driven)) = (&self.columns, driven) {
+            // Real and imaginary part hold independently (chapter 6).
+            let equations = (0..self.runs).map(|run| 2.0 * lines.equations_per_line(run));
+            let count = equations.sum::<f64>() * band.len() as f64;
+            self.regression.add_columns(columns, &functions, count);
+            self.regression.turn(Some(driven.shift()));
+            return;
         }
         for line in band.clone() {
             let mut m = Moments::zero();

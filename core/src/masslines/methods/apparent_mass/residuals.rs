@@ -3,11 +3,11 @@
 
 use super::{Basis, Fit};
 use crate::algebra::{multiply_left, multiply_right, not_negative};
-use crate::geometry::{RESULTANTS, transfer};
-use crate::masslines::driven::Driven;
+use crate::geometry::transfer;
+use crate::masslines::driven::{COLUMNS, Columns, Whole};
+use crate::masslines::regression::SIZE;
 use crate::masslines::run_powers::RunPowers;
 use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
-use crate::spectra::Complex32;
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 
@@ -33,7 +33,7 @@ impl Residuals {
     };
 }
 
-impl Fit<'_> {
+impl Fit<'_, '_> {
     /// Finds what the fit leaves in each run. `lines` may be about another point than the fit,
     /// which lies `shift` (m) away from theirs: it is the model that is moved, since that is
     /// done once.
@@ -64,38 +64,15 @@ impl Fit<'_> {
             }
         }
         let models = models.get(..basis.terms()).unwrap_or(&[]);
-        let runs = self.runs;
-        let solution = &*self.solution;
-        let model = |line: usize, model: &mut Complex6| {
-            let phi = basis.at(lines.frequency(line));
-            model.fill(Complex::new(0.0, 0.0));
-            for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
-                if !solution.has(t) {
-                    continue;
-                }
-                // The first term is one, others are real.
-                for (sum, x) in model.iter_mut().zip(m) {
-                    sum.re += if t == 0 { *x } else { phi.re * x };
-                }
-                if phi.im != 0.0 {
-                    for (sum, x) in model.iter_mut().zip(m) {
-                        sum.im += phi.im * x;
-                    }
-                }
-            }
-        };
-        let left = left.get_mut(..runs).unwrap_or_default();
-        let driven = lines.driven();
-        let found = driven.and_then(|runs| in_single(runs, band, &equations, &model, left));
-        if found.is_none() {
+        let left = left.get_mut(..self.runs).unwrap_or_default();
+        let done = self
+            .columns
+            .as_ref()
+            .and_then(|columns| in_whole(columns, &equations, models, basis, lines, left));
+        if done.is_none() {
             left.fill(Vector6::zeros());
-            for line in band.clone() {
-                let mut of_line = NO_MODEL;
-                model(line, &mut of_line);
-                for (run, left) in left.iter_mut().enumerate() {
-                    *left += residual(lines, run, line, &equations, &of_line);
-                }
-            }
+            let has = |t: usize| self.solution.has(t);
+            line_by_line(lines, band, &equations, models, basis, &has, left);
         }
         for (run, left) in left.iter_mut().enumerate() {
             *left /= (lines.equations_per_line(run) * band.len() as f64).max(1.0);
@@ -180,60 +157,78 @@ fn move_equations(rows: &mut Matrix6<f64>, shift: &Vector3<f64>) {
     }
 }
 
-/// As the sum of [`residual`] over all lines of each run, for runs that are kept in single
-/// precision: what is left is in units of its own standard deviation, and rounding as small as that
-/// of the spectra. `None` if they are about another point, or single precision has no room.
+/// Sums of [`residual`] over the lines of each run.
 #[inline(never)] // Its model is on the stack only where it is needed.
-fn in_single(
-    runs: Driven<'_>,
+fn line_by_line<L: Lines + ?Sized>(
+    lines: &L,
     band: &Range<usize>,
-    e: &Matrix6<f64>,
-    model: &dyn Fn(usize, &mut Complex6),
+    equations: &Matrix6<f64>,
+    models: &[[f64; SIZE]],
+    basis: &Basis,
+    has: &dyn Fn(usize) -> bool,
+    left: &mut [Vector6<f64>],
+) {
+    for line in band.clone() {
+        let phi = basis.at(lines.frequency(line));
+        let mut model = NO_MODEL;
+        for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
+            if !has(t) {
+                continue;
+            }
+            // The first term is one, others are real.
+            for (sum, x) in model.iter_mut().zip(m) {
+                sum.re += if t == 0 { *x } else { phi.re * x };
+            }
+            if phi.im != 0.0 {
+                for (sum, x) in model.iter_mut().zip(m) {
+                    sum.im += phi.im * x;
+                }
+            }
+        }
+        for (run, left) in left.iter_mut().enumerate() {
+            *left += residual(lines, run, line, equations, &model);
+        }
+    }
+}
+
+/// As [`line_by_line`], from the whole numbers that the regression was made of. `None` where there
+/// is no room for the coefficients.
+#[inline(never)] // Its coefficients are on the stack only where they are needed.
+fn in_whole<L: Lines + ?Sized>(
+    columns: &Columns<'_>,
+    equations: &Matrix6<f64>,
+    models: &[[f64; SIZE]],
+    basis: &Basis,
+    lines: &L,
     left: &mut [Vector6<f64>],
 ) -> Option<()> {
-    if *runs.shift() != Vector3::zeros() {
-        return None;
-    }
-    // Row after row, accelerations before forces as the amplitudes are.
-    let mut rows = [[Complex32::new(0.0, 0.0); RESULTANTS]; 6];
-    for (row, e) in rows.iter_mut().zip(e.row_iter()) {
-        let (_, forces) = row.split_at_mut(6);
-        for (to, from) in forces.iter_mut().zip(e.iter()) {
-            to.re = *from as f32;
-        }
+    let mut rows = [[0; COLUMNS]; 6];
+    let mut units = [0.0; 6];
+    for (j, (row, unit)) in rows.iter_mut().zip(&mut units).enumerate() {
+        let coefficient = |column: usize| match column.checked_sub(6) {
+            None => equations.get((j, column)).copied(),
+            // Matrices lie column after column.
+            Some(of) => models.get(of / 6)?.get(6 * (of % 6) + j).map(|x| -x),
+        };
+        *unit = columns.whole_coefficients(&coefficient, row)?;
     }
     let mut sums = [[0.0_f32; 6]; MAX_RUNS];
-    let mut of_line = NO_MODEL;
-    for line in band.clone() {
-        model(line, &mut of_line);
-        for (row, model) in rows.iter_mut().zip(of_line.row_iter()) {
-            let (accelerations, _) = row.split_at_mut(6);
-            for (to, from) in accelerations.iter_mut().zip(model.iter()) {
-                *to = Complex32::new(from.re as f32, from.im as f32);
-            }
+    columns.visit(&basis.functions(lines), |run, whole| {
+        let Some(sums) = sums.get_mut(run) else {
+            return;
+        };
+        for ((sum, row), unit) in sums.iter_mut().zip(&rows).zip(&units) {
+            let left = Whole::combined(whole, row);
+            *sum += (left * *unit).norm_sqr();
         }
-        for (run, sums) in sums.iter_mut().enumerate().take(left.len()) {
-            let amplitudes = runs.scaled(run, line, 1.0)?;
-            let (accelerations, forces) = amplitudes.split_at(6);
-            for (sum, row) in sums.iter_mut().zip(&rows) {
-                let (model, e) = row.split_at(6);
-                let mut left = Complex32::new(0.0, 0.0);
-                for (f, e) in forces.iter().zip(e) {
-                    left += f * e.re;
-                }
-                for (a, model) in accelerations.iter().zip(model) {
-                    left -= model * a;
-                }
-                *sum += left.norm_sqr();
-            }
-        }
-    }
-    for (left, sums) in left.iter_mut().zip(&sums) {
+    });
+    for ((run, left), sums) in left.iter_mut().enumerate().zip(&sums) {
+        let weight = columns.weight(run);
         for (left, sum) in left.iter_mut().zip(sums) {
             if !sum.is_finite() {
                 return None;
             }
-            *left = f64::from(*sum);
+            *left = f64::from(*sum) / weight;
         }
     }
     Some(())
