@@ -8,6 +8,7 @@
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
 use super::driven::{Columns, Functions, Whole};
+use super::excitation::IDENTITY;
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{
     Triangle, inverse_lower, lower, multiply_left, multiply_right, not_negative, triangle_len,
@@ -478,20 +479,28 @@ impl Regression {
         ((self.count - unknowns as f64) / self.correlation).max(1.0)
     }
 
-    /// Contribution of second moments of acceleration, real part, to each pair: the share
-    /// of the pair's power, without that of the other terms.
-    pub(super) fn powers(&self, solution: &Solution, moments: &Matrix6<f64>) -> [f64; 6] {
+    /// Takes accelerations to the pairs, without what the other terms explain of them: all zero if
+    /// they cannot be told.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    pub(super) fn to_pairs(&self, solution: &Solution) -> Matrix6<f64> {
         let rank = self.excitation.rank();
         let mut to_pairs = solution.schur;
         if lower(&mut to_pairs, rank).is_none() {
-            return [0.0; 6];
+            return NO_MATRIX;
         }
         inverse_lower(&mut to_pairs, rank);
-        multiply_right(&mut to_pairs, self.excitation.coordinates());
+        let coordinates = self.excitation.coordinates();
+        between(&IDENTITY, &mut to_pairs, &coordinates.transpose());
+        to_pairs
+    }
+
+    /// Contribution of second moments of acceleration, real part, to each pair: the share
+    /// of the pair's power.
+    #[inline(never)] // Its matrix is off the stack when the caller goes on.
+    pub(super) fn powers(&self, to_pairs: &Matrix6<f64>, moments: &Matrix6<f64>) -> [f64; 6] {
         let mut inner = *moments;
-        multiply_left(&to_pairs, &mut inner);
-        to_pairs.transpose_mut();
-        multiply_right(&mut inner, &to_pairs);
+        between(to_pairs, &mut inner, to_pairs);
+        let rank = self.excitation.rank();
         core::array::from_fn(|p| if p < rank { inner[(p, p)] } else { 0.0 })
     }
 
@@ -549,8 +558,8 @@ impl Regression {
                 entries[(j, i)] = coefficients[(n * rank + i, j)];
             }
         }
-        multiply_left(&self.equations.rows().transpose(), into);
-        multiply_right(into, self.excitation.coordinates());
+        let (rows, coordinates) = (self.equations.rows(), self.excitation.coordinates());
+        between(&rows.transpose(), into, &coordinates.transpose());
         true
     }
 }

@@ -18,7 +18,6 @@ use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
 use crate::masslines::driven::{Columns, Driven, Functions};
 use crate::masslines::lines::{Internals, indices, two_a_line};
-use crate::masslines::moments::add_scaled;
 use crate::masslines::moved::Moved;
 use crate::masslines::regression::{MAX_TERMS, Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
@@ -330,11 +329,8 @@ impl<'l> Fit<'_, 'l> {
         basis: &Basis,
         energy: &Powers,
     ) -> Result<(), MasslineError> {
-        self.noise = NO_MATRIX;
-        for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
-            let weight = weight * band.len() as f64;
-            add_scaled(&mut self.noise, &lines.noise(run).acceleration, weight);
-        }
+        lines.accelerations_noise(&self.weights, &mut self.noise);
+        self.noise *= band.len() as f64;
         self.power = energy.ff;
         self.regression
             .restart(&energy.aa, &self.noise)

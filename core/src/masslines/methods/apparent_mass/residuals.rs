@@ -2,10 +2,10 @@
 //! whose noise differs, and variances of the pairs.
 
 use super::{Basis, Fit};
-use crate::algebra::{multiply_left, multiply_right, not_negative};
+use crate::algebra::not_negative;
 use crate::geometry::transfer;
 use crate::masslines::driven::{COLUMNS, Columns, Whole};
-use crate::masslines::regression::SIZE;
+use crate::masslines::regression::{SIZE, between};
 use crate::masslines::run_powers::RunPowers;
 use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
 use core::ops::Range;
@@ -53,12 +53,12 @@ impl Fit<'_, '_> {
         // What each chosen term is multiplied with, in whitened equations.
         let models = self.candidate.spent();
         let mut equations = *whitened.rows();
+        let moved = transfer(shift).transpose();
         move_equations(&mut equations, shift);
         for (t, stored) in models.iter_mut().enumerate().take(basis.terms()) {
             let mut model = NO_MATRIX;
             self.regression.coefficient(self.solution, t, &mut model);
-            multiply_left(whitened.rows(), &mut model);
-            multiply_right(&mut model, &transfer(shift));
+            between(whitened.rows(), &mut model, &moved);
             for (stored, x) in stored.iter_mut().zip(&model) {
                 *stored = *x;
             }
@@ -108,6 +108,7 @@ impl Fit<'_, '_> {
         band: &Range<usize>,
         pairs: &mut [Massline],
     ) {
+        let to_pairs = self.regression.to_pairs(self.solution);
         let mut variance = [Vector6::zeros(); 6];
         let mut total = [0.0; 6];
         let mut mean = Vector6::zeros();
@@ -120,7 +121,7 @@ impl Fit<'_, '_> {
             .take(self.runs)
         {
             let powers = self.residuals.powers.of(lines, band, run);
-            let share = self.regression.powers(self.solution, &powers.aa);
+            let share = self.regression.powers(&to_pairs, &powers.aa);
             let share = share.map(|share| share * *weight);
             for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
                 *variance += left * (share * *weight);
