@@ -169,9 +169,18 @@ impl Whole {
     #[inline]
     pub(super) fn combined(columns: &[Self], coefficients: &[i32]) -> Complex32 {
         let (mut re, mut im) = (0_i64, 0_i64);
-        for (z, c) in columns.iter().zip(coefficients) {
-            re += i64::from(z.re) * i64::from(*c);
-            im += i64::from(z.im) * i64::from(*c);
+        let mut add = |z: &Self, c: i32| {
+            re += i64::from(z.re) * i64::from(c);
+            im += i64::from(z.im) * i64::from(c);
+        };
+        // Three at a time, written out: a turn of the loop costs as much as a product. Columns come
+        // by six.
+        let (columns, _) = columns.as_chunks();
+        let (coefficients, _) = coefficients.as_chunks();
+        for ([x, y, z], [a, b, c]) in columns.iter().zip(coefficients) {
+            add(x, *a);
+            add(y, *b);
+            add(z, *c);
         }
         Complex32::new(re as f32, im as f32)
     }
@@ -347,12 +356,14 @@ impl<'a> Columns<'a> {
                 for ((whole, z), per_unit) in of_forces.iter_mut().zip(forces).zip(per_force) {
                     *whole = Whole::of(*z, *per_unit);
                 }
-                let units = per_terms.chunks_exact(6);
-                let terms = of_terms.chunks_exact_mut(6).zip(units).zip(&functions);
-                for ((of_term, units), phi) in terms {
-                    let all = of_term.iter_mut().zip(accelerations).zip(units);
-                    for ((whole, z), per_unit) in all {
-                        *whole = Whole::of(z * phi, *per_unit);
+                let (of_terms, _) = of_terms.as_chunks_mut::<6>();
+                let (units, _) = per_terms.as_chunks::<6>();
+                let Some((accelerations, _)) = accelerations.split_first_chunk::<6>() else {
+                    return;
+                };
+                for ((of_term, units), phi) in of_terms.iter_mut().zip(units).zip(&functions) {
+                    for i in 0..6 {
+                        of_term[i] = Whole::of(accelerations[i] * phi, units[i]);
                     }
                 }
                 see(run, whole);

@@ -66,6 +66,8 @@ pub(super) struct Solution {
     schur: Matrix6<f64>,
     /// Covariance of one real equation, in measured-equation coordinates.
     residual: Matrix6<f64>,
+    /// `true` if all terms and the residual are known, and not the first term alone.
+    complete: bool,
     /// Expected squared error over variance: above one where left-out terms may bias.
     inflation: f64,
 }
@@ -248,6 +250,27 @@ impl Regression {
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
     pub(super) fn solve(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
+        self.solve_for(chosen, true, into)
+    }
+
+    /// As [`Self::solve`], but only what [`Self::risk`] asks for: the first term.
+    pub(super) fn solve_first_term(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
+        self.solve_for(chosen, false, into)
+    }
+
+    /// Completes a solution of [`Self::solve_first_term`] that was compared with others.
+    pub(super) fn complete(&mut self, solution: &mut Solution) -> Option<()> {
+        if solution.complete {
+            return Some(());
+        }
+        let (terms, inflation) = (solution.terms.clone(), solution.inflation);
+        self.solve_for(&terms, true, solution)?;
+        solution.inflation = inflation;
+        Some(())
+    }
+
+    #[inline(never)] // Once in the flash.
+    fn solve_for(&mut self, chosen: &[usize], all_terms: bool, into: &mut Solution) -> Option<()> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         let unknowns = rank * chosen.len();
@@ -330,25 +353,29 @@ impl Regression {
                 filled[(i, c)] = sum / l[(i, i)];
             }
         }
-        *residual = self.power;
-        let left = &mut cells(residual);
-        for c in 0..rows {
-            for d in 0..rows {
-                let mut explained = 0.0;
-                for i in 0..unknowns {
-                    explained += filled[(i, c)] * filled[(i, d)];
+        let first = if all_terms { 0 } else { nuisance };
+        if all_terms {
+            *residual = self.power;
+            let left = &mut cells(residual);
+            for c in 0..rows {
+                for d in 0..=c {
+                    let mut explained = 0.0;
+                    for i in 0..unknowns {
+                        explained += filled[(i, c)] * filled[(i, d)];
+                    }
+                    left[(c, d)] -= explained;
+                    left[(d, c)] = left[(c, d)];
                 }
-                left[(c, d)] -= explained;
             }
+            *residual /= freedom;
+            self.floor(residual);
         }
-        *residual /= freedom;
-        self.floor(residual);
         let l = seen(&self.factor);
         for mut column in coefficients.column_iter_mut().take(rows) {
             let mut ordered = SVector::<f64, SIZE>::zeros();
             ordered.copy_from(&column);
             let ordered = &mut cells(&mut ordered);
-            for i in (0..unknowns).rev() {
+            for i in (first..unknowns).rev() {
                 let mut sum = ordered[i];
                 for k in i + 1..unknowns {
                     sum -= l[(k, i)] * ordered[k];
@@ -356,11 +383,12 @@ impl Regression {
                 ordered[i] = sum / l[(i, i)];
             }
             let column = &mut cells(&mut column);
-            for i in 0..unknowns {
+            for i in first..unknowns {
                 column[order(i)] = ordered[i] * scale[i];
             }
         }
         into.terms = heapless::Vec::from_slice(chosen).ok()?;
+        into.complete = all_terms;
         into.inflation = 1.0;
         Some(())
     }
@@ -571,6 +599,7 @@ impl Solution {
         coefficients: NO_RIGHT,
         schur: NO_MATRIX,
         residual: NO_MATRIX,
+        complete: false,
         inflation: 0.0,
     };
 
@@ -657,11 +686,21 @@ where
 }
 
 /// Adds the products of `column` with others to whole numbers that lie in `sums` bit by bit.
-#[inline]
+#[inline(never)] // In a loop of its own it has registers enough.
 fn add_whole(sums: &mut [f64], column: &Whole, others: &[Whole]) {
-    for (sum, other) in sums.iter_mut().zip(others) {
+    let add = |sum: &mut f64, other: &Whole| {
         let whole = sum.to_bits().cast_signed() + column.product(other);
         *sum = f64::from_bits(whole.cast_unsigned());
+    };
+    // Two at a time, written out: a turn of the loop costs as much as a product.
+    let (twos, rest) = sums.as_chunks_mut();
+    let (others, after) = others.split_at(others.len().min(2 * twos.len()));
+    for ([x, y], [a, b]) in twos.iter_mut().zip(others.as_chunks().0) {
+        add(x, a);
+        add(y, b);
+    }
+    for (sum, other) in rest.iter_mut().zip(after) {
+        add(sum, other);
     }
 }
 

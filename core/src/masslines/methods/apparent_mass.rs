@@ -447,7 +447,7 @@ fn best(
     let mut least = regression.risk(candidate, &full);
     core::mem::swap(best, candidate);
     let mut consider = |chosen: &[usize]| {
-        if regression.solve(chosen, candidate).is_some() {
+        if regression.solve_first_term(chosen, candidate).is_some() {
             let risk = regression.risk(candidate, &full);
             if risk < least {
                 least = risk;
@@ -463,7 +463,7 @@ fn best(
         let without: heapless::Vec<usize, MAX_TERMS> = (0..=m).collect();
         consider(&without);
     }
-    Some(())
+    regression.complete(best)
 }
 
 /// The rigid term, those of the first `modes` modes, and the ω² term.
