@@ -5,6 +5,7 @@ use super::determined::{Answered, Matrix10, determine, times};
 use super::measurement::{Measurement, Vector10, inertia_about};
 use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
 use crate::algebra::{half, multiply_left, multiply_right, not_negative, symmetric_values};
+use crate::cells::cells;
 use crate::geometry::{resultants_at, transfer};
 use crate::masslines::Masslines;
 use nalgebra::{ArrayStorage, Vector3, Vector6};
@@ -71,14 +72,18 @@ impl Solved {
 
 /// Adds `Bᵀ diag(weights) B`.
 fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
-    for i in 0..10 {
-        let weighted: [f64; 6] = core::array::from_fn(|k| b[(k, i)] * weights[k]);
-        for j in 0..=i {
+    let sum = &mut cells(sum);
+    for (i, column) in b.data.0.iter().enumerate() {
+        let mut weighted = *column;
+        for (x, weight) in weighted.iter_mut().zip(weights) {
+            *x *= weight;
+        }
+        for (j, other) in b.data.0.iter().enumerate().take(i + 1) {
             let mut entry = 0.0;
-            for (k, weighted) in weighted.iter().enumerate() {
+            for (weighted, x) in weighted.iter().zip(other) {
                 // Half of them are zero.
                 if *weighted != 0.0 {
-                    entry += weighted * b[(k, j)];
+                    entry += weighted * x;
                 }
             }
             sum[(i, j)] += entry;

@@ -9,7 +9,7 @@
 use super::MAX_RUNS;
 use super::moments::Squares;
 use super::regression::MAX_TERMS;
-use crate::algebra::larger;
+use crate::cells::cells;
 use crate::geometry::{RESULTANTS, move_accelerations, move_forces};
 use crate::spectra::{Complex32, RunResponses};
 use core::ops::Range;
@@ -59,7 +59,11 @@ impl<'a> Driven<'a> {
     ) -> Option<[Complex32; RESULTANTS]> {
         let (amplitudes, drive) = self.line(run, line)?;
         let root = root * libm::sqrtf(drive);
-        Some(core::array::from_fn(|j| amplitudes[j] * root))
+        let mut scaled = *amplitudes;
+        for z in &mut scaled {
+            *z *= root;
+        }
+        Some(scaled)
     }
 
     /// Leaves the scalar `Σ_runs a*f / a*W a` of each of the lines `fit` in `into`. `None` where
@@ -110,7 +114,7 @@ impl<'a> Driven<'a> {
         let rigid = |_| [Complex32::new(1.0, 0.0); MAX_TERMS];
         let columns = Columns::new(*self, &[1.0; MAX_RUNS], run..run + 1, band, 1, &rigid)?;
         let mut sums = [[0; SUMS]; 2];
-        columns.visit(&rigid, |_, whole| {
+        columns.visit_whole(&rigid, |whole| {
             for (half, sums) in whole.chunks_exact(6).zip(&mut sums) {
                 let mut rest = &mut sums[..];
                 for (i, column) in half.iter().enumerate() {
@@ -131,6 +135,7 @@ impl<'a> Driven<'a> {
             (&mut squares.aa, accelerations, 6),
         ] {
             let entries = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)));
+            let matrix = &mut cells(matrix);
             for (sum, (i, j)) in sums.iter().zip(entries) {
                 let value = *sum as f64 * columns.unit(first + i) * columns.unit(first + j);
                 matrix[(i, j)] = value;
@@ -165,26 +170,6 @@ impl Whole {
         }
     }
 
-    /// Sum of whole numbers with whole coefficients.
-    #[inline]
-    pub(super) fn combined(columns: &[Self], coefficients: &[i32]) -> Complex32 {
-        let (mut re, mut im) = (0_i64, 0_i64);
-        let mut add = |z: &Self, c: i32| {
-            re += i64::from(z.re) * i64::from(c);
-            im += i64::from(z.im) * i64::from(c);
-        };
-        // Three at a time, written out: a turn of the loop costs as much as a product. Columns come
-        // by six.
-        let (columns, _) = columns.as_chunks();
-        let (coefficients, _) = coefficients.as_chunks();
-        for ([x, y, z], [a, b, c]) in columns.iter().zip(coefficients) {
-            add(x, *a);
-            add(y, *b);
-            add(z, *c);
-        }
-        Complex32::new(re as f32, im as f32)
-    }
-
     /// Real part of the product with the conjugate of another one.
     #[inline]
     pub(super) fn product(&self, other: &Self) -> i64 {
@@ -205,8 +190,6 @@ pub(super) struct Columns<'a> {
     band: Range<usize>,
     /// Columns in use.
     count: usize,
-    /// Bits of the largest part of a column.
-    bits: u32,
     /// Reciprocals of the units, powers of two.
     per_unit: [f32; COLUMNS],
 }
@@ -246,7 +229,6 @@ impl<'a> Columns<'a> {
             runs,
             band: band.clone(),
             count: 6 + 6 * terms.min(MAX_TERMS),
-            bits,
             per_unit: [1.0; COLUMNS],
         };
         let mut largest = [0; COLUMNS];
@@ -296,78 +278,343 @@ impl<'a> Columns<'a> {
         f64::from(1.0 / self.per_unit.get(column).copied().unwrap_or(1.0))
     }
 
-    /// Weight of a run.
-    pub(super) fn weight(&self, run: usize) -> f64 {
-        let root = f64::from(self.roots.get(run).copied().unwrap_or(1.0));
-        root * root
-    }
-
-    /// Leaves the coefficients of a sum over the columns as whole numbers in `row`, and returns the
-    /// unit of the sum. `None` if they are not finite, or have no unit in single precision.
-    ///
-    /// A sum does not overflow: of at most 2^6 columns, with parts below 2^b and coefficients of at
-    /// most `2^(56 - b)`, it stays below 2^62.
-    pub(super) fn whole_coefficients(
-        &self,
-        coefficient: &dyn Fn(usize) -> Option<f64>,
-        row: &mut [i32; COLUMNS],
-    ) -> Option<f32> {
-        let of = |column: usize| Some(coefficient(column)? * self.unit(column));
-        let mut largest = 0.0_f64;
-        for column in 0..self.count {
-            largest = larger(of(column)?.abs(), largest);
-        }
-        if largest == 0.0 {
-            row.fill(0);
-            return Some(0.0);
-        }
-        // The power of two above it.
-        let exponent = (largest.to_bits() >> 52) as u32;
-        let room = 1023 + 56 - self.bits;
-        // Of single precision, with squares.
-        if !(1023 - 90..1023 + 60).contains(&exponent) {
-            return None;
-        }
-        let per_unit = f64::from_bits(u64::from(1023 + room - 1 - exponent) << 52);
-        for (column, row) in row.iter_mut().enumerate().take(self.count) {
-            *row = (of(column)? * per_unit) as i32;
-        }
-        Some((1.0 / per_unit) as f32)
-    }
-
-    /// Shows the columns of every run at every line, and the number of the run.
+    /// Shows the amplitudes of every run at every line, and the functions there.
     #[inline]
-    pub(super) fn visit(
+    fn visit(
         &self,
         functions: &dyn Fn(usize) -> Functions,
-        mut see: impl FnMut(usize, &[Whole]),
+        mut see: impl FnMut(usize, &[Complex32; RESULTANTS], &Functions),
     ) {
-        let mut whole = [Whole::default(); COLUMNS];
         for line in self.band.clone() {
             let functions = functions(line);
             for run in self.runs.clone() {
-                let Some(amplitudes) = self.amplitudes(run, line) else {
+                if let Some(amplitudes) = self.amplitudes(run, line) {
+                    see(run, &amplitudes, &functions);
+                }
+            }
+        }
+    }
+
+    /// Shows the columns of every run at every line as whole numbers.
+    #[inline]
+    pub(super) fn visit_whole(
+        &self,
+        functions: &dyn Fn(usize) -> Functions,
+        mut see: impl FnMut(&[Whole]),
+    ) {
+        let mut whole = [Whole::default(); COLUMNS];
+        self.visit(
+            functions,
+            |_, [a, b, c, d, e, f, forces @ ..], functions| {
+                let accelerations = [a, b, c, d, e, f];
+                let Some((of_forces, of_terms)) = whole.split_first_chunk_mut::<6>() else {
                     return;
                 };
-                let (accelerations, forces) = amplitudes.split_at(6);
-                let whole = whole.get_mut(..self.count).unwrap_or_default();
-                let (of_forces, of_terms) = whole.split_at_mut(6);
                 let (per_force, per_terms) = self.per_unit.split_at(6);
+                let (of_terms, _) = of_terms.as_chunks_mut::<6>();
+                let (per_terms, _) = per_terms.as_chunks::<6>();
                 for ((whole, z), per_unit) in of_forces.iter_mut().zip(forces).zip(per_force) {
                     *whole = Whole::of(*z, *per_unit);
                 }
-                let (of_terms, _) = of_terms.as_chunks_mut::<6>();
-                let (units, _) = per_terms.as_chunks::<6>();
-                let Some((accelerations, _)) = accelerations.split_first_chunk::<6>() else {
-                    return;
-                };
-                for ((of_term, units), phi) in of_terms.iter_mut().zip(units).zip(&functions) {
+                let terms = self.count / 6 - 1;
+                let all = of_terms.iter_mut().zip(per_terms).zip(functions);
+                for ((of_term, units), phi) in all.take(terms) {
                     for i in 0..6 {
                         of_term[i] = Whole::of(accelerations[i] * phi, units[i]);
                     }
                 }
-                see(run, whole);
+                see(whole.get(..self.count).unwrap_or_default());
+            },
+        );
+    }
+
+    /// Leaves the power of the sums of columns with coefficients, `rows`, in each run in `powers`,
+    /// without the weight of the run. `None` where single precision has no room for them.
+    ///
+    /// A run that is a thousandth of the others has all digits here.
+    #[inline(never)] // Columns are on the stack only where they are needed.
+    pub(super) fn powers_of(
+        &self,
+        functions: &dyn Fn(usize) -> Functions,
+        rows: &[[f32; COLUMNS]; 6],
+        powers: &mut [Vector6<f64>],
+    ) -> Option<()> {
+        let mut sums = [[0.0_f32; 6]; MAX_RUNS];
+        let mut columns = [Complex32::new(0.0, 0.0); COLUMNS];
+        self.visit(
+            functions,
+            |run, [a, b, c, d, e, f, forces @ ..], functions| {
+                let accelerations = [a, b, c, d, e, f];
+                let Some((of_forces, of_terms)) = columns.split_first_chunk_mut() else {
+                    return;
+                };
+                *of_forces = *forces;
+                let (of_terms, _) = of_terms.as_chunks_mut::<6>();
+                for (of_term, phi) in of_terms.iter_mut().zip(functions).take(self.count / 6 - 1) {
+                    for i in 0..6 {
+                        of_term[i] = accelerations[i] * phi;
+                    }
+                }
+                let columns = columns.get(..self.count).unwrap_or_default();
+                let sums = sums.get_mut(run).into_iter().flatten();
+                for (sum, row) in sums.zip(rows) {
+                    *sum += combined(columns, row).norm_sqr();
+                }
+            },
+        );
+        for ((run, powers), sums) in powers.iter_mut().enumerate().zip(&sums) {
+            let root = f64::from(self.roots.get(run).copied().unwrap_or(1.0));
+            for (power, sum) in powers.iter_mut().zip(sums) {
+                if !sum.is_finite() {
+                    return None;
+                }
+                *power = f64::from(*sum) / (root * root);
             }
+        }
+        Some(())
+    }
+}
+
+/// Sum of columns with coefficients.
+#[inline]
+fn combined(columns: &[Complex32], coefficients: &[f32]) -> Complex32 {
+    let mut sum = Complex32::new(0.0, 0.0);
+    let mut add = |z: &Complex32, c: &f32| {
+        sum.re += z.re * c;
+        sum.im += z.im * c;
+    };
+    // Three at a time, written out: a turn of the loop costs as much as a product. Columns come by
+    // six.
+    let (columns, _) = columns.as_chunks();
+    let (coefficients, _) = coefficients.as_chunks();
+    for ([x, y, z], [a, b, c]) in columns.iter().zip(coefficients) {
+        add(x, a);
+        add(y, b);
+        add(z, c);
+    }
+    sum
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::geometry::Equations;
+    use crate::masslines::{Bands, DriveLines, Lines, Method, condense, lines_between};
+    use crate::modes::Pole;
+    use crate::spectra::{LineGrid, Window};
+
+    pub(in crate::masslines) const LINES: usize = 40;
+    pub(in crate::masslines) const RUNS: usize = 3;
+    /// Weights of the runs.
+    pub(in crate::masslines) fn weights() -> [f64; MAX_RUNS] {
+        core::array::from_fn(|run| [1.0, 30.0, 0.2][run % RUNS])
+    }
+
+    /// Responses and drives of runs whose levels differ by a thousand, of channels that differ by
+    /// a million, with one line a thousand times as large as the others.
+    pub(in crate::masslines) struct Samples {
+        pub responses: [[[Complex32; RESULTANTS]; LINES]; RUNS],
+        pub drive: [[f32; LINES]; RUNS],
+    }
+
+    impl Samples {
+        pub(in crate::masslines) fn new() -> Self {
+            let mut state = 1_u32;
+            let mut random = move || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+            };
+            let channels = [
+                1.0, 1e-3, 1e3, 2.0, 0.1, 10.0, 300.0, 1.0, 1e-2, 1e3, 5.0, 0.7,
+            ];
+            let levels = [1.0, 1e-3, 30.0];
+            let responses = core::array::from_fn(|run| {
+                core::array::from_fn(|line| {
+                    let size = levels[run] * if line == 7 { 1e3 } else { 1.0 };
+                    channels.map(|c| Complex32::new(random(), random()) * (c * size))
+                })
+            });
+            let drive = core::array::from_fn(|_| core::array::from_fn(|_| 2.0 + random()));
+            Self { responses, drive }
+        }
+
+        /// The runs, of as many lines as each has.
+        pub(in crate::masslines) fn runs(&self) -> [RunResponses<'_>; RUNS] {
+            core::array::from_fn(|run| RunResponses {
+                grid: LineGrid {
+                    first: 2,
+                    count: LINES,
+                    spacing: 0.5,
+                },
+                responses: &self.responses[run],
+                drive: &self.drive[run],
+                noise: [1e-30; 42],
+                blocks: 8,
+            })
+        }
+    }
+
+    pub(in crate::masslines) fn functions(line: usize) -> [Complex<f64>; MAX_TERMS] {
+        let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
+        phi[0] = Complex::new(1.0, 0.0);
+        let pole = Pole {
+            frequency: 9.0,
+            damping: 0.01,
+        };
+        phi[1] = pole.amplification(1.0 + 0.5 * line as f64);
+        phi[2] = Complex::new((line as f64 / 40.0) * (line as f64 / 40.0), 0.0);
+        phi
+    }
+
+    pub(in crate::masslines) fn in_single(line: usize) -> Functions {
+        functions(line).map(|phi| Complex32::new(phi.re as f32, phi.im as f32))
+    }
+
+    fn columns<'a>(runs: &'a [RunResponses<'a>], band: Range<usize>) -> Option<Columns<'a>> {
+        let all = 0..runs.len();
+        Columns::new(Driven::new(runs), &weights(), all, &band, 3, &in_single)
+    }
+
+    #[test]
+    fn what_whole_numbers_cannot_hold_is_left_to_others() {
+        let ordinary = Samples::new();
+        assert!(columns(&ordinary.runs(), 0..LINES).is_some());
+        for off in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38] {
+            let mut samples = Samples::new();
+            samples.responses[1][5][8].im = off;
+            samples.drive[1][5] = 1e10;
+            assert!(columns(&samples.runs(), 0..LINES).is_none(), "{off}");
+            // It is not among these lines.
+            assert!(columns(&samples.runs(), 6..LINES).is_some(), "{off}");
+            let mut samples = Samples::new();
+            samples.drive[1][5] = -off.abs();
+            assert!(columns(&samples.runs(), 0..LINES).is_none(), "{off}");
+        }
+        // Denormal numbers, which have few digits.
+        let mut samples = Samples::new();
+        for line in samples.responses.iter_mut().flatten() {
+            line[3] *= 1e-41;
+        }
+        assert!(columns(&samples.runs(), 0..LINES).is_none());
+        // More lines than 25 bits allow for.
+        let many = [ordinary.runs()[0]; 120];
+        let all = 0..many.len();
+        let driven = Driven::new(&many);
+        let ones = [1.0; MAX_RUNS];
+        assert!(Columns::new(driven, &ones, all, &(0..LINES), 3, &in_single).is_none());
+    }
+
+    #[test]
+    fn a_silent_channel_is_zero_and_the_largest_numbers_overflow_nothing() {
+        let mut samples = Samples::new();
+        for line in samples.responses.iter_mut().flatten() {
+            // All at the top of their range, and in phase.
+            *line = [Complex32::new(0.999_999_9, 0.999_999_9); RESULTANTS];
+            line[2] = Complex32::new(0.0, 0.0);
+        }
+        for drive in samples.drive.iter_mut().flatten() {
+            *drive = 1.0;
+        }
+        let runs = samples.runs();
+        let ones = [1.0; MAX_RUNS];
+        let rigid = |_| [Complex32::new(1.0, 0.0); MAX_TERMS];
+        let columns =
+            Columns::new(Driven::new(&runs), &ones, 0..RUNS, &(0..LINES), 3, &rigid).unwrap();
+        let mut sum = 0_i64;
+        columns.visit_whole(&rigid, |whole| {
+            assert_eq!(whole[6 + 2].product(&whole[6 + 2]), 0);
+            // In builds with debug assertions an overflow stops here.
+            sum += whole[0].product(&whole[7]);
+        });
+        let value = sum as f64 * columns.unit(0) * columns.unit(7);
+        let expected = (RUNS * LINES) as f64 * 2.0 * f64::from(0.999_999_9_f32).powi(2);
+        assert!((value / expected - 1.0).abs() < 1e-7, "{value} {expected}");
+        let squares = Driven::new(&runs).squares(1, &(0..LINES)).unwrap();
+        assert_eq!(squares.aa[(2, 2)], 0.0);
+        assert!(squares.aa[(1, 1)] > 0.0);
+    }
+
+    /// Whatever the numbers are, an identification ends in finite numbers or says why not.
+    #[test]
+    fn numbers_that_are_none_are_no_answer() {
+        let answer = |samples: &Samples| {
+            let runs = samples.runs();
+            let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+            let band = lines_between(&lines, [1.0, 12.0]).unwrap();
+            let mut work = [Complex::new(0.0, 0.0); 2 * LINES];
+            let (bands, all) = (Bands::new(band), Equations::all());
+            condense(
+                Method::ApparentMass,
+                &lines,
+                &bands,
+                Vector3::zeros(),
+                &all,
+                &mut work,
+            )
+        };
+        assert!(answer(&Samples::new()).is_ok());
+        for off in [f32::NAN, f32::INFINITY] {
+            for channel in [1, 8] {
+                let mut samples = Samples::new();
+                samples.responses[1][5][channel].re = off;
+                assert!(answer(&samples).is_err(), "{off} in channel {channel}");
+            }
+            let mut samples = Samples::new();
+            samples.drive[0][9] = off;
+            assert!(answer(&samples).is_err(), "drive {off}");
+        }
+        for size in [0.0, 1e-44, 1e-30, 1e30, 3e37] {
+            for channels in [0..6, 6..12, 0..12, 3..4] {
+                let mut samples = Samples::new();
+                for line in samples.responses.iter_mut().flatten() {
+                    for z in &mut line[channels.clone()] {
+                        *z *= size;
+                    }
+                }
+                if let Ok(found) = answer(&samples) {
+                    for pair in found.masslines.pairs() {
+                        let numbers = pair.acceleration.iter().chain(&pair.force);
+                        assert!(numbers.chain(&pair.variance).all(|x| x.is_finite()));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The scalar of the poles is that of double precision.
+    #[test]
+    fn the_power_in_single_precision_is_that_in_double() {
+        let samples = Samples::new();
+        let runs = samples.runs();
+        let shift = Vector3::new(0.3, -0.5, 0.1);
+        let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+        let moved = crate::masslines::moved::Moved::new(&lines, &shift);
+        let w = Vector6::new(100.0, 50.0, 2.0, 1.0, 30.0, 0.4);
+        let mut found = [Complex::new(0.0, 0.0); LINES];
+        let driven = crate::masslines::lines::Internals::driven(&moved).unwrap();
+        driven.power_like(0..LINES, &w, &mut found).unwrap();
+        for (line, found) in found.iter().enumerate() {
+            let mut sum = Complex::new(0.0, 0.0);
+            let mut size = 0.0;
+            for run in 0..moved.runs() {
+                let (a, f) = crate::masslines::lines::Internals::pair(&moved, run, line).unwrap();
+                let mut norm = 0.0;
+                let mut power = Complex::new(0.0, 0.0);
+                let mut sizes = 0.0;
+                for j in 0..6 {
+                    power += f[j] * a[j].conj();
+                    sizes += f[j].norm_sqr().sqrt() * a[j].norm_sqr().sqrt();
+                    norm += w[j] * a[j].norm_sqr();
+                }
+                sum += power / norm;
+                size += sizes / norm;
+            }
+            // Some twenty roundings of what is added up, which partly cancels.
+            let error = (found - sum).norm_sqr().sqrt();
+            assert!(
+                error < 30.0 * f64::from(f32::EPSILON) * size,
+                "{line}: {error} {size}"
+            );
         }
     }
 }

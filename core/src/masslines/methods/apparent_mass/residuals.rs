@@ -4,7 +4,7 @@
 use super::{Basis, Fit};
 use crate::algebra::not_negative;
 use crate::geometry::transfer;
-use crate::masslines::driven::{COLUMNS, Columns, Whole};
+use crate::masslines::driven::{COLUMNS, Columns};
 use crate::masslines::regression::{SIZE, between};
 use crate::masslines::run_powers::RunPowers;
 use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
@@ -68,7 +68,7 @@ impl Fit<'_, '_> {
         let done = self
             .columns
             .as_ref()
-            .and_then(|columns| in_whole(columns, &equations, models, basis, lines, left));
+            .and_then(|columns| in_single(columns, &equations, models, basis, lines, left));
         if done.is_none() {
             left.fill(Vector6::zeros());
             let has = |t: usize| self.solution.has(t);
@@ -192,10 +192,10 @@ fn line_by_line<L: Lines + ?Sized>(
     }
 }
 
-/// As [`line_by_line`], from the whole numbers that the regression was made of. `None` where there
-/// is no room for the coefficients.
+/// As [`line_by_line`], in single precision: what is lost is the rounding of the spectra. `None`
+/// where that has no room.
 #[inline(never)] // Its coefficients are on the stack only where they are needed.
-fn in_whole<L: Lines + ?Sized>(
+fn in_single<L: Lines + ?Sized>(
     columns: &Columns<'_>,
     equations: &Matrix6<f64>,
     models: &[[f64; SIZE]],
@@ -203,36 +203,20 @@ fn in_whole<L: Lines + ?Sized>(
     lines: &L,
     left: &mut [Vector6<f64>],
 ) -> Option<()> {
-    let mut rows = [[0; COLUMNS]; 6];
-    let mut units = [0.0; 6];
-    for (j, (row, unit)) in rows.iter_mut().zip(&mut units).enumerate() {
-        let coefficient = |column: usize| match column.checked_sub(6) {
-            None => equations.get((j, column)).copied(),
+    let mut rows = [[0.0; COLUMNS]; 6];
+    for (j, row) in rows.iter_mut().enumerate() {
+        let (of_forces, of_terms) = row.split_at_mut(6);
+        for (to, from) in of_forces.iter_mut().zip(equations.row(j).iter()) {
+            *to = *from as f32;
+        }
+        for (to, model) in of_terms.chunks_exact_mut(6).zip(models) {
             // Matrices lie column after column.
-            Some(of) => models.get(of / 6)?.get(6 * (of % 6) + j).map(|x| -x),
-        };
-        *unit = columns.whole_coefficients(&coefficient, row)?;
-    }
-    let mut sums = [[0.0_f32; 6]; MAX_RUNS];
-    columns.visit(&basis.functions(lines), |run, whole| {
-        let Some(sums) = sums.get_mut(run) else {
-            return;
-        };
-        for ((sum, row), unit) in sums.iter_mut().zip(&rows).zip(&units) {
-            let left = Whole::combined(whole, row);
-            *sum += (left * *unit).norm_sqr();
-        }
-    });
-    for ((run, left), sums) in left.iter_mut().enumerate().zip(&sums) {
-        let weight = columns.weight(run);
-        for (left, sum) in left.iter_mut().zip(sums) {
-            if !sum.is_finite() {
-                return None;
+            for (to, from) in to.iter_mut().zip(model.iter().skip(j).step_by(6)) {
+                *to = -(*from as f32);
             }
-            *left = f64::from(*sum) / weight;
         }
     }
-    Some(())
+    columns.powers_of(&basis.functions(lines), &rows, left)
 }
 
 /// Power that `model`, the apparent mass in the equations with the rows `e`, leaves in each of
@@ -285,4 +269,95 @@ fn residual_of_moments<L: Lines + ?Sized>(
         }
         not_negative(left)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masslines::DriveLines;
+    use crate::masslines::driven::tests::{LINES, RUNS, Samples, weights};
+    use crate::masslines::lines::Internals;
+    use crate::modes::Pole;
+    use crate::spectra::{Complex32, Window};
+
+    /// Terms that leave a hundred-thousandth of the forces.
+    #[test]
+    fn single_precision_leaves_what_double_precision_leaves() {
+        let mut samples = Samples::new();
+        for run in &mut samples.responses {
+            // One line a thousand times as large would hide what the others leave.
+            run[7] = run[8];
+        }
+        let models: [Matrix6<f64>; 3] = [3.0, 1.0, -2.0]
+            .map(|size| Matrix6::from_fn(|i, j| (((i * 5 + j * 3) % 7) as f64 - 2.5) * size));
+        let poles = [Pole {
+            frequency: 9.0,
+            damping: 0.02,
+        }];
+        let accelerations = samples.responses;
+        {
+            let runs = samples.runs();
+            let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+            let basis = Basis::new(&lines, &poles, &(0..LINES));
+            let mut forces = accelerations;
+            for (run, of_run) in forces.iter_mut().enumerate() {
+                for (line, amplitudes) in of_run.iter_mut().enumerate() {
+                    let (a, _) = lines.pair(run, line).unwrap();
+                    let phi = basis.at(lines.frequency(line));
+                    for i in 0..6 {
+                        let terms = phi.iter().zip(&models);
+                        let entry = |j: usize| -> Complex<f64> {
+                            terms.clone().map(|(phi, m)| phi * m[(i, j)]).sum()
+                        };
+                        let off = 1.0 + 1e-5 * ((run + 3 * line + i) % 5) as f64;
+                        let f = (0..6).map(|j| entry(j) * a[j]).sum::<Complex<f64>>() * off;
+                        amplitudes[6 + i] = Complex32::new(f.re as f32, f.im as f32);
+                    }
+                }
+            }
+            samples.responses = forces;
+        }
+        let runs = samples.runs();
+        let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+        let basis = Basis::new(&lines, &poles, &(0..LINES));
+        let stored: [[f64; SIZE]; 3] = core::array::from_fn(|t| {
+            core::array::from_fn(|k| models[t].as_slice().get(k).copied().unwrap_or(0.0))
+        });
+        let band = 0..LINES;
+        let equations = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0));
+        let mut expected = [Vector6::zeros(); RUNS];
+        line_by_line(
+            &lines,
+            &band,
+            &equations,
+            &stored,
+            &basis,
+            &|_| true,
+            &mut expected,
+        );
+        let functions = basis.functions(&lines);
+        let driven = lines.driven().unwrap();
+        let columns = Columns::new(
+            driven,
+            &weights(),
+            0..RUNS,
+            &band,
+            basis.terms(),
+            &functions,
+        )
+        .unwrap();
+        let mut found = [Vector6::zeros(); RUNS];
+        in_single(&columns, &equations, &stored, &basis, &lines, &mut found).unwrap();
+        for (run, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            for j in 0..6 {
+                // Of the power of the forces 1e-10 are left, and 1e-14 are rounding: a hundredth
+                // of the amplitude.
+                let ratio = found[j] / expected[j];
+                assert!(
+                    (ratio - 1.0).abs() < 0.02,
+                    "run {run}, equation {j}: {ratio}"
+                );
+            }
+        }
+    }
 }
