@@ -14,6 +14,7 @@
 //! | `static_poses` | masslines of a DC-coupled measurement |
 //! | `lines`, `moments` | averaged spectra as the methods read them, second moments at a line |
 //! | `drive_lines`, `cross_lines`, `sine`, `moved` | lines by drive, without drive, of a sine, moved |
+//! | `driven` | exact sums over lines by drive, in whole numbers and single precision |
 //! | `regression`, `averaging`, `free_system` | estimators that several methods share |
 //! | `excitation` | directions that rise above their noise |
 //! | `run_powers` | powers of each run over a band |
@@ -44,7 +45,6 @@ pub use condense::{Condensed, condense, condense_into};
 pub use cross_lines::CrossLines;
 use cross_lines::MAX_RUNS;
 pub use drive_lines::DriveLines;
-pub use driven::Driven;
 use excitation::Excitation;
 pub use excitation::{EXCITED, excited_directions};
 pub use fixed_modes::{FixedMode, fixed_modes};
