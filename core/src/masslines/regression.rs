@@ -7,7 +7,7 @@
 //! the forces that go with them. Nothing is lost: least squares on these pairs with any
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
-use super::driven::{Columns, Functions, Whole};
+use super::driven::{Columns, Functions, MAX_TERMS, Whole};
 use super::excitation::IDENTITY;
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{
@@ -18,8 +18,6 @@ use crate::geometry::{Equations, transfer};
 use core::ops::{AddAssign, Mul};
 use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector3, Vector6};
 
-/// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
-pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
 pub(super) const SIZE: usize = 6 * MAX_TERMS;
 
 type Normal = Triangle<{ triangle_len(SIZE) }>;
@@ -735,10 +733,9 @@ fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masslines::DriveLines;
-    use crate::masslines::driven::tests::{LINES, RUNS, Samples, functions, in_single, weights};
     use crate::masslines::lines::Internals;
-    use crate::masslines::moved::Moved;
+    use crate::masslines::samples::{LINES, RUNS, Samples, functions, in_single, weights};
+    use crate::masslines::{DriveLines, Lines};
     use crate::spectra::Window;
 
     const TERMS: usize = 3;
@@ -754,16 +751,15 @@ mod tests {
 
     /// The sums of double precision about a point `shift` (m) away.
     fn line_by_line(lines: &DriveLines<'_>, shift: &Vector3<f64>) -> Regression {
-        let moved = Moved::new(lines, shift);
         let mut regression = begun();
         for line in 0..LINES {
             let mut m = Moments::zero();
             for (run, weight) in weights().iter().enumerate().take(RUNS) {
-                moved.add_real_moments(run, line, *weight, &mut m);
+                lines.add_moments(run, line, *weight, &mut m);
             }
             regression.add(&m, &functions(line)[..TERMS], 2.0 * RUNS as f64);
         }
-        regression.turn(None);
+        regression.turn(Some(shift));
         regression
     }
 
@@ -787,8 +783,7 @@ mod tests {
             Vector3::new(40.0, -70.0, 15.0),
         ] {
             let expected = line_by_line(&lines, &shift);
-            let moved = Moved::new(&lines, &shift);
-            let driven = moved.driven().unwrap();
+            let driven = lines.driven().unwrap();
             let columns =
                 Columns::new(driven, &weights(), 0..RUNS, &(0..LINES), TERMS, &in_single).unwrap();
             let mut found = begun();

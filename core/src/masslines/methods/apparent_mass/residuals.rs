@@ -275,8 +275,8 @@ fn residual_of_moments<L: Lines + ?Sized>(
 mod tests {
     use super::*;
     use crate::masslines::DriveLines;
-    use crate::masslines::driven::tests::{LINES, RUNS, Samples, weights};
     use crate::masslines::lines::Internals;
+    use crate::masslines::samples::{LINES, RUNS, Samples, weights};
     use crate::modes::Pole;
     use crate::spectra::{Complex32, Window};
 
