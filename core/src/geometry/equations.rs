@@ -1,6 +1,5 @@
 //! Which of the six equations of motion the load cells let us write.
 
-use super::transfer;
 use nalgebra::{ArrayStorage, Matrix6, Vector3, Vector6};
 
 /// Up to six combinations of the rows of `M a = f` that hold with what was measured:
@@ -121,7 +120,14 @@ impl Equations {
     /// equation (8) at every reference point, as the paper has it.
     #[must_use]
     pub(crate) fn at(&self, shift: &Vector3<f64>) -> Self {
-        let rows = self.rows * transfer(shift).transpose();
+        // r·f_A is r·f_B and the moment r_m·(s x force), which is force·(r_m x s).
+        let mut rows = self.rows;
+        for mut row in rows.row_iter_mut() {
+            let gained = Vector3::new(row[3], row[4], row[5]).cross(shift);
+            row[0] += gained.x;
+            row[1] += gained.y;
+            row[2] += gained.z;
+        }
         if self.whitened {
             Self { rows, ..*self }
         } else {

@@ -111,7 +111,31 @@ pub(super) fn determine<'a>(
     multiply_left(floor, inverse);
     floor.transpose_mut();
     multiply_right(inverse, floor);
-    let mut vectors = NO_MATRIX;
+    let mut vectors = *inverse;
+    for j in 0..10 {
+        vectors[(j, j)] -= 1.0;
+    }
+    if lower(&mut vectors, 10).is_some() {
+        // All eigenvalues exceed one, and nobody asks for them one by one.
+        vectors.copy_from(inverse);
+        lower(&mut vectors, 10)?;
+        inverse_lower(&mut vectors, 10);
+        let noise = vectors.norm_squared();
+        floor.transpose_mut();
+        multiply_right(&mut vectors, floor);
+        inverse.copy_from(&vectors);
+        vectors.transpose_mut();
+        multiply_left(&vectors, inverse);
+        floor.fill(0.0);
+        return Some(Undetermined {
+            vectors: floor,
+            count: 0,
+            noise,
+            unsure,
+            moved: [false; 10],
+        });
+    }
+    vectors.fill(0.0);
     let values = symmetric_eigen(inverse, &mut vectors);
     // Of length one in the floor, and of length λ in the data.
     multiply_left(floor, &mut vectors);

@@ -4,7 +4,8 @@ use super::IdentifyError;
 use super::determined::{Answered, Matrix10, determine, times};
 use super::measurement::{Measurement, Vector10, inertia_about};
 use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
-use crate::algebra::{half, multiply_left, multiply_right, not_negative, symmetric_eigen};
+use crate::algebra::{half, multiply_left, multiply_right, not_negative, symmetric_values};
+use crate::cells::cells;
 use crate::geometry::{resultants_at, transfer};
 use crate::masslines::Masslines;
 use nalgebra::{ArrayStorage, Vector3, Vector6};
@@ -71,11 +72,19 @@ impl Solved {
 
 /// Adds `Bᵀ diag(weights) B`.
 fn add_square(sum: &mut Matrix10, b: &Measurement, weights: &Vector6<f64>) {
-    for i in 0..10 {
-        for j in 0..=i {
+    let sum = &mut cells(sum);
+    for (i, column) in b.data.0.iter().enumerate() {
+        let mut weighted = *column;
+        for (x, weight) in weighted.iter_mut().zip(weights) {
+            *x *= weight;
+        }
+        for (j, other) in b.data.0.iter().enumerate().take(i + 1) {
             let mut entry = 0.0;
-            for k in 0..6 {
-                entry += b[(k, i)] * weights[k] * b[(k, j)];
+            for (weighted, x) in weighted.iter().zip(other) {
+                // Half of them are zero.
+                if *weighted != 0.0 {
+                    entry += weighted * x;
+                }
             }
             sum[(i, j)] += entry;
             if i != j {
@@ -399,7 +408,6 @@ fn reduced(matrix: &Matrix10, kept: &[bool; 10]) -> Matrix10 {
 
 #[inline(never)]
 fn condition(matrix: &Matrix10, observable: &[bool; 10]) -> f64 {
-    let (mut rest, mut vectors) = (reduced(matrix, observable), Matrix10::zeros());
-    let values = symmetric_eigen(&mut rest, &mut vectors);
+    let values = symmetric_values(&mut reduced(matrix, observable));
     values[0] / values[9]
 }

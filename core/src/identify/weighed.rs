@@ -37,9 +37,19 @@ pub(super) fn weights(variance: &Vector6<f64>) -> Vector6<f64> {
 #[inline(never)] // One matrix on the caller's stack.
 pub(super) fn measured(e: &Matrix6<f64>, acceleration: &Vector6<f64>, mass: f64) -> Measurement {
     let mut b = measurement_matrix(acceleration, mass);
-    for mut column in b.column_iter_mut() {
-        let product = e * &column;
-        column.copy_from(&product);
+    for column in &mut b.data.0 {
+        let given = core::mem::take(column);
+        for (x, e) in given.iter().zip(&e.data.0) {
+            // Two thirds of the matrix are zero, and a third of the equations.
+            if *x == 0.0 {
+                continue;
+            }
+            for (sum, e) in column.iter_mut().zip(e) {
+                if *e != 0.0 {
+                    *sum += e * x;
+                }
+            }
+        }
     }
     b
 }

@@ -1,6 +1,7 @@
 //! Lines of runs that were averaged against their drive.
 
 use super::MasslineError;
+use super::driven::Driven;
 use super::lines::{Amplitudes, Internals, Lines};
 use super::moments::Moments;
 use crate::geometry::{RESULTANTS, ResultantNoise};
@@ -86,6 +87,10 @@ impl Internals for DriveLines<'_> {
     fn pair(&self, run: usize, line: usize) -> Option<Amplitudes> {
         let [a, f] = halves(self.runs.get(run)?.responses.get(line)?);
         Some((a, f))
+    }
+
+    fn driven(&self) -> Option<Driven<'_>> {
+        Some(Driven::new(self.runs))
     }
 
     /// The power of the drive.

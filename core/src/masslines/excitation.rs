@@ -6,7 +6,7 @@
 //! matrix: directions and their power over noise are those of the pencil (moments, noise),
 //! which do not depend on the reference point.
 
-use crate::algebra::{multiply_left, symmetric_eigen};
+use crate::algebra::{inverse_lower, lower, multiply_left, symmetric_eigen, symmetric_values};
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
 pub(super) const IDENTITY: Matrix6<f64> = Matrix6::new(
@@ -92,17 +92,20 @@ impl Excitation {
         multiply_left(whitening, &mut ratio);
         ratio.transpose_mut();
         multiply_left(whitening, &mut ratio);
-        let mut vectors = NO_MATRIX;
-        let values = symmetric_eigen(&mut ratio, &mut vectors);
         let coordinates = whitening;
-        if values.iter().all(|&v| v > EXCITED) {
+        let mut vectors = ratio;
+        for j in 0..6 {
+            vectors[(j, j)] -= EXCITED;
+        }
+        if lower(&mut vectors, 6).is_some() {
             // With all six excited any basis will do, and the plain axes cost no rounding.
-            *weakest = values[5];
+            *weakest = symmetric_values(&mut ratio)[5];
             *rank = 6;
             basis.copy_from(&IDENTITY);
             coordinates.copy_from(&IDENTITY);
             return;
         }
+        let values = symmetric_eigen(&mut ratio, &mut vectors);
         for (vector, &value) in vectors.data.0.iter_mut().zip(&values) {
             if value > EXCITED {
                 *weakest = value;
@@ -175,7 +178,21 @@ fn whiten(noise: &Matrix6<f64>, whitening: &mut Matrix6<f64>) {
         let s = scale[i] * scale[j];
         if s > 0.0 { noise[(i, j)] / s } else { 0.0 }
     });
-    let mut vectors = NO_MATRIX;
+    // Of eigenvalues that add up to six, the least one is at least the determinant over the largest
+    // product of the five others, (6/5)⁵ = 2.5. Far from any doubt, Cholesky's root will do.
+    let mut vectors = correlation;
+    if lower(&mut vectors, 6).is_some() {
+        let determinant = vectors.diagonal().product();
+        if determinant * determinant > 10.0 * UNSEEN {
+            inverse_lower(&mut vectors, 6);
+            for j in 0..6 {
+                for i in 0..6 {
+                    whitening[(i, j)] = vectors[(i, j)] / scale[j];
+                }
+            }
+            return;
+        }
+    }
     let values = symmetric_eigen(&mut correlation, &mut vectors);
     whitening.fill(0.0);
     for (i, &value) in values.iter().enumerate() {

@@ -175,7 +175,7 @@ fn regress<L: Lines + ?Sized>(
         take_out(apart, frequency, &mut m);
         regression.add(&m, &basis.at(frequency)[..terms], count);
     }
-    regression.turn();
+    regression.turn(None);
     Ok(regression)
 }
 

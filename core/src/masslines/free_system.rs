@@ -283,8 +283,8 @@ impl<'l, L: Lines + ?Sized> FreeSystem<'l, L> {
             }
         }
         let frequency = |k: usize| self.lines.frequency(fit.start + k);
-        let trace = Trace::new(work);
-        let mut poles = find_poles(&trace, Residues::Complex, &frequency, search);
+        let trace = Trace::new(work, &frequency);
+        let mut poles = find_poles(&trace, Residues::Complex, search);
         poles.truncate(limit);
         if poles.is_empty() {
             return Err(MasslineError::NoMode);

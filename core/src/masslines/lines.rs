@@ -6,6 +6,7 @@
 //! which is equation (13) before anyone averages over the band.
 
 use super::MasslineError;
+use super::driven::Driven;
 use super::moments::{Moments, Powers, Squares};
 use crate::geometry::ResultantNoise;
 use crate::spectra::{BandError, LineRange};
@@ -47,6 +48,10 @@ pub trait Internals {
     fn correlation(&self) -> f64;
     /// The single pair of amplitudes of a run at a line, if it was referred to a drive.
     fn pair(&self, run: usize, line: usize) -> Option<Amplitudes>;
+    /// The same runs in single precision, if that is what they are kept in.
+    fn driven(&self) -> Option<Driven<'_>> {
+        None
+    }
     /// Factor with which the squares of that pair enter the moments.
     fn pair_weight(&self, _run: usize, _line: usize) -> f64 {
         1.0

@@ -14,9 +14,11 @@
 //! | `static_poses` | masslines of a DC-coupled measurement |
 //! | `lines`, `moments` | averaged spectra as the methods read them, second moments at a line |
 //! | `drive_lines`, `cross_lines`, `sine`, `moved` | lines by drive, without drive, of a sine, moved |
+//! | `driven` | exact sums over lines by drive, in whole numbers and single precision |
 //! | `regression`, `averaging`, `free_system` | estimators that several methods share |
 //! | `excitation` | directions that rise above their noise |
 //! | `run_powers` | powers of each run over a band |
+//! | `samples`, `driven_tests` | runs for tests, tests of `driven` |
 //! | `workspace` | lent memory, none of which is on a small stack |
 
 mod averaging;
@@ -24,6 +26,9 @@ mod bands;
 mod condense;
 mod cross_lines;
 mod drive_lines;
+mod driven;
+#[cfg(test)]
+mod driven_tests;
 mod excitation;
 mod fixed_modes;
 mod free_system;
@@ -33,6 +38,8 @@ mod moments;
 mod moved;
 mod regression;
 mod run_powers;
+#[cfg(test)]
+mod samples;
 mod sine;
 mod static_poses;
 mod workspace;

@@ -1,10 +1,12 @@
 //! Averaged lines about another reference point: exact, nothing is averaged again.
 
+use super::driven::Driven;
 use super::lines::{Amplitudes, Internals, Lines};
+use super::moments::add_scaled;
 use super::regression::between;
 use super::{MasslineError, Moments};
-use crate::geometry::{ResultantNoise, transfer};
-use nalgebra::{Complex, Vector3};
+use crate::geometry::{ResultantNoise, move_accelerations, transfer};
+use nalgebra::{Complex, Matrix6, Vector3};
 
 /// Lines as they would be about a point `shift` (m) away from their own.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +21,17 @@ impl<'l, L: Lines + ?Sized> Moved<'l, L> {
             lines,
             shift: *shift,
         }
+    }
+
+    /// Leaves the noise of the accelerations of all runs, each with its weight, in `sum`. It is moved
+    /// once.
+    #[inline(never)] // The noise of a run is off the stack when the caller goes on.
+    pub(super) fn accelerations_noise(&self, weights: &[f64], sum: &mut Matrix6<f64>) {
+        sum.fill(0.0);
+        for (run, weight) in weights.iter().enumerate().take(self.lines.runs()) {
+            add_scaled(sum, &self.lines.noise(run).acceleration, *weight);
+        }
+        move_accelerations(sum, &self.shift);
     }
 
     /// As [`Lines::add_moments`], but of `Σ f f*` only the real part is sure to be added: all that
@@ -114,6 +127,10 @@ impl<L: Lines + ?Sized> Internals for Moved<'_, L> {
         let (force, moment) = f.as_mut_slice().split_at_mut(3);
         take_cross(moment, &self.shift, force);
         Some(pair)
+    }
+
+    fn driven(&self) -> Option<Driven<'_>> {
+        Some(self.lines.driven()?.moved(&self.shift))
     }
 
     fn pair_weight(&self, run: usize, line: usize) -> f64 {

@@ -7,17 +7,17 @@
 //! the forces that go with them. Nothing is lost: least squares on these pairs with any
 //! structure imposed on M is least squares on all lines with that structure imposed.
 
+use super::driven::{Columns, Functions, MAX_TERMS, Whole};
+use super::excitation::IDENTITY;
 use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{
     Triangle, inverse_lower, lower, multiply_left, multiply_right, not_negative, triangle_len,
 };
 use crate::cells::{cells, seen};
-use crate::geometry::Equations;
+use crate::geometry::{Equations, transfer};
 use core::ops::{AddAssign, Mul};
-use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, SMatrix, SVector, Scalar, Vector3, Vector6};
 
-/// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
-pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
 pub(super) const SIZE: usize = 6 * MAX_TERMS;
 
 type Normal = Triangle<{ triangle_len(SIZE) }>;
@@ -64,6 +64,8 @@ pub(super) struct Solution {
     schur: Matrix6<f64>,
     /// Covariance of one real equation, in measured-equation coordinates.
     residual: Matrix6<f64>,
+    /// `true` if all terms and the residual are known, and not the first term alone.
+    complete: bool,
     /// Expected squared error over variance: above one where left-out terms may bias.
     inflation: f64,
 }
@@ -144,10 +146,70 @@ impl Regression {
         self.count += equations;
     }
 
+    /// Adds all lines of `columns`, where the terms have the values of `functions`, that hold
+    /// `equations` real equations, to empty sums.
+    ///
+    /// Whole numbers are summed as they are, in the memory of the sums that they become at last.
+    pub(super) fn add_columns(
+        &mut self,
+        columns: &Columns<'_>,
+        functions: &dyn Fn(usize) -> Functions,
+        equations: f64,
+    ) {
+        let Self {
+            normal,
+            right,
+            power,
+            ..
+        } = self;
+        columns.visit_whole(functions, |whole| {
+            let (forces, terms) = whole.split_at(6.min(whole.len()));
+            let mut rest = normal.entries_mut();
+            for (i, column) in terms.iter().enumerate() {
+                let Some((row, after)) = rest.split_at_mut_checked(i + 1) else {
+                    return;
+                };
+                add_whole(row, column, terms);
+                rest = after;
+            }
+            for (sums, force) in right.data.0.iter_mut().zip(forces) {
+                add_whole(sums, force, terms);
+            }
+            for (sums, force) in power.data.0.iter_mut().zip(forces) {
+                add_whole(sums, force, forces);
+            }
+        });
+        let mut rest = normal.entries_mut();
+        for i in 0..6 * self.terms {
+            let Some((row, after)) = rest.split_at_mut_checked(i + 1) else {
+                break;
+            };
+            settle(row, columns, 6 + i, 6);
+            rest = after;
+        }
+        for (j, sums) in right.data.0.iter_mut().enumerate() {
+            let used = sums.get_mut(..6 * self.terms).unwrap_or_default();
+            settle(used, columns, j, 6);
+        }
+        for (j, sums) in power.data.0.iter_mut().enumerate() {
+            settle(sums, columns, j, 0);
+        }
+        self.count += equations;
+    }
+
     /// Turns the sums over all lines into the regression's coordinates: once, and not for each line.
+    /// With a `shift`, m, amplitudes were those about the point from which that of the regression
+    /// lies so far away.
     #[inline(never)] // Its matrices are off the stack when it is solved.
-    pub(super) fn turn(&mut self) {
-        let (p, e) = (self.excitation.coordinates(), self.equations.rows());
+    pub(super) fn turn(&mut self, shift: Option<&Vector3<f64>>) {
+        let mut p = *self.excitation.coordinates();
+        let mut e = *self.equations.rows();
+        if let Some(shift) = shift {
+            // Of accelerations, T, and of resultants, T⁻ᵀ.
+            multiply_right(&mut p, &transfer(shift));
+            multiply_right(&mut e, &transfer(&-shift).transpose());
+        }
+        let (p, e) = (&p, &e);
         let mut block = NO_MATRIX;
         for t in 0..self.terms {
             for u in 0..=t {
@@ -186,6 +248,27 @@ impl Regression {
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
     pub(super) fn solve(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
+        self.solve_for(chosen, true, into)
+    }
+
+    /// As [`Self::solve`], but only what [`Self::risk`] asks for: the first term.
+    pub(super) fn solve_first_term(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
+        self.solve_for(chosen, false, into)
+    }
+
+    /// Completes a solution of [`Self::solve_first_term`] that was compared with others.
+    pub(super) fn complete(&mut self, solution: &mut Solution) -> Option<()> {
+        if solution.complete {
+            return Some(());
+        }
+        let (terms, inflation) = (solution.terms.clone(), solution.inflation);
+        self.solve_for(&terms, true, solution)?;
+        solution.inflation = inflation;
+        Some(())
+    }
+
+    #[inline(never)] // Once in the flash.
+    fn solve_for(&mut self, chosen: &[usize], all_terms: bool, into: &mut Solution) -> Option<()> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         let unknowns = rank * chosen.len();
@@ -268,25 +351,29 @@ impl Regression {
                 filled[(i, c)] = sum / l[(i, i)];
             }
         }
-        *residual = self.power;
-        let left = &mut cells(residual);
-        for c in 0..rows {
-            for d in 0..rows {
-                let mut explained = 0.0;
-                for i in 0..unknowns {
-                    explained += filled[(i, c)] * filled[(i, d)];
+        let first = if all_terms { 0 } else { nuisance };
+        if all_terms {
+            *residual = self.power;
+            let left = &mut cells(residual);
+            for c in 0..rows {
+                for d in 0..=c {
+                    let mut explained = 0.0;
+                    for i in 0..unknowns {
+                        explained += filled[(i, c)] * filled[(i, d)];
+                    }
+                    left[(c, d)] -= explained;
+                    left[(d, c)] = left[(c, d)];
                 }
-                left[(c, d)] -= explained;
             }
+            *residual /= freedom;
+            self.floor(residual);
         }
-        *residual /= freedom;
-        self.floor(residual);
         let l = seen(&self.factor);
         for mut column in coefficients.column_iter_mut().take(rows) {
             let mut ordered = SVector::<f64, SIZE>::zeros();
             ordered.copy_from(&column);
             let ordered = &mut cells(&mut ordered);
-            for i in (0..unknowns).rev() {
+            for i in (first..unknowns).rev() {
                 let mut sum = ordered[i];
                 for k in i + 1..unknowns {
                     sum -= l[(k, i)] * ordered[k];
@@ -294,11 +381,12 @@ impl Regression {
                 ordered[i] = sum / l[(i, i)];
             }
             let column = &mut cells(&mut column);
-            for i in 0..unknowns {
+            for i in first..unknowns {
                 column[order(i)] = ordered[i] * scale[i];
             }
         }
         into.terms = heapless::Vec::from_slice(chosen).ok()?;
+        into.complete = all_terms;
         into.inflation = 1.0;
         Some(())
     }
@@ -417,20 +505,28 @@ impl Regression {
         ((self.count - unknowns as f64) / self.correlation).max(1.0)
     }
 
-    /// Contribution of second moments of acceleration, real part, to each pair: the share
-    /// of the pair's power, without that of the other terms.
-    pub(super) fn powers(&self, solution: &Solution, moments: &Matrix6<f64>) -> [f64; 6] {
+    /// Takes accelerations to the pairs, without what the other terms explain of them: all zero if
+    /// they cannot be told.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    pub(super) fn to_pairs(&self, solution: &Solution) -> Matrix6<f64> {
         let rank = self.excitation.rank();
         let mut to_pairs = solution.schur;
         if lower(&mut to_pairs, rank).is_none() {
-            return [0.0; 6];
+            return NO_MATRIX;
         }
         inverse_lower(&mut to_pairs, rank);
-        multiply_right(&mut to_pairs, self.excitation.coordinates());
+        let coordinates = self.excitation.coordinates();
+        between(&IDENTITY, &mut to_pairs, &coordinates.transpose());
+        to_pairs
+    }
+
+    /// Contribution of second moments of acceleration, real part, to each pair: the share
+    /// of the pair's power.
+    #[inline(never)] // Its matrix is off the stack when the caller goes on.
+    pub(super) fn powers(&self, to_pairs: &Matrix6<f64>, moments: &Matrix6<f64>) -> [f64; 6] {
         let mut inner = *moments;
-        multiply_left(&to_pairs, &mut inner);
-        to_pairs.transpose_mut();
-        multiply_right(&mut inner, &to_pairs);
+        between(to_pairs, &mut inner, to_pairs);
+        let rank = self.excitation.rank();
         core::array::from_fn(|p| if p < rank { inner[(p, p)] } else { 0.0 })
     }
 
@@ -488,8 +584,8 @@ impl Regression {
                 entries[(j, i)] = coefficients[(n * rank + i, j)];
             }
         }
-        multiply_left(&self.equations.rows().transpose(), into);
-        multiply_right(into, self.excitation.coordinates());
+        let (rows, coordinates) = (self.equations.rows(), self.excitation.coordinates());
+        between(&rows.transpose(), into, &coordinates.transpose());
         true
     }
 }
@@ -501,6 +597,7 @@ impl Solution {
         coefficients: NO_RIGHT,
         schur: NO_MATRIX,
         residual: NO_MATRIX,
+        complete: false,
         inflation: 0.0,
     };
 
@@ -586,6 +683,36 @@ where
     }
 }
 
+/// Adds the products of `column` with others to whole numbers that lie in `sums` bit by bit.
+#[inline(never)] // In a loop of its own it has registers enough.
+fn add_whole(sums: &mut [f64], column: &Whole, others: &[Whole]) {
+    let add = |sum: &mut f64, other: &Whole| {
+        let whole = sum.to_bits().cast_signed() + column.product(other);
+        *sum = f64::from_bits(whole.cast_unsigned());
+    };
+    // Two at a time, written out: a turn of the loop costs as much as a product.
+    let (twos, rest) = sums.as_chunks_mut();
+    let (others, after) = others.split_at(others.len().min(2 * twos.len()));
+    for ([x, y], [a, b]) in twos.iter_mut().zip(others.as_chunks().0) {
+        add(x, a);
+        add(y, b);
+    }
+    for (sum, other) in rest.iter_mut().zip(after) {
+        add(sum, other);
+    }
+}
+
+/// Makes the sums of whole numbers those of the numbers: of the column `own` with those from
+/// `first` on.
+#[inline(never)] // Once in the flash.
+fn settle(sums: &mut [f64], columns: &Columns<'_>, own: usize, first: usize) {
+    let unit = columns.unit(own);
+    for (j, sum) in sums.iter_mut().enumerate() {
+        let whole = sum.to_bits().cast_signed() as f64;
+        *sum = whole * unit * columns.unit(first + j);
+    }
+}
+
 /// Makes all zero beside the diagonal.
 fn keep_diagonal(m: &mut Matrix6<f64>) {
     m.fill_lower_triangle(0.0, 1);
@@ -601,4 +728,99 @@ fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
     Some(core::array::from_fn(|i| {
         (0..n).map(|k| inverse[(k, i)] * inverse[(k, i)]).sum()
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masslines::lines::Internals;
+    use crate::masslines::samples::{LINES, RUNS, Samples, functions, in_single, weights};
+    use crate::masslines::{DriveLines, Lines};
+    use crate::spectra::Window;
+
+    const TERMS: usize = 3;
+
+    fn begun() -> Regression {
+        let mut regression = Regression::EMPTY;
+        regression.begin(&Equations::all(), TERMS, 1.0);
+        // All six are excited, so that coordinates are the accelerations themselves.
+        let (aa, noise) = (Matrix6::identity(), Matrix6::identity() * 1e-9);
+        regression.restart(&aa, &noise).unwrap();
+        regression
+    }
+
+    /// The sums of double precision about a point `shift` (m) away.
+    fn line_by_line(lines: &DriveLines<'_>, shift: &Vector3<f64>) -> Regression {
+        let mut regression = begun();
+        for line in 0..LINES {
+            let mut m = Moments::zero();
+            for (run, weight) in weights().iter().enumerate().take(RUNS) {
+                lines.add_moments(run, line, *weight, &mut m);
+            }
+            regression.add(&m, &functions(line)[..TERMS], 2.0 * RUNS as f64);
+        }
+        regression.turn(Some(shift));
+        regression
+    }
+
+    /// Whole numbers add up to the sums of double precision, for any reference point.
+    ///
+    /// A column is off by the roundings of its numbers, some eight of 2^-24, and by less than a unit
+    /// in each of its 240 parts, where the largest part is above 2^24 units: by less than
+    /// `2^-21 + 16 · 2^-24` of its norm. Sums of products are off by no more than that of the product
+    /// of norms (Cauchy and Schwarz), for both columns. The point is moved after that, in double
+    /// precision: what is far away has the rounding of the lever.
+    #[test]
+    fn whole_numbers_add_up_to_the_sums_of_double_precision() {
+        let samples = Samples::new();
+        let runs = samples.runs();
+        let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+        let here = line_by_line(&lines, &Vector3::zeros());
+        let off = 2.0 * (0.5_f64.powi(21) + 0.5_f64.powi(20));
+        for shift in [
+            Vector3::zeros(),
+            Vector3::new(0.1, -0.2, 0.4),
+            Vector3::new(40.0, -70.0, 15.0),
+        ] {
+            let expected = line_by_line(&lines, &shift);
+            let driven = lines.driven().unwrap();
+            let columns =
+                Columns::new(driven, &weights(), 0..RUNS, &(0..LINES), TERMS, &in_single).unwrap();
+            let mut found = begun();
+            found.add_columns(&columns, &in_single, (2 * RUNS * LINES) as f64);
+            found.turn(Some(&shift));
+            assert_eq!(found.count, expected.count);
+            let t = transfer(&shift).abs();
+            let back = transfer(&-shift).transpose().abs();
+            let norm = |column: usize| -> f64 {
+                let (term, i) = (column / 6, column % 6);
+                let own = |k: usize| here.normal.get(6 * term + k, 6 * term + k).unwrap().sqrt();
+                (0..6).map(|k| t[(i, k)] * own(k)).sum()
+            };
+            let force = |i: usize| -> f64 {
+                (0..6)
+                    .map(|k| back[(i, k)] * here.power[(k, k)].sqrt())
+                    .sum()
+            };
+            let mut largest = 0.0_f64;
+            for i in 0..6 * TERMS {
+                for j in 0..=i {
+                    let error =
+                        found.normal.get(i, j).unwrap() - expected.normal.get(i, j).unwrap();
+                    largest = largest.max(error.abs() / (norm(i) * norm(j)));
+                }
+                for j in 0..6 {
+                    let error = found.right[(i, j)] - expected.right[(i, j)];
+                    largest = largest.max(error.abs() / (norm(i) * force(j)));
+                }
+            }
+            for i in 0..6 {
+                for j in 0..6 {
+                    let error = found.power[(i, j)] - expected.power[(i, j)];
+                    largest = largest.max(error.abs() / (force(i) * force(j)));
+                }
+            }
+            assert!(largest < off, "{shift}: {largest} {off}");
+        }
+    }
 }

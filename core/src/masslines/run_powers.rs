@@ -86,6 +86,12 @@ impl RunPowers {
 /// Powers of one run over the lines of the band.
 #[inline(never)] // Amplitudes are off the stack when they are summed.
 fn summed<L: Lines + ?Sized>(lines: &L, band: &Range<usize>, run: usize) -> Powers {
+    if let Some(squares) = lines.driven().and_then(|runs| runs.squares(run, band)) {
+        return Powers {
+            aa: squares.aa,
+            ff: squares.ff.diagonal(),
+        };
+    }
     let mut powers = Powers::zero();
     for line in band.clone() {
         add_powers(lines, run, line, 1.0, &mut powers);

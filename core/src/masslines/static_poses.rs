@@ -106,7 +106,7 @@ impl StaticPoses {
         };
         // One equation per row went into the offset.
         regression.add(&moments, &[Complex::new(1.0, 0.0)], self.count - 1.0);
-        regression.turn();
+        regression.turn(None);
         let mut solution = Solution::EMPTY;
         let needed = regression.excitation().rank() + 2;
         if self.count() < needed {

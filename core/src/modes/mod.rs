@@ -34,6 +34,8 @@ impl Pole {
     pub fn amplification(&self, frequency: f64) -> Complex<f64> {
         let ratio = frequency / self.frequency;
         let squared = ratio * ratio;
-        Complex::new(squared, 0.0) / Complex::new(1.0 - squared, 2.0 * self.damping * ratio)
+        let (re, im) = (1.0 - squared, 2.0 * self.damping * ratio);
+        let scale = squared / (re * re + im * im);
+        Complex::new(re * scale, -im * scale)
     }
 }

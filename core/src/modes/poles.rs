@@ -1,20 +1,26 @@
 //! Poles of one scalar function: peaks first, then a damped Gauss-Newton fit.
+//!
+//! What is done line by line is done in single precision, which the chip has in hardware: its
+//! rounding is far below the scatter of the lines, and moves no pole by more than 1e-7 of its
+//! frequency. The small systems are solved in double precision.
 
+use super::trace::TraceLine;
 use super::{MAX_MODES, Pole, Trace};
 use crate::algebra::{Triangle, solve_positive, triangle_len};
-use crate::cells::{Seen, cells, seen};
+use crate::cells::{cells, seen};
 use nalgebra::{Complex, SVector};
 
 /// Unknowns of the fit: a constant, one term for all modes above, and frequency, damping
 /// and up to two residues of each mode.
 const UNKNOWNS: usize = 2 + 4 * MAX_MODES;
+/// The unknowns' derivatives at a line, and what is left there.
+const COLUMNS: usize = UNKNOWNS + 1;
 /// Damping that the search starts from.
 const FIRST_DAMPING: f64 = 0.01;
 /// Bounds of a damping that a mode of a structure can have.
 const DAMPING: core::ops::Range<f64> = 1e-5..0.3;
 const STEPS: usize = 40;
 
-type Normal = Triangle<{ triangle_len(UNKNOWNS) }>;
 type Parameters = SVector<f64, UNKNOWNS>;
 
 /// Prior knowledge of the residues.
@@ -30,48 +36,49 @@ pub(crate) enum Residues {
 /// Working memory of the search: it is lent, since the stack of a small chip is too small.
 #[derive(Clone, Debug)]
 pub(crate) struct PoleSearch {
-    normal: Normal,
-    /// With Levenberg's and Marquardt's term, and then its factor.
-    damped: Normal,
+    /// Sums of the products of all columns, the lower triangle row after row: the normal matrix,
+    /// its right-hand side as the last row, and the cost as the last entry.
+    sums: [f32; triangle_len(COLUMNS)],
+    /// The normal matrix with Levenberg's and Marquardt's term, and then its factor.
+    damped: Triangle<{ triangle_len(UNKNOWNS) }>,
 }
 
 impl PoleSearch {
     /// As good as any other state.
     pub const EMPTY: Self = Self {
-        normal: Normal::ZERO,
-        damped: Normal::ZERO,
+        sums: [0.0; triangle_len(COLUMNS)],
+        damped: Triangle::ZERO,
     };
 }
 
-/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace whose lines lie
-/// at `frequency(line)` Hz, in ascending order. At most [`MAX_MODES`], the strongest ones; none if
-/// no peak rises above what the lines scatter by.
+/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace, in ascending
+/// order. At most [`MAX_MODES`], the strongest ones; none if no peak rises above what the lines
+/// scatter by.
 #[must_use]
 pub(crate) fn find_poles(
     trace: &Trace<'_>,
     residues: Residues,
-    frequency: &dyn Fn(usize) -> f64,
     search: &mut PoleSearch,
 ) -> heapless::Vec<Pole, MAX_MODES> {
-    let mut fit = Fit::start(trace, residues, frequency);
-    let mut cost = fit.refine(trace, frequency, ROUGH, search);
+    let mut fit = Fit::start(trace, residues);
+    let mut cost = fit.refine(trace, ROUGH, search);
     // Strongest first, one at a time, each next one in what the others leave.
     let mut refused: heapless::Vec<usize, TRIES> = heapless::Vec::new();
     while fit.modes < MAX_MODES {
-        let Some(line) = fit.strongest_peak(trace, frequency, &refused) else {
+        let Some((line, left)) = fit.strongest_peak(trace, &refused) else {
             break;
         };
-        let mut more = fit.with_mode(frequency(line), fit.left(trace, line, frequency).im);
-        let lower = more.refine(trace, frequency, ROUGH, search);
+        let mut more = fit.with_mode(trace.at(line).frequency.into(), left.into());
+        let lower = more.refine(trace, ROUGH, search);
         let gain = trace.len() as f64 * libm::log(cost / lower);
-        if gain > WORTH && !more.implausible(trace.len(), frequency) {
+        if gain > WORTH && !more.implausible(trace) {
             fit = more;
             cost = lower;
         } else if refused.push(line).is_err() {
             break;
         }
     }
-    fit.refine(trace, frequency, FINE, search);
+    fit.refine(trace, FINE, search);
     fit.poles()
 }
 
@@ -84,76 +91,226 @@ const TRIES: usize = 6;
 /// Relative gain of a step at which a fit ends: while modes are looked for, and at last.
 const ROUGH: f64 = 1e-3;
 const FINE: f64 = 1e-9;
+/// Relative gain that the cost in single precision does not show.
+const KNOWN: f64 = 1e-5;
+/// Cost of a line that fits to within rounding: a weight is no more than the inverse square of 2 %
+/// of the value, of which rounding is 2e-6.
+const ROUNDING: f64 = 1e-8;
 
 struct Fit {
     modes: usize,
     parameters: Parameters,
     /// Frequency that scales the ω² term, Hz.
     unit: f64,
-    /// Its square, inverted.
-    per_square: f64,
     residues: Residues,
 }
 
+/// The parameters of a fit in single precision.
+struct Model {
+    constant: f32,
+    /// Of ω² in Hz².
+    upper: f32,
+    /// One over the square of the frequency that scales the ω² term.
+    per_square: f32,
+    modes: [Mode; MAX_MODES],
+    count: usize,
+    residues: Residues,
+}
+
+/// A mode in single precision.
+#[derive(Clone, Copy, Default)]
+struct Mode {
+    residue: f32,
+    frequency: f32,
+    /// What single precision leaves of the frequency.
+    rest: f32,
+    damping: f32,
+    /// The quadrature residue over the frequency.
+    quadrature: f32,
+}
+
+impl Mode {
+    /// Reciprocal of the denominator of the amplification at `f` Hz.
+    #[inline]
+    fn inverse(&self, f: f32) -> Complex<f32> {
+        // Close to the resonance the first difference is exact, that of squares would not be.
+        let re = (self.frequency - f + self.rest) * (self.frequency + f);
+        let im = 2.0 * self.damping * self.frequency * f;
+        let scale = 1.0 / (re * re + im * im);
+        Complex::new(re * scale, -im * scale)
+    }
+}
+
+impl Model {
+    /// What is left of a line.
+    #[inline]
+    fn left(&self, line: &TraceLine) -> Complex<f32> {
+        let f = line.frequency;
+        let square = f * f;
+        let mut left = line.value;
+        left.re -= self.constant + square * self.upper;
+        for mode in self.modes.iter().take(self.count) {
+            let unit = mode.inverse(f) * square;
+            left -= match self.residues {
+                Residues::Positive => unit * mode.residue,
+                Residues::Complex => unit * Complex::new(mode.residue, mode.quadrature * f),
+            };
+        }
+        left
+    }
+
+    /// Sums of the products of `count` columns over all lines.
+    fn add_up(&self, trace: &Trace<'_>, count: usize, sums: &mut [f32]) {
+        sums.fill(0.0);
+        let mut columns = [Complex::new(0.0, 0.0); COLUMNS];
+        for line in trace.lines() {
+            self.columns(&line, &mut columns);
+            let columns = columns.get(..count).unwrap_or_default();
+            add_products(columns, line.weight, sums);
+        }
+    }
+
+    fn cost(&self, trace: &Trace<'_>) -> f64 {
+        let cost = trace
+            .lines()
+            .map(|line| self.left(&line).norm_sqr() * line.weight);
+        cost.sum::<f32>().into()
+    }
+
+    /// The derivatives of the model at a line, and what is left of the line.
+    #[inline]
+    fn columns(&self, line: &TraceLine, columns: &mut [Complex<f32>; COLUMNS]) {
+        let f = line.frequency;
+        let square = f * f;
+        let mut left = line.value;
+        left.re -= self.constant + square * self.upper;
+        let (plain, mut others) = columns.split_at_mut(2);
+        if let [constant, upper] = plain {
+            *constant = Complex::new(1.0, 0.0);
+            *upper = Complex::new(square * self.per_square, 0.0);
+        }
+        for mode in self.modes.iter().take(self.count) {
+            let inverse = mode.inverse(f);
+            let unit = inverse * square;
+            let elastic = match self.residues {
+                Residues::Positive => unit * mode.residue,
+                Residues::Complex => unit * Complex::new(mode.residue, mode.quadrature * f),
+            };
+            let slope = -elastic * inverse;
+            let Some(([of_residue, of_frequency, of_damping], rest)) =
+                others.split_first_chunk_mut()
+            else {
+                return;
+            };
+            *of_residue = unit;
+            *of_frequency = slope * Complex::new(2.0 * mode.frequency, 2.0 * mode.damping * f);
+            let damping = 2.0 * mode.frequency * f;
+            *of_damping = Complex::new(-slope.im * damping, slope.re * damping);
+            others = rest;
+            if self.residues == Residues::Complex {
+                let Some(([of_quadrature], rest)) = others.split_first_chunk_mut() else {
+                    return;
+                };
+                let ahead = f / mode.frequency;
+                *of_quadrature = Complex::new(-unit.im * ahead, unit.re * ahead);
+                others = rest;
+            }
+            left -= elastic;
+        }
+        if let Some(last) = others.first_mut() {
+            *last = left;
+        }
+    }
+}
+
+/// Adds the products of a line's columns to their sums.
+#[inline]
+fn add_products(columns: &[Complex<f32>], weight: f32, sums: &mut [f32]) {
+    let mut rest = sums;
+    for (i, column) in columns.iter().enumerate() {
+        let (re, im) = (column.re * weight, column.im * weight);
+        let Some((row, after)) = rest.split_at_mut_checked(i + 1) else {
+            return;
+        };
+        for (sum, other) in row.iter_mut().zip(columns) {
+            *sum += re * other.re + im * other.im;
+        }
+        rest = after;
+    }
+}
+
 impl Fit {
-    fn start(trace: &Trace<'_>, residues: Residues, frequency: &dyn Fn(usize) -> f64) -> Self {
+    fn start(trace: &Trace<'_>, residues: Residues) -> Self {
         let mut parameters = Parameters::zeros();
-        parameters[0] = trace.value(0).re;
-        let unit = frequency(trace.len().saturating_sub(1));
+        parameters[0] = trace.at(0).value.re.into();
         Self {
             modes: 0,
             parameters,
-            unit,
-            per_square: 1.0 / (unit * unit),
+            unit: trace.at(trace.len().saturating_sub(1)).frequency.into(),
             residues,
         }
     }
 
-    /// Residual of the fit at a line.
-    fn left(
-        &self,
-        trace: &Trace<'_>,
-        line: usize,
-        frequency: &dyn Fn(usize) -> f64,
-    ) -> Complex<f64> {
-        trace.value(line) - self.value(&self.parameters, frequency(line))
+    /// The model of these parameters.
+    fn model(&self, p: &Parameters) -> Model {
+        let per_square = 1.0 / (self.unit * self.unit);
+        let p = seen(p);
+        let mut modes = [Mode::default(); MAX_MODES];
+        for (r, mode) in modes.iter_mut().enumerate().take(self.modes) {
+            let at = self.at(r);
+            *mode = Mode {
+                residue: p[at] as f32,
+                frequency: p[at + 1] as f32,
+                rest: (p[at + 1] - f64::from(p[at + 1] as f32)) as f32,
+                damping: p[at + 2] as f32,
+                quadrature: match self.residues {
+                    Residues::Positive => 0.0,
+                    Residues::Complex => (p[at + 3] / p[at + 1]) as f32,
+                },
+            };
+        }
+        Model {
+            constant: p[0] as f32,
+            upper: (p[1] * per_square) as f32,
+            per_square: per_square as f32,
+            modes,
+            count: self.modes,
+            residues: self.residues,
+        }
     }
 
     /// The highest peak of the imaginary part that the fit leaves, away from the modes
-    /// that are there and from what was refused before.
-    fn strongest_peak(
-        &self,
-        trace: &Trace<'_>,
-        frequency: &dyn Fn(usize) -> f64,
-        refused: &[usize],
-    ) -> Option<usize> {
-        let height = |line: usize| {
-            let im = -self.left(trace, line, frequency).im;
-            match self.residues {
-                Residues::Positive => im,
-                Residues::Complex => im.abs(),
-            }
+    /// that are there and from what was refused before: its line, and what is left there.
+    fn strongest_peak(&self, trace: &Trace<'_>, refused: &[usize]) -> Option<(usize, f32)> {
+        let model = self.model(&self.parameters);
+        let left = |line: usize| model.left(&trace.at(line)).im;
+        let height = |im: f32| match self.residues {
+            Residues::Positive => -im,
+            Residues::Complex => im.abs(),
         };
         let mut best = None;
         let mut highest = 0.0;
-        let (mut here, mut after) = (height(0), height(1));
+        let (mut here, mut after) = (left(0), left(1));
         for line in 1..trace.len().saturating_sub(1) {
             let before = here;
             here = after;
-            after = height(line + 1);
-            let f = frequency(line);
+            after = left(line + 1);
+            let peak = height(here) > height(before) && height(here) >= height(after);
+            if !(peak && height(here) > highest) {
+                continue;
+            }
+            let f = trace.at(line).frequency;
             // Leakage bends the flanks of a mode that is already there; what it leaves
             // is not another mode.
-            let spacing = frequency(line + 1) - f;
-            let taken = (0..self.modes).any(|r| {
-                let pole = self.pole(r);
-                (pole.frequency - f).abs() < 3.0 * spacing + 3.0 * pole.damping * f
-            });
+            let spacing = trace.at(line + 1).frequency - f;
+            let taken =
+                model.modes.iter().take(self.modes).any(|mode| {
+                    (mode.frequency - f).abs() < 3.0 * spacing + 3.0 * mode.damping * f
+                });
             let tried = refused.iter().any(|&r| line.abs_diff(r) < 3);
-            let peak = here > before && here >= after;
-            if peak && !taken && !tried && here > highest {
-                highest = here;
-                best = Some(line);
+            if !taken && !tried {
+                highest = height(here);
+                best = Some((line, here));
             }
         }
         best
@@ -197,124 +354,42 @@ impl Fit {
         self.at(self.modes)
     }
 
-    /// Value at one frequency, without its derivatives, which cost three times as much.
-    fn value(&self, p: &Parameters, f: f64) -> Complex<f64> {
-        let square = f * f;
-        let mut value = Complex::new(p[0] + square * self.per_square * p[1], 0.0);
-        for r in 0..self.modes {
-            let (at, p) = (self.at(r), seen(p));
-            let inverse = inverse(p[at + 1], p[at + 2], f, square);
-            value += times(inverse * square, self.residue(&p, r, f));
-        }
-        value
-    }
-
-    /// The residue of a mode, and its quadrature per ω/ω_r where there is one.
-    fn residue(&self, p: &Seen<'_, Parameters>, mode: usize, f: f64) -> Complex<f64> {
-        let at = self.at(mode);
-        let quadrature = match self.residues {
-            Residues::Positive => 0.0,
-            Residues::Complex => f / p[at + 1] * p[at + 3],
-        };
-        Complex::new(p[at], quadrature)
-    }
-
-    /// Value at one frequency, and its derivatives, which are left in `d`.
-    fn model(&self, p: &Parameters, f: f64, d: &mut [Complex<f64>; UNKNOWNS]) -> Complex<f64> {
-        let square = f * f;
-        d[0] = Complex::new(1.0, 0.0);
-        d[1] = Complex::new(square * self.per_square, 0.0);
-        let mut value = Complex::new(p[0] + d[1].re * p[1], 0.0);
-        let (p, d) = (seen(p), &mut cells(&mut d[..]));
-        for r in 0..self.modes {
-            let at = self.at(r);
-            let (fr, z) = (p[at + 1], p[at + 2]);
-            let residue = self.residue(&p, r, f);
-            let inverse = inverse(fr, z, f, square);
-            let unit = inverse * square;
-            d[at] = unit;
-            if self.residues == Residues::Complex {
-                let ahead = f / fr;
-                d[at + 3] = Complex::new(-unit.im * ahead, unit.re * ahead);
-            }
-            let elastic = times(unit, residue);
-            let slope = -elastic * inverse;
-            d[at + 1] = slope * Complex::new(2.0 * fr, 2.0 * z * f);
-            let damping = 2.0 * fr * f;
-            d[at + 2] = Complex::new(-slope.im * damping, slope.re * damping);
-            value += elastic;
-        }
-        value
-    }
-
-    fn cost(&self, p: &Parameters, trace: &Trace<'_>, frequency: &dyn Fn(usize) -> f64) -> f64 {
-        let mut cost = 0.0;
-        for k in 0..trace.len() {
-            let left = self.value(p, frequency(k)) - trace.value(k);
-            cost += left.norm_sqr() * trace.weight(k);
-        }
-        cost
-    }
-
     /// Levenberg and Marquardt: the step is accepted only if it explains more.
-    fn refine(
-        &mut self,
-        trace: &Trace<'_>,
-        frequency: &dyn Fn(usize) -> f64,
-        end: f64,
-        search: &mut PoleSearch,
-    ) -> f64 {
-        let PoleSearch { normal, damped } = search;
+    fn refine(&mut self, trace: &Trace<'_>, end: f64, search: &mut PoleSearch) -> f64 {
+        let PoleSearch { sums, damped } = search;
         let n = self.unknowns();
         let mut lambda = 1e-3;
-        let mut cost = self.cost(&self.parameters, trace, frequency);
-        let mut right = Parameters::zeros();
-        let mut d = [Complex::new(0.0, 0.0); UNKNOWNS];
+        let mut cost = self.model(&self.parameters).cost(trace);
+        let rounding = ROUNDING * trace.len() as f64;
+        let mut last = f64::INFINITY;
         for _ in 0..STEPS {
-            normal.clear();
-            right.fill(0.0);
-            let (sums, sides) = (&mut cells(normal), &mut cells(&mut right));
-            for k in 0..trace.len() {
-                let value = self.model(&self.parameters, frequency(k), &mut d);
-                let weight = trace.weight(k);
-                let residual = (trace.value(k) - value) * weight;
-                // The first two derivatives are real. Where the processor has no `f64`,
-                // a product with a zero costs as much as any other.
-                sides[0] += residual.re;
-                sides[1] += d[1].re * residual.re;
-                sums[(0, 0)] += weight;
-                sums[(1, 0)] += d[1].re * weight;
-                sums[(1, 1)] += d[1].re * d[1].re * weight;
-                let d = seen(&d[..]);
-                for i in 2..n {
-                    let weighted = d[i] * weight;
-                    sides[i] += d[i].re * residual.re + d[i].im * residual.im;
-                    sums[(i, 0)] += weighted.re;
-                    sums[(i, 1)] += weighted.re * d[1].re;
-                    for j in 2..=i {
-                        sums[(i, j)] += weighted.re * d[j].re + weighted.im * d[j].im;
-                    }
-                }
-            }
+            self.model(&self.parameters).add_up(trace, n + 1, sums);
             let mut improved = false;
             while lambda < 1e9 {
-                damped.clone_from(normal);
-                let diagonal = &mut cells(damped);
-                for i in 0..n {
-                    diagonal[(i, i)] *= 1.0 + lambda;
+                let Some((tried, promise)) = self.step(n, sums, lambda, damped) else {
+                    lambda *= 10.0;
+                    continue;
+                };
+                let promise = promise / (cost + rounding);
+                if promise < KNOWN {
+                    // The gradient is known better than the cost, until it is rounding, too.
+                    self.parameters = tried;
+                    lambda *= 0.1;
+                    improved = promise > end && promise < 0.5 * last;
+                    last = promise;
+                    break;
                 }
-                let mut step = right;
-                if solve_positive(damped, step.as_mut_slice(), n).is_some() {
-                    let tried = self.bounded(&(self.parameters + step));
-                    let tried_cost = self.cost(&tried, trace, frequency);
-                    if tried_cost < cost {
-                        let gain = (cost - tried_cost) / cost;
-                        self.parameters = tried;
-                        cost = tried_cost;
-                        lambda *= 0.1;
-                        improved = gain > end;
-                        break;
-                    }
+                if promise < end {
+                    break;
+                }
+                let tried_cost = self.model(&tried).cost(trace);
+                if tried_cost < cost {
+                    let gain = (cost - tried_cost) / (cost + rounding);
+                    self.parameters = tried;
+                    cost = tried_cost;
+                    lambda *= 0.1;
+                    improved = gain > end;
+                    break;
                 }
                 lambda *= 10.0;
             }
@@ -323,6 +398,36 @@ impl Fit {
             }
         }
         cost
+    }
+
+    /// The parameters after a step with Marquardt's factor `lambda`, from the sums of `n`
+    /// unknowns, and how much less a linear model would cost there. `None` if the system cannot be
+    /// solved.
+    fn step(
+        &self,
+        n: usize,
+        sums: &[f32],
+        lambda: f64,
+        damped: &mut Triangle<{ triangle_len(UNKNOWNS) }>,
+    ) -> Option<(Parameters, f64)> {
+        let (normal, right) = sums.split_at_checked(triangle_len(n))?;
+        damped.copy_from(normal);
+        let (diagonal, mut excess) = (&mut cells(damped), Parameters::zeros());
+        for (i, excess) in excess.iter_mut().enumerate().take(n) {
+            *excess = lambda * diagonal[(i, i)];
+            diagonal[(i, i)] += *excess;
+        }
+        let mut step = Parameters::zeros();
+        for (step, right) in step.iter_mut().zip(right).take(n) {
+            *step = f64::from(*right);
+        }
+        solve_positive(damped, step.as_mut_slice(), n)?;
+        let mut promise = 0.0;
+        for ((step, excess), right) in step.iter().zip(&excess).zip(right).take(n) {
+            promise += step * (step * excess + f64::from(*right));
+        }
+        step += self.parameters;
+        Some((self.bounded(&step), promise))
     }
 
     fn bounded(&self, p: &Parameters) -> Parameters {
@@ -338,8 +443,9 @@ impl Fit {
 
     /// `true` if one of the modes is implausible: outside the lines, without mass, overdamped, or
     /// within two lines of another mode.
-    fn implausible(&self, lines: usize, frequency: &dyn Fn(usize) -> f64) -> bool {
-        let (first, last) = (frequency(0), frequency(lines.saturating_sub(1)));
+    fn implausible(&self, trace: &Trace<'_>) -> bool {
+        let frequency = |line: usize| f64::from(trace.at(line).frequency);
+        let (first, last) = (frequency(0), frequency(trace.len().saturating_sub(1)));
         let spacing = frequency(1) - first;
         (0..self.modes).any(|r| {
             let pole = self.pole(r);
@@ -357,24 +463,6 @@ impl Fit {
             (0..self.modes).map(|r| self.pole(r)).collect();
         poles.sort_unstable_by(|a, b| a.frequency.total_cmp(&b.frequency));
         poles
-    }
-}
-
-/// Reciprocal of the denominator of a mode's amplification at `f` Hz: one division,
-/// which costs as much as ten products where the processor has no `f64`.
-fn inverse(frequency: f64, damping: f64, f: f64, square: f64) -> Complex<f64> {
-    let re = frequency * frequency - square;
-    let im = 2.0 * damping * frequency * f;
-    let scale = 1.0 / (re * re + im * im);
-    Complex::new(re * scale, -im * scale)
-}
-
-/// `unit` times a residue, most of which are real.
-fn times(unit: Complex<f64>, residue: Complex<f64>) -> Complex<f64> {
-    if residue.im == 0.0 {
-        unit * residue.re
-    } else {
-        unit * residue
     }
 }
 
@@ -408,9 +496,8 @@ mod tests {
                 *t += pole.amplification(frequency(k)) * e;
             }
         }
-        find_poles(&Trace::new(&mut work), residues, frequency, &mut {
-            PoleSearch::EMPTY
-        })
+        let trace = Trace::new(&mut work, frequency);
+        find_poles(&trace, residues, &mut { PoleSearch::EMPTY })
     }
 
     #[test]
@@ -461,12 +548,7 @@ mod tests {
 
     #[test]
     fn no_lines_no_poles() {
-        let none = Trace::new(&mut []);
-        assert!(
-            find_poles(&none, Residues::Complex, &frequency, &mut {
-                PoleSearch::EMPTY
-            })
-            .is_empty()
-        );
+        let none = Trace::new(&mut [], &frequency);
+        assert!(find_poles(&none, Residues::Complex, &mut { PoleSearch::EMPTY }).is_empty());
     }
 }

@@ -4,6 +4,8 @@
 //! samples: a cosine is two lines of the spectrum, so windowing is a short convolution
 //! over the lines that are kept, and only those.
 
+use crate::cells::cells;
+
 /// A window, periodic in the block length N.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -23,6 +25,9 @@ pub enum Window {
     /// The flat top of ISO 18431-2, for amplitudes of single tones.
     FlatTop,
 }
+
+/// Most cosine terms of a window.
+const TERMS: usize = 5;
 
 impl Window {
     /// Magnitudes c₀, c₁, … of the cosine terms.
@@ -65,7 +70,17 @@ impl Window {
     /// Mean of w², the factor of a windowed auto power.
     #[must_use]
     pub(crate) fn power(self) -> f64 {
-        self.mean(|w, _| w * w, 0.0)
+        let [mean, others @ ..] = self.terms();
+        mean * mean + others.iter().map(|c| c * c).sum::<f64>() / 2.0
+    }
+
+    /// Magnitudes of the cosine terms, those that it has not zero.
+    fn terms(self) -> [f64; TERMS] {
+        let mut terms = [0.0; TERMS];
+        for (term, c) in terms.iter_mut().zip(self.coefficients()) {
+            *term = f64::from(*c);
+        }
+        terms
     }
 
     /// Variance of a mean over neighbouring lines relative to that over
@@ -78,7 +93,22 @@ impl Window {
     #[must_use]
     pub(crate) fn line_correlation(self) -> f64 {
         let power = self.power();
-        self.mean(|w, _| w * w * w * w, 0.0) / (power * power)
+        // The signs of the terms alternate, which is a shift by half a block: without them the
+        // square has the same power. Its terms are sums over pairs that add up or differ.
+        let terms = self.terms();
+        let mut square = [0.0; 2 * TERMS - 1];
+        for (i, a) in terms.iter().enumerate() {
+            for (j, b) in terms.iter().enumerate() {
+                if *a != 0.0 && *b != 0.0 {
+                    for at in [i + j, i.abs_diff(j)] {
+                        cells(&mut square[..])[at] += a * b / 2.0;
+                    }
+                }
+            }
+        }
+        let [mean, others @ ..] = square;
+        let squares = others.iter().map(|c| c * c).sum::<f64>();
+        (mean * mean + squares / 2.0) / (power * power)
     }
 
     /// Variance of a mean over blocks `hop / N` apart relative to that over

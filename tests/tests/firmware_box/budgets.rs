@@ -21,7 +21,7 @@ use crate::talk::Talk;
 // The budgets. A budget is lowered freely, and raised only with the reason in the commit.
 
 /// Flash, bytes.
-const FLASH: u64 = 400 << 10;
+const FLASH: u64 = 410 << 10;
 /// Worst stack, bytes. The nesting of interrupts during an identification is random: 13 000 to
 /// 13 500 were measured. The table shows this budget instead.
 const STACK: u32 = 16 << 10;
@@ -30,8 +30,8 @@ const MEMORY: u64 = (192 << 10) * 9 / 10;
 /// A block, instructions: the cost of CMSIS-DSP for twelve channels and 64 lines of the full
 /// matrix. Here it has thirteen channels and 96 lines.
 const BLOCK: u32 = 671_000;
-/// An identification by apparent mass, instructions: 1.2 s at 168 MHz.
-const IDENTIFICATION: u64 = 200_000_000;
+/// An identification by apparent mass, instructions: 0.16 s at 168 MHz.
+const IDENTIFICATION: u64 = 27_000_000;
 
 /// All methods, the recommended one first.
 const METHODS: [Method; 8] = [

@@ -231,9 +231,9 @@ impl<L: Lines + ?Sized> Neighbourhood<'_, L> {
             let force = self.responses(line, others)? * complex;
             *t = (0..6).map(|i| force[i] * base[i]).sum();
         }
-        let trace = Trace::new(work);
         let frequency = |k: usize| self.lines.frequency(self.fit.start + k);
-        let poles = find_poles(&trace, Residues::Positive, &frequency, search);
+        let trace = Trace::new(work, &frequency);
+        let poles = find_poles(&trace, Residues::Positive, search);
         let distance = |p: &Pole| (p.frequency - near.frequency).abs();
         let nearest = poles
             .iter()

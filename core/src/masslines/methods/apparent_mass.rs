@@ -16,10 +16,10 @@ use crate::cells::cells;
 use crate::geometry::transfer;
 use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
+use crate::masslines::driven::{Columns, Driven, Functions, MAX_TERMS};
 use crate::masslines::lines::{Internals, indices, two_a_line};
-use crate::masslines::moments::add_scaled;
 use crate::masslines::moved::Moved;
-use crate::masslines::regression::{MAX_TERMS, Regression, Solution};
+use crate::masslines::regression::{Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use core::ops::Range;
@@ -139,14 +139,16 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
         runs: lines.runs(),
         noise: NO_MATRIX,
         power: Vector6::zeros(),
+        columns: None,
     };
+    let driven = lines.driven();
     fit.regression
         .begin(&set.equations, basis.terms(), lines.correlation());
-    fit.solve(lines, &band, &basis, &energy)?;
+    fit.solve(lines, driven, &band, &basis, &energy)?;
     // Runs differ in level, and so does the noise of sensors whose noise follows it.
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
-    fit.solve(lines, &band, &basis, &energy)?;
+    fit.solve(lines, driven, &band, &basis, &energy)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(given, shift, &band, &basis);
@@ -183,9 +185,8 @@ pub(in crate::masslines) fn find_fixed_poles<'w, L: Lines + ?Sized>(
     search: &mut PoleSearch,
     work: &'w mut [Complex<f64>],
 ) -> Result<(heapless::Vec<Pole, MAX_MODES>, Trace<'w>), MasslineError> {
-    let frequency = |k: usize| lines.frequency(fit.start + k);
-    let trace = fixed_trace(lines, energy, fit.clone(), work)?;
-    let poles = find_poles(&trace, Residues::Positive, &frequency, search);
+    let trace = fixed_trace(lines, energy, fit, work)?;
+    let poles = find_poles(&trace, Residues::Positive, search);
     Ok((poles, trace))
 }
 
@@ -206,8 +207,9 @@ pub(in crate::masslines) fn fixed_trace<'w, L: Lines + ?Sized>(
         let (a, f) = (energy.aa[(j, j)], energy.ff[j]);
         if a > 0.0 { libm::sqrt(f / a) } else { 0.0 }
     });
-    power_like(lines, fit, &w, work);
-    Ok(Trace::new(work))
+    power_like(lines, fit.clone(), &w, work);
+    let frequency = |k: usize| lines.frequency(fit.start + k);
+    Ok(Trace::new(work, &frequency))
 }
 
 /// The scalar `Σ_runs a*f / a*W a` of each of the lines `fit`.
@@ -218,6 +220,11 @@ fn power_like<L: Lines + ?Sized>(
     w: &Vector6<f64>,
     into: &mut [Complex<f64>],
 ) {
+    let driven = lines.driven();
+    let done = driven.and_then(|runs| runs.power_like(fit.clone(), w, into));
+    if done.is_some() {
+        return;
+    }
     for (line, t) in fit.zip(into) {
         *t = Complex::new(0.0, 0.0);
         for run in 0..lines.runs() {
@@ -270,6 +277,17 @@ impl Basis {
         1 + self.poles.len()
     }
 
+    /// Values at each line, in single precision.
+    pub(in crate::masslines) fn functions<L: Lines + ?Sized>(
+        &self,
+        lines: &L,
+    ) -> impl Fn(usize) -> Functions {
+        |line| {
+            let phi = self.at(lines.frequency(line));
+            phi.map(|phi| Complex::new(phi.re as f32, phi.im as f32))
+        }
+    }
+
     /// Values at frequency `f`, Hz.
     pub(in crate::masslines) fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
@@ -284,7 +302,7 @@ impl Basis {
 }
 
 /// The fit that is under way.
-pub(in crate::masslines) struct Fit<'s> {
+pub(in crate::masslines) struct Fit<'s, 'l> {
     pub(in crate::masslines) regression: &'s mut Regression,
     pub(in crate::masslines) solution: &'s mut Solution,
     /// Solution that is compared with it.
@@ -296,28 +314,28 @@ pub(in crate::masslines) struct Fit<'s> {
     /// Covariance of the noise of the accelerations, summed like their powers.
     noise: Matrix6<f64>,
     power: Vector6<f64>,
+    /// The lines in whole numbers, if that is what was added last.
+    columns: Option<Columns<'l>>,
 }
 
-impl Fit<'_> {
+impl<'l> Fit<'_, 'l> {
     /// Regression over all lines of the band with the weights as they are, with which the
     /// lines have the given energy.
     fn solve<L: Lines + ?Sized>(
         &mut self,
         lines: &Moved<'_, L>,
+        driven: Option<Driven<'l>>,
         band: &Range<usize>,
         basis: &Basis,
         energy: &Powers,
     ) -> Result<(), MasslineError> {
-        self.noise = NO_MATRIX;
-        for (run, weight) in self.weights.iter().enumerate().take(self.runs) {
-            let weight = weight * band.len() as f64;
-            add_scaled(&mut self.noise, &lines.noise(run).acceleration, weight);
-        }
+        lines.accelerations_noise(&self.weights, &mut self.noise);
+        self.noise *= band.len() as f64;
         self.power = energy.ff;
         self.regression
             .restart(&energy.aa, &self.noise)
             .ok_or(MasslineError::NoExcitation)?;
-        self.add_lines(lines, band, basis);
+        self.add_lines(lines, driven, band, basis);
         best(self.regression, basis, self.candidate, self.solution).ok_or(MasslineError::Singular)
     }
 
@@ -326,9 +344,23 @@ impl Fit<'_> {
     fn add_lines<L: Lines + ?Sized>(
         &mut self,
         lines: &Moved<'_, L>,
+        driven: Option<Driven<'l>>,
         band: &Range<usize>,
         basis: &Basis,
     ) {
+        let functions = basis.functions(lines);
+        self.columns = driven.and_then(|driven| {
+            let runs = 0..self.runs;
+            Columns::new(driven, &self.weights, runs, band, basis.terms(), &functions)
+        });
+        if let (Some(columns), Some(driven)) = (&self.columns, driven) {
+            // Real and imaginary part hold independently (chapter 6).
+            let equations = (0..self.runs).map(|run| 2.0 * lines.equations_per_line(run));
+            let count = equations.sum::<f64>() * band.len() as f64;
+            self.regression.add_columns(columns, &functions, count);
+            self.regression.turn(Some(driven.shift()));
+            return;
+        }
         for line in band.clone() {
             let mut m = Moments::zero();
             let mut count = 0.0;
@@ -341,7 +373,7 @@ impl Fit<'_> {
             let phi = phi.get(..basis.terms()).unwrap_or(&phi);
             self.regression.add(&m, phi, count);
         }
-        self.regression.turn();
+        self.regression.turn(None);
     }
 
     /// Of the noise, the pairs hold only what lies along the excited directions.
@@ -415,7 +447,7 @@ fn best(
     let mut least = regression.risk(candidate, &full);
     core::mem::swap(best, candidate);
     let mut consider = |chosen: &[usize]| {
-        if regression.solve(chosen, candidate).is_some() {
+        if regression.solve_first_term(chosen, candidate).is_some() {
             let risk = regression.risk(candidate, &full);
             if risk < least {
                 least = risk;
@@ -431,7 +463,7 @@ fn best(
         let without: heapless::Vec<usize, MAX_TERMS> = (0..=m).collect();
         consider(&without);
     }
-    Some(())
+    regression.complete(best)
 }
 
 /// The rigid term, those of the first `modes` modes, and the ω² term.

@@ -2,8 +2,10 @@
 //! whose noise differs, and variances of the pairs.
 
 use super::{Basis, Fit};
-use crate::algebra::{multiply_left, multiply_right, not_negative};
+use crate::algebra::not_negative;
 use crate::geometry::transfer;
+use crate::masslines::driven::{COLUMNS, Columns};
+use crate::masslines::regression::{SIZE, between};
 use crate::masslines::run_powers::RunPowers;
 use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
 use core::ops::Range;
@@ -31,7 +33,7 @@ impl Residuals {
     };
 }
 
-impl Fit<'_> {
+impl Fit<'_, '_> {
     /// Finds what the fit leaves in each run. `lines` may be about another point than the fit,
     /// which lies `shift` (m) away from theirs: it is the model that is moved, since that is
     /// done once.
@@ -51,40 +53,28 @@ impl Fit<'_> {
         // What each chosen term is multiplied with, in whitened equations.
         let models = self.candidate.spent();
         let mut equations = *whitened.rows();
+        let moved = transfer(shift).transpose();
         move_equations(&mut equations, shift);
         for (t, stored) in models.iter_mut().enumerate().take(basis.terms()) {
             let mut model = NO_MATRIX;
             self.regression.coefficient(self.solution, t, &mut model);
-            multiply_left(whitened.rows(), &mut model);
-            multiply_right(&mut model, &transfer(shift));
+            between(whitened.rows(), &mut model, &moved);
             for (stored, x) in stored.iter_mut().zip(&model) {
                 *stored = *x;
             }
         }
         let models = models.get(..basis.terms()).unwrap_or(&[]);
-        let runs = self.runs;
-        for line in band.clone() {
-            let phi = basis.at(lines.frequency(line));
-            let mut model = NO_MODEL;
-            for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
-                if !self.solution.has(t) {
-                    continue;
-                }
-                // The first term is one, others are real.
-                for (sum, x) in model.iter_mut().zip(m) {
-                    sum.re += if t == 0 { *x } else { phi.re * x };
-                }
-                if phi.im != 0.0 {
-                    for (sum, x) in model.iter_mut().zip(m) {
-                        sum.im += phi.im * x;
-                    }
-                }
-            }
-            for (run, left) in left.iter_mut().enumerate().take(runs) {
-                *left += residual(lines, run, line, &equations, &model);
-            }
+        let left = left.get_mut(..self.runs).unwrap_or_default();
+        let done = self
+            .columns
+            .as_ref()
+            .and_then(|columns| in_single(columns, &equations, models, basis, lines, left));
+        if done.is_none() {
+            left.fill(Vector6::zeros());
+            let has = |t: usize| self.solution.has(t);
+            line_by_line(lines, band, &equations, models, basis, &has, left);
         }
-        for (run, left) in left.iter_mut().enumerate().take(runs) {
+        for (run, left) in left.iter_mut().enumerate() {
             *left /= (lines.equations_per_line(run) * band.len() as f64).max(1.0);
         }
     }
@@ -118,6 +108,7 @@ impl Fit<'_> {
         band: &Range<usize>,
         pairs: &mut [Massline],
     ) {
+        let to_pairs = self.regression.to_pairs(self.solution);
         let mut variance = [Vector6::zeros(); 6];
         let mut total = [0.0; 6];
         let mut mean = Vector6::zeros();
@@ -130,7 +121,7 @@ impl Fit<'_> {
             .take(self.runs)
         {
             let powers = self.residuals.powers.of(lines, band, run);
-            let share = self.regression.powers(self.solution, &powers.aa);
+            let share = self.regression.powers(&to_pairs, &powers.aa);
             let share = share.map(|share| share * *weight);
             for ((variance, total), share) in variance.iter_mut().zip(&mut total).zip(share) {
                 *variance += left * (share * *weight);
@@ -165,6 +156,67 @@ fn move_equations(rows: &mut Matrix6<f64>, shift: &Vector3<f64>) {
         row[1] -= lost.y;
         row[2] -= lost.z;
     }
+}
+
+/// Sums of [`residual`] over the lines of each run.
+#[inline(never)] // Its model is on the stack only where it is needed.
+fn line_by_line<L: Lines + ?Sized>(
+    lines: &L,
+    band: &Range<usize>,
+    equations: &Matrix6<f64>,
+    models: &[[f64; SIZE]],
+    basis: &Basis,
+    has: &dyn Fn(usize) -> bool,
+    left: &mut [Vector6<f64>],
+) {
+    for line in band.clone() {
+        let phi = basis.at(lines.frequency(line));
+        let mut model = NO_MODEL;
+        for (t, (m, phi)) in models.iter().zip(&phi).enumerate() {
+            if !has(t) {
+                continue;
+            }
+            // The first term is one, others are real.
+            for (sum, x) in model.iter_mut().zip(m) {
+                sum.re += if t == 0 { *x } else { phi.re * x };
+            }
+            if phi.im != 0.0 {
+                for (sum, x) in model.iter_mut().zip(m) {
+                    sum.im += phi.im * x;
+                }
+            }
+        }
+        for (run, left) in left.iter_mut().enumerate() {
+            *left += residual(lines, run, line, equations, &model);
+        }
+    }
+}
+
+/// As [`line_by_line`], in single precision: what is lost is the rounding of the spectra. `None`
+/// where that has no room.
+#[inline(never)] // Its coefficients are on the stack only where they are needed.
+fn in_single<L: Lines + ?Sized>(
+    columns: &Columns<'_>,
+    equations: &Matrix6<f64>,
+    models: &[[f64; SIZE]],
+    basis: &Basis,
+    lines: &L,
+    left: &mut [Vector6<f64>],
+) -> Option<()> {
+    let mut rows = [[0.0; COLUMNS]; 6];
+    for (j, row) in rows.iter_mut().enumerate() {
+        let (of_forces, of_terms) = row.split_at_mut(6);
+        for (to, from) in of_forces.iter_mut().zip(equations.row(j).iter()) {
+            *to = *from as f32;
+        }
+        for (to, model) in of_terms.chunks_exact_mut(6).zip(models) {
+            // Matrices lie column after column.
+            for (to, from) in to.iter_mut().zip(model.iter().skip(j).step_by(6)) {
+                *to = -(*from as f32);
+            }
+        }
+    }
+    columns.powers_of(&basis.functions(lines), &rows, left)
 }
 
 /// Power that `model`, the apparent mass in the equations with the rows `e`, leaves in each of
@@ -217,4 +269,95 @@ fn residual_of_moments<L: Lines + ?Sized>(
         }
         not_negative(left)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masslines::DriveLines;
+    use crate::masslines::lines::Internals;
+    use crate::masslines::samples::{LINES, RUNS, Samples, weights};
+    use crate::modes::Pole;
+    use crate::spectra::{Complex32, Window};
+
+    /// Terms that leave a hundred-thousandth of the forces.
+    #[test]
+    fn single_precision_leaves_what_double_precision_leaves() {
+        let mut samples = Samples::new();
+        for run in &mut samples.responses {
+            // One line a thousand times as large would hide what the others leave.
+            run[7] = run[8];
+        }
+        let models: [Matrix6<f64>; 3] = [3.0, 1.0, -2.0]
+            .map(|size| Matrix6::from_fn(|i, j| (((i * 5 + j * 3) % 7) as f64 - 2.5) * size));
+        let poles = [Pole {
+            frequency: 9.0,
+            damping: 0.02,
+        }];
+        let accelerations = samples.responses;
+        {
+            let runs = samples.runs();
+            let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+            let basis = Basis::new(&lines, &poles, &(0..LINES));
+            let mut forces = accelerations;
+            for (run, of_run) in forces.iter_mut().enumerate() {
+                for (line, amplitudes) in of_run.iter_mut().enumerate() {
+                    let (a, _) = lines.pair(run, line).unwrap();
+                    let phi = basis.at(lines.frequency(line));
+                    for i in 0..6 {
+                        let terms = phi.iter().zip(&models);
+                        let entry = |j: usize| -> Complex<f64> {
+                            terms.clone().map(|(phi, m)| phi * m[(i, j)]).sum()
+                        };
+                        let off = 1.0 + 1e-5 * ((run + 3 * line + i) % 5) as f64;
+                        let f = (0..6).map(|j| entry(j) * a[j]).sum::<Complex<f64>>() * off;
+                        amplitudes[6 + i] = Complex32::new(f.re as f32, f.im as f32);
+                    }
+                }
+            }
+            samples.responses = forces;
+        }
+        let runs = samples.runs();
+        let lines = DriveLines::new(&runs, Window::Hann).unwrap();
+        let basis = Basis::new(&lines, &poles, &(0..LINES));
+        let stored: [[f64; SIZE]; 3] = core::array::from_fn(|t| {
+            core::array::from_fn(|k| models[t].as_slice().get(k).copied().unwrap_or(0.0))
+        });
+        let band = 0..LINES;
+        let equations = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0));
+        let mut expected = [Vector6::zeros(); RUNS];
+        line_by_line(
+            &lines,
+            &band,
+            &equations,
+            &stored,
+            &basis,
+            &|_| true,
+            &mut expected,
+        );
+        let functions = basis.functions(&lines);
+        let driven = lines.driven().unwrap();
+        let columns = Columns::new(
+            driven,
+            &weights(),
+            0..RUNS,
+            &band,
+            basis.terms(),
+            &functions,
+        )
+        .unwrap();
+        let mut found = [Vector6::zeros(); RUNS];
+        in_single(&columns, &equations, &stored, &basis, &lines, &mut found).unwrap();
+        for (run, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            for j in 0..6 {
+                // Of the power of the forces 1e-10 are left, and 1e-14 are rounding: a hundredth
+                // of the amplitude.
+                let ratio = found[j] / expected[j];
+                assert!(
+                    (ratio - 1.0).abs() < 0.02,
+                    "run {run}, equation {j}: {ratio}"
+                );
+            }
+        }
+    }
 }
