@@ -4,9 +4,9 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
 
 use massline::device::{Client, ClientMemory};
+use massline_chip::SECOND;
 use massline_chip::bus::Chip;
 use massline_chip::flash::Cells;
 use massline_firmware::acquisition::GARBLED;
@@ -14,7 +14,7 @@ use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::wire::{Event, Health, Stream};
 
 use crate::sampling::{stream, volts, wire};
-use crate::{GOOD, boot, lossless};
+use crate::{GOOD, boot, lossless, pass};
 
 /// Inputs of three converters.
 const INPUTS: u8 = 24;
@@ -107,8 +107,8 @@ fn every_fault_is_named_for_its_inputs() {
     for (name, (cause, health, inputs)) in CASES {
         // The faults of before are over, and good samples come.
         let begin = *good.borrow();
-        for _ in 0..2000 {
-            client.listen(Duration::from_millis(20)).unwrap();
+        for _ in 0..200 {
+            pass(&mut client, SECOND / 100);
             if *good.borrow() > begin + GOOD_SAMPLES {
                 break;
             }
@@ -126,8 +126,8 @@ fn every_fault_is_named_for_its_inputs() {
             let inputs = 0..usize::from(INPUTS);
             Some(inputs.filter(|k| row[*k].contains(health)).collect())
         };
-        for _ in 0..2000 {
-            client.listen(Duration::from_millis(20)).unwrap();
+        for _ in 0..200 {
+            pass(&mut client, SECOND / 100);
             if named().is_some() {
                 break;
             }

@@ -11,6 +11,7 @@ use std::time::Duration;
 use massline::device::{Client, ClientMemory};
 use massline::rig::{Outfit, Trouble, Upset, Voltages};
 use massline::simulate::{Model, Options, Simulation, simulate};
+use massline_chip::SECOND;
 use massline_chip::bench::Signal;
 use massline_chip::flash::Cells;
 use massline_chip::machine::Machine;
@@ -27,7 +28,7 @@ use crate::faults::CASES;
 use crate::sampling::stream;
 use crate::stand_in::bench::Heard;
 use crate::stand_in::{StandIn, pieces};
-use crate::{GOOD, boot, lossless};
+use crate::{GOOD, boot, lossless, pass};
 
 /// Seconds of a run.
 fn seconds() -> f64 {
@@ -293,7 +294,7 @@ fn each_of_the_seven_faults_is_named_in_a_run_and_rejects_its_blocks() {
         named.push(health);
     }
     // A block, and what its filters look back on, behind the last one.
-    client.listen(Duration::from_secs(2)).unwrap();
+    pass(&mut client, 3 * SECOND);
     let summary = client.stop().unwrap();
     drop(client);
     lossless(&mut machine);
@@ -315,8 +316,9 @@ fn inputs_with(
     heard: &Rc<RefCell<Run>>,
     health: Health,
 ) -> Vec<usize> {
-    for _ in 0..100 {
-        client.listen(Duration::from_millis(20)).unwrap();
+    // An open lead is told from an overload after a second.
+    for _ in 0..200 {
+        pass(client, SECOND / 100);
         let heard = heard.borrow();
         for inputs in &heard.health {
             let with: Vec<usize> = (0..inputs.len())

@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::time::Duration;
 
 use massline::device::{Client, ClientMemory};
 use massline_chip::SECOND;
@@ -16,7 +15,7 @@ use massline_firmware::wire::{
 };
 
 use crate::sampling::volts;
-use crate::{GOOD, boot, lossless};
+use crate::{GOOD, boot, lossless, pass};
 
 /// Inputs of the four ADS131M08: sensors, then the drive.
 const INPUTS: u8 = 32;
@@ -60,14 +59,6 @@ fn prepare(client: &mut Client<'_, &mut Machine>) {
         ..setup::run(0)
     }));
     client.ask(&Request::EndSetup, |_| Some(())).unwrap();
-}
-
-/// Lets a time of the chip pass, ps.
-fn pass(client: &mut Client<'_, &mut Machine>, time: u64) {
-    let end = client.port().time() + time;
-    while client.port().time() < end {
-        client.listen(Duration::from_millis(20)).unwrap();
-    }
 }
 
 /// Cycles of an instruction, as the table of load in the firmware's README takes them.

@@ -12,7 +12,9 @@ mod settings;
 #[path = "../../../tests/stand_in/mod.rs"]
 mod stand_in;
 
-use massline::device::firmware;
+use std::time::Duration;
+
+use massline::device::{Client, firmware};
 use massline_chip::SECOND;
 use massline_chip::bench::{Bench, Signal};
 use massline_chip::flash::Cells;
@@ -47,6 +49,14 @@ fn boot(oscillators: Oscillators, cells: Cells, signal: Signal, seed: u64) -> Ma
         machine.forbidden()
     );
     machine
+}
+
+/// Lets a time of the chip pass, ps, which does not depend on how fast this machine is.
+fn pass(client: &mut Client<'_, &mut Machine>, time: u64) {
+    let end = client.port().time() + time;
+    while client.port().time() < end {
+        client.listen(Duration::from_millis(20)).unwrap();
+    }
 }
 
 /// No voltage anywhere.

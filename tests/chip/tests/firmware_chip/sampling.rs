@@ -2,9 +2,9 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::time::Duration;
 
 use massline::device::{Client, ClientMemory, Port};
+use massline_chip::SECOND;
 use massline_chip::flash::Cells;
 use massline_firmware::calibration::Preset;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
@@ -13,7 +13,7 @@ use massline_firmware::wire::{
     Circuit, Event, FaultCounters, Request, Setting, Stream, Subscription, Values,
 };
 
-use crate::{GOOD, boot, lossless};
+use crate::{GOOD, boot, lossless, pass};
 
 /// Inputs that are wired: all of three converters, two of the fourth.
 const INPUTS: u8 = 26;
@@ -77,8 +77,8 @@ fn every_sample_on_the_link_is_one_of_the_converters() {
     wire(&mut client, INPUTS);
     client.tell(&stream(Stream::Counts)).unwrap();
     // Filters settle during the first samples, and a frame holds ten.
-    for _ in 0..1000 {
-        client.listen(Duration::from_millis(50)).unwrap();
+    for _ in 0..500 {
+        pass(&mut client, SECOND / 100);
         if rows.borrow().len() > SAMPLES {
             break;
         }
