@@ -123,3 +123,43 @@ fn every_sample_on_the_link_is_one_of_the_converters() {
         assert_eq!(least, most, "sample {n}");
     }
 }
+
+/// Stops and starts of the stream.
+const STOPS: u64 = 12;
+
+/// Samples are stopped at instants that wander through the period: frames that run are broken off, and
+/// leave the buses as the next ones have to find them.
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn frames_are_broken_off_at_any_instant() {
+    let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 4);
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(&mut machine, &mut memory);
+    let faulty = Rc::new(RefCell::new(0));
+    let counted = Rc::clone(&faulty);
+    client.on_event(move |event, _| {
+        if let Event::RecordedFaulty(_) = event {
+            *counted.borrow_mut() += 1;
+        }
+    });
+    client.hello().unwrap();
+    wire(&mut client, INPUTS);
+    // Frames take a fifth of the time at this rate.
+    let rate = Request::WriteSetting(Setting::SampleRate(4096.0));
+    client.tell(&rate).unwrap();
+    for stop in 0..STOPS {
+        client.tell(&stream(Stream::Counts)).unwrap();
+        pass(&mut client, SECOND / 100 + stop * SECOND / 4096 / STOPS);
+        client.tell(&stream(Stream::Off)).unwrap();
+    }
+    let faults = client.hello().unwrap().faults;
+    drop(client);
+    lossless(&mut machine);
+    // While filters settle, buffers are emptied, which takes longer than a period of this rate: those
+    // samples are nobody's.
+    let settling = FaultCounters {
+        converter_missed: faults.converter_missed,
+        ..FaultCounters::default()
+    };
+    assert_eq!((faults, *faulty.borrow()), (settling, 0));
+}
