@@ -10,8 +10,8 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use massline_firmware::acquisition::{Acquisition, SETTLING};
 use massline_firmware::drivers::lanes::{Lane, Lanes, Progress, Step};
 use massline_firmware::drivers::{Converter, Fault, Reading};
-use massline_firmware::sampling::acquire;
 use massline_firmware::sampling::sequencer::{Edge, Event, Sequencer};
+use massline_firmware::sampling::{acquire, resume};
 
 const PERIOD: u64 = 1000;
 const LANES: usize = 2;
@@ -298,11 +298,12 @@ impl<const CHIPS: usize> Walk<CHIPS> {
     /// The part of the board's tasks: the newest edge is handled, then the one that waits.
     fn serve(&mut self) {
         self.see_edge();
-        if self.sequencer.is_waiting() {
-            self.acquisition.doubt(self.emptied);
-        }
-        self.emptied = 0;
-        let complete = self.sequencer.resume(&mut self.buses);
+        let complete = resume(
+            &mut self.sequencer,
+            &mut self.acquisition,
+            &mut self.emptied,
+            &mut self.buses,
+        );
         self.hand_over(complete);
     }
 

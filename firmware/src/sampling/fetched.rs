@@ -1,6 +1,6 @@
 //! Samples that lanes have received already.
 
-use super::sequencer::{Conversion, Edge};
+use super::sequencer::{Conversion, Edge, Sequencer};
 use crate::acquisition::{Acquisition, Sample};
 use crate::drivers::lanes::Lanes;
 use crate::drivers::{Converter, Fault};
@@ -38,4 +38,19 @@ pub fn acquire<'a, L: Lanes, const CHIPS: usize, const INPUTS: usize>(
     let Edge { ready, at, .. } = conversion.edge;
     let sample = acquisition.edge_read_by(&mut fetch, converters, synchronise, ready, at);
     (sample, emptied)
+}
+
+/// Goes on with the edge that waits, if any, and doubts the converters that [`acquire`] has told of, by
+/// bits, before it. `true` if its conversion is complete at once.
+pub fn resume<const LANES: usize, const CHIPS: usize, const INPUTS: usize>(
+    sequencer: &mut Sequencer<LANES>,
+    acquisition: &mut Acquisition<CHIPS, INPUTS>,
+    emptied: &mut u32,
+    lanes: &mut impl Lanes,
+) -> bool {
+    let emptied = core::mem::take(emptied);
+    if sequencer.is_waiting() {
+        acquisition.doubt(emptied);
+    }
+    sequencer.resume(lanes)
 }

@@ -34,7 +34,7 @@ pub mod sequencer;
 
 pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS};
 pub use converters::Converters;
-pub use fetched::acquire;
+pub use fetched::{acquire, resume};
 pub use plan::{Plan, problem};
 pub use queues::{Commands, Ends, Queues, WAITING};
 pub use raw_frame::RawFrame;
@@ -241,11 +241,14 @@ where
     /// edges that came meanwhile were handled, the newest of which counts. `true` if there is a new
     /// sample.
     pub fn resume(&mut self) -> bool {
-        if self.sequencer.is_waiting() {
-            self.acquisition.doubt(self.emptied);
-        }
-        self.emptied = 0;
-        self.sequencer.resume(&mut self.lanes) && self.hand_over()
+        let Self {
+            sequencer,
+            acquisition,
+            emptied,
+            lanes,
+            ..
+        } = self;
+        resume(sequencer, acquisition, emptied, lanes) && self.hand_over()
     }
 
     /// The lanes.
