@@ -70,9 +70,9 @@ const ADXL: [Step; 2] = {
     ]
 };
 
-/// Fastest sample rate of a box, Hz: at twice this rate 32 channels leave no time for anything else, and
-/// every second sample of the ADXL355, whose filter gives 4000 values a second at most, would be a
-/// repetition.
+/// Fastest sample rate of a box, Hz: at twice this rate 32 channels left no time for telemetry on
+/// modelled registers, and every second sample of the ADXL355, whose filter gives 4000 values a second
+/// at most, would be a repetition.
 pub const FASTEST_HZ: f64 = 4096.0;
 
 /// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
