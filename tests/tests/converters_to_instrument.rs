@@ -4,30 +4,17 @@
 mod stand_in;
 
 use massline::rig::{self, Outfit, Trouble, Troubles};
-use massline::simulate::{Model, Options, Simulation, simulate};
+use massline::simulate::Simulation;
 use massline_core::masslines::Method;
 use massline_firmware::models::setup;
 use massline_firmware::wire::{
     Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Request, Source, Start, Summary,
 };
-use stand_in::StandIn;
 use stand_in::bench::Heard;
+use stand_in::{StandIn, fork};
 
-/// A minute of the fork in each run, with the drive as the last channel, as from the stand-in.
-fn fork() -> Simulation {
-    let options = Options {
-        noise: Some(0.01),
-        duration: Some(60.0),
-        ..Options::default()
-    };
-    let model = Model::fork().unwrap();
-    let mut simulation = simulate(&model, &options, &mut |_| ()).unwrap();
-    for recording in &mut simulation.recordings {
-        recording.channels.rotate_left(1);
-        recording.samples.rotate_left(1);
-    }
-    simulation
-}
+/// Length of a run, s.
+const SECONDS: f64 = 60.0;
 
 /// Measures all runs with the box; returns their summaries, and the answer.
 fn measure(simulation: &Simulation, troubles: &Troubles) -> (Vec<Summary>, Answer) {
@@ -84,7 +71,7 @@ fn mass(answer: &Answer) -> (f64, f64) {
 
 #[test]
 fn without_faults_no_block_is_lost_and_the_mass_is_right() {
-    let simulation = fork();
+    let simulation = fork(SECONDS);
     let (summaries, answer) = measure(&simulation, &Troubles::default());
     for summary in &summaries {
         assert_eq!(summary.health, Health::GOOD);
@@ -98,7 +85,7 @@ fn without_faults_no_block_is_lost_and_the_mass_is_right() {
 
 #[test]
 fn each_fault_reaches_the_summary_by_its_name_and_not_the_mass() {
-    let simulation = fork();
+    let simulation = fork(SECONDS);
     let (_, whole) = measure(&simulation, &Troubles::default());
     let (before, least) = mass(&whole);
     for kind in Trouble::ALL {

@@ -67,6 +67,11 @@ pub struct Sample<'a> {
     pub health: &'a [Health],
 }
 
+/// A read of the oldest sample of a converter, given its number, as [`Converter::read`].
+pub trait ReadOf: FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault> {}
+
+impl<R> ReadOf for R where R: FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault> {}
+
 /// Reads up to `CHIPS` converters with up to `INPUTS` inputs together.
 #[derive(Clone, Debug)]
 pub struct Acquisition<const CHIPS: usize, const INPUTS: usize> {
@@ -171,11 +176,11 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         self.edge_read_by(&mut read, converters, synchronise, ready, ticks)
     }
 
-    /// The same where `read`, given the number of a converter, reads its oldest sample.
+    /// The same where `read` reads the converters.
     #[inline]
     pub fn edge_read_by(
         &mut self,
-        read: &mut impl FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault>,
+        read: &mut impl ReadOf,
         converters: &mut [&mut dyn Converter],
         synchronise: &mut dyn FnMut(),
         ready: u32,
@@ -346,7 +351,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     /// Marks converters whose lines fall before the others' as out of step, or as reset.
     fn probe_early(
         &mut self,
-        read: &mut impl FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault>,
+        read: &mut impl ReadOf,
         converters: &mut [&mut dyn Converter],
         ready: u32,
     ) {
@@ -383,7 +388,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
 
     fn read_all(
         &mut self,
-        read: &mut impl FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault>,
+        read: &mut impl ReadOf,
         converters: &mut [&mut dyn Converter],
         ready: u32,
         on_grid: bool,

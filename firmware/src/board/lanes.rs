@@ -81,6 +81,14 @@ impl Lane {
         set_pins(self.select);
         is_at_rest
     }
+
+    /// Ends a frame before its last byte: no word begins any more, and those on their way are received.
+    fn break_off(&self) {
+        self.send.stop();
+        self.end();
+        self.receive.stop();
+        self.bus.forget();
+    }
 }
 
 /// Writes BSRR of the port of the chip selects.
@@ -176,10 +184,7 @@ impl Lanes for DmaLanes {
                 Progress::Done
             }
             State::Done | State::Failed => {
-                lane.receive.stop();
-                lane.send.stop();
-                lane.end();
-                lane.bus.forget();
+                lane.break_off();
                 Progress::Failed
             }
         }
@@ -187,12 +192,7 @@ impl Lanes for DmaLanes {
 
     fn abort(&mut self, lane: usize) {
         if let Some(lane) = self.lanes.get(lane) {
-            // The sender first, so that no word begins any more; those on their way are still received.
-            lane.send.stop();
-            lane.bus.rest();
-            lane.receive.stop();
-            lane.end();
-            lane.bus.forget();
+            lane.break_off();
         }
     }
 

@@ -78,7 +78,11 @@ impl Channels {
         let _ = self.routes.push(Route {
             channel,
             place: place as u8,
-            faults: if place == UNUSED { 0 } else { u16::MAX },
+            faults: if carries == ChannelRole::Unused {
+                0
+            } else {
+                u16::MAX
+            },
         });
     }
 
@@ -104,16 +108,18 @@ impl Channels {
         out: &mut impl Transmit,
     ) -> Health {
         // Those of the converters come thousands of times a second, and counts are numbers always.
-        let (all, changed) = if let Sample::Counts { counts, health, .. } = sample {
-            self.take_by(|c, channel| {
+        let (all, changed) = match sample {
+            Sample::Counts { counts, health, .. } => self.take_by(|c, channel| {
                 let known = health.get(c).copied().unwrap_or(Health::GOOD);
                 counts.get(c).map_or(MISSING, |x| channel.count(*x, known))
-            })
-        } else {
-            self.take_by(|c, channel| {
-                let (si, health) = read(sample, c, channel);
-                (if si.is_finite() { si } else { 0.0 }, health)
-            })
+            }),
+            // A value's place in a message is below the message's length, which is one frame at most.
+            Sample::Host(values, at) => {
+                self.take_by(|c, channel| finite(value(values, at.wrapping_add(c), channel)))
+            }
+            Sample::Computed(list) => {
+                self.take_by(|c, _| finite(list.get(c).map_or(MISSING, |x| (*x, Health::GOOD))))
+            }
         };
         if changed != 0 {
             let known = self.health.get(..self.routes.len()).unwrap_or(&[]);
@@ -168,20 +174,19 @@ impl Channels {
 /// Of a channel that the sample does not have.
 const MISSING: (f32, Health) = (0.0, Health::MISSING);
 
-fn read(sample: &Sample<'_>, c: usize, channel: &mut Channel) -> (f32, Health) {
-    // A value's place in a message is below the message's length, which is one frame at most.
-    let place = |at: &usize| at.wrapping_add(c);
-    match sample {
-        Sample::Host(Values::Readings(list), at) => list
-            .get(place(at))
-            .map_or(MISSING, |x| channel.reading(x, Health::GOOD)),
-        Sample::Host(Values::Counts(list), at) => list
-            .get(place(at))
-            .map_or(MISSING, |x| channel.count(x, Health::GOOD)),
-        Sample::Host(Values::Counts24(list), at) => list
-            .get(place(at))
-            .map_or(MISSING, |x| channel.count(x.get(), Health::GOOD)),
-        Sample::Counts { .. } => MISSING,
-        Sample::Computed(list) => list.get(c).map_or(MISSING, |x| (*x, Health::GOOD)),
-    }
+/// A reading that is no number counts as zero.
+fn finite((si, health): (f32, Health)) -> (f32, Health) {
+    (if si.is_finite() { si } else { 0.0 }, health)
+}
+
+/// The value at a place of a message.
+fn value(values: &Values<'_>, place: usize, channel: &mut Channel) -> (f32, Health) {
+    let read = match values {
+        Values::Readings(list) => list.get(place).map(|x| channel.reading(x, Health::GOOD)),
+        Values::Counts(list) => list.get(place).map(|x| channel.count(x, Health::GOOD)),
+        Values::Counts24(list) => list
+            .get(place)
+            .map(|x| channel.count(x.get(), Health::GOOD)),
+    };
+    read.unwrap_or(MISSING)
 }

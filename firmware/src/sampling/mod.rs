@@ -329,8 +329,7 @@ fn pass_on(
     dropped: &mut u32,
 ) -> bool {
     // The filters settle during the first samples after a start.
-    let sample = sample.filter(|sample| sample.number > SETTLING.into());
-    let Some(sample) = sample else {
+    let Some(sample) = sample.filter(|sample| sample.number > SETTLING.into()) else {
         return false;
     };
     if !RawFrame::enqueue(&sample, ticks, frames) {

@@ -136,9 +136,7 @@ impl Bench {
                 place.chip.convert(&volts);
                 place.wires.lost_edges = place.wires.lost_edges.saturating_sub(1);
                 if k == LEADER && self.adxl.is_led() {
-                    let g =
-                        core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle));
-                    self.adxl.convert(g);
+                    self.adxl.convert(acceleration(signal, cycle));
                 }
                 if place.chip.is_ready() {
                     fallen.push(place.ready);
@@ -152,9 +150,7 @@ impl Bench {
         while self.adxl_next <= now {
             if !self.adxl.is_led() {
                 let cycle = counted(self.adxl_next, CLOCK_HZ);
-                let signal = &mut self.signal;
-                let g = core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle));
-                self.adxl.convert(g);
+                self.adxl.convert(acceleration(&mut self.signal, cycle));
             }
             self.adxl.pass_ns(periods(1, ADXL_HZ) / 1000);
             self.adxl_next += periods(1, ADXL_HZ);
@@ -294,6 +290,11 @@ impl Bench {
     pub fn converter(&mut self, number: usize) -> Option<&mut ads::Chip> {
         self.converters.get_mut(number).map(|p| &mut p.chip)
     }
+}
+
+/// Acceleration along the axes of the ADXL355 at a cycle, in units of standard gravity.
+fn acceleration(signal: &mut Signal, cycle: u64) -> [f64; 3] {
+    core::array::from_fn(|axis| signal(CHANNELS * CONVERTERS + axis, cycle))
 }
 
 /// Time of a cycle of the converters' clock, ps.

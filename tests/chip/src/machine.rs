@@ -29,9 +29,6 @@ const CCM: (u32, u64) = (0x1000_0000, 64 << 10);
 /// Serial number and size of the flash (RM0090, 39).
 const SIGNATURE: u32 = 0x1FFF_7A10;
 
-/// Lazy state preservation of floating-point registers (ARMv7-M, B3.2.21).
-const LAZY: u32 = fpccr::LSPEN;
-
 /// Parts of a box.
 pub struct Parts<'a> {
     /// The ELF that is flashed.
@@ -192,9 +189,9 @@ impl Machine {
         // The emulator's own reset keeps which interrupts are enabled, and their priorities.
         self.cpu.with_sys(|system| system.clone_from(&self.system));
         self.cpu.step();
-        // The emulator (rsemu 0.0.7) forgets flags of floating-point comparisons when an exception's frame
-        // has room for them, but is not written at once.
-        self.cpu.with_sys(|system| system.fpccr &= !LAZY);
+        // The emulator (rsemu 0.0.7) forgets flags of floating-point comparisons where their registers are
+        // preserved lazily (ARMv7-M, B3.2.21).
+        self.cpu.with_sys(|system| system.fpccr &= !fpccr::LSPEN);
         self.is_touched.store(true, Ordering::Relaxed);
         self.look();
     }

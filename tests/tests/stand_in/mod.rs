@@ -6,6 +6,7 @@
 use massline::measure::WINDOW;
 use massline::recording::Recording;
 use massline::setup::Setup;
+use massline::simulate::{Model, Options, Simulation, simulate};
 use massline_firmware::calibration::Certificate;
 use massline_firmware::wire::*;
 
@@ -106,6 +107,23 @@ impl StandIn {
             other => panic!("{other:?}"),
         }
     }
+}
+
+/// The simulated fork at 1 % noise, runs of so many seconds, with the drive as the last channel, as a set-up
+/// has it.
+pub fn fork(seconds: f64) -> Simulation {
+    let options = Options {
+        noise: Some(0.01),
+        duration: Some(seconds),
+        ..Options::default()
+    };
+    let model = Model::fork().unwrap();
+    let mut simulation = simulate(&model, &options, &mut |_| ()).unwrap();
+    for recording in &mut simulation.recordings {
+        recording.channels.rotate_left(1);
+        recording.samples.rotate_left(1);
+    }
+    simulation
 }
 
 /// The requests of a set-up before its end. Inputs that are wired have their own calibrations.

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use massline::device::{Client, ClientMemory};
 use massline::rig::{Outfit, Trouble, Upset, Voltages};
-use massline::simulate::{Model, Options, Simulation, simulate};
+use massline::simulate::Simulation;
 use massline_chip::SECOND;
 use massline_chip::bench::Signal;
 use massline_chip::flash::Cells;
@@ -27,7 +27,7 @@ use massline_firmware::wire::{
 use crate::faults::CASES;
 use crate::sampling::stream;
 use crate::stand_in::bench::Heard;
-use crate::stand_in::{StandIn, pieces};
+use crate::stand_in::{self, StandIn, pieces};
 use crate::{GOOD, boot, lossless, pass};
 
 /// Seconds of a run.
@@ -36,21 +36,9 @@ fn seconds() -> f64 {
     given.map_or(4.0, |text| text.parse().expect("MASSLINE_SECONDS in s"))
 }
 
-/// The fork with its drive as the last channel. The sensors feel more than is measured, since the
-/// converters run before the box does.
+/// The fork. The sensors feel more than is measured, since the converters run before the box does.
 fn simulated() -> Simulation {
-    let options = Options {
-        noise: Some(0.01),
-        duration: Some(seconds() + 1.0),
-        ..Options::default()
-    };
-    let model = Model::fork().unwrap();
-    let mut simulation = simulate(&model, &options, &mut |_| ()).unwrap();
-    for recording in &mut simulation.recordings {
-        recording.channels.rotate_left(1);
-        recording.samples.rotate_left(1);
-    }
-    simulation
+    stand_in::fork(seconds() + 1.0)
 }
 
 /// Voltages of all runs, one of which the table is shaken with.
@@ -64,8 +52,8 @@ struct Table {
 }
 
 impl Table {
-    /// With the certificates of its sensors.
-    fn new(simulation: &Simulation) -> (Self, Vec<Certificate>) {
+    /// With the certificates of its sensors, and a signal for a bench.
+    fn new(simulation: &Simulation) -> (Arc<Mutex<Self>>, Vec<Certificate>, Signal) {
         let outfit = Outfit::new(&simulation.setup, &simulation.recordings).unwrap();
         let voltages = simulation.recordings.iter();
         let runs = voltages.map(|r| Voltages::new(&outfit, r).unwrap());
@@ -75,7 +63,11 @@ impl Table {
             shakes: false,
             now: 0,
         };
-        (table, outfit.certificates(&simulation.recordings[0]))
+        let table = Arc::new(Mutex::new(table));
+        let shaken = Arc::clone(&table);
+        let signal = move |input, cycle| shaken.lock().unwrap().volts(input, cycle);
+        let certificates = outfit.certificates(&simulation.recordings[0]);
+        (table, certificates, Box::new(signal))
     }
 
     fn shake(&mut self, run: usize) {
@@ -99,11 +91,6 @@ impl Table {
     }
 }
 
-fn signal(table: &Arc<Mutex<Table>>) -> Signal {
-    let shaken = Arc::clone(table);
-    Box::new(move |input, cycle| shaken.lock().unwrap().volts(input, cycle))
-}
-
 /// Events of a run.
 #[derive(Default)]
 struct Run {
@@ -117,6 +104,14 @@ struct Run {
 }
 
 impl Run {
+    /// Those that the client hears from now on.
+    fn listen(client: &mut Client<'_, &mut Machine>) -> Rc<RefCell<Self>> {
+        let heard: Rc<RefCell<Self>> = Rc::default();
+        let taken = Rc::clone(&heard);
+        client.on_event(move |event, _| taken.borrow_mut().take(event));
+        heard
+    }
+
     fn take(&mut self, event: &Event<'_>) {
         match event {
             Event::Recorded(samples) => {
@@ -172,14 +167,11 @@ fn the_fork_has_the_bits_of_the_host_from_voltages_to_its_ten_numbers() {
     let simulation = simulated();
     let rate = simulation.recordings[0].sample_rate.unwrap();
     let limit = (seconds() * rate) as u64;
-    let (table, inputs) = Table::new(&simulation);
-    let table = Arc::new(Mutex::new(table));
-    let mut machine = boot(GOOD, Cells::default(), signal(&table), 11);
+    let (table, inputs, signal) = Table::new(&simulation);
+    let mut machine = boot(GOOD, Cells::default(), signal, 11);
     let mut memory = ClientMemory::new();
     let mut client = Client::new(&mut machine, &mut memory);
-    let heard: Rc<RefCell<Run>> = Rc::default();
-    let taken = Rc::clone(&heard);
-    client.on_event(move |event, _| taken.borrow_mut().take(event));
+    let heard = Run::listen(&mut client);
     prepare(&mut client, &simulation, &inputs);
     let mut host = StandIn::new(&inputs);
     host.set_up(&simulation.setup, Accelerations::Interface);
@@ -259,15 +251,12 @@ const UPSET: usize = 3;
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn each_of_the_seven_faults_is_named_in_a_run_and_rejects_its_blocks() {
     let simulation = simulated();
-    let (table, inputs) = Table::new(&simulation);
-    let table = Arc::new(Mutex::new(table));
-    let mut machine = boot(GOOD, Cells::default(), signal(&table), 12);
+    let (table, inputs, signal) = Table::new(&simulation);
+    let mut machine = boot(GOOD, Cells::default(), signal, 12);
     let chip = Arc::clone(&machine.shared());
     let mut memory = ClientMemory::new();
     let mut client = Client::new(&mut machine, &mut memory);
-    let heard: Rc<RefCell<Run>> = Rc::default();
-    let taken = Rc::clone(&heard);
-    client.on_event(move |event, _| taken.borrow_mut().take(event));
+    let heard = Run::listen(&mut client);
     prepare(&mut client, &simulation, &inputs);
     let start = setup::start(0, Source::Inputs, Gaps::Count, None);
     client.tell(&Request::Start(start)).unwrap();

@@ -98,6 +98,8 @@ fn thirty_two_channels_at_4096_samples_a_second() {
         let port = client.port();
         (port.instructions(), port.time())
     };
+    // While filters settle, buffers are emptied, which takes longer than a period of this rate.
+    let settled = client.hello().unwrap().faults;
     let (before, from) = count(&mut client);
     heard.borrow_mut().clear();
     pass(&mut client, 11 * SECOND / 10);
@@ -113,7 +115,7 @@ fn thirty_two_channels_at_4096_samples_a_second() {
     println!(
         "{each:.0} instructions a sample, {share:.1} % of the processor; the box finds {load} of 1000"
     );
-    assert_eq!((summary.missing, faults.overrun), (0, 0));
+    assert_eq!((summary.missing, faults), (0, settled));
     assert!(summary.blocks > 3, "{summary:?}");
     assert!(each < MOST, "{each} instructions a sample");
     assert!(load < LOAD, "{load} of 1000");
