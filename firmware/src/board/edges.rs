@@ -1,61 +1,135 @@
 //! The interrupts that call the sampling task: the converters' DRDY lines, or a timer in a test
 //! pattern.
 //!
-//! An edge is noted by an interrupt of the highest priority, which takes a microsecond: samples
-//! are numbered by the time of their edge, and that must not depend on what else the box is at.
+//! Two timers capture the falling edges of the lines (RM0090, 18.3.5), so that the time of a sample
+//! does not depend on what else the box is at, and the converters' skew is known to a tick. Their
+//! interrupts, of the highest priority, take a microsecond.
+//!
+//! | line | pin | captured by |
+//! | --- | --- | --- |
+//! | 0, 1 | PC6, PC7 | TIM3, channels 1 and 2 |
+//! | 2, 3 | PB8, PB9 | TIM4, channels 3 and 4 |
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 
 use massline_firmware::sampling::CONVERTERS;
 use massline_firmware::sampling::sequencer::Edge;
-use stm32f4xx_hal::gpio::{AnyPin, Input};
-use stm32f4xx_hal::pac::{EXTI, TIM5};
+use stm32f4xx_hal::pac::tim3::RegisterBlock;
+use stm32f4xx_hal::pac::{GPIOB, GPIOC, Interrupt, NVIC, TIM3, TIM4, TIM5};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
 use super::ticks;
 use crate::board;
 
-/// EXTI lines of the DRDY pins, by bits.
-pub const EXTI_LINES: u32 = 0b11_1100_0000;
+/// Flags of a timer's captures in DIER and SR, by channels 1 to 4; those of an edge that came before the
+/// one before it was read are [`AGAIN`] bits higher.
+const CAPTURES: u32 = 0b1_1110;
+const AGAIN: u32 = 8;
+/// Most ticks by which a capture may be younger than the counter that was read before it: what is
+/// waited, and more. A capture is at most 2^16 ticks less these old.
+const YOUNGER: u16 = 4096;
+/// Ticks in place of those of a line without an edge.
+const NO_EDGE: u16 = u16::MAX;
 
-/// The DRDY lines of the ADS131M08.
+/// The timers on the DRDY lines of the ADS131M08. Their clock is that of [`ticks`].
 pub struct Edges {
-    exti: EXTI,
-    lines: [AnyPin<Input>; CONVERTERS],
+    first: TIM3,
+    second: TIM4,
     /// Cycles of the core in a microsecond.
     microsecond: u32,
 }
 
 impl Edges {
-    /// DRDY lines on pins that are set up as interrupts.
-    pub const fn new(exti: EXTI, lines: [AnyPin<Input>; CONVERTERS], microsecond: u32) -> Self {
+    /// Starts the captures, on pins that lead to the timers.
+    pub fn start(first: TIM3, second: TIM4, rcc: &mut Rcc, microsecond: u32) -> Self {
+        TIM3::enable(rcc);
+        TIM3::reset(rcc);
+        TIM4::enable(rcc);
+        TIM4::reset(rcc);
+        first.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
+        second.ccmr2_input().write(|w| w.cc3s().ti3().cc4s().ti4());
+        capture_falling(&first, [0, 1]);
+        capture_falling(&second, [2, 3]);
         Self {
-            exti,
-            lines,
+            first,
+            second,
             microsecond,
         }
     }
 
-    /// Handles the interrupt of the lines: notes the time of the edge, and the lines that are low
-    /// a microsecond later.
+    /// Handles the interrupt of either timer: notes the time of the first edge, and the lines that
+    /// are low a microsecond later.
     pub fn note(&mut self) {
+        let (first, second) = (&self.first, &self.second);
         let at = ticks::low();
-        let fallen = self.exti.pr().read().bits() & EXTI_LINES;
-        if fallen == 0 {
+        let counted = [
+            first.cnt().read().cnt().bits(),
+            second.cnt().read().cnt().bits(),
+        ];
+        let is_captured = |timer: &RegisterBlock| timer.sr().read().bits() & CAPTURES != 0;
+        if !is_captured(first) && !is_captured(second) {
             return;
         }
         cortex_m::asm::delay(self.microsecond);
-        // Those that fell meanwhile belong to the same sample: writing ones clears them.
-        // SAFETY: the register has a bit for each of these lines.
-        self.exti.pr().write(|w| unsafe { w.bits(EXTI_LINES) });
-        let low = (0..).zip(&self.lines).filter(|(_, pin)| pin.is_low());
-        let ready = low.fold(NOTED, |bits, (k, _): (u32, _)| bits | 1 << k);
+        let flags = [first.sr().read().bits(), second.sr().read().bits()];
+        // Ticks from each edge to `at`, and more.
+        let age = |timer: usize, channel: u32, captured: u16| {
+            let is_there = flags[timer] >> (1 + channel) & 1 != 0;
+            let age = counted[timer].wrapping_sub(captured).wrapping_add(YOUNGER);
+            if is_there { Some(age) } else { None }
+        };
+        let ages: [Option<u16>; CONVERTERS] = [
+            age(0, 0, first.ccr1().read().ccr().bits()),
+            age(0, 1, first.ccr2().read().ccr().bits()),
+            age(1, 2, second.ccr3().read().ccr().bits()),
+            age(1, 3, second.ccr4().read().ccr().bits()),
+        ];
+        // What is zero is cleared, and nothing else.
+        clear(first, flags[0]);
+        clear(second, flags[1]);
+        // The other timer's edges were seen too.
+        NVIC::unpend(Interrupt::TIM3);
+        NVIC::unpend(Interrupt::TIM4);
+        let oldest = ages.iter().flatten().max().copied().unwrap_or(YOUNGER);
+        for (slot, age) in AFTER.iter().zip(ages) {
+            let after = age.map_or(NO_EDGE, |age| oldest - age);
+            slot.store(after, Ordering::Relaxed);
+        }
+        let at = at.wrapping_add(YOUNGER.into()).wrapping_sub(oldest.into());
+        let is_again = (flags[0] | flags[1]) >> AGAIN & CAPTURES != 0;
         AT.store(at, Ordering::Relaxed);
         let is_unseen = READY.load(Ordering::Relaxed) & NOTED != 0;
-        let merged = if is_unseen { MERGED } else { 0 };
-        READY.store(ready | merged, Ordering::Relaxed);
+        let merged = if is_unseen || is_again { MERGED } else { 0 };
+        READY.store(low_lines() | NOTED | merged, Ordering::Relaxed);
         board::call_sampling();
     }
+}
+
+/// Has two channels of a timer, from 0 on, capture falling edges, and interrupt.
+fn capture_falling(timer: &RegisterBlock, channels: [u32; 2]) {
+    /// Bits of a channel in CCER: it is on, at falling edges.
+    const FALLING: u32 = 0b0011;
+    let [a, b] = channels;
+    // SAFETY: bits of CCER and DIER, with the meaning that the manual gives them (18.4.4, 18.4.9).
+    timer
+        .ccer()
+        .write(|w| unsafe { w.bits(FALLING << (4 * a) | FALLING << (4 * b)) });
+    // SAFETY: the same.
+    timer.dier().write(|w| unsafe { w.bits(2 << a | 2 << b) });
+    timer.cr1().write(|w| w.cen().set_bit());
+}
+
+/// Clears these flags of a timer.
+fn clear(timer: &RegisterBlock, flags: u32) {
+    // SAFETY: zeros clear flags, ones leave them (18.4.5).
+    timer.sr().write(|w| unsafe { w.bits(!flags) });
+}
+
+/// Bits of the DRDY lines that are low.
+fn low_lines() -> u32 {
+    // SAFETY: reads of two registers that have no effect.
+    let (b, c) = unsafe { ((*GPIOB::ptr()).idr().read(), (*GPIOC::ptr()).idr().read()) };
+    !(c.bits() >> 6 & 0b11 | b.bits() >> 6 & 0b1100) & 0b1111
 }
 
 /// Bit of [`READY`]: there is an edge that the sampling task has not seen yet.
@@ -64,8 +138,21 @@ const NOTED: u32 = 1 << 31;
 const MERGED: u32 = 1 << 30;
 /// Lines that were low after the last edge, by bits.
 static READY: AtomicU32 = AtomicU32::new(0);
-/// [`ticks::low`] at that edge.
+/// Time of that edge, as of [`ticks::low`].
 static AT: AtomicU32 = AtomicU32::new(0);
+/// Ticks from it to the edge of each line, or [`NO_EDGE`].
+static AFTER: [AtomicU16; CONVERTERS] = [const { AtomicU16::new(NO_EDGE) }; CONVERTERS];
+
+/// Ticks from the first edge of the newest sample to that of each line; `None` for a line without.
+#[allow(dead_code)]
+pub fn skews() -> [Option<u16>; CONVERTERS] {
+    cortex_m::interrupt::free(|_| {
+        AFTER.each_ref().map(|after| {
+            let after = after.load(Ordering::Relaxed);
+            (after != NO_EDGE).then_some(after)
+        })
+    })
+}
 
 /// `true` if there is an edge that the sampling task has not seen yet.
 #[inline]

@@ -22,7 +22,7 @@
 //! | PB13, PB14, PB15 | SPI2 SCK, MISO, MOSI | ADS131M08 number 0 and 1, mode 1, 10.5 MHz |
 //! | PC10, PC11, PB5 | SPI3 SCK, MISO, MOSI | ADS131M08 number 2 and 3, the same |
 //! | PC2, PC3, PC4, PC5 (out) | | their chip selects |
-//! | PC6, PC7, PB8, PB9 (in) | EXTI 6 to 9 | their DRDY lines |
+//! | PC6, PC7, PB8, PB9 (in) | TIM3 channels 1 and 2, TIM4 channels 3 and 4 | their DRDY lines |
 //! | PA6 (out) | | SYNC/RESET of all four |
 //! | PB3, PB4, PA7 | SPI1 SCK, MISO, MOSI | ADXL355, mode 0, 10 MHz at most |
 //! | PC1 (out) | | its chip select |
@@ -40,8 +40,8 @@
 //! second), PB10 (TIM2 channel 3, for a trigger), PA0 (button).
 //!
 //! Every peripheral that is reset is on APB1, on purpose. The HAL resets a peripheral when it takes
-//! it over, and newer emulators crash on a reset through APB2. SPI1 and SYSCFG, which leads pins to EXTI,
-//! are there, too, but are only switched on.
+//! it over, and newer emulators crash on a reset through APB2. SPI1 is there, too, but is only switched
+//! on.
 
 pub mod bus;
 pub mod clocks;
@@ -64,7 +64,7 @@ use massline_firmware::link::rate::LinkRate;
 use massline_firmware::retained::ResetFlags;
 use massline_firmware::sampling::{self, Converters};
 use massline_firmware::settings::LINK_BAUD;
-use stm32f4xx_hal::gpio::{AnyPin, Edge, Output, PinState, Speed};
+use stm32f4xx_hal::gpio::{AnyPin, Output, PinState, Speed};
 use stm32f4xx_hal::pac::{
     DMA1, DMA2, GPIOC, Interrupt, Peripherals, RCC, SPI1, SPI2, SPI3, SYST, USART2,
 };
@@ -231,18 +231,13 @@ impl Board {
         defmt::info!("frames by DMA: {}", lanes.is_there());
         let sync = a.pa6.into_push_pull_output_in_state(PinState::High).erase();
 
-        let (mut exti, mut syscfg) = (device.EXTI, device.SYSCFG.constrain(&mut rcc));
-        let mut lines = [
-            c.pc6.into_pull_up_input().erase(),
-            c.pc7.into_pull_up_input().erase(),
-            b.pb8.into_pull_up_input().erase(),
-            b.pb9.into_pull_up_input().erase(),
-        ];
-        for line in &mut lines {
-            line.make_interrupt_source(&mut syscfg);
-            line.trigger_on_edge(&mut exti, Edge::Falling);
-            line.enable_interrupt(&mut exti);
-        }
+        // The pins keep their functions, and are high without a converter.
+        let _ = (
+            c.pc6.into_alternate::<2>().internal_pull_up(true),
+            c.pc7.into_alternate::<2>().internal_pull_up(true),
+            b.pb8.into_alternate::<2>().internal_pull_up(true),
+            b.pb9.into_alternate::<2>().internal_pull_up(true),
+        );
 
         let ticks = ticks::start(device.TIM2, &mut rcc);
         let choice = LinkRate::new(baud, LINK_BAUD, ticks.raw());
@@ -254,7 +249,7 @@ impl Board {
             watchdog,
             converters: Converters::new(ads, adxl, sync, delay),
             lanes,
-            edges: Edges::new(exti, lines, delay.megahertz),
+            edges: Edges::start(device.TIM3, device.TIM4, &mut rcc, delay.megahertz),
             test_clock: TestClock::new(device.TIM5, &mut rcc),
         };
         Ok((board, settings))

@@ -3,10 +3,10 @@
 //! | priority | task | called by | works for | why there |
 //! | --- | --- | --- | --- | --- |
 //! | 6 | `watch_tasks` | SysTick, every 10 ms | microseconds | must see any other task hang |
-//! | 6 | `edge` | DRDY lines | a microsecond | notes when a sample was taken |
+//! | 6 | `first_edge`, `second_edge` | TIM3, TIM4: DRDY lines | a microsecond | note when a sample was taken |
 //! | 6 | `test_clock` | TIM5, in a test pattern | a microsecond | stands in for that |
 //! | 5 | `link` | USART2 | a microsecond a byte | the port holds one byte, 11 µs long; it moves some bytes at a time, so that no traffic starves what is below |
-//! | 4 | `sample` | `edge`, `test_clock`, `watch_tasks` | the begin of frames | a sample waits a period at the most, and takes no lock |
+//! | 4 | `sample` | the edges, `test_clock`, `watch_tasks` | the begin of frames | a sample waits a period at the most, and takes no lock |
 //! | 4 | `first_lane`, `second_lane`, `third_lane` | DMA, at the end of a frame | the next frame, or a sample of all inputs | the same task, by another interrupt |
 //! | 3 | `requests` | `link` at a frame's end | a message | answers while blocks are computed and jobs run |
 //! | 2 | `block` | `sample`, `requests`, `watch_tasks` | a block | takes milliseconds, no one waits for it |
@@ -64,12 +64,13 @@ mod app {
         app: &'static mut App,
         #[lock_free]
         sampler: Sampler,
+        #[lock_free]
+        edges: Edges,
     }
 
     #[local]
     struct Local {
         port: Port,
-        edges: Edges,
         task_watchdog: TaskWatchdog<6>,
         watchdog: IndependentWatchdog,
         rounds: u32,
@@ -148,10 +149,13 @@ mod app {
             (receive, transmit, board.link_rate),
         );
         (
-            Shared { app, sampler },
+            Shared {
+                app,
+                sampler,
+                edges: board.edges,
+            },
             Local {
                 port,
-                edges: board.edges,
                 task_watchdog,
                 watchdog: board.watchdog,
                 rounds: 0,
@@ -206,9 +210,14 @@ mod app {
         edges::test_clock_period();
     }
 
-    #[task(binds = EXTI9_5, priority = 6, local = [edges])]
-    fn edge(cx: edge::Context) {
-        cx.local.edges.note();
+    #[task(binds = TIM3, priority = 6, shared = [edges])]
+    fn first_edge(cx: first_edge::Context) {
+        cx.shared.edges.note();
+    }
+
+    #[task(binds = TIM4, priority = 6, shared = [edges])]
+    fn second_edge(cx: second_edge::Context) {
+        cx.shared.edges.note();
     }
 
     #[task(binds = CAN1_TX, priority = 4, shared = [sampler])]

@@ -122,8 +122,8 @@ impl Bench {
         self.converters.iter().map(move |p| (p.ready, !is_low(p)))
     }
 
-    /// Advances to a time: pins whose level fell, for an instant at least.
-    pub fn pass(&mut self, now: u64) -> Vec<Pin> {
+    /// Advances to a time: pins whose level fell, for an instant at least, and when, ps.
+    pub fn pass(&mut self, now: u64) -> Vec<(Pin, u64)> {
         let mut fallen = Vec::new();
         for (k, place) in self.converters.iter_mut().enumerate() {
             while time(place.next) <= now {
@@ -139,7 +139,7 @@ impl Bench {
                     self.adxl.convert(acceleration(signal, cycle));
                 }
                 if place.chip.is_ready() {
-                    fallen.push(place.ready);
+                    fallen.push((place.ready, time(cycle)));
                     let counts = core::array::from_fn(|channel| {
                         place.chip.count(channel as u8, volts[channel])
                     });

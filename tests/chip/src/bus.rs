@@ -7,9 +7,8 @@ use rsemu::core::space::RamStore;
 
 use crate::bench::{BUSES, Bench};
 use crate::dma::Dma;
-use crate::exti::{self, Exti};
 use crate::flash::{Cells, Flash};
-use crate::gpio::Gpio;
+use crate::gpio::{Gpio, Pin, pin};
 use crate::rcc::{Oscillators, Rcc, Reset};
 use crate::spi::Spi;
 use crate::timers::Timer;
@@ -28,8 +27,6 @@ enum Block {
     Power,
     Spi(usize),
     Usart,
-    Syscfg,
-    Exti,
     Port(usize),
     Rcc,
     Flash,
@@ -45,6 +42,8 @@ fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
     let base = address & !0x3FF;
     let (block, enable) = match base {
         0x4000_0000 => (Block::Timer(0), Some((APB1, 0))),
+        0x4000_0400 => (Block::Timer(3), Some((APB1, 1))),
+        0x4000_0800 => (Block::Timer(4), Some((APB1, 2))),
         0x4000_0C00 => (Block::Timer(1), Some((APB1, 3))),
         0x4000_3000 => (Block::Watchdog, None),
         0x4000_3800 => (Block::Spi(0), Some((APB1, 14))),
@@ -52,8 +51,6 @@ fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
         0x4000_4400 => (Block::Usart, Some((APB1, 17))),
         0x4000_7000 => (Block::Power, Some((APB1, 28))),
         0x4001_3000 => (Block::Spi(2), Some((APB2, 12))),
-        0x4001_3800 => (Block::Syscfg, Some((APB2, 14))),
-        0x4001_3C00 => (Block::Exti, None),
         0x4001_4800 => (Block::Timer(2), Some((APB2, 18))),
         0x4002_0000..=0x4002_2000 => {
             let port = (base - 0x4002_0000) / 0x400;
@@ -69,13 +66,21 @@ fn block(address: u32) -> Option<(Block, u32, Option<Enable>)> {
     Some((block, base, enable))
 }
 
-/// Numbers of the interrupts of TIM2, TIM5, USART2.
-const TIMERS: [u16; 2] = [28, 50];
+/// Numbers of the interrupts of the timers that ask for any, in the order of [`Chip::timers`].
+const TIMERS: [(usize, u16); 4] = [(0, 28), (1, 50), (3, 29), (4, 30)];
 const USART: u16 = 38;
-/// Number of interrupts: those and EXTI's, and the streams'.
-pub const INTERRUPTS: usize = 4 + 16;
+/// Number of interrupts: those and the streams'.
+pub const INTERRUPTS: usize = 5 + 16;
+/// Timer, channel from 0 on, and pin of each capture, by function 2 (data sheet, table 9).
+const CAPTURES: [(usize, u32, &str); 4] =
+    [(3, 0, "PC6"), (3, 1, "PC7"), (4, 2, "PB8"), (4, 3, "PB9")];
 /// Numbers of the buses' SPI.
 const SPI_NUMBERS: [usize; BUSES] = [2, 3, 1];
+
+/// The timers after a reset: TIM2 and TIM5 have 32 bits.
+fn timers() -> [Timer; 5] {
+    [u32::MAX, u32::MAX, 0xFFFF, 0xFFFF, 0xFFFF].map(Timer::new)
+}
 
 /// The buses after a reset.
 fn buses() -> [Spi; BUSES] {
@@ -98,8 +103,10 @@ pub struct Chip {
     pub watchdog: Watchdog,
     rcc: Rcc,
     gpio: Gpio,
-    exti: Exti,
-    timers: [Timer; 3],
+    /// TIM2, TIM5, TIM11, TIM3, TIM4.
+    timers: [Timer; 5],
+    /// Pins of [`CAPTURES`].
+    capture_pins: [Pin; 4],
     /// SPI2, SPI3, SPI1: in the order of the board's buses.
     spi: [Spi; BUSES],
     /// The controllers of DMA.
@@ -127,8 +134,8 @@ impl Chip {
             watchdog: Watchdog::default(),
             rcc: Rcc::new(oscillators),
             gpio: Gpio::new(),
-            exti: Exti::default(),
-            timers: Default::default(),
+            timers: timers(),
+            capture_pins: CAPTURES.map(|(.., name)| pin(name)),
             spi: buses(),
             dma: [1, 2].map(|number| Dma::new(number, Arc::clone(sram))),
             power: power(),
@@ -144,8 +151,7 @@ impl Chip {
         self.watchdog = Watchdog::default();
         self.rcc.reset(cause);
         self.gpio.reset();
-        self.exti = Exti::default();
-        self.timers = Default::default();
+        self.timers = timers();
         self.spi = buses();
         self.dma.iter_mut().for_each(Dma::reset);
         self.power = power();
@@ -164,16 +170,26 @@ impl Chip {
         let wrong = self.bench.look(&self.gpio, is_busy, self.now);
         let mut at = moment(&self.rcc, self.now, &mut self.forbidden);
         wrong.into_iter().for_each(|words| at.forbid(words));
-        self.drive();
+        self.drive(self.now, |_| true);
     }
 
-    /// Levels of DRDY lines that have changed reach their pins.
-    fn drive(&mut self) {
+    /// Levels of these DRDY lines that have changed reach their pins at a time, ps.
+    fn drive(&mut self, at: u64, is_meant: impl Fn(Pin) -> bool) {
         let ready: Vec<_> = self.bench.ready().collect();
         for (pin, level) in ready {
-            if self.gpio.level(pin) != level {
+            if is_meant(pin) && self.gpio.level(pin) != level {
                 self.gpio.drive(pin, level);
-                self.exti.edge(pin, level);
+                self.capture(pin, level, at);
+            }
+        }
+    }
+
+    /// The timer whose channel a pin leads to, if it has that function, sees the pin's new level.
+    fn capture(&mut self, pin: Pin, level: bool, at: u64) {
+        let clock = self.rcc.clocks(at).timers1;
+        for ((timer, channel, _), place) in CAPTURES.into_iter().zip(self.capture_pins) {
+            if place == pin && self.gpio.has_function(pin, 2) {
+                self.timers[timer].edge(channel, level, at, clock);
             }
         }
     }
@@ -198,11 +214,15 @@ impl Chip {
     /// Advances to a time.
     pub fn pass(&mut self, now: u64) {
         self.now = now;
-        for pin in self.bench.pass(now) {
+        let fallen = self.bench.pass(now);
+        for (pin, _) in &fallen {
             // A new conversion raises the line before it falls, whether the last was read or not.
-            self.gpio.drive(pin, true);
+            self.gpio.drive(*pin, true);
         }
-        self.drive();
+        for (pin, at) in fallen {
+            self.drive(at, |changed| changed == pin);
+        }
+        self.drive(now, |_| true);
         self.flash.pass(now);
         let clocks = self.rcc.clocks(now);
         self.timers[1].pass(now, clocks.timers1);
@@ -252,14 +272,11 @@ impl Chip {
     /// Interrupts and whether they are asked for.
     #[must_use]
     pub fn interrupts(&self) -> [(u16, bool); INTERRUPTS] {
-        let mut all = [
-            (TIMERS[0], self.timers[0].asks()),
-            (TIMERS[1], self.timers[1].asks()),
-            (USART, self.usart.asks()),
-            (exti::LINES_5_TO_9, self.exti.asks()),
-        ]
-        .into_iter()
-        .chain(self.dma.iter().flat_map(Dma::interrupts));
+        let timers = TIMERS.map(|(timer, number)| (number, self.timers[timer].asks()));
+        let mut all = timers
+            .into_iter()
+            .chain([(USART, self.usart.asks())])
+            .chain(self.dma.iter().flat_map(Dma::interrupts));
         std::array::from_fn(|_| all.next().expect("so many"))
     }
 
@@ -274,15 +291,20 @@ impl Chip {
             ));
             return Some(0);
         }
-        let timers = [at.clocks.timers1, at.clocks.timers1, at.clocks.timers2];
+        let clocks = at.clocks;
         Some(match block {
-            Block::Timer(n) => self.timers[n].read(offset, timers[n], &at),
+            Block::Timer(n) => {
+                let clock = if n == 2 {
+                    clocks.timers2
+                } else {
+                    clocks.timers1
+                };
+                self.timers[n].read(offset, clock, &at)
+            }
             Block::Watchdog => self.watchdog.read(offset),
             Block::Power => self.power.get(offset),
             Block::Spi(n) => self.spi[n].read(offset, self.now),
             Block::Usart => self.usart.read(offset, &mut at),
-            Block::Syscfg => self.exti.read_source(offset),
-            Block::Exti => self.exti.read(offset),
             Block::Port(n) => self.gpio.read(n, offset),
             Block::Rcc => self.rcc.read(offset, self.now),
             Block::Flash => self.flash.read(offset),
@@ -317,8 +339,6 @@ impl Chip {
                 (0..BUSES).for_each(|bus| self.serve(bus, self.now));
             }
             Block::Usart => self.usart.write(offset, value, &mut at),
-            Block::Syscfg => self.exti.write_source(offset, value),
-            Block::Exti => self.exti.write(offset, value),
             Block::Port(n) => {
                 self.gpio.write(n, offset, value);
                 self.look();
@@ -347,8 +367,10 @@ impl Chip {
         const APB2: u32 = 0x24;
         for bit in (0..32).filter(|bit| bits >> bit & 1 != 0) {
             match (offset, bit) {
-                (APB1, 0) => self.timers[0] = Timer::default(),
-                (APB1, 3) => self.timers[1] = Timer::default(),
+                (APB1, 0) => self.timers[0] = Timer::new(u32::MAX),
+                (APB1, 1) => self.timers[3] = Timer::new(0xFFFF),
+                (APB1, 2) => self.timers[4] = Timer::new(0xFFFF),
+                (APB1, 3) => self.timers[1] = Timer::new(u32::MAX),
                 (AHB1, 21) => self.dma[0].reset(),
                 (AHB1, 22) => self.dma[1].reset(),
                 (APB1, 14) => self.spi[0] = Spi::new(false),

@@ -14,8 +14,7 @@
 //! | [`rcc`] | oscillators, PLL, clocks and resets of the peripherals | 7 |
 //! | [`flash`] | keys, programming, erasing, cache of data, option bytes | 3 |
 //! | [`gpio`] | pins, and their functions | 8 |
-//! | [`exti`] | edges of pins | 9, 12 |
-//! | [`timers`] | TIM2, TIM5, TIM11 | 18, 19 |
+//! | [`timers`] | TIM2 to TIM5, TIM11 | 18, 19 |
 //! | [`watchdog`] | IWDG | 21 |
 //! | [`spi`] | SPI1, SPI2, SPI3 | 28 |
 //! | [`dma`] | DMA1, DMA2 | 10 |
@@ -31,7 +30,6 @@
 pub mod bench;
 pub mod bus;
 pub mod dma;
-pub mod exti;
 pub mod flash;
 pub mod gpio;
 pub mod machine;

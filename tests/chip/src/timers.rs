@@ -1,22 +1,27 @@
-//! Timers: TIM2 counts freely, TIM5 interrupts periodically, TIM11 captures the crystal
-//! (RM0090, 18 and 19).
+//! Timers: TIM2 counts freely, TIM5 interrupts periodically, TIM3 and TIM4 capture edges of pins, TIM11
+//! captures the crystal (RM0090, 18 and 19).
 
-use crate::{Moment, Words, counted, periods};
+use crate::{Moment, Words, counted, flag, periods};
 
 const CR1: u32 = 0x00;
 const DIER: u32 = 0x0C;
 const SR: u32 = 0x10;
 const EGR: u32 = 0x14;
+const CCMR1: u32 = 0x18;
+const CCER: u32 = 0x20;
 const CNT: u32 = 0x24;
 const PSC: u32 = 0x28;
 const ARR: u32 = 0x2C;
 const CCR1: u32 = 0x34;
+const CCR4: u32 = 0x40;
 const OPTIONS: u32 = 0x50;
 
 const ENABLED: u32 = 1;
 const DOWN: u32 = 1 << 4;
 const UPDATE: u32 = 1;
 const CAPTURE: u32 = 1 << 1;
+/// All captures, in DIER and SR; what was captured and not read when another came is eight bits higher.
+const CAPTURES: u32 = 0xF << 1;
 
 /// A timer.
 #[derive(Clone, Debug)]
@@ -28,19 +33,19 @@ pub struct Timer {
     captured: u64,
 }
 
-impl Default for Timer {
-    fn default() -> Self {
+impl Timer {
+    /// A timer after a reset, whose counter ends at `last`.
+    #[must_use]
+    pub fn new(last: u32) -> Self {
         let mut words = Words::default();
-        words.set(ARR, u32::MAX);
+        words.set(ARR, last);
         Self {
             words,
             since: 0,
             captured: 0,
         }
     }
-}
 
-impl Timer {
     fn is_on(&self) -> bool {
         self.words.get(CR1) & ENABLED != 0
     }
@@ -79,7 +84,7 @@ impl Timer {
         match offset {
             CNT => self.count(at.now, clock),
             SR if self.captures(at.now, crystal) > self.captured => self.words.get(SR) | CAPTURE,
-            CCR1 => {
+            CCR1 if crystal.is_some() && self.words.get(OPTIONS) & 3 == 2 => {
                 let last = self.captures(at.now, crystal);
                 self.captured = last;
                 match crystal {
@@ -87,8 +92,36 @@ impl Timer {
                     _ => 0,
                 }
             }
+            CCR1..=CCR4 => {
+                // Reading the capture clears its flag (18.4.5).
+                let bit = CAPTURE << ((offset - CCR1) / 4);
+                self.words.set(SR, self.words.get(SR) & !bit);
+                self.words.get(offset)
+            }
             _ => self.words.get(offset),
         }
+    }
+
+    /// A pin that leads to a channel, from 0 on, has changed its level at `now`, ps.
+    pub fn edge(&mut self, channel: u32, level: bool, now: u64, clock: u32) {
+        let mode = self.words.get(CCMR1 + 4 * (channel / 2)) >> (8 * (channel % 2));
+        // Without a filter and a prescaler, from the channel's own pin (18.4.7).
+        let is_direct = mode & 0xFF == 0b01;
+        let enabled = self.words.get(CCER) >> (4 * channel);
+        let is_wanted = match enabled & 0b1011 {
+            0b0001 => level,
+            0b0011 => !level,
+            0b1011 => true,
+            _ => false,
+        };
+        if !self.is_on() || !is_direct || !is_wanted {
+            return;
+        }
+        let count = self.count(now, clock);
+        self.words.set(CCR1 + 4 * channel, count);
+        let (status, bit) = (self.words.get(SR), CAPTURE << channel);
+        let again = flag(bit << 8, status & bit != 0);
+        self.words.set(SR, status | bit | again);
     }
 
     /// Writes a register.
@@ -128,6 +161,6 @@ impl Timer {
     /// `true` if the interrupt is asked for.
     #[must_use]
     pub fn asks(&self) -> bool {
-        self.words.get(SR) & self.words.get(DIER) & UPDATE != 0
+        self.words.get(SR) & self.words.get(DIER) & (UPDATE | CAPTURES) != 0
     }
 }

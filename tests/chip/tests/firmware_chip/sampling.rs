@@ -1,4 +1,4 @@
-//! Samples from the voltages at the inputs to the link, over DRDY lines, EXTI, SPI and DMA.
+//! Samples from the voltages at the inputs to the link, over DRDY lines, captures, SPI and DMA.
 
 use std::cell::RefCell;
 use std::rc::Rc;
