@@ -4,7 +4,8 @@ use crate::instrument::{Board, Identity, Vitals};
 use crate::sampling::{INPUTS, Plan};
 use crate::settings::Settings;
 use crate::wire::{
-    ClockSource, FaultCounters, Field, Problem, Provoke, ResetReason, Setting, SettingKey, Storage,
+    ClockSource, FaultCounters, Field, Item, Probe, Probed, Problem, Provoke, ResetReason, Setting,
+    SettingKey, Storage,
 };
 
 /// Ticks per second.
@@ -132,6 +133,14 @@ impl Board for ModelBoard {
 
     fn reboot(&mut self) {
         self.resets += 1;
+    }
+
+    /// Conditions are taken; there are no parts to measure.
+    fn probe(&mut self, probe: Probe) -> Result<Probed, Problem> {
+        match probe {
+            Probe::Conditions(conditions) => Ok(Probed::Conditions(conditions)),
+            _ => Err(Problem::Unsupported(Item::Probe)),
+        }
     }
 
     fn provoke(&mut self, fault: Provoke) -> bool {

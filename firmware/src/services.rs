@@ -5,13 +5,16 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use massline_firmware::instrument::{Board, Vitals};
 use massline_firmware::link::Rx;
 use massline_firmware::retained::Cause;
-use massline_firmware::sampling::{self, Command, Commands, Counters, INPUTS, Plan};
+use massline_firmware::sampling::{
+    self, CHIPS, Command, Commands, Counters, INPUTS, LANES, Outcome, Plan,
+};
 use massline_firmware::wire::{
-    FaultCounters, Field, LinkCounters, Problem, Provoke, Request, Setting, SettingKey, Storage,
+    Conditions, FaultCounters, Field, Item, LinkCounters, Probe, Probed, Problem, Provoke, Request,
+    Setting, SettingKey, Storage,
 };
 
 use crate::board::edges::TestClock;
-use crate::board::{self, port, ticks};
+use crate::board::{self, edges, port, ticks};
 use crate::settings_store::SettingsStore;
 use crate::{faults, stack};
 
@@ -58,7 +61,12 @@ pub struct Inputs {
     pub test_clock: TestClock,
     /// Rate of [`ticks`], Hz.
     pub tick_hz: u32,
+    /// Frequency of the crystal by the internal oscillator, Hz, if it oscillates.
+    pub crystal: Option<u32>,
 }
+
+/// The sampling task was not called: it is called at once, so this would be a mistake in the priorities.
+const UNCALLED: Problem = Problem::Busy(Request::Status.number());
 
 /// The board's services.
 pub struct Services {
@@ -67,6 +75,8 @@ pub struct Services {
     rate: Option<f64>,
     /// Inputs up to the last one in use.
     in_use: usize,
+    /// Conditions of the next start of the inputs.
+    conditions: Conditions,
     /// Faults before this start.
     faults: FaultCounters,
     is_test_pattern: bool,
@@ -90,6 +100,7 @@ impl Services {
             inputs,
             rate: None,
             in_use: INPUTS,
+            conditions: Conditions::default(),
             faults,
             is_test_pattern: false,
             samples: 0,
@@ -209,13 +220,14 @@ impl Board for Services {
         }
         let inputs = &mut self.inputs;
         let plan = Plan::new(self.settings.settings(), sample_rate, inputs.tick_hz)?;
+        let plan = plan.under(self.conditions);
         let (period, in_use) = (plan.period as u32, plan.inputs);
         self.is_stale = true;
         self.samples = 0;
-        match inputs.commands.start(plan, board::call_sampling) {
-            Some(outcome) => outcome.map_err(sampling::problem)?,
-            // It is called at once, so this would be a mistake in the priorities.
-            None => return Err(Problem::Busy(Request::Status.number())),
+        let start = Command::Start(plan);
+        match inputs.commands.ask(start, board::call_sampling) {
+            Some(Outcome::Started(outcome)) => outcome.map_err(sampling::problem)?,
+            _ => return Err(UNCALLED),
         }
         self.rate = Some(sample_rate);
         self.in_use = in_use;
@@ -260,6 +272,36 @@ impl Board for Services {
 
     fn reboot(&mut self) {
         self.ending = Some(Ending::Reboot);
+    }
+
+    fn probe(&mut self, probe: Probe) -> Result<Probed, Problem> {
+        let mut ask = |command| self.inputs.commands.ask(command, board::call_sampling);
+        match probe {
+            Probe::Crystal => Ok(Probed::Crystal(self.inputs.crystal)),
+            Probe::Skew => Ok(Probed::Skew(edges::skews())),
+            Probe::Conditions(conditions) => {
+                self.conditions = conditions;
+                Ok(Probed::Conditions(conditions))
+            }
+            Probe::Loop(bus) if usize::from(bus) >= LANES => {
+                Err(Problem::index(Item::Bus, bus.into(), LANES))
+            }
+            Probe::Loop(bus) => match ask(Command::Loop(bus)) {
+                Some(Outcome::Looped(Some(looped))) => Ok(Probed::Loop(looped)),
+                Some(Outcome::Looped(None)) => Err(Problem::Unsupported(Item::Bus)),
+                _ => Err(UNCALLED),
+            },
+            Probe::Converter(number) if usize::from(number) >= CHIPS => {
+                Err(Problem::index(Item::Converter, number.into(), CHIPS))
+            }
+            Probe::Converter(number) => match ask(Command::Prepare(number)) {
+                Some(Outcome::Prepared(prepared)) => {
+                    let fault = prepared.err().map(sampling::reported);
+                    Ok(Probed::Converter(fault))
+                }
+                _ => Err(UNCALLED),
+            },
+        }
     }
 
     fn provoke(&mut self, fault: Provoke) -> bool {

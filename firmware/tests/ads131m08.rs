@@ -6,9 +6,9 @@ use embedded_hal::spi::{Operation, SpiDevice};
 use massline_firmware::calibration::BRIDGE_SUPPLY_MAX;
 use massline_firmware::drivers::ads131m08::registers::{CHANNELS, Register, clock, command};
 use massline_firmware::drivers::ads131m08::{
-    Ads131m08, CLOCK_HZ, Channel, Configuration, Gain, Input, Oversampling, SPI_HZ_MAX,
+    Ads131m08, CLOCK_HZ, Channel, Configuration, Gain, Oversampling, SPI_HZ_MAX,
 };
-use massline_firmware::drivers::{Converter, Fault, Reading};
+use massline_firmware::drivers::{Converter, Fault, Input, Reading};
 use massline_firmware::models::random::{Random, mix};
 use massline_firmware::models::rig::{Port, Rig, Signal};
 

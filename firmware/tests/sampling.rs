@@ -17,8 +17,8 @@ use massline_firmware::models::pattern;
 use massline_firmware::models::rig::{Garble, Port, Rig};
 use massline_firmware::sampling::sequencer::Edge;
 use massline_firmware::sampling::{
-    CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Plan, Queues, REQUESTS, RawFrame,
-    Sampler, WAITING, problem,
+    CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Outcome, Plan, Queues, REQUESTS,
+    RawFrame, Sampler, WAITING, problem,
 };
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{ConverterFault, FaultCounters, Field, Health, Problem, Setting};
@@ -198,10 +198,10 @@ impl Tasks<'_> {
             let now = rig.borrow().cycle();
             sampler.poll(now);
         };
-        let outcome = self.commands.start(plan.clone(), poll);
-        outcome
-            .expect("the sampling task runs at once")
-            .map_err(problem)
+        match self.commands.ask(Command::Start(plan.clone()), poll) {
+            Some(Outcome::Started(outcome)) => outcome.map_err(problem),
+            other => panic!("the sampling task runs at once, and not {other:?}"),
+        }
     }
 
     /// Runs until the next edge. `true` if there is a sample.

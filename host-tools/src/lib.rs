@@ -2,6 +2,7 @@
 
 pub mod acquire;
 pub mod box_runs;
+pub mod bringup;
 pub mod cli;
 pub mod commands;
 pub mod detective;

@@ -150,7 +150,7 @@ fn exactly_one_place_of_the_box_is_named() {
 #[test]
 fn help_of_the_box_is_one_screen_with_an_example() {
     for command in [
-        "info", "selftest", "settings", "record", "monitor", "forget", "restart",
+        "info", "selftest", "bringup", "settings", "record", "monitor", "forget", "restart",
     ] {
         let finished = massline(Path::new("."), ["board", command, "--help"]);
         assert_eq!(finished.code, Some(0), "{command}");
@@ -329,4 +329,25 @@ fn flash_writes_then_starts_and_passes_a_failure_on() {
         std::fs::remove_file(log).unwrap();
         assert_eq!(finished.stderr.contains("failed, see above"), code != 0);
     }
+}
+
+#[test]
+fn a_bring_up_measures_what_a_modelled_box_has() {
+    let arguments = ["board", "bringup", "--host", "--seconds", "1"];
+    let finished = massline(Path::new("."), arguments);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    for part in ["open  crystal", "good  round trip", "good  link"] {
+        let page = &finished.stdout;
+        assert!(page.lines().any(|line| line.starts_with(part)), "{page}");
+    }
+    let arguments = arguments.into_iter().chain(["--json"]);
+    let document = document(&massline(Path::new("."), arguments));
+    assert_eq!(document["schema"], "massline/bringup/1");
+    assert_eq!(document["passed"], true);
+    let finished = massline(
+        Path::new("."),
+        ["board", "bringup", "--host", "--without", "5"],
+    );
+    assert_eq!(finished.code, Some(2));
+    finished.says("0..5");
 }

@@ -52,6 +52,16 @@ impl Registers {
         bus
     }
 
+    /// Code of the clock: it divides that of the bus by 2^(code + 1).
+    pub fn divider(&self) -> u8 {
+        self.cr1().read().br().bits()
+    }
+
+    /// Sets the code of the clock, while no word is on its way.
+    pub fn set_divider(&self, code: u8) {
+        self.cr1().modify(|_, w| w.br().set(code));
+    }
+
     /// Address of the data register, for DMA.
     pub fn data(&self) -> u32 {
         self.dr().as_ptr().expose_provenance() as u32

@@ -83,6 +83,8 @@ pub struct Clock {
     pub source: Source,
     /// Frequency of the core, as far as the source keeps its nominal one.
     pub core: Hertz,
+    /// Frequency of the crystal by the internal oscillator, Hz, if it oscillates.
+    pub crystal: Option<u32>,
 }
 
 /// Starts the best clock that works, and returns it.
@@ -92,7 +94,8 @@ pub fn start(rcc: RCC, timer: &TIM11) -> (Rcc, Clock) {
     } else {
         None
     };
-    let (source, config) = match (pll_locks(&rcc), crystal) {
+    let nominal = crystal.and_then(crystal::nominal);
+    let (source, config) = match (pll_locks(&rcc), nominal) {
         (true, Some(crystal)) => (
             Source::CrystalPll,
             Config::hse(crystal.Hz()).sysclk(SYSCLK_FROM_CRYSTAL),
@@ -109,7 +112,12 @@ pub fn start(rcc: RCC, timer: &TIM11) -> (Rcc, Clock) {
     let rcc = rcc.freeze(config);
     let core = rcc.clocks.sysclk();
     defmt::info!("clock {} {=u32} Hz", source, core.raw());
-    (rcc, Clock { source, core })
+    let clock = Clock {
+        source,
+        core,
+        crystal,
+    };
+    (rcc, clock)
 }
 
 /// Turns the crystal oscillator on, and leaves it on, to see whether it starts.
@@ -119,7 +127,7 @@ fn crystal_starts(rcc: &RCC) -> bool {
 }
 
 /// Measures the crystal: TIM11 captures its divided clock, and counts the internal oscillator's, on
-/// which the chip runs until the PLL is on. `None` if there is no edge, or it is no known crystal.
+/// which the chip runs until the PLL is on. `None` if there is no edge.
 fn crystal_hz(rcc: &RCC, timer: &TIM11) -> Option<u32> {
     rcc.cfgr().modify(|_, w| w.rtcpre().set(DIVIDED));
     rcc.apb2enr().modify(|_, w| w.tim11en().set_bit());
@@ -142,7 +150,7 @@ fn crystal_hz(rcc: &RCC, timer: &TIM11) -> Option<u32> {
     rcc.apb2enr().modify(|_, w| w.tim11en().clear_bit());
     rcc.cfgr().modify(|_, w| w.rtcpre().set(0));
     let ticks = second?.wrapping_sub(first?);
-    let hz = crystal::nominal(ticks.into(), CAPTURED * u32::from(DIVIDED), HSI);
+    let hz = crystal::measured(ticks.into(), CAPTURED * u32::from(DIVIDED), HSI);
     defmt::info!("{=u16} ticks of the crystal: {} Hz", ticks, hz);
     hz
 }

@@ -25,6 +25,8 @@ use crate::board;
 /// one before it was read are [`AGAIN`] bits higher.
 const CAPTURES: u32 = 0b1_1110;
 const AGAIN: u32 = 8;
+/// Bits of the first channel in CCER: it is on, at falling edges. A channel has four.
+const FALLING: u32 = 0b0011;
 /// Most ticks by which a capture may be younger than the counter that was read before it: what is
 /// waited, and more. A capture is at most 2^16 ticks less these old.
 const YOUNGER: u16 = 4096;
@@ -35,6 +37,8 @@ const NO_EDGE: u16 = u16::MAX;
 pub struct Edges {
     first: TIM3,
     second: TIM4,
+    /// Ticks by which the second counter is ahead of the first.
+    ahead: u16,
     /// Cycles of the core in a microsecond.
     microsecond: u32,
 }
@@ -48,11 +52,13 @@ impl Edges {
         TIM4::reset(rcc);
         first.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
         second.ccmr2_input().write(|w| w.cc3s().ti3().cc4s().ti4());
-        capture_falling(&first, [0, 1]);
-        capture_falling(&second, [2, 3]);
+        capture_falling(&first, FALLING | FALLING << 4, 1 << 1 | 1 << 2);
+        capture_falling(&second, FALLING << 8 | FALLING << 12, 1 << 3 | 1 << 4);
+        let ahead = ahead(&first, &second);
         Self {
             first,
             second,
+            ahead,
             microsecond,
         }
     }
@@ -62,10 +68,8 @@ impl Edges {
     pub fn note(&mut self) {
         let (first, second) = (&self.first, &self.second);
         let at = ticks::low();
-        let counted = [
-            first.cnt().read().cnt().bits(),
-            second.cnt().read().cnt().bits(),
-        ];
+        let count = first.cnt().read().cnt().bits();
+        let counted = [count, count.wrapping_add(self.ahead)];
         let is_captured = |timer: &RegisterBlock| timer.sr().read().bits() & CAPTURES != 0;
         if !is_captured(first) && !is_captured(second) {
             return;
@@ -73,16 +77,16 @@ impl Edges {
         cortex_m::asm::delay(self.microsecond);
         let flags = [first.sr().read().bits(), second.sr().read().bits()];
         // Ticks from each edge to `at`, and more.
-        let age = |timer: usize, channel: u32, captured: u16| {
-            let is_there = flags[timer] >> (1 + channel) & 1 != 0;
+        let age = |timer: usize, flag: u32, captured: u16| {
+            let is_there = flags[timer] & flag != 0;
             let age = counted[timer].wrapping_sub(captured).wrapping_add(YOUNGER);
             if is_there { Some(age) } else { None }
         };
         let ages: [Option<u16>; CONVERTERS] = [
-            age(0, 0, first.ccr1().read().ccr().bits()),
-            age(0, 1, first.ccr2().read().ccr().bits()),
-            age(1, 2, second.ccr3().read().ccr().bits()),
-            age(1, 3, second.ccr4().read().ccr().bits()),
+            age(0, 1 << 1, first.ccr1().read().ccr().bits()),
+            age(0, 1 << 2, first.ccr2().read().ccr().bits()),
+            age(1, 1 << 3, second.ccr3().read().ccr().bits()),
+            age(1, 1 << 4, second.ccr4().read().ccr().bits()),
         ];
         // What is zero is cleared, and nothing else.
         clear(first, flags[0]);
@@ -92,7 +96,7 @@ impl Edges {
         NVIC::unpend(Interrupt::TIM4);
         let oldest = ages.iter().flatten().max().copied().unwrap_or(YOUNGER);
         for (slot, age) in AFTER.iter().zip(ages) {
-            let after = age.map_or(NO_EDGE, |age| oldest - age);
+            let after = age.map_or(NO_EDGE, |age| oldest.wrapping_sub(age));
             slot.store(after, Ordering::Relaxed);
         }
         let at = at.wrapping_add(YOUNGER.into()).wrapping_sub(oldest.into());
@@ -105,18 +109,21 @@ impl Edges {
     }
 }
 
-/// Has two channels of a timer, from 0 on, capture falling edges, and interrupt.
-fn capture_falling(timer: &RegisterBlock, channels: [u32; 2]) {
-    /// Bits of a channel in CCER: it is on, at falling edges.
-    const FALLING: u32 = 0b0011;
-    let [a, b] = channels;
-    // SAFETY: bits of CCER and DIER, with the meaning that the manual gives them (18.4.4, 18.4.9).
-    timer
-        .ccer()
-        .write(|w| unsafe { w.bits(FALLING << (4 * a) | FALLING << (4 * b)) });
-    // SAFETY: the same.
-    timer.dier().write(|w| unsafe { w.bits(2 << a | 2 << b) });
+/// Has channels of a timer capture and interrupt, by their bits of CCER and DIER.
+fn capture_falling(timer: &RegisterBlock, edges: u32, interrupts: u32) {
+    // SAFETY: bits of CCER, with the meaning that the manual gives them (18.4.9).
+    timer.ccer().write(|w| unsafe { w.bits(edges) });
+    // SAFETY: the same of DIER (18.4.4).
+    timer.dier().write(|w| unsafe { w.bits(interrupts) });
     timer.cr1().write(|w| w.cen().set_bit());
+}
+
+/// Ticks by which the second counter is ahead of the first: between two looks at the first one.
+fn ahead(first: &RegisterBlock, second: &RegisterBlock) -> u16 {
+    let count = |timer: &RegisterBlock| timer.cnt().read().cnt().bits();
+    let [a, b, c] = cortex_m::interrupt::free(|_| [count(first), count(second), count(first)]);
+    let half = c.wrapping_sub(a).div_ceil(2);
+    b.wrapping_sub(a).wrapping_sub(half)
 }
 
 /// Clears these flags of a timer.
@@ -144,7 +151,6 @@ static AT: AtomicU32 = AtomicU32::new(0);
 static AFTER: [AtomicU16; CONVERTERS] = [const { AtomicU16::new(NO_EDGE) }; CONVERTERS];
 
 /// Ticks from the first edge of the newest sample to that of each line; `None` for a line without.
-#[allow(dead_code)]
 pub fn skews() -> [Option<u16>; CONVERTERS] {
     cortex_m::interrupt::free(|_| {
         AFTER.each_ref().map(|after| {

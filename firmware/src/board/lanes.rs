@@ -15,17 +15,22 @@
 use core::cell::UnsafeCell;
 use core::sync::atomic::{Ordering, fence};
 
-use massline_firmware::drivers::lanes::{Lanes, Progress, Step};
+use embedded_hal::spi::SpiBus;
+use massline_firmware::drivers::lanes::{BusClock, Lanes, Progress, Step};
 use massline_firmware::sampling::{CHIPS, LANES, REQUESTS};
 use stm32f4xx_hal::pac::GPIOC;
 use stm32f4xx_hal::pac::dma1::RegisterBlock;
 
-use super::bus::Registers;
+use super::bus::{Bus, Registers};
 use super::dma::{Direction, State, Stream};
 use super::edges;
 
 /// Pins of port C that select the converters.
 const SELECTS: [u8; CHIPS] = [2, 3, 4, 5, 1];
+/// Number of the lanes of ADS131M08, the first ones.
+const CONVERTER_LANES: usize = 2;
+/// Code of a bus's slowest clock.
+const SLOWEST: u8 = 7;
 /// Bytes of the longest request, and more.
 const BYTES: usize = 32;
 
@@ -65,6 +70,8 @@ fn received(converter: usize) -> *mut u8 {
 /// A bus with its streams.
 struct Lane {
     bus: Registers,
+    /// Code of its usual clock.
+    divider: u8,
     receive: Stream,
     send: Stream,
     /// Bit of the pin that selects the converter of the frame.
@@ -113,6 +120,7 @@ impl DmaLanes {
         let lane = |bus: Registers, dma, [rx, tx]: [usize; 2], channel| Lane {
             receive: Stream::start(dma, rx, channel, Direction::Receive, bus.data()),
             send: Stream::start(dma, tx, channel, Direction::Send, bus.data()),
+            divider: bus.divider(),
             bus,
             select: 0,
         };
@@ -193,6 +201,24 @@ impl Lanes for DmaLanes {
     fn abort(&mut self, lane: usize) {
         if let Some(lane) = self.lanes.get(lane) {
             lane.break_off();
+        }
+    }
+
+    fn exchange(&mut self, lane: usize, bytes: &mut [u8]) -> bool {
+        let Some(lane) = self.lanes.get(lane).filter(|_| self.is_there) else {
+            return false;
+        };
+        Bus::of_bytes(lane.bus).transfer_in_place(bytes).is_ok()
+    }
+
+    fn choose_clock(&mut self, clock: BusClock) {
+        for lane in self.lanes.iter().take(CONVERTER_LANES) {
+            let code = match clock {
+                BusClock::Usual => lane.divider,
+                BusClock::Half => lane.divider.wrapping_add(1).min(SLOWEST),
+                BusClock::Double => lane.divider.saturating_sub(1),
+            };
+            lane.bus.set_divider(code);
         }
     }
 

@@ -126,6 +126,7 @@ mod app {
             commands,
             test_clock: board.test_clock,
             tick_hz,
+            crystal: board.clock.crystal,
         };
         let services = Services::new(inputs, settings, counts);
         board::start_rounds(cx.core.SYST, board.clock.core);

@@ -32,6 +32,18 @@ impl Step {
     }
 }
 
+/// Clock of a lane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BusClock {
+    /// The usual clock.
+    #[default]
+    Usual,
+    /// Half of it.
+    Half,
+    /// Twice as much.
+    Double,
+}
+
 /// The frames of a bus at a conversion.
 pub type Lane = &'static [Step];
 
@@ -65,6 +77,16 @@ pub trait Lanes {
 
     /// Bytes that were received from a converter, at the places of their requests.
     fn received(&self, converter: usize) -> &[u8];
+
+    /// Exchanges bytes while no converter is selected, on a lane that is at rest: each is replaced by
+    /// the one that was received. `false` without such a lane, or if it does not move.
+    fn exchange(&mut self, _lane: usize, _bytes: &mut [u8]) -> bool {
+        false
+    }
+
+    /// Chooses the clock of the ADS131M08's lanes, which are at rest. Without clocks to choose from
+    /// nothing happens.
+    fn choose_clock(&mut self, _clock: BusClock) {}
 }
 
 /// Lanes that leave all frames to the converters' drivers.

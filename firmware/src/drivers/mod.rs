@@ -13,18 +13,34 @@ pub mod ads131m08;
 pub mod adxl355;
 pub mod lanes;
 
+/// Signal that a channel converts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Input {
+    /// The channel's pins.
+    #[default]
+    Pins = 0,
+    /// A short circuit within the device, to measure its noise.
+    Shorted = 1,
+    /// A positive voltage of the device's own.
+    TestPositive = 2,
+    /// The same voltage with the opposite sign.
+    TestNegative = 3,
+}
+
 /// A device that samples some channels at once and keeps them until they are read.
 pub trait Converter {
     /// Channels of a sample.
     fn channels(&self) -> usize;
 
-    /// Chooses the sample rate, Hz, and the gain of each channel, which hold from the next
-    /// [`Self::prepare`] on. A device without gains ignores them; a gain that is missing is one.
+    /// Chooses the sample rate, Hz, the gain of each channel and the signal of all of them, which hold
+    /// from the next [`Self::prepare`] on. A device without gains, or without signals of its own,
+    /// ignores them; a gain that is missing is one.
     ///
     /// # Errors
     ///
     /// [`Fault::Unsupported`] if the device does not have this rate; nothing is changed then.
-    fn choose(&mut self, rate: f64, gains: &[u8]) -> Result<(), Fault>;
+    fn choose(&mut self, rate: f64, gains: &[u8], input: Input) -> Result<(), Fault>;
 
     /// Resets the device from any state, and writes and reads back every register, after which it
     /// samples. It takes as long as some hundred bytes on the bus.

@@ -1,8 +1,8 @@
 //! Surroundings of the instrument: the hardware below it, and the link to the host.
 
 use crate::wire::{
-    ClockSource, Event, FaultCounters, Health, LinkCounters, Problem, Provoke, Reply, ResetReason,
-    Setting, SettingKey, Storage,
+    ClockSource, Event, FaultCounters, Health, Item, LinkCounters, Probe, Probed, Problem, Provoke,
+    Reply, ResetReason, Setting, SettingKey, Storage,
 };
 
 /// Identity of the box, fixed from its start on. Texts longer than [`crate::wire::NAME_MAX`]
@@ -115,6 +115,15 @@ pub trait Board {
     /// Provokes a fault, once the transmit queue is empty, or simulates it at once; `false` if
     /// the box cannot.
     fn provoke(&mut self, fault: Provoke) -> bool;
+
+    /// Measures a part of the board; the inputs are not recorded meanwhile, except for
+    /// [`Probe::Skew`].
+    ///
+    /// # Errors
+    /// [`Problem`] if the board has no such part, or cannot measure it.
+    fn probe(&mut self, _: Probe) -> Result<Probed, Problem> {
+        Err(Problem::Unsupported(Item::Probe))
+    }
 }
 
 /// Sends replies and events to the host.

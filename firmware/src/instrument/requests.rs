@@ -5,8 +5,8 @@ use super::{Activity, Board, Instrument, Phase, Session, Storage, Transmit};
 use crate::capacity::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{
     Capacity, Grid, Identified, Info, Item, MethodSet, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
-    Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream,
-    Subscription, Weights,
+    Probe, Probed, Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status,
+    Stream, Subscription, Weights,
 };
 use massline_core::masslines::Method;
 
@@ -58,6 +58,17 @@ impl<'m> Instrument<'m> {
                 Reply::Done
             }
             Request::Selftest => return self.begin_selftest(id, board),
+            Request::Probe(probe) => {
+                self.phase.not_running()?;
+                if *probe != Probe::Skew {
+                    self.not_streaming()?;
+                }
+                let probed = board.probe(*probe)?;
+                if let Probed::Conditions(conditions) = probed {
+                    self.conditions = conditions;
+                }
+                Reply::Probed(probed)
+            }
             Request::BeginSetup(plan) => {
                 self.phase.not_running()?;
                 self.phase.not_busy()?;

@@ -9,9 +9,9 @@ use super::synthetic::Synthetic;
 use super::{Activity, Board, Instrument, Phase, Storage, Transmit};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
-    ChannelRole, Circuit, Event, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass, Problem,
-    Progress, ReadLines, Reply, Request, Samples, Setting, SettingKey, Source, Start, State,
-    Summary,
+    ChannelRole, Circuit, Conditions, Event, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass,
+    Probe, Problem, Progress, ReadLines, Reply, Request, Samples, Setting, SettingKey, Source,
+    Start, State, Summary,
 };
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::Rings;
@@ -24,6 +24,10 @@ impl Instrument<'_> {
             && run.start == *start
         {
             return Ok(());
+        }
+        if start.source == Source::Inputs && self.conditions != Conditions::default() {
+            // Samples of a test signal are none of a body.
+            return Err(Problem::Busy(Request::Probe(Probe::Skew).number()));
         }
         let inputs = usize::from(self.identity.inputs);
         let (session, storage) = self.phase.ready()?;

@@ -4,13 +4,15 @@
 //! LOCK, UNLOCK, RREG and WREG with their answers in the next frame, the checksums of both
 //! directions, a write that is executed before its checksum is received, the event bits of the
 //! status word and their clearing, two samples of buffer, amplifiers, inputs, offset and gain
-//! correction, clipping, the range of the inputs (6.3), the pass of the register map's check (8.3.13).
+//! correction, clipping, the range of the inputs (6.3), the pass of the register map's check (8.3.13),
+//! noise of the test signals.
 //! Not modelled: word lengths other than 24 bits, ANSI's checksum, global
-//! chop, current detection, phase delays, the DC block filter, noise.
+//! chop, current detection, phase delays, the DC block filter, noise of the pins.
 
 use crate::drivers::ads131m08::frame::{self, BYTES, BYTES_MAX, WORD, put, word};
 use crate::drivers::ads131m08::registers::{CHANNELS, Register, command, mode, status};
 use crate::drivers::ads131m08::{CLOCK_HZ, Oversampling};
+use crate::models::random::Random;
 
 /// Reference voltage, V: full scale at gain 1.
 const REFERENCE: f64 = 1.2;
@@ -25,6 +27,9 @@ const HEADROOM: f64 = 1.8;
 /// Cycles until the check of the register map has seen a change (8.3.13): what is left of the pass that
 /// is going on, and another one of 90 µs.
 const MAP_CYCLES: u64 = CLOCK_HZ as u64 * 180 / 1_000_000;
+/// Largest of two errors whose sum is the noise of a test signal, counts: 17 counts RMS, which are 2.4 µV at
+/// gain 1.
+const NOISE: u64 = 21;
 /// Samples that wait to be read.
 const BUFFER: usize = 2;
 
@@ -42,6 +47,8 @@ pub struct Chip {
     waiting: usize,
     /// Voltage between ground and the middle of each channel's two inputs, V.
     common_mode: [f64; CHANNELS],
+    /// Noise of the test signals.
+    noise: Random,
     /// The present cycle of the clock.
     cycle: u64,
     /// Cycle at which the check of the register map sees the last change.
@@ -75,6 +82,7 @@ impl Chip {
             samples: [[0; CHANNELS]; BUFFER],
             waiting: 0,
             common_mode: [0.0; CHANNELS],
+            noise: Random::new(0x131),
             cycle: 0,
             seen: None,
         };
@@ -168,6 +176,10 @@ impl Chip {
         let mut counts = [0; CHANNELS];
         for (k, (slot, &volts)) in (0..).zip(counts.iter_mut().zip(volts)) {
             *slot = self.count(k, volts);
+            if self.register(Register::channel_cfg(k)) & 0b11 != 0 {
+                let [a, b] = [0; 2].map(|_| self.noise.below(2 * NOISE + 1) as i32);
+                *slot += a + b - 2 * NOISE as i32;
+            }
         }
         let [newest, older] = &mut self.samples;
         *older = *newest;

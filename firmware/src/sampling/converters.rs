@@ -95,7 +95,8 @@ where
             let mut gains = &plan.gains[..];
             for (k, converter) in (0..).zip(converters.iter_mut()) {
                 let channels = converter.channels();
-                converter.choose(plan.rate, gains).map_err(|f| (k, f))?;
+                let chosen = converter.choose(plan.rate, gains, plan.signal);
+                chosen.map_err(|fault| (k, fault))?;
                 gains = gains.get(channels..).unwrap_or(&[]);
             }
             let mut first: Option<Fault> = None;
@@ -116,6 +117,18 @@ where
             Some(fault) if self.in_use(u32::MAX) == 0 => Err((0, fault)),
             _ => Ok(left_out),
         }
+    }
+
+    /// Prepares a converter, by its number, as it was configured last.
+    ///
+    /// # Errors
+    ///
+    /// Its fault; [`Fault::Unsupported`] if there is none of this number.
+    pub(super) fn prepare(&mut self, number: u8) -> Result<(), Fault> {
+        self.with(|converters, _| {
+            let converter = converters.get_mut(usize::from(number));
+            converter.ok_or(Fault::Unsupported)?.prepare()
+        })
     }
 
     /// Lends the converters, and a function that restarts their conversions together.

@@ -35,14 +35,14 @@ pub mod sequencer;
 pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS};
 pub use converters::Converters;
 pub use fetched::{acquire, resume};
-pub use plan::{Plan, problem};
+pub use plan::{Plan, problem, reported};
 pub use queues::{Commands, Ends, Queues, WAITING};
 pub use raw_frame::RawFrame;
 
 use crate::acquisition::{Acquisition, SETTLING, Sample};
 use crate::drivers::Fault;
 use crate::drivers::lanes::Lanes;
-use crate::wire::FaultCounters;
+use crate::wire::{FaultCounters, Looped};
 use core::sync::atomic::{AtomicU32, Ordering};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
@@ -64,6 +64,22 @@ pub enum Command {
     ClearFaults,
     /// From the next start on, a test pattern stands in for the converters.
     TestPattern,
+    /// Exchange bytes over a bus, by the number of its lane, with no converter selected; the outcome is
+    /// sent back. Sampling stops.
+    Loop(u8),
+    /// Prepare a converter, by its number; the outcome is sent back. Sampling stops.
+    Prepare(u8),
+}
+
+/// Outcome of a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Of [`Command::Start`].
+    Started(Result<(), Failure>),
+    /// Of [`Command::Loop`]: the comparison of the bytes, `None` without such a bus.
+    Looped(Option<Looped>),
+    /// Of [`Command::Prepare`].
+    Prepared(Result<(), Fault>),
 }
 
 /// A failed start: number of the converter, and its fault.
@@ -183,12 +199,19 @@ where
                     let outcome = self.start(&plan);
                     self.running = outcome.is_ok();
                     self.watch[1] = ticks;
-                    // There is room: the sender empties the queue before each start.
-                    let _ = self.ends.outcomes.enqueue(outcome);
+                    // There is room: the sender empties the queue before each command with an outcome.
+                    let _ = self.ends.outcomes.enqueue(Outcome::Started(outcome));
                 }
-                Command::Stop => {
-                    self.break_off();
-                    self.running = false;
+                Command::Stop => self.stop(),
+                Command::Loop(lane) => {
+                    self.stop();
+                    let looped = looped(&mut self.lanes, lane);
+                    let _ = self.ends.outcomes.enqueue(Outcome::Looped(looped));
+                }
+                Command::Prepare(converter) => {
+                    self.stop();
+                    let prepared = self.converters.prepare(converter);
+                    let _ = self.ends.outcomes.enqueue(Outcome::Prepared(prepared));
                 }
                 Command::ClearFaults => {
                     self.acquisition.clear_faults();
@@ -196,8 +219,7 @@ where
                     self.counters.write(self.acquisition.faults(), 0);
                 }
                 Command::TestPattern => {
-                    self.break_off();
-                    self.running = false;
+                    self.stop();
                     self.converters.use_test_pattern();
                 }
             }
@@ -256,6 +278,11 @@ where
         &mut self.lanes
     }
 
+    fn stop(&mut self) {
+        self.break_off();
+        self.running = false;
+    }
+
     fn break_off(&mut self) {
         self.sequencer.handle(Event::Stop, &mut self.lanes);
     }
@@ -298,6 +325,7 @@ where
         let faults = *self.acquisition.faults();
         self.acquisition = Acquisition::new(plan.period).counting_from(faults);
         self.period = plan.period as u64;
+        self.lanes.choose_clock(plan.bus);
         let left_out = self.converters.configure(plan)?;
         for chip in 0..CHIPS {
             if left_out >> chip & 1 != 0 {
@@ -318,6 +346,38 @@ where
             self.counters.failed.fetch_or(bit, Ordering::Relaxed);
         }
     }
+}
+
+/// Bytes that are sent over a bus to test it: no byte is the next one's, nor all ones or zeros, and
+/// each bit has as many ones as zeros.
+const PATTERN: [u8; 32] = {
+    let mut pattern = [0; 32];
+    let mut k = 0;
+    while k < 16 {
+        let byte = (0x1D_u8).wrapping_mul(2 * k as u8 + 1);
+        pattern[2 * k] = byte;
+        pattern[2 * k + 1] = !byte;
+        k += 1;
+    }
+    pattern
+};
+
+/// Exchanges the pattern over a lane.
+fn looped(lanes: &mut impl Lanes, lane: u8) -> Option<Looped> {
+    let mut bytes = PATTERN;
+    if !lanes.exchange(lane.into(), &mut bytes) {
+        return None;
+    }
+    let mut found = Looped::default();
+    for (sent, received) in PATTERN.iter().zip(bytes) {
+        // Some hundred bits at the most.
+        found.bits = found.bits.wrapping_add(8);
+        found.wrong = found
+            .wrong
+            .wrapping_add((sent ^ received).count_ones() as u16);
+        found.ones = found.ones.wrapping_add(received.count_ones() as u16);
+    }
+    Some(found)
 }
 
 /// Puts a sample whose edge came at that time, ticks, into the queue, or counts it as dropped. `true`

@@ -2,9 +2,10 @@
 
 use super::bank::{CHANNELS, rates_near};
 use super::{Failure, INPUTS};
-use crate::drivers::Fault;
+use crate::drivers::lanes::BusClock;
+use crate::drivers::{Fault, Input};
 use crate::settings::Settings;
-use crate::wire::{Circuit, ConverterFault, Field, Problem};
+use crate::wire::{self, Circuit, Conditions, ConverterFault, Field, Problem, TestSignal};
 
 /// The plan of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +20,10 @@ pub struct Plan {
     pub used: u32,
     /// Number of inputs up to the last one in use; all of them if none is.
     pub inputs: usize,
+    /// Signal that the converters convert.
+    pub signal: Input,
+    /// Clock of their buses.
+    pub bus: BusClock,
 }
 
 impl Plan {
@@ -39,6 +44,8 @@ impl Plan {
             gains: [1; INPUTS],
             used: 0,
             inputs: 0,
+            signal: Input::Pins,
+            bus: BusClock::Usual,
         };
         let channels = (0..).zip(CHANNELS);
         let converters = channels.flat_map(|(k, channels)| core::iter::repeat_n(k, channels));
@@ -56,12 +63,41 @@ impl Plan {
         }
         Ok(plan)
     }
+
+    /// The same under other conditions: with a test signal all inputs are sampled.
+    #[must_use]
+    pub const fn under(mut self, conditions: Conditions) -> Self {
+        self.signal = match conditions.signal {
+            TestSignal::Pins => Input::Pins,
+            TestSignal::Shorted => Input::Shorted,
+            TestSignal::Positive => Input::TestPositive,
+            TestSignal::Negative => Input::TestNegative,
+        };
+        self.bus = match conditions.bus {
+            wire::BusClock::Usual => BusClock::Usual,
+            wire::BusClock::Half => BusClock::Half,
+            wire::BusClock::Double => BusClock::Double,
+        };
+        if !matches!(self.signal, Input::Pins) {
+            self.inputs = INPUTS;
+        }
+        self
+    }
 }
 
 /// The problem that reports a failed start to the host.
 #[must_use]
 pub const fn problem((converter, fault): Failure) -> Problem {
-    let fault = match fault {
+    Problem::Converter {
+        converter,
+        fault: reported(fault),
+    }
+}
+
+/// A fault of a converter as the host is told of it.
+#[must_use]
+pub const fn reported(fault: Fault) -> ConverterFault {
+    match fault {
         Fault::Bus => ConverterFault::Bus,
         Fault::Stuck | Fault::Stale => ConverterFault::Stuck,
         Fault::Checksum => ConverterFault::Checksum,
@@ -78,6 +114,5 @@ pub const fn problem((converter, fault): Failure) -> Problem {
         Fault::Command { .. } | Fault::Reset | Fault::Resynchronised | Fault::Unsupported => {
             ConverterFault::Command
         }
-    };
-    Problem::Converter { converter, fault }
+    }
 }

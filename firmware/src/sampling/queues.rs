@@ -1,6 +1,6 @@
 //! Queues between the sampling task and the others.
 
-use super::{Command, Failure, Plan, RawFrame};
+use super::{Command, Outcome, RawFrame};
 use heapless::spsc::{Consumer, Producer, Queue};
 
 /// Most samples in the queue: while a block is computed, some 10 come at 4096 samples/s
@@ -10,7 +10,7 @@ pub const WAITING: usize = 32;
 /// The queues between the sampling task and the others.
 pub struct Queues {
     commands: Queue<Command, 3>,
-    outcomes: Queue<Result<(), Failure>, 3>,
+    outcomes: Queue<Outcome, 3>,
     frames: Queue<RawFrame, WAITING>,
 }
 
@@ -52,14 +52,14 @@ impl Default for Queues {
 /// The sampling task's ends of the queues.
 pub struct Ends<'q> {
     pub(super) commands: Consumer<'q, Command>,
-    pub(super) outcomes: Producer<'q, Result<(), Failure>>,
+    pub(super) outcomes: Producer<'q, Outcome>,
     pub(super) frames: Producer<'q, RawFrame>,
 }
 
 /// The sender's ends of the queues of commands and outcomes.
 pub struct Commands<'q> {
     queue: Producer<'q, Command>,
-    outcomes: Consumer<'q, Result<(), Failure>>,
+    outcomes: Consumer<'q, Outcome>,
 }
 
 impl Commands<'_> {
@@ -70,10 +70,10 @@ impl Commands<'_> {
         is_sent
     }
 
-    /// Starts sampling and returns the outcome; `None` if the sampling task was not called.
-    pub fn start(&mut self, plan: Plan, call: impl FnOnce()) -> Option<Result<(), Failure>> {
+    /// Sends a command that has an outcome, and returns it; `None` if the sampling task was not called.
+    pub fn ask(&mut self, command: Command, call: impl FnOnce()) -> Option<Outcome> {
         while self.outcomes.dequeue().is_some() {}
-        self.send(Command::Start(plan), call);
+        self.send(command, call);
         self.outcomes.dequeue()
     }
 }

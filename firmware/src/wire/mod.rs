@@ -90,6 +90,7 @@ mod frame;
 mod health;
 mod measure;
 mod packed;
+mod probe;
 mod problem;
 mod receiver;
 mod sender;
@@ -115,6 +116,7 @@ pub use measure::{
     Source, Start, Summary, Values,
 };
 pub use packed::{Count24, Packed, Word};
+pub use probe::{BusClock, Conditions, DRDY_LINES, Looped, Probe, Probed, TestSignal};
 pub use problem::{ConverterFault, Field, Item, Problem, Refused};
 pub use receiver::{LinkCounters, Received, Receiver, Refusal};
 pub use sender::{RequestIds, Sender};

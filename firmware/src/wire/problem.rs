@@ -254,6 +254,12 @@ pub enum Item {
     Setting,
     /// A fault to be provoked.
     Provoke,
+    /// A bus of the converters.
+    Bus,
+    /// A converter.
+    Converter,
+    /// A measurement of the board.
+    Probe,
 }
 
 /// Name of a value that has a range.

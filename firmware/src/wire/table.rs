@@ -3,9 +3,9 @@
 use super::frame::{EncodeError, Header, write};
 use super::{
     Block, ChannelHealth, Fault, FaultySamples, Grid, Identified, Info, Levels, Lines, Peaks, Ping,
-    Plan, Pong, Processing, Progress, Provoke, Question, ReadLines, Refusal, Refused, Run, Samples,
-    Saved, Selftest, Sensor, Setting, SettingKey, Start, Started, Status, Subscription, Summary,
-    Telemetry, Weights,
+    Plan, Pong, Probe, Probed, Processing, Progress, Provoke, Question, ReadLines, Refusal,
+    Refused, Run, Samples, Saved, Selftest, Sensor, Setting, SettingKey, Start, Started, Status,
+    Subscription, Summary, Telemetry, Weights,
 };
 use serde::Deserialize;
 
@@ -119,6 +119,9 @@ messages! {
         /// Measures the synthetic body. [`Reply::Selftest`] when it is done. Not while running;
         /// deletes the set-up and stored runs, and leaves the box empty.
         0x08 Selftest;
+        /// Measures a part of the board. [`Reply::Probed`]. Not while running, and [`Probe::Skew`] alone
+        /// while samples are recorded.
+        0x09 Probe(Probe);
 
         /// Deletes the set-up and stored runs, and begins a new set-up. [`Reply::Done`]. Not while
         /// running.
@@ -211,6 +214,8 @@ messages! {
         0x8D Setting(Setting<'a>);
         /// Confirmation that the settings are stored.
         0x8E Saved(Saved);
+        /// Result of a measurement of the board.
+        0x8F Probed(Probed);
     }
 }
 

@@ -60,6 +60,7 @@ pub struct Model {
     pub pending: Option<(u8, bool)>,
     pub answered: bool,
     pub is_streaming: bool,
+    conditions: Conditions,
     pub converting: Option<f64>,
     pub settings: Settings,
     pub saved: Settings,
@@ -147,6 +148,7 @@ impl Model {
             pending: None,
             answered: false,
             is_streaming: false,
+            conditions: Conditions::default(),
             converting: None,
             settings: settings.clone(),
             saved: settings.clone(),
@@ -171,9 +173,11 @@ impl Model {
         let has = |run: u8| self.state != State::Empty && usize::from(run) < self.run_count();
         let granted = match &act.request {
             Request::Samples(samples) => return self.expect_samples(samples),
-            Request::Provoke(Provoke::TestPattern) | Request::ResetSettings => {
-                !is_running && !self.is_streaming
-            }
+            Request::Provoke(Provoke::TestPattern)
+            | Request::ResetSettings
+            | Request::Probe(Probe::Conditions(_)) => !is_running && !self.is_streaming,
+            // The model of the board has no parts that could be measured.
+            Request::Probe(_) => false,
             Request::Selftest | Request::BeginSetup(_) => !is_running && !is_busy && act.is_sound,
             Request::SetProcessing(_) => self.state == State::SettingUp && act.is_sound,
             Request::SetSensor(_) => self.state == State::SettingUp && act.is_sound,
@@ -251,7 +255,8 @@ impl Model {
             .clone()
             .all(|input| input.circuit() != Circuit::Unused);
         let in_rate = self.converting.is_none_or(|rate| rate == RATE);
-        may && (start.source != Source::Inputs || is_wired && in_rate)
+        let is_usual = self.conditions == Conditions::default();
+        may && (start.source != Source::Inputs || is_wired && in_rate && is_usual)
     }
 
     fn answers(&self, question: &Question) -> bool {
@@ -324,6 +329,7 @@ impl Model {
                 }
                 self.tend();
             }
+            Request::Probe(Probe::Conditions(conditions)) => self.conditions = *conditions,
             Request::Selftest => {
                 self.forget();
                 self.state = State::Empty;

@@ -121,14 +121,24 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
             };
             act(Request::Subscribe(subscription), true)
         }
-        4 => act(
-            random.pick(&[
+        4 => {
+            let conditions = |signal| {
+                Request::Probe(Probe::Conditions(Conditions {
+                    signal,
+                    ..Conditions::default()
+                }))
+            };
+            let request = random.pick(&[
                 Request::Reboot,
                 Request::Provoke(Provoke::Panic),
                 Request::Provoke(Provoke::TestPattern),
-            ]),
-            true,
-        ),
+                Request::Probe(Probe::Skew),
+                conditions(TestSignal::Shorted),
+                conditions(TestSignal::Pins),
+                conditions(TestSignal::Pins),
+            ]);
+            act(request, true)
+        }
         5 if random.once_in(8) => act(Request::Selftest, true),
         6 if random.once_in(2) => act(Request::ReadAnswer, true),
         5 | 6 => {

@@ -14,6 +14,7 @@ pub fn request<'a>(number: u8, d: &mut Draw<'a>) -> Request<'a> {
         0x06 => Request::Reboot,
         0x07 => Request::Provoke(d.any()),
         0x08 => Request::Selftest,
+        0x09 => Request::Probe(d.any()),
         0x10 => Request::BeginSetup(d.any()),
         0x11 => Request::SetProcessing(d.any()),
         0x12 => Request::SetSensor(d.any()),
@@ -55,6 +56,7 @@ pub fn reply<'a>(number: u8, d: &mut Draw<'a>) -> Reply<'a> {
         0x8C => Reply::Identified(d.any()),
         0x8D => Reply::Setting(d.any()),
         0x8E => Reply::Saved(d.any()),
+        0x8F => Reply::Probed(d.any()),
         _ => panic!("reply {number:#04x} is not drawn"),
     }
 }

@@ -5,11 +5,11 @@ use super::trouble::Mischief;
 use super::{CHIPS, INPUTS, LEAD, RigError, Troubles};
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use massline_firmware::acquisition::{Acquisition, Sample};
-use massline_firmware::drivers::Converter;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::drivers::ads131m08::{
     self, Ads131m08, CLOCK_HZ, Configuration, Gain, Oversampling,
 };
+use massline_firmware::drivers::{Converter, Input};
 use massline_firmware::models::BusError;
 use massline_firmware::models::rig::{Port, Rig};
 use massline_firmware::wire::FaultCounters;
@@ -39,13 +39,13 @@ type Shared<D> = Rc<RefCell<Rig<Sensors<D>, CHIPS>>>;
 
 impl<D: AsRef<[Vec<f32>]>> Chain<D> {
     /// A chain that has just been started, at a sample rate of the converters, Hz, and with
-    /// these gains of the inputs' amplifiers.
+    /// these gains of the inputs' amplifiers, and this signal.
     ///
     /// # Errors
     /// [`RigError::Rate`], [`RigError::Start`].
     pub(super) fn new(
         sensors: &[&Sensor],
-        gains: &[u8],
+        (gains, signal): (&[u8], Input),
         felt: Felt<D>,
         rate: f64,
         troubles: &Troubles,
@@ -60,7 +60,10 @@ impl<D: AsRef<[Vec<f32>]>> Chain<D> {
         let mut chips: [_; CHIPS] = core::array::from_fn(|k| {
             let channel = |c: usize| {
                 let gain = gains.get(CHANNELS * k + c).copied().and_then(Gain::new);
-                ads131m08::Channel::pins(gain.unwrap_or(Gain::ONE))
+                ads131m08::Channel {
+                    input: signal,
+                    ..ads131m08::Channel::pins(gain.unwrap_or(Gain::ONE))
+                }
             };
             let configuration = Configuration {
                 oversampling,

@@ -4,6 +4,7 @@ use super::{Chain, Felt, Outfit, RigError, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Recording, simulate};
 use massline_firmware::calibration::Certificate;
+use massline_firmware::drivers::Input;
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -124,7 +125,7 @@ impl Inputs {
     }
 
     /// The converters and all before them, as they are when the box has started them for the
-    /// `start`-th time, with these gains.
+    /// `start`-th time, with these gains, and this signal in place of the pins' where it is another.
     ///
     /// # Errors
     /// [`RigError`].
@@ -132,6 +133,7 @@ impl Inputs {
         &self,
         sample_rate: f64,
         gains: &[u8],
+        signal: Input,
         start: u64,
     ) -> Result<Chain<Rc<[Vec<f32>]>>, RigError> {
         let (recording, felt) = self.recording();
@@ -142,7 +144,14 @@ impl Inputs {
         };
         let sensors = self.outfit.of(recording);
         let seed = self.troubles.seed.wrapping_add(start);
-        Chain::new(&sensors, gains, felt, sample_rate, &self.troubles, seed)
+        Chain::new(
+            &sensors,
+            (gains, signal),
+            felt,
+            sample_rate,
+            &self.troubles,
+            seed,
+        )
     }
 
     /// Seed of all that happens by chance.

@@ -64,6 +64,16 @@ pub struct Bench {
     /// Wires of the buses: clock, answer, request.
     wires: [[Pin; 3]; BUSES],
     signal: Signal,
+    /// Buses whose answer is wired to their request while no converter is selected.
+    pub loops: [bool; BUSES],
+    /// `false` if no converter is there.
+    pub are_soldered: bool,
+    /// Cycles by which each converter restarts later than SYNC says.
+    pub sync_skew: [u64; CONVERTERS],
+    /// A bit of every so many frames from a converter is wrong while they sample.
+    pub garbles_every: Option<u32>,
+    /// Number of frames of the converters.
+    frames: u32,
     /// The newest sample of each converter, by cycle and counts.
     pub converted: Vec<Vec<(u64, [i32; CHANNELS])>>,
 }
@@ -106,6 +116,11 @@ impl Bench {
                 ["PB3", "PB4", "PA7"].map(pin),
             ],
             signal,
+            loops: [false; BUSES],
+            are_soldered: true,
+            sync_skew: [0; CONVERTERS],
+            garbles_every: None,
+            frames: 0,
         }
     }
 
@@ -167,7 +182,10 @@ impl Bench {
                 (true, None) => {
                     place.chip.pass_until(counted(now, CLOCK_HZ));
                     let mut answer = place.chip.select().to_vec();
-                    if std::mem::take(&mut place.wires.is_garbled) {
+                    self.frames += 1;
+                    let every = self.garbles_every.filter(|_| place.chip.is_ready());
+                    let is_due = every.is_some_and(|every| self.frames.is_multiple_of(every));
+                    if std::mem::take(&mut place.wires.is_garbled) || is_due {
                         answer[4] ^= 0x10;
                     }
                     if let Some((level, frames)) = place.wires.stuck {
@@ -220,13 +238,13 @@ impl Bench {
     }
 
     fn pulse(&mut self, cycles: u64, now: u64) {
-        for place in &mut self.converters {
+        for (place, late) in self.converters.iter_mut().zip(self.sync_skew) {
             if cycles < u64::from(RESET_CYCLES) {
                 place.chip.synchronise();
             } else {
                 place.chip.reset();
             }
-            place.next = now + u64::from(place.chip.cycles());
+            place.next = now + u64::from(place.chip.cycles()) + late;
         }
     }
 
@@ -256,13 +274,17 @@ impl Bench {
         (answer, wrong)
     }
 
-    /// A line that nobody drives is low: its pin has no pull.
+    /// A line that nobody drives is low, unless it is wired to another one: its pin has no pull.
     fn byte(&mut self, bus: usize, byte: u8) -> u8 {
+        let undriven = if self.loops[bus] { byte } else { 0 };
+        if !self.are_soldered {
+            return undriven;
+        }
         if bus != OWN {
             let pairs = self.converters.chunks_mut(CONVERTERS / 2);
             let own = pairs.skip(bus).take(1).flatten();
             let mut frames = own.filter_map(|p| p.frame.as_mut());
-            return frames.next().map_or(0, |(answer, received)| {
+            return frames.next().map_or(undriven, |(answer, received)| {
                 let found = answer.get(received.len()).copied().unwrap_or(0);
                 received.push(byte);
                 found
@@ -270,7 +292,7 @@ impl Bench {
         }
         match &mut self.adxl_frame {
             Some(head) => self.adxl.shift(head, byte),
-            None => 0,
+            None => undriven,
         }
     }
 

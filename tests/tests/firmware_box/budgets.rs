@@ -21,7 +21,7 @@ use crate::talk::Talk;
 // The budgets. A budget is lowered freely, and raised only with the reason in the commit.
 
 /// Flash, bytes.
-const FLASH: u64 = 410 << 10;
+const FLASH: u64 = 420 << 10;
 /// Worst stack, bytes. The nesting of interrupts during an identification is random: 13 000 to
 /// 13 500 were measured. The table shows this budget instead.
 const STACK: u32 = 16 << 10;

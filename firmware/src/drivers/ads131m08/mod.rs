@@ -20,7 +20,7 @@ pub mod registers;
 
 use self::frame::{Frame, WORD, WORDS, word};
 use self::registers::{CHANNELS, Register, clock, command, mode, status};
-use super::{Converter, Fault, Reading};
+use super::{Converter, Fault, Input, Reading};
 use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
 
 /// Mode of the SPI bus: clock low when idle, data sampled at the falling edge.
@@ -139,27 +139,12 @@ impl Gain {
     }
 }
 
-/// Input of a channel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Input {
-    /// The channel's pins.
-    #[default]
-    Pins = 0,
-    /// A short circuit, to measure the noise.
-    Shorted = 1,
-    /// A positive voltage of 160 mV divided by the gain.
-    TestPositive = 2,
-    /// A negative voltage of 160 mV divided by the gain.
-    TestNegative = 3,
-}
-
 /// One channel's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// Gain of the amplifier.
     pub gain: Gain,
-    /// Voltage that is converted.
+    /// Voltage that is converted: the test voltage is 160 mV divided by the gain.
     pub input: Input,
     /// Count that the chip subtracts, 24 bits.
     pub offset: i32,
@@ -412,12 +397,15 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         CHANNELS
     }
 
-    fn choose(&mut self, rate: f64, gains: &[u8]) -> Result<(), Fault> {
+    fn choose(&mut self, rate: f64, gains: &[u8], input: Input) -> Result<(), Fault> {
         let oversampling = Oversampling::of_rate(rate, CLOCK_HZ).ok_or(Fault::Unsupported)?;
         let gain = |channel: usize| gains.get(channel).copied().and_then(Gain::new);
         self.configuration = Configuration {
             oversampling,
-            channels: core::array::from_fn(|k| Channel::pins(gain(k).unwrap_or(Gain::ONE))),
+            channels: core::array::from_fn(|k| Channel {
+                input,
+                ..Channel::pins(gain(k).unwrap_or(Gain::ONE))
+            }),
         };
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! `massline board`: the box next to the table, asked directly.
 
+mod bringup;
 mod change;
 mod columns;
 mod forget;
@@ -32,6 +33,7 @@ pub struct Arguments {
 enum Command {
     Info(info::Arguments),
     Selftest(selftest::Arguments),
+    Bringup(bringup::Arguments),
     Settings(settings::Arguments),
     Record(record::Arguments),
     Monitor(monitor::Arguments),
@@ -49,6 +51,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     match &arguments.command {
         Command::Info(a) => info::run(a, verbosity),
         Command::Selftest(a) => selftest::run(a, verbosity),
+        Command::Bringup(a) => bringup::run(a, verbosity),
         Command::Settings(a) => settings::run(a, verbosity),
         Command::Record(a) => record::run(a, verbosity),
         Command::Monitor(a) => monitor::run(a, verbosity),

@@ -1,0 +1,141 @@
+//! The bring-up of a board, on sound boards and on such with a defect.
+
+use massline::bringup::{self, Check, Order, Verdict};
+use massline::device::{Client, ClientMemory};
+use massline_chip::bench::{Bench, Signal};
+use massline_chip::flash::Cells;
+use massline_chip::machine::Machine;
+use massline_chip::rcc::Oscillators;
+use massline_firmware::drivers::ads131m08::CLOCK_HZ;
+use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+
+use crate::{GOOD, boot, clean};
+
+/// Inputs of the ADS131M08; those of the ADXL355 follow.
+const VOLTAGES: usize = 4 * CHANNELS;
+
+/// A board at rest: voltages nowhere, gravity along z with some noise.
+fn at_rest() -> Signal {
+    Box::new(|input, cycle| match input {
+        0..VOLTAGES => 0.0,
+        _ => {
+            let noise = 1e-4 * f64::from((cycle / 256 % 7) as u32);
+            noise + if input == VOLTAGES + 2 { 1.0 } else { 0.0 }
+        }
+    })
+}
+
+/// The page of a board.
+fn page(oscillators: Oscillators, order: &Order, wire: impl FnOnce(&mut Bench)) -> Vec<Check> {
+    let mut machine = boot(oscillators, Cells::default(), at_rest(), 31);
+    wire(&mut machine.chip().bench);
+    let checks = checks(&mut machine, order);
+    clean(&machine);
+    checks
+}
+
+fn checks(machine: &mut Machine, order: &Order) -> Vec<Check> {
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(machine, &mut memory);
+    let measured = bringup::measure(&mut client, order, &mut |_| ()).unwrap();
+    measured.checks(order)
+}
+
+fn order() -> Order {
+    Order {
+        seconds: 0.3,
+        without: 0,
+        saves: false,
+        keeps_time: true,
+    }
+}
+
+/// Names of the parts that are wrong.
+fn wrong(checks: &[Check]) -> Vec<&str> {
+    let wrong = checks.iter().filter(|c| c.verdict == Verdict::Bad);
+    wrong.map(|check| check.part.as_str()).collect()
+}
+
+fn found<'a>(checks: &'a [Check], part: &str) -> &'a Check {
+    let check = checks.iter().find(|check| check.part == part);
+    check.unwrap_or_else(|| panic!("{part} is not among {checks:#?}"))
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn nothing_is_wrong_with_a_sound_board() {
+    let order = Order {
+        saves: true,
+        ..order()
+    };
+    let checks = page(GOOD, &order, |_| ());
+    for check in &checks {
+        println!("{:?} {}: {}", check.verdict, check.part, check.found);
+    }
+    assert_eq!(wrong(&checks), [""; 0]);
+    // All that is open: a wire on a bus of converters that answer is not needed.
+    let open = checks.iter().filter(|c| c.verdict == Verdict::Open);
+    let open: Vec<&str> = open.map(|check| check.part.as_str()).collect();
+    assert_eq!(open, ["SPI2 loop", "SPI3 loop", "SPI1 loop"]);
+    assert!(found(&checks, "crystal").found.starts_with("12.0 MHz"));
+    // A tick: two counters are set against each other.
+    assert!(["0 ns", "12 ns"].contains(&found(&checks, "skew of /DRDY").found.as_str()));
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn a_board_without_converters_is_tested_by_wires() {
+    let without = Order {
+        without: 0b1_1111,
+        ..order()
+    };
+    let checks = page(GOOD, &without, |bench| {
+        bench.loops = [true, true, false];
+        bench.are_soldered = false;
+    });
+    assert_eq!(found(&checks, "SPI2 loop").verdict, Verdict::Good);
+    assert_eq!(found(&checks, "SPI3 loop").verdict, Verdict::Good);
+    let open = found(&checks, "SPI1 loop");
+    assert_eq!(open.verdict, Verdict::Open);
+    assert!(open.found.contains("no wire from PA7 to PB4"), "{open:?}");
+    // Without --without all five are asked for.
+    let all = page(GOOD, &order(), |bench| bench.are_soldered = false);
+    let silent = wrong(&all);
+    assert!(
+        silent.contains(&"ADS131M08 0") && silent.contains(&"ADXL355"),
+        "{silent:?}"
+    );
+    let advice = found(&all, "ADS131M08 2").advice.as_ref().unwrap();
+    assert!(
+        advice.contains("PC4") && advice.contains("--without 2"),
+        "{advice}"
+    );
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn every_defect_is_found_where_it_is() {
+    let dead = Oscillators {
+        crystal: None,
+        ..GOOD
+    };
+    assert_eq!(wrong(&page(dead, &order(), |_| ())), ["crystal"]);
+
+    // One cycle of the converters' clock, 238 ns, from a SYNC whose edge meets that of the clock.
+    let checks = page(GOOD, &order(), |bench| bench.sync_skew = [0, 0, 1, 0]);
+    assert_eq!(wrong(&checks), ["skew of /DRDY"]);
+    let skew = &found(&checks, "skew of /DRDY").found;
+    let ns: f64 = skew.strip_suffix(" ns").unwrap().parse().unwrap();
+    // A tick of each counter.
+    let [cycle, tick] = [1e9 / f64::from(CLOCK_HZ), 1e9 / 84e6];
+    assert!((ns - cycle).abs() <= 2.0 * tick, "{skew}");
+
+    let checks = page(GOOD, &order(), |bench| {
+        bench.wires(3).unwrap().stuck = Some((false, u32::MAX))
+    });
+    let silent = wrong(&checks);
+    assert_eq!(silent.first(), Some(&"ADS131M08 3"), "{silent:?}");
+
+    let checks = page(GOOD, &order(), |bench| bench.garbles_every = Some(40));
+    assert_eq!(wrong(&checks), ["frames at 10.5 MHz"]);
+}
