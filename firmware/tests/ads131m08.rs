@@ -145,7 +145,12 @@ fn test_signals_come_through_the_amplifiers() {
         chip.read(&mut counts).unwrap();
         // The same at every gain, by which the test voltage is divided.
         let exact = (expected / 1.2 * 8_388_608.0_f64).round() as i32;
-        assert_eq!(counts, [exact; CHANNELS]);
+        // The model's noise is two errors of at most 21 counts each.
+        assert!(
+            counts.iter().all(|count| (count - exact).abs() <= 42),
+            "{counts:?}"
+        );
+        assert!(counts.iter().any(|count| *count != counts[0]), "no noise");
     }
 }
 
