@@ -21,9 +21,11 @@ use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 use super::ticks;
 use crate::board;
 
-/// Flags of a timer's captures in DIER and SR, by channels 1 to 4; those of an edge that came before the
-/// one before it was read are [`AGAIN`] bits higher.
-const CAPTURES: u32 = 0b1_1110;
+/// Flags of the captures in DIER and SR, of the first timer's channels and of the second one's. The other
+/// channels of both compare, whose flags are set at each round of the counter (18.4.5). Flags of an edge
+/// that came before the one before it was read are [`AGAIN`] bits higher.
+const FIRST: u32 = 0b0_0110;
+const SECOND: u32 = 0b1_1000;
 const AGAIN: u32 = 8;
 /// Bits of the first channel in CCER: it is on, at falling edges. A channel has four.
 const FALLING: u32 = 0b0011;
@@ -39,43 +41,54 @@ pub struct Edges {
     second: TIM4,
     /// Ticks by which the second counter is ahead of the first.
     ahead: u16,
-    /// Cycles of the core in a microsecond.
-    microsecond: u32,
+    /// Ticks in a microsecond.
+    microsecond: u16,
 }
 
 impl Edges {
     /// Starts the captures, on pins that lead to the timers.
-    pub fn start(first: TIM3, second: TIM4, rcc: &mut Rcc, microsecond: u32) -> Self {
+    pub fn start(first: TIM3, second: TIM4, rcc: &mut Rcc) -> Self {
         TIM3::enable(rcc);
         TIM3::reset(rcc);
         TIM4::enable(rcc);
         TIM4::reset(rcc);
         first.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
         second.ccmr2_input().write(|w| w.cc3s().ti3().cc4s().ti4());
-        capture_falling(&first, FALLING | FALLING << 4, 1 << 1 | 1 << 2);
-        capture_falling(&second, FALLING << 8 | FALLING << 12, 1 << 3 | 1 << 4);
+        capture_falling(&first, FALLING | FALLING << 4, FIRST);
+        capture_falling(&second, FALLING << 8 | FALLING << 12, SECOND);
         let ahead = ahead(&first, &second);
         Self {
             first,
             second,
             ahead,
-            microsecond,
+            microsecond: rcc.clocks.timclk1().to_MHz() as u16,
         }
     }
 
     /// Handles the interrupt of either timer: notes the time of the first edge, and the lines that
-    /// are low a microsecond later.
+    /// are low once all of them have fallen, or a microsecond later.
     pub fn note(&mut self) {
         let (first, second) = (&self.first, &self.second);
         let at = ticks::low();
         let count = first.cnt().read().cnt().bits();
         let counted = [count, count.wrapping_add(self.ahead)];
-        let is_captured = |timer: &RegisterBlock| timer.sr().read().bits() & CAPTURES != 0;
-        if !is_captured(first) && !is_captured(second) {
+        let flags = || {
+            [
+                first.sr().read().bits() & (FIRST | FIRST << AGAIN),
+                second.sr().read().bits() & (SECOND | SECOND << AGAIN),
+            ]
+        };
+        if flags() == [0; 2] {
             return;
         }
-        cortex_m::asm::delay(self.microsecond);
-        let flags = [first.sr().read().bits(), second.sr().read().bits()];
+        let flags = loop {
+            let seen = flags();
+            let waited = first.cnt().read().cnt().bits().wrapping_sub(count);
+            let are_all = seen[0] | seen[1] | !(FIRST | SECOND) == u32::MAX;
+            if are_all || waited >= self.microsecond {
+                break seen;
+            }
+        };
         // Ticks from each edge to `at`, and more.
         let age = |timer: usize, flag: u32, captured: u16| {
             let is_there = flags[timer] & flag != 0;
@@ -100,7 +113,7 @@ impl Edges {
             slot.store(after, Ordering::Relaxed);
         }
         let at = at.wrapping_add(YOUNGER.into()).wrapping_sub(oldest.into());
-        let is_again = (flags[0] | flags[1]) >> AGAIN & CAPTURES != 0;
+        let is_again = (flags[0] | flags[1]) >> AGAIN != 0;
         AT.store(at, Ordering::Relaxed);
         let is_unseen = READY.load(Ordering::Relaxed) & NOTED != 0;
         let merged = if is_unseen || is_again { MERGED } else { 0 };
@@ -166,7 +179,7 @@ pub fn is_noted() -> bool {
     READY.load(Ordering::Relaxed) != 0
 }
 
-/// The last edge since the last call, with the lines that were low a microsecond later.
+/// The last edge since the last call, with the lines that were low then.
 #[inline]
 pub fn take() -> Option<Edge> {
     // At most ends of frames there is none.

@@ -250,7 +250,7 @@ impl Board {
             watchdog,
             converters: Converters::new(ads, adxl, sync, delay),
             lanes,
-            edges: Edges::start(device.TIM3, device.TIM4, &mut rcc, delay.megahertz),
+            edges: Edges::start(device.TIM3, device.TIM4, &mut rcc),
             test_clock: TestClock::new(device.TIM5, &mut rcc),
         };
         Ok((board, settings))

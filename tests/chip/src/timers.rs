@@ -71,6 +71,19 @@ impl Timer {
         (counted(time, self.hz(clock)) as u32 & 0xFFFF, time)
     }
 
+    /// Flags of the channels that compare. Each is set at every round of the counter, and so is taken for
+    /// set while the timer is on.
+    fn compared(&self) -> u32 {
+        let compares = |channel: &u32| self.mode(*channel) & 0b11 == 0;
+        let all = (0..4).filter(compares).filter(|_| self.is_on());
+        all.fold(0, |bits, channel| bits | CAPTURE << channel)
+    }
+
+    /// Mode of a channel, from 0 on: its bits in CCMR1 or CCMR2.
+    fn mode(&self, channel: u32) -> u32 {
+        self.words.get(CCMR1 + 4 * (channel / 2)) >> (8 * (channel % 2)) & 0xFF
+    }
+
     /// Number of captures so far.
     fn captures(&self, now: u64, divided_crystal: Option<u32>) -> u64 {
         let is_led = self.words.get(OPTIONS) & 3 == 2 && self.is_on();
@@ -84,6 +97,7 @@ impl Timer {
         match offset {
             CNT => self.count(at.now, clock),
             SR if self.captures(at.now, crystal) > self.captured => self.words.get(SR) | CAPTURE,
+            SR => self.words.get(SR) | self.compared(),
             CCR1 if crystal.is_some() && self.words.get(OPTIONS) & 3 == 2 => {
                 let last = self.captures(at.now, crystal);
                 self.captured = last;
@@ -104,9 +118,8 @@ impl Timer {
 
     /// A pin that leads to a channel, from 0 on, has changed its level at `now`, ps.
     pub fn edge(&mut self, channel: u32, level: bool, now: u64, clock: u32) {
-        let mode = self.words.get(CCMR1 + 4 * (channel / 2)) >> (8 * (channel % 2));
         // Without a filter and a prescaler, from the channel's own pin (18.4.7).
-        let is_direct = mode & 0xFF == 0b01;
+        let is_direct = self.mode(channel) == 0b01;
         let enabled = self.words.get(CCER) >> (4 * channel);
         let is_wanted = match enabled & 0b1011 {
             0b0001 => level,
