@@ -17,7 +17,7 @@ use crate::board::port::BitRate;
 use crate::board::{self, ticks};
 use crate::services::{COUNTERS, Services};
 
-/// Most samples that are processed before each message: more than come while a message is
+/// Most samples that are processed in a row, and before each message: more than come while a message is
 /// processed, and few enough that a box which is too slow for its samples can still be stopped.
 const SAMPLES_FIRST: usize = 8;
 
@@ -64,11 +64,7 @@ impl App {
             return false;
         }
         self.transmit.reserve(self.receive.is_waiting());
-        for _ in 0..SAMPLES_FIRST {
-            if !self.take_sample() {
-                break;
-            }
-        }
+        self.take_samples();
         if !self.transmit.has_room() {
             return false;
         }
@@ -95,9 +91,9 @@ impl App {
         is_taken
     }
 
-    /// Does the work that is due without a request, at most a block. `true` if there is more.
+    /// Does the work that is due without a request: some samples, or a block. `true` if there is more.
     pub fn poll(&mut self) -> bool {
-        let is_more = self.take_sample();
+        let is_more = self.take_samples();
         let Self {
             instrument,
             services,
@@ -108,6 +104,11 @@ impl App {
             instrument.fault(FaultKind::Converter, Some(converter), services, transmit);
         }
         instrument.poll(services, transmit) || is_more
+    }
+
+    /// Processes some samples of the inputs. `true` if there may be more.
+    fn take_samples(&mut self) -> bool {
+        (0..SAMPLES_FIRST).all(|_| self.take_sample())
     }
 
     /// Processes one sample of the inputs. `true` if there was one.

@@ -179,6 +179,11 @@ pub fn is_noted() -> bool {
     READY.load(Ordering::Relaxed) != 0
 }
 
+/// Forgets an edge that the sampling task has not seen yet.
+pub fn forget() {
+    READY.store(0, Ordering::Relaxed);
+}
+
 /// The last edge since the last call, with the lines that were low then.
 #[inline]
 pub fn take() -> Option<Edge> {

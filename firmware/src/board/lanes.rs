@@ -226,6 +226,10 @@ impl Lanes for DmaLanes {
         edges::is_noted()
     }
 
+    fn forget_edge(&mut self) {
+        edges::forget();
+    }
+
     fn received(&self, converter: usize) -> &[u8] {
         // What the stream has written is read after its end was seen.
         fence(Ordering::SeqCst);

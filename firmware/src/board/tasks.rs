@@ -54,6 +54,8 @@ mod app {
 
     static CHECK_INS: CheckIns = CheckIns::new();
 
+    /// Samples that are handed over together; fewer wait for the next round of `watch_tasks`.
+    const HANDED_OVER: usize = 8;
     /// Pieces of the block task's work that are done in a row, 8 samples each.
     const TOGETHER: usize = 16;
     /// `true` if the block task has more to do once the tasks of lower priority have run.
@@ -230,9 +232,7 @@ mod app {
         };
         is_new |= see_edge(sampler) | sampler.resume();
         sampler.poll(ticks::now());
-        if is_new {
-            board::pend_block();
-        }
+        hand_over(sampler, is_new);
         CHECK_INS.check_in(SAMPLE);
     }
 
@@ -257,7 +257,12 @@ mod app {
         let mut is_new = see_edge(sampler) | sampler.lane(lane);
         // A sample that was emptied from a buffer may have taken a while.
         is_new |= see_edge(sampler) | sampler.resume();
-        if is_new {
+        hand_over(sampler, is_new);
+    }
+
+    /// Calls the block task if there is a new sample, and enough of them.
+    fn hand_over(sampler: &Sampler, is_new: bool) {
+        if is_new && sampler.waiting() >= HANDED_OVER {
             board::pend_block();
         }
     }

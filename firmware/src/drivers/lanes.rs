@@ -75,6 +75,10 @@ pub trait Lanes {
     /// `true` if an edge of the DRDY lines was noted that the sequencer has not seen.
     fn is_edge_noted(&self) -> bool;
 
+    /// Forgets an edge of the DRDY lines that was noted: the converters were restarted after it. Without
+    /// such edges nothing happens.
+    fn forget_edge(&mut self) {}
+
     /// Bytes that were received from a converter, at the places of their requests.
     fn received(&self, converter: usize) -> &[u8];
 

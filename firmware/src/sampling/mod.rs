@@ -273,6 +273,11 @@ where
         resume(sequencer, acquisition, emptied, lanes) && self.hand_over()
     }
 
+    /// Samples in the queue.
+    pub fn waiting(&self) -> usize {
+        self.ends.frames.len()
+    }
+
     /// The lanes.
     pub const fn lanes(&mut self) -> &mut L {
         &mut self.lanes
@@ -333,8 +338,12 @@ where
             }
         }
         let acquisition = &mut self.acquisition;
-        self.converters
-            .with(|all, synchronise| acquisition.start(all, synchronise))
+        let started = self
+            .converters
+            .with(|all, synchronise| acquisition.start(all, synchronise));
+        // What was converted before is no sample, and must not set the grid.
+        self.lanes.forget_edge();
+        started
     }
 
     fn report(&mut self) {
