@@ -25,8 +25,7 @@ extern "aapcs" fn __aeabi_dadd(a: u64, b: u64) -> u64 {
 /// `a - b`.
 #[unsafe(no_mangle)]
 extern "aapcs" fn __aeabi_dsub(a: u64, b: u64) -> u64 {
-    let b = b ^ 1 << 63;
-    double::sum(a, b).unwrap_or_else(|| __adddf3(a, b))
+    __aeabi_dadd(a, b ^ 1 << 63)
 }
 
 /// `a == b`.

@@ -98,7 +98,14 @@ pub fn sum(a: u64, b: u64) -> Option<u64> {
     let (sign, e, f) = (upper(a) & SIGN, exponent(upper(a)), exponent(upper(b)));
     // A sum may have the next exponent, too.
     if e.wrapping_sub(LEAST) >= NOT_FINITE - 1 - LEAST || f == 0 {
-        return (b << 1 == 0 && e != 0 && e != NOT_FINITE).then_some(a);
+        if b << 1 != 0 || e == NOT_FINITE {
+            return None;
+        }
+        if a << 1 == 0 {
+            // Two zeros are negative if both are.
+            return Some(a & b);
+        }
+        return (e != 0).then_some(a);
     }
     let (high, low) = (fraction(upper(b)), lower(b));
     // The smaller one in units of the larger one's last digit, and what is below that.
