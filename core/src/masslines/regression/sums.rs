@@ -265,19 +265,9 @@ pub(in crate::masslines) fn between<T>(
 /// Adds the products of `column` with others to whole numbers that lie in `sums` bit by bit.
 #[inline(never)] // In a loop of its own it has registers enough.
 fn add_whole(sums: &mut [f64], column: &Whole, others: &[Whole]) {
-    let add = |sum: &mut f64, other: &Whole| {
-        let whole = sum.to_bits().cast_signed() + column.product(other);
+    for (sum, other) in sums.iter_mut().zip(others) {
+        let whole = column.add_products(other, sum.to_bits().cast_signed());
         *sum = f64::from_bits(whole.cast_unsigned());
-    };
-    // Two at a time, written out: a turn of the loop costs as much as a product.
-    let (twos, rest) = sums.as_chunks_mut();
-    let (others, after) = others.split_at(others.len().min(2 * twos.len()));
-    for ([x, y], [a, b]) in twos.iter_mut().zip(others.as_chunks().0) {
-        add(x, a);
-        add(y, b);
-    }
-    for (sum, other) in rest.iter_mut().zip(after) {
-        add(sum, other);
     }
 }
 
