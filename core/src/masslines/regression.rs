@@ -13,7 +13,7 @@ use super::{Excitation, MasslineError, Masslines, Moments};
 use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, not_negative};
 use crate::cells::{cells, seen};
 use crate::geometry::Equations;
-use nalgebra::{ArrayStorage, Complex, Matrix6, SVector, Vector3, Vector6};
+use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 use sums::{NO_RIGHT, Normal, Right, Sums};
 
 mod sums;
@@ -152,32 +152,25 @@ impl Regression {
         if unknowns == 0 || rows == 0 || freedom < 1.0 {
             return None;
         }
-        // No unknowns, had the rank been zero: the divisions cannot know.
-        let each = rank.max(1);
-        let all = unknowns.max(1);
-        let (chosen_terms, normal) = (seen(chosen), seen(&self.sums.normal));
-        let at = |n: usize| 6 * chosen_terms[n / each] + n % each;
+        // Where the unknowns are in the sums: those of the rigid term last.
+        let mut places = [0; SIZE];
+        let (rigid, others) = chosen.split_at(1.min(chosen.len()));
+        let in_order = others.iter().chain(rigid);
+        let of_terms = in_order.flat_map(|t| (0..rank).map(move |i| 6 * t + i));
+        for (place, of_term) in places.iter_mut().zip(of_terms) {
+            *place = of_term;
+        }
+        let (places, normal) = (seen(&places[..]), seen(&self.sums.normal));
         let gathered = |i: usize, j: usize| {
-            let (i, j) = (at(i), at(j));
+            let (i, j) = (places[i], places[j]);
             if i >= j {
                 normal[(i, j)]
             } else {
                 normal[(j, i)]
             }
         };
-        // Column equilibration, then an LDLᵀ without pivoting that starts with the
-        // nuisance terms: what it leaves of the rigid block is the Schur complement.
-        let order = |n: usize| (n + rank) % all;
-        let mut scale = SVector::<f64, SIZE>::zeros();
-        let scale = &mut cells(&mut scale);
-        for n in 0..unknowns {
-            let d = gathered(order(n), order(n));
-            if !(d > 0.0 && d.is_finite()) {
-                return None;
-            }
-            scale[n] = 1.0 / libm::sqrt(d);
-        }
-        let l = &mut cells(&mut self.factor);
+        // Cholesky's factor with the reciprocals of its diagonal. What the elimination of the others
+        // leaves of the rigid block is the Schur complement.
         let nuisance = unknowns - rank;
         let Solution {
             coefficients,
@@ -189,44 +182,49 @@ impl Regression {
         let schur = &mut cells(schur);
         for j in 0..unknowns {
             for i in j..unknowns {
-                let mut sum = gathered(order(i), order(j)) * scale[i] * scale[j];
-                let eliminated = j.min(nuisance);
-                for k in 0..eliminated {
-                    sum -= l[(i, k)] * l[(j, k)];
+                let mut sum = gathered(i, j);
+                let (own, other) = (self.factor.row(i), self.factor.row(j));
+                let mut products = own.iter().zip(other).map(|(x, y)| x * y).take(j);
+                for product in products.by_ref().take(nuisance) {
+                    sum -= product;
                 }
                 if j >= nuisance {
                     let (a, b) = (i - nuisance, j - nuisance);
-                    let value = sum / (scale[i] * scale[j]);
-                    schur[(a, b)] = value;
-                    schur[(b, a)] = value;
+                    schur[(a, b)] = sum;
+                    schur[(b, a)] = sum;
                 }
-                for k in eliminated..j {
-                    sum -= l[(i, k)] * l[(j, k)];
+                for product in products {
+                    sum -= product;
                 }
+                let l = &mut cells(&mut self.factor);
                 if i == j {
-                    // 1e-12 of a unit diagonal: the column is a combination of others.
-                    if sum <= 1e-12 || sum.is_nan() {
+                    // At 1e-12 of its power the column is a combination of others.
+                    let least = 1e-12 * gathered(j, j);
+                    if sum <= least || !sum.is_finite() {
                         return None;
                     }
-                    l[(j, j)] = libm::sqrt(sum);
+                    l[(j, j)] = 1.0 / libm::sqrt(sum);
                 } else {
-                    l[(i, j)] = sum / l[(j, j)];
+                    l[(i, j)] = sum * l[(j, j)];
                 }
             }
         }
         // One right-hand side after the other. What each leaves of the power is taken off
         // before the back substitution overwrites its projections.
         coefficients.fill(0.0);
-        let (right, filled) = (seen(&self.sums.right), &mut cells(coefficients));
-        for c in 0..rows {
+        let columns = self.sums.right.data.0.iter();
+        for (right, filled) in columns.zip(&mut coefficients.data.0).take(rows) {
+            let (right, filled) = (seen(&right[..]), &mut filled[..]);
             for i in 0..unknowns {
-                let mut sum = right[(at(order(i)), c)] * scale[i];
-                for k in 0..i {
-                    sum -= l[(i, k)] * filled[(k, c)];
+                let mut sum = right[places[i]];
+                let row = self.factor.row(i);
+                for (l, x) in row.iter().zip(&*filled).take(i) {
+                    sum -= l * x;
                 }
-                filled[(i, c)] = sum / l[(i, i)];
+                cells(filled)[i] = sum * seen(row)[i];
             }
         }
+        let filled = seen(&*coefficients);
         let first = if all_terms { 0 } else { nuisance };
         if all_terms {
             *residual = self.sums.power;
@@ -244,21 +242,24 @@ impl Regression {
             *residual /= freedom;
             self.floor(residual);
         }
-        let l = seen(&self.factor);
-        for mut column in coefficients.column_iter_mut().take(rows) {
-            let mut ordered = SVector::<f64, SIZE>::zeros();
-            ordered.copy_from(&column);
-            let ordered = &mut cells(&mut ordered);
+        for column in coefficients.data.0.iter_mut().take(rows) {
             for i in (first..unknowns).rev() {
-                let mut sum = ordered[i];
-                for k in i + 1..unknowns {
-                    sum -= l[(k, i)] * ordered[k];
+                let row = self.factor.row(i);
+                let x = seen(&column[..])[i] * seen(row)[i];
+                cells(&mut column[..])[i] = x;
+                for (left, l) in column.iter_mut().zip(row).take(i).skip(first) {
+                    *left -= l * x;
                 }
-                ordered[i] = sum / l[(i, i)];
             }
-            let column = &mut cells(&mut column);
-            for i in first..unknowns {
-                column[order(i)] = ordered[i] * scale[i];
+            // The rigid term comes first.
+            let column = &mut cells(&mut column[..]);
+            let last = |i| if i < rank { column[nuisance + i] } else { 0.0 };
+            let rigid: [f64; 6] = core::array::from_fn(last);
+            for i in (0..nuisance).rev() {
+                column[rank + i] = column[i];
+            }
+            for (i, x) in rigid.iter().enumerate().take(rank) {
+                column[i] = *x;
             }
         }
         into.terms = heapless::Vec::from_slice(chosen).ok()?;
