@@ -238,6 +238,13 @@ impl<const LEN: usize> Triangle<LEN> {
         self.0.fill(0.0);
     }
 
+    /// A row up to the diagonal.
+    #[inline]
+    pub(crate) fn row(&self, i: usize) -> &[f64] {
+        let from = self.0.get(triangle_len(i)..).unwrap_or_default();
+        from.get(..=i).unwrap_or_default()
+    }
+
     /// Row and column, the column not past the row.
     #[inline]
     pub(crate) fn get(&self, i: usize, j: usize) -> Option<&f64> {

@@ -9,6 +9,7 @@ pub mod acquisition;
 pub mod calibration;
 pub mod capacity;
 pub mod crystal;
+pub mod double;
 pub mod drivers;
 pub mod instrument;
 pub mod link;

@@ -2,7 +2,8 @@
 //!
 //! This is what only the box has: the tasks and pins of a chip ([`board`]), and the application
 //! that connects them with the library `massline_firmware` ([`app`], [`services`],
-//! [`settings_store`], [`faults`]). [`board`] alone names the chip.
+//! [`settings_store`], [`faults`]), and arithmetic that its processor lacks ([`aeabi`]). [`board`] alone
+//! names the chip.
 //!
 //! ```text
 //! cargo build --release -p massline-firmware --target thumbv7em-none-eabihf
@@ -13,6 +14,8 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(missing_docs)]
 
+#[cfg(target_os = "none")]
+mod aeabi;
 #[cfg(target_os = "none")]
 mod app;
 #[cfg(target_os = "none")]

@@ -48,21 +48,21 @@ impl<'a> Driven<'a> {
         Some((run.responses.get(line)?, *run.drive.get(line)?))
     }
 
-    /// Amplitudes of a line times the root of the drive's power and `root`.
+    /// Leaves the amplitudes of a line times the root of the drive's power and `root` in `into`.
     #[inline]
     pub(super) fn scaled(
         &self,
         run: usize,
         line: usize,
         root: f32,
-    ) -> Option<[Complex32; RESULTANTS]> {
+        into: &mut [Complex32; RESULTANTS],
+    ) -> Option<()> {
         let (amplitudes, drive) = self.line(run, line)?;
         let root = root * libm::sqrtf(drive);
-        let mut scaled = *amplitudes;
-        for z in &mut scaled {
-            *z *= root;
+        for (scaled, z) in into.iter_mut().zip(amplitudes) {
+            *scaled = z * root;
         }
-        Some(scaled)
+        Some(())
     }
 
     /// Leaves the scalar `Σ_runs a*f / a*W a` of each of the lines `fit` in `into`. `None` where
@@ -121,7 +121,7 @@ impl<'a> Driven<'a> {
                         return;
                     };
                     for (sum, other) in row.iter_mut().zip(half) {
-                        *sum += column.product(other);
+                        *sum = column.add_products(other, *sum);
                     }
                     rest = after;
                 }
@@ -155,27 +155,32 @@ pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
 /// Columns of one line: six forces, and six accelerations times the function of each term.
 pub(super) const COLUMNS: usize = 6 + 6 * MAX_TERMS;
 
-/// A complex number in units of its column.
+/// Two complex numbers of a column, each of a run at a line, in units of the column.
+///
+/// Two at a time, since sums are read and written as often as products are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Whole {
-    re: i32,
-    im: i32,
+    re: [i32; 2],
+    im: [i32; 2],
 }
 
 impl Whole {
-    /// Nothing is rounded but what is below the unit.
+    /// Takes the first or the second one. Nothing is rounded but what is below the unit.
     #[inline]
-    fn of(z: Complex32, per_unit: f32) -> Self {
-        Self {
-            re: (z.re * per_unit) as i32,
-            im: (z.im * per_unit) as i32,
-        }
+    fn take(&mut self, second: bool, z: Complex32, per_unit: f32) {
+        let place = usize::from(second);
+        self.re[place] = (z.re * per_unit) as i32;
+        self.im[place] = (z.im * per_unit) as i32;
     }
 
-    /// Real part of the product with the conjugate of another one.
+    /// Adds the real parts of the products with the conjugates of others.
     #[inline]
-    pub(super) fn product(&self, other: &Self) -> i64 {
-        i64::from(self.re) * i64::from(other.re) + i64::from(self.im) * i64::from(other.im)
+    pub(super) fn add_products(&self, other: &Self, sum: i64) -> i64 {
+        let both = |x: i32, y: i32| i64::from(x) * i64::from(y);
+        let sum = sum + both(self.re[0], other.re[0]);
+        let sum = sum + both(self.im[0], other.im[0]);
+        let sum = sum + both(self.re[1], other.re[1]);
+        sum + both(self.im[1], other.im[1])
     }
 }
 
@@ -195,6 +200,9 @@ pub(super) struct Columns<'a> {
     /// Reciprocals of the units, powers of two.
     per_unit: [f32; COLUMNS],
 }
+
+/// Amplitudes of nothing.
+const SILENT: [Complex32; RESULTANTS] = [Complex32::new(0.0, 0.0); RESULTANTS];
 
 /// Values of the functions of all terms at a line.
 pub(super) type Functions = [Complex32; MAX_TERMS];
@@ -234,11 +242,12 @@ impl<'a> Columns<'a> {
             per_unit: [1.0; COLUMNS],
         };
         let mut largest = [0; COLUMNS];
+        let mut amplitudes = SILENT;
         for line in columns.band.clone() {
             // Accelerations lie before forces.
             let mut sizes = [0; RESULTANTS];
             for run in columns.runs.clone() {
-                let amplitudes = columns.amplitudes(run, line)?;
+                columns.amplitudes(run, line, &mut amplitudes)?;
                 for (largest, z) in sizes.iter_mut().zip(&amplitudes) {
                     *largest = size(z.re).max(size(z.im)).max(*largest);
                 }
@@ -270,8 +279,13 @@ impl<'a> Columns<'a> {
     }
 
     #[inline]
-    fn amplitudes(&self, run: usize, line: usize) -> Option<[Complex32; RESULTANTS]> {
-        self.driven.scaled(run, line, *self.roots.get(run)?)
+    fn amplitudes(
+        &self,
+        run: usize,
+        line: usize,
+        into: &mut [Complex32; RESULTANTS],
+    ) -> Option<()> {
+        self.driven.scaled(run, line, *self.roots.get(run)?, into)
     }
 
     /// Unit of a column.
@@ -287,17 +301,19 @@ impl<'a> Columns<'a> {
         functions: &dyn Fn(usize) -> Functions,
         mut see: impl FnMut(usize, &[Complex32; RESULTANTS], &Functions),
     ) {
+        let mut amplitudes = SILENT;
         for line in self.band.clone() {
             let functions = functions(line);
             for run in self.runs.clone() {
-                if let Some(amplitudes) = self.amplitudes(run, line) {
+                if self.amplitudes(run, line, &mut amplitudes).is_some() {
                     see(run, &amplitudes, &functions);
                 }
             }
         }
     }
 
-    /// Shows the columns of every run at every line as whole numbers.
+    /// Shows the columns of every run at every line as whole numbers, two at a time. The last may be
+    /// beside zeros.
     #[inline]
     pub(super) fn visit_whole(
         &self,
@@ -305,6 +321,8 @@ impl<'a> Columns<'a> {
         mut see: impl FnMut(&[Whole]),
     ) {
         let mut whole = [Whole::default(); COLUMNS];
+        let mut second = false;
+        let used = self.count;
         self.visit(
             functions,
             |_, [a, b, c, d, e, f, forces @ ..], functions| {
@@ -316,18 +334,27 @@ impl<'a> Columns<'a> {
                 let (of_terms, _) = of_terms.as_chunks_mut::<6>();
                 let (per_terms, _) = per_terms.as_chunks::<6>();
                 for ((whole, z), per_unit) in of_forces.iter_mut().zip(forces).zip(per_force) {
-                    *whole = Whole::of(*z, *per_unit);
+                    whole.take(second, *z, *per_unit);
                 }
                 let terms = self.count / 6 - 1;
                 let all = of_terms.iter_mut().zip(per_terms).zip(functions);
                 for ((of_term, units), phi) in all.take(terms) {
                     for i in 0..6 {
-                        of_term[i] = Whole::of(accelerations[i] * phi, units[i]);
+                        of_term[i].take(second, accelerations[i] * phi, units[i]);
                     }
                 }
-                see(whole.get(..self.count).unwrap_or_default());
+                if second {
+                    see(whole.get(..used).unwrap_or_default());
+                }
+                second = !second;
             },
         );
+        if second {
+            for whole in &mut whole {
+                whole.take(true, Complex32::new(0.0, 0.0), 1.0);
+            }
+            see(whole.get(..used).unwrap_or_default());
+        }
     }
 
     /// Leaves the power of the sums of columns with coefficients, `rows`, in each run in `powers`,

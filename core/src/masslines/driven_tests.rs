@@ -61,9 +61,9 @@ fn a_silent_channel_is_zero_and_the_largest_numbers_overflow_nothing() {
     let columns = Columns::new(Driven::new(&runs), &ones, 0..RUNS, &(0..LINES), 3, &rigid).unwrap();
     let mut sum = 0_i64;
     columns.visit_whole(&rigid, |whole| {
-        assert_eq!(whole[6 + 2].product(&whole[6 + 2]), 0);
+        assert_eq!(whole[6 + 2].add_products(&whole[6 + 2], 0), 0);
         // In builds with debug assertions an overflow stops here.
-        sum += whole[0].product(&whole[7]);
+        sum = whole[0].add_products(&whole[7], sum);
     });
     let value = sum as f64 * columns.unit(0) * columns.unit(7);
     let expected = (RUNS * LINES) as f64 * 2.0 * f64::from(0.999_999_9_f32).powi(2);
@@ -154,5 +154,79 @@ fn the_power_in_single_precision_is_that_in_double() {
             error < 30.0 * f64::from(f32::EPSILON) * size,
             "{line}: {error} {size}"
         );
+    }
+}
+
+/// Second moments of a run about another point are those of amplitudes that are moved one by one:
+/// `u_B = u_A - s x w` and `m_B = m_A - s x f`.
+///
+/// Bounds are those of the sums of a regression, whose whole numbers these are. The lines are an odd
+/// number, and none is larger than the others.
+#[test]
+fn second_moments_are_those_of_moved_amplitudes() {
+    type Numbers = [Complex<f64>; 6];
+    let samples = Samples::new();
+    let runs = samples.runs();
+    let band = 8..LINES - 1;
+    assert_eq!(band.len() % 2, 1);
+    let off = 2.0 * (0.5_f64.powi(21) + 0.5_f64.powi(20));
+    for shift in [Vector3::zeros(), Vector3::new(0.3, -0.5, 0.2)] {
+        for run in 0..RUNS {
+            let driven = Driven::new(&runs).moved(&shift);
+            let found = driven.squares(run, &band).unwrap();
+            let mut expected = [[[0.0; 6]; 6]; 2];
+            let mut norms = [[0.0; 6]; 2];
+            for line in band.clone() {
+                let drive = f64::from(samples.drive[run][line]);
+                let at =
+                    samples.responses[run][line].map(|z| Complex::new(z.re.into(), z.im.into()));
+                let [x, y, z, p, q, r, f, g, h, k, l, m]: [Complex<f64>; 12] = at;
+                let cross = |[a, b, c]: [Complex<f64>; 3]| {
+                    let s = &shift;
+                    [c * s.y - b * s.z, a * s.z - c * s.x, b * s.x - a * s.y]
+                };
+                let ([a, b, c], [d, e, n]) = (cross([p, q, r]), cross([f, g, h]));
+                let accelerations: Numbers = [x - a, y - b, z - c, p, q, r];
+                let forces: Numbers = [f, g, h, k - d, l - e, m - n];
+                // Of what is moved, both parts count.
+                let size = |x: Complex<f64>, y: Complex<f64>| 2.0 * (x.norm_sqr() + y.norm_sqr());
+                let sizes = [
+                    [
+                        size(x, a),
+                        size(y, b),
+                        size(z, c),
+                        size(p, p),
+                        size(q, q),
+                        size(r, r),
+                    ],
+                    [
+                        size(f, f),
+                        size(g, g),
+                        size(h, h),
+                        size(k, d),
+                        size(l, e),
+                        size(m, n),
+                    ],
+                ];
+                for (kind, amplitudes) in [accelerations, forces].iter().enumerate() {
+                    for i in 0..6 {
+                        norms[kind][i] += drive * sizes[kind][i];
+                        for j in 0..6 {
+                            let product = amplitudes[i] * amplitudes[j].conj();
+                            expected[kind][i][j] += drive * product.re;
+                        }
+                    }
+                }
+            }
+            for (kind, found) in [found.aa, found.ff].iter().enumerate() {
+                for i in 0..6 {
+                    for j in 0..6 {
+                        let error = (found[(i, j)] - expected[kind][i][j]).abs();
+                        let size = (norms[kind][i] * norms[kind][j]).sqrt();
+                        assert!(error < off * size, "{shift} {run} {kind}: {i} {j}");
+                    }
+                }
+            }
+        }
     }
 }
