@@ -136,7 +136,7 @@ mod app {
         board.watchdog.start((2 * flash::ERASE_MS).millis());
         board::pend_block();
 
-        // A job may take 15 s at the highest clock, twelve times its budget; with a slower clock
+        // A job may take 15 s at the highest clock, a hundred times its budget; with a slower clock
         // everything takes longer, so these limits are counted in cycles.
         let cycles = |seconds: u32| seconds * (168_000_000 / (board.clock.core.raw() / ROUNDS));
         // Telemetry is called in one of ten rounds, and must not be late before what hinders it.
