@@ -93,18 +93,22 @@ fn a_board_without_converters_is_tested_by_wires() {
         bench.loops = [true, true, false];
         bench.are_soldered = false;
     });
+    assert_eq!(wrong(&checks), [""; 0]);
     assert_eq!(found(&checks, "SPI2 loop").verdict, Verdict::Good);
     assert_eq!(found(&checks, "SPI3 loop").verdict, Verdict::Good);
     let open = found(&checks, "SPI1 loop");
     assert_eq!(open.verdict, Verdict::Open);
     assert!(open.found.contains("no wire from PA7 to PB4"), "{open:?}");
-    // Without --without all five are asked for.
+    // Without --without all five are asked for, and nothing else.
     let all = page(GOOD, &order(), |bench| bench.are_soldered = false);
-    let silent = wrong(&all);
-    assert!(
-        silent.contains(&"ADS131M08 0") && silent.contains(&"ADXL355"),
-        "{silent:?}"
-    );
+    let five = [
+        "ADS131M08 0",
+        "ADS131M08 1",
+        "ADS131M08 2",
+        "ADS131M08 3",
+        "ADXL355",
+    ];
+    assert_eq!(wrong(&all), five);
     let advice = found(&all, "ADS131M08 2").advice.as_ref().unwrap();
     assert!(
         advice.contains("PC4") && advice.contains("--without 2"),
@@ -126,6 +130,13 @@ fn every_defect_is_found_where_it_is() {
     });
     let silent = wrong(&checks);
     assert_eq!(silent.first(), Some(&"ADS131M08 3"), "{silent:?}");
+
+    let checks = page(GOOD, &order(), |bench| {
+        bench.wires(2).unwrap().lost_edges = u32::MAX
+    });
+    assert_eq!(wrong(&checks).first(), Some(&"ADS131M08 2 shorted"));
+    let skew = found(&checks, "skew of /DRDY");
+    assert!(skew.found.contains("no edge of converter 2"), "{skew:?}");
 
     let checks = page(GOOD, &order(), |bench| bench.garbles_every = Some(40));
     assert_eq!(wrong(&checks), ["frames at 10.5 MHz"]);
