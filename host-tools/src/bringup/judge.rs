@@ -1,4 +1,4 @@
-//! What was measured against what a sound board gives, line by line, with what to do next.
+//! Measurements of a board against those of a sound one, line by line, with advice.
 //!
 //! Limits are the data sheets' with room: they tell a solder joint from none, and are no test of a
 //! converter's quality.
@@ -52,13 +52,13 @@ pub enum Verdict {
 pub struct Check {
     /// The part of the board.
     pub part: String,
-    /// What was found.
+    /// The measured values, in words.
     pub found: String,
-    /// What a sound board gives.
+    /// The values of a sound board, in words.
     pub expected: String,
     /// The verdict.
     pub verdict: Verdict,
-    /// What to do next where it is bad.
+    /// Advice where the verdict is [`Verdict::Bad`].
     pub advice: Option<String>,
 }
 
@@ -85,7 +85,7 @@ impl Check {
         }
     }
 
-    /// What to do where it is bad.
+    /// Gives advice where the verdict is [`Verdict::Bad`].
     fn or(mut self, advice: impl Into<String>) -> Self {
         if self.verdict == Verdict::Bad {
             self.advice = Some(advice.into());

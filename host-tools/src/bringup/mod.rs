@@ -5,7 +5,7 @@
 //! | --- | --- |
 //! | `mod` | the order of the measurements |
 //! | `sampled` | mean and noise of each input while samples come |
-//! | `judge` | what was measured against what a sound board gives |
+//! | `judge` | the measurements against those of a sound board |
 //!
 //! # Design
 //!
@@ -43,7 +43,7 @@ const LEVELS: f64 = 1.0;
 /// Pings of which the median round trip is taken.
 const PINGS: usize = 21;
 
-/// What is to be measured.
+/// Extent of a bring-up.
 #[derive(Clone, Debug)]
 pub struct Order {
     /// Length of a count of checksum errors at each clock of the buses, s.
@@ -56,7 +56,7 @@ pub struct Order {
     pub keeps_time: bool,
 }
 
-/// What was measured; `None` is a measurement that the box cannot make.
+/// Measurements of a board; `None` is one that the box cannot make.
 #[derive(Clone, Debug)]
 pub struct Measured {
     /// The box.
@@ -73,13 +73,13 @@ pub struct Measured {
     pub buses: [Option<Sampled>; 3],
     /// Median of the times from a request to its reply, s.
     pub round_trip: f64,
-    /// Deviation of the box's clock from this computer's, and what it may be off by, shares.
+    /// Deviation of the box's clock from this computer's, and its largest error, as shares.
     pub clock: Option<[f64; 2]>,
     /// Time of a save of the settings, s.
     pub save: Option<f64>,
 }
 
-/// Measures a board. `tell` is told what is being measured.
+/// Measures a board. `tell` gets the name of each measurement before it begins.
 ///
 /// # Errors
 /// [`ClientError`] if the box does not answer.
@@ -200,7 +200,7 @@ fn instant<P: Port>(client: &mut Client<'_, P>) -> Result<(f64, u64), ClientErro
     Ok((client.port().seconds(), ticks))
 }
 
-/// Deviation of the box's clock between two instants, and what it may be off by, shares.
+/// Deviation of the box's clock between two instants, and its largest error, as shares.
 fn deviation(began: (f64, u64), ended: (f64, u64), tick_hz: u32, round_trip: f64) -> [f64; 2] {
     let seconds = ended.0 - began.0;
     let ticks = ended.1.saturating_sub(began.1) as f64;

@@ -1,4 +1,4 @@
-//! Mean and noise of each input while samples come, and what the box says of itself meanwhile.
+//! Mean and noise of each input while samples come, with the faults and the load of the box meanwhile.
 
 use crate::device::{Client, ClientError, Port};
 use crate::limits;
@@ -54,7 +54,7 @@ impl Statistics {
     }
 }
 
-/// Samples that were taken, and what the box said meanwhile.
+/// Statistics of the samples of a time, with the faults and the load of the box meanwhile.
 #[derive(Clone, Debug)]
 pub struct Sampled {
     /// Each input.
@@ -73,7 +73,7 @@ pub struct Sampled {
     pub bytes_per_second: f64,
 }
 
-/// What events have brought so far.
+/// Statistics of the events so far.
 #[derive(Debug)]
 struct Heard {
     inputs: [Statistics; INPUTS],
