@@ -24,7 +24,9 @@ mod scale;
 pub mod watch;
 
 pub use certificate::{Certificate, Text};
-pub use preset::{BRIDGE_SUPPLY_MAX, FULL_SCALE_VOLTS, Preset, SupplyTooHigh};
+pub use preset::{
+    ADXL355_COUNTS_PER_G, BRIDGE_SUPPLY_MAX, FULL_SCALE_VOLTS, Preset, SupplyTooHigh,
+};
 pub use scale::Scale;
 pub use watch::{Limits, Watch};
 

@@ -11,7 +11,7 @@ const FULL_SCALE: f64 = (1 << 23) as f64;
 const LINEAR: f64 = 0.98;
 /// Sensitivity of the ADXL355 per count, in units of standard gravity: 3.9 µg in its 2 g range,
 /// 256000 counts per g.
-const ADXL355_COUNTS_PER_G: f64 = 256_000.0;
+pub const ADXL355_COUNTS_PER_G: f64 = 256_000.0;
 /// Highest supply of a bridge, V. From a gain of 8 on, both inputs must stay 1.8 V below the analog
 /// supply (SBAS950, 6.3): 1.33 V where its 3.3 V are 5 % low. A bridge's outputs lie at half of its
 /// supply, give or take half of its signal: 1.26 V at 2.5 V and 4 mV/V.

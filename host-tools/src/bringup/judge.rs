@@ -6,6 +6,7 @@
 use super::sampled::{Sampled, Statistics};
 use super::{BUSES, Measured, Order};
 use crate::format::{plain, significant};
+use massline_firmware::calibration::ADXL355_COUNTS_PER_G;
 use massline_firmware::drivers::ads131m08::CLOCK_HZ;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::drivers::adxl355;
@@ -25,8 +26,6 @@ const TEST_OFF: f64 = 0.05 * TEST;
 /// Largest deviation of the acceleration at rest from standard gravity, as a share: offset and scale of an
 /// ADXL355.
 const GRAVITY_OFF: f64 = 0.1;
-/// Counts of standard gravity.
-const GRAVITY: f64 = 256_000.0;
 /// Largest skew of the converters, cycles of their clock.
 const SKEW: f64 = 0.5;
 /// Largest deviation of a crystal with its capacitors, as a share.
@@ -277,7 +276,7 @@ impl Measured {
         let axes = inputs_of(CONVERTERS, sampled);
         let g = axes
             .iter()
-            .map(|axis| (axis.mean / GRAVITY).powi(2))
+            .map(|axis| (axis.mean / ADXL355_COUNTS_PER_G).powi(2))
             .sum::<f64>()
             .sqrt();
         let is_alive = axes.iter().all(|axis| axis.samples > 0 && axis.rms() > 0.0);
@@ -375,7 +374,7 @@ impl Measured {
         }
         Some(
             Check::new("link", found, "none missing", sampled.missing == 0)
-                .or("link: look at cable and adapter, or choose a lower --baud in the settings"),
+                .or("link: look at cable and adapter; at less than 921600 baud not all inputs go through"),
         )
     }
 

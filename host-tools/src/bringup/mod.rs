@@ -103,8 +103,17 @@ pub fn measure<P: Port>(
             usual.and_then(|()| client.tell(&Request::WriteSetting(Setting::SampleRate(rate))))
         }
     };
-    let measured = measured?;
-    usual.map(|()| measured)
+    let mut measured = measured?;
+    usual?;
+    if order.saves {
+        tell("settings");
+        let since = client.port().seconds();
+        client.ask(&Request::SaveSettings, |reply| {
+            matches!(reply, Reply::Saved(_)).then_some(())
+        })?;
+        measured.save = Some(client.port().seconds() - since);
+    }
+    Ok(measured)
 }
 
 fn measure_all<P: Port>(
@@ -168,15 +177,6 @@ fn measure_all<P: Port>(
         let name = "checksums of frames";
         *slot = take(client, TestSignal::Shorted, bus, order.seconds, name)?;
     }
-    let mut save = None;
-    if order.saves {
-        tell("settings");
-        let since = client.port().seconds();
-        client.ask(&Request::SaveSettings, |reply| {
-            matches!(reply, Reply::Saved(_)).then_some(())
-        })?;
-        save = Some(client.port().seconds() - since);
-    }
     let ended = instant(client)?;
     let round_trip = trips[PINGS / 2];
     Ok(Measured {
@@ -190,7 +190,7 @@ fn measure_all<P: Port>(
         signals,
         buses,
         round_trip,
-        save,
+        save: None,
     })
 }
 

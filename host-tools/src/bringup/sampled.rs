@@ -112,12 +112,11 @@ impl Heard {
         }
         self.next = Some(next);
         self.taken += count as u64;
-        let bytes = |values: usize, each: usize| values * each;
-        self.bytes += match samples.values {
-            Values::Counts24(list) => bytes(list.len(), 3),
-            Values::Counts(list) => bytes(list.len(), 4),
-            Values::Readings(list) => bytes(list.len(), 4),
+        let bytes = match samples.values {
+            Values::Counts24(_) => 3,
+            Values::Counts(_) | Values::Readings(_) => 4,
         };
+        self.bytes += bytes * samples.values.len();
         for at in 0..count * channels {
             let (number, input) = (samples.first + (at / channels) as u64, at % channels);
             let is_good = Health(faults.get(input).unwrap_or(0)).is_good();

@@ -72,6 +72,8 @@ pub struct Bench {
     pub sync_skew: [u64; CONVERTERS],
     /// A bit of every so many frames from a converter is wrong while they sample.
     pub garbles_every: Option<u32>,
+    /// Fastest clock that the converters' wires bear, Hz: a bit of each faster word is wrong.
+    pub bears_hz: Option<u32>,
     /// Number of frames of the converters.
     frames: u32,
     /// The newest sample of each converter, by cycle and counts.
@@ -120,6 +122,7 @@ impl Bench {
             are_soldered: true,
             sync_skew: [0; CONVERTERS],
             garbles_every: None,
+            bears_hz: None,
             frames: 0,
         }
     }
@@ -270,6 +273,9 @@ impl Bench {
         let mut answer = 0_u16;
         for byte in out {
             answer = answer << 8 | u16::from(self.byte(bus, *byte));
+        }
+        if bus != OWN && self.bears_hz.is_some_and(|most| word.hz > most) {
+            answer ^= 1;
         }
         (answer, wrong)
     }

@@ -1,5 +1,6 @@
 //! `massline board bringup`: clocks, buses, converters and link of a new board, on one page.
 
+use super::print_heading;
 use crate::bringup::{self, Check, Order, Verdict};
 use crate::commands::device::Device;
 use crate::commands::{Failure, Ticker, Verbosity, print_json};
@@ -128,11 +129,7 @@ const fn word(verdict: Verdict) -> &'static str {
 fn print(info: &BoxInfo, checks: &[Check]) -> std::io::Result<()> {
     let mut out = anstream::stdout();
     let bold = Style::new().bold();
-    writeln!(
-        out,
-        "{bold}{} {}{bold:#} (build {}) on {}",
-        info.firmware, info.version, info.build, info.chip
-    )?;
+    print_heading(&mut out, info)?;
     for check in checks {
         let style = match check.verdict {
             Verdict::Good => AnsiColor::Green.on_default(),

@@ -1,18 +1,16 @@
 //! `massline board info`: who the box is and how it fares.
 
-use super::print_row;
+use super::{print_heading, print_row};
 use crate::commands::device::Device;
 use crate::commands::{Failure, Verbosity, print_json, warn};
 use crate::device::BoxInfo;
 use crate::format::plain;
 use crate::rig::Troubles;
-use anstyle::Style;
 use massline_core::masslines::Method;
 use massline_firmware::wire::{
     ClockSource, FaultCounters, Pass, ResetReason, State, Status, Storage,
 };
 use serde::Serialize;
-use std::io::Write;
 
 /// Say who the box is, what fits into it, what it is doing and what went wrong
 #[derive(clap::Args)]
@@ -185,12 +183,7 @@ const fn counts(f: &FaultCounters) -> [(&'static str, u32); 11] {
 
 fn print(info: &BoxInfo, status: &Status) -> std::io::Result<()> {
     let mut out = anstream::stdout();
-    let bold = Style::new().bold();
-    writeln!(
-        out,
-        "{bold}{} {}{bold:#} (build {}) on {}",
-        info.firmware, info.version, info.build, info.chip
-    )?;
+    print_heading(&mut out, info)?;
     print_row(&mut out, "serial number", &serial(info))?;
     let megahertz = plain(f64::from(info.clock_hz) / 1e6, 4);
     print_row(

@@ -17,6 +17,8 @@ mod troubles;
 
 use super::Failure;
 use crate::commands::Verbosity;
+use crate::device::BoxInfo;
+use anstyle::Style;
 use clap::Subcommand;
 
 /// The box next to the table: its identity, its settings, its inputs, its self-test
@@ -60,6 +62,16 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         Command::Forget(a) => forget::run(a, verbosity),
         Command::Restart(a) => restart::run(a, verbosity),
     }
+}
+
+/// The heading of a page about a box.
+fn print_heading(out: &mut impl std::io::Write, info: &BoxInfo) -> std::io::Result<()> {
+    let bold = Style::new().bold();
+    writeln!(
+        out,
+        "{bold}{} {}{bold:#} (build {}) on {}",
+        info.firmware, info.version, info.build, info.chip
+    )
 }
 
 /// A line of what a box says: what, and the text.

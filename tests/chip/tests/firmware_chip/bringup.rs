@@ -4,10 +4,10 @@ use massline::bringup::{self, Check, Order, Verdict};
 use massline::device::{Client, ClientMemory};
 use massline_chip::bench::{Bench, Signal};
 use massline_chip::flash::Cells;
-use massline_chip::machine::Machine;
 use massline_chip::rcc::Oscillators;
 use massline_firmware::drivers::ads131m08::CLOCK_HZ;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
+use massline_firmware::wire::{Reply, Request, Setting, SettingKey};
 
 use crate::{GOOD, boot, clean};
 
@@ -25,19 +25,24 @@ fn at_rest() -> Signal {
     })
 }
 
-/// The page of a board.
+/// A sample rate that is not that of the measurements, Hz.
+const RATE: f64 = 4096.0;
+
+/// The page of a board, whose settings are the same afterwards, and saved if that is ordered.
 fn page(oscillators: Oscillators, order: &Order, wire: impl FnOnce(&mut Bench)) -> Vec<Check> {
     let mut machine = boot(oscillators, Cells::default(), at_rest(), 31);
     wire(&mut machine.chip().bench);
-    let checks = checks(&mut machine, order);
-    clean(&machine);
-    checks
-}
-
-fn checks(machine: &mut Machine, order: &Order) -> Vec<Check> {
     let mut memory = ClientMemory::new();
-    let mut client = Client::new(machine, &mut memory);
+    let mut client = Client::new(&mut machine, &mut memory);
+    let rate = Request::WriteSetting(Setting::SampleRate(RATE));
+    client.tell(&rate).unwrap();
     let measured = bringup::measure(&mut client, order, &mut |_| ()).unwrap();
+    let read = Request::ReadSetting(SettingKey::SampleRate);
+    let is_kept = |reply: &Reply<'_>| Some(*reply == Reply::Setting(Setting::SampleRate(RATE)));
+    assert!(client.ask(&read, is_kept).unwrap());
+    assert_eq!(client.status().unwrap().unsaved, !order.saves);
+    drop(client);
+    clean(&machine);
     measured.checks(order)
 }
 
@@ -137,6 +142,16 @@ fn every_defect_is_found_where_it_is() {
     assert_eq!(wrong(&checks).first(), Some(&"ADS131M08 2 shorted"));
     let skew = found(&checks, "skew of /DRDY");
     assert!(skew.found.contains("no edge of converter 2"), "{skew:?}");
+
+    // Wires that are too long for the fastest clock alone, which is not in use.
+    let checks = page(GOOD, &order(), |bench| bench.bears_hz = Some(10_500_000));
+    assert_eq!(wrong(&checks), [""; 0]);
+    for clock in ["10.5", "5.25"] {
+        let frames = found(&checks, &format!("frames at {clock} MHz"));
+        assert_eq!(frames.verdict, Verdict::Good, "{frames:?}");
+    }
+    let fastest = found(&checks, "frames at 21 MHz");
+    assert_eq!(fastest.verdict, Verdict::Open, "{fastest:?}");
 
     let checks = page(GOOD, &order(), |bench| bench.garbles_every = Some(40));
     assert_eq!(wrong(&checks), ["frames at 10.5 MHz"]);

@@ -64,6 +64,8 @@ fn prepare(client: &mut Client<'_, &mut Machine>) {
 /// Cycles of an instruction, as the table of load in the firmware's README takes them.
 const CYCLES: f64 = 1.3;
 const CLOCK: f64 = 168e6;
+/// Ticks of the timers in a second.
+const TICKS: f64 = 84e6;
 /// Most instructions of a sample, with blocks, interrupts and the link: those found, and some percent.
 const MOST: f64 = 9_900.0;
 /// Largest share of the processor that the box may find, thousandths, with the cycles that the emulator
@@ -117,6 +119,10 @@ fn thirty_two_channels_at_4096_samples_a_second() {
     );
     assert_eq!((summary.missing, faults), (0, settled));
     assert!(summary.blocks > 3, "{summary:?}");
+    // The first and the last edge were captured to a tick each, whatever the processor was at.
+    let rate = summary.sample_rate.expect("samples of the inputs");
+    let ticks = summary.samples as f64 / RATE * TICKS;
+    assert!((rate / RATE - 1.0).abs() * ticks < 2.0, "{rate} Hz");
     assert!(each < MOST, "{each} instructions a sample");
     assert!(load < LOAD, "{load} of 1000");
 }
