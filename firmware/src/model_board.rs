@@ -4,8 +4,8 @@ use crate::instrument::{Board, Identity, Vitals};
 use crate::sampling::{INPUTS, Plan};
 use crate::settings::Settings;
 use crate::wire::{
-    ClockSource, FaultCounters, Field, Item, Probe, Probed, Problem, Provoke, ResetReason, Setting,
-    SettingKey, Storage,
+    ClockSource, Conditions, DRDY_LINES, FaultCounters, Field, Item, Probe, Probed, Problem,
+    Provoke, ResetReason, Setting, SettingKey, Storage,
 };
 
 /// Ticks per second.
@@ -86,7 +86,7 @@ impl Board for ModelBoard {
         Vitals::default()
     }
 
-    fn start_inputs(&mut self, sample_rate: f64) -> Result<(), Problem> {
+    fn start_inputs(&mut self, sample_rate: f64, _: Conditions) -> Result<(), Problem> {
         match self.converting {
             Some(running) if running != sample_rate => {
                 return Err(Problem::range(
@@ -135,11 +135,12 @@ impl Board for ModelBoard {
         self.resets += 1;
     }
 
-    /// Conditions are taken; there are no parts to measure.
+    /// All converters are sound; no line has had an edge; there are no buses and no crystal.
     fn probe(&mut self, probe: Probe) -> Result<Probed, Problem> {
         match probe {
-            Probe::Conditions(conditions) => Ok(Probed::Conditions(conditions)),
-            _ => Err(Problem::Unsupported(Item::Probe)),
+            Probe::Skew => Ok(Probed::Skew([None; DRDY_LINES])),
+            Probe::Converter(_) => Ok(Probed::Converter(None)),
+            Probe::Crystal | Probe::Loop(_) => Err(Problem::Unsupported(Item::Probe)),
         }
     }
 

@@ -75,8 +75,6 @@ pub struct Services {
     rate: Option<f64>,
     /// Inputs up to the last one in use.
     in_use: usize,
-    /// Conditions of the next start of the inputs.
-    conditions: Conditions,
     /// Faults before this start.
     faults: FaultCounters,
     is_test_pattern: bool,
@@ -100,7 +98,6 @@ impl Services {
             inputs,
             rate: None,
             in_use: INPUTS,
-            conditions: Conditions::default(),
             faults,
             is_test_pattern: false,
             samples: 0,
@@ -205,7 +202,7 @@ impl Board for Services {
         }
     }
 
-    fn start_inputs(&mut self, sample_rate: f64) -> Result<(), Problem> {
+    fn start_inputs(&mut self, sample_rate: f64, conditions: Conditions) -> Result<(), Problem> {
         match self.rate {
             Some(running) if running == sample_rate => return Ok(()),
             Some(running) => {
@@ -220,7 +217,7 @@ impl Board for Services {
         }
         let inputs = &mut self.inputs;
         let plan = Plan::new(self.settings.settings(), sample_rate, inputs.tick_hz)?;
-        let plan = plan.under(self.conditions);
+        let plan = plan.under(conditions);
         let (period, in_use) = (plan.period as u32, plan.inputs);
         self.is_stale = true;
         self.samples = 0;
@@ -279,10 +276,6 @@ impl Board for Services {
         match probe {
             Probe::Crystal => Ok(Probed::Crystal(self.inputs.crystal)),
             Probe::Skew => Ok(Probed::Skew(edges::skews())),
-            Probe::Conditions(conditions) => {
-                self.conditions = conditions;
-                Ok(Probed::Conditions(conditions))
-            }
             Probe::Loop(bus) if usize::from(bus) >= LANES => {
                 Err(Problem::index(Item::Bus, bus.into(), LANES))
             }

@@ -8,9 +8,9 @@ use massline_firmware::drivers::ads131m08::registers::{CHANNELS, Register, clock
 use massline_firmware::drivers::ads131m08::{
     Ads131m08, CLOCK_HZ, Channel, Configuration, Gain, Oversampling, SPI_HZ_MAX,
 };
-use massline_firmware::drivers::{Converter, Fault, Input, Reading};
+use massline_firmware::drivers::{Converter, Fault, Reading, Signal};
 use massline_firmware::models::random::{Random, mix};
-use massline_firmware::models::rig::{Port, Rig, Signal};
+use massline_firmware::models::rig::{self, Port, Rig};
 
 fn configuration() -> Configuration {
     let mut configuration = Configuration {
@@ -31,7 +31,7 @@ fn volts(input: usize, cycle: u64) -> f64 {
     (bits as f64 / (1 << 23) as f64 - 1.0) * 9e-3
 }
 
-fn rig() -> RefCell<Rig<impl Signal, 1>> {
+fn rig() -> RefCell<Rig<impl rig::Signal, 1>> {
     RefCell::new(Rig::new(volts, 5))
 }
 
@@ -128,14 +128,14 @@ fn samples_follow_from_voltages_and_settings() {
 fn test_signals_come_through_the_amplifiers() {
     let rig = rig();
     let mut settings = configuration();
-    for (input, expected) in [
-        (Input::Shorted, 0.0),
-        (Input::TestPositive, 0.16),
-        (Input::TestNegative, -0.16),
+    for (signal, expected) in [
+        (Signal::Shorted, 0.0),
+        (Signal::TestPositive, 0.16),
+        (Signal::TestNegative, -0.16),
     ] {
         for (k, channel) in settings.channels.iter_mut().enumerate() {
             *channel = Channel::pins(Gain::new(1 << k).unwrap());
-            channel.input = input;
+            channel.signal = signal;
         }
         let mut chip = Ads131m08::new(Port::new(&rig, 0), settings);
         chip.prepare().unwrap();

@@ -9,7 +9,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use massline_firmware::acquisition::{Acquisition, SETTLING};
 use massline_firmware::drivers::lanes::{Lane, Lanes, Progress, Step};
-use massline_firmware::drivers::{Converter, Fault, Input, Reading};
+use massline_firmware::drivers::{Converter, Fault, Reading, Signal};
 use massline_firmware::sampling::sequencer::{Edge, Event, Sequencer};
 use massline_firmware::sampling::{acquire, resume};
 
@@ -61,7 +61,7 @@ impl Converter for Chip {
         1
     }
 
-    fn choose(&mut self, _: f64, _: &[u8], _: Input) -> Result<(), Fault> {
+    fn choose(&mut self, _: f64, _: &[u8], _: Signal) -> Result<(), Fault> {
         Ok(())
     }
 

@@ -12,6 +12,8 @@
 //! | [`ByDrivers`] | emulators without DMA, patterns | is exchanged by the converter's driver, word by word |
 //! | modelled buses | `models/lanes.rs` | ends when a test says so |
 
+use serde::{Deserialize, Serialize};
+
 /// A frame of a converter: a part of the bytes that read a sample, with a chip select of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
@@ -33,7 +35,7 @@ impl Step {
 }
 
 /// Clock of a lane.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BusClock {
     /// The usual clock.
     #[default]

@@ -13,10 +13,12 @@ pub mod ads131m08;
 pub mod adxl355;
 pub mod lanes;
 
+use serde::{Deserialize, Serialize};
+
 /// Signal that a channel converts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u8)]
-pub enum Input {
+pub enum Signal {
     /// The channel's pins.
     #[default]
     Pins = 0,
@@ -40,7 +42,7 @@ pub trait Converter {
     /// # Errors
     ///
     /// [`Fault::Unsupported`] if the device does not have this rate; nothing is changed then.
-    fn choose(&mut self, rate: f64, gains: &[u8], input: Input) -> Result<(), Fault>;
+    fn choose(&mut self, rate: f64, gains: &[u8], signal: Signal) -> Result<(), Fault>;
 
     /// Resets the device from any state, and writes and reads back every register, after which it
     /// samples. It takes as long as some hundred bytes on the bus.

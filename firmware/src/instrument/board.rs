@@ -1,8 +1,8 @@
 //! Surroundings of the instrument: the hardware below it, and the link to the host.
 
 use crate::wire::{
-    ClockSource, Event, FaultCounters, Health, Item, LinkCounters, Probe, Probed, Problem, Provoke,
-    Reply, ResetReason, Setting, SettingKey, Storage,
+    ClockSource, Conditions, Event, FaultCounters, Health, Item, LinkCounters, Probe, Probed,
+    Problem, Provoke, Reply, ResetReason, Setting, SettingKey, Storage,
 };
 
 /// Identity of the box, fixed from its start on. Texts longer than [`crate::wire::NAME_MAX`]
@@ -75,12 +75,13 @@ pub trait Board {
     /// The board's part of the telemetry.
     fn vitals(&mut self) -> Vitals;
 
-    /// Starts the box's own converters at `sample_rate` Hz, unless they run already. Their
+    /// Starts the box's own converters at `sample_rate` Hz, unless they run already, under these
+    /// conditions. Their
     /// samples then come by [`super::Instrument::sample`].
     ///
     /// # Errors
     /// [`Problem`] if there are none, or none that run at this rate.
-    fn start_inputs(&mut self, sample_rate: f64) -> Result<(), Problem>;
+    fn start_inputs(&mut self, sample_rate: f64, conditions: Conditions) -> Result<(), Problem>;
 
     /// Stops the converters.
     fn stop_inputs(&mut self);
@@ -117,7 +118,7 @@ pub trait Board {
     fn provoke(&mut self, fault: Provoke) -> bool;
 
     /// Measures a part of the board; the inputs are not recorded meanwhile, except for
-    /// [`Probe::Skew`].
+    /// [`Probe::Crystal`] and [`Probe::Skew`].
     ///
     /// # Errors
     /// [`Problem`] if the board has no such part, or cannot measure it.

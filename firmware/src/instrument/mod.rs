@@ -71,8 +71,8 @@ pub use memory::{Memory, Persistent, RunStorage, WorkingStorage};
 use crate::calibration;
 use crate::capacity::{CHANNELS, RUNS};
 use crate::wire::{
-    Conditions, Event, Fault, FaultKind, NoAnswer, Outcome, Problem, Refused, Reply, Request,
-    Setting, SettingKey, Started, Stream, Subscription, Summary, Telemetry,
+    Event, Fault, FaultKind, NoAnswer, Outcome, Problem, Refused, Reply, Request, Setting,
+    SettingKey, Started, Stream, Subscription, Summary, Telemetry,
 };
 use live::{LevelMeter, Recorder};
 use phase::{Activity, Asked, Pending, Phase, SelfTest, Session};
@@ -92,8 +92,6 @@ pub struct Instrument<'m> {
     subscription: Subscription,
     levels: &'m mut LevelMeter,
     recorder: &'m mut Recorder,
-    /// Conditions under which the inputs are sampled.
-    conditions: Conditions,
     /// Ticks at which telemetry and levels were sent last.
     sent: [u64; 2],
     /// Longest that a block took since telemetry was sent last, ticks.
@@ -148,7 +146,6 @@ impl<'m> Instrument<'m> {
             subscription: Subscription::default(),
             levels,
             recorder,
-            conditions: Conditions::default(),
             sent: [0; 2],
             longest_block: 0,
             announced: false,

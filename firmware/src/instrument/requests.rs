@@ -5,8 +5,8 @@ use super::{Activity, Board, Instrument, Phase, Session, Storage, Transmit};
 use crate::capacity::{BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{
     Capacity, Grid, Identified, Info, Item, MethodSet, NAME_MAX, PANIC_MAX, Packed, Peaks, Pong,
-    Probe, Probed, Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status,
-    Stream, Subscription, Weights,
+    Probe, Problem, Provoke, Reply, Request, Saved, Setting, SettingKey, State, Status, Stream,
+    Subscription, Weights,
 };
 use massline_core::masslines::Method;
 
@@ -59,15 +59,11 @@ impl<'m> Instrument<'m> {
             }
             Request::Selftest => return self.begin_selftest(id, board),
             Request::Probe(probe) => {
-                self.phase.not_running()?;
-                if *probe != Probe::Skew {
+                if !matches!(probe, Probe::Crystal | Probe::Skew) {
+                    self.phase.not_running()?;
                     self.not_streaming()?;
                 }
-                let probed = board.probe(*probe)?;
-                if let Probed::Conditions(conditions) = probed {
-                    self.conditions = conditions;
-                }
-                Reply::Probed(probed)
+                Reply::Probed(board.probe(*probe)?)
             }
             Request::BeginSetup(plan) => {
                 self.phase.not_running()?;
@@ -175,7 +171,7 @@ impl<'m> Instrument<'m> {
 
     /// Refuses what would change the converters' samples, or their calibration, in the middle of
     /// a recording.
-    fn not_streaming(&self) -> Result<(), Problem> {
+    pub(super) fn not_streaming(&self) -> Result<(), Problem> {
         match self.subscription.samples {
             Stream::Off => Ok(()),
             _ => Err(Problem::Busy(
@@ -282,12 +278,21 @@ impl<'m> Instrument<'m> {
         if subscription.samples != Stream::Off && self.identity.inputs == 0 {
             return Err(Problem::Unsupported(Item::Input));
         }
+        let conditions = subscription.samples.conditions();
+        if conditions != self.subscription.samples.conditions() {
+            // A run has the usual ones.
+            self.phase.not_running()?;
+            self.recorder.send(out);
+            self.recorder.begin(Stream::Off);
+            self.subscription.samples = Stream::Off;
+            self.stop_unused_inputs(board);
+        }
         if subscription.samples != Stream::Off && !self.uses_inputs() {
             let rate = match board.setting(SettingKey::SampleRate)? {
                 Setting::SampleRate(rate) => rate,
                 _ => return Err(Problem::Unsupported(Item::Setting)),
             };
-            board.start_inputs(rate)?;
+            board.start_inputs(rate, conditions)?;
         }
         if subscription.samples != self.subscription.samples {
             // The samples gathered so far belong to the subscription before.

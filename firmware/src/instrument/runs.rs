@@ -10,8 +10,8 @@ use super::{Activity, Board, Instrument, Phase, Storage, Transmit};
 use crate::calibration::{self, Certificate, Channel, Watch};
 use crate::wire::{
     ChannelRole, Circuit, Conditions, Event, Field, Gaps, Item, Line, Lines, Outcome, Packed, Pass,
-    Probe, Problem, Progress, ReadLines, Reply, Request, Samples, Setting, SettingKey, Source,
-    Start, State, Summary,
+    Problem, Progress, ReadLines, Reply, Request, Samples, Setting, SettingKey, Source, Start,
+    State, Summary,
 };
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::Rings;
@@ -25,9 +25,11 @@ impl Instrument<'_> {
         {
             return Ok(());
         }
-        if start.source == Source::Inputs && self.conditions != Conditions::default() {
+        if start.source == Source::Inputs
+            && self.subscription.samples.conditions() != Conditions::default()
+        {
             // Samples of a test signal are none of a body.
-            return Err(Problem::Busy(Request::Probe(Probe::Skew).number()));
+            self.not_streaming()?;
         }
         let inputs = usize::from(self.identity.inputs);
         let (session, storage) = self.phase.ready()?;
@@ -271,7 +273,7 @@ pub(super) fn prepare(
                     inputs,
                 ));
             }
-            board.start_inputs(setup.sample_rate())?;
+            board.start_inputs(setup.sample_rate(), Conditions::default())?;
             Feed::Inputs { origin: None }
         }
         Source::Synthetic => Feed::Synthetic(Synthetic::new(setup.arrangement(), number)),

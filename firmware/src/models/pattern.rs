@@ -1,7 +1,7 @@
 //! A converter of test patterns: each count depends on the numbers of sample and input.
 
 use super::random::mix;
-use crate::drivers::{Converter, Fault, Input, Reading};
+use crate::drivers::{Converter, Fault, Reading, Signal};
 
 /// The count of an input in the sample of this number: pseudo-random, 22 bits.
 #[must_use]
@@ -56,7 +56,7 @@ impl Converter for Pattern {
     }
 
     /// Restarts at sample 0.
-    fn choose(&mut self, _: f64, _: &[u8], _: Input) -> Result<(), Fault> {
+    fn choose(&mut self, _: f64, _: &[u8], _: Signal) -> Result<(), Fault> {
         self.restart();
         Ok(())
     }

@@ -95,7 +95,7 @@ where
             let mut gains = &plan.gains[..];
             for (k, converter) in (0..).zip(converters.iter_mut()) {
                 let channels = converter.channels();
-                let chosen = converter.choose(plan.rate, gains, plan.signal);
+                let chosen = converter.choose(plan.rate, gains, plan.conditions.signal);
                 chosen.map_err(|fault| (k, fault))?;
                 gains = gains.get(channels..).unwrap_or(&[]);
             }

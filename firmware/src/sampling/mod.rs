@@ -330,7 +330,7 @@ where
         let faults = *self.acquisition.faults();
         self.acquisition = Acquisition::new(plan.period).counting_from(faults);
         self.period = plan.period as u64;
-        self.lanes.choose_clock(plan.bus);
+        self.lanes.choose_clock(plan.conditions.bus);
         let left_out = self.converters.configure(plan)?;
         for chip in 0..CHIPS {
             if left_out >> chip & 1 != 0 {

@@ -2,10 +2,9 @@
 
 use super::bank::{CHANNELS, rates_near};
 use super::{Failure, INPUTS};
-use crate::drivers::lanes::BusClock;
-use crate::drivers::{Fault, Input};
+use crate::drivers::{Fault, Signal};
 use crate::settings::Settings;
-use crate::wire::{self, Circuit, Conditions, ConverterFault, Field, Problem, TestSignal};
+use crate::wire::{Circuit, Conditions, ConverterFault, Field, Problem};
 
 /// The plan of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,10 +19,8 @@ pub struct Plan {
     pub used: u32,
     /// Number of inputs up to the last one in use; all of them if none is.
     pub inputs: usize,
-    /// Signal that the converters convert.
-    pub signal: Input,
-    /// Clock of their buses.
-    pub bus: BusClock,
+    /// Conditions under which they are sampled.
+    pub conditions: Conditions,
 }
 
 impl Plan {
@@ -44,8 +41,7 @@ impl Plan {
             gains: [1; INPUTS],
             used: 0,
             inputs: 0,
-            signal: Input::Pins,
-            bus: BusClock::Usual,
+            conditions: Conditions::default(),
         };
         let channels = (0..).zip(CHANNELS);
         let converters = channels.flat_map(|(k, channels)| core::iter::repeat_n(k, channels));
@@ -67,18 +63,8 @@ impl Plan {
     /// The same under other conditions: with a test signal all inputs are sampled.
     #[must_use]
     pub const fn under(mut self, conditions: Conditions) -> Self {
-        self.signal = match conditions.signal {
-            TestSignal::Pins => Input::Pins,
-            TestSignal::Shorted => Input::Shorted,
-            TestSignal::Positive => Input::TestPositive,
-            TestSignal::Negative => Input::TestNegative,
-        };
-        self.bus = match conditions.bus {
-            wire::BusClock::Usual => BusClock::Usual,
-            wire::BusClock::Half => BusClock::Half,
-            wire::BusClock::Double => BusClock::Double,
-        };
-        if !matches!(self.signal, Input::Pins) {
+        self.conditions = conditions;
+        if !matches!(conditions.signal, Signal::Pins) {
             self.inputs = INPUTS;
         }
         self

@@ -1,6 +1,6 @@
 //! The box itself: its identity, its state, its faults and its self-test.
 
-use super::{Health, LinkCounters, MethodSet, Pass, Source};
+use super::{Conditions, Health, LinkCounters, MethodSet, Pass, Source};
 use serde::{Deserialize, Serialize};
 
 /// Largest length of a panic's text in UTF-8, bytes.
@@ -222,6 +222,20 @@ pub enum Stream {
     Readings,
     /// Raw counts.
     Counts,
+    /// Raw counts under other conditions, which end with this form: whoever asks for another one gets
+    /// the usual samples. Not while running.
+    Test(Conditions),
+}
+
+impl Stream {
+    /// Conditions under which the samples are taken.
+    #[must_use]
+    pub fn conditions(self) -> Conditions {
+        match self {
+            Self::Test(conditions) => conditions,
+            Self::Off | Self::Readings | Self::Counts => Conditions::default(),
+        }
+    }
 }
 
 /// Load, memory and counters of the box.

@@ -99,6 +99,8 @@ mod settings;
 mod setup;
 mod table;
 
+pub use crate::drivers::Signal;
+pub use crate::drivers::lanes::BusClock;
 pub use answer::{Answer, Findings, Identified, MethodSet, NoAnswer, Quality, Question};
 pub use board::{
     Capacity, Check, ClockSource, Fault, FaultCounters, FaultKind, Info, PANIC_MAX, Ping, Pong,
@@ -116,7 +118,7 @@ pub use measure::{
     Source, Start, Summary, Values,
 };
 pub use packed::{Count24, Packed, Word};
-pub use probe::{BusClock, Conditions, DRDY_LINES, Looped, Probe, Probed, TestSignal};
+pub use probe::{Conditions, DRDY_LINES, Looped, Probe, Probed};
 pub use problem::{ConverterFault, Field, Item, Problem, Refused};
 pub use receiver::{LinkCounters, Received, Receiver, Refusal};
 pub use sender::{RequestIds, Sender};

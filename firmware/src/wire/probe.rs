@@ -1,6 +1,8 @@
 //! Measurements of the board's own parts, for whoever puts a board into operation.
 
 use super::ConverterFault;
+use crate::drivers::Signal;
+use crate::drivers::lanes::BusClock;
 use serde::{Deserialize, Serialize};
 
 /// Number of converters with a DRDY line.
@@ -9,7 +11,8 @@ pub const DRDY_LINES: usize = 4;
 /// A measurement of the board, which takes milliseconds at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Probe {
-    /// Returns the frequency of the crystal as it was measured at the start. [`Probed::Crystal`].
+    /// Returns the frequency of the crystal as it was measured at the start. [`Probed::Crystal`]. Also
+    /// while samples are recorded.
     Crystal,
     /// Exchanges bytes over a bus of the converters, by its number, while none of them is selected.
     /// [`Probed::Loop`].
@@ -19,10 +22,6 @@ pub enum Probe {
     /// Returns the times between the DRDY lines at the newest sample. [`Probed::Skew`]. Also while
     /// samples are recorded.
     Skew,
-    /// Sets the conditions under which the inputs are sampled from their next start on, until others
-    /// are set or the box restarts. [`Probed::Conditions`]. Under any but the usual ones no run takes
-    /// samples of the inputs.
-    Conditions(Conditions),
 }
 
 /// Result of a [`Probe`].
@@ -37,8 +36,6 @@ pub enum Probed {
     Converter(Option<ConverterFault>),
     /// Time from the first DRDY line to each of them, ticks; `None` for a line without an edge.
     Skew([Option<u16>; DRDY_LINES]),
-    /// The conditions that are set.
-    Conditions(Conditions),
 }
 
 /// Comparison of bytes that were sent over a bus with those that were received.
@@ -52,37 +49,12 @@ pub struct Looped {
     pub ones: u16,
 }
 
-/// Conditions under which the inputs are sampled.
+/// Conditions under which the inputs are sampled. The usual ones are the pins' signals at the usual
+/// clock of the buses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Conditions {
     /// Signal that the channels of the ADS131M08 convert.
-    pub signal: TestSignal,
+    pub signal: Signal,
     /// Clock of their buses.
     pub bus: BusClock,
-}
-
-/// Signal that the channels of an ADS131M08 convert.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum TestSignal {
-    /// The channels' pins.
-    #[default]
-    Pins,
-    /// A short circuit within the chip.
-    Shorted,
-    /// The chip's own voltage of 2/15 of the full scale.
-    Positive,
-    /// The same voltage with the opposite sign.
-    Negative,
-}
-
-/// Clock of a bus as a multiple of the usual one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum BusClock {
-    /// The usual clock.
-    #[default]
-    Usual,
-    /// Half of it.
-    Half,
-    /// Twice as much.
-    Double,
 }

@@ -104,7 +104,8 @@ messages! {
         0x02 Ping(Ping);
         /// Asks for the state of the box. [`Reply::Status`]. In any state.
         0x03 Status;
-        /// Subscribes to events. [`Reply::Done`]. In any state; replaces the subscription before.
+        /// Subscribes to events. [`Reply::Done`]. In any state, except for samples of a test; replaces
+        /// the subscription before.
         0x04 Subscribe(Subscription);
         /// Sets the fault counters to zero and deletes the panic text. [`Reply::Done`]. In any
         /// state.
@@ -119,8 +120,8 @@ messages! {
         /// Measures the synthetic body. [`Reply::Selftest`] when it is done. Not while running;
         /// deletes the set-up and stored runs, and leaves the box empty.
         0x08 Selftest;
-        /// Measures a part of the board. [`Reply::Probed`]. Not while running, and [`Probe::Skew`] alone
-        /// while samples are recorded.
+        /// Measures a part of the board. [`Reply::Probed`]. Not while running or while samples are
+        /// recorded, except for [`Probe::Crystal`] and [`Probe::Skew`].
         0x09 Probe(Probe);
 
         /// Deletes the set-up and stored runs, and begins a new set-up. [`Reply::Done`]. Not while

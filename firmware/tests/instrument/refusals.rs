@@ -220,7 +220,6 @@ fn what_samples_are_made_of_stays_while_they_are_recorded() {
         Request::ResetSettings,
         Request::SaveSettings,
         Request::Provoke(Provoke::TestPattern),
-        Request::Probe(Probe::Conditions(Conditions::default())),
     ];
     let busy = Problem::Busy(stream(Stream::Off).number());
     for request in &disturbing {

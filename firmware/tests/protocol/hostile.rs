@@ -45,7 +45,12 @@ fn fitting(random: &mut Random, keep: &mut dyn FnMut(&Request<'_>)) {
     keep(&Request::Subscribe(Subscription {
         telemetry: 1,
         levels: 1,
-        samples: random.pick(&[Stream::Off, Stream::Readings, Stream::Counts]),
+        samples: random.pick(&[
+            Stream::Off,
+            Stream::Readings,
+            Stream::Counts,
+            Stream::Test(Conditions::default()),
+        ]),
     }));
 }
 

@@ -60,6 +60,7 @@ pub struct Model {
     pub pending: Option<(u8, bool)>,
     pub answered: bool,
     pub is_streaming: bool,
+    /// Conditions of the samples that are recorded.
     conditions: Conditions,
     pub converting: Option<f64>,
     pub settings: Settings,
@@ -173,10 +174,15 @@ impl Model {
         let has = |run: u8| self.state != State::Empty && usize::from(run) < self.run_count();
         let granted = match &act.request {
             Request::Samples(samples) => return self.expect_samples(samples),
-            Request::Provoke(Provoke::TestPattern)
-            | Request::ResetSettings
-            | Request::Probe(Probe::Conditions(_)) => !is_running && !self.is_streaming,
-            // The model of the board has no parts that could be measured.
+            Request::Provoke(Provoke::TestPattern) | Request::ResetSettings => {
+                !is_running && !self.is_streaming
+            }
+            Request::Subscribe(subscription) => {
+                !is_running || subscription.samples.conditions() == self.conditions
+            }
+            Request::Probe(Probe::Skew) => true,
+            Request::Probe(Probe::Converter(_)) => !is_running && !self.is_streaming,
+            // The model of the board has no buses.
             Request::Probe(_) => false,
             Request::Selftest | Request::BeginSetup(_) => !is_running && !is_busy && act.is_sound,
             Request::SetProcessing(_) => self.state == State::SettingUp && act.is_sound,
@@ -323,13 +329,18 @@ impl Model {
     pub fn grant(&mut self, act: &Act<'_>) {
         match &act.request {
             Request::Subscribe(subscription) => {
+                let conditions = subscription.samples.conditions();
+                if conditions != self.conditions {
+                    // The converters are started anew.
+                    self.converting = None;
+                }
+                self.conditions = conditions;
                 self.is_streaming = subscription.samples != Stream::Off;
                 if self.is_streaming && self.converting.is_none() {
                     self.converting = Some(self.settings.sample_rate());
                 }
                 self.tend();
             }
-            Request::Probe(Probe::Conditions(conditions)) => self.conditions = *conditions,
             Request::Selftest => {
                 self.forget();
                 self.state = State::Empty;

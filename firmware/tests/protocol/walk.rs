@@ -114,31 +114,37 @@ fn draw<'a>(random: &mut Random, m: &'a Material, model: &Model) -> Act<'a> {
             true,
         ),
         1..4 => {
+            let test = |signal| {
+                Stream::Test(Conditions {
+                    signal,
+                    ..Conditions::default()
+                })
+            };
             let subscription = Subscription {
                 telemetry: random.index(3) as u16,
                 levels: random.index(3) as u16,
-                samples: random.pick(&[Stream::Off, Stream::Off, Stream::Readings, Stream::Counts]),
+                samples: random.pick(&[
+                    Stream::Off,
+                    Stream::Off,
+                    Stream::Readings,
+                    Stream::Counts,
+                    test(Signal::Shorted),
+                    test(Signal::Pins),
+                ]),
             };
             act(Request::Subscribe(subscription), true)
         }
-        4 => {
-            let conditions = |signal| {
-                Request::Probe(Probe::Conditions(Conditions {
-                    signal,
-                    ..Conditions::default()
-                }))
-            };
-            let request = random.pick(&[
+        4 => act(
+            random.pick(&[
                 Request::Reboot,
                 Request::Provoke(Provoke::Panic),
                 Request::Provoke(Provoke::TestPattern),
                 Request::Probe(Probe::Skew),
-                conditions(TestSignal::Shorted),
-                conditions(TestSignal::Pins),
-                conditions(TestSignal::Pins),
-            ]);
-            act(request, true)
-        }
+                Request::Probe(Probe::Converter(0)),
+                Request::Probe(Probe::Loop(0)),
+            ]),
+            true,
+        ),
         5 if random.once_in(8) => act(Request::Selftest, true),
         6 if random.once_in(2) => act(Request::ReadAnswer, true),
         5 | 6 => {

@@ -15,7 +15,7 @@ use crate::rig::{Inputs, Trouble, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Stream, simulate};
 use massline_firmware::acquisition::SETTLING;
-use massline_firmware::drivers::Input;
+use massline_firmware::drivers::Signal;
 use massline_firmware::wire::{
     Event, FaultKind, Gaps, Health, Outcome, Pass, Request, Source, Start, Subscription,
 };
@@ -58,7 +58,7 @@ type Truth = BTreeMap<u64, (Vec<f32>, Vec<Health>)>;
 /// acquisition delivers.
 fn truth(inputs: &Inputs, chosen: &[InputEntry], seconds: f64) -> Truth {
     let gains: Vec<u8> = inputs.certificates().iter().map(|c| c.gain()).collect();
-    let mut chain = inputs.chain(RATE, &gains, Input::Pins, 0).unwrap();
+    let mut chain = inputs.chain(RATE, &gains, Signal::Pins, 0).unwrap();
     let channel = |e: &InputEntry| e.certificate.channel(RATE as f32);
     let mut channels: Vec<_> = chosen.iter().map(channel).collect();
     let mut truth = Truth::new();

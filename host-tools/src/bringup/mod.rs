@@ -14,7 +14,8 @@
 //! three clocks. A measurement that a board cannot make is listed as not made, and none of them changes
 //! what the box has stored, but for [`Order::saves`].
 //!
-//! The box is left as it was: conditions and sample rate are put back, also after an error.
+//! The box is left as it was: the sample rate is put back, also after an error. Samples of a test are sent
+//! to this subscription alone: a recording that comes after a bring-up that was killed has the usual ones.
 
 mod judge;
 mod sampled;
@@ -25,7 +26,7 @@ use crate::device::{BoxInfo, Client, ClientError, Port};
 use massline_firmware::sampling::CHIPS;
 use massline_firmware::wire::{
     BusClock, Conditions, ConverterFault, Looped, Probe, Probed, Problem, Reply, Request, Setting,
-    Subscription, TestSignal,
+    Signal, Subscription,
 };
 use sampled::{Sampled, Sampling};
 
@@ -96,7 +97,6 @@ pub fn measure<P: Port>(
     let measured = measure_all(client, info, order, tell);
     // Neither of these hides what went wrong before.
     let usual = client.tell(&Request::Subscribe(Subscription::default()));
-    let usual = usual.and_then(|()| set(client, Conditions::default()).map(drop));
     let usual = match rate == RATE {
         true => usual,
         false => {
@@ -153,29 +153,25 @@ fn measure_all<P: Port>(
     }
     let mut take = |client: &mut Client<'_, P>, signal, bus, seconds: f64, name: &str| {
         tell(name);
-        if set(client, Conditions { signal, bus })?.is_none() {
-            return Ok(None);
-        }
-        sampled::take(
-            client,
-            Sampling {
-                seconds,
-                rate: RATE,
-            },
-        )
+        let sampling = Sampling {
+            conditions: Conditions { signal, bus },
+            seconds,
+            rate: RATE,
+        };
+        sampled::take(client, sampling)
     };
     let usual = BusClock::Usual;
     let level = order.seconds.min(LEVELS);
     let signals = [
-        take(client, TestSignal::Shorted, usual, level, "short circuits")?,
-        take(client, TestSignal::Positive, usual, level, "test voltages")?,
-        take(client, TestSignal::Negative, usual, level, "test voltages")?,
+        take(client, Signal::Shorted, usual, level, "short circuits")?,
+        take(client, Signal::TestPositive, usual, level, "test voltages")?,
+        take(client, Signal::TestNegative, usual, level, "test voltages")?,
     ];
     let mut buses = [None, None, None];
     let clocks = [BusClock::Usual, BusClock::Half, BusClock::Double];
     for (slot, bus) in buses.iter_mut().zip(clocks) {
         let name = "checksums of frames";
-        *slot = take(client, TestSignal::Shorted, bus, order.seconds, name)?;
+        *slot = take(client, Signal::Shorted, bus, order.seconds, name)?;
     }
     let ended = instant(client)?;
     let round_trip = trips[PINGS / 2];
@@ -229,19 +225,4 @@ fn probe<P: Port, T>(
         }
         Err(error) => Err(error),
     }
-}
-
-/// Sets the conditions of sampling; `None` if the box has no others than the usual ones.
-fn set<P: Port>(
-    client: &mut Client<'_, P>,
-    conditions: Conditions,
-) -> Result<Option<Conditions>, ClientError> {
-    probe(
-        client,
-        Probe::Conditions(conditions),
-        |probed| match probed {
-            Probed::Conditions(found) => Some(found),
-            _ => None,
-        },
-    )
 }

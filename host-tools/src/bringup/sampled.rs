@@ -5,8 +5,8 @@ use crate::limits;
 use massline_firmware::acquisition::SETTLING;
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::wire::{
-    DRDY_LINES, Event, FaultCounters, Health, Packed, Probe, Probed, Problem, Request, Samples,
-    Stream, Subscription, Values,
+    Conditions, DRDY_LINES, Event, FaultCounters, Health, Packed, Probe, Probed, Problem, Request,
+    Samples, Stream, Subscription, Values,
 };
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -20,6 +20,8 @@ const TELEMETRY: u16 = 100;
 /// Samples that are to be taken.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sampling {
+    /// Conditions under which they are taken.
+    pub(super) conditions: Conditions,
     /// Their time, s.
     pub(super) seconds: f64,
     /// Their rate, Hz.
@@ -185,7 +187,7 @@ fn follow<P: Port>(
 ) -> Result<[Option<u16>; DRDY_LINES], ClientError> {
     client.tell(&Request::Subscribe(Subscription {
         telemetry: TELEMETRY,
-        samples: Stream::Counts,
+        samples: Stream::Test(sampling.conditions),
         ..Subscription::default()
     }))?;
     let end = client.port().seconds() + sampling.seconds;

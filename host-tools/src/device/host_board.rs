@@ -8,8 +8,8 @@ use massline_firmware::instrument::{Board, Vitals};
 use massline_firmware::sampling::{INPUTS, Plan};
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{
-    Conditions, ConverterFault, FaultCounters, Health, Item, LinkCounters, Probe, Probed, Problem,
-    Provoke, Setting, SettingKey, Storage,
+    Conditions, ConverterFault, FaultCounters, Health, Item, LinkCounters, Problem, Provoke,
+    Setting, SettingKey, Storage,
 };
 use std::rc::Rc;
 use std::time::Instant;
@@ -29,8 +29,6 @@ pub(super) struct HostBoard {
     settings: Box<Settings<INPUTS>>,
     delivered: Box<Settings<INPUTS>>,
     inputs: Option<Inputs>,
-    /// Conditions of the next start of the inputs.
-    conditions: Conditions,
     running: Option<Running>,
     /// Times that they were started.
     starts: u64,
@@ -70,7 +68,6 @@ impl HostBoard {
             settings: delivered.clone(),
             delivered,
             inputs,
-            conditions: Conditions::default(),
             running: None,
             starts: 0,
             fast,
@@ -159,13 +156,13 @@ impl Board for HostBoard {
         }
     }
 
-    fn start_inputs(&mut self, sample_rate: f64) -> Result<(), Problem> {
+    fn start_inputs(&mut self, sample_rate: f64, conditions: Conditions) -> Result<(), Problem> {
         let inputs = self.inputs.as_ref();
         let inputs = inputs.ok_or(Problem::Unsupported(Item::Input))?;
         if self.running.is_some() {
             return Ok(());
         }
-        let plan = Plan::new(&self.settings, sample_rate, TICK_HZ)?.under(self.conditions);
+        let plan = Plan::new(&self.settings, sample_rate, TICK_HZ)?.under(conditions);
         let no_answer = |converter| Problem::Converter {
             converter,
             fault: ConverterFault::Stuck,
@@ -174,7 +171,7 @@ impl Board for HostBoard {
         if plan.used >> CHIPS & 1 == 1 {
             return Err(no_answer(CHIPS as u8));
         }
-        let chain = inputs.chain(sample_rate, &plan.gains, plan.signal, self.starts);
+        let chain = inputs.chain(sample_rate, &plan.gains, conditions.signal, self.starts);
         let chain = chain.map_err(|error| match error {
             RigError::Start { number, .. } => no_answer(number),
             // The plan has seen to the rest.
@@ -226,17 +223,6 @@ impl Board for HostBoard {
     }
 
     fn reboot(&mut self) {}
-
-    /// The modelled converters have test signals; there are no wires to measure.
-    fn probe(&mut self, probe: Probe) -> Result<Probed, Problem> {
-        match probe {
-            Probe::Conditions(conditions) => {
-                self.conditions = conditions;
-                Ok(Probed::Conditions(conditions))
-            }
-            _ => Err(Problem::Unsupported(Item::Probe)),
-        }
-    }
 
     fn provoke(&mut self, _: Provoke) -> bool {
         false

@@ -9,7 +9,7 @@ use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::drivers::ads131m08::{
     self, Ads131m08, CLOCK_HZ, Configuration, Gain, Oversampling,
 };
-use massline_firmware::drivers::{Converter, Input};
+use massline_firmware::drivers::{Converter, Signal};
 use massline_firmware::models::BusError;
 use massline_firmware::models::rig::{Port, Rig};
 use massline_firmware::wire::FaultCounters;
@@ -45,7 +45,7 @@ impl<D: AsRef<[Vec<f32>]>> Chain<D> {
     /// [`RigError::Rate`], [`RigError::Start`].
     pub(super) fn new(
         sensors: &[&Sensor],
-        (gains, signal): (&[u8], Input),
+        (gains, signal): (&[u8], Signal),
         felt: Felt<D>,
         rate: f64,
         troubles: &Troubles,
@@ -61,7 +61,7 @@ impl<D: AsRef<[Vec<f32>]>> Chain<D> {
             let channel = |c: usize| {
                 let gain = gains.get(CHANNELS * k + c).copied().and_then(Gain::new);
                 ads131m08::Channel {
-                    input: signal,
+                    signal,
                     ..ads131m08::Channel::pins(gain.unwrap_or(Gain::ONE))
                 }
             };

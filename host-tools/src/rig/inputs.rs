@@ -4,7 +4,7 @@ use super::{Chain, Felt, Outfit, RigError, Troubles};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, Recording, simulate};
 use massline_firmware::calibration::Certificate;
-use massline_firmware::drivers::Input;
+use massline_firmware::drivers::Signal;
 use std::cell::Cell;
 use std::rc::Rc;
 
@@ -133,7 +133,7 @@ impl Inputs {
         &self,
         sample_rate: f64,
         gains: &[u8],
-        signal: Input,
+        signal: Signal,
         start: u64,
     ) -> Result<Chain<Rc<[Vec<f32>]>>, RigError> {
         let (recording, felt) = self.recording();

@@ -28,7 +28,7 @@ use crate::sample_rate::SampleRate;
 use crate::simulate::{Recording, Simulation, Stream};
 use massline_firmware::acquisition::Sample;
 use massline_firmware::calibration::Channel;
-use massline_firmware::drivers::Input;
+use massline_firmware::drivers::Signal;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
 use massline_firmware::wire::Health;
 use sensors::Sensor;
@@ -158,7 +158,7 @@ pub fn samples(
         repeats: false,
     };
     let gains: Vec<u8> = own.iter().map(|s| s.preset.gain).collect();
-    let mut chain = Chain::new(&own, (&gains, Input::Pins), felt, rate, troubles, seed)?;
+    let mut chain = Chain::new(&own, (&gains, Signal::Pins), felt, rate, troubles, seed)?;
     while chain.step(|sample| take(sample)) {}
     Ok(())
 }

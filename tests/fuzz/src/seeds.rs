@@ -223,15 +223,19 @@ fn instrument() -> Vec<Vec<u8>> {
     steps.push((0, start(0, Pass::Measure, Source::Synthetic, Gaps::Refuse)));
     steps.push((5, vec![0, 0, 2, 0, 60]));
     steps.extend(requests(reading()));
-    let shorted = Conditions {
-        signal: TestSignal::Shorted,
+    let shorted = Stream::Test(Conditions {
+        signal: Signal::Shorted,
         bus: BusClock::Double,
-    };
-    for conditions in [shorted, Conditions::default()] {
-        let probe = Probe::Conditions(conditions);
-        steps.push((0, request(&Request::Probe(probe))));
+    });
+    for samples in [shorted, Stream::Counts] {
+        let subscription = Subscription {
+            samples,
+            ..Subscription::default()
+        };
+        steps.push((0, request(&Request::Subscribe(subscription))));
         steps.push((0, start(0, Pass::Measure, Source::Inputs, Gaps::Count)));
     }
+    steps.push((0, request(&Request::Probe(Probe::Skew))));
     steps.push((0, request(&Request::Selftest)));
     steps.push((5, vec![0, 0, 2, 0, 255]));
     steps.push(job());

@@ -20,7 +20,7 @@ pub mod registers;
 
 use self::frame::{Frame, WORD, WORDS, word};
 use self::registers::{CHANNELS, Register, clock, command, mode, status};
-use super::{Converter, Fault, Input, Reading};
+use super::{Converter, Fault, Reading, Signal};
 use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
 
 /// Mode of the SPI bus: clock low when idle, data sampled at the falling edge.
@@ -145,7 +145,7 @@ pub struct Channel {
     /// Gain of the amplifier.
     pub gain: Gain,
     /// Voltage that is converted: the test voltage is 160 mV divided by the gain.
-    pub input: Input,
+    pub signal: Signal,
     /// Count that the chip subtracts, 24 bits.
     pub offset: i32,
     /// Factor of the count less its offset, in units of 2^-23: 0x80_0000 is one.
@@ -159,7 +159,7 @@ impl Channel {
     pub const fn pins(gain: Gain) -> Self {
         Self {
             gain,
-            input: Input::Pins,
+            signal: Signal::Pins,
             offset: 0,
             correction: 0x80_0000,
         }
@@ -206,7 +206,7 @@ impl Configuration {
                     _ => channel.correction.to_be_bytes(),
                 };
                 match which {
-                    0 => u16::from(channel.input as u8),
+                    0 => u16::from(channel.signal as u8),
                     1 | 3 => u16::from_be_bytes([high, middle]),
                     _ => u16::from_be_bytes([low, 0]),
                 }
@@ -397,13 +397,13 @@ impl<SPI: SpiDevice> Converter for Ads131m08<SPI> {
         CHANNELS
     }
 
-    fn choose(&mut self, rate: f64, gains: &[u8], input: Input) -> Result<(), Fault> {
+    fn choose(&mut self, rate: f64, gains: &[u8], signal: Signal) -> Result<(), Fault> {
         let oversampling = Oversampling::of_rate(rate, CLOCK_HZ).ok_or(Fault::Unsupported)?;
         let gain = |channel: usize| gains.get(channel).copied().and_then(Gain::new);
         self.configuration = Configuration {
             oversampling,
             channels: core::array::from_fn(|k| Channel {
-                input,
+                signal,
                 ..Channel::pins(gain(k).unwrap_or(Gain::ONE))
             }),
         };

@@ -10,7 +10,7 @@
 //! The chip samples by its own clock, or with [`Clocking::External`] at pulses on its SYNC pin.
 //! Wire the other converters' DRDY line there, so that the samples belong to the same instants.
 
-use super::{Converter, Fault, Input, Reading};
+use super::{Converter, Fault, Reading, Signal};
 use embedded_hal::spi::{MODE_0, Mode, Operation, SpiDevice};
 
 /// Mode of the SPI bus.
@@ -220,7 +220,7 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
         CHANNELS
     }
 
-    fn choose(&mut self, rate: f64, _: &[u8], _: Input) -> Result<(), Fault> {
+    fn choose(&mut self, rate: f64, _: &[u8], _: Signal) -> Result<(), Fault> {
         self.configuration = Configuration::following(rate);
         Ok(())
     }

@@ -1,21 +1,27 @@
 //! The bring-up of a board, on sound boards and on such with a defect.
 
+use std::cell::Cell;
+use std::rc::Rc;
+
 use massline::bringup::{self, Check, Order, Verdict};
 use massline::device::{Client, ClientMemory};
-use massline_chip::bench::{Bench, Signal};
+use massline_chip::SECOND;
+use massline_chip::bench::{self, Bench};
 use massline_chip::flash::Cells;
 use massline_chip::rcc::Oscillators;
 use massline_firmware::drivers::ads131m08::CLOCK_HZ;
 use massline_firmware::drivers::ads131m08::registers::CHANNELS;
-use massline_firmware::wire::{Reply, Request, Setting, SettingKey};
+use massline_firmware::wire::{
+    Conditions, Event, Reply, Request, Setting, SettingKey, Signal, Stream, Subscription, Values,
+};
 
-use crate::{GOOD, boot, clean};
+use crate::{GOOD, boot, clean, pass};
 
 /// Inputs of the ADS131M08; those of the ADXL355 follow.
 const VOLTAGES: usize = 4 * CHANNELS;
 
 /// A board at rest: voltages nowhere, gravity along z with some noise.
-fn at_rest() -> Signal {
+fn at_rest() -> bench::Signal {
     Box::new(|input, cycle| match input {
         0..VOLTAGES => 0.0,
         _ => {
@@ -171,4 +177,40 @@ fn a_skew_is_told_to_two_ticks_and_costs_no_sample() {
         let [late, tick] = [1e9 * cycles as f64 / f64::from(CLOCK_HZ), 1e9 / 84e6];
         assert!((ns - late).abs() <= 2.0 * tick, "{skew}");
     }
+}
+
+/// A bring-up that is killed leaves its samples behind: whoever records then gets those of the pins.
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn samples_of_a_test_end_with_its_subscription() {
+    let mut machine = boot(GOOD, Cells::default(), at_rest(), 32);
+    let mut last = |samples| {
+        let counts: Rc<Cell<Option<i32>>> = Rc::default();
+        let heard = Rc::clone(&counts);
+        let mut memory = ClientMemory::new();
+        let mut client = Client::new(&mut machine, &mut memory);
+        client.on_event(move |event, _| {
+            if let Event::Recorded(samples) = event
+                && let Values::Counts24(list) = samples.values
+            {
+                heard.set(list.get(0).map(|count| count.get()));
+            }
+        });
+        let subscription = Subscription {
+            samples,
+            ..Subscription::default()
+        };
+        client.tell(&Request::Subscribe(subscription)).unwrap();
+        pass(&mut client, SECOND / 5);
+        counts.get().expect("samples come")
+    };
+    let test = Stream::Test(Conditions {
+        signal: Signal::TestPositive,
+        ..Conditions::default()
+    });
+    // 2/15 of the full scale, with a noise of some counts.
+    let off = |count: i32| (f64::from(count) - 2.0 / 15.0 * 8_388_608.0).abs();
+    assert!(off(last(test)) < 100.0);
+    assert_eq!(last(Stream::Counts), 0);
+    assert!(off(last(test)) < 100.0);
 }
