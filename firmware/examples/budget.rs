@@ -47,7 +47,8 @@ mod on_chip {
         Accelerometer, LoadCell, Mount, Placement, Quantity, RunGeometry, RunSensor,
     };
     use massline_core::spectra::{
-        Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, Rings, Sum, Window,
+        Average, BlockSettings, Blocks, Complex32, CrossAverage, CrossSums, DriveAverage, Rings,
+        SpectraError, Sum, Window,
     };
     use massline_firmware::acquisition::{Acquisition, Sample};
     use massline_firmware::calibration::{Channel, Limits, Scale, Watch};
@@ -109,17 +110,19 @@ mod on_chip {
 
     /// Memory of a measurement: the SRAM has no room for all of it at a time.
     union Spectra {
+        /// Sums of thirteen channels, or fewer, referred to one of them.
+        driven: Room<{ 13 * 400 }, 256, [Sum; (1 + 3 * 12) * LINES]>,
         /// Sums of all products of twelve channels.
-        full: Room<{ 13 * 400 }, 256, { 144 * 64 }>,
+        full: Room<{ 13 * 400 }, 256, [CrossSums; 64]>,
         /// Samples of twelve channels at the full rate.
-        exact: Room<{ 12 * 1024 }, 1024, { (1 + 3 * 11) * 64 }>,
+        exact: Room<{ 12 * 1024 }, 1024, [Sum; (1 + 3 * 11) * 64]>,
     }
 
     #[derive(Clone, Copy)]
-    struct Room<const HISTORY: usize, const WORK: usize, const SUMS: usize> {
+    struct Room<const HISTORY: usize, const WORK: usize, S> {
         history: [f32; HISTORY],
         work: [Complex32; WORK],
-        sums: [Sum; SUMS],
+        sums: S,
     }
 
     const NOTHING: Complex32 = Complex32::new(0.0, 0.0);
@@ -201,19 +204,38 @@ mod on_chip {
         report("resultants", resultants::<{ INPUTS - 1 }>(&timer));
         report("resultants-16", resultants::<15>(&timer));
         let memory = SPECTRA.take();
-        // SAFETY: both are numbers alone, for which any bits are good, and one is used at a time.
-        let full = unsafe { &mut memory.full };
-        let (decimation, block) = spectra(&timer, &mut full.history, &mut full.sums);
+        // SAFETY: all are numbers alone, for which any bits are good, and one is used at a time.
+        let driven = unsafe { &mut memory.driven };
+        let (decimation, block) = spectra(&timer, &mut driven.history, &mut driven.sums);
         report("decimation", decimation);
         report("block", block);
         let settings = BlockSettings::new(1024, 0.5, Window::Hann, 512.0, [0.5, 32.0]);
         if let Ok(settings) = settings {
-            report("hop-drive", hop(&timer, settings, true, full));
-            report("hop-full", hop(&timer, settings, false, full));
             // SAFETY: as above.
-            let exact = unsafe { &mut memory.exact };
+            let Room {
+                history,
+                work,
+                sums,
+            } = unsafe { &mut memory.driven };
+            let average = DriveAverage::new(&settings, COMPARED - 1, sums);
+            report("hop-drive", hop(&timer, settings, (history, work), average));
+            // SAFETY: as above.
+            let Room {
+                history,
+                work,
+                sums,
+            } = unsafe { &mut memory.full };
+            let average = CrossAverage::new(&settings, sums);
+            report("hop-full", hop(&timer, settings, (history, work), average));
+            // SAFETY: as above.
+            let Room {
+                history,
+                work,
+                sums,
+            } = unsafe { &mut memory.exact };
             let all = settings.without_decimation();
-            report("hop-exact", hop(&timer, all, true, exact));
+            let average = DriveAverage::new(&all, COMPARED - 1, sums);
+            report("hop-exact", hop(&timer, all, (history, work), average));
         }
         let _ = writeln!(link, "end");
         loop {
@@ -463,22 +485,16 @@ mod on_chip {
                 break;
             }
         }
-        let (mut drive, mut a, mut b) = ([NOTHING; LINES], [NOTHING; LINES], [NOTHING; LINES]);
+        let (mut drive, mut response) = ([NOTHING; LINES], [NOTHING; LINES]);
         let block = cost(timer, |_| {
             let Ok(mut average) = DriveAverage::resume(LINES, RESULTANTS, sums, 8) else {
                 return;
             };
-            for pair in 0..rings.pairs() {
-                if pair == 0 {
-                    rings.transform(0, storage, &mut work, &mut drive, &mut b);
-                    average.add_drive(&drive);
-                } else {
-                    rings.transform(pair, storage, &mut work, &mut a, &mut b);
-                    average.add_response(2 * pair - 1, &drive, &a);
-                }
-                if 2 * pair < RESULTANTS {
-                    average.add_response(2 * pair, &drive, &b);
-                }
+            rings.transform(0, storage, &mut work, &mut drive);
+            average.add_drive(&drive);
+            for c in 0..RESULTANTS {
+                rings.transform(1 + c, storage, &mut work, &mut response);
+                average.add_response(c, &drive, &response);
             }
             let Ok(band) = lines.grid().within([0.5, 14.5]) else {
                 return;
@@ -498,46 +514,27 @@ mod on_chip {
     const COMPARED: usize = 12;
 
     /// A hop of 512 samples of twelve channels, from samples to the sums of 64 lines, in instructions:
-    /// the job of the comparison with other libraries in the firmware's README. `driven` has the first
-    /// channel for a drive, else there are the products of all with all.
+    /// the job of the comparison with other libraries in the firmware's README. The average is referred
+    /// to the first channel, or has the products of all with all.
     #[inline(never)] // Its lines are off the stack again.
-    fn hop<const HISTORY: usize, const WORK: usize, const SUMS: usize>(
+    fn hop<A: Average>(
         timer: &TIM2,
         settings: BlockSettings,
-        driven: bool,
-        room: &mut Room<HISTORY, WORK, SUMS>,
+        (history, work): (&mut [f32], &mut [Complex32]),
+        average: Result<A, SpectraError>,
     ) -> u32 {
-        let Room {
-            history,
-            work,
-            sums,
-        } = room;
         let mut lines = [NOTHING; COMPARED * 64];
-        let Ok(mut blocks) = Blocks::new(settings, COMPARED, history, work, &mut lines) else {
+        let blocks = Blocks::new(settings, COMPARED, history, work, &mut lines);
+        let (Ok(mut blocks), Ok(mut average)) = (blocks, average) else {
             return 0;
         };
         let mut noise = [[0.0; COMPARED]; 8];
         for (n, x) in noise.as_flattened_mut().iter_mut().enumerate() {
             *x = (mix(n as u64) >> 40) as f32;
         }
-        if driven {
-            let average = DriveAverage::new(&settings, COMPARED - 1, sums);
-            average.map_or(0, |mut sums| hops(timer, &noise, &mut blocks, &mut sums))
-        } else {
-            let average = CrossAverage::new(&settings, sums);
-            average.map_or(0, |mut sums| hops(timer, &noise, &mut blocks, &mut sums))
-        }
-    }
-
-    fn hops(
-        timer: &TIM2,
-        noise: &[[f32; COMPARED]],
-        blocks: &mut Blocks<'_>,
-        average: &mut impl Average,
-    ) -> u32 {
         let mut take = |times: usize| {
             for _ in 0..times {
-                for sample in noise {
+                for sample in &noise {
                     if let Some(block) = blocks.push(black_box(sample)) {
                         average.add(&block);
                     }

@@ -3,11 +3,11 @@
 //! Usage: `spectra CHANNELS SAMPLES LINES BLOCK`. Channels are averaged against the first of them as their drive; 12
 //! channels without one, with the whole matrix of their products, if CHANNELS is `matrix`. Prints the seconds.
 
+use massline::measure::BlockStorage;
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, Sum, Window,
+    Average, BlockSettings, CrossAverage, CrossSums, DriveAverage, Sum, Window,
 };
 use std::process::ExitCode;
-use std::time::Instant;
 
 /// Sample rate, Hz: lines are one hertz apart per block of as many samples.
 const RATE: f64 = 1024.0;
@@ -48,15 +48,12 @@ fn seconds(
     let spacing = RATE / block as f64;
     let band = [spacing, spacing * lines as f64];
     let settings = BlockSettings::new(block, 0.5, Window::Hann, RATE, band)?;
-    let zero = Complex32::new(0.0, 0.0);
-    let mut history = vec![0.0; settings.history_len(channels)];
-    let mut work = vec![zero; block];
-    let mut kept = vec![zero; settings.lines_len(channels)];
-    let mut blocks = Blocks::new(settings, channels, &mut history, &mut work, &mut kept)?;
+    let mut storage = BlockStorage::new(settings, channels);
+    let mut blocks = storage.blocks()?;
     let responses = channels.saturating_sub(1);
     let (mut sums, mut products);
     let mut average: Box<dyn Average> = if matrix {
-        products = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
+        products = vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)];
         Box::new(CrossAverage::new(&settings, &mut products)?)
     } else {
         sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, responses)];
@@ -79,15 +76,18 @@ fn seconds(
     Ok(took)
 }
 
-/// Processor time of this process where the system tells it, seconds; else time.
+/// Processor time of this process, seconds.
+#[cfg(unix)]
 fn clock() -> f64 {
-    use std::sync::LazyLock;
+    use rustix::time::{ClockId, clock_gettime};
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
+}
+
+/// Time, seconds.
+#[cfg(not(unix))]
+fn clock() -> f64 {
+    use std::{sync::LazyLock, time::Instant};
     static BEGAN: LazyLock<Instant> = LazyLock::new(Instant::now);
-    let began = *BEGAN;
-    let told = std::fs::read_to_string("/proc/self/schedstat").ok();
-    let told = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-    told.map_or_else(
-        || began.elapsed().as_secs_f64(),
-        |nanoseconds| nanoseconds * 1e-9,
-    )
+    BEGAN.elapsed().as_secs_f64()
 }

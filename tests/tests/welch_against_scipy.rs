@@ -1,9 +1,10 @@
 //! The project's Welch and cross spectra against `scipy.signal` on the same samples.
 
+use massline::measure::BlockStorage;
 use massline::recording::Recording;
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, Sum, Window,
+    Average, BlockSettings, CrossAverage, CrossSums, DriveAverage, Sum, Window,
 };
 use massline_tests::fixture;
 use serde_json::Value;
@@ -77,12 +78,8 @@ fn cases() -> Vec<Case> {
 fn feed(case: &Case, channels: usize, average: &mut dyn Average) {
     let names: Vec<&str> = case.channels.iter().map(String::as_str).collect();
     let mut recording = Recording::open(&fixture("fork/lateral-x.csv.gz"), &names).unwrap();
-    let zero = Complex32::new(0.0, 0.0);
-    let mut history = vec![0.0; case.settings.history_len(channels)];
-    let mut work = vec![zero; case.settings.block_length()];
-    let mut lines = vec![zero; case.settings.lines_len(channels)];
-    let mut blocks =
-        Blocks::new(case.settings, channels, &mut history, &mut work, &mut lines).unwrap();
+    let mut storage = BlockStorage::new(case.settings, channels);
+    let mut blocks = storage.blocks().unwrap();
     let mut sample = vec![0.0; names.len()];
     while recording.next_row(&mut sample).unwrap() {
         if let Some(block) = blocks.push(&sample) {
@@ -105,7 +102,7 @@ fn rms(case: &Case, i: usize) -> f64 {
 #[test]
 fn the_cross_spectral_matrix_is_scipys() {
     for case in cases() {
-        let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&case.settings)];
+        let mut sums = vec![CrossSums::ZERO; CrossAverage::storage_len(&case.settings)];
         let mut average = CrossAverage::new(&case.settings, &mut sums).unwrap();
         feed(&case, RESULTANTS, &mut average);
         let scale = case.settings.density() / f64::from(average.blocks());

@@ -144,20 +144,16 @@ impl Weigher {
             return Ok(());
         }
         let mut average = DriveAverage::resume(LINES, RESULTANTS, &mut self.sums, self.blocks)?;
-        let (mut lines, mut a, mut b) = ([NOTHING; LINES], [NOTHING; LINES], [NOTHING; LINES]);
-        // Two channels travel together: the drive with the first resultant, and so on.
-        for pair in 0..self.rings.pairs() {
-            self.rings
-                .transform(pair, &self.history, &mut self.work, &mut a, &mut b);
-            if pair == 0 {
-                lines = a;
-                average.add_drive(&lines);
-            } else {
-                average.add_response(2 * pair - 1, &lines, &a);
-            }
-            if 2 * pair < RESULTANTS {
-                average.add_response(2 * pair, &lines, &b);
-            }
+        let (mut drive, mut response) = ([NOTHING; LINES], [NOTHING; LINES]);
+        let mut transform = |channel: usize, lines: &mut [Complex32]| {
+            let (history, work) = (&self.history, &mut self.work);
+            self.rings.transform(channel, history, work, lines);
+        };
+        transform(0, &mut drive);
+        average.add_drive(&drive);
+        for c in 0..RESULTANTS {
+            transform(1 + c, &mut response);
+            average.add_response(c, &drive, &response);
         }
         self.blocks = average.blocks();
         Ok(())

@@ -1,6 +1,7 @@
 //! Overlapping blocks out of a stream of samples, transformed as soon as they are complete.
 
 use super::history::Rings;
+use super::lane::{Complex, Lane};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
 
@@ -20,34 +21,44 @@ impl<'a> BlockSpectra<'a> {
             .unwrap_or(&[])
     }
 
-    /// The kept line `k` of the first channels.
+    /// Real and imaginary parts of the kept line `k` of the first channels.
     #[inline]
-    pub(super) fn line(&self, k: usize, into: &mut [Complex32]) {
+    pub(super) fn line(&self, k: usize, re: &mut [f32], im: &mut [f32]) {
         let mut rest = self.lines.get(k..).unwrap_or_default();
-        for z in into {
+        for (re, im) in re.iter_mut().zip(im) {
             let Some(first) = rest.first() else {
                 break;
             };
-            *z = *first;
+            (*re, *im) = (first.re, first.im);
             rest = rest.get(self.count..).unwrap_or_default();
         }
     }
 }
 
-/// Blocks of all channels out of a stream, each transformed as soon as it is complete.
+/// Blocks of all channels out of a stream, each transformed as soon as it is complete: channel by
+/// channel, or four at a time with [`Four`](super::Four), where the processor calculates with four
+/// numbers at once. The spectra have the same bits.
 #[derive(Debug)]
-pub struct Blocks<'s> {
-    rings: Rings,
+pub struct Blocks<'s, L = f32> {
+    rings: Rings<L>,
     history: &'s mut [f32],
-    work: &'s mut [Complex32],
+    work: &'s mut [Complex<L>],
     lines: &'s mut [Complex32],
 }
 
-impl<'s> Blocks<'s> {
-    /// Blocks of `channels` channels in lent storage: `history` of
-    /// [`BlockSettings::history_len`], `work` of half a
-    /// transform length, `lines` of
-    /// [`BlockSettings::lines_len`].
+impl<'s, L: Lane> Blocks<'s, L> {
+    /// Elements of storage for blocks of `channels` channels, in whole groups: of `history`, `work` and
+    /// `lines`.
+    #[must_use]
+    pub fn storage_len(settings: &BlockSettings, channels: usize) -> [usize; 3] {
+        [
+            Rings::<L>::storage_len(settings, channels),
+            settings.transform_length() / 2,
+            settings.lines_len(channels.next_multiple_of(L::WIDTH)),
+        ]
+    }
+
+    /// Blocks of `channels` channels in lent storage of [`Self::storage_len`].
     ///
     /// # Errors
     /// [`SpectraError::Storage`] if one of them is too small.
@@ -55,11 +66,12 @@ impl<'s> Blocks<'s> {
         settings: BlockSettings,
         channels: usize,
         history: &'s mut [f32],
-        work: &'s mut [Complex32],
+        work: &'s mut [Complex<L>],
         lines: &'s mut [Complex32],
     ) -> Result<Self, SpectraError> {
-        enough(lines.len(), settings.lines_len(channels))?;
-        enough(work.len(), settings.transform_length() / 2)?;
+        let [_, work_len, lines_len] = Self::storage_len(&settings, channels);
+        enough(lines.len(), lines_len)?;
+        enough(work.len(), work_len)?;
         let rings = Rings::new(settings, channels, history)?;
         Ok(Self {
             rings,
@@ -82,10 +94,9 @@ impl<'s> Blocks<'s> {
     #[inline(never)] // Storing a sample is to be short.
     fn transform(&mut self) -> BlockSpectra<'_> {
         let count = self.rings.settings().grid().count;
-        let pairs = self.lines.chunks_mut((2 * count).max(1)).enumerate();
-        for (pair, lines) in pairs.take(self.rings.pairs()) {
-            let (a, b) = lines.split_at_mut(count.min(lines.len()));
-            self.rings.transform(pair, self.history, self.work, a, b);
+        let groups = self.lines.chunks_mut((L::WIDTH * count).max(1));
+        for (group, lines) in groups.enumerate().take(self.rings.groups()) {
+            self.rings.transform(group, self.history, self.work, lines);
         }
         BlockSpectra {
             lines: self.lines,
@@ -266,5 +277,62 @@ mod tests {
         let share = libm::sqrt(difference / scatter);
         std::println!("{share}");
         assert!(ends.len() >= BLOCKS && share < 0.01, "{share}");
+    }
+
+    /// Channels one by one and by fours, with the last group half empty or not, at the full rate and
+    /// behind each filter, with hops that are no whole batch of them.
+    #[test]
+    fn four_at_once_have_the_bits_of_one_by_one() {
+        fn spectra<L: Lane>(settings: BlockSettings, channels: usize) -> std::vec::Vec<[u32; 2]> {
+            let nothing = Complex32::new(0.0, 0.0);
+            let [history, work, lines] = Blocks::<L>::storage_len(&settings, channels);
+            let mut history = std::vec![0.0; history];
+            let mut work = std::vec![Complex::default(); work];
+            let mut lines = std::vec![nothing; lines];
+            let blocks = Blocks::<L>::new(settings, channels, &mut history, &mut work, &mut lines);
+            let mut blocks = blocks.unwrap();
+            let (mut found, mut state) = (std::vec::Vec::new(), 1_u32);
+            for n in 0..3000 {
+                let mut sample = std::vec::Vec::new();
+                for c in 0..channels {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    sample.push((state >> 8) as f32 * [1e-9, 1.0, 1e9][c % 3]);
+                }
+                if n % 1000 == 999 {
+                    // A sample that lacks channels.
+                    sample.truncate(channels / 2);
+                }
+                if let Some(block) = blocks.push(&sample) {
+                    for c in 0..channels {
+                        let lines = block.channel(c).iter();
+                        found.extend(lines.map(|z| [z.re, z.im].map(f32::to_bits)));
+                    }
+                }
+            }
+            found
+        }
+        for window in [Window::Rectangular, Window::Hann, Window::FlatTop] {
+            for (length, overlap, lines) in [
+                (1024, 0.5, 64.0),
+                (1024, 0.3, 130.0),
+                (512, 0.9, 200.0),
+                (256, 0.7, 3.0),
+                (32, 0.0, 10.0),
+            ] {
+                let rate = length as f64;
+                let settings = BlockSettings::new(length, overlap, window, rate, [1.0, lines]);
+                let settings = settings.unwrap();
+                for settings in [settings, settings.without_decimation()] {
+                    for channels in 1..=9 {
+                        let (one, four) = (
+                            spectra::<f32>(settings, channels),
+                            spectra::<crate::spectra::Four>(settings, channels),
+                        );
+                        assert!(!one.is_empty());
+                        assert!(one == four, "{settings:?}, {channels} channels");
+                    }
+                }
+            }
+        }
     }
 }

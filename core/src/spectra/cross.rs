@@ -1,16 +1,61 @@
 //! The cross-spectral matrix of the twelve resultants, for tests without a drive channel.
 
-use super::sum::settle;
-use super::{Average, BlockSettings, BlockSpectra, Complex32, SpectraError, Sum};
+use super::sum::{Sum, TOGETHER, less};
+use super::{Average, BlockSettings, BlockSpectra, SpectraError};
 use crate::geometry::RESULTANTS;
 
 /// Sums per line: twelve real auto spectra and 66 complex cross spectra.
-const SUMS_PER_LINE: usize = RESULTANTS * RESULTANTS;
+const SUMS: usize = RESULTANTS * RESULTANTS;
+
+/// Sums of the products of all pairs at one line: each is a [`Sum`], whose parts lie apart, so that
+/// neighbouring ones can be added to at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CrossSums {
+    sum: [f32; SUMS],
+    carry: [f32; SUMS],
+}
+
+impl CrossSums {
+    /// Zeros.
+    pub const ZERO: Self = Self {
+        sum: [0.0; SUMS],
+        carry: [0.0; SUMS],
+    };
+
+    /// Sums that were found elsewhere: `cross` of i and j from i on is the real and the imaginary part of
+    /// their product.
+    #[must_use]
+    pub fn of(cross: impl Fn(usize, usize) -> (f64, f64)) -> Self {
+        let mut sums = Self::ZERO;
+        for i in 0..RESULTANTS {
+            sums.set(i, cross(i, i).0);
+            for j in i + 1..RESULTANTS {
+                let ((re, im), at) = (cross(i, j), pair(i, j));
+                sums.set(at.0, re);
+                sums.set(at.1, im);
+            }
+        }
+        sums
+    }
+
+    fn set(&mut self, n: usize, value: f64) {
+        if let (Some(sum), Some(carry)) = (self.sum.get_mut(n), self.carry.get_mut(n)) {
+            Sum::of(value).apart(sum, carry);
+        }
+    }
+
+    fn value(&self, n: usize) -> f64 {
+        match (self.sum.get(n), self.carry.get(n)) {
+            (Some(sum), Some(carry)) => Sum::joined(*sum, *carry).value(),
+            _ => 0.0,
+        }
+    }
+}
 
 /// Running sums of `G_xy = x y*` for all pairs of the twelve resultants.
 #[derive(Debug)]
 pub struct CrossAverage<'s> {
-    sums: &'s mut [Sum],
+    sums: &'s mut [CrossSums],
     blocks: u32,
 }
 
@@ -18,16 +63,19 @@ impl<'s> CrossAverage<'s> {
     /// Elements of storage.
     #[must_use]
     pub fn storage_len(settings: &BlockSettings) -> usize {
-        settings.grid().count * SUMS_PER_LINE
+        settings.grid().count
     }
 
     /// An empty average over lent storage of [`Self::storage_len`].
     ///
     /// # Errors
     /// [`SpectraError::Storage`] if it is too small.
-    pub fn new(settings: &BlockSettings, storage: &'s mut [Sum]) -> Result<Self, SpectraError> {
+    pub fn new(
+        settings: &BlockSettings,
+        storage: &'s mut [CrossSums],
+    ) -> Result<Self, SpectraError> {
         let average = Self::resume(settings, storage, 0)?;
-        average.sums.fill(Sum::ZERO);
+        average.sums.fill(CrossSums::ZERO);
         Ok(average)
     }
 
@@ -37,7 +85,7 @@ impl<'s> CrossAverage<'s> {
     /// [`SpectraError::Storage`] if it is too small.
     pub fn resume(
         settings: &BlockSettings,
-        storage: &'s mut [Sum],
+        storage: &'s mut [CrossSums],
         blocks: u32,
     ) -> Result<Self, SpectraError> {
         let needed = Self::storage_len(settings);
@@ -51,33 +99,45 @@ impl<'s> CrossAverage<'s> {
     /// G_ij at line `k`, summed over the blocks: real and imaginary part of `x_i x_j*`.
     #[must_use]
     pub fn cross(&self, i: usize, j: usize, k: usize) -> (f64, f64) {
-        let at = |n: usize| self.sums.get(k * SUMS_PER_LINE + n).map_or(0.0, Sum::value);
+        let at = |n: usize| self.sums.get(k).map_or(0.0, |line| line.value(n));
         if i == j {
-            (at(i), 0.0)
-        } else if i < j {
-            let n = pair(i, j);
-            (at(n), at(n + 1))
-        } else {
-            let n = pair(j, i);
-            (at(n), -at(n + 1))
+            return (at(i), 0.0);
         }
+        let (re, im) = pair(i.min(j), i.max(j));
+        (at(re), if i < j { at(im) } else { -at(im) })
     }
 }
 
-/// Index of the real part of pair i < j in the sums of a line.
-const fn pair(i: usize, j: usize) -> usize {
-    let before = i * RESULTANTS - i * (i + 1) / 2;
-    RESULTANTS + 2 * (before + j - i - 1)
+/// Indices of the real and the imaginary part of the pair i < j. Rows of the matrix lie by twos: the
+/// product of their channels with each other, then the real parts of those of the first one with all
+/// later ones, their imaginary parts, and the same of the second one.
+const fn pair(i: usize, j: usize) -> (usize, usize) {
+    let two = i - i % 2;
+    // Two rows before have two and four a later channel; so many are later than the first of those.
+    let before = RESULTANTS + two * (2 * RESULTANTS - two - 1);
+    if i == two && j == i + 1 {
+        return (before, before + 1);
+    }
+    let later = RESULTANTS - two - 2;
+    let re = before + 2 + (i - two) * 2 * later + j - two - 2;
+    (re, re + later)
 }
 
 impl Average for CrossAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
-        settle(self.sums, SUMS_PER_LINE, self.blocks);
-        let (lines, _) = self.sums.as_chunks_mut();
-        for (k, sums) in lines.iter_mut().enumerate() {
-            let mut x = [Complex32::new(0.0, 0.0); RESULTANTS];
-            block.line(k, &mut x);
-            add_line(&x, sums);
+        let lines = self.sums.iter_mut().skip(self.blocks as usize % TOGETHER);
+        for CrossSums { sum, carry } in lines.step_by(TOGETHER) {
+            for (sum, carry) in sum.iter_mut().zip(carry) {
+                let mut both = Sum::joined(*sum, *carry);
+                both.settle();
+                both.apart(sum, carry);
+            }
+        }
+        for (k, line) in self.sums.iter_mut().enumerate() {
+            let mut x = [[0.0; RESULTANTS]; 2];
+            let [re, im] = &mut x;
+            block.line(k, re, im);
+            add_line(&x, &mut line.carry);
         }
         self.blocks = self.blocks.saturating_add(1);
     }
@@ -87,53 +147,63 @@ impl Average for CrossAverage<'_> {
     }
 }
 
-/// Adds the products of one line.
-fn add_line(x: &[Complex32; RESULTANTS], sums: &mut [Sum; SUMS_PER_LINE]) {
-    let (auto, cross) = sums.split_at_mut(RESULTANTS);
-    for (sum, x) in auto.iter_mut().zip(x) {
-        sum.add([x.re, x.re], [x.im, x.im]);
+/// Adds the products of one line: real parts of the channels, and imaginary ones.
+fn add_line(x: &[[f32; RESULTANTS]; 2], carry: &mut [f32; SUMS]) {
+    let (auto, cross) = carry.split_at_mut(RESULTANTS);
+    let [re, im] = x;
+    for ((carry, re), im) in auto.iter_mut().zip(re).zip(im) {
+        *carry = less(*carry, [*re, *re], [*im, *im]);
     }
     // Written out, so that lengths are known to the compiler.
-    let mut left: (&[Complex32], &mut [Sum]) = (x, cross);
-    left = add_two_rows(left.0, left.1);
-    left = add_two_rows(left.0, left.1);
-    left = add_two_rows(left.0, left.1);
-    left = add_two_rows(left.0, left.1);
-    left = add_two_rows(left.0, left.1);
-    add_two_rows(left.0, left.1);
+    let mut rest = cross;
+    rest = add_two_rows::<10>(x, rest);
+    rest = add_two_rows::<8>(x, rest);
+    rest = add_two_rows::<6>(x, rest);
+    rest = add_two_rows::<4>(x, rest);
+    rest = add_two_rows::<2>(x, rest);
+    add_two_rows::<0>(x, rest);
 }
 
-/// Adds the products of two rows of the matrix, which share what is loaded, and returns what is left:
-/// the spectra after both, and the sums of the rows after them.
+/// Adds the products of two rows of the matrix, which share what is loaded: of the two channels before
+/// the last `N`, with each other and with those. Returns the carries of the rows after them.
 #[inline(always)]
-fn add_two_rows<'x, 's>(
-    x: &'x [Complex32],
-    sums: &'s mut [Sum],
-) -> (&'x [Complex32], &'s mut [Sum]) {
-    let [p, q, after @ ..] = x else {
-        return (x, sums);
+fn add_two_rows<'s, const N: usize>(
+    [re, im]: &[[f32; RESULTANTS]; 2],
+    carries: &'s mut [f32],
+) -> &'s mut [f32] {
+    let two = RESULTANTS - N - 2;
+    let channel = |c: usize| Some((*re.get(c)?, *im.get(c)?));
+    let (Some((a, b)), Some((c, d))) = (channel(two), channel(two + 1)) else {
+        return carries;
     };
-    let Some((own, rest)) = sums.split_first_chunk_mut() else {
-        return (&[], &mut []);
+    let (Some(re), Some(im)) = (re.last_chunk::<N>(), im.last_chunk::<N>()) else {
+        return carries;
     };
-    let (of_p, rest) = rest.split_at_mut((2 * after.len()).min(rest.len()));
-    let (of_q, rest) = rest.split_at_mut((2 * after.len()).min(rest.len()));
-    add_product(own, p, q);
-    let (of_p, of_q) = (of_p.as_chunks_mut().0, of_q.as_chunks_mut().0);
-    for ((of_p, of_q), z) in of_p.iter_mut().zip(of_q).zip(after) {
-        // Before it is used for both rows, since they might share memory for all the compiler knows.
-        let z = *z;
-        add_product(of_p, p, &z);
-        add_product(of_q, q, &z);
+    let Some(([own_re, own_im], rest)) = carries.split_first_chunk_mut() else {
+        return &mut [];
+    };
+    add_product((own_re, own_im), (a, b), (c, d));
+    let mut rest = rest;
+    let mut take = || {
+        let (part, others) = core::mem::take(&mut rest).split_first_chunk_mut::<N>()?;
+        rest = others;
+        Some(part)
+    };
+    if let (Some(p), Some(q), Some(r), Some(s)) = (take(), take(), take(), take()) {
+        for k in 0..N {
+            let z = (re[k], im[k]);
+            add_product((&mut p[k], &mut q[k]), (a, b), z);
+            add_product((&mut r[k], &mut s[k]), (c, d), z);
+        }
     }
-    (after, rest)
+    rest
 }
 
 /// Adds x y*.
 #[inline(always)]
-fn add_product([re, im]: &mut [Sum; 2], x: &Complex32, y: &Complex32) {
-    re.add([x.re, y.re], [x.im, y.im]);
-    im.add([x.im, y.re], [-x.re, y.im]);
+fn add_product((re, im): (&mut f32, &mut f32), x: (f32, f32), y: (f32, f32)) {
+    *re = less(*re, [x.0, y.0], [x.1, y.1]);
+    *im = less(*im, [x.1, y.0], [-x.0, y.1]);
 }
 
 #[cfg(test)]
@@ -142,13 +212,16 @@ mod tests {
 
     #[test]
     fn pairs_fill_the_line_without_gap_or_overlap() {
-        let mut next = RESULTANTS;
+        let mut is_taken = [false; SUMS];
+        is_taken[..RESULTANTS].fill(true);
         for i in 0..RESULTANTS {
             for j in i + 1..RESULTANTS {
-                assert_eq!(pair(i, j), next);
-                next += 2;
+                let (re, im) = pair(i, j);
+                for n in [re, im] {
+                    assert!(!core::mem::replace(&mut is_taken[n], true), "{i} {j}");
+                }
             }
         }
-        assert_eq!(next, SUMS_PER_LINE);
+        assert_eq!(is_taken, [true; SUMS]);
     }
 }

@@ -36,19 +36,16 @@
 //! loaded once. The channels lie side by side by fours, so that a group of them is
 //! stored at once.
 
+use super::lane::{GROUP, Lane, Row};
+
 /// Share of the decimated block up to which lines may be kept: the pass band's edge.
 pub(super) const USABLE: f64 = 25.0 / 64.0;
 /// Share of the decimated block up to which the shorter filters pass.
 const NARROW: f64 = 1.0 / 4.0;
 /// Most stages: a factor of sixteen.
 pub(super) const MAX_STAGES: usize = 4;
-/// Channels that lie side by side.
-const LANES: usize = 4;
 /// Outputs that are computed together.
 const TOGETHER: usize = 8;
-
-/// One sample of the channels of a group.
-type Row = [f32; LANES];
 
 /// Twice the coefficients at the distances 1, 3, 5, … from the middle, on either side: the middle
 /// one is then one, and an output is too large by a factor of two a stage.
@@ -86,17 +83,24 @@ const NARROW_LAST: [f32; 6] = [
 ];
 const NARROW_EARLY: [f32; 3] = [0.590_407_9, -0.104_623_47, 0.014_234_926];
 
+/// Adds the part of one coefficient, of the rows before and after the middle, to an output.
+macro_rules! pair {
+    ($y:expr, $a:expr, $b:expr, $l:ident, $h:expr) => {
+        $y.plus(L::of_row(&$a, $l).plus(L::of_row(&$b, $l)).times($h))
+    };
+}
+
 /// Adds the part of one coefficient to eight outputs, each of which sees its two samples one row later.
 macro_rules! add_pair {
     ($y:ident, $e:ident, $l:ident, $h:expr, $j:literal $k:literal) => {
-        $y[0] += $h * ($e[$j][$l] + $e[$k][$l]);
-        $y[1] += $h * ($e[$j + 1][$l] + $e[$k + 1][$l]);
-        $y[2] += $h * ($e[$j + 2][$l] + $e[$k + 2][$l]);
-        $y[3] += $h * ($e[$j + 3][$l] + $e[$k + 3][$l]);
-        $y[4] += $h * ($e[$j + 4][$l] + $e[$k + 4][$l]);
-        $y[5] += $h * ($e[$j + 5][$l] + $e[$k + 5][$l]);
-        $y[6] += $h * ($e[$j + 6][$l] + $e[$k + 6][$l]);
-        $y[7] += $h * ($e[$j + 7][$l] + $e[$k + 7][$l]);
+        $y[0] = pair!($y[0], $e[$j], $e[$k], $l, $h);
+        $y[1] = pair!($y[1], $e[$j + 1], $e[$k + 1], $l, $h);
+        $y[2] = pair!($y[2], $e[$j + 2], $e[$k + 2], $l, $h);
+        $y[3] = pair!($y[3], $e[$j + 3], $e[$k + 3], $l, $h);
+        $y[4] = pair!($y[4], $e[$j + 4], $e[$k + 4], $l, $h);
+        $y[5] = pair!($y[5], $e[$j + 5], $e[$k + 5], $l, $h);
+        $y[6] = pair!($y[6], $e[$j + 6], $e[$k + 6], $l, $h);
+        $y[7] = pair!($y[7], $e[$j + 7], $e[$k + 7], $l, $h);
     };
 }
 
@@ -106,19 +110,26 @@ macro_rules! add_pair {
 macro_rules! sums {
     ($h:ident, $e:ident, $f:ident, $l:ident, $($i:literal: $j:literal $k:literal),*) => {{
         let mut y = [
-            $f[0][$l], $f[1][$l], $f[2][$l], $f[3][$l], $f[4][$l], $f[5][$l], $f[6][$l], $f[7][$l],
+            L::of_row(&$f[0], $l),
+            L::of_row(&$f[1], $l),
+            L::of_row(&$f[2], $l),
+            L::of_row(&$f[3], $l),
+            L::of_row(&$f[4], $l),
+            L::of_row(&$f[5], $l),
+            L::of_row(&$f[6], $l),
+            L::of_row(&$f[7], $l),
         ];
         $(add_pair!(y, $e, $l, $h[$i], $j $k);)*
         y
     }};
 }
 
-/// A filter before the last one, for `lanes` lanes: its outputs are first and second samples of the
+/// A filter before the last one, for `channels` channels of a group: its outputs are first and second samples of the
 /// next.
 macro_rules! early {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
         #[inline(never)] // All registers are its own.
-        fn $name(lanes: usize, e: &[Row], f: &[Row], into: &mut [Row], [second, first]: [usize; 2]) {
+        fn $name<L: Lane>(channels: usize, e: &[Row], f: &[Row], into: &mut [Row], [second, first]: [usize; 2]) {
             let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
                 return;
             };
@@ -129,30 +140,34 @@ macro_rules! early {
             let (Some(seconds), Some(firsts)) = (seconds, firsts.first_chunk_mut::<4>()) else {
                 return;
             };
-            for l in 0..lanes.min(LANES) {
+            let mut l = 0;
+            while l < channels.min(GROUP) {
                 let y = sums!($h, e, f, l, $($taps)*);
-                firsts[0][l] = y[0];
-                seconds[0][l] = y[1];
-                firsts[1][l] = y[2];
-                seconds[1][l] = y[3];
-                firsts[2][l] = y[4];
-                seconds[2][l] = y[5];
-                firsts[3][l] = y[6];
-                seconds[3][l] = y[7];
+                y[0].into_row(&mut firsts[0], l);
+                y[1].into_row(&mut seconds[0], l);
+                y[2].into_row(&mut firsts[1], l);
+                y[3].into_row(&mut seconds[1], l);
+                y[4].into_row(&mut firsts[2], l);
+                y[5].into_row(&mut seconds[2], l);
+                y[6].into_row(&mut firsts[3], l);
+                y[7].into_row(&mut seconds[3], l);
+                l += L::WIDTH;
             }
         }
     };
 }
 
-/// The last filter, for as many lanes as there are rings, whose places `at` take the outputs.
+/// The last filter, for as many channels as there are rings, whose places `at` take the outputs.
 macro_rules! last {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
         #[inline(never)] // All registers are its own.
-        fn $name([e, f]: [&[Row]; 2], rings: &mut [f32], (n, at): (usize, usize)) {
+        fn $name<L: Lane>([e, f]: [&[Row]; 2], rings: &mut [f32], (n, at): (usize, usize)) {
             let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
                 return;
             };
-            for (l, ring) in rings.chunks_exact_mut(n.max(1)).enumerate().take(LANES) {
+            let rings = rings.chunks_exact_mut((n * L::WIDTH).max(1)).enumerate();
+            for (k, ring) in rings.take(GROUP / L::WIDTH) {
+                let (l, ring) = (k * L::WIDTH, L::samples_mut(ring));
                 if let Some(into) = ring.get_mut(at..).and_then(|r| r.first_chunk_mut()) {
                     *into = sums!($h, e, f, l, $($taps)*);
                 }
@@ -246,7 +261,7 @@ impl Filters {
 
     /// Elements of state that `channels` need.
     pub(super) const fn state_len(&self, channels: usize) -> usize {
-        channels.div_ceil(LANES) * LANES * self.rows()
+        channels.div_ceil(GROUP) * GROUP * self.rows()
     }
 
     /// Input samples until the first output that does not see the start from rest.
@@ -275,7 +290,7 @@ struct Line {
 
 /// Samples on their way through the filters.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Decimator {
+pub struct Decimator {
     filters: Filters,
     lines: [Line; MAX_STAGES],
     channels: usize,
@@ -307,7 +322,7 @@ impl Decimator {
             filters,
             lines,
             channels,
-            group: filters.rows() * LANES,
+            group: filters.rows() * GROUP,
             places: [0; 2],
             wanted: 0,
         }
@@ -319,7 +334,7 @@ impl Decimator {
         let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
-            (Some(begin), Some(kept)) => base + (begin + kept) * LANES,
+            (Some(begin), Some(kept)) => base + (begin + kept) * GROUP,
             _ => base,
         });
         self.wanted = outputs << self.filters.stages;
@@ -333,11 +348,11 @@ impl Decimator {
         if sample.len() < self.channels {
             self.clear(storage);
         }
-        let (groups, rest) = sample.as_chunks::<LANES>();
+        let (groups, rest) = sample.as_chunks::<GROUP>();
         let mut at = place;
         for x in groups {
             let slots = storage
-                .get_mut(at..at + LANES)
+                .get_mut(at..at + GROUP)
                 .and_then(|s| s.first_chunk_mut());
             let Some(row) = slots else {
                 break;
@@ -355,7 +370,7 @@ impl Decimator {
                 }
             }
         }
-        self.places = [next, place + LANES];
+        self.places = [next, place + GROUP];
         self.wanted -= 1;
         self.wanted == 0
     }
@@ -365,16 +380,16 @@ impl Decimator {
     fn clear(&self, storage: &mut [f32]) {
         let [place, _] = self.places;
         let states = storage.get_mut(place..).unwrap_or_default();
-        let groups = states.chunks_mut(self.group.max(LANES));
-        for state in groups.take(self.channels.div_ceil(LANES)) {
-            state.iter_mut().take(LANES).for_each(|x| *x = 0.0);
+        let groups = states.chunks_mut(self.group.max(GROUP));
+        for state in groups.take(self.channels.div_ceil(GROUP)) {
+            state.iter_mut().take(GROUP).for_each(|x| *x = 0.0);
         }
     }
 
     /// Filters the samples that wait, of every channel: the outputs of each, `outputs` of them and
     /// too large by two a stage, go to its ring of `n` from `head` on.
     #[inline(never)] // Storing a sample is to be short.
-    pub(super) fn filter(
+    pub(super) fn filter<L: Lane>(
         &self,
         states: &mut [f32],
         rings: &mut [f32],
@@ -382,39 +397,40 @@ impl Decimator {
         outputs: usize,
     ) {
         let n = n.max(1);
-        let mut lanes = self.channels;
-        let states = states.chunks_exact_mut(self.group.max(LANES));
-        let mut groups = rings.chunks_mut((LANES * n).max(1));
+        let mut channels = self.channels;
+        let states = states.chunks_exact_mut(self.group.max(GROUP));
+        let mut groups = rings.chunks_mut((GROUP * n).max(1));
         for state in states {
             let Some(rings) = groups.next() else {
                 break;
             };
             let (rows, _) = state.as_chunks_mut();
-            self.run(rows, lanes, outputs);
+            self.run::<L>(rows, channels, outputs);
             if outputs == TOGETHER && head + TOGETHER <= n {
-                self.finish(rows, rings, (n, head));
+                self.finish::<L>(rows, rings, (n, head));
             } else {
-                let mut y = [0.0; LANES * TOGETHER];
-                self.finish(rows, &mut y, (TOGETHER, 0));
-                for (ring, y) in rings.chunks_mut(n).zip(y.as_chunks::<TOGETHER>().0) {
-                    let Some((start, end)) = ring.split_at_mut_checked(head) else {
+                let mut y = [0.0; GROUP * TOGETHER];
+                self.finish::<L>(rows, &mut y, (TOGETHER, 0));
+                let rings = rings.chunks_mut(n * L::WIDTH);
+                for (ring, y) in rings.zip(y.chunks(TOGETHER * L::WIDTH)) {
+                    let Some((start, end)) = L::samples_mut(ring).split_at_mut_checked(head) else {
                         break;
                     };
-                    let slots = end.iter_mut().chain(start).zip(y);
+                    let slots = end.iter_mut().chain(start).zip(L::samples(y));
                     slots.take(outputs).for_each(|(slot, y)| *slot = *y);
                 }
             }
             self.forget(rows, outputs);
-            lanes = lanes.saturating_sub(LANES);
+            channels = channels.saturating_sub(GROUP);
         }
     }
 
     /// Filters a group by all stages before the last one.
-    fn run(&self, rows: &mut [Row], lanes: usize, outputs: usize) {
+    fn run<L: Lane>(&self, rows: &mut [Row], channels: usize, outputs: usize) {
         let filter = if self.filters.wide {
-            wide_early
+            wide_early::<L>
         } else {
-            narrow_early
+            narrow_early::<L>
         };
         for pair in self.lines.windows(2).take(self.filters.stages - 1) {
             let [line, next] = pair else {
@@ -429,7 +445,7 @@ impl Decimator {
                 let (Some(e), Some(f)) = (own.get(seconds..), own.get(firsts..)) else {
                     return;
                 };
-                filter(lanes, e, f, later, into);
+                filter(channels, e, f, later, into);
                 seconds += TOGETHER;
                 firsts += TOGETHER;
                 into = into.map(|row| row + TOGETHER / 2);
@@ -438,7 +454,7 @@ impl Decimator {
     }
 
     /// Filters a group by the last stage.
-    fn finish(&self, rows: &[Row], rings: &mut [f32], place: (usize, usize)) {
+    fn finish<L: Lane>(&self, rows: &[Row], rings: &mut [f32], place: (usize, usize)) {
         let line = self.lines.get(self.filters.stages - 1);
         let Some(Line { begin, slack, .. }) = line else {
             return;
@@ -446,9 +462,9 @@ impl Decimator {
         let inputs = [begin[0] + slack[0], begin[1] + slack[1]]
             .map(|row| rows.get(row..).unwrap_or_default());
         if self.filters.wide {
-            wide_last(inputs, rings, place);
+            wide_last::<L>(inputs, rings, place);
         } else {
-            narrow_last(inputs, rings, place);
+            narrow_last::<L>(inputs, rings, place);
         }
     }
 
@@ -556,7 +572,7 @@ mod tests {
         for n in 0..channels[0].len() {
             let sample: Vec<f32> = channels.iter().map(|x| x[n]).collect();
             if decimator.push(&mut states, &sample) {
-                decimator.filter(&mut states, &mut rings, (N, head), batch);
+                decimator.filter::<f32>(&mut states, &mut rings, (N, head), batch);
                 decimator.begin(0, batch);
                 for (found, ring) in found.iter_mut().zip(rings.chunks(N)) {
                     found.extend((0..batch).map(|k| ring[(head + k) % N]));

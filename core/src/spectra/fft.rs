@@ -6,6 +6,7 @@
 //! three times as many instructions for the same lines.
 
 use super::Complex32;
+use super::lane::{Complex, Lane, minus, plus, times, turned};
 use core::f64::consts::PI;
 
 /// Longest block. Beyond 1024 samples the tables need the feature `long-blocks`.
@@ -88,9 +89,9 @@ const fn unit(k: usize, n: usize) -> Complex32 {
     Complex32::new(c as f32, -s as f32)
 }
 
-/// The transform of pairs of samples, each a complex number. `ring` holds them, the oldest one at
-/// `head`; `work` is of half its length.
-pub(super) fn transform_pairs(ring: &[f32], head: usize, work: &mut [Complex32]) {
+/// The transform of pairs of samples, each a complex number, of one channel or of several side by
+/// side. `ring` holds them, the oldest one at `head`; `work` is of half its length.
+pub(super) fn transform_pairs<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
     let half = work.len();
     let radix = if half.trailing_zeros() % 2 == 1 { 8 } else { 4 };
     let groups = half / radix;
@@ -108,7 +109,7 @@ pub(super) fn transform_pairs(ring: &[f32], head: usize, work: &mut [Complex32])
 
 /// The first pass, where each input of all groups lies in one piece.
 #[inline(never)]
-fn in_pieces(ring: &[f32], head: usize, work: &mut [Complex32]) {
+fn in_pieces<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
     let (pairs, _) = ring.as_chunks::<2>();
     let groups = pairs.len() / 8;
     let (newer, older) = pairs.split_at((head / 2).min(pairs.len()));
@@ -122,7 +123,7 @@ fn in_pieces(ring: &[f32], head: usize, work: &mut [Complex32]) {
     let reversed = Reversed::of(groups);
     for (group, (((a, e), (c, g)), ((b, f), (d, h)))) in inputs.enumerate() {
         if let Some(work) = work.get_mut(reversed.place(group)) {
-            let z = |pair: &[f32; 2]| Complex32::new(pair[0], pair[1]);
+            let z = |pair: &[L; 2]| Complex::new(pair[0], pair[1]);
             *work = eight([z(a), z(b), z(c), z(d), z(e), z(f), z(g), z(h)]);
         }
     }
@@ -130,13 +131,13 @@ fn in_pieces(ring: &[f32], head: usize, work: &mut [Complex32]) {
 
 /// The first pass, wherever the inputs lie.
 #[inline(never)]
-fn one_by_one(ring: &[f32], head: usize, work: &mut [Complex32], radix: usize) {
+fn one_by_one<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>], radix: usize) {
     let groups = work.len() / radix;
     let (reversed, last) = (Reversed::of(groups), ring.len().wrapping_sub(1));
     let sample = |n: usize| ring.get((head + n) & last).copied().unwrap_or_default();
     let input = |group: usize, r: usize| {
         let n = 2 * (reversed.place(group) + r * groups);
-        Complex32::new(sample(n), sample(n + 1))
+        Complex::new(sample(n), sample(n + 1))
     };
     if radix == 8 {
         for (group, work) in work.as_chunks_mut().0.iter_mut().enumerate() {
@@ -173,44 +174,43 @@ impl Reversed {
     }
 }
 
-/// -j z.
-#[inline(always)]
-fn turned(z: Complex32) -> Complex32 {
-    Complex32::new(z.im, -z.re)
-}
-
 /// The transform of four numbers.
 #[inline(always)]
-fn butterfly(a: Complex32, b: Complex32, c: Complex32, d: Complex32) -> [Complex32; 4] {
-    let (ac, bd) = (a + c, b + d);
-    let (a_c, b_d) = (a - c, turned(b - d));
-    [ac + bd, a_c + b_d, ac - bd, a_c - b_d]
+fn butterfly<L: Lane>(
+    a: Complex<L>,
+    b: Complex<L>,
+    c: Complex<L>,
+    d: Complex<L>,
+) -> [Complex<L>; 4] {
+    let (ac, bd) = (plus(a, c), plus(b, d));
+    let (a_c, b_d) = (minus(a, c), turned(minus(b, d)));
+    [plus(ac, bd), plus(a_c, b_d), minus(ac, bd), minus(a_c, b_d)]
 }
 
 /// The transform of eight numbers.
 #[inline(always)]
-fn eight([a, b, c, d, e, f, g, h]: [Complex32; 8]) -> [Complex32; 8] {
+fn eight<L: Lane>([a, b, c, d, e, f, g, h]: [Complex<L>; 8]) -> [Complex<L>; 8] {
     const S: f32 = core::f32::consts::FRAC_1_SQRT_2;
     let [e0, e1, e2, e3] = butterfly(a, c, e, g);
     let [o0, o1, o2, o3] = butterfly(b, d, f, h);
-    let o1 = Complex32::new((o1.re + o1.im) * S, (o1.im - o1.re) * S);
+    let o1 = Complex::new(o1.re.plus(o1.im).times(S), o1.im.minus(o1.re).times(S));
     let o2 = turned(o2);
-    let o3 = Complex32::new((o3.im - o3.re) * S, (o3.re + o3.im) * -S);
+    let o3 = Complex::new(o3.im.minus(o3.re).times(S), o3.re.plus(o3.im).times(-S));
     [
-        e0 + o0,
-        e1 + o1,
-        e2 + o2,
-        e3 + o3,
-        e0 - o0,
-        e1 - o1,
-        e2 - o2,
-        e3 - o3,
+        plus(e0, o0),
+        plus(e1, o1),
+        plus(e2, o2),
+        plus(e3, o3),
+        minus(e0, o0),
+        minus(e1, o1),
+        minus(e2, o2),
+        minus(e3, o3),
     ]
 }
 
 /// Combines transforms of `length` lines by fours.
 #[inline(never)]
-fn combine(work: &mut [Complex32], length: usize) {
+fn combine<L: Lane>(work: &mut [Complex<L>], length: usize) {
     let step = (BUTTERFLIES / length.max(1)).max(1);
     for four in work.chunks_exact_mut((4 * length).max(1)) {
         let (ab, cd) = four.split_at_mut(2 * length);
@@ -226,14 +226,9 @@ fn combine(work: &mut [Complex32], length: usize) {
     }
 }
 
-#[inline(always)]
-fn times(a: Complex32, b: Complex32) -> Complex32 {
-    Complex32::new(a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re)
-}
-
 /// Lines `first` and up of the block of which `z` are the transformed pairs, neither the line 0 nor
 /// the last one among them.
-pub(super) fn lines(z: &[Complex32], first: usize) -> impl Iterator<Item = Complex32> {
+pub(super) fn lines<L: Lane>(z: &[Complex<L>], first: usize) -> impl Iterator<Item = Complex<L>> {
     let n = 2 * z.len();
     let step = (MAX_BLOCK_LENGTH / n.max(1)).max(1);
     let twiddles = HALF_CIRCLE.get(first * step..).unwrap_or_default();
@@ -248,12 +243,12 @@ pub(super) fn lines(z: &[Complex32], first: usize) -> impl Iterator<Item = Compl
         .zip(twiddles)
         .map(|((z, y), w)| {
             let ([y, ..], [w, ..]) = (y, w) else {
-                return Complex32::new(0.0, 0.0);
+                return Complex::default();
             };
             // Twice the transforms of the even samples and of the odd ones.
-            let even = Complex32::new(z.re + y.re, z.im - y.im);
-            let odd = Complex32::new(z.im + y.im, y.re - z.re);
-            even + times(odd, *w)
+            let even = Complex::new(z.re.plus(y.re), z.im.minus(y.im));
+            let odd = Complex::new(z.im.plus(y.im), y.re.minus(z.re));
+            plus(even, times(odd, *w))
         })
 }
 

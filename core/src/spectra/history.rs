@@ -2,25 +2,36 @@
 
 use super::decimate::Decimator;
 use super::fft::{lines, transform_pairs};
+use super::lane::{Complex, Lane, plus, scaled};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
+use core::marker::PhantomData;
 
 /// The last block's worth of samples of every channel, in storage that its owner lends anew with
 /// each sample, always the same: for a chip that has no room for the lines of all channels at
-/// once. Elsewhere use [`super::Blocks`].
+/// once. Elsewhere use [`super::Blocks`]. Channels are transformed one by one, or by groups of four as
+/// [`Four`](super::Four), whose samples lie side by side.
 #[derive(Debug)]
-pub struct Rings {
+pub struct Rings<L = f32> {
     settings: BlockSettings,
     channels: usize,
     head: usize,
     decimator: Decimator,
     /// Decimated samples still missing before the next block is complete.
     missing: usize,
+    lane: PhantomData<L>,
 }
 
-impl Rings {
+impl<L: Lane> Rings<L> {
+    /// Elements of storage for `channels` channels: [`BlockSettings::history_len`] of as many, in whole
+    /// groups.
+    #[must_use]
+    pub fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
+        settings.history_len(channels.next_multiple_of(L::WIDTH))
+    }
+
     /// Those of `channels` channels at their beginning. `storage`, of
-    /// [`BlockSettings::history_len`] elements at least, will hold one ring of
+    /// [`Self::storage_len`] elements at least, will hold one ring of
     /// [`BlockSettings::transform_length`] samples a channel, then their filters' states.
     ///
     /// # Errors
@@ -30,28 +41,34 @@ impl Rings {
         channels: usize,
         storage: &mut [f32],
     ) -> Result<Self, SpectraError> {
-        enough(storage.len(), settings.history_len(channels))?;
+        enough(storage.len(), Self::storage_len(&settings, channels))?;
         let mut rings = Self {
             settings,
             channels,
             head: 0,
             decimator: Decimator::new(settings.filters(), channels),
             missing: 0,
+            lane: PhantomData,
         };
         rings.restart(storage);
         Ok(rings)
     }
 
-    /// Pairs of channels; the last one may be half empty.
+    /// Number of the channels' groups.
     #[must_use]
-    pub fn pairs(&self) -> usize {
-        self.channels.div_ceil(2)
+    pub fn groups(&self) -> usize {
+        self.channels.div_ceil(L::WIDTH)
+    }
+
+    /// Elements of the rings' storage, behind which the filters' states lie.
+    fn rings_len(&self) -> usize {
+        self.groups() * L::WIDTH * self.settings.transform_length()
     }
 
     /// Forgets all samples: the next block starts with the next one.
     pub fn restart(&mut self, storage: &mut [f32]) {
         let n = self.settings.transform_length();
-        if let Some(filters) = storage.get_mut(self.channels * n..) {
+        if let Some(filters) = storage.get_mut(self.rings_len()..) {
             filters.fill(0.0);
         }
         // Those that see the start from rest are part of no block. The first block is to begin where
@@ -73,8 +90,7 @@ impl Rings {
 
     /// Goes on to the next outputs of the filters.
     fn begin(&mut self) {
-        let base = self.channels * self.settings.transform_length();
-        self.decimator.begin(base, self.outputs());
+        self.decimator.begin(self.rings_len(), self.outputs());
     }
 
     /// The settings.
@@ -98,14 +114,14 @@ impl Rings {
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
         let outputs = self.outputs();
-        let places = storage.split_at_mut_checked(self.channels * n);
+        let places = storage.split_at_mut_checked(self.rings_len());
         let state_len = self.settings.filters().state_len(self.channels);
         let Some((rings, states)) = places.filter(|(_, states)| states.len() >= state_len) else {
             self.begin();
             return false;
         };
         let place = (n, self.head);
-        self.decimator.filter(states, rings, place, outputs);
+        L::filter(&self.decimator, states, rings, place, outputs);
         let complete = self.advance(outputs);
         self.begin();
         complete
@@ -115,19 +131,27 @@ impl Rings {
     #[inline(never)] // As above.
     fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let n = self.settings.transform_length();
-        let Some(rings) = storage.get_mut(..self.channels * n) else {
+        let Some(rings) = storage.get_mut(..self.rings_len()) else {
             return false;
         };
-        let mut slots = rings.get_mut(self.head..).unwrap_or_default();
+        let mut at = self.head * L::WIDTH;
         if sample.len() < self.channels {
-            slots.iter_mut().step_by(n.max(1)).for_each(|x| *x = 0.0);
+            for ring in rings.chunks_exact_mut((L::WIDTH * n).max(1)) {
+                let slots = ring.iter_mut().skip(at).take(L::WIDTH);
+                slots.for_each(|x| *x = 0.0);
+            }
         }
-        for x in sample {
-            let Some(slot) = slots.first_mut() else {
-                break;
-            };
-            *slot = *x;
-            slots = slots.get_mut(n..).unwrap_or_default();
+        let mut lane = 0;
+        for x in sample.iter().take(self.channels) {
+            if let Some(slot) = rings.get_mut(at) {
+                *slot = *x;
+            }
+            at += 1;
+            lane += 1;
+            if lane == L::WIDTH {
+                lane = 0;
+                at += (n - 1) * L::WIDTH;
+            }
         }
         self.advance(1)
     }
@@ -144,26 +168,34 @@ impl Rings {
         true
     }
 
-    /// The kept lines of channels `2 pair` and `2 pair + 1`, one after the other in `work` of half a
-    /// transform length at least.
+    /// The kept lines of a group of channels, by its number: those of its first channel, then of the
+    /// next one, as many in each as the grid has. `work` is of half a transform length at least.
     pub fn transform(
         &self,
-        pair: usize,
+        group: usize,
         storage: &[f32],
-        work: &mut [Complex32],
-        a: &mut [Complex32],
-        b: &mut [Complex32],
+        work: &mut [Complex<L>],
+        kept: &mut [Complex32],
     ) {
         let n = self.settings.transform_length();
-        let rings = storage.chunks_exact(n.max(1)).take(self.channels);
-        let Some(work) = work.get_mut(..n / 2) else {
-            return;
-        };
-        for (ring, kept) in rings.skip(2 * pair).zip([a, b]) {
-            transform_pairs(ring, self.head, work);
-            self.settings.window_lines(work, kept);
+        let mut rings = storage
+            .chunks_exact((L::WIDTH * n).max(1))
+            .take(self.groups());
+        if let (Some(ring), Some(work)) = (rings.nth(group), work.get_mut(..n / 2)) {
+            L::lines(&self.settings, (L::samples(ring), self.head), work, kept);
         }
     }
+}
+
+/// The kept lines of a block, whose oldest sample lies at `head` of its ring.
+pub(super) fn block_lines<L: Lane>(
+    settings: &BlockSettings,
+    (ring, head): (&[L], usize),
+    work: &mut [Complex<L>],
+    kept: &mut [Complex32],
+) {
+    transform_pairs(ring, head, work);
+    settings.window_lines(work, kept);
 }
 
 impl BlockSettings {
@@ -171,16 +203,16 @@ impl BlockSettings {
     ///
     /// The mean under the window is taken out: what makes the windowed line 0 vanish. The plain mean
     /// would let a strong resonance leak in, unwindowed, and leave it in the lowest lines.
-    fn window_lines(&self, z: &[Complex32], kept: &mut [Complex32]) {
+    fn window_lines<L: Lane>(&self, z: &[Complex<L>], kept: &mut [Complex32]) {
         let (grid, coefficients) = (self.grid(), self.window().coefficients());
-        let kept = kept.get_mut(..grid.count).unwrap_or_default();
+        let count = grid.count;
         // The lines come twice as large, and the filters' gain is two a stage.
         let gain = 1.0 / (2 << self.filters().stages()) as f32;
         match *coefficients {
             [c0] => {
                 let own = c0 * gain;
-                for (kept, x) in kept.iter_mut().zip(lines(z, grid.first)) {
-                    *kept = x * own;
+                for (slot, line) in L::slots(kept, count).zip(lines(z, grid.first)) {
+                    L::keep(scaled(line, own), slot);
                 }
             }
             [c0, c1] => {
@@ -192,38 +224,43 @@ impl BlockSettings {
                 if grid.first > 1 {
                     line = from.next().unwrap_or_default();
                 } else {
-                    before = Complex32::new(c1 / c0 * line.re, 0.0);
+                    before = Complex::new(line.re.times(c1 / c0), L::default());
                 }
-                for (kept, next) in kept.iter_mut().zip(from) {
-                    *kept = line * own + (before + next) * beside;
+                for (slot, next) in L::slots(kept, count).zip(from) {
+                    let both = scaled(plus(before, next), beside);
+                    L::keep(plus(scaled(line, own), both), slot);
                     (before, line) = (line, next);
                 }
             }
             _ => {
                 let at = |k: usize| lines(z, k).next().unwrap_or_default();
-                let mut others = 0.0;
+                let mut others = L::default();
                 for (i, c) in coefficients.iter().enumerate().skip(1) {
-                    others += if i % 2 == 1 { *c } else { -c } * at(i).re;
+                    others = others.plus(at(i).re.times(if i % 2 == 1 { *c } else { -c }));
                 }
                 let first = coefficients.first().copied().unwrap_or(1.0);
-                let mean = Complex32::new(others / first, 0.0);
-                for (k, kept) in (grid.first..).zip(kept) {
+                let mean = Complex::new(others.over(first), L::default());
+                for (k, slot) in (grid.first..).zip(L::slots(kept, count)) {
                     let line = |i: isize| match k.checked_add_signed(i) {
                         Some(0) => mean,
                         Some(k) => at(k),
-                        None => at(i.unsigned_abs() - k).conj(),
+                        None => {
+                            let Complex { re, im } = at(i.unsigned_abs() - k);
+                            Complex::new(re, im.negated())
+                        }
                     };
-                    let mut sum = Complex32::new(0.0, 0.0);
+                    let mut sum = Complex::default();
                     let mut sign = gain;
                     for (i, c) in (0..).zip(coefficients) {
                         // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
-                        sum += match i {
-                            0 => line(0) * (sign * c),
-                            _ => (line(i) + line(-i)) * (sign * 0.5 * c),
+                        let part = match i {
+                            0 => scaled(line(0), sign * c),
+                            _ => scaled(plus(line(i), line(-i)), sign * 0.5 * c),
                         };
+                        sum = plus(sum, part);
                         sign = -sign;
                     }
-                    *kept = sum;
+                    L::keep(sum, slot);
                 }
             }
         }
@@ -241,14 +278,14 @@ mod tests {
         let settings = BlockSettings::new(256, 0.5, Window::Hann, 256.0, [1.0, 40.0]).unwrap();
         let mut storage = [0.0; 4096];
         let mut work = [NOTHING; 256];
-        let mut rings = Rings::new(settings, 2, &mut storage).unwrap();
-        let (mut a, mut b) = ([NOTHING; 40], [NOTHING; 40]);
+        let mut rings = Rings::<f32>::new(settings, 2, &mut storage).unwrap();
+        let mut lines = [NOTHING; 40];
         for n in 0..100_000_u32 {
             let x = (n.wrapping_mul(0x9E37_79B1) >> 8) as f32 / (1 << 24) as f32 - 0.5;
             let y = (n.wrapping_mul(0x85EB_CA77) >> 8) as f32 / (1 << 24) as f32 - 0.5;
             if rings.push(&mut storage, &[beside * x, y]) {
-                rings.transform(0, &storage, &mut work, &mut a, &mut b);
-                return b;
+                rings.transform(1, &storage, &mut work, &mut lines);
+                return lines;
             }
         }
         panic!("no block");
@@ -282,7 +319,7 @@ mod tests {
             }
             let len = settings.history_len(2);
             let mut storage = [NOTHING; 4096];
-            let mut rings = Rings::new(settings, 2, &mut storage[..len]).unwrap();
+            let mut rings = Rings::<f32>::new(settings, 2, &mut storage[..len]).unwrap();
             let rings_len = 2 * settings.transform_length();
             for _ in 0..10_000 {
                 assert!(!rings.push(&mut storage[..len - 1], &[1.0, 1.0]), "{whole}");

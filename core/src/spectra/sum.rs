@@ -1,7 +1,7 @@
 //! A running sum that does not forget small terms.
 
 /// Additions after which the terms are taken over into the sum.
-const TOGETHER: usize = 16;
+pub(super) const TOGETHER: usize = 16;
 
 /// A sum in two `f32`, about twice the precision of one.
 ///
@@ -35,13 +35,25 @@ impl Sum {
     /// Adds `a b + c d`, the real or the imaginary part of a product.
     #[inline(always)]
     pub(crate) fn add(&mut self, [a, b]: [f32; 2], [c, d]: [f32; 2]) {
-        self.carry = (self.carry - a * b) - c * d;
+        self.carry = less(self.carry, [a, b], [c, d]);
+    }
+
+    /// That of the two parts, which lie apart.
+    #[inline(always)]
+    pub(super) fn joined(sum: f32, carry: f32) -> Self {
+        Self { sum, carry }
+    }
+
+    /// Its two parts.
+    #[inline(always)]
+    pub(super) fn apart(self, sum: &mut f32, carry: &mut f32) {
+        (*sum, *carry) = (self.sum, self.carry);
     }
 
     /// Takes terms over from the carry: to be called at least after every sixteenth addition, see
     /// [`settle`].
     #[inline]
-    fn settle(&mut self) {
+    pub(super) fn settle(&mut self) {
         let next = self.sum - self.carry;
         // What rounding took (Knuth), of whichever is larger.
         let taken = self.sum - next;
@@ -62,6 +74,12 @@ impl Sum {
     pub(crate) fn value(&self) -> f64 {
         f64::from(self.sum) - f64::from(self.carry)
     }
+}
+
+/// The carry after `a b + c d` was added.
+#[inline(always)]
+pub(super) fn less(carry: f32, [a, b]: [f32; 2], [c, d]: [f32; 2]) -> f32 {
+    (carry - a * b) - c * d
 }
 
 /// Takes the terms of every sixteenth of the lines over, of `width` sums each: all have their turn in

@@ -18,8 +18,8 @@ use massline_core::masslines::{
 };
 use massline_core::nalgebra::{Complex, Matrix6, Vector3};
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineRange, RunResponses,
-    Sum, Window,
+    Average, BlockSettings, Blocks, Complex32, CrossAverage, CrossSums, DriveAverage, LineRange,
+    RunResponses, Sum, Window,
 };
 use massline_core::weighting::{MINIMUM_WEIGHT, join_peaks, peak_response, weights_from_peaks};
 use specimen::{ACCELEROMETERS, Specimen};
@@ -71,7 +71,7 @@ struct Averages {
     map: ResultantMap,
     geometry: RunGeometry,
     drive: Vec<Vec<Sum>>,
-    cross: Vec<Vec<Sum>>,
+    cross: Vec<Vec<CrossSums>>,
     blocks: u32,
 }
 
@@ -93,7 +93,7 @@ impl Averages {
             map: geometry.map.clone(),
             geometry,
             drive: vec![vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)]; RUNS],
-            cross: vec![vec![Sum::ZERO; CrossAverage::storage_len(&settings)]; RUNS],
+            cross: vec![vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)]; RUNS],
             blocks: 0,
         };
         for run in 0..RUNS {

@@ -41,8 +41,8 @@ const FILTERS: usize = match DECIMATIONS {
 
 /// Samples and filter states of the blocks that are under way.
 const HISTORY: usize = AVERAGED * TRANSFORM + AVERAGED.div_ceil(4) * FILTERS;
-/// Lines of the drive and of the two channels that are transformed together.
-const BLOCK_LINES: usize = 3 * LINES;
+/// Lines of the drive and of the channel that is transformed.
+const BLOCK_LINES: usize = 2 * LINES;
 /// Running sums: the drive's power, and three numbers for each resultant.
 pub(super) const SUMS: usize = (1 + 3 * RESULTANTS) * LINES;
 /// Lines of all stored runs.

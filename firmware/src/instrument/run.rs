@@ -291,24 +291,18 @@ impl<'m> Run<'m> {
             return;
         };
         let (drive, rest) = lines.split_at_mut(count.min(lines.len()));
-        let (a, b) = rest.split_at_mut(count.min(rest.len()));
+        let response = rest.get_mut(..count).unwrap_or_default();
         fn part<'l>(lines: &'l [Complex32], wanted: &core::ops::Range<usize>) -> &'l [Complex32] {
             let end = wanted.end.min(lines.len());
             lines.get(wanted.start..end).unwrap_or(&[])
         }
-        for pair in 0..self.rings.pairs() {
-            // The drive is the first channel, responses follow.
-            let second = pair << 1;
-            if let Some(first) = second.checked_sub(1) {
-                self.rings.transform(pair, history, work, a, b);
-                average.add_response(first, part(drive, &wanted), part(a, &wanted));
-            } else {
-                self.rings.transform(pair, history, work, drive, b);
-                average.add_drive(part(drive, &wanted));
-            }
-            if second < RESULTANTS {
-                average.add_response(second, part(drive, &wanted), part(b, &wanted));
-            }
+        // The drive is the first channel, responses follow.
+        self.rings.transform(0, history, work, drive);
+        let drive = part(drive, &wanted);
+        average.add_drive(drive);
+        for c in 0..RESULTANTS {
+            self.rings.transform(1 + c, history, work, response);
+            average.add_response(c, drive, part(response, &wanted));
         }
     }
 

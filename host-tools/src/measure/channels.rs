@@ -15,7 +15,7 @@ use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::StaticPoses;
 use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, Complex32, CrossAverage, SpectraError, Sum,
+    Average, BlockSettings, BlockSpectra, Complex32, CrossAverage, CrossSums, SpectraError,
 };
 use nalgebra::{Complex, DMatrix, Vector6};
 
@@ -321,25 +321,18 @@ fn change_run(run: &mut MeasuredRun, channels: &OfRun, added: &Added, factor: f6
                 // Storage that was large enough to be averaged in is large enough.
                 return;
             };
-            let mut changed = Vec::with_capacity(CrossAverage::storage_len(&settings));
-            for (line, products) in channels.iter().enumerate() {
+            let changed = channels.iter().enumerate().map(|(line, products)| {
                 let half = &added * products;
                 let mixed = &half * before.transpose();
                 let both = half * added.transpose();
-                let value = |i: usize, j: usize| {
+                CrossSums::of(|i, j| {
                     let (re, im) = average.cross(i, j, line);
-                    Complex::new(re, im) + mixed[(i, j)] + mixed[(j, i)].conj() + both[(i, j)]
-                };
-                // The order in which `CrossAverage` keeps them.
-                changed.extend((0..RESULTANTS).map(|i| Sum::of(value(i, i).re)));
-                for i in 0..RESULTANTS {
-                    for j in i + 1..RESULTANTS {
-                        let z = value(i, j);
-                        changed.extend([Sum::of(z.re), Sum::of(z.im)]);
-                    }
-                }
-            }
-            *sums = changed;
+                    let z = Complex::new(re, im) + mixed[(i, j)] + mixed[(j, i)].conj();
+                    let z = z + both[(i, j)];
+                    (z.re, z.im)
+                })
+            });
+            *sums = changed.collect();
         }
         // Both were made from the same run.
         _ => {}

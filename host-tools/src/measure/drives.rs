@@ -235,7 +235,8 @@ impl Parts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use massline_core::spectra::{Blocks, Complex32, Window};
+    use crate::measure::BlockStorage;
+    use massline_core::spectra::Window;
 
     /// Three drives, of which the second holds half of the first and the third is the sum of
     /// both, and a channel that follows the first two with gains 2 and -3.
@@ -244,10 +245,8 @@ mod tests {
         let settings = BlockSettings::new(256, 0.5, Window::Hann, 256.0, [1.0, 60.0]).unwrap();
         let (drives, channels) = (3, 1);
         let all = drives + channels;
-        let mut history = vec![0.0; settings.history_len(all)];
-        let mut work = vec![Complex32::new(0.0, 0.0); 256];
-        let mut lines = vec![Complex32::new(0.0, 0.0); settings.lines_len(all)];
-        let mut blocks = Blocks::new(settings, all, &mut history, &mut work, &mut lines).unwrap();
+        let mut storage = BlockStorage::new(settings, all);
+        let mut blocks = storage.blocks().unwrap();
         let mut average = DrivesAverage::new(&settings, drives, channels);
         let mut state = 88_172_645_463_325_252_u64;
         let mut uniform = || {

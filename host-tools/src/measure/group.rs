@@ -2,7 +2,7 @@
 
 use super::{MeasuredRun, MeasuredSine, Measurement, RunGeometry, Spectra, WINDOW};
 use massline_core::masslines::{CrossLines, DriveLines, Lines, MasslineError, SineLines};
-use massline_core::spectra::{CrossAverage, LineRange, RunResponses, Sum};
+use massline_core::spectra::{CrossAverage, CrossSums, LineRange, RunResponses};
 
 /// Runs that condense together: alike in their equations and in what they are referred to.
 pub struct Group<'a> {
@@ -135,7 +135,7 @@ impl<'a> Group<'a> {
         look: impl FnOnce(&dyn Lines) -> R,
     ) -> Option<Result<R, MasslineError>> {
         let settings = *runs.first()?.settings();
-        let mut storage: Vec<(Vec<Sum>, u32)> = Vec::new();
+        let mut storage: Vec<(Vec<CrossSums>, u32)> = Vec::new();
         for run in runs {
             match &run.spectra {
                 Spectra::Cross { sums } => storage.push((sums.clone(), run.blocks)),

@@ -1,6 +1,7 @@
 //! From recordings to averaged spectra of the twelve resultants: the core's own blocks
 //! and averages, fed from files.
 
+mod blocks;
 mod change;
 mod channels;
 mod drives;
@@ -24,6 +25,7 @@ mod unexplained;
 mod units;
 
 pub use crate::setup::WINDOW;
+pub use blocks::BlockStorage;
 pub(crate) use change::Change;
 pub(crate) use channels::{Added, Channels, channels, channels_of_samples};
 pub use error::MeasureError;

@@ -5,7 +5,7 @@ use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::opened::{Ended, Opened};
 use super::stream::Sink;
-use super::sums::Sums;
+use super::sums::{SumStorage, Sums};
 use super::unexplained::Unexplained;
 use super::units::Noticed;
 use super::{MeasureError, Rejected};
@@ -13,8 +13,8 @@ use crate::recording::{ChannelHealth, Preamble, Recording};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
 use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, Complex32, DriveAverage, LineGrid, LineRange,
-    RunResponses, SpectraError, Sum,
+    Average, BlockSettings, BlockSpectra, Complex32, CrossSums, DriveAverage, LineGrid, LineRange,
+    RunResponses, SpectraError,
 };
 
 /// Averaged spectra of one run.
@@ -38,7 +38,7 @@ pub enum Spectra {
     /// Cross-spectral matrix.
     Cross {
         /// The running sums.
-        sums: Vec<Sum>,
+        sums: Vec<CrossSums>,
     },
 }
 
@@ -156,7 +156,7 @@ pub(super) fn read(
     };
     let mut opened = Opened::new(setup, number, limit, settings, &mut notice)?;
     let band = opened.band()?;
-    let mut storage = Vec::new();
+    let mut storage = SumStorage::default();
     let mut resultants = Resultants::new(&opened, band, &geometry, &mut storage)?;
     let read = opened.read(&mut [&mut resultants], progress)?;
     let averaged = resultants.finish(&opened)?.with(storage);
@@ -187,7 +187,7 @@ impl<'s> Resultants<'s> {
         opened: &Opened<'_>,
         band: LineRange,
         geometry: &'s RunGeometry,
-        storage: &'s mut Vec<Sum>,
+        storage: &'s mut SumStorage,
     ) -> Result<Self, MeasureError> {
         let drives = opened.drives.len();
         let sums = Sums::new(&opened.settings, drives, RESULTANTS, storage);
@@ -275,9 +275,9 @@ impl Sink for Resultants<'_> {
 
 impl Averaged {
     /// The same with the sums of a run that has no drive.
-    pub(super) fn with(mut self, storage: Vec<Sum>) -> Self {
+    pub(super) fn with(mut self, storage: SumStorage) -> Self {
         if let [(_, (Spectra::Cross { sums }, ..))] = self.spectra.as_mut_slice() {
-            *sums = storage;
+            *sums = storage.cross;
         }
         self
     }

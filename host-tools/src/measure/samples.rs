@@ -5,14 +5,14 @@ use super::noise::Stated;
 use super::opened::settings_at;
 use super::random::{densities, finish_drive};
 use super::{
-    Accelerations, MeasureError, MeasuredRun, Measurement, Rejected, RunGeometry, Spectra,
+    Accelerations, BlockStorage, MeasureError, MeasuredRun, Measurement, Rejected, RunGeometry,
+    Spectra,
 };
 use crate::recording::Preamble;
 use crate::setup::{Run, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, CrossAverage, DriveAverage, LineRange, SpectraError,
-    Sum,
+    Average, BlockSettings, CrossAverage, CrossSums, DriveAverage, LineRange, SpectraError, Sum,
 };
 use std::path::PathBuf;
 
@@ -95,7 +95,7 @@ fn averaged(
         )?;
         finish_drive(band, &geometry, &settings, &average)?
     } else {
-        let mut sums = vec![Sum::ZERO; CrossAverage::storage_len(&settings)];
+        let mut sums = vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)];
         let mut average = CrossAverage::new(&settings, &mut sums)?;
         feed(
             &settings,
@@ -139,11 +139,8 @@ pub(super) fn feed(
 ) -> Result<(), SpectraError> {
     let lead = usize::from(driven);
     let channels = lead + count;
-    let zero = Complex32::new(0.0, 0.0);
-    let mut history = vec![0.0; settings.history_len(channels)];
-    let mut work = vec![zero; settings.block_length()];
-    let mut lines = vec![zero; settings.lines_len(channels)];
-    let mut blocks = Blocks::new(*settings, channels, &mut history, &mut work, &mut lines)?;
+    let mut storage = BlockStorage::new(*settings, channels);
+    let mut blocks = storage.blocks()?;
     let mut sample = vec![0.0_f32; samples.sensors.len()];
     let mut input = vec![0.0_f32; channels];
     for n in 0..samples.sensors.first().map_or(0, Vec::len) {

@@ -1,11 +1,11 @@
 //! Recordings through blocks into averages.
 
-use super::MeasureError;
 use super::geometry::RunGeometry;
 use super::rejected::{Gate, Rejected};
+use super::{BlockStorage, MeasureError};
 use crate::recording::Recording;
 use massline_core::geometry::RESULTANTS;
-use massline_core::spectra::{BlockSettings, BlockSpectra, Blocks, Complex32};
+use massline_core::spectra::{BlockSettings, BlockSpectra};
 
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
@@ -38,21 +38,14 @@ pub(super) fn stream(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rejected, MeasureError> {
     let lead = drives.len();
-    let zero = Complex32::new(0.0, 0.0);
     let store = |sink: &&mut dyn Sink| {
         let channels = lead + sink.channels();
-        (
-            channels,
-            vec![0.0; settings.history_len(channels)],
-            vec![zero; settings.block_length()],
-            vec![zero; settings.lines_len(channels)],
-        )
+        (channels, BlockStorage::new(*settings, channels))
     };
     let mut stores: Vec<_> = sinks.iter().map(store).collect();
     let mut feeds = Vec::with_capacity(stores.len());
-    for ((channels, history, work, lines), sink) in stores.iter_mut().zip(sinks) {
-        let blocks = Blocks::new(*settings, *channels, history, work, lines);
-        let blocks = blocks.map_err(|source| MeasureError::Spectra {
+    for ((channels, storage), sink) in stores.iter_mut().zip(sinks) {
+        let blocks = storage.blocks().map_err(|source| MeasureError::Spectra {
             file: recording.file().to_owned(),
             source,
         })?;

@@ -2,8 +2,16 @@
 
 use super::drives::DrivesAverage;
 use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, CrossAverage, DriveAverage, SpectraError, Sum,
+    Average, BlockSettings, BlockSpectra, CrossAverage, CrossSums, DriveAverage, SpectraError, Sum,
 };
+
+/// Storage of running sums, of which one list is filled.
+#[derive(Default)]
+pub(super) struct SumStorage {
+    /// Those without a drive, line by line.
+    pub cross: Vec<CrossSums>,
+    driven: Vec<Sum>,
+}
 
 /// Running sums.
 pub(super) enum Sums<'s> {
@@ -25,16 +33,16 @@ impl<'s> Sums<'s> {
         settings: &BlockSettings,
         drives: usize,
         channels: usize,
-        storage: &'s mut Vec<Sum>,
+        storage: &'s mut SumStorage,
     ) -> Result<Self, SpectraError> {
         Ok(match drives {
             0 => {
-                *storage = vec![Sum::ZERO; CrossAverage::storage_len(settings)];
-                Self::Cross(CrossAverage::new(settings, storage)?)
+                storage.cross = vec![CrossSums::ZERO; CrossAverage::storage_len(settings)];
+                Self::Cross(CrossAverage::new(settings, &mut storage.cross)?)
             }
             1 => {
-                *storage = vec![Sum::ZERO; DriveAverage::storage_len(settings, channels)];
-                Self::One(DriveAverage::new(settings, channels, storage)?)
+                storage.driven = vec![Sum::ZERO; DriveAverage::storage_len(settings, channels)];
+                Self::One(DriveAverage::new(settings, channels, &mut storage.driven)?)
             }
             several => Self::Several(DrivesAverage::new(settings, several, channels)),
         })

@@ -7,14 +7,12 @@
 use super::geometry::{Accelerations, RunGeometry};
 use super::opened::{Opened, Read};
 use super::stream::Sink;
-use super::sums::Sums;
+use super::sums::{SumStorage, Sums};
 use super::units::Noticed;
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Run, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS, RESULTANTS};
-use massline_core::spectra::{
-    BandError, BlockSettings, BlockSpectra, DriveAverage, LineRange, Sum,
-};
+use massline_core::spectra::{BandError, BlockSettings, BlockSpectra, DriveAverage, LineRange};
 use massline_core::weighting::{join_peaks, weights_from_peaks};
 use nalgebra::{Complex, DMatrix, Matrix6, Vector6};
 
@@ -69,7 +67,7 @@ pub fn survey_first(
         let mut report = |share| progress(Progress::of(setup, number, share));
         let geometry = geometry(setup, number)?;
         let mut opened = Opened::new(setup, number, limit, &mut settings, &mut |_| Ok(()))?;
-        let mut storage = Vec::new();
+        let mut storage = SumStorage::default();
         let mut sensors = Sensors::new(&opened, &geometry, &mut storage)?;
         let read = opened.read(&mut [&mut sensors], &mut report)?;
         let found = sensors.finish(&opened, &read)?;
@@ -151,7 +149,7 @@ impl<'s> Sensors<'s> {
     pub(super) fn new(
         opened: &Opened<'_>,
         geometry: &'s RunGeometry,
-        storage: &'s mut Vec<Sum>,
+        storage: &'s mut SumStorage,
     ) -> Result<Self, MeasureError> {
         let sensors = opened.setup.accelerometers.iter().take(MAX_CHANNELS);
         let scales: Vec<f32> = sensors.map(|entry| entry.scale as f32).collect();

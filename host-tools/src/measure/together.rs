@@ -5,6 +5,7 @@
 
 use super::opened::{Ended, Opened, block_settings};
 use super::random::{self, Averaged, Resultants};
+use super::sums::SumStorage;
 use super::survey::{self, Sensors};
 use super::units::StatedUnits;
 use super::{
@@ -13,7 +14,7 @@ use super::{
 use crate::parallel;
 use crate::recording::Recording;
 use crate::setup::{Excitation, Run, Setup};
-use massline_core::spectra::{BlockSettings, Sum};
+use massline_core::spectra::BlockSettings;
 
 /// One random run that was read.
 struct Passed {
@@ -120,8 +121,8 @@ fn pass(
     };
     let mut opened = Opened::new(setup, number, limit, &mut settings, &mut notice)?;
     let band = opened.band()?;
-    let mut storages: Vec<Vec<Sum>> = geometries.iter().map(|_| Vec::new()).collect();
-    let mut of_sensors = Vec::new();
+    let mut storages: Vec<_> = geometries.iter().map(|_| SumStorage::default()).collect();
+    let mut of_sensors = SumStorage::default();
     let resultants = geometries.iter().zip(&mut storages);
     let resultants = resultants.map(|(g, storage)| Resultants::new(&opened, band, g, storage));
     let mut resultants: Vec<Resultants<'_>> = resultants.collect::<Result<_, _>>()?;

@@ -3,13 +3,11 @@
 use super::estimate::{Answer, Selection, Task};
 use super::rows::Range;
 use super::{Options, StudyError, Twin};
-use crate::measure::{Accelerations, RunGeometry, Survey, SurveyedRun, WINDOW};
+use crate::measure::{Accelerations, BlockStorage, RunGeometry, Survey, SurveyedRun, WINDOW};
 use crate::simulate::{self, Recording, Simulation, simulate};
 use massline_core::geometry::{PackedNoise, RESULTANTS};
 use massline_core::masslines::DriveLines;
-use massline_core::spectra::{
-    Average, BlockSettings, Blocks, Complex32, DriveAverage, RunResponses, Sum,
-};
+use massline_core::spectra::{Average, BlockSettings, Complex32, DriveAverage, RunResponses, Sum};
 use nalgebra::{Complex, Vector6};
 
 /// Simulated recordings of all runs, and how they are averaged.
@@ -167,11 +165,8 @@ impl Recordings {
         let settings = &self.settings;
         let mut sums = vec![Sum::ZERO; DriveAverage::storage_len(settings, channels)];
         let mut average = DriveAverage::new(settings, channels, &mut sums)?;
-        let zero = Complex32::new(0.0, 0.0);
-        let mut history = vec![0.0; settings.history_len(1 + channels)];
-        let mut work = vec![zero; settings.block_length()];
-        let mut lines = vec![zero; settings.lines_len(1 + channels)];
-        let mut blocks = Blocks::new(*settings, 1 + channels, &mut history, &mut work, &mut lines)?;
+        let mut storage = BlockStorage::new(*settings, 1 + channels);
+        let mut blocks = storage.blocks()?;
         let (drive, sensors) = match recording.samples.split_first() {
             Some((drive, sensors)) => (drive.as_slice(), sensors),
             None => (&[][..], &[][..]),

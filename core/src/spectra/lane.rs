@@ -1,0 +1,287 @@
+//! Numbers that the filters and the transforms calculate with: a sample of one channel on the chip,
+//! samples of four channels side by side on a workstation. Each channel is rounded alike in both, so
+//! that its spectra have the same bits.
+
+use super::Complex32;
+
+/// Channels whose samples lie side by side on their way through the filters.
+pub(super) const GROUP: usize = 4;
+
+/// Samples of the channels of a group at one instant.
+pub(super) type Row = [f32; GROUP];
+
+/// Samples of four channels at one instant.
+pub type Four = Row;
+
+/// A complex number of each channel.
+pub(super) type Complex<L> = nalgebra::Complex<L>;
+
+/// Samples of one channel, `f32`, or of [`Four`] at one instant.
+pub trait Lane: sealed::Calculate {}
+
+impl Lane for f32 {}
+impl Lane for Four {}
+
+/// a + b.
+#[inline(always)]
+pub(super) fn plus<L: Lane>(a: Complex<L>, b: Complex<L>) -> Complex<L> {
+    Complex::new(a.re.plus(b.re), a.im.plus(b.im))
+}
+
+/// a - b.
+#[inline(always)]
+pub(super) fn minus<L: Lane>(a: Complex<L>, b: Complex<L>) -> Complex<L> {
+    Complex::new(a.re.minus(b.re), a.im.minus(b.im))
+}
+
+/// -j z.
+#[inline(always)]
+pub(super) fn turned<L: Lane>(z: Complex<L>) -> Complex<L> {
+    Complex::new(z.im, z.re.negated())
+}
+
+/// z w.
+#[inline(always)]
+pub(super) fn times<L: Lane>(z: Complex<L>, w: Complex32) -> Complex<L> {
+    Complex::new(
+        z.re.times(w.re).minus(z.im.times(w.im)),
+        z.re.times(w.im).plus(z.im.times(w.re)),
+    )
+}
+
+/// z x, `x` real.
+#[inline(always)]
+pub(super) fn scaled<L: Lane>(z: Complex<L>, x: f32) -> Complex<L> {
+    Complex::new(z.re.times(x), z.im.times(x))
+}
+
+pub(super) mod sealed {
+    use super::super::decimate::Decimator;
+    use super::super::history::block_lines;
+    use super::super::settings::BlockSettings;
+    use super::{Complex, Complex32, GROUP, Row};
+
+    /// Arithmetic of samples, of which each operation is rounded for each channel alone.
+    pub trait Calculate: Copy + Default {
+        /// Number of channels.
+        const WIDTH: usize;
+
+        /// Sum.
+        fn plus(self, other: Self) -> Self;
+
+        /// Difference.
+        fn minus(self, other: Self) -> Self;
+
+        /// Product with a number.
+        fn times(self, factor: f32) -> Self;
+
+        /// Quotient by a number.
+        fn over(self, divisor: f32) -> Self;
+
+        /// The number of opposite sign.
+        fn negated(self) -> Self;
+
+        /// Samples that lie in storage, instant after instant.
+        fn samples(storage: &[f32]) -> &[Self];
+
+        /// The same, to be written.
+        fn samples_mut(storage: &mut [f32]) -> &mut [Self];
+
+        /// Those of a row from channel `first` on.
+        fn of_row(row: &Row, first: usize) -> Self;
+
+        /// Puts them into a row from channel `first` on.
+        fn into_row(self, row: &mut Row, first: usize);
+
+        /// Places of a line in lists that are kept channel by channel.
+        type Slot<'k>;
+
+        /// Places of `count` lines in their order, if there is room for all of them.
+        fn slots(kept: &mut [Complex32], count: usize) -> impl Iterator<Item = Self::Slot<'_>>;
+
+        /// Puts a line into its places.
+        fn keep(line: Complex<Self>, slot: Self::Slot<'_>);
+
+        /// [`block_lines`] of this type, see [`compiled_here`].
+        fn lines(
+            settings: &BlockSettings,
+            ring: (&[Self], usize),
+            work: &mut [Complex<Self>],
+            kept: &mut [Complex32],
+        );
+
+        /// [`Decimator::filter`] of this type, see [`compiled_here`].
+        fn filter(
+            decimator: &Decimator,
+            states: &mut [f32],
+            rings: &mut [f32],
+            place: (usize, usize),
+            outputs: usize,
+        );
+    }
+
+    /// What takes the time, compiled with the settings of this crate: generic functions have those of
+    /// the crate that calls them, which may check every sum for an overflow.
+    macro_rules! compiled_here {
+        () => {
+            fn lines(
+                settings: &BlockSettings,
+                ring: (&[Self], usize),
+                work: &mut [Complex<Self>],
+                kept: &mut [Complex32],
+            ) {
+                block_lines(settings, ring, work, kept);
+            }
+
+            fn filter(
+                decimator: &Decimator,
+                states: &mut [f32],
+                rings: &mut [f32],
+                place: (usize, usize),
+                outputs: usize,
+            ) {
+                decimator.filter::<Self>(states, rings, place, outputs);
+            }
+        };
+    }
+
+    impl Calculate for f32 {
+        const WIDTH: usize = 1;
+
+        compiled_here!();
+
+        #[inline(always)]
+        fn plus(self, other: Self) -> Self {
+            self + other
+        }
+
+        #[inline(always)]
+        fn minus(self, other: Self) -> Self {
+            self - other
+        }
+
+        #[inline(always)]
+        fn times(self, factor: f32) -> Self {
+            self * factor
+        }
+
+        #[inline(always)]
+        fn over(self, divisor: f32) -> Self {
+            self / divisor
+        }
+
+        #[inline(always)]
+        fn negated(self) -> Self {
+            -self
+        }
+
+        #[inline(always)]
+        fn samples(storage: &[f32]) -> &[Self] {
+            storage
+        }
+
+        #[inline(always)]
+        fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
+            storage
+        }
+
+        #[inline(always)]
+        fn of_row(row: &Row, first: usize) -> Self {
+            // Never beyond the row, which needs no check then.
+            row.get(first % GROUP).copied().unwrap_or_default()
+        }
+
+        #[inline(always)]
+        fn into_row(self, row: &mut Row, first: usize) {
+            if let Some(slot) = row.get_mut(first % GROUP) {
+                *slot = self;
+            }
+        }
+
+        type Slot<'k> = &'k mut Complex32;
+
+        #[inline(always)]
+        fn slots(kept: &mut [Complex32], count: usize) -> impl Iterator<Item = &mut Complex32> {
+            kept.get_mut(..count).unwrap_or_default().iter_mut()
+        }
+
+        #[inline(always)]
+        fn keep(line: Complex<Self>, slot: &mut Complex32) {
+            *slot = line;
+        }
+    }
+
+    impl Calculate for Row {
+        const WIDTH: usize = GROUP;
+
+        compiled_here!();
+
+        #[inline(always)]
+        fn plus(self, other: Self) -> Self {
+            let ([a, b, c, d], [e, f, g, h]) = (self, other);
+            [a + e, b + f, c + g, d + h]
+        }
+
+        #[inline(always)]
+        fn minus(self, other: Self) -> Self {
+            let ([a, b, c, d], [e, f, g, h]) = (self, other);
+            [a - e, b - f, c - g, d - h]
+        }
+
+        #[inline(always)]
+        fn times(self, factor: f32) -> Self {
+            self.map(|x| x * factor)
+        }
+
+        #[inline(always)]
+        fn over(self, divisor: f32) -> Self {
+            self.map(|x| x / divisor)
+        }
+
+        #[inline(always)]
+        fn negated(self) -> Self {
+            self.map(|x| -x)
+        }
+
+        #[inline(always)]
+        fn samples(storage: &[f32]) -> &[Self] {
+            storage.as_chunks().0
+        }
+
+        #[inline(always)]
+        fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
+            storage.as_chunks_mut().0
+        }
+
+        #[inline(always)]
+        fn of_row(row: &Row, _: usize) -> Self {
+            *row
+        }
+
+        #[inline(always)]
+        fn into_row(self, row: &mut Row, _: usize) {
+            *row = self;
+        }
+
+        type Slot<'k> = (Two<'k>, Two<'k>);
+
+        #[inline(always)]
+        fn slots(kept: &mut [Complex32], count: usize) -> impl Iterator<Item = (Two<'_>, Two<'_>)> {
+            let mut channels = kept.chunks_exact_mut(count.max(1));
+            let mut channel = || channels.next().unwrap_or_default().iter_mut();
+            let (first, second) = (channel().zip(channel()), channel().zip(channel()));
+            first.zip(second)
+        }
+
+        #[inline(always)]
+        fn keep(Complex { re, im }: Complex<Self>, ((a, b), (c, d)): (Two<'_>, Two<'_>)) {
+            *a = Complex32::new(re[0], im[0]);
+            *b = Complex32::new(re[1], im[1]);
+            *c = Complex32::new(re[2], im[2]);
+            *d = Complex32::new(re[3], im[3]);
+        }
+    }
+
+    /// Places of a line of two channels.
+    type Two<'k> = (&'k mut Complex32, &'k mut Complex32);
+}
