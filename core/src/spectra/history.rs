@@ -211,9 +211,8 @@ impl BlockSettings {
         match *coefficients {
             [c0] => {
                 let own = c0 * gain;
-                for (slot, line) in L::slots(kept, count).zip(lines(z, grid.first)) {
-                    L::keep(scaled(line, own), slot);
-                }
+                let windowed = lines(z, grid.first).map(|line| scaled(line, own));
+                L::keep(windowed, kept, count);
             }
             [c0, c1] => {
                 let (own, beside) = (c0 * gain, -0.5 * c1 * gain);
@@ -226,11 +225,13 @@ impl BlockSettings {
                 } else {
                     before = Complex::new(line.re.times(c1 / c0), L::default());
                 }
-                for (slot, next) in L::slots(kept, count).zip(from) {
+                let windowed = from.map(move |next| {
                     let both = scaled(plus(before, next), beside);
-                    L::keep(plus(scaled(line, own), both), slot);
+                    let sum = plus(scaled(line, own), both);
                     (before, line) = (line, next);
-                }
+                    sum
+                });
+                L::keep(windowed, kept, count);
             }
             _ => {
                 let at = |k: usize| lines(z, k).next().unwrap_or_default();
@@ -240,7 +241,7 @@ impl BlockSettings {
                 }
                 let first = coefficients.first().copied().unwrap_or(1.0);
                 let mean = Complex::new(others.over(first), L::default());
-                for (k, slot) in (grid.first..).zip(L::slots(kept, count)) {
+                let windowed = (grid.first..).map(|k| {
                     let line = |i: isize| match k.checked_add_signed(i) {
                         Some(0) => mean,
                         Some(k) => at(k),
@@ -260,8 +261,9 @@ impl BlockSettings {
                         sum = plus(sum, part);
                         sign = -sign;
                     }
-                    L::keep(sum, slot);
-                }
+                    sum
+                });
+                L::keep(windowed, kept, count);
             }
         }
     }

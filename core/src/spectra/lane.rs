@@ -93,14 +93,8 @@ pub(super) mod sealed {
         /// Puts them into a row from channel `first` on.
         fn into_row(self, row: &mut Row, first: usize);
 
-        /// Places of a line in lists that are kept channel by channel.
-        type Slot<'k>;
-
-        /// Places of `count` lines in their order, if there is room for all of them.
-        fn slots(kept: &mut [Complex32], count: usize) -> impl Iterator<Item = Self::Slot<'_>>;
-
-        /// Puts a line into its places.
-        fn keep(line: Complex<Self>, slot: Self::Slot<'_>);
+        /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
+        fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
 
         /// [`block_lines`] of this type, see [`compiled_here`].
         fn lines(
@@ -198,16 +192,12 @@ pub(super) mod sealed {
             }
         }
 
-        type Slot<'k> = &'k mut Complex32;
-
         #[inline(always)]
-        fn slots(kept: &mut [Complex32], count: usize) -> impl Iterator<Item = &mut Complex32> {
-            kept.get_mut(..count).unwrap_or_default().iter_mut()
-        }
-
-        #[inline(always)]
-        fn keep(line: Complex<Self>, slot: &mut Complex32) {
-            *slot = line;
+        fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
+            let kept = kept.get_mut(..count).unwrap_or_default();
+            for (slot, line) in kept.iter_mut().zip(lines) {
+                *slot = line;
+            }
         }
     }
 
@@ -263,25 +253,32 @@ pub(super) mod sealed {
             *row = self;
         }
 
-        type Slot<'k> = (Two<'k>, Two<'k>);
-
         #[inline(always)]
-        fn slots(kept: &mut [Complex32], count: usize) -> impl Iterator<Item = (Two<'_>, Two<'_>)> {
+        fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
+            let mut lines = lines.take(count);
             let mut channels = kept.chunks_exact_mut(count.max(1));
             let mut channel = || channels.next().unwrap_or_default().iter_mut();
-            let (first, second) = (channel().zip(channel()), channel().zip(channel()));
-            first.zip(second)
-        }
-
-        #[inline(always)]
-        fn keep(Complex { re, im }: Complex<Self>, ((a, b), (c, d)): (Two<'_>, Two<'_>)) {
-            *a = Complex32::new(re[0], im[0]);
-            *b = Complex32::new(re[1], im[1]);
-            *c = Complex32::new(re[2], im[2]);
-            *d = Complex32::new(re[3], im[3]);
+            let mut slots = channel().zip(channel()).zip(channel().zip(channel()));
+            // Some lines are computed before they are taken apart: the compiler would calculate with one
+            // channel at a time otherwise.
+            let mut some = [Complex::default(); 16];
+            loop {
+                let mut taken = 0;
+                for (slot, line) in some.iter_mut().zip(&mut lines) {
+                    *slot = line;
+                    taken += 1;
+                }
+                for (line, ((a, b), (c, d))) in some.iter().take(taken).zip(&mut slots) {
+                    let Complex { re, im }: &Complex<Self> = line;
+                    *a = Complex32::new(re[0], im[0]);
+                    *b = Complex32::new(re[1], im[1]);
+                    *c = Complex32::new(re[2], im[2]);
+                    *d = Complex32::new(re[3], im[3]);
+                }
+                if taken < some.len() {
+                    break;
+                }
+            }
         }
     }
-
-    /// Places of a line of two channels.
-    type Two<'k> = (&'k mut Complex32, &'k mut Complex32);
 }
