@@ -96,10 +96,14 @@ impl<'s> CrossAverage<'s> {
         Ok(Self { sums, blocks })
     }
 
-    /// G_ij at line `k`, summed over the blocks: real and imaginary part of `x_i x_j*`.
+    /// G_ij at line `k`, summed over the blocks: real and imaginary part of `x_i x_j*`. Zero if there is
+    /// no such line or resultant.
     #[must_use]
     pub fn cross(&self, i: usize, j: usize, k: usize) -> (f64, f64) {
         let at = |n: usize| self.sums.get(k).map_or(0.0, |line| line.value(n));
+        if i.max(j) >= RESULTANTS {
+            return (0.0, 0.0);
+        }
         if i == j {
             return (at(i), 0.0);
         }
@@ -113,7 +117,7 @@ impl<'s> CrossAverage<'s> {
 /// later ones, their imaginary parts, and the same of the second one.
 const fn pair(i: usize, j: usize) -> (usize, usize) {
     let two = i - i % 2;
-    // Two rows before have two and four a later channel; so many are later than the first of those.
+    // Each row r before has the two parts of 11 - r products.
     let before = RESULTANTS + two * (2 * RESULTANTS - two - 1);
     if i == two && j == i + 1 {
         return (before, before + 1);
@@ -208,6 +212,8 @@ fn add_product((re, im): (&mut f32, &mut f32), x: (f32, f32), y: (f32, f32)) {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
     use super::*;
 
     #[test]
@@ -223,5 +229,71 @@ mod tests {
             }
         }
         assert_eq!(is_taken, [true; SUMS]);
+    }
+
+    /// The matrix of some blocks of noise of unlike channels, against products in `f64`.
+    #[test]
+    fn every_pair_has_its_own_product() {
+        use crate::spectra::{Blocks, Four, Window};
+        use std::vec;
+
+        let settings = BlockSettings::new(64, 0.5, Window::Hann, 64.0, [1.0, 20.0]).unwrap();
+        let [history, work, lines] = Blocks::<Four>::storage_len(&settings, RESULTANTS);
+        let (mut history, mut work) = (vec![0.0; history], vec![Default::default(); work]);
+        let mut lines = vec![Default::default(); lines];
+        let blocks = Blocks::<Four>::new(settings, RESULTANTS, &mut history, &mut work, &mut lines);
+        let mut blocks = blocks.unwrap();
+        let mut storage = vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)];
+        let mut average = CrossAverage::new(&settings, &mut storage).unwrap();
+        let mut exact = vec![[[[0.0; 2]; RESULTANTS]; RESULTANTS]; settings.grid().count];
+        let mut state = 1_u32;
+        while average.blocks() < 40 {
+            let sample: [f32; RESULTANTS] = core::array::from_fn(|c| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
+            });
+            let Some(block) = blocks.push(&sample) else {
+                continue;
+            };
+            average.add(&block);
+            for (k, exact) in exact.iter_mut().enumerate() {
+                for (i, exact) in exact.iter_mut().enumerate() {
+                    for (j, [re, im]) in exact.iter_mut().enumerate() {
+                        let [x, y] = [i, j].map(|c| block.channel(c)[k]);
+                        let [a, b, c, d] = [x.re, x.im, y.re, y.im].map(f64::from);
+                        *re += a * c + b * d;
+                        *im += b * c - a * d;
+                    }
+                }
+            }
+        }
+        for (k, exact) in exact.iter().enumerate() {
+            for (i, row) in exact.iter().enumerate() {
+                for (j, [re, im]) in row.iter().enumerate() {
+                    let found = average.cross(i, j, k);
+                    let size = libm::sqrt(exact[i][i][0] * exact[j][j][0]);
+                    let off = libm::hypot(found.0 - re, found.1 - im) / size;
+                    // See `Sum`: 5e-7 if all roundings point one way.
+                    assert!(off < 5e-7, "{i} {j} at {k}: {off}");
+                }
+            }
+        }
+        // Sums that were found elsewhere go where those of an average are.
+        let again: vec::Vec<_> = (0..settings.grid().count)
+            .map(|k| CrossSums::of(|i, j| average.cross(i, j, k)))
+            .collect();
+        let mut copy = again.clone();
+        let copy = CrossAverage::resume(&settings, &mut copy, 40).unwrap();
+        for k in 0..again.len() {
+            for i in 0..RESULTANTS {
+                for j in 0..RESULTANTS {
+                    assert_eq!(
+                        copy.cross(i, j, k),
+                        average.cross(i, j, k),
+                        "{i} {j} at {k}"
+                    );
+                }
+            }
+        }
     }
 }
