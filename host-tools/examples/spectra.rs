@@ -53,7 +53,7 @@ fn seconds(
     let responses = channels.saturating_sub(1);
     let (mut sums, mut products);
     let mut average: Box<dyn Average> = if matrix {
-        products = vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)];
+        products = vec![CrossSums::default(); settings.grid().count];
         Box::new(CrossAverage::new(&settings, &mut products)?)
     } else {
         sums = vec![Sum::ZERO; DriveAverage::storage_len(&settings, responses)];

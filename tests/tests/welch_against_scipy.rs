@@ -102,7 +102,7 @@ fn rms(case: &Case, i: usize) -> f64 {
 #[test]
 fn the_cross_spectral_matrix_is_scipys() {
     for case in cases() {
-        let mut sums = vec![CrossSums::ZERO; CrossAverage::storage_len(&case.settings)];
+        let mut sums = vec![CrossSums::default(); case.settings.grid().count];
         let mut average = CrossAverage::new(&case.settings, &mut sums).unwrap();
         feed(&case, RESULTANTS, &mut average);
         let scale = case.settings.density() / f64::from(average.blocks());

@@ -36,7 +36,7 @@ impl<'a> BlockSpectra<'a> {
 }
 
 /// Blocks of all channels out of a stream, each transformed as soon as it is complete: channel by
-/// channel, or four at a time with [`Four`](super::Four), where the processor calculates with four
+/// channel, or four at a time as `Blocks<[f32; 4]>`, where the processor calculates with four
 /// numbers at once. The spectra have the same bits.
 #[derive(Debug)]
 pub struct Blocks<'s, L = f32> {
@@ -326,7 +326,7 @@ mod tests {
                     for channels in 1..=9 {
                         let (one, four) = (
                             spectra::<f32>(settings, channels),
-                            spectra::<crate::spectra::Four>(settings, channels),
+                            spectra::<[f32; 4]>(settings, channels),
                         );
                         assert!(!one.is_empty());
                         assert!(one == four, "{settings:?}, {channels} channels");

@@ -15,18 +15,21 @@ pub struct CrossSums {
     carry: [f32; SUMS],
 }
 
-impl CrossSums {
-    /// Zeros.
-    pub const ZERO: Self = Self {
-        sum: [0.0; SUMS],
-        carry: [0.0; SUMS],
-    };
+impl Default for CrossSums {
+    fn default() -> Self {
+        Self {
+            sum: [0.0; SUMS],
+            carry: [0.0; SUMS],
+        }
+    }
+}
 
+impl CrossSums {
     /// Sums that were found elsewhere: `cross` of i and j from i on is the real and the imaginary part of
     /// their product.
     #[must_use]
     pub fn of(cross: impl Fn(usize, usize) -> (f64, f64)) -> Self {
-        let mut sums = Self::ZERO;
+        let mut sums = Self::default();
         for i in 0..RESULTANTS {
             sums.set(i, cross(i, i).0);
             for j in i + 1..RESULTANTS {
@@ -60,13 +63,7 @@ pub struct CrossAverage<'s> {
 }
 
 impl<'s> CrossAverage<'s> {
-    /// Elements of storage.
-    #[must_use]
-    pub fn storage_len(settings: &BlockSettings) -> usize {
-        settings.grid().count
-    }
-
-    /// An empty average over lent storage of [`Self::storage_len`].
+    /// An empty average over lent storage, one element a kept line.
     ///
     /// # Errors
     /// [`SpectraError::Storage`] if it is too small.
@@ -75,7 +72,7 @@ impl<'s> CrossAverage<'s> {
         storage: &'s mut [CrossSums],
     ) -> Result<Self, SpectraError> {
         let average = Self::resume(settings, storage, 0)?;
-        average.sums.fill(CrossSums::ZERO);
+        average.sums.fill(CrossSums::default());
         Ok(average)
     }
 
@@ -88,7 +85,7 @@ impl<'s> CrossAverage<'s> {
         storage: &'s mut [CrossSums],
         blocks: u32,
     ) -> Result<Self, SpectraError> {
-        let needed = Self::storage_len(settings);
+        let needed = settings.grid().count;
         let given = storage.len();
         let sums = storage
             .get_mut(..needed)
@@ -234,16 +231,17 @@ mod tests {
     /// The matrix of some blocks of noise of unlike channels, against products in `f64`.
     #[test]
     fn every_pair_has_its_own_product() {
-        use crate::spectra::{Blocks, Four, Window};
+        use crate::spectra::{Blocks, Window};
         use std::vec;
 
         let settings = BlockSettings::new(64, 0.5, Window::Hann, 64.0, [1.0, 20.0]).unwrap();
-        let [history, work, lines] = Blocks::<Four>::storage_len(&settings, RESULTANTS);
+        let [history, work, lines] = Blocks::<[f32; 4]>::storage_len(&settings, RESULTANTS);
         let (mut history, mut work) = (vec![0.0; history], vec![Default::default(); work]);
         let mut lines = vec![Default::default(); lines];
-        let blocks = Blocks::<Four>::new(settings, RESULTANTS, &mut history, &mut work, &mut lines);
+        let blocks =
+            Blocks::<[f32; 4]>::new(settings, RESULTANTS, &mut history, &mut work, &mut lines);
         let mut blocks = blocks.unwrap();
-        let mut storage = vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)];
+        let mut storage = vec![CrossSums::default(); settings.grid().count];
         let mut average = CrossAverage::new(&settings, &mut storage).unwrap();
         let mut exact = vec![[[[0.0; 2]; RESULTANTS]; RESULTANTS]; settings.grid().count];
         let mut state = 1_u32;

@@ -10,7 +10,7 @@ use core::marker::PhantomData;
 /// The last block's worth of samples of every channel, in storage that its owner lends anew with
 /// each sample, always the same: for a chip that has no room for the lines of all channels at
 /// once. Elsewhere use [`super::Blocks`]. Channels are transformed one by one, or by groups of four as
-/// [`Four`](super::Four), whose samples lie side by side.
+/// `[f32; 4]`, whose samples lie side by side.
 #[derive(Debug)]
 pub struct Rings<L = f32> {
     settings: BlockSettings,
@@ -25,13 +25,12 @@ pub struct Rings<L = f32> {
 impl<L: Lane> Rings<L> {
     /// Elements of storage for `channels` channels: [`BlockSettings::history_len`] of as many, in whole
     /// groups.
-    #[must_use]
-    pub fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
+    pub(super) fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
         settings.history_len(channels.next_multiple_of(L::WIDTH))
     }
 
-    /// Those of `channels` channels at their beginning. `storage`, of
-    /// [`Self::storage_len`] elements at least, will hold one ring of
+    /// Those of `channels` channels at their beginning. `storage`, of [`BlockSettings::history_len`]
+    /// elements at least for channels in whole groups, will hold one ring of
     /// [`BlockSettings::transform_length`] samples a channel, then their filters' states.
     ///
     /// # Errors
@@ -55,8 +54,7 @@ impl<L: Lane> Rings<L> {
     }
 
     /// Number of the channels' groups.
-    #[must_use]
-    pub fn groups(&self) -> usize {
+    pub(super) fn groups(&self) -> usize {
         self.channels.div_ceil(L::WIDTH)
     }
 

@@ -10,17 +10,14 @@ pub(super) const GROUP: usize = 4;
 /// Samples of the channels of a group at one instant.
 pub(super) type Row = [f32; GROUP];
 
-/// Samples of four channels at one instant.
-pub type Four = Row;
-
 /// A complex number of each channel.
 pub(super) type Complex<L> = nalgebra::Complex<L>;
 
-/// Samples of one channel, `f32`, or of [`Four`] at one instant.
+/// Samples at one instant: of one channel, `f32`, or of four, `[f32; 4]`.
 pub trait Lane: sealed::Calculate {}
 
 impl Lane for f32 {}
-impl Lane for Four {}
+impl Lane for Row {}
 
 /// a + b.
 #[inline(always)]

@@ -29,7 +29,6 @@ pub use cross::{CrossAverage, CrossSums};
 pub use drive::{DriveAverage, RunResponses};
 pub(crate) use fft::MAX_BLOCK_LENGTH;
 pub use history::Rings;
-pub use lane::{Four, Lane};
 pub use settings::BlockSettings;
 pub use sum::Sum;
 pub use window::Window;

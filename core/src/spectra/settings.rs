@@ -162,8 +162,7 @@ impl BlockSettings {
     }
 
     /// Elements of line storage that `channels` need.
-    #[must_use]
-    pub fn lines_len(&self, channels: usize) -> usize {
+    pub(super) fn lines_len(&self, channels: usize) -> usize {
         channels * self.grid.count
     }
 }

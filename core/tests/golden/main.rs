@@ -93,7 +93,7 @@ impl Averages {
             map: geometry.map.clone(),
             geometry,
             drive: vec![vec![Sum::ZERO; DriveAverage::storage_len(&settings, RESULTANTS)]; RUNS],
-            cross: vec![vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)]; RUNS],
+            cross: vec![vec![CrossSums::default(); settings.grid().count]; RUNS],
             blocks: 0,
         };
         for run in 0..RUNS {
@@ -177,10 +177,11 @@ impl Stream {
     fn new(channels: usize) -> Self {
         let (settings, _) = settings();
         let nothing = Complex32::new(0.0, 0.0);
+        let [history, work, lines] = Blocks::<f32>::storage_len(&settings, channels);
         Self {
-            history: vec![0.0; settings.history_len(channels)],
-            work: vec![nothing; settings.transform_length()],
-            lines: vec![nothing; settings.lines_len(channels)],
+            history: vec![0.0; history],
+            work: vec![nothing; work],
+            lines: vec![nothing; lines],
         }
     }
 

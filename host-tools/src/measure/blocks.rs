@@ -1,6 +1,9 @@
 //! Storage of blocks on a workstation, whose processor calculates with four channels at once.
 
-use massline_core::spectra::{BlockSettings, Blocks, Complex32, Four, SpectraError};
+use massline_core::spectra::{BlockSettings, Blocks, Complex32, SpectraError};
+
+/// Samples of four channels.
+type Four = [f32; 4];
 
 /// Storage of the blocks of a stream of samples.
 pub struct BlockStorage {

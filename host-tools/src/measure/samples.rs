@@ -95,7 +95,7 @@ fn averaged(
         )?;
         finish_drive(band, &geometry, &settings, &average)?
     } else {
-        let mut sums = vec![CrossSums::ZERO; CrossAverage::storage_len(&settings)];
+        let mut sums = vec![CrossSums::default(); settings.grid().count];
         let mut average = CrossAverage::new(&settings, &mut sums)?;
         feed(
             &settings,

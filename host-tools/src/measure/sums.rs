@@ -37,7 +37,7 @@ impl<'s> Sums<'s> {
     ) -> Result<Self, SpectraError> {
         Ok(match drives {
             0 => {
-                storage.cross = vec![CrossSums::ZERO; CrossAverage::storage_len(settings)];
+                storage.cross = vec![CrossSums::default(); settings.grid().count];
                 Self::Cross(CrossAverage::new(settings, &mut storage.cross)?)
             }
             1 => {
