@@ -1,6 +1,6 @@
 //! The cross-spectral matrix of the twelve resultants, for tests without a drive channel.
 
-use super::sum::{Sum, TOGETHER, less};
+use super::sum::{Sum, due, less};
 use super::{Average, BlockSettings, BlockSpectra, SpectraError};
 use crate::geometry::RESULTANTS;
 
@@ -126,8 +126,7 @@ const fn pair(i: usize, j: usize) -> (usize, usize) {
 
 impl Average for CrossAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
-        let lines = self.sums.iter_mut().skip(self.blocks as usize % TOGETHER);
-        for CrossSums { sum, carry } in lines.step_by(TOGETHER) {
+        for CrossSums { sum, carry } in due(self.sums.iter_mut(), self.blocks) {
             for (sum, carry) in sum.iter_mut().zip(carry) {
                 let mut both = Sum::joined(*sum, *carry);
                 both.settle();
@@ -228,7 +227,7 @@ mod tests {
         assert_eq!(is_taken, [true; SUMS]);
     }
 
-    /// The matrix of some blocks of noise of unlike channels, against products in `f64`.
+    /// The matrix of thousands of blocks of noise of unlike channels, against products in `f64`.
     #[test]
     fn every_pair_has_its_own_product() {
         use crate::spectra::{Blocks, Window};
@@ -245,7 +244,7 @@ mod tests {
         let mut average = CrossAverage::new(&settings, &mut storage).unwrap();
         let mut exact = vec![[[[0.0; 2]; RESULTANTS]; RESULTANTS]; settings.grid().count];
         let mut state = 1_u32;
-        while average.blocks() < 40 {
+        while average.blocks() < 4000 {
             let sample: [f32; RESULTANTS] = core::array::from_fn(|c| {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
@@ -281,7 +280,7 @@ mod tests {
             .map(|k| CrossSums::of(|i, j| average.cross(i, j, k)))
             .collect();
         let mut copy = again.clone();
-        let copy = CrossAverage::resume(&settings, &mut copy, 40).unwrap();
+        let copy = CrossAverage::resume(&settings, &mut copy, 4000).unwrap();
         for k in 0..again.len() {
             for i in 0..RESULTANTS {
                 for j in 0..RESULTANTS {

@@ -108,12 +108,18 @@ macro_rules! sums {
     }};
 }
 
-/// A filter before the last one, for `channels` channels of a group: its outputs are first and second samples of the
-/// next.
+/// A filter before the last one, for `channels` channels of a group: its outputs are first and second
+/// samples of the next.
 macro_rules! early {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
         #[inline(never)] // All registers are its own.
-        pub(super) fn $name<L: Lane>(channels: usize, e: &[Row], f: &[Row], into: &mut [Row], [second, first]: [usize; 2]) {
+        pub(super) fn $name<L: Lane>(
+            channels: usize,
+            e: &[Row],
+            f: &[Row],
+            into: &mut [Row],
+            [second, first]: [usize; 2],
+        ) {
             let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
                 return;
             };
@@ -145,7 +151,11 @@ macro_rules! early {
 macro_rules! last {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
         #[inline(never)] // All registers are its own.
-        pub(super) fn $name<L: Lane>([e, f]: [&[Row]; 2], rings: &mut [f32], (n, at): (usize, usize)) {
+        pub(super) fn $name<L: Lane>(
+            [e, f]: [&[Row]; 2],
+            rings: &mut [f32],
+            (n, at): (usize, usize),
+        ) {
             let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
                 return;
             };

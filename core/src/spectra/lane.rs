@@ -3,6 +3,9 @@
 //! that its spectra have the same bits.
 
 use super::Complex32;
+use super::decimate::Decimator;
+use super::history::block_lines;
+use super::settings::BlockSettings;
 
 /// Channels whose samples lie side by side on their way through the filters.
 pub(super) const GROUP: usize = 4;
@@ -12,12 +15,6 @@ pub(super) type Row = [f32; GROUP];
 
 /// A complex number of each channel.
 pub(super) type Complex<L> = nalgebra::Complex<L>;
-
-/// Samples at one instant: of one channel, `f32`, or of four, `[f32; 4]`.
-pub trait Lane: sealed::Calculate {}
-
-impl Lane for f32 {}
-impl Lane for Row {}
 
 /// a + b.
 #[inline(always)]
@@ -52,229 +49,223 @@ pub(super) fn scaled<L: Lane>(z: Complex<L>, x: f32) -> Complex<L> {
     Complex::new(z.re.times(x), z.im.times(x))
 }
 
-pub(super) mod sealed {
-    use super::super::decimate::Decimator;
-    use super::super::history::block_lines;
-    use super::super::settings::BlockSettings;
-    use super::{Complex, Complex32, GROUP, Row};
+/// Samples at one instant, of one channel, `f32`, or of four, `[f32; 4]`: each operation is rounded for
+/// each channel alone. Nobody else implements it, since its module is private.
+pub trait Lane: Copy + Default {
+    /// Number of channels.
+    const WIDTH: usize;
 
-    /// Arithmetic of samples, of which each operation is rounded for each channel alone.
-    pub trait Calculate: Copy + Default {
-        /// Number of channels.
-        const WIDTH: usize;
+    /// Sum.
+    fn plus(self, other: Self) -> Self;
 
-        /// Sum.
-        fn plus(self, other: Self) -> Self;
+    /// Difference.
+    fn minus(self, other: Self) -> Self;
 
-        /// Difference.
-        fn minus(self, other: Self) -> Self;
+    /// Product with a number.
+    fn times(self, factor: f32) -> Self;
 
-        /// Product with a number.
-        fn times(self, factor: f32) -> Self;
+    /// Quotient by a number.
+    fn over(self, divisor: f32) -> Self;
 
-        /// Quotient by a number.
-        fn over(self, divisor: f32) -> Self;
+    /// The number of opposite sign.
+    fn negated(self) -> Self;
 
-        /// The number of opposite sign.
-        fn negated(self) -> Self;
+    /// Samples that lie in storage, instant after instant.
+    fn samples(storage: &[f32]) -> &[Self];
 
-        /// Samples that lie in storage, instant after instant.
-        fn samples(storage: &[f32]) -> &[Self];
+    /// The same, to be written.
+    fn samples_mut(storage: &mut [f32]) -> &mut [Self];
 
-        /// The same, to be written.
-        fn samples_mut(storage: &mut [f32]) -> &mut [Self];
+    /// Those of a row from channel `first` on.
+    fn of_row(row: &Row, first: usize) -> Self;
 
-        /// Those of a row from channel `first` on.
-        fn of_row(row: &Row, first: usize) -> Self;
+    /// Puts them into a row from channel `first` on.
+    fn into_row(self, row: &mut Row, first: usize);
 
-        /// Puts them into a row from channel `first` on.
-        fn into_row(self, row: &mut Row, first: usize);
+    /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
+    fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
 
-        /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
-        fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
+    /// [`block_lines`] of this type, see [`compiled_here`].
+    fn lines(
+        settings: &BlockSettings,
+        ring: (&[Self], usize),
+        work: &mut [Complex<Self>],
+        kept: &mut [Complex32],
+    );
 
-        /// [`block_lines`] of this type, see [`compiled_here`].
+    /// [`Decimator::filter`] of this type, see [`compiled_here`].
+    fn filter(
+        decimator: &Decimator,
+        states: &mut [f32],
+        rings: &mut [f32],
+        place: (usize, usize),
+        outputs: usize,
+    );
+}
+
+/// What takes the time, compiled with the settings of this crate: generic functions have those of
+/// the crate that calls them, which may check every sum for an overflow.
+macro_rules! compiled_here {
+    () => {
         fn lines(
             settings: &BlockSettings,
             ring: (&[Self], usize),
             work: &mut [Complex<Self>],
             kept: &mut [Complex32],
-        );
+        ) {
+            block_lines(settings, ring, work, kept);
+        }
 
-        /// [`Decimator::filter`] of this type, see [`compiled_here`].
         fn filter(
             decimator: &Decimator,
             states: &mut [f32],
             rings: &mut [f32],
             place: (usize, usize),
             outputs: usize,
-        );
+        ) {
+            decimator.filter::<Self>(states, rings, place, outputs);
+        }
+    };
+}
+
+impl Lane for f32 {
+    const WIDTH: usize = 1;
+
+    compiled_here!();
+
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self + other
     }
 
-    /// What takes the time, compiled with the settings of this crate: generic functions have those of
-    /// the crate that calls them, which may check every sum for an overflow.
-    macro_rules! compiled_here {
-        () => {
-            fn lines(
-                settings: &BlockSettings,
-                ring: (&[Self], usize),
-                work: &mut [Complex<Self>],
-                kept: &mut [Complex32],
-            ) {
-                block_lines(settings, ring, work, kept);
-            }
-
-            fn filter(
-                decimator: &Decimator,
-                states: &mut [f32],
-                rings: &mut [f32],
-                place: (usize, usize),
-                outputs: usize,
-            ) {
-                decimator.filter::<Self>(states, rings, place, outputs);
-            }
-        };
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        self - other
     }
 
-    impl Calculate for f32 {
-        const WIDTH: usize = 1;
+    #[inline(always)]
+    fn times(self, factor: f32) -> Self {
+        self * factor
+    }
 
-        compiled_here!();
+    #[inline(always)]
+    fn over(self, divisor: f32) -> Self {
+        self / divisor
+    }
 
-        #[inline(always)]
-        fn plus(self, other: Self) -> Self {
-            self + other
+    #[inline(always)]
+    fn negated(self) -> Self {
+        -self
+    }
+
+    #[inline(always)]
+    fn samples(storage: &[f32]) -> &[Self] {
+        storage
+    }
+
+    #[inline(always)]
+    fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
+        storage
+    }
+
+    #[inline(always)]
+    fn of_row(row: &Row, first: usize) -> Self {
+        // Never beyond the row, which needs no check then.
+        row.get(first % GROUP).copied().unwrap_or_default()
+    }
+
+    #[inline(always)]
+    fn into_row(self, row: &mut Row, first: usize) {
+        if let Some(slot) = row.get_mut(first % GROUP) {
+            *slot = self;
         }
+    }
 
-        #[inline(always)]
-        fn minus(self, other: Self) -> Self {
-            self - other
+    #[inline(always)]
+    fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
+        let kept = kept.get_mut(..count).unwrap_or_default();
+        for (slot, line) in kept.iter_mut().zip(lines) {
+            *slot = line;
         }
+    }
+}
 
-        #[inline(always)]
-        fn times(self, factor: f32) -> Self {
-            self * factor
-        }
+impl Lane for Row {
+    const WIDTH: usize = GROUP;
 
-        #[inline(always)]
-        fn over(self, divisor: f32) -> Self {
-            self / divisor
-        }
+    compiled_here!();
 
-        #[inline(always)]
-        fn negated(self) -> Self {
-            -self
-        }
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self, other);
+        [a + e, b + f, c + g, d + h]
+    }
 
-        #[inline(always)]
-        fn samples(storage: &[f32]) -> &[Self] {
-            storage
-        }
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self, other);
+        [a - e, b - f, c - g, d - h]
+    }
 
-        #[inline(always)]
-        fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
-            storage
-        }
+    #[inline(always)]
+    fn times(self, factor: f32) -> Self {
+        self.map(|x| x * factor)
+    }
 
-        #[inline(always)]
-        fn of_row(row: &Row, first: usize) -> Self {
-            // Never beyond the row, which needs no check then.
-            row.get(first % GROUP).copied().unwrap_or_default()
-        }
+    #[inline(always)]
+    fn over(self, divisor: f32) -> Self {
+        self.map(|x| x / divisor)
+    }
 
-        #[inline(always)]
-        fn into_row(self, row: &mut Row, first: usize) {
-            if let Some(slot) = row.get_mut(first % GROUP) {
-                *slot = self;
-            }
-        }
+    #[inline(always)]
+    fn negated(self) -> Self {
+        self.map(|x| -x)
+    }
 
-        #[inline(always)]
-        fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
-            let kept = kept.get_mut(..count).unwrap_or_default();
-            for (slot, line) in kept.iter_mut().zip(lines) {
+    #[inline(always)]
+    fn samples(storage: &[f32]) -> &[Self] {
+        storage.as_chunks().0
+    }
+
+    #[inline(always)]
+    fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
+        storage.as_chunks_mut().0
+    }
+
+    #[inline(always)]
+    fn of_row(row: &Row, _: usize) -> Self {
+        *row
+    }
+
+    #[inline(always)]
+    fn into_row(self, row: &mut Row, _: usize) {
+        *row = self;
+    }
+
+    #[inline(always)]
+    fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
+        let mut lines = lines.take(count);
+        let mut channels = kept.chunks_exact_mut(count.max(1));
+        let mut channel = || channels.next().unwrap_or_default().iter_mut();
+        let mut slots = channel().zip(channel()).zip(channel().zip(channel()));
+        // Some lines are computed before they are taken apart: the compiler would calculate with one
+        // channel at a time otherwise.
+        let mut some = [Complex::default(); 16];
+        loop {
+            let mut taken = 0;
+            for (slot, line) in some.iter_mut().zip(&mut lines) {
                 *slot = line;
+                taken += 1;
             }
-        }
-    }
-
-    impl Calculate for Row {
-        const WIDTH: usize = GROUP;
-
-        compiled_here!();
-
-        #[inline(always)]
-        fn plus(self, other: Self) -> Self {
-            let ([a, b, c, d], [e, f, g, h]) = (self, other);
-            [a + e, b + f, c + g, d + h]
-        }
-
-        #[inline(always)]
-        fn minus(self, other: Self) -> Self {
-            let ([a, b, c, d], [e, f, g, h]) = (self, other);
-            [a - e, b - f, c - g, d - h]
-        }
-
-        #[inline(always)]
-        fn times(self, factor: f32) -> Self {
-            self.map(|x| x * factor)
-        }
-
-        #[inline(always)]
-        fn over(self, divisor: f32) -> Self {
-            self.map(|x| x / divisor)
-        }
-
-        #[inline(always)]
-        fn negated(self) -> Self {
-            self.map(|x| -x)
-        }
-
-        #[inline(always)]
-        fn samples(storage: &[f32]) -> &[Self] {
-            storage.as_chunks().0
-        }
-
-        #[inline(always)]
-        fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
-            storage.as_chunks_mut().0
-        }
-
-        #[inline(always)]
-        fn of_row(row: &Row, _: usize) -> Self {
-            *row
-        }
-
-        #[inline(always)]
-        fn into_row(self, row: &mut Row, _: usize) {
-            *row = self;
-        }
-
-        #[inline(always)]
-        fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
-            let mut lines = lines.take(count);
-            let mut channels = kept.chunks_exact_mut(count.max(1));
-            let mut channel = || channels.next().unwrap_or_default().iter_mut();
-            let mut slots = channel().zip(channel()).zip(channel().zip(channel()));
-            // Some lines are computed before they are taken apart: the compiler would calculate with one
-            // channel at a time otherwise.
-            let mut some = [Complex::default(); 16];
-            loop {
-                let mut taken = 0;
-                for (slot, line) in some.iter_mut().zip(&mut lines) {
-                    *slot = line;
-                    taken += 1;
-                }
-                for (line, ((a, b), (c, d))) in some.iter().take(taken).zip(&mut slots) {
-                    let Complex { re, im }: &Complex<Self> = line;
-                    *a = Complex32::new(re[0], im[0]);
-                    *b = Complex32::new(re[1], im[1]);
-                    *c = Complex32::new(re[2], im[2]);
-                    *d = Complex32::new(re[3], im[3]);
-                }
-                if taken < some.len() {
-                    break;
-                }
+            for (line, ((a, b), (c, d))) in some.iter().take(taken).zip(&mut slots) {
+                let Complex { re, im }: &Complex<Self> = line;
+                *a = Complex32::new(re[0], im[0]);
+                *b = Complex32::new(re[1], im[1]);
+                *c = Complex32::new(re[2], im[2]);
+                *d = Complex32::new(re[3], im[3]);
+            }
+            if taken < some.len() {
+                break;
             }
         }
     }

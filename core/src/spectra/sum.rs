@@ -1,7 +1,7 @@
 //! A running sum that does not forget small terms.
 
 /// Additions after which the terms are taken over into the sum.
-pub(super) const TOGETHER: usize = 16;
+const TOGETHER: usize = 16;
 
 /// A sum in two `f32`, about twice the precision of one.
 ///
@@ -82,13 +82,17 @@ pub(super) fn less(carry: f32, [a, b]: [f32; 2], [c, d]: [f32; 2]) -> f32 {
     (carry - a * b) - c * d
 }
 
-/// Takes the terms of every sixteenth of the lines over, of `width` sums each: all have their turn in
-/// sixteen `blocks`.
+/// Takes the terms of the lines whose turn it is over, of `width` sums each.
 pub(super) fn settle(sums: &mut [Sum], width: usize, blocks: u32) {
-    let lines = sums.chunks_exact_mut(width.max(1));
-    for line in lines.skip(blocks as usize % TOGETHER).step_by(TOGETHER) {
+    for line in due(sums.chunks_exact_mut(width.max(1)), blocks) {
         line.iter_mut().for_each(Sum::settle);
     }
+}
+
+/// Every sixteenth of the lines, from another one on with each block: all have their turn in sixteen
+/// `blocks`.
+pub(super) fn due<T>(lines: impl Iterator<Item = T>, blocks: u32) -> impl Iterator<Item = T> {
+    lines.skip(blocks as usize % TOGETHER).step_by(TOGETHER)
 }
 
 #[cfg(test)]

@@ -75,9 +75,8 @@ pub trait Board {
     /// The board's part of the telemetry.
     fn vitals(&mut self) -> Vitals;
 
-    /// Starts the box's own converters at `sample_rate` Hz, unless they run already, under these
-    /// conditions. Their
-    /// samples then come by [`super::Instrument::sample`].
+    /// Starts the box's own converters at `sample_rate` Hz under these conditions, unless they run
+    /// already. Their samples then come by [`super::Instrument::sample`].
     ///
     /// # Errors
     /// [`Problem`] if there are none, or none that run at this rate.

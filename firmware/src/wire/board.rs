@@ -222,8 +222,8 @@ pub enum Stream {
     Readings,
     /// Raw counts.
     Counts,
-    /// Raw counts under other conditions, which end with this form: whoever asks for another one gets
-    /// the usual samples. Not while running.
+    /// Raw counts under other conditions, which last until a subscription asks for another form. Not
+    /// while running.
     Test(Conditions),
 }
 
