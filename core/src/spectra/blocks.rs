@@ -1,7 +1,7 @@
 //! Overlapping blocks out of a stream of samples, transformed as soon as they are complete.
 
-use super::history::Rings;
-use super::lane::{Complex, Lane};
+use super::history::{Compiled, Rings};
+use super::lane::Complex;
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
 
@@ -46,7 +46,7 @@ pub struct Blocks<'s, L = f32> {
     lines: &'s mut [Complex32],
 }
 
-impl<'s, L: Lane> Blocks<'s, L> {
+impl<'s, L: Compiled> Blocks<'s, L> {
     /// Elements of storage for blocks of `channels` channels, in whole groups: of `history`, `work` and
     /// `lines`.
     #[must_use]
@@ -283,7 +283,10 @@ mod tests {
     /// behind each filter, with hops that are no whole batch of them.
     #[test]
     fn four_at_once_have_the_bits_of_one_by_one() {
-        fn spectra<L: Lane>(settings: BlockSettings, channels: usize) -> std::vec::Vec<[u32; 2]> {
+        fn spectra<L: Compiled>(
+            settings: BlockSettings,
+            channels: usize,
+        ) -> std::vec::Vec<[u32; 2]> {
             let nothing = Complex32::new(0.0, 0.0);
             let [history, work, lines] = Blocks::<L>::storage_len(&settings, channels);
             let mut history = std::vec![0.0; history];

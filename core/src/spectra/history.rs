@@ -2,7 +2,7 @@
 
 use super::decimate::Decimator;
 use super::fft::{lines, transform_pairs};
-use super::lane::{Complex, Lane, plus, scaled};
+use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
 use core::marker::PhantomData;
@@ -22,7 +22,7 @@ pub struct Rings<L = f32> {
     lane: PhantomData<L>,
 }
 
-impl<L: Lane> Rings<L> {
+impl<L: Compiled> Rings<L> {
     /// Elements of storage for `channels` channels: [`BlockSettings::history_len`] of as many, in whole
     /// groups.
     pub(super) fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
@@ -184,6 +184,56 @@ impl<L: Lane> Rings<L> {
         }
     }
 }
+
+/// Samples for which the functions that take the time are compiled with the settings of this crate:
+/// generic functions have those of the crate that calls them, which may check every sum for an
+/// overflow.
+pub trait Compiled: Lane {
+    /// [`block_lines`] of this type.
+    fn lines(
+        settings: &BlockSettings,
+        ring: (&[Self], usize),
+        work: &mut [Complex<Self>],
+        kept: &mut [Complex32],
+    );
+
+    /// [`Decimator::filter`] of this type.
+    fn filter(
+        decimator: &Decimator,
+        states: &mut [f32],
+        rings: &mut [f32],
+        place: (usize, usize),
+        outputs: usize,
+    );
+}
+
+macro_rules! compiled {
+    ($samples:ty) => {
+        impl Compiled for $samples {
+            fn lines(
+                settings: &BlockSettings,
+                ring: (&[Self], usize),
+                work: &mut [Complex<Self>],
+                kept: &mut [Complex32],
+            ) {
+                block_lines(settings, ring, work, kept);
+            }
+
+            fn filter(
+                decimator: &Decimator,
+                states: &mut [f32],
+                rings: &mut [f32],
+                place: (usize, usize),
+                outputs: usize,
+            ) {
+                decimator.filter::<Self>(states, rings, place, outputs);
+            }
+        }
+    };
+}
+
+compiled!(f32);
+compiled!(Row);
 
 /// The kept lines of a block, whose oldest sample lies at `head` of its ring.
 pub(super) fn block_lines<L: Lane>(

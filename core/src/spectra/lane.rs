@@ -3,9 +3,6 @@
 //! that its spectra have the same bits.
 
 use super::Complex32;
-use super::decimate::Decimator;
-use super::history::block_lines;
-use super::settings::BlockSettings;
 
 /// Channels whose samples lie side by side on their way through the filters.
 pub(super) const GROUP: usize = 4;
@@ -84,54 +81,10 @@ pub trait Lane: Copy + Default {
 
     /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
     fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
-
-    /// [`block_lines`] of this type, see [`compiled_here`].
-    fn lines(
-        settings: &BlockSettings,
-        ring: (&[Self], usize),
-        work: &mut [Complex<Self>],
-        kept: &mut [Complex32],
-    );
-
-    /// [`Decimator::filter`] of this type, see [`compiled_here`].
-    fn filter(
-        decimator: &Decimator,
-        states: &mut [f32],
-        rings: &mut [f32],
-        place: (usize, usize),
-        outputs: usize,
-    );
-}
-
-/// What takes the time, compiled with the settings of this crate: generic functions have those of
-/// the crate that calls them, which may check every sum for an overflow.
-macro_rules! compiled_here {
-    () => {
-        fn lines(
-            settings: &BlockSettings,
-            ring: (&[Self], usize),
-            work: &mut [Complex<Self>],
-            kept: &mut [Complex32],
-        ) {
-            block_lines(settings, ring, work, kept);
-        }
-
-        fn filter(
-            decimator: &Decimator,
-            states: &mut [f32],
-            rings: &mut [f32],
-            place: (usize, usize),
-            outputs: usize,
-        ) {
-            decimator.filter::<Self>(states, rings, place, outputs);
-        }
-    };
 }
 
 impl Lane for f32 {
     const WIDTH: usize = 1;
-
-    compiled_here!();
 
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
@@ -192,8 +145,6 @@ impl Lane for f32 {
 
 impl Lane for Row {
     const WIDTH: usize = GROUP;
-
-    compiled_here!();
 
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
