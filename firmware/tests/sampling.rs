@@ -14,7 +14,7 @@ use massline_firmware::models::BusError;
 use massline_firmware::models::adxl355::Chip as Adxl;
 use massline_firmware::models::lanes::Model;
 use massline_firmware::models::pattern;
-use massline_firmware::models::rig::{Garble, Port, Rig};
+use massline_firmware::models::rig::{self, Garble, Port, Rig};
 use massline_firmware::sampling::sequencer::Edge;
 use massline_firmware::sampling::{
     CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Outcome, Plan, Queues, REQUESTS,
@@ -66,13 +66,13 @@ enum By {
 /// Lanes of either kind.
 enum OnLanes<'r> {
     Drivers(ByDrivers),
-    Lanes(Box<Model<Ads<'r>, Follower<'r>, CONVERTERS>>),
+    Lanes(Box<Model<Ads<'r>, Follower<'r>, CONVERTERS>>, &'r Chips),
 }
 
 impl OnLanes<'_> {
     /// Ends the frame that runs on the first lane that is not at rest; its number.
     fn finish(&mut self) -> Option<usize> {
-        let Self::Lanes(model) = self else {
+        let Self::Lanes(model, _) = self else {
             return None;
         };
         let lane = model.running()?;
@@ -83,7 +83,7 @@ impl OnLanes<'_> {
     fn each(&mut self) -> &mut dyn Lanes {
         match self {
             Self::Drivers(lanes) => lanes,
-            Self::Lanes(lanes) => &mut **lanes,
+            Self::Lanes(lanes, _) => &mut **lanes,
         }
     }
 }
@@ -102,13 +102,16 @@ impl Lanes for OnLanes<'_> {
     }
 
     fn is_edge_noted(&self) -> bool {
-        false
+        match self {
+            Self::Drivers(lanes) => lanes.is_edge_noted(),
+            Self::Lanes(_, rig) => rig.borrow().is_edge_pending(),
+        }
     }
 
     fn received(&self, converter: usize) -> &[u8] {
         match self {
             Self::Drivers(lanes) => lanes.received(converter),
-            Self::Lanes(lanes) => lanes.received(converter),
+            Self::Lanes(lanes, _) => lanes.received(converter),
         }
     }
 }
@@ -177,7 +180,7 @@ impl Bench {
             By::Drivers => OnLanes::Drivers(ByDrivers),
             By::Lanes => {
                 let ports = core::array::from_fn(|k| Port::new(rig, k));
-                OnLanes::Lanes(Box::new(Model::new(ports, Follower(adxl), &REQUESTS)))
+                OnLanes::Lanes(Box::new(Model::new(ports, Follower(adxl), &REQUESTS)), rig)
             }
         };
         Tasks {
@@ -210,13 +213,31 @@ impl Tasks<'_> {
         let g = [0.1, 0.2, -0.5];
         self.adxl.borrow_mut().convert(g);
         self.sampler.poll(edge.cycle);
-        let mut is_new = self.sampler.edge(Edge {
-            ready: edge.ready,
-            at: edge.cycle,
-            is_merged: false,
-        });
+        self.sampler.edge(noted(edge)) | self.finish()
+    }
+
+    /// Waits for the next edge, and begins with its frames.
+    fn note(&mut self) -> rig::Edge {
+        let edge = self.rig.borrow_mut().wait();
+        self.sampler.edge(noted(edge));
+        edge
+    }
+
+    /// Ends the frames of a sample. `true` if there is a sample.
+    fn end_frames(&mut self) -> bool {
+        let mut is_new = false;
         while let Some(lane) = self.sampler.lanes().finish() {
             is_new |= self.sampler.lane(lane);
+        }
+        is_new
+    }
+
+    /// The same, and goes on with the edges that came meanwhile.
+    fn finish(&mut self) -> bool {
+        let mut is_new = self.end_frames();
+        while self.rig.borrow().is_edge_pending() {
+            self.note();
+            is_new |= self.sampler.resume() | self.end_frames();
         }
         is_new | self.sampler.resume()
     }
@@ -229,6 +250,15 @@ impl Tasks<'_> {
         let mut faults = FaultCounters::default();
         self.counters.read(&mut faults);
         faults
+    }
+}
+
+/// An edge as the sampling task sees it.
+fn noted(edge: rig::Edge) -> Edge {
+    Edge {
+        ready: edge.ready,
+        at: edge.cycle,
+        is_merged: false,
     }
 }
 
@@ -416,6 +446,68 @@ fn converters_without_edges_are_restarted(by: By) {
     assert!(tasks.faults().converter_missed > before.converter_missed);
 }
 
+#[test]
+fn an_edge_from_before_a_restart_does_not_set_the_grid() {
+    // Drivers restart the converters before the next edge is seen.
+    let mut bench = Bench::new(By::Lanes);
+    let mut tasks = bench.tasks();
+    tasks.start(&plan(&wired(&[0]))).unwrap();
+    tasks.edges(10);
+    for turn in 1..20 {
+        // The chip samples at a random instant from now on.
+        tasks.rig.borrow_mut().reset_chip(1);
+        while tasks.faults().converter_reset < turn {
+            tasks.edge();
+        }
+        // It is prepared at an edge of the others, and all are restarted at another one. The box is so
+        // late there that an edge waits.
+        for _ in 0..3 {
+            let is_of_the_others = |edge: rig::Edge| edge.ready & 1 != 0;
+            while !is_of_the_others(tasks.note()) {
+                tasks.end_frames();
+                tasks.sampler.resume();
+            }
+            tasks.note();
+            let late = tasks.rig.borrow().cycle() + 400 * u64::from(turn);
+            tasks.rig.borrow_mut().pass_until(late);
+            for _ in 0..2 {
+                tasks.end_frames();
+                tasks.sampler.resume();
+            }
+        }
+        tasks.edges(20);
+        assert_eq!(tasks.faults().overrun, 0, "an edge beside the grid");
+        let last = core::iter::from_fn(|| tasks.frames.dequeue()).last();
+        assert_eq!(last.unwrap().health, [Health::GOOD; INPUTS]);
+    }
+}
+
+/// The bus is so slow that samples come while buffers are emptied.
+fn filters_settle_until_all_buffers_are_empty(by: By) {
+    // The frames of a sample, 4 of 240 bits on one bus, take up to half of the period.
+    for percent in 1..50 {
+        let mut bench = Bench::new(by);
+        let mut tasks = bench.tasks();
+        let hz = 960 * 512 * 100 / percent;
+        tasks.rig.borrow_mut().set_bus(hz);
+        for _ in 0..5 {
+            tasks.start(&plan(&wired(&[0]))).unwrap();
+            tasks.edges(30);
+            let frames: Vec<_> = core::iter::from_fn(|| tasks.frames.dequeue()).collect();
+            let late = frames[0].number - FIRST;
+            assert!(late <= u64::from(SETTLING), "{percent} %: {late} samples");
+            for frame in &frames {
+                let number = frame.number;
+                assert_eq!(
+                    frame.health,
+                    [Health::GOOD; INPUTS],
+                    "{percent} %: {number}"
+                );
+            }
+        }
+    }
+}
+
 fn a_test_pattern_identifies_each_sample_by_its_counts(by: By) {
     let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
@@ -476,5 +568,6 @@ tests! {
     fault_counters_continue_over_a_new_start
     a_failed_converter_is_reported_once
     converters_without_edges_are_restarted
+    filters_settle_until_all_buffers_are_empty
     a_test_pattern_identifies_each_sample_by_its_counts
 }

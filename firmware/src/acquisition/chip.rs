@@ -108,9 +108,7 @@ impl Chip {
             }
         }
         self.absent = 0;
-        // Buffers are emptied while filters settle, so that afterwards a low line means a new
-        // sample.
-        let was_full = core::mem::take(&mut self.full) || is_settling;
+        let was_full = core::mem::take(&mut self.full);
         let newest = if was_full {
             drain(read, counts)
         } else {

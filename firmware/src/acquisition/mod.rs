@@ -24,8 +24,9 @@
 //! reported as such, and not as its consequences.
 //!
 //! A restart moves the grid of samples and unsettles the filters, so that the health of all inputs
-//! holds its reason until [`SETTLING`] samples have gone by. It is made right after an edge, so
-//! that the grid moves little.
+//! holds its reason until [`SETTLING`] samples have gone by. Buffers are emptied meanwhile; if samples
+//! come while that is done, up to [`SETTLING`] more go by until all are empty. The restart is made right
+//! after an edge, so that the grid moves little; edges that were noted before it have to be forgotten.
 //!
 //! One fault is not detected: a converter that falls behind by less than a quarter of a period in
 //! the same sample whose edges are lost on all other lines. Its own edge then stands for theirs,
@@ -65,6 +66,8 @@ pub struct Sample<'a> {
     pub counts: &'a [i32],
     /// Faults of all inputs.
     pub health: &'a [Health],
+    /// `true` if the filters settle after a restart: the sample of no input is valid.
+    pub is_settling: bool,
 }
 
 /// A read of the oldest sample of a converter, given its number, as [`Converter::read`].
@@ -85,6 +88,8 @@ pub struct Acquisition<const CHIPS: usize, const INPUTS: usize> {
     /// Invalid samples to come after a restart, and its reason.
     settling: u8,
     reason: Health,
+    /// Samples by which that may still be put off until the buffers of all converters are empty.
+    put_off: u8,
     /// Edges in a row beside the grid.
     beside: u8,
     faults: FaultCounters,
@@ -110,6 +115,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             restart: None,
             settling: 0,
             reason: Health::GOOD,
+            put_off: 0,
             beside: 0,
             faults: FaultCounters::default(),
             fault: None,
@@ -222,12 +228,17 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
                 self.grid.moved();
             }
         }
+        if self.settling == 0 && self.put_off > 0 {
+            self.put_settling_off();
+        }
+        let mut is_settling = self.settling > 0;
         if let Some(reason) = self.restart
             && self.chips.iter().all(|c| c.state != State::Lost)
         {
             // The converters hold samples from before the restart; they are read at the next edge.
             self.synchronise(synchronise, reason);
             self.health = [reason; INPUTS];
+            is_settling = true;
         } else {
             self.read_all(read, converters, ready, on_grid);
             if !on_grid {
@@ -241,7 +252,21 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             number: self.number,
             counts: &self.counts,
             health: &self.health,
+            is_settling,
         })
+    }
+
+    /// Has a converter settle for one more sample whose buffer could not be emptied, because samples came
+    /// meanwhile: its next sample would be `MISSING`.
+    #[cold]
+    fn put_settling_off(&mut self) {
+        let mut in_step = self.chips.iter().filter(|c| c.state == State::InStep);
+        if in_step.any(|chip| chip.full) {
+            self.settling = 1;
+            self.put_off -= 1;
+        } else {
+            self.put_off = 0;
+        }
     }
 
     /// Marks these converters, by bits, as holding another sample than that of the next edge: their
@@ -339,6 +364,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         self.restart = None;
         self.reason = reason;
         self.settling = SETTLING;
+        self.put_off = SETTLING;
         for chip in &mut self.chips {
             chip.full = true;
             chip.absent = 0;

@@ -142,6 +142,11 @@ impl<S: Signal, const N: usize> Rig<S, N> {
         Edge { cycle, ready }
     }
 
+    /// `true` if a DRDY line has fallen since the last [`Self::wait`].
+    pub const fn is_edge_pending(&self) -> bool {
+        self.pending
+    }
+
     /// Advances the time to `end`, cycles.
     pub fn pass_until(&mut self, end: u64) {
         loop {

@@ -19,6 +19,8 @@ pub struct Converters<A, D, P, T> {
     delay: T,
     patterns: [Pattern; CHIPS],
     is_test_pattern: bool,
+    /// `true` if they were restarted since [`Self::take_restarted`].
+    restarted: bool,
     /// Bit k: converter k was left out.
     left_out: u32,
 }
@@ -44,6 +46,7 @@ where
             delay,
             patterns,
             is_test_pattern: false,
+            restarted: false,
             left_out: 0,
         }
     }
@@ -56,6 +59,11 @@ where
     /// `true` if test patterns replace the chips.
     pub(super) const fn is_test_pattern(&self) -> bool {
         self.is_test_pattern
+    }
+
+    /// `true` if the conversions were restarted since the last call.
+    pub(super) const fn take_restarted(&mut self) -> bool {
+        core::mem::replace(&mut self.restarted, false)
     }
 
     /// Makes the test patterns convert so many samples, and returns their number since the start.
@@ -143,13 +151,14 @@ where
         } else {
             self.bank.all()
         };
-        let (sync, delay) = (&mut self.sync, &mut self.delay);
+        let (sync, delay, restarted) = (&mut self.sync, &mut self.delay, &mut self.restarted);
         let mut synchronise = || {
             // The chip's own pins do not fail. Converters whose pin fails stay out of step, which
             // is counted.
             let _ = sync.set_low();
             delay.delay_ns(SYNC_NS);
             let _ = sync.set_high();
+            *restarted = true;
         };
         act(&mut converters, &mut synchronise)
     }

@@ -148,6 +148,8 @@ pub struct Sampler<'q, A, D, P, T, L> {
     ends: Ends<'q>,
     counters: &'q Counters,
     running: bool,
+    /// `true` from a start until its filters have settled.
+    is_starting: bool,
     /// Bits of the converters whose buffers were emptied after the edge that waits.
     emptied: u32,
     /// Samples dropped because the queue was full.
@@ -182,6 +184,7 @@ where
             ends,
             counters,
             running: false,
+            is_starting: false,
             emptied: 0,
             dropped: 0,
             watch: [u64::from(tick_hz) / WATCHES, 0],
@@ -235,6 +238,7 @@ where
             let acquisition = &mut self.acquisition;
             self.converters
                 .with(|all, synchronise| acquisition.watch(all, synchronise, ticks));
+            self.forget_edges_before_restart();
             self.report();
         }
     }
@@ -302,9 +306,26 @@ where
             acquire(acquisition, all, synchronise, conversion, lanes, is_waiting)
         });
         self.emptied |= emptied;
-        let is_new = pass_on(sample, at, &mut self.ends.frames, &mut self.dropped);
+        let is_starting = &mut self.is_starting;
+        let is_new = pass_on(
+            sample,
+            at,
+            is_starting,
+            &mut self.ends.frames,
+            &mut self.dropped,
+        );
+        self.forget_edges_before_restart();
         self.report();
         is_new
+    }
+
+    /// Forgets edges from before a restart of the converters, if there was one: what was converted then is
+    /// no sample, and must not set the grid.
+    fn forget_edges_before_restart(&mut self) {
+        if self.converters.take_restarted() {
+            self.lanes.forget_edge();
+            self.sequencer.forget_edge();
+        }
     }
 
     /// Handles so many periods of the test pattern's clock. `true` if there is a new sample.
@@ -321,7 +342,14 @@ where
         let sample = self
             .converters
             .with(|all, synchronise| acquisition.edge(all, synchronise, u32::MAX, ticks));
-        let is_new = pass_on(sample, ticks, &mut self.ends.frames, &mut self.dropped);
+        let is_starting = &mut self.is_starting;
+        let is_new = pass_on(
+            sample,
+            ticks,
+            is_starting,
+            &mut self.ends.frames,
+            &mut self.dropped,
+        );
         self.report();
         is_new
     }
@@ -341,8 +369,8 @@ where
         let started = self
             .converters
             .with(|all, synchronise| acquisition.start(all, synchronise));
-        // What was converted before is no sample, and must not set the grid.
-        self.lanes.forget_edge();
+        self.forget_edges_before_restart();
+        self.is_starting = true;
         started
     }
 
@@ -394,13 +422,18 @@ fn looped(lanes: &mut impl Lanes, lane: u8) -> Option<Looped> {
 fn pass_on(
     sample: Option<Sample<'_>>,
     ticks: u64,
+    is_starting: &mut bool,
     frames: &mut Producer<'_, RawFrame>,
     dropped: &mut u32,
 ) -> bool {
-    // The filters settle during the first samples after a start.
-    let Some(sample) = sample.filter(|sample| sample.number > SETTLING.into()) else {
+    let Some(sample) = sample else {
         return false;
     };
+    // The filters settle during the first samples after a start.
+    *is_starting &= sample.is_settling || sample.number <= SETTLING.into();
+    if *is_starting {
+        return false;
+    }
     if !RawFrame::enqueue(&sample, ticks, frames) {
         *dropped = dropped.saturating_add(1);
     }

@@ -136,6 +136,12 @@ impl<const LANES: usize> Sequencer<LANES> {
         }
     }
 
+    /// Forgets the edge that waits, if any: the converters were restarted after it.
+    pub fn forget_edge(&mut self) {
+        let waiting = self.next.take();
+        self.lost = self.lost.saturating_add(u32::from(waiting.is_some()));
+    }
+
     /// Ends the use of the last conversion's bytes, and begins with the edge that waits, if any. `true` if
     /// its conversion is complete at once.
     pub fn resume(&mut self, lanes: &mut impl Lanes) -> bool {
