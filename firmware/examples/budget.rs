@@ -311,6 +311,7 @@ mod on_chip {
                 number: round.into(),
                 counts: black_box(&counts),
                 health: black_box(&health),
+                is_settling: false,
             };
             good &= RawFrame::enqueue(&sample, 0, &mut producer);
             good &= frames

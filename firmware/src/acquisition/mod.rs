@@ -263,7 +263,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         let mut in_step = self.chips.iter().filter(|c| c.state == State::InStep);
         if in_step.any(|chip| chip.full) {
             self.settling = 1;
-            self.put_off -= 1;
+            self.put_off = self.put_off.saturating_sub(1);
         } else {
             self.put_off = 0;
         }

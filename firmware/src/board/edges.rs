@@ -29,9 +29,6 @@ const SECOND: u32 = 0b1_1000;
 const AGAIN: u32 = 8;
 /// Bits of the first channel in CCER: it is on, at falling edges. A channel has four.
 const FALLING: u32 = 0b0011;
-/// Most ticks by which a capture may be younger than the counter that was read before it: what is
-/// waited, and more. A capture is at most 2^16 ticks less these old.
-const YOUNGER: u16 = 4096;
 /// Ticks in place of those of a line without an edge.
 const NO_EDGE: u16 = u16::MAX;
 
@@ -69,9 +66,6 @@ impl Edges {
     /// are low once all of them have fallen, or a microsecond later.
     pub fn note(&mut self) {
         let (first, second) = (&self.first, &self.second);
-        let at = ticks::low();
-        let count = first.cnt().read().cnt().bits();
-        let counted = [count, count.wrapping_add(self.ahead)];
         let flags = || {
             [
                 first.sr().read().bits() & (FIRST | FIRST << AGAIN),
@@ -81,25 +75,36 @@ impl Edges {
         if flags() == [0; 2] {
             return;
         }
+        let count = || first.cnt().read().cnt().bits();
+        let begin = count();
         let flags = loop {
             let seen = flags();
-            let waited = first.cnt().read().cnt().bits().wrapping_sub(count);
+            let waited = count().wrapping_sub(begin);
             let are_all = seen[0] | seen[1] | !(FIRST | SECOND) == u32::MAX;
             if are_all || waited >= self.microsecond {
                 break seen;
             }
         };
-        // Ticks from each edge to `at`, and more.
-        let age = |timer: usize, flag: u32, captured: u16| {
-            let is_there = flags[timer] & flag != 0;
-            let age = counted[timer].wrapping_sub(captured).wrapping_add(YOUNGER);
-            if is_there { Some(age) } else { None }
+        let captured = [
+            first.ccr1().read().ccr().bits(),
+            first.ccr2().read().ccr().bits(),
+            second.ccr3().read().ccr().bits(),
+            second.ccr4().read().ccr().bits(),
+        ];
+        // Read behind the captures, so that none of them is younger. Those older than 2^16 ticks, after a
+        // stall of the flash, are taken for younger ones.
+        let at = ticks::low();
+        let count = count();
+        let age = |timer: usize, line: usize, count: u16| {
+            let is_there = flags[timer] & 1 << (line + 1) != 0;
+            is_there.then(|| count.wrapping_sub(captured[line]))
         };
+        let ahead = count.wrapping_add(self.ahead);
         let ages: [Option<u16>; CONVERTERS] = [
-            age(0, 1 << 1, first.ccr1().read().ccr().bits()),
-            age(0, 1 << 2, first.ccr2().read().ccr().bits()),
-            age(1, 1 << 3, second.ccr3().read().ccr().bits()),
-            age(1, 1 << 4, second.ccr4().read().ccr().bits()),
+            age(0, 0, count),
+            age(0, 1, count),
+            age(1, 2, ahead),
+            age(1, 3, ahead),
         ];
         // What is zero is cleared, and nothing else.
         clear(first, flags[0]);
@@ -107,12 +112,12 @@ impl Edges {
         // The other timer's edges were seen too.
         NVIC::unpend(Interrupt::TIM3);
         NVIC::unpend(Interrupt::TIM4);
-        let oldest = ages.iter().flatten().max().copied().unwrap_or(YOUNGER);
+        let oldest = ages.iter().flatten().max().copied().unwrap_or(0);
         for (slot, age) in AFTER.iter().zip(ages) {
             let after = age.map_or(NO_EDGE, |age| oldest.wrapping_sub(age));
             slot.store(after, Ordering::Relaxed);
         }
-        let at = at.wrapping_add(YOUNGER.into()).wrapping_sub(oldest.into());
+        let at = at.wrapping_sub(oldest.into());
         let is_again = (flags[0] | flags[1]) >> AGAIN != 0;
         AT.store(at, Ordering::Relaxed);
         let is_unseen = READY.load(Ordering::Relaxed) & NOTED != 0;
@@ -202,7 +207,7 @@ fn take_noted() -> Option<Edge> {
     let since = (now as u32).wrapping_sub(at);
     Some(Edge {
         ready: noted & !(NOTED | MERGED),
-        at: now - u64::from(since),
+        at: now.wrapping_sub(since.into()),
         is_merged: noted & MERGED != 0,
     })
 }
