@@ -255,9 +255,12 @@ mod app {
     fn end_frame(sampler: &mut Sampler, lane: usize) {
         // An edge from before the end of the frame may have cost it its sample.
         let mut is_new = see_edge(sampler) | sampler.lane(lane);
-        // A sample that was emptied from a buffer may have taken a while.
-        is_new |= see_edge(sampler) | sampler.resume();
-        hand_over(sampler, is_new);
+        // At most ends of frames another one has begun.
+        if !sampler.is_reading() {
+            // A sample that was emptied from a buffer may have taken a while.
+            is_new |= see_edge(sampler) | sampler.resume();
+            hand_over(sampler, is_new);
+        }
     }
 
     /// Calls the block task if there is a new sample, and enough of them.

@@ -77,6 +77,15 @@ impl Channel {
         (self.scale.count(count), known.union(found))
     }
 
+    /// Takes a count without a fault, and returns `true`, if the watch has nothing to say of it: the common
+    /// case of [`Self::count`].
+    #[inline]
+    pub fn take_common(&mut self, count: i32) -> bool {
+        self.watch
+            .as_mut()
+            .is_none_or(|watch| watch.take_common(count))
+    }
+
     /// Converts one reading in the unit of the recording. Returns SI and all faults.
     #[must_use]
     pub fn reading(&self, reading: f32, known: Health) -> (f32, Health) {

@@ -104,14 +104,24 @@ impl Watch {
     /// Takes one count of the sensor and returns its faults.
     #[inline]
     pub fn count(&mut self, count: i32) -> Health {
-        let state = &mut self.state;
         // The common case of every input of every sample; rare cases are a function of their own.
-        if count != state.last && state.held == 0 && self.limits.contains(count) {
-            state.last = count;
-            state.equal = 1;
+        if self.take_common(count) {
             return Health::GOOD;
         }
         self.count_conspicuous(count)
+    }
+
+    /// Takes a count that changes, lies within the limits, and comes after the hold-off: without a fault.
+    /// Any other one is not taken, `false`.
+    #[inline]
+    pub fn take_common(&mut self, count: i32) -> bool {
+        let state = &mut self.state;
+        let is_common = count != state.last && state.held == 0 && self.limits.contains(count);
+        if is_common {
+            state.last = count;
+            state.equal = 1;
+        }
+        is_common
     }
 
     /// Takes a count that does not change, lies beyond a limit, or follows within the hold-off.

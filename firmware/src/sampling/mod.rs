@@ -277,6 +277,12 @@ where
         resume(sequencer, acquisition, emptied, lanes) && self.hand_over()
     }
 
+    /// `true` while frames run: [`Self::resume`] has nothing to do.
+    #[inline]
+    pub fn is_reading(&self) -> bool {
+        self.sequencer.is_reading()
+    }
+
     /// Samples in the queue.
     pub fn waiting(&self) -> usize {
         self.ends.frames.len()

@@ -113,6 +113,13 @@ impl<const LANES: usize> Sequencer<LANES> {
         self.next.is_some()
     }
 
+    /// `true` while frames run.
+    #[must_use]
+    #[inline]
+    pub fn is_reading(&self) -> bool {
+        self.state == State::Reading
+    }
+
     /// The conversion that is read, or was complete last.
     #[must_use]
     pub const fn conversion(&self) -> &Conversion {
@@ -145,7 +152,7 @@ impl<const LANES: usize> Sequencer<LANES> {
     /// Ends the use of the last conversion's bytes, and begins with the edge that waits, if any. `true` if
     /// its conversion is complete at once.
     pub fn resume(&mut self, lanes: &mut impl Lanes) -> bool {
-        if self.state == State::Reading {
+        if self.is_reading() {
             return false;
         }
         self.state = State::Rest;
