@@ -122,11 +122,13 @@ impl App {
         };
         self.services.note_sample(frame.number);
         let inputs = self.services.inputs_in_use();
+        let faults = (!frame.is_good(inputs)).then(|| frame.health());
+        let faults = faults.as_ref().map_or(&[][..], |faults| faults);
         let sample = RawSample {
             number: frame.number,
             ticks: frame.ticks,
             counts: frame.counts.get(..inputs).unwrap_or(&frame.counts),
-            health: frame.health.get(..inputs).unwrap_or(&frame.health),
+            health: faults.get(..inputs).unwrap_or(faults),
         };
         self.instrument
             .sample(&sample, &mut self.services, &mut self.transmit);

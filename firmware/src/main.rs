@@ -6,7 +6,7 @@
 //! names the chip.
 //!
 //! ```text
-//! cargo build --release -p massline-firmware --target thumbv7em-none-eabihf
+//! cargo build --profile chip -p massline-firmware --target thumbv7em-none-eabihf
 //! ```
 //!
 //! The ELF that this produces also boots in the emulator; `cargo xtask test` does that.
@@ -40,7 +40,7 @@ use defmt_rtt as _;
 fn main() -> std::process::ExitCode {
     eprintln!(
         "massline-firmware runs on the STM32F405, not here.\n\
-         build:    cargo build --release -p massline-firmware --target thumbv7em-none-eabihf\n\
+         build:    cargo build --profile chip -p massline-firmware --target thumbv7em-none-eabihf\n\
          emulate:  cargo xtask test --only emulator"
     );
     std::process::ExitCode::from(2)

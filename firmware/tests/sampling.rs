@@ -304,12 +304,9 @@ fn all_inputs_of_a_sample_come_under_one_number(by: By) {
     (0..FIRST).for_each(|_| assert!(!tasks.edge()));
     for expected in FIRST..200 {
         assert!(tasks.edge());
-        let RawFrame {
-            number,
-            counts,
-            health,
-            ..
-        } = tasks.frames.dequeue().unwrap();
+        let frame = tasks.frames.dequeue().unwrap();
+        let health = frame.health();
+        let RawFrame { number, counts, .. } = frame;
         assert_eq!(number, expected);
         for input in 0..INPUTS {
             assert_eq!(
@@ -341,7 +338,11 @@ fn a_missing_chip_is_left_out_unless_it_is_in_use(by: By) {
         let Some(frame) = tasks.frames.dequeue() else {
             continue;
         };
-        let RawFrame { number, health, .. } = frame;
+        let (number, health) = (frame.number, frame.health());
+        for inputs in 0..=INPUTS {
+            let is_good = health[..inputs].iter().all(|health| health.is_good());
+            assert_eq!(frame.is_good(inputs), is_good, "{inputs} inputs");
+        }
         assert_eq!(number, expected);
         expected += 1;
         for (input, health) in health.iter().enumerate() {
@@ -478,7 +479,7 @@ fn an_edge_from_before_a_restart_does_not_set_the_grid() {
         tasks.edges(20);
         assert_eq!(tasks.faults().overrun, 0, "an edge beside the grid");
         let last = core::iter::from_fn(|| tasks.frames.dequeue()).last();
-        assert_eq!(last.unwrap().health, [Health::GOOD; INPUTS]);
+        assert_eq!(last.unwrap().health(), [Health::GOOD; INPUTS]);
     }
 }
 
@@ -499,7 +500,7 @@ fn filters_settle_until_all_buffers_are_empty(by: By) {
             for frame in &frames {
                 let number = frame.number;
                 assert_eq!(
-                    frame.health,
+                    frame.health(),
                     [Health::GOOD; INPUTS],
                     "{percent} %: {number}"
                 );
@@ -521,12 +522,9 @@ fn a_test_pattern_identifies_each_sample_by_its_counts(by: By) {
     for step in [1, 1, 3, 1, 1, 2, 1, 1, 1] {
         assert!(tasks.sampler.test_pattern(step));
         sample += step;
-        let RawFrame {
-            number,
-            counts,
-            health,
-            ..
-        } = tasks.frames.dequeue().unwrap();
+        let frame = tasks.frames.dequeue().unwrap();
+        let health = frame.health();
+        let RawFrame { number, counts, .. } = frame;
         assert_eq!(number, u64::from(sample - 1));
         if step == 1 {
             assert_eq!(health, [Health::GOOD; INPUTS]);

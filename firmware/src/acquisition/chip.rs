@@ -47,6 +47,12 @@ impl Chip {
         loss: Health::GOOD,
     };
 
+    /// `true` if it must be prepared, now or later.
+    #[inline]
+    pub(super) fn is_to_be_prepared(&self) -> bool {
+        matches!(self.state, State::Lost | State::Down(_))
+    }
+
     /// Reads the newest sample and returns its health.
     #[inline]
     pub(super) fn read(

@@ -247,7 +247,9 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             }
             self.settling = self.settling.saturating_sub(1);
         }
-        self.prepare_one(converters);
+        if self.chips.iter().any(Chip::is_to_be_prepared) {
+            self.prepare_one(converters);
+        }
         Some(Sample {
             number: self.number,
             counts: &self.counts,
@@ -452,6 +454,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     }
 
     /// Prepares the first converter that needs it; one at a time, since a preparation takes long.
+    #[cold]
     fn prepare_one(&mut self, converters: &mut [&mut dyn Converter]) {
         let mut failed = None;
         for (k, (chip, converter)) in (0..).zip(self.chips.iter_mut().zip(converters)) {

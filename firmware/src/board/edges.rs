@@ -10,6 +10,7 @@
 //! | 0, 1 | PC6, PC7 | TIM3, channels 1 and 2 |
 //! | 2, 3 | PB8, PB9 | TIM4, channels 3 and 4 |
 
+use core::hint::black_box;
 use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 
 use massline_firmware::sampling::CONVERTERS;
@@ -139,7 +140,9 @@ fn capture_falling(timer: &RegisterBlock, edges: u32, interrupts: u32) {
 /// Ticks by which the second counter is ahead of the first: between two looks at the first one.
 fn ahead(first: &RegisterBlock, second: &RegisterBlock) -> u16 {
     let count = |timer: &RegisterBlock| timer.cnt().read().cnt().bits();
-    let [a, b, c] = cortex_m::interrupt::free(|_| [count(first), count(second), count(first)]);
+    // Addresses that are constants would be made between the looks, which are to be as far apart.
+    let (first, second) = (black_box(first), black_box(second));
+    let [a, b, c] = cortex_m::interrupt::free(move |_| [count(first), count(second), count(first)]);
     let half = c.wrapping_sub(a).div_ceil(2);
     b.wrapping_sub(a).wrapping_sub(half)
 }

@@ -38,8 +38,8 @@ impl Route {
     /// Takes a count that is not common, and returns the faults that count.
     #[cold]
     #[inline(never)] // Takes registers from the common case otherwise.
-    fn faults(&mut self, count: i32, known: Health) -> u16 {
-        let (_, Health(found)) = self.channel.count(count, known);
+    fn faults(&mut self, count: i32) -> u16 {
+        let (_, Health(found)) = self.channel.count(count, Health::GOOD);
         found & self.faults
     }
 }
@@ -55,6 +55,8 @@ pub(super) struct Channels {
     sensors_used: usize,
     /// Faults of each channel at the last sample.
     health: [u16; CHANNELS],
+    /// All of them together.
+    all: u16,
 }
 
 impl Channels {
@@ -66,6 +68,7 @@ impl Channels {
             places: [0.0; UNUSED + 1],
             sensors_used: 0,
             health: [0; CHANNELS],
+            all: 0,
         }
     }
 
@@ -76,6 +79,7 @@ impl Channels {
         self.places.fill(0.0);
         self.sensors_used = sensors.min(SENSORS);
         self.health.fill(0);
+        self.all = 0;
     }
 
     /// Adds the next channel of a sample; one that finds no room is left out.
@@ -135,6 +139,7 @@ impl Channels {
                 channels: Packed::new(known),
             }));
         }
+        self.all = all;
         Health(all)
     }
 
@@ -142,28 +147,25 @@ impl Channels {
     /// gone.
     fn take_counts(&mut self, counts: &[i32], known: &[Health]) -> (u16, u16) {
         let n = self.routes.len();
-        let (Some(counts), Some(known), Some(readings), Some(last)) = (
-            counts.get(..n),
-            known.get(..n),
+        let lists = (
+            counts
+                .get(..n)
+                .filter(|_| known.is_empty() && self.all == 0),
             self.readings.get_mut(..n),
             self.health.get_mut(..n),
-        ) else {
+        );
+        let (Some(counts), Some(readings), Some(health)) = lists else {
             return self.take_by(|c, channel| {
                 let known = known.get(c).copied().unwrap_or(Health::GOOD);
                 counts.get(c).map_or(MISSING, |x| channel.count(*x, known))
             });
         };
-        let (mut all, mut changed) = (0, 0);
-        let routes = self.routes.as_mut_slice().iter_mut();
-        let given = counts.iter().zip(known);
-        for ((route, (count, known)), (reading, last)) in
-            routes.zip(given).zip(readings.iter_mut().zip(last))
-        {
-            let was_good = *last | known.0 == 0;
-            if !(was_good && route.channel.take_common(*count)) {
-                let before = *last;
-                *last = route.faults(*count, *known);
-                changed |= before ^ *last;
+        // The common case: no channel has a fault or had one.
+        let mut all = 0;
+        let routes = self.routes.as_mut_slice().iter_mut().zip(counts);
+        for ((route, count), (reading, last)) in routes.zip(readings.iter_mut().zip(health)) {
+            if !route.channel.take_common(*count) {
+                *last = route.faults(*count);
                 all |= *last;
             }
             let si = route.channel.scale().count(*count);
@@ -172,7 +174,7 @@ impl Channels {
                 *place = si;
             }
         }
-        (all, changed)
+        (all, all)
     }
 
     /// Takes the sample whose channels `read` reads. The faults that it has, and those of any channel that
@@ -298,9 +300,11 @@ mod tests {
                 };
                 expected.push((si, if c == 5 { 0 } else { found }));
             }
+            // Channels that are left out have no fault.
+            let is_good = health.iter().all(|h| h.is_good());
             let sample = Sample::Counts {
                 counts: &counts,
-                health: &health,
+                health: if is_good { &[] } else { &health },
                 ticks: 0,
             };
             let Health(all) = channels.take(&sample, n, &mut heard);

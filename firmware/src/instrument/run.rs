@@ -188,10 +188,9 @@ impl<'m> Run<'m> {
         board: &impl Board,
         out: &mut impl Transmit,
     ) {
-        let begun = board.ticks();
         let taken = match sample {
             Sample::Counts { ticks, .. } => *ticks,
-            _ => begun,
+            _ => board.ticks(),
         };
         if self.counts.next == self.counts.missing {
             self.ticks[0] = taken;
@@ -233,6 +232,7 @@ impl<'m> Run<'m> {
         if !self.rings.push(&mut room.history, &input) {
             return;
         }
+        let begun = board.ticks();
         let support = self.lines.settings.support() as u64;
         let first = self.counts.next.saturating_sub(support);
         let mut faults = 0;

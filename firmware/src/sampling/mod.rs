@@ -47,7 +47,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
-use heapless::spsc::Producer;
+use heapless::spsc::{Consumer, Producer};
 use sequencer::{Edge, Event, Sequencer};
 
 /// Checks for silent converters per second.
@@ -145,15 +145,13 @@ pub struct Sampler<'q, A, D, P, T, L> {
     lanes: L,
     sequencer: Sequencer<LANES>,
     acquisition: Acquisition<CHIPS, INPUTS>,
-    ends: Ends<'q>,
+    commands: Consumer<'q, Command>,
+    outcomes: Producer<'q, Outcome>,
+    out: Out<'q>,
     counters: &'q Counters,
     running: bool,
-    /// `true` from a start until its filters have settled.
-    is_starting: bool,
     /// Bits of the converters whose buffers were emptied after the edge that waits.
     emptied: u32,
-    /// Samples dropped because the queue was full.
-    dropped: u32,
     /// Ticks between two checks for silent converters, and time of the last one.
     watch: [u64; 2],
     /// Nominal ticks from sample to sample.
@@ -181,12 +179,16 @@ where
             lanes,
             sequencer: Sequencer::new(ORDER),
             acquisition: Acquisition::new(tick_hz as f32 / CLOCK_HZ as f32),
-            ends,
+            commands: ends.commands,
+            outcomes: ends.outcomes,
+            out: Out {
+                frames: ends.frames,
+                is_starting: false,
+                dropped: 0,
+            },
             counters,
             running: false,
-            is_starting: false,
             emptied: 0,
-            dropped: 0,
             watch: [u64::from(tick_hz) / WATCHES, 0],
             period: 0,
         }
@@ -195,7 +197,7 @@ where
     /// Executes commands, and checks for silent converters. To be called at every interrupt, and a
     /// hundred times a second.
     pub fn poll(&mut self, ticks: u64) {
-        while let Some(command) = self.ends.commands.dequeue() {
+        while let Some(command) = self.commands.dequeue() {
             match command {
                 Command::Start(plan) => {
                     self.break_off();
@@ -203,22 +205,22 @@ where
                     self.running = outcome.is_ok();
                     self.watch[1] = ticks;
                     // There is room: the sender empties the queue before each command with an outcome.
-                    let _ = self.ends.outcomes.enqueue(Outcome::Started(outcome));
+                    let _ = self.outcomes.enqueue(Outcome::Started(outcome));
                 }
                 Command::Stop => self.stop(),
                 Command::Loop(lane) => {
                     self.stop();
                     let looped = looped(&mut self.lanes, lane);
-                    let _ = self.ends.outcomes.enqueue(Outcome::Looped(looped));
+                    let _ = self.outcomes.enqueue(Outcome::Looped(looped));
                 }
                 Command::Prepare(converter) => {
                     self.stop();
                     let prepared = self.converters.prepare(converter);
-                    let _ = self.ends.outcomes.enqueue(Outcome::Prepared(prepared));
+                    let _ = self.outcomes.enqueue(Outcome::Prepared(prepared));
                 }
                 Command::ClearFaults => {
                     self.acquisition.clear_faults();
-                    self.dropped = 0;
+                    self.out.dropped = 0;
                     self.counters.write(self.acquisition.faults(), 0);
                 }
                 Command::TestPattern => {
@@ -285,7 +287,7 @@ where
 
     /// Samples in the queue.
     pub fn waiting(&self) -> usize {
-        self.ends.frames.len()
+        self.out.frames.len()
     }
 
     /// The lanes.
@@ -312,14 +314,7 @@ where
             acquire(acquisition, all, synchronise, conversion, lanes, is_waiting)
         });
         self.emptied |= emptied;
-        let is_starting = &mut self.is_starting;
-        let is_new = pass_on(
-            sample,
-            at,
-            is_starting,
-            &mut self.ends.frames,
-            &mut self.dropped,
-        );
+        let is_new = self.out.pass_on(sample, at);
         self.forget_edges_before_restart();
         self.report();
         is_new
@@ -348,14 +343,7 @@ where
         let sample = self
             .converters
             .with(|all, synchronise| acquisition.edge(all, synchronise, u32::MAX, ticks));
-        let is_starting = &mut self.is_starting;
-        let is_new = pass_on(
-            sample,
-            ticks,
-            is_starting,
-            &mut self.ends.frames,
-            &mut self.dropped,
-        );
+        let is_new = self.out.pass_on(sample, ticks);
         self.report();
         is_new
     }
@@ -376,12 +364,13 @@ where
             .converters
             .with(|all, synchronise| acquisition.start(all, synchronise));
         self.forget_edges_before_restart();
-        self.is_starting = true;
+        self.out.is_starting = true;
         started
     }
 
     fn report(&mut self) {
-        self.counters.write(self.acquisition.faults(), self.dropped);
+        self.counters
+            .write(self.acquisition.faults(), self.out.dropped);
         if let Some(fault) = self.acquisition.take_fault()
             && let Some(part) = fault.part
         {
@@ -423,25 +412,30 @@ fn looped(lanes: &mut impl Lanes, lane: u8) -> Option<Looped> {
     Some(found)
 }
 
-/// Puts a sample whose edge came at that time, ticks, into the queue, or counts it as dropped. `true`
-/// if there is one.
-fn pass_on(
-    sample: Option<Sample<'_>>,
-    ticks: u64,
-    is_starting: &mut bool,
-    frames: &mut Producer<'_, RawFrame>,
-    dropped: &mut u32,
-) -> bool {
-    let Some(sample) = sample else {
-        return false;
-    };
-    // The filters settle during the first samples after a start.
-    *is_starting &= sample.is_settling || sample.number <= SETTLING.into();
-    if *is_starting {
-        return false;
+/// The way of samples to the other tasks.
+struct Out<'q> {
+    frames: Producer<'q, RawFrame>,
+    /// `true` from a start until its filters have settled.
+    is_starting: bool,
+    /// Samples dropped because the queue was full.
+    dropped: u32,
+}
+
+impl Out<'_> {
+    /// Puts a sample whose edge came at that time, ticks, into the queue, or counts it as dropped. `true`
+    /// if there is one.
+    fn pass_on(&mut self, sample: Option<Sample<'_>>, ticks: u64) -> bool {
+        let Some(sample) = sample else {
+            return false;
+        };
+        // The filters settle during the first samples after a start.
+        self.is_starting &= sample.is_settling || sample.number <= SETTLING.into();
+        if self.is_starting {
+            return false;
+        }
+        if !RawFrame::enqueue(&sample, ticks, &mut self.frames) {
+            self.dropped = self.dropped.saturating_add(1);
+        }
+        true
     }
-    if !RawFrame::enqueue(&sample, ticks, frames) {
-        *dropped = dropped.saturating_add(1);
-    }
-    true
 }

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 pub const FIRMWARE_ELF: &str = "MASSLINE_FIRMWARE_ELF";
 
 /// Builds it.
-pub const BUILD: &str = "cargo build --release -p massline-firmware --target thumbv7em-none-eabihf";
+pub const BUILD: &str =
+    "cargo build --profile chip -p massline-firmware --target thumbv7em-none-eabihf";
 
 /// Its path in cargo's target folder, where [`BUILD`] leaves it.
-const BUILT: &str = "thumbv7em-none-eabihf/release/massline-firmware";
+const BUILT: &str = "thumbv7em-none-eabihf/chip/massline-firmware";
 
 /// There is no firmware.
 #[derive(Debug, thiserror::Error)]

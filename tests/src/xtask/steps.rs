@@ -419,7 +419,7 @@ fn first_line(error: &StepError) -> String {
 fn firmware(context: &mut Context) -> Result<Ending, StepError> {
     let chip = context.chip()?;
     let arguments = format!(
-        "build --release -p {FIRMWARE} --message-format=json-render-diagnostics {}",
+        "build --profile chip -p {FIRMWARE} --message-format=json-render-diagnostics {}",
         chip.arguments()
     );
     let messages = process::answer(&mut context.cargo(chip, &arguments))?;
@@ -430,7 +430,7 @@ fn firmware(context: &mut Context) -> Result<Ending, StepError> {
     })?;
     // What the emulator counts instructions of lies beside it, in its folder of examples.
     let arguments = format!(
-        "build --release -p {FIRMWARE} --examples {}",
+        "build --profile chip -p {FIRMWARE} --examples {}",
         chip.arguments()
     );
     process::run(&mut context.cargo(chip, &arguments))?;

@@ -266,7 +266,7 @@ impl<SPI: SpiDevice> Converter for Adxl355<SPI> {
     fn decode(&mut self, received: &[u8], counts: &mut [i32]) -> Result<Reading, Fault> {
         let bytes: &[u8; REQUEST.len()] = received.first_chunk().ok_or(Fault::Bus)?;
         let (data, settings) = bytes.split_at(DATA_BYTES);
-        if settings.get(1..) != Some(&self.configuration.registers()) {
+        if settings.last_chunk() != Some(&self.configuration.registers()) {
             return Err(Fault::Reset);
         }
         // Nothing is said while the address is received.
