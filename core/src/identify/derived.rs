@@ -65,6 +65,7 @@ pub(super) struct Body<'w> {
 
 impl<'w> Body<'w> {
     /// Of the last solution in `space`.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(super) fn new(space: &'w Workspace) -> Self {
         let solved = &space.solved;
         let known_mass = solved.known_mass;

@@ -176,6 +176,7 @@ impl Identification {
     }
 
     /// `true` if every number that is given is finite.
+    #[inline(never)] // Not on the stack of what else its caller does.
     fn is_finite(&self) -> bool {
         let estimates = [self.mass, self.indicator]
             .into_iter()
@@ -220,6 +221,7 @@ pub fn identify<const PAIRS: usize>(
 ///
 /// # Errors
 /// [`IdentifyError`].
+#[inline(never)] // Not on the stack of what else its caller does.
 pub fn identify_in<const PAIRS: usize>(
     masslines: &[Masslines<PAIRS>],
     question: &Question,

@@ -120,6 +120,7 @@ impl RealMoments {
 }
 
 /// Covariance of the noise that so many lines of all runs hold together.
+#[inline(never)] // Not on the stack of what else its caller does.
 pub(super) fn noise_of_runs<L: Lines + ?Sized>(lines: &L, count: usize) -> ResultantNoise {
     let mut noise = ResultantNoise::NONE;
     add_noise_of_runs(lines, count, &mut noise);

@@ -48,6 +48,7 @@ pub fn condense<L: Lines + ?Sized>(
 ///
 /// # Errors
 /// [`MasslineError`], what the method lacks.
+#[inline(never)] // Not on the stack of what else its caller does.
 pub fn condense_into<L: Lines + ?Sized, const PAIRS: usize>(
     method: Method,
     lines: &L,

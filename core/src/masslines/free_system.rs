@@ -407,6 +407,7 @@ impl FreeModes {
 
     /// Expresses the modes about a point from which A lies `shift` (m) away, per unit of the
     /// interface forces `here` in place of `there`, those about A.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(super) fn move_by(&mut self, shift: &Vector3<f64>, here: &Equations, there: &Equations) {
         // a_B = T⁻¹ a_A, and the forces about A of a unit force about B.
         let mut back = transfer(&-shift);

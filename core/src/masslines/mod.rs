@@ -345,6 +345,7 @@ impl<const PAIRS: usize> Masslines<PAIRS> {
     }
 
     /// Moves the reference point by `shift`, m: exact, nothing is averaged again (figure 4).
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(crate) fn move_by(&mut self, shift: &Vector3<f64>) {
         let t = transfer(shift);
         self.reference += shift;

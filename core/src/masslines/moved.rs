@@ -36,6 +36,7 @@ impl<'l, L: Lines + ?Sized> Moved<'l, L> {
 
     /// As [`Lines::add_moments`], but of `Σ f f*` only the real part is sure to be added: all that
     /// a regression reads.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(super) fn add_real_moments(
         &self,
         run: usize,

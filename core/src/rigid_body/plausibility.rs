@@ -139,6 +139,7 @@ pub(crate) enum Moments<'a> {
 /// `half_width` gives half of the 95 % interval of a weighted sum of the six terms of inertia
 /// about S (xx, yy, zz, xy, xz, yz), kg m²; it is asked for principal moments only.
 #[must_use]
+#[inline(never)] // Not on the stack of what else its caller does.
 pub(crate) fn check(
     mass: Option<Bounded>,
     moments: &Moments<'_>,

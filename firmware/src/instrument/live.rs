@@ -65,6 +65,7 @@ impl LevelMeter {
     }
 
     /// Sends the levels, and begins anew; without a sample, sends nothing.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.samples == 0 {
             return;
@@ -186,6 +187,7 @@ impl Recorder {
     }
 
     /// Sends the samples gathered so far.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(super) fn send(&mut self, out: &mut impl Transmit) {
         if self.filled == 0 {
             return;

@@ -154,6 +154,7 @@ impl<'m> Instrument<'m> {
 
     /// Carries out one request, and answers it exactly once: here, or by [`Self::finish`]
     /// where it takes a [`Job`].
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub fn request(
         &mut self,
         id: u16,
@@ -209,6 +210,7 @@ impl<'m> Instrument<'m> {
 
     /// Does what is due without a request. Call it whenever there is time, a hundred times
     /// a second or more; `true` if there is more to do at once.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub fn poll(&mut self, board: &mut impl Board, out: &mut impl Transmit) -> bool {
         self.announce(out);
         let now = board.ticks();
@@ -235,6 +237,7 @@ impl<'m> Instrument<'m> {
     }
 
     /// Computes some samples of a synthetic run; `true` if there is one.
+    #[inline(never)] // Not on the stack of what else its caller does.
     fn compute(&mut self, board: &mut impl Board, out: &mut impl Transmit) -> bool {
         for _ in 0..COMPUTED_TOGETHER {
             let Some(run) = self.phase.run_mut() else {
@@ -276,6 +279,7 @@ impl<'m> Instrument<'m> {
     }
 
     /// Takes a job back and answers the request behind it.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub fn finish(&mut self, job: Job<'m>, board: &mut impl Board, out: &mut impl Transmit) {
         let Job {
             storage, outcome, ..
@@ -350,6 +354,7 @@ impl<'m> Instrument<'m> {
         }
     }
 
+    #[inline(never)] // Not on the stack of what else its caller does.
     fn send_telemetry(&mut self, now: u64, board: &mut impl Board, out: &mut impl Transmit) {
         let vitals = board.vitals();
         out.event(&Event::Telemetry(Telemetry {

@@ -69,6 +69,7 @@ impl Instrument<'_> {
     }
 
     /// The next step of a self-test between its runs; `true` if another one follows at once.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(super) fn continue_selftest(
         &mut self,
         board: &mut impl Board,

@@ -64,6 +64,7 @@ impl ApparentMass {
     };
 
     /// Expresses the fit about a point from which A lies `shift` (m) away: `M_B = Tᵀ M_A T`.
+    #[inline(never)] // Not on the stack of what else its caller does.
     pub(in crate::masslines) fn move_by(&mut self, shift: &Vector3<f64>) {
         let t = transfer(shift);
         let transposed = t.transpose();
