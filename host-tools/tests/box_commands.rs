@@ -138,7 +138,7 @@ fn exactly_one_place_of_the_box_is_named() {
         (&["board", "info", "--port", "/dev/none"], "--emulator"),
         (
             &["board", "info", "--emulator", "--elf", "none"],
-            "cargo build --release -p massline-firmware",
+            "cargo build --profile chip -p massline-firmware",
         ),
     ] {
         let finished = run(arguments);
