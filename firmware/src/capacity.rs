@@ -25,6 +25,6 @@ pub const BLOCK_LENGTH: usize = 1024;
 /// Bytes that stored runs may take: the core-coupled memory of the STM32F405 has 65,536.
 pub const RUN_BYTES: usize = 64_216;
 /// Bytes that a run or an identification may take while it is going on.
-pub const WORKING_BYTES: usize = 55_264;
+pub const WORKING_BYTES: usize = 58_700;
 /// Bytes that the set-up and the results, lines aside, may take.
 pub const PERSISTENT_BYTES: usize = 13_160;

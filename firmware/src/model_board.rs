@@ -1,7 +1,8 @@
 //! A board without hardware: its clock is set by hand, and its settings last as long as it does.
 
+use crate::drivers::Lowpass;
 use crate::instrument::{Board, Identity, Vitals};
-use crate::sampling::{INPUTS, Plan};
+use crate::sampling::{self, INPUTS, Plan};
 use crate::settings::Settings;
 use crate::wire::{
     ClockSource, Conditions, DRDY_LINES, FaultCounters, Field, Item, Probe, Probed, Problem,
@@ -104,6 +105,10 @@ impl Board for ModelBoard {
             }
         }
         Ok(())
+    }
+
+    fn lowpass(&self, input: usize, sample_rate: f64) -> Option<Lowpass> {
+        sampling::lowpass(input, sample_rate)
     }
 
     fn stop_inputs(&mut self) {

@@ -2,6 +2,7 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use massline_firmware::drivers::Lowpass;
 use massline_firmware::instrument::{Board, Vitals};
 use massline_firmware::link::Rx;
 use massline_firmware::retained::Cause;
@@ -232,6 +233,10 @@ impl Board for Services {
             inputs.test_clock.start(period);
         }
         Ok(())
+    }
+
+    fn lowpass(&self, input: usize, sample_rate: f64) -> Option<Lowpass> {
+        sampling::lowpass(input, sample_rate)
     }
 
     fn stop_inputs(&mut self) {

@@ -5,6 +5,7 @@
 //! | `scale` | the straight line from counts or readings to SI, in `f32` |
 //! | `watch` | overload with its hold-off, open sensors, readings that do not change |
 //! | `certificate` | calibration of one input: sensitivity, uncertainty, laboratory and date |
+//! | `alignment` | delay and magnitude of converters' filters, where they differ |
 //! | `preset` | values from the data sheet of a sensor: charge amplifier, bridge, IEPE, digital |
 //!
 //! # Design
@@ -18,11 +19,13 @@
 //! but they are its last few, where the window is almost zero: Hann's window over 1024 samples is
 //! below 0.0023 on the last 15 of them.
 
+mod alignment;
 mod certificate;
 mod preset;
 mod scale;
 pub mod watch;
 
+pub use alignment::Alignment;
 pub use certificate::{Certificate, Text};
 pub use preset::{
     ADXL355_COUNTS_PER_G, BRIDGE_SUPPLY_MAX, FULL_SCALE_VOLTS, Preset, SupplyTooHigh,

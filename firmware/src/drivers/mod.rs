@@ -6,12 +6,15 @@
 //! | [`adxl355`] | accelerometer, three axes of 20 bits | SPI mode 0, no checksum |
 //!
 //! A third kind is one more folder with a type that implements [`Converter`], a model of it in
-//! [`crate::models`], and a place in the list of the box's converters, `sampling/bank.rs`. Drivers
-//! depend on embedded-hal's traits, on no microcontroller and no board.
+//! [`crate::models`], and a place in the list of the box's converters, `sampling/bank.rs`. Each has a
+//! function `lowpass`, by which its inputs are brought into step with those of others. Drivers depend on embedded-hal's traits, on no microcontroller and no board.
 
 pub mod ads131m08;
 pub mod adxl355;
 pub mod lanes;
+mod lowpass;
+
+pub use lowpass::Lowpass;
 
 use serde::{Deserialize, Serialize};
 

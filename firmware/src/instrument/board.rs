@@ -1,5 +1,6 @@
 //! Surroundings of the instrument: the hardware below it, and the link to the host.
 
+use crate::drivers::Lowpass;
 use crate::wire::{
     ClockSource, Conditions, Event, FaultCounters, Health, Item, LinkCounters, Probe, Probed,
     Problem, Provoke, Reply, ResetReason, Setting, SettingKey, Storage,
@@ -81,6 +82,12 @@ pub trait Board {
     /// # Errors
     /// [`Problem`] if there are none, or none that run at this rate.
     fn start_inputs(&mut self, sample_rate: f64, conditions: Conditions) -> Result<(), Problem>;
+
+    /// The filters of an input's converter at a sample rate, Hz; `None` if it has none, or none that is
+    /// known: then its samples are taken to be in step with all others.
+    fn lowpass(&self, _input: usize, _sample_rate: f64) -> Option<Lowpass> {
+        None
+    }
 
     /// Stops the converters.
     fn stop_inputs(&mut self);

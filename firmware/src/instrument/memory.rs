@@ -7,9 +7,10 @@
 //! the SRAM.
 
 use super::live::{LevelMeter, Recorder};
-use super::readings::Channels;
+use super::readings::{Channels, PLACES};
 use super::setup::{LoadCells, SetUp};
 use super::store::Kept;
+use crate::calibration::Alignment;
 use crate::capacity::{self, BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
 use crate::wire::{Answer, Findings, Summary};
 use massline_core::geometry::{Equations, RESULTANTS, RunGeometry};
@@ -87,6 +88,7 @@ pub(super) struct Averaging {
     pub(super) history: [f32; HISTORY],
     pub(super) sums: [Sum; SUMS],
     pub(super) channels: Channels,
+    pub(super) alignment: Alignment<PLACES>,
     /// Geometry of a measuring pass: from its sensors to resultants.
     pub(super) geometry: RunGeometry,
 }
@@ -111,6 +113,7 @@ impl Averaging {
         history: [0.0; HISTORY],
         sums: [Sum::ZERO; SUMS],
         channels: Channels::new(),
+        alignment: Alignment::new(),
         geometry: RunGeometry::empty(),
     };
 }

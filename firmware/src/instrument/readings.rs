@@ -1,7 +1,7 @@
 //! Samples of one run: the role, the calibration and the faults of each channel.
 
 use super::Transmit;
-use crate::calibration::Channel;
+use crate::calibration::{Alignment, Channel};
 use crate::capacity::{CHANNELS, SENSORS};
 use crate::wire::{ChannelHealth, ChannelRole, Event, Health, Packed, Values};
 
@@ -20,9 +20,11 @@ pub(super) enum Sample<'a> {
     Computed(&'a [f32]),
 }
 
-/// Places behind those of the sensors: the drive's, and that of channels without a role.
+/// Places of the sensors, and the drive's behind them.
+pub(super) const PLACES: usize = SENSORS + 1;
 const DRIVE: usize = SENSORS;
-const UNUSED: usize = SENSORS + 1;
+/// Place of channels without a role.
+const UNUSED: usize = PLACES;
 
 /// Calibration and role of a channel.
 #[derive(Clone, Copy, Debug)]
@@ -82,8 +84,9 @@ impl Channels {
         self.all = 0;
     }
 
-    /// Adds the next channel of a sample; one that finds no room is left out.
-    pub(super) fn add(&mut self, carries: ChannelRole, channel: Channel) {
+    /// Adds the next channel of a sample, and returns its place among the sensors and the drive; one that
+    /// finds no room is left out.
+    pub(super) fn add(&mut self, carries: ChannelRole, channel: Channel) -> usize {
         let place = match carries {
             ChannelRole::Sensor(sensor) if usize::from(sensor) < SENSORS => usize::from(sensor),
             ChannelRole::Drive => DRIVE,
@@ -98,6 +101,15 @@ impl Channels {
                 u16::MAX
             },
         });
+        place
+    }
+
+    /// Brings the sensors and the drive into step. `false` if that takes more samples since the last gap.
+    #[inline]
+    pub(super) fn align(&mut self, alignment: &mut Alignment<PLACES>) -> bool {
+        let used = self.sensors_used;
+        let places = self.places.first_chunk_mut();
+        places.is_none_or(|places| alignment.align(places, used))
     }
 
     /// Number of channels.

@@ -176,6 +176,7 @@ impl<'m> Run<'m> {
         if let Some(room) = self.storage.scratch.run_mut() {
             self.rings.restart(&mut room.history);
             room.channels.skip(missing);
+            room.alignment.restart();
         }
         self.faulty = [0; Health::KINDS];
         self.block_first = first;
@@ -202,6 +203,7 @@ impl<'m> Run<'m> {
             return;
         };
         let mut health = room.channels.take(sample, index, out);
+        let is_aligned = room.channels.align(&mut room.alignment);
         let mut input = [0.0; 1 + RESULTANTS];
         let (drive, rest) = input.split_at_mut(1);
         drive.fill(room.channels.drive());
@@ -223,16 +225,19 @@ impl<'m> Run<'m> {
             self.counts.overloads = self.counts.overloads.saturating_add(1);
         }
         if !health.is_good() {
+            let [reach, _] = room.alignment.reach();
             for (kind, last) in self.faulty.iter_mut().enumerate() {
                 if health.contains(Health(1 << kind)) {
-                    *last = index.saturating_add(1);
+                    // And of all samples that rest on it.
+                    *last = index.saturating_add(1).saturating_add(reach as u64);
                 }
             }
         }
-        if !self.rings.push(&mut room.history, &input) {
+        if !is_aligned || !self.rings.push(&mut room.history, &input) {
             return;
         }
         let begun = board.ticks();
+        let [_, delay] = room.alignment.reach();
         let support = self.lines.settings.support() as u64;
         let first = self.counts.next.saturating_sub(support);
         let mut faults = 0;
@@ -242,6 +247,7 @@ impl<'m> Run<'m> {
             }
         }
         let health = Health(faults);
+        let first = first.saturating_sub(delay as u64);
         self.block_first = first;
         if health.is_good() {
             self.average();

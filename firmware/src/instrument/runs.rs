@@ -1,7 +1,7 @@
 //! A run from its start to its end, and its lines afterwards.
 
-use super::memory::{SUMS, TRANSFORM};
-use super::readings::{Channels, Sample};
+use super::memory::{Averaging, SUMS, TRANSFORM};
+use super::readings::Sample;
 use super::run::{Ended, Feed, Prepared, Run, Task};
 use super::setup::{self, SetUp};
 use super::survey::Survey;
@@ -254,7 +254,7 @@ pub(super) fn prepare(
             Task::Measure(accelerations)
         }
     };
-    route(setup, number, start.source, board, &mut room.channels)?;
+    route(setup, number, start.source, board, room)?;
     let rings = Rings::new(lines.settings, 1 + RESULTANTS, &mut room.history);
     // `EndSetup` has seen that blocks fit.
     let rings = rings.map_err(|_| {
@@ -292,11 +292,18 @@ fn route(
     run: usize,
     source: Source,
     board: &impl Board,
-    channels: &mut Channels,
+    room: &mut Averaging,
 ) -> Result<(), Problem> {
     let arrangement = setup.arrangement();
+    let Averaging {
+        channels,
+        alignment,
+        ..
+    } = room;
+    alignment.clear();
     channels.begin(arrangement.sensors());
     let rate = setup.sample_rate() as f32;
+    let mut first = None;
     for (number, code) in arrangement.channels(run).iter().enumerate() {
         let carries = ChannelRole::from_code(*code);
         let scale = match carries {
@@ -317,7 +324,16 @@ fn route(
             (None, Source::Synthetic) => Channel::unwatched(calibration::Scale::ONE),
             (None, _) => stored(board, number)?.channel(rate),
         };
-        channels.add(carries, channel);
+        let place = channels.add(carries, channel);
+        if source == Source::Inputs
+            && carries != ChannelRole::Unused
+            && let Some(own) = board.lowpass(number, setup.sample_rate())
+        {
+            let others = *first.get_or_insert(own);
+            if own != others && !alignment.add(place, own, others, setup.sample_rate()) {
+                return Err(Problem::Unsupported(Item::Input));
+            }
+        }
     }
     Ok(())
 }

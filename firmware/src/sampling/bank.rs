@@ -11,10 +11,10 @@
 //! | 1 | ADS131M08 number 2, 3 |
 //! | 2 | ADXL355 |
 
-use crate::drivers::Converter;
 use crate::drivers::ads131m08::{self, Ads131m08, Oversampling, registers};
 use crate::drivers::adxl355::{self, Adxl355};
 use crate::drivers::lanes::{Lane, Step};
+use crate::drivers::{Converter, Lowpass};
 use embedded_hal::spi::SpiDevice;
 
 /// Number of converters with a DRDY line, which come first.
@@ -78,6 +78,18 @@ pub const FASTEST_HZ: f64 = 4096.0;
 /// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
 pub(super) fn rates_near(rate: f64) -> [f64; 2] {
     Oversampling::neighbours(rate, CLOCK_HZ).map(|near| near.min(FASTEST_HZ))
+}
+
+/// The filters of an input's converter at a sample rate, Hz; `None` if the box has no such input.
+#[must_use]
+pub fn lowpass(input: usize, rate: f64) -> Option<Lowpass> {
+    if input < CONVERTERS * registers::CHANNELS {
+        Some(ads131m08::lowpass(rate))
+    } else if input < INPUTS {
+        Some(adxl355::Configuration::following(rate).lowpass())
+    } else {
+        None
+    }
 }
 
 /// The converters of a box, behind their buses.

@@ -32,7 +32,7 @@ mod queues;
 mod raw_frame;
 pub mod sequencer;
 
-pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS};
+pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS, lowpass};
 pub use converters::Converters;
 pub use fetched::{acquire, resume};
 pub use plan::{Plan, problem, reported};

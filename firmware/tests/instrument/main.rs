@@ -1,5 +1,6 @@
 //! The box as a state machine, promise by promise.
 
+mod alignment;
 mod answers;
 mod bench;
 mod capacity;

@@ -20,7 +20,7 @@ pub mod registers;
 
 use self::frame::{Frame, WORD, WORDS, word};
 use self::registers::{CHANNELS, Register, clock, command, mode, status};
-use super::{Converter, Fault, Reading, Signal};
+use super::{Converter, Fault, Lowpass, Reading, Signal};
 use embedded_hal::spi::{MODE_1, Mode, Operation, SpiDevice};
 
 /// Mode of the SPI bus: clock low when idle, data sampled at the falling edge.
@@ -111,6 +111,24 @@ impl Oversampling {
     pub fn of_rate(rate: f64, clock: u32) -> Option<Self> {
         let exact = |o: &Self| f64::from(clock) == rate * f64::from(o.cycles());
         Self::ALL.into_iter().find(exact)
+    }
+}
+
+/// Samples per second of the sinc3 filter at its largest ratio, 1024, at [`CLOCK_HZ`].
+const SINC3_HZ: f64 = CLOCK_HZ as f64 / 2.0 / 1024.0;
+
+/// The filters at a sample rate, Hz, at [`CLOCK_HZ`] (8.3.7): a sinc3 filter, behind which samples are averaged
+/// where the oversampling ratio is above 1024.
+#[must_use]
+pub fn lowpass(rate: f64) -> Lowpass {
+    let sinc3 = 1.0 / rate.max(SINC3_HZ);
+    let sample = 1.0 / rate;
+    // The average of m samples has the magnitude of one over their time, divided by that of one over a
+    // single one, and half of that difference as its delay.
+    Lowpass {
+        delay: sinc3 + 0.5 * sample,
+        averages: [(sinc3, 2), (sample, 1)],
+        pole: 0.0,
     }
 }
 

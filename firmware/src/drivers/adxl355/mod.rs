@@ -10,13 +10,16 @@
 //! The chip samples by its own clock, or with [`Clocking::External`] at pulses on its SYNC pin.
 //! Wire the other converters' DRDY line there, so that the samples belong to the same instants.
 
-use super::{Converter, Fault, Reading, Signal};
+use super::{Converter, Fault, Lowpass, Reading, Signal};
+use core::f64::consts::TAU;
 use embedded_hal::spi::{MODE_0, Mode, Operation, SpiDevice};
 
 /// Mode of the SPI bus.
 pub const SPI_MODE: Mode = MODE_0;
 /// Fastest clock of the SPI bus, Hz.
 pub const SPI_HZ_MAX: u32 = 10_000_000;
+/// Frequency at which the sensor's own filter begins, Hz.
+const SENSOR_HZ: f64 = 1500.0;
 /// Axes.
 pub const CHANNELS: usize = 3;
 
@@ -117,6 +120,29 @@ impl Configuration {
             halvings: (0..=10).rev().find(fits).unwrap_or(0),
             clocking: Clocking::External,
             offsets: [0; CHANNELS],
+        }
+    }
+
+    /// Sample rate of the filter, Hz.
+    fn filter_hz(&self) -> f64 {
+        4000.0 / f64::from(1_u16 << self.halvings.min(10))
+    }
+
+    /// The filters (table of their group delay): their attenuation at a quarter of their sample rate, 1.83 dB,
+    /// is that of two averages over its period; from 1000 Hz on the sensor's own filter adds to it.
+    #[must_use]
+    pub fn lowpass(&self) -> Lowpass {
+        /// Delays in periods of the filter's sample rate, by halvings.
+        const PERIODS: [f64; 11] = [
+            2.52, 2.00, 1.78, 1.63, 1.57, 1.54, 1.51, 1.49, 1.50, 1.50, 1.50,
+        ];
+        let period = 1.0 / self.filter_hz();
+        let [.., slowest] = PERIODS;
+        let halvings = usize::from(self.halvings);
+        Lowpass {
+            delay: PERIODS.get(halvings).unwrap_or(&slowest) * period,
+            averages: [(period, 2), (0.0, 0)],
+            pole: 1.0 / (TAU * SENSOR_HZ),
         }
     }
 

@@ -3,6 +3,7 @@
 //!
 //! Tests named `firmware_*` need the firmware; `cargo xtask test` builds it and runs them.
 
+mod accelerometer;
 mod bringup;
 mod clocks;
 mod faults;
