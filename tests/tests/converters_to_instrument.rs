@@ -7,9 +7,11 @@ use massline::rig::{self, Outfit, Trouble, Troubles};
 use massline::simulate::Simulation;
 use massline_core::masslines::Method;
 use massline_firmware::models::setup;
+use massline_firmware::sampling::lowpass;
 use massline_firmware::wire::{
     Accelerations, Answer, Gaps, Health, Outcome, Pass, Procedure, Request, Source, Start, Summary,
 };
+use massline_tests::readme;
 use stand_in::bench::Heard;
 use stand_in::{StandIn, fork};
 
@@ -108,4 +110,26 @@ fn each_fault_reaches_the_summary_by_its_name_and_not_the_mass() {
         assert!(off < 2.0 * std, "{}: {off} ± {std}", kind.name());
         assert!(std < 3.0 * least, "{}: {std} {least}", kind.name());
     }
+}
+
+#[test]
+fn the_table_of_filters_is_that_of_the_readme() {
+    let mut table = String::from(
+        "| samples/s | ADXL355 later by, ms | samples | at 0.05 of the rate | at 0.1 of the rate |\n\
+         | ---: | ---: | ---: | ---: | ---: |\n",
+    );
+    for rate in [128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0] {
+        let [prompt, late] = [0, 32].map(|input| lowpass(input, rate).expect("a box's input"));
+        let seconds = late.delay - prompt.delay;
+        let differences = [0.05, 0.1].map(|share| {
+            let frequency = share * rate;
+            let magnitude = late.magnitude(frequency) / prompt.magnitude(frequency) - 1.0;
+            let lag = late.lag(frequency) - prompt.lag(frequency);
+            format!("{:.1} %, {:.1}°", 100.0 * magnitude, -lag.to_degrees())
+        });
+        let (ms, samples) = (1e3 * seconds, seconds * rate);
+        let [low, high] = differences;
+        table += &format!("| {rate} | {ms:.2} | {samples:.2} | {low} | {high} |\n");
+    }
+    readme::compare("filters", &table).unwrap_or_else(|error| panic!("{error}"));
 }
