@@ -98,6 +98,7 @@ where
     /// The fault of the first converter, if none is in use and none answers.
     pub(super) fn configure(&mut self, plan: &Plan) -> Result<u32, Failure> {
         self.left_out = 0;
+        let used = plan.used;
         let (left_out, first) = self.with(|converters, _| {
             let mut gains = &plan.gains[..];
             for (k, converter) in (0..).zip(converters.iter_mut()) {
@@ -109,14 +110,11 @@ where
             let mut first: Option<Fault> = None;
             let mut left_out = 0;
             for (k, converter) in converters.iter_mut().enumerate() {
-                let bit = 1 << k;
-                if plan.read & bit == 0 {
-                    left_out |= bit;
-                } else if plan.used & bit == 0
+                if used >> k & 1 == 0
                     && let Err(fault) = converter.prepare()
                 {
                     first = first.or(Some(fault));
-                    left_out |= bit;
+                    left_out |= 1 << k;
                 }
             }
             Ok((left_out, first))

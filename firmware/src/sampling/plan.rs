@@ -1,13 +1,10 @@
 //! The plan of a recording, which follows from the settings and a sample rate.
 
 use super::bank::{CHANNELS, rates_near};
-use super::{CHIPS, Failure, INPUTS};
+use super::{Failure, INPUTS};
 use crate::drivers::{Fault, Signal};
 use crate::settings::Settings;
 use crate::wire::{Circuit, Conditions, ConverterFault, Field, Problem};
-
-/// The bits of all converters.
-const ALL: u32 = (1 << CHIPS) - 1;
 
 /// The plan of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,10 +15,8 @@ pub struct Plan {
     pub rate: f64,
     /// Gain of each input.
     pub gains: [u8; INPUTS],
-    /// Bit k: an input of converter k is in use, so that it has to answer.
+    /// Bit k: an input of converter k is in use.
     pub used: u32,
-    /// Bit k: converter k is read, if it answers; the others are left out.
-    pub read: u32,
     /// Number of inputs up to the last one in use; all of them if none is.
     pub inputs: usize,
     /// Conditions under which they are sampled.
@@ -45,7 +40,6 @@ impl Plan {
             rate,
             gains: [1; INPUTS],
             used: 0,
-            read: ALL,
             inputs: 0,
             conditions: Conditions::default(),
         };
@@ -62,8 +56,6 @@ impl Plan {
         }
         if plan.inputs == 0 {
             plan.inputs = INPUTS;
-        } else {
-            plan.read = plan.used;
         }
         Ok(plan)
     }
@@ -74,7 +66,6 @@ impl Plan {
         self.conditions = conditions;
         if !matches!(conditions.signal, Signal::Pins) {
             self.inputs = INPUTS;
-            self.read = ALL;
         }
         self
     }
