@@ -18,5 +18,6 @@ pub mod models;
 pub mod retained;
 pub mod sampling;
 pub mod settings;
+pub mod status_light;
 pub mod task_watchdog;
 pub mod wire;

@@ -29,6 +29,29 @@ static ASLEEP: AtomicU32 = AtomicU32::new(0);
 /// `true` if the block task is to hang.
 static HANG: AtomicBool = AtomicBool::new(false);
 
+/// `true` while converters run.
+static SAMPLING: AtomicBool = AtomicBool::new(false);
+
+/// `true` while converters run.
+pub fn is_sampling() -> bool {
+    SAMPLING.load(Ordering::Relaxed)
+}
+
+/// Faults of samples so far.
+pub fn faulty_samples() -> u32 {
+    let mut faults = FaultCounters::default();
+    COUNTERS.read(&mut faults);
+    [
+        faults.converter_checksum,
+        faults.converter_missed,
+        faults.converter_reset,
+        faults.out_of_step,
+        faults.overrun,
+    ]
+    .into_iter()
+    .fold(0, u32::wrapping_add)
+}
+
 /// Measures how deep the stack has been.
 pub fn look_at_stack() {
     STACK_USED.store(stack::used(), Ordering::Relaxed);
@@ -228,6 +251,7 @@ impl Board for Services {
             _ => return Err(UNCALLED),
         }
         self.rate = Some(sample_rate);
+        SAMPLING.store(true, Ordering::Relaxed);
         self.in_use = in_use;
         if self.is_test_pattern {
             inputs.test_clock.start(period);
@@ -241,6 +265,7 @@ impl Board for Services {
 
     fn stop_inputs(&mut self) {
         self.rate = None;
+        SAMPLING.store(false, Ordering::Relaxed);
         self.inputs.test_clock.stop();
         self.inputs
             .commands

@@ -119,6 +119,8 @@ pub struct Board {
     pub link: (Tx<USART2>, Rx<USART2>),
     /// Bit rate of the link.
     pub link_rate: BitRate,
+    /// Status LED, lit while low.
+    pub led: AnyPin<Output>,
     /// Not started yet.
     pub watchdog: IndependentWatchdog,
     /// Converters of the inputs.
@@ -250,6 +252,7 @@ impl Board {
             watchdog,
             converters: Converters::new(ads, adxl, sync, delay),
             lanes,
+            led: c.pc12.into_push_pull_output_in_state(high).erase(),
             edges: Edges::start(device.TIM3, device.TIM4, &mut rcc),
             test_clock: TestClock::new(device.TIM5, &mut rcc),
         };

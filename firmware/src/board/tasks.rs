@@ -23,7 +23,9 @@ mod app {
     use massline_firmware::sampling;
     use massline_firmware::sampling::INPUTS;
     use massline_firmware::settings::Settings;
+    use massline_firmware::status_light::{self, StatusLight};
     use massline_firmware::task_watchdog::{CheckIns, TaskWatchdog};
+    use stm32f4xx_hal::gpio::{AnyPin, Output, PinState};
     use stm32f4xx_hal::prelude::*;
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
@@ -76,6 +78,8 @@ mod app {
         task_watchdog: TaskWatchdog<6>,
         watchdog: IndependentWatchdog,
         rounds: u32,
+        led: AnyPin<Output>,
+        status_light: StatusLight,
     }
 
     #[init(local = [
@@ -162,6 +166,8 @@ mod app {
                 task_watchdog,
                 watchdog: board.watchdog,
                 rounds: 0,
+                led: board.led,
+                status_light: StatusLight::new(),
             },
         )
     }
@@ -190,7 +196,11 @@ mod app {
             ),
         }
         *cx.local.rounds = cx.local.rounds.wrapping_add(1);
-        if cx.local.rounds.is_multiple_of(ROUNDS / 10) {
+        if cx
+            .local
+            .rounds
+            .is_multiple_of(ROUNDS / status_light::ROUNDS)
+        {
             board::pend_telemetry();
         }
         board::pend_link();
@@ -298,9 +308,12 @@ mod app {
         CHECK_INS.check_in(BLOCK);
     }
 
-    #[task(binds = CAN2_RX1, priority = 2)]
-    fn telemetry(_: telemetry::Context) {
+    #[task(binds = CAN2_RX1, priority = 2, local = [led, status_light])]
+    fn telemetry(cx: telemetry::Context) {
         services::look_at_stack();
+        let light = cx.local.status_light;
+        let is_lit = light.round(services::is_sampling(), services::faulty_samples());
+        cx.local.led.set_state(PinState::from(!is_lit));
         CHECK_INS.check_in(TELEMETRY);
     }
 

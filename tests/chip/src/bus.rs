@@ -143,6 +143,12 @@ impl Chip {
         }
     }
 
+    /// Level of a pin, `true` where it is high.
+    #[must_use]
+    pub fn level(&self, pin: Pin) -> bool {
+        self.gpio.level(pin)
+    }
+
     /// A reset of the chip, which the board does not notice.
     pub fn reset(&mut self, cause: Reset, random: &mut Random) {
         self.usart.reset();

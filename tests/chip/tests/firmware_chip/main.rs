@@ -13,6 +13,7 @@ mod sampling;
 mod settings;
 #[path = "../../../tests/stand_in/mod.rs"]
 mod stand_in;
+mod status_light;
 
 use std::time::Duration;
 
