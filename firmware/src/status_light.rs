@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(seen(&mut light, true, &[0; 20]), "####.....#####.....#");
         // Two seconds of a fault, and the rhythm goes on where it would be.
         let faulty = seen(&mut light, true, &[7; 30]);
-        assert_eq!(faulty, ".#.#.#.#.#.#.#.#.#.###.....###");
+        assert_eq!(faulty, ".#.#.#.#.#.#.#.#.#.#####.....#");
         // Counters were cleared: that is no fault.
         assert!(!seen(&mut light, true, &[0; 10]).contains(".#."));
         assert_eq!(seen(&mut light, false, &[1; 5]), "#####");
