@@ -70,9 +70,10 @@ const ADXL: [Step; 2] = {
     ]
 };
 
-/// Fastest sample rate of a box, Hz: at twice this rate 32 channels left no time for telemetry on
-/// modelled registers, and every second sample of the ADXL355, whose filter gives 4000 values a second
-/// at most, would be a repetition.
+/// Fastest sample rate of a box, Hz. At twice this rate 32 channels take 48 % of the processor on modelled
+/// registers, but a start empties the converters' buffers word by word, which takes longer than a period, so
+/// that samples come meanwhile and filters do not settle; at four times a run of 16 channels never began. And
+/// every second sample of the ADXL355, whose filter gives 4000 values a second at most, would be a repetition.
 pub const FASTEST_HZ: f64 = 4096.0;
 
 /// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
