@@ -329,6 +329,9 @@ fn lints(context: &mut Context) -> Result<Ending, StepError> {
 
 fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
     let mut test = context.cargo(&context.host(), "test --release --no-fail-fast");
+    // The slowest wait for boxes that are cut off or do not answer, and leave the processors idle.
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    test.env("RUST_TEST_THREADS", (4 * processors).to_string());
     Ok(Ending::Passed(counts(&process::run(&mut test)?)))
 }
 

@@ -14,6 +14,7 @@ use crate::printable::printable;
 use crate::recording::{Firmware, TrueRate, Written, fault_words, spell};
 use anstyle::{AnsiColor, Style};
 use massline_core::identify::half_width_95;
+use massline_firmware::sampling::lowpass;
 use massline_firmware::wire::Health;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -56,7 +57,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let inputs = inputs.into_iter().chain(arguments.device.file());
     output::check(&file, inputs, Existing::Keep.or_force(arguments.force))?;
     let troubles = arguments.troubles.get()?;
-    let recorded = arguments.device.talk_of_inputs(troubles, |client| {
+    let (recorded, inputs) = arguments.device.talk_of_inputs(troubles, |client| {
         let order = Order {
             inputs: columns::choose(client, arguments.inputs.as_ref())?,
             seconds: arguments.seconds,
@@ -64,6 +65,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             file,
             replace: arguments.force,
         };
+        let inputs: Vec<u8> = order.inputs.iter().map(|entry| entry.input).collect();
         let interrupt = Interrupt::catch()?;
         let ticker = Ticker::new("recording", verbosity);
         let mut told_faults = 0;
@@ -79,7 +81,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         let last = recorded.box_faults.iter().skip(told_faults);
         let last: Vec<String> = last.map(fault_text).collect();
         warn(&last, verbosity);
-        Ok(recorded)
+        Ok((recorded, inputs))
     })?;
     if arguments.json {
         print_json(&RecordDocument::new(&recorded))?;
@@ -87,6 +89,8 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         print(&recorded).map_err(|e| Failure::stdout(&e))?;
     }
     warn(&notes(&recorded), verbosity);
+    let late = out_of_step(&recorded.channels, &inputs, recorded.nominal);
+    warn(late.as_slice(), verbosity);
     match &recorded.ending {
         Ending::Complete | Ending::Stopped => Ok(()),
         Ending::Failed(error) => {
@@ -151,6 +155,27 @@ fn told(progress: &Progress<'_>, seconds: Option<f64>) -> String {
         text += &format!(", now: {}", now.join(", "));
     }
     text
+}
+
+/// What the setup needs of channels behind converters of several kinds, whose filters delay differently: the
+/// recording has their readings as they came.
+fn out_of_step(channels: &[String], inputs: &[u8], rate: f64) -> Option<String> {
+    let delay = |input: &u8| Some(lowpass(usize::from(*input), rate)?.delay * rate);
+    let first = delay(inputs.first()?)?;
+    let late = channels.iter().zip(inputs);
+    let lines: Vec<String> = late
+        .filter_map(|(channel, input)| {
+            let samples = delay(input)? - first;
+            (samples != 0.0).then(|| format!("{channel} takes `delay = {}`", plain(samples, 3)))
+        })
+        .collect();
+    (!lines.is_empty()).then(|| {
+        format!(
+            "other converters than that of {} delay otherwise: in the setup {}",
+            channels.first().map_or("the first channel", String::as_str),
+            lines.join(", ")
+        )
+    })
 }
 
 fn notes(recorded: &Recorded) -> Vec<String> {
@@ -319,5 +344,26 @@ impl RecordDocument {
             ending,
             reason,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_of_another_kind_of_converter_are_told_with_their_delay() {
+        let channels = ["f1", "a1", "a2"].map(str::to_owned);
+        assert_eq!(out_of_step(&channels, &[0, 8, 31], 512.0), None);
+        assert_eq!(out_of_step(&channels, &[32, 33, 34], 512.0), None);
+        let told = out_of_step(&channels, &[3, 32, 33], 512.0);
+        // 1.78 periods of 1000 Hz against 1/2048 and 1/1024 s.
+        assert_eq!(
+            told.as_deref(),
+            Some(
+                "other converters than that of f1 delay otherwise: in the setup a1 takes \
+                 `delay = 0.161`, a2 takes `delay = 0.161`"
+            )
+        );
     }
 }
