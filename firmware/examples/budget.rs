@@ -34,6 +34,8 @@ mod edges {
     }
 
     pub const fn forget() {}
+
+    pub const fn watch(_: u32) {}
 }
 
 #[cfg(target_os = "none")]

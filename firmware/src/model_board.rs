@@ -87,7 +87,7 @@ impl Board for ModelBoard {
         Vitals::default()
     }
 
-    fn start_inputs(&mut self, sample_rate: f64, _: Conditions) -> Result<(), Problem> {
+    fn start_inputs(&mut self, sample_rate: f64, conditions: Conditions) -> Result<(), Problem> {
         match self.converting {
             Some(running) if running != sample_rate => {
                 return Err(Problem::range(
@@ -99,7 +99,7 @@ impl Board for ModelBoard {
             }
             Some(_) => {}
             None => {
-                Plan::new(&self.settings, sample_rate, TICK_HZ)?;
+                Plan::new(&self.settings, sample_rate, conditions, TICK_HZ)?;
                 self.converting = Some(sample_rate);
                 self.samples = 0;
             }

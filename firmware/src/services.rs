@@ -240,8 +240,8 @@ impl Board for Services {
             None => {}
         }
         let inputs = &mut self.inputs;
-        let plan = Plan::new(self.settings.settings(), sample_rate, inputs.tick_hz)?;
-        let plan = plan.under(conditions);
+        let settings = self.settings.settings();
+        let plan = Plan::new(settings, sample_rate, conditions, inputs.tick_hz)?;
         let (period, in_use) = (plan.period as u32, plan.inputs);
         self.is_stale = true;
         self.samples = 0;

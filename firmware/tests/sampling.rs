@@ -8,8 +8,9 @@ use embedded_hal::spi::{self, Operation, SpiDevice};
 use heapless::spsc::Consumer;
 use massline_firmware::acquisition::SETTLING;
 use massline_firmware::calibration::Preset;
+use massline_firmware::drivers;
 use massline_firmware::drivers::ads131m08::CLOCK_HZ;
-use massline_firmware::drivers::lanes::{ByDrivers, Lanes, Progress, Step};
+use massline_firmware::drivers::lanes::{BusClock, ByDrivers, Lanes, Progress, Step};
 use massline_firmware::models::BusError;
 use massline_firmware::models::adxl355::Chip as Adxl;
 use massline_firmware::models::lanes::Model;
@@ -21,10 +22,20 @@ use massline_firmware::sampling::{
     RawFrame, Sampler, WAITING, problem,
 };
 use massline_firmware::settings::Settings;
-use massline_firmware::wire::{ConverterFault, FaultCounters, Field, Health, Problem, Setting};
+use massline_firmware::wire::{
+    Conditions, ConverterFault, FaultCounters, Field, Health, Problem, Setting,
+};
 
 type Signal = fn(usize, u64) -> f64;
 type Chips = RefCell<Rig<Signal, CONVERTERS>>;
+
+/// An input of each converter.
+const EACH: [u8; 5] = [0, 8, 16, 24, 32];
+
+const PINS: Conditions = Conditions {
+    signal: drivers::Signal::Pins,
+    bus: BusClock::Usual,
+};
 
 /// Ticks are cycles of the converters' clock.
 const TICK_HZ: u32 = CLOCK_HZ;
@@ -65,7 +76,7 @@ enum By {
 
 /// Lanes of either kind.
 enum OnLanes<'r> {
-    Drivers(ByDrivers),
+    Drivers(ByDrivers, &'r Chips),
     Lanes(Box<Model<Ads<'r>, Follower<'r>, CONVERTERS>>, &'r Chips),
 }
 
@@ -82,7 +93,7 @@ impl OnLanes<'_> {
 
     fn each(&mut self) -> &mut dyn Lanes {
         match self {
-            Self::Drivers(lanes) => lanes,
+            Self::Drivers(lanes, _) => lanes,
             Self::Lanes(lanes, _) => &mut **lanes,
         }
     }
@@ -103,14 +114,19 @@ impl Lanes for OnLanes<'_> {
 
     fn is_edge_noted(&self) -> bool {
         match self {
-            Self::Drivers(lanes) => lanes.is_edge_noted(),
+            Self::Drivers(lanes, _) => lanes.is_edge_noted(),
             Self::Lanes(_, rig) => rig.borrow().is_edge_pending(),
         }
     }
 
+    fn watch_edges(&mut self, converters: u32) {
+        let (Self::Drivers(_, rig) | Self::Lanes(_, rig)) = self;
+        rig.borrow_mut().watch_edges(converters);
+    }
+
     fn received(&self, converter: usize) -> &[u8] {
         match self {
-            Self::Drivers(lanes) => lanes.received(converter),
+            Self::Drivers(lanes, _) => lanes.received(converter),
             Self::Lanes(lanes, _) => lanes.received(converter),
         }
     }
@@ -177,7 +193,7 @@ impl Bench {
         let ports = core::array::from_fn(|k| Port::new(rig, k));
         let converters = Converters::new(ports, Follower(adxl), Sync(rig), NoDelay);
         let lanes = match self.by {
-            By::Drivers => OnLanes::Drivers(ByDrivers),
+            By::Drivers => OnLanes::Drivers(ByDrivers, rig),
             By::Lanes => {
                 let ports = core::array::from_fn(|k| Port::new(rig, k));
                 OnLanes::Lanes(Box::new(Model::new(ports, Follower(adxl), &REQUESTS)), rig)
@@ -293,14 +309,14 @@ fn wired(inputs: &[u8]) -> Settings<INPUTS> {
 }
 
 fn plan(settings: &Settings<INPUTS>) -> Plan {
-    Plan::new(settings, 512.0, TICK_HZ).unwrap()
+    Plan::new(settings, 512.0, PINS, TICK_HZ).unwrap()
 }
 
 fn all_inputs_of_a_sample_come_under_one_number(by: By) {
     let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
-    // One input of each chip at a gain of 128, which 1 mV and more than 9 mV would overdrive.
-    tasks.start(&plan(&wired(&[14, 16, 32]))).unwrap();
+    // One input of each chip at a gain of 128, which more than 9 mV would overdrive.
+    tasks.start(&plan(&wired(&[7, 14, 16, 24, 32]))).unwrap();
     (0..FIRST).for_each(|_| assert!(!tasks.edge()));
     for expected in FIRST..200 {
         assert!(tasks.edge());
@@ -314,7 +330,11 @@ fn all_inputs_of_a_sample_come_under_one_number(by: By) {
                 Health::GOOD,
                 "input {input}, sample {number}"
             );
-            let gain = if [14, 16].contains(&input) { 128 } else { 1 };
+            let gain = if [7, 14, 16, 24].contains(&input) {
+                128
+            } else {
+                1
+            };
             // The model rounds to the nearest, on the same scale.
             let off = counts[input] - count(input, gain);
             assert!(off.abs() <= 1, "input {input}: {} {off}", counts[input]);
@@ -452,7 +472,7 @@ fn an_edge_from_before_a_restart_does_not_set_the_grid() {
     // Drivers restart the converters before the next edge is seen.
     let mut bench = Bench::new(By::Lanes);
     let mut tasks = bench.tasks();
-    tasks.start(&plan(&wired(&[0]))).unwrap();
+    tasks.start(&plan(&wired(&EACH))).unwrap();
     tasks.edges(10);
     for turn in 1..20 {
         // The chip samples at a random instant from now on.
@@ -483,6 +503,21 @@ fn an_edge_from_before_a_restart_does_not_set_the_grid() {
     }
 }
 
+fn edges_of_a_converter_that_is_left_out_do_not_matter(by: By) {
+    let mut bench = Bench::new(by);
+    let mut tasks = bench.tasks();
+    tasks.start(&plan(&wired(&[0, 16]))).unwrap();
+    // A hundred of its edges at any time, before, between and beside those of the others.
+    let mut samples = 0_u64;
+    for turn in 0..100 {
+        tasks.rig.borrow_mut().reset_chip(1 + 2 * (turn % 2));
+        (0..7).for_each(|_| samples += u64::from(tasks.edge()));
+        while tasks.frames.dequeue().is_some() {}
+    }
+    assert_eq!(samples, 700 - FIRST);
+    assert_eq!(tasks.faults(), FaultCounters::default());
+}
+
 /// The bus is so slow that samples come while buffers are emptied.
 fn filters_settle_until_all_buffers_are_empty(by: By) {
     // The frames of a sample, 4 of 240 bits on one bus, take up to half of the period.
@@ -492,7 +527,7 @@ fn filters_settle_until_all_buffers_are_empty(by: By) {
         let hz = 960 * 512 * 100 / percent;
         tasks.rig.borrow_mut().set_bus(hz);
         for _ in 0..5 {
-            tasks.start(&plan(&wired(&[0]))).unwrap();
+            tasks.start(&plan(&wired(&EACH))).unwrap();
             tasks.edges(30);
             let frames: Vec<_> = core::iter::from_fn(|| tasks.frames.dequeue()).collect();
             let late = frames[0].number - FIRST;
@@ -513,7 +548,7 @@ fn a_test_pattern_identifies_each_sample_by_its_counts(by: By) {
     let mut bench = Bench::new(by);
     let mut tasks = bench.tasks();
     tasks.commands.send(Command::TestPattern, || ());
-    tasks.start(&plan(&wired(&[0]))).unwrap();
+    tasks.start(&plan(&wired(&EACH))).unwrap();
     let mut sample = 0;
     while u64::from(sample) < FIRST {
         assert!(!tasks.sampler.test_pattern(1));
@@ -549,14 +584,41 @@ fn a_rate_that_converters_lack_is_refused_with_its_neighbours() {
         (1e5, 4096.0, 4096.0),
     ] {
         let expected = Problem::range(Field::SampleRate, 0, rate, [low, high]);
-        assert_eq!(Plan::new(&settings, rate, TICK_HZ), Err(expected));
+        assert_eq!(Plan::new(&settings, rate, PINS, TICK_HZ), Err(expected));
     }
-    let plan = Plan::new(&wired(&[3, 33]), 4096.0, TICK_HZ).unwrap();
-    assert_eq!(plan.rate, 4096.0);
-    assert_eq!((plan.used, plan.period), (0b1_0001, 1024.0));
-    assert_eq!(plan.inputs, 34);
-    assert_eq!(Plan::new(&settings, 512.0, TICK_HZ).unwrap().inputs, INPUTS);
-    assert_eq!((plan.gains[3], plan.gains[4]), (128, 1));
+    let two = Plan::new(&wired(&[3, 33]), 4096.0, PINS, TICK_HZ).unwrap();
+    assert_eq!(two.rate, 4096.0);
+    assert_eq!((two.used, two.period), (0b1_0001, 1024.0));
+    assert_eq!((two.inputs, two.read), (34, 0b1_0001));
+    assert_eq!((two.gains[3], two.gains[4]), (128, 1));
+    let all = plan(&settings);
+    assert_eq!((all.inputs, all.read), (INPUTS, 0b1_1111));
+    // The accelerometer has no edges of its own.
+    assert_eq!(plan(&wired(&[32])).read, 0b1_1111);
+}
+
+#[test]
+fn the_fastest_rate_follows_from_the_converters_that_are_read() {
+    let self_test = Conditions {
+        signal: drivers::Signal::Shorted,
+        ..PINS
+    };
+    for (inputs, conditions, fastest) in [
+        (&[0][..], PINS, 16_384.0),
+        (&[0, 31], PINS, 16_384.0),
+        (&[7, 8, 16], PINS, 8192.0),
+        (&[0, 8, 16, 24], PINS, 8192.0),
+        (&[0, 34], PINS, 4096.0),
+        (&[34], PINS, 4096.0),
+        // All inputs are sampled.
+        (&[0], self_test, 4096.0),
+    ] {
+        let settings = wired(inputs);
+        let plan = |rate| Plan::new(&settings, rate, conditions, TICK_HZ);
+        assert_eq!(plan(fastest).unwrap().rate, fastest, "{inputs:?}");
+        let refused = Problem::range(Field::SampleRate, 0, 2.0 * fastest, [fastest; 2]);
+        assert_eq!(plan(2.0 * fastest), Err(refused), "{inputs:?}");
+    }
 }
 
 tests! {
@@ -566,6 +628,7 @@ tests! {
     fault_counters_continue_over_a_new_start
     a_failed_converter_is_reported_once
     converters_without_edges_are_restarted
+    edges_of_a_converter_that_is_left_out_do_not_matter
     filters_settle_until_all_buffers_are_empty
     a_test_pattern_identifies_each_sample_by_its_counts
 }

@@ -1,7 +1,7 @@
 //! State of one converter among several, and the health of its samples.
 
-use super::{ABSENT, BUFFERED, GARBLED};
-use crate::drivers::{Fault, Reading};
+use super::{ABSENT, BUFFERED, GARBLED, Reads};
+use crate::drivers::{Converter, Fault, Reading};
 use crate::wire::{FaultCounters, Health};
 
 /// State of a converter.
@@ -18,10 +18,40 @@ pub(super) struct Chip {
     pub(super) loss: Health,
 }
 
-/// A read of the converter's oldest sample, as [`crate::drivers::Converter::read`].
-pub(super) trait Read: FnMut(&mut [i32]) -> Result<Reading, Fault> {}
+/// The reads of one converter.
+pub(super) struct Reader<'a, R> {
+    pub(super) reads: &'a mut R,
+    /// Its number.
+    pub(super) number: usize,
+    pub(super) converter: &'a mut dyn Converter,
+}
 
-impl<R: FnMut(&mut [i32]) -> Result<Reading, Fault>> Read for R {}
+impl<R: Reads> Reader<'_, R> {
+    /// Reads its oldest sample, as [`Converter::read`].
+    #[inline]
+    fn read(&mut self, counts: &mut [i32]) -> Result<Reading, Fault> {
+        self.reads.read(self.number, self.converter, counts)
+    }
+
+    /// Reads until the buffer is empty, and returns the last sample, and `false` if there was no time for
+    /// that.
+    fn drain(&mut self, counts: &mut [i32]) -> (Result<Reading, Fault>, bool) {
+        let mut newest = Err(Fault::Stale);
+        for read in 0..BUFFERED {
+            if read > 0 && self.reads.is_late() {
+                return (newest, false);
+            }
+            newest = match self.read(counts) {
+                Ok(reading) => Ok(reading),
+                Err(Fault::Stale) => break,
+                // Reported once after a restart, without a sample.
+                Err(Fault::Resynchronised) if newest.is_err() => newest,
+                Err(fault) => return (Err(fault), true),
+            };
+        }
+        (newest, true)
+    }
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
@@ -57,7 +87,7 @@ impl Chip {
     #[inline]
     pub(super) fn read(
         &mut self,
-        read: &mut impl Read,
+        reader: &mut Reader<'_, impl Reads>,
         counts: &mut [i32],
         (is_ready, is_settling): (bool, bool),
         faults: &mut FaultCounters,
@@ -66,21 +96,21 @@ impl Chip {
         // The common case is kept short.
         if self.state == State::InStep && is_ready && !is_settling && !self.full {
             self.absent = 0;
-            let newest = read(counts);
+            let newest = reader.read(counts);
             if newest == Ok(Reading { refused: false }) {
                 self.garbled = 0;
                 return Health::GOOD;
             }
             return self.classify(newest, (false, false), faults, restart);
         }
-        self.read_unready(read, counts, (is_ready, is_settling), faults, restart)
+        self.read_unready(reader, counts, (is_ready, is_settling), faults, restart)
     }
 
     /// Reads a converter that is not in step, ready and settled with an empty buffer.
     #[cold]
     fn read_unready(
         &mut self,
-        read: &mut impl Read,
+        reader: &mut Reader<'_, impl Reads>,
         counts: &mut [i32],
         (is_ready, is_settling): (bool, bool),
         faults: &mut FaultCounters,
@@ -94,7 +124,7 @@ impl Chip {
                 return Health::GOOD;
             }
             State::InStep => {
-                if self.probe(read, counts, faults) == Health::CONVERTER_RESET {
+                if self.probe(reader, counts, faults) == Health::CONVERTER_RESET {
                     return Health::CONVERTER_RESET;
                 }
                 self.absent = self.absent.saturating_add(1);
@@ -115,12 +145,17 @@ impl Chip {
         }
         self.absent = 0;
         let was_full = core::mem::take(&mut self.full);
-        let newest = if was_full {
-            drain(read, counts)
+        let (newest, is_emptied) = if was_full {
+            reader.drain(counts)
         } else {
-            read(counts)
+            (reader.read(counts), true)
         };
-        self.classify(newest, (was_full, is_settling), faults, restart)
+        let health = self.classify(newest, (was_full, is_settling), faults, restart);
+        if !is_emptied {
+            self.full = true;
+            count(&mut faults.converter_missed);
+        }
+        health
     }
 
     /// Health of the result of a read; counts its fault and begins the recovery.
@@ -181,12 +216,12 @@ impl Chip {
     /// Reads a converter that is not on the others' grid, to detect a reset.
     pub(super) fn probe(
         &mut self,
-        read: &mut impl Read,
+        reader: &mut Reader<'_, impl Reads>,
         counts: &mut [i32],
         faults: &mut FaultCounters,
     ) -> Health {
         self.full = true;
-        if read(counts) == Err(Fault::Reset) {
+        if reader.read(counts) == Err(Fault::Reset) {
             count(&mut faults.converter_reset);
             return self.lose(Health::CONVERTER_RESET);
         }
@@ -205,22 +240,6 @@ impl Chip {
         self.absent = 0;
         *restart = restart.or(Some(Health::OUT_OF_STEP));
     }
-}
-
-/// Reads until the buffer is empty, and returns the last sample.
-fn drain(read: &mut impl Read, counts: &mut [i32]) -> Result<Reading, Fault> {
-    let mut newest = Err(Fault::Stale);
-    for _ in 0..BUFFERED {
-        newest = match read(counts) {
-            Ok(reading) => Ok(reading),
-            Err(Fault::Stale) => return newest,
-            // Reported once after a restart, without a sample.
-            Err(Fault::Resynchronised) if newest.is_err() => newest,
-            Err(fault) => return Err(fault),
-        };
-    }
-    // The converter delivers faster than it is read.
-    Err(Fault::Stale)
 }
 
 fn count(faults: &mut u32) {

@@ -24,8 +24,8 @@
 //! reported as such, and not as its consequences.
 //!
 //! A restart moves the grid of samples and unsettles the filters, so that the health of all inputs
-//! holds its reason until [`SETTLING`] samples have gone by. Buffers are emptied meanwhile; if samples
-//! come while that is done, up to [`SETTLING`] more go by until all are empty. The restart is made right
+//! holds its reason until [`SETTLING`] samples have gone by. Buffers are emptied meanwhile, each at an edge
+//! after which there is time for it; up to [`SETTLING`] more samples go by until all are empty. The restart is made right
 //! after an edge, so that the grid moves little; edges that were noted before it have to be forgotten.
 //!
 //! One fault is not detected: a converter that falls behind by less than a quarter of a period in
@@ -37,7 +37,7 @@
 mod chip;
 mod grid;
 
-use self::chip::{Chip, State};
+use self::chip::{Chip, Reader, State};
 use self::grid::{Grid, Place};
 use crate::drivers::{Converter, Fault, Reading};
 use crate::wire::{self, FaultCounters, FaultKind, Health};
@@ -52,8 +52,8 @@ pub const GARBLED: u8 = 8;
 pub const BESIDE: u8 = 3;
 /// Samples until a converter that could not be prepared is tried again.
 pub const RETRY: u32 = 512;
-/// Reads that empty a converter's buffer: its two samples, and one more.
-const BUFFERED: u8 = 3;
+/// Reads that empty a converter's buffer of two samples.
+const BUFFERED: u8 = 2;
 /// Periods without an edge after which all converters are restarted.
 const SILENT: u64 = 8;
 
@@ -70,10 +70,41 @@ pub struct Sample<'a> {
     pub is_settling: bool,
 }
 
-/// A read of the oldest sample of a converter, given its number, as [`Converter::read`].
-pub trait ReadOf: FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault> {}
+/// Reads of the converters at an edge.
+pub trait Reads {
+    /// Reads the oldest sample of a converter, given its number, as [`Converter::read`].
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Converter::read`].
+    fn read(
+        &mut self,
+        number: usize,
+        converter: &mut dyn Converter,
+        counts: &mut [i32],
+    ) -> Result<Reading, Fault>;
 
-impl<R> ReadOf for R where R: FnMut(usize, &mut dyn Converter, &mut [i32]) -> Result<Reading, Fault> {}
+    /// `true` if the next samples have come already, so that there is no time to empty buffers.
+    fn is_late(&self) -> bool;
+}
+
+/// Reads by the converters' drivers.
+struct ByDrivers;
+
+impl Reads for ByDrivers {
+    fn read(
+        &mut self,
+        _: usize,
+        converter: &mut dyn Converter,
+        counts: &mut [i32],
+    ) -> Result<Reading, Fault> {
+        converter.read(counts)
+    }
+
+    fn is_late(&self) -> bool {
+        false
+    }
+}
 
 /// Reads up to `CHIPS` converters with up to `INPUTS` inputs together.
 #[derive(Clone, Debug)]
@@ -177,23 +208,21 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         ready: u32,
         ticks: u64,
     ) -> Option<Sample<'_>> {
-        let mut read =
-            |_: usize, converter: &mut dyn Converter, counts: &mut [i32]| converter.read(counts);
-        self.edge_read_by(&mut read, converters, synchronise, ready, ticks)
+        self.edge_read_by(&mut ByDrivers, converters, synchronise, ready, ticks)
     }
 
-    /// The same where `read` reads the converters.
+    /// The same where `reads` reads the converters.
     #[inline]
     pub fn edge_read_by(
         &mut self,
-        read: &mut impl ReadOf,
+        reads: &mut impl Reads,
         converters: &mut [&mut dyn Converter],
         synchronise: &mut dyn FnMut(),
         ready: u32,
         ticks: u64,
     ) -> Option<Sample<'_>> {
         if !self.is_majority(ready) {
-            self.probe_early(read, converters, ready);
+            self.probe_early(reads, converters, ready);
             // If no line is low, any converter may have a sample nevertheless.
             self.leave_unread(if ready == 0 { u32::MAX } else { ready });
             return None;
@@ -240,7 +269,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             self.health = [reason; INPUTS];
             is_settling = true;
         } else {
-            self.read_all(read, converters, ready, on_grid);
+            self.read_all(reads, converters, ready, on_grid);
             if !on_grid {
                 // Neither the samples that were read nor those that are left are known.
                 self.leave_unread(u32::MAX);
@@ -379,7 +408,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     /// Marks converters whose lines fall before the others' as out of step, or as reset.
     fn probe_early(
         &mut self,
-        read: &mut impl ReadOf,
+        reads: &mut impl Reads,
         converters: &mut [&mut dyn Converter],
         ready: u32,
     ) {
@@ -388,8 +417,12 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             // An edge from before a restart may still be pending after it.
             let is_early = has(ready, k) && self.settling < SETTLING;
             if is_early && chip.state == State::InStep {
-                let mut read = |counts: &mut [i32]| read(k, &mut **converter, counts);
-                let found = chip.probe(&mut read, &mut counts, &mut self.faults);
+                let mut reader = Reader {
+                    reads: &mut *reads,
+                    number: k,
+                    converter: &mut **converter,
+                };
+                let found = chip.probe(&mut reader, &mut counts, &mut self.faults);
                 if found != Health::CONVERTER_RESET {
                     chip.lose_step(&mut self.faults, &mut self.restart);
                 }
@@ -416,7 +449,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
 
     fn read_all(
         &mut self,
-        read: &mut impl ReadOf,
+        reads: &mut impl Reads,
         converters: &mut [&mut dyn Converter],
         ready: u32,
         on_grid: bool,
@@ -433,8 +466,13 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             };
             let is_ready = has(ready, k);
             let settling = self.settling > 0;
+            let mut reader = Reader {
+                reads: &mut *reads,
+                number: k,
+                converter: &mut **converter,
+            };
             let mut found = chip.read(
-                &mut |counts: &mut [i32]| read(k, &mut **converter, counts),
+                &mut reader,
                 counts,
                 (is_ready, settling),
                 &mut self.faults,

@@ -67,10 +67,12 @@ impl Edges {
     /// are low once all of them have fallen, or a microsecond later.
     pub fn note(&mut self) {
         let (first, second) = (&self.first, &self.second);
+        let watched = [first.dier().read().bits(), second.dier().read().bits()];
+        let seen = watched.map(|lines| lines | lines << AGAIN);
         let flags = || {
             [
-                first.sr().read().bits() & (FIRST | FIRST << AGAIN),
-                second.sr().read().bits() & (SECOND | SECOND << AGAIN),
+                first.sr().read().bits() & seen[0],
+                second.sr().read().bits() & seen[1],
             ]
         };
         if flags() == [0; 2] {
@@ -81,7 +83,7 @@ impl Edges {
         let flags = loop {
             let seen = flags();
             let waited = count().wrapping_sub(begin);
-            let are_all = seen[0] | seen[1] | !(FIRST | SECOND) == u32::MAX;
+            let are_all = (watched[0] | watched[1]) & !(seen[0] | seen[1]) == 0;
             if are_all || waited >= self.microsecond {
                 break seen;
             }
@@ -185,6 +187,18 @@ pub fn skews() -> [Option<u16>; CONVERTERS] {
 #[inline]
 pub fn is_noted() -> bool {
     READY.load(Ordering::Relaxed) != 0
+}
+
+/// Has the lines of these converters interrupt, by bits, and no others.
+pub fn watch(converters: u32) {
+    // The bit of a line is one higher than that of its converter.
+    let lines = converters << 1;
+    // SAFETY: one write each to the registers of the interrupts, which no one else writes after the start, with
+    // the meaning that the manual gives the bits (18.4.4).
+    unsafe {
+        (*TIM3::ptr()).dier().write(|w| w.bits(lines & FIRST));
+        (*TIM4::ptr()).dier().write(|w| w.bits(lines & SECOND));
+    }
 }
 
 /// Forgets an edge that the sampling task has not seen yet.

@@ -226,6 +226,10 @@ impl Lanes for DmaLanes {
         edges::is_noted()
     }
 
+    fn watch_edges(&mut self, converters: u32) {
+        edges::watch(converters);
+    }
+
     fn forget_edge(&mut self) {
         edges::forget();
     }

@@ -77,6 +77,9 @@ pub trait Lanes {
     /// `true` if an edge of the DRDY lines was noted that the sequencer has not seen.
     fn is_edge_noted(&self) -> bool;
 
+    /// Notes edges of the DRDY lines of these converters only, by bits. Without edges nothing happens.
+    fn watch_edges(&mut self, _converters: u32) {}
+
     /// Forgets an edge of the DRDY lines that was noted: the converters were restarted after it. Without
     /// such edges nothing happens.
     fn forget_edge(&mut self) {}

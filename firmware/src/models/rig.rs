@@ -58,6 +58,8 @@ pub struct Rig<S, const N: usize> {
     /// `true` if a DRDY line has fallen since the last [`Self::wait`].
     pending: bool,
     lost_edges: u32,
+    /// Bit k: edges of chip k's line raise an interrupt.
+    watched: u32,
     bus_hz: u32,
 }
 
@@ -98,6 +100,7 @@ impl<S: Signal, const N: usize> Rig<S, N> {
             random,
             pending: false,
             lost_edges: 0,
+            watched: u32::MAX,
             bus_hz: BUS_HZ,
         }
     }
@@ -165,6 +168,9 @@ impl<S: Signal, const N: usize> Rig<S, N> {
                 *slot = self.signal.volts(CHANNELS * k + channel, cycle);
             }
             place.chip.convert(&volts);
+            if self.watched >> k & 1 == 0 {
+                continue;
+            }
             if self.lost_edges == 0 {
                 self.pending |= place.chip.is_ready();
             } else {
@@ -172,6 +178,11 @@ impl<S: Signal, const N: usize> Rig<S, N> {
             }
         }
         self.cycle = self.cycle.max(end);
+    }
+
+    /// Has edges of these chips' lines raise interrupts, by bits, and of no others.
+    pub const fn watch_edges(&mut self, chips: u32) {
+        self.watched = chips;
     }
 
     /// Pulls the SYNC/RESET line low for some cycles.

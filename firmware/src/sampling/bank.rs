@@ -70,15 +70,36 @@ const ADXL: [Step; 2] = {
     ]
 };
 
-/// Fastest sample rate of a box, Hz. At twice this rate 32 channels take 48 % of the processor on modelled
-/// registers, but a start empties the converters' buffers word by word, which takes longer than a period, so
-/// that samples come meanwhile and filters do not settle; at four times a run of 16 channels never began. And
-/// every second sample of the ADXL355, whose filter gives 4000 values a second at most, would be a repetition.
-pub const FASTEST_HZ: f64 = 4096.0;
+/// The bits of all converters.
+pub(super) const ALL: u32 = (1 << CHIPS) - 1;
+/// The bits of those with a DRDY line.
+pub(super) const WITH_EDGES: u32 = (1 << CONVERTERS) - 1;
 
-/// The next sample rates below and above `rate`, Hz; equal if the box has this rate.
-pub(super) fn rates_near(rate: f64) -> [f64; 2] {
-    Oversampling::neighbours(rate, CLOCK_HZ).map(|near| near.min(FASTEST_HZ))
+/// Most samples a second of all ADS131M08 together: 16 channels at 16384, or 32 at 8192. The table of load in the
+/// firmware's README says what that takes.
+pub const MOST_SAMPLES: f64 = 32_768.0;
+/// Fastest sample rate with the ADXL355, whose filter gives 4000 values a second at most, Hz: at twice this rate
+/// every second one would be a repetition.
+const ADXL_FASTEST_HZ: f64 = 4096.0;
+
+/// The fastest sample rate at which these converters, by bits, are read together, Hz.
+#[must_use]
+pub fn fastest(read: u32) -> f64 {
+    let ads = (read & WITH_EDGES).count_ones().max(1);
+    let most = MOST_SAMPLES / f64::from(ads);
+    let most = match read & !WITH_EDGES {
+        0 => most,
+        _ => most.min(ADXL_FASTEST_HZ),
+    };
+    let [fastest, _] = Oversampling::neighbours(most, CLOCK_HZ);
+    fastest
+}
+
+/// The next sample rates below and above `rate` that these converters, by bits, have together, Hz; equal if they
+/// have this rate.
+pub(super) fn rates_near(rate: f64, read: u32) -> [f64; 2] {
+    let fastest = fastest(read);
+    Oversampling::neighbours(rate, CLOCK_HZ).map(|near| near.min(fastest))
 }
 
 /// The filters of an input's converter at a sample rate, Hz; `None` if the box has no such input.

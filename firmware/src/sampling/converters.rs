@@ -1,6 +1,6 @@
 //! The converters of a box, and the test patterns that can replace them.
 
-use super::bank::{Bank, CHANNELS};
+use super::bank::{Bank, CHANNELS, WITH_EDGES};
 use super::{CHIPS, CONVERTERS, Failure, Plan};
 use crate::drivers::{Converter, Fault};
 use crate::models::pattern::Pattern;
@@ -75,30 +75,30 @@ where
 
     /// These bits without those of converters that have no DRDY line or are left out.
     const fn in_use(&self, bits: u32) -> u32 {
-        const ALL: u32 = (1 << CONVERTERS) - 1;
-        bits & ALL & !self.left_out
+        bits & WITH_EDGES & !self.left_out
     }
 
     /// Bits of all ready converters, from the low DRDY lines: a converter without a line is ready
-    /// with the majority of the others. `None` if the edge is of a converter that is left out.
+    /// with the majority of the others, unless it is left out. `None` if the edge is of a converter that
+    /// is left out.
     pub(super) const fn with_followers(&self, ready: u32) -> Option<u32> {
         let used = self.in_use(ready);
         if used == 0 && ready != 0 {
             return None;
         }
         let is_majority = 2 * used.count_ones() >= self.in_use(u32::MAX).count_ones();
-        Some(used | (is_majority as u32) << CONVERTERS)
+        let followers = (is_majority as u32) << CONVERTERS;
+        Some(used | followers & !self.left_out)
     }
 
-    /// Chooses rate and gains, and returns the bits of the converters that are left out: those
-    /// without an input in use that do not answer.
+    /// Chooses rate and gains, and returns the bits of the converters that are left out: those that are
+    /// not to be read, and those without an input in use that do not answer.
     ///
     /// # Errors
     ///
     /// The fault of the first converter, if none is in use and none answers.
     pub(super) fn configure(&mut self, plan: &Plan) -> Result<u32, Failure> {
         self.left_out = 0;
-        let used = plan.used;
         let (left_out, first) = self.with(|converters, _| {
             let mut gains = &plan.gains[..];
             for (k, converter) in (0..).zip(converters.iter_mut()) {
@@ -110,11 +110,14 @@ where
             let mut first: Option<Fault> = None;
             let mut left_out = 0;
             for (k, converter) in converters.iter_mut().enumerate() {
-                if used >> k & 1 == 0
+                let bit = 1 << k;
+                if plan.read & bit == 0 {
+                    left_out |= bit;
+                } else if plan.used & bit == 0
                     && let Err(fault) = converter.prepare()
                 {
                     first = first.or(Some(fault));
-                    left_out |= 1 << k;
+                    left_out |= bit;
                 }
             }
             Ok((left_out, first))

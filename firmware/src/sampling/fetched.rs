@@ -1,12 +1,53 @@
 //! Samples that lanes have received already.
 
 use super::sequencer::{Conversion, Edge, Sequencer};
-use crate::acquisition::{Acquisition, Sample};
+use crate::acquisition::{Acquisition, Reads, Sample};
 use crate::drivers::lanes::Lanes;
-use crate::drivers::{Converter, Fault};
+use crate::drivers::{Converter, Fault, Reading};
 
-/// Handles the edge of a conversion that was read over lanes: the first read of a converter takes the
-/// bytes that were received, later ones use its bus. Returns the sample, if any, as
+/// Reads of a conversion's converters: the first one of each takes the bytes that a lane has received, later ones
+/// use its bus.
+struct Fetched<'a, L> {
+    conversion: &'a Conversion,
+    lanes: &'a L,
+    /// `true` if another edge waits.
+    is_waiting: bool,
+    /// Bit k: converter k was read.
+    read: u32,
+    /// Bit k: converter k was read by its bus when there was another edge already.
+    emptied: u32,
+}
+
+impl<L: Lanes> Reads for Fetched<'_, L> {
+    #[inline]
+    fn read(
+        &mut self,
+        number: usize,
+        converter: &mut dyn Converter,
+        counts: &mut [i32],
+    ) -> Result<Reading, Fault> {
+        let bit = 1_u32.wrapping_shl(number as u32);
+        let is_again = self.read & bit != 0;
+        self.read |= bit;
+        if !is_again && self.conversion.read & bit != 0 {
+            return converter.decode(self.lanes.received(number), counts);
+        }
+        if !is_again && self.conversion.failed & bit != 0 {
+            return Err(Fault::Bus);
+        }
+        let reading = converter.read(counts);
+        if is_again && reading != Err(Fault::Stale) && self.is_late() {
+            self.emptied |= bit;
+        }
+        reading
+    }
+
+    fn is_late(&self) -> bool {
+        self.is_waiting || self.lanes.is_edge_noted()
+    }
+}
+
+/// Handles the edge of a conversion that was read over lanes. Returns the sample, if any, as
 /// [`Acquisition::edge`] returns it; and the bits of the converters whose buffers were emptied after
 /// another edge, whose sample may be gone with that: [`Acquisition::doubt`] has to be told before it.
 /// `is_waiting` is `true` if such an edge waits.
@@ -18,26 +59,16 @@ pub fn acquire<'a, L: Lanes, const CHIPS: usize, const INPUTS: usize>(
     lanes: &L,
     is_waiting: bool,
 ) -> (Option<Sample<'a>>, u32) {
-    let (mut read, mut emptied) = (0, 0);
-    let mut fetch = |number: usize, converter: &mut dyn Converter, counts: &mut [i32]| {
-        let bit = 1_u32.wrapping_shl(number as u32);
-        let is_again = read & bit != 0;
-        read |= bit;
-        if !is_again && conversion.read & bit != 0 {
-            return converter.decode(lanes.received(number), counts);
-        }
-        if !is_again && conversion.failed & bit != 0 {
-            return Err(Fault::Bus);
-        }
-        let reading = converter.read(counts);
-        if is_again && (is_waiting || lanes.is_edge_noted()) {
-            emptied |= bit;
-        }
-        reading
+    let mut fetched = Fetched {
+        conversion,
+        lanes,
+        is_waiting,
+        read: 0,
+        emptied: 0,
     };
     let Edge { ready, at, .. } = conversion.edge;
-    let sample = acquisition.edge_read_by(&mut fetch, converters, synchronise, ready, at);
-    (sample, emptied)
+    let sample = acquisition.edge_read_by(&mut fetched, converters, synchronise, ready, at);
+    (sample, fetched.emptied)
 }
 
 /// Goes on with the edge that waits, if any, and doubts the converters that [`acquire`] has told of, by

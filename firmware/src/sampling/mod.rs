@@ -20,8 +20,8 @@
 //!
 //! The first samples after a start, while filters settle, are dropped.
 //!
-//! A converter that does not answer is left out if no input of it is in use, and an error
-//! otherwise. The ADXL355 has no edge of its own here: it samples at the others' edges, and its
+//! Converters without an input in use are left out, which leaves time for faster rates: they are neither
+//! read nor are their edges seen. If no input is in use at all, those that answer are read. The ADXL355 has no edge of its own here: it samples at the others' edges, and its
 //! status is read then.
 
 mod bank;
@@ -32,7 +32,7 @@ mod queues;
 mod raw_frame;
 pub mod sequencer;
 
-pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, FASTEST_HZ, INPUTS, LANES, ORDER, REQUESTS, lowpass};
+pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, INPUTS, LANES, ORDER, REQUESTS, fastest, lowpass};
 pub use converters::Converters;
 pub use fetched::{acquire, resume};
 pub use plan::{Plan, problem, reported};
@@ -354,6 +354,7 @@ where
         self.period = plan.period as u64;
         self.lanes.choose_clock(plan.conditions.bus);
         let left_out = self.converters.configure(plan)?;
+        self.lanes.watch_edges(!left_out);
         for chip in 0..CHIPS {
             if left_out >> chip & 1 != 0 {
                 self.acquisition.leave_out(chip);

@@ -1,6 +1,6 @@
 //! The plan of a recording, which follows from the settings and a sample rate.
 
-use super::bank::{CHANNELS, rates_near};
+use super::bank::{ALL, CHANNELS, WITH_EDGES, rates_near};
 use super::{Failure, INPUTS};
 use crate::drivers::{Fault, Signal};
 use crate::settings::Settings;
@@ -15,8 +15,10 @@ pub struct Plan {
     pub rate: f64,
     /// Gain of each input.
     pub gains: [u8; INPUTS],
-    /// Bit k: an input of converter k is in use.
+    /// Bit k: an input of converter k is in use, so that it has to answer.
     pub used: u32,
+    /// Bit k: converter k is read, if it answers. The others are left out.
+    pub read: u32,
     /// Number of inputs up to the last one in use; all of them if none is.
     pub inputs: usize,
     /// Conditions under which they are sampled.
@@ -24,24 +26,27 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan at a sample rate, Hz, with a clock of `tick_hz` ticks a second.
+    /// The plan at a sample rate, Hz, under conditions, with a clock of `tick_hz` ticks a second. With a test
+    /// signal all inputs are sampled.
     ///
     /// # Errors
     ///
-    /// [`Problem::Range`] if the converters do not have this rate; its ends are the next rates that
-    /// they have.
-    pub fn new(settings: &Settings<INPUTS>, rate: f64, tick_hz: u32) -> Result<Self, Problem> {
-        let [low, high] = rates_near(rate);
-        if low != rate || high != rate {
-            return Err(Problem::range(Field::SampleRate, 0, rate, [low, high]));
-        }
+    /// [`Problem::Range`] if the converters that are read do not have this rate; its ends are the next rates
+    /// that they have.
+    pub fn new(
+        settings: &Settings<INPUTS>,
+        rate: f64,
+        conditions: Conditions,
+        tick_hz: u32,
+    ) -> Result<Self, Problem> {
         let mut plan = Self {
             period: (f64::from(tick_hz) / rate) as f32,
             rate,
             gains: [1; INPUTS],
             used: 0,
+            read: 0,
             inputs: 0,
-            conditions: Conditions::default(),
+            conditions,
         };
         let channels = (0..).zip(CHANNELS);
         let converters = channels.flat_map(|(k, channels)| core::iter::repeat_n(k, channels));
@@ -54,20 +59,20 @@ impl Plan {
                 plan.inputs = number;
             }
         }
-        if plan.inputs == 0 {
+        if plan.used == 0 || !matches!(conditions.signal, Signal::Pins) {
             plan.inputs = INPUTS;
+            plan.read = ALL;
+        } else if plan.used & WITH_EDGES == 0 {
+            // Some edges are needed to sample at.
+            plan.read = ALL;
+        } else {
+            plan.read = plan.used;
+        }
+        let [low, high] = rates_near(rate, plan.read);
+        if low != rate || high != rate {
+            return Err(Problem::range(Field::SampleRate, 0, rate, [low, high]));
         }
         Ok(plan)
-    }
-
-    /// The same under other conditions: with a test signal all inputs are sampled.
-    #[must_use]
-    pub const fn under(mut self, conditions: Conditions) -> Self {
-        self.conditions = conditions;
-        if !matches!(conditions.signal, Signal::Pins) {
-            self.inputs = INPUTS;
-        }
-        self
     }
 }
 

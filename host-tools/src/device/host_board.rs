@@ -162,7 +162,7 @@ impl Board for HostBoard {
         if self.running.is_some() {
             return Ok(());
         }
-        let plan = Plan::new(&self.settings, sample_rate, TICK_HZ)?.under(conditions);
+        let plan = Plan::new(&self.settings, sample_rate, conditions, TICK_HZ)?;
         let no_answer = |converter| Problem::Converter {
             converter,
             fault: ConverterFault::Stuck,

@@ -10,27 +10,33 @@ use massline_chip::machine::Machine;
 use massline_firmware::calibration::Preset;
 use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    ChannelRole, Circuit, Event, Gaps, Input, Plan, Processing, Request, Run, Sensor, Setting,
-    Source, Subscription, Telemetry,
+    ChannelRole, Circuit, Event, Gaps, Plan, Processing, Request, Run, Sensor, Setting, Source,
+    Subscription, Telemetry,
 };
 
 use crate::sampling::volts;
 use crate::{GOOD, boot, lossless, pass};
 
-/// Inputs of the four ADS131M08: sensors, then the drive.
-const INPUTS: u8 = 32;
-const RATE: f64 = 4096.0;
-
-fn inputs() -> impl Iterator<Item = Input<'static>> {
-    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
-    (0..INPUTS).map(move |input| preset.input(input, "S", "K", None, 1e-3))
+/// A measurement with the first inputs, sensors and then the drive.
+struct Case {
+    inputs: u8,
+    /// Samples per second.
+    rate: f64,
+    /// Largest share of the processor by the rule of the table of load, with blocks, interrupts and the link,
+    /// percent.
+    share: f64,
+    /// Largest share of the processor that the box may find, thousandths, with the cycles that the emulator
+    /// charges: two for a load, three for a taken branch, twelve for an exception.
+    load: u16,
 }
 
-fn prepare(client: &mut Client<'_, &mut Machine>) {
-    let sensors = INPUTS - 1;
+fn prepare(client: &mut Client<'_, &mut Machine>, case: &Case) {
+    let sensors = case.inputs - 1;
+    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
+    let inputs = (0..case.inputs).map(|input| preset.input(input, "S", "K", None, 1e-3));
     let mut tell = |request: &Request<'_>| client.tell(request).unwrap();
-    tell(&Request::WriteSetting(Setting::SampleRate(RATE)));
-    for input in inputs() {
+    tell(&Request::WriteSetting(Setting::SampleRate(case.rate)));
+    for input in inputs {
         tell(&Request::WriteSetting(Setting::Input(input)));
     }
     tell(&Request::BeginSetup(Plan {
@@ -39,7 +45,7 @@ fn prepare(client: &mut Client<'_, &mut Machine>) {
     }));
     // Blocks of 1024 samples, a hundred lines of which are kept.
     tell(&Request::SetProcessing(Processing {
-        sample_rate: RATE,
+        sample_rate: case.rate,
         kept_band: [4.0, 400.0],
         averaging_band: [8.0, 160.0],
         ..setup::PROCESSING
@@ -66,15 +72,41 @@ const CYCLES: f64 = 1.3;
 const CLOCK: f64 = 168e6;
 /// Ticks of the timers in a second.
 const TICKS: f64 = 84e6;
-/// Largest share of the processor by that rule, with blocks, interrupts and the link, percent.
-const SHARE: f64 = 25.0;
-/// Largest share of the processor that the box may find, thousandths, with the cycles that the emulator
-/// charges: two for a load, three for a taken branch, twelve for an exception.
-const LOAD: u16 = 330;
 
 #[test]
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn thirty_two_channels_at_4096_samples_a_second() {
+    measure(&Case {
+        inputs: 32,
+        rate: 4096.0,
+        share: 25.0,
+        load: 330,
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn thirty_two_channels_at_8192_samples_a_second() {
+    measure(&Case {
+        inputs: 32,
+        rate: 8192.0,
+        share: 50.0,
+        load: 660,
+    });
+}
+
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn sixteen_channels_at_16384_samples_a_second() {
+    measure(&Case {
+        inputs: 16,
+        rate: 16_384.0,
+        share: 80.0,
+        load: 800,
+    });
+}
+
+fn measure(case: &Case) {
     let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 21);
     let mut memory = ClientMemory::new();
     let mut client = Client::new(&mut machine, &mut memory);
@@ -86,7 +118,7 @@ fn thirty_two_channels_at_4096_samples_a_second() {
         }
     });
     client.hello().unwrap();
-    prepare(&mut client);
+    prepare(&mut client, case);
     let start = setup::start(0, Source::Inputs, Gaps::Count, None);
     client.tell(&Request::Start(start)).unwrap();
     let telemetry = Request::Subscribe(Subscription {
@@ -100,20 +132,25 @@ fn thirty_two_channels_at_4096_samples_a_second() {
         let port = client.port();
         (port.instructions(), port.time())
     };
-    // While filters settle, buffers are emptied, which takes longer than a period of this rate.
+    // While filters settle, buffers are emptied, which takes longer than a period of these rates.
     let settled = client.hello().unwrap().faults;
     let (before, from) = count(&mut client);
     heard.borrow_mut().clear();
     pass(&mut client, 11 * SECOND / 10);
     let (after, to) = count(&mut client);
-    let load = heard.borrow().last().expect("telemetry comes").load;
     let faults = client.hello().unwrap().faults;
+    println!(
+        "DBG settled {settled:?}\nnow {faults:?} heard {:?} instr {}",
+        heard.borrow().len(),
+        after - before
+    );
+    let load = heard.borrow().last().expect("telemetry comes").load;
     let summary = client.stop().unwrap();
     drop(client);
     lossless(&mut machine);
-    let samples = (to - from) as f64 / SECOND as f64 * RATE;
+    let samples = (to - from) as f64 / SECOND as f64 * case.rate;
     let each = (after - before) as f64 / samples;
-    let share = 100.0 * CYCLES * each * RATE / CLOCK;
+    let share = 100.0 * CYCLES * each * case.rate / CLOCK;
     println!(
         "{each:.0} instructions a sample, {share:.1} % of the processor; the box finds {load} of 1000"
     );
@@ -121,8 +158,8 @@ fn thirty_two_channels_at_4096_samples_a_second() {
     assert!(summary.blocks > 3, "{summary:?}");
     // The first and the last edge were captured to a tick each, whatever the processor was at.
     let rate = summary.sample_rate.expect("samples of the inputs");
-    let ticks = summary.samples as f64 / RATE * TICKS;
-    assert!((rate / RATE - 1.0).abs() * ticks < 2.0, "{rate} Hz");
-    assert!(share < SHARE, "{share} % of the processor");
-    assert!(load < LOAD, "{load} of 1000");
+    let ticks = summary.samples as f64 / case.rate * TICKS;
+    assert!((rate / case.rate - 1.0).abs() * ticks < 2.0, "{rate} Hz");
+    assert!(share < case.share, "{share} % of the processor");
+    assert!(load < case.load, "{load} of 1000");
 }
