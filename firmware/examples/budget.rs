@@ -409,7 +409,7 @@ mod on_chip {
                 read: used,
                 failed: 0,
             });
-            let (sample, _) = acquire(
+            let sample = acquire(
                 &mut acquisition,
                 &mut converters,
                 &mut synchronise,

@@ -10,8 +10,8 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use massline_firmware::acquisition::{Acquisition, SETTLING};
 use massline_firmware::drivers::lanes::{Lane, Lanes, Progress, Step};
 use massline_firmware::drivers::{Converter, Fault, Reading, Signal};
+use massline_firmware::sampling::acquire;
 use massline_firmware::sampling::sequencer::{Edge, Event, Sequencer};
-use massline_firmware::sampling::{acquire, resume};
 
 const PERIOD: u64 = 1000;
 const LANES: usize = 2;
@@ -162,7 +162,6 @@ struct Walk<const CHIPS: usize> {
     /// Conversions before the start.
     before: u32,
     is_running: bool,
-    emptied: u32,
     /// Number of edges that came while another one had not been seen, of failures, and of stops.
     merged: u32,
     failures: u32,
@@ -188,7 +187,6 @@ impl<const CHIPS: usize> Walk<CHIPS> {
             last: None,
             before: 0,
             is_running: false,
-            emptied: 0,
             merged: 0,
             failures: 0,
             stops: 0,
@@ -298,12 +296,7 @@ impl<const CHIPS: usize> Walk<CHIPS> {
     /// The part of the board's tasks: the newest edge is handled, then the one that waits.
     fn serve(&mut self) {
         self.see_edge();
-        let complete = resume(
-            &mut self.sequencer,
-            &mut self.acquisition,
-            &mut self.emptied,
-            &mut self.buses,
-        );
+        let complete = self.sequencer.resume(&mut self.buses);
         self.hand_over(complete);
     }
 
@@ -324,7 +317,7 @@ impl<const CHIPS: usize> Walk<CHIPS> {
         assert!(self.is_running, "a sample comes after the stop");
         let mut chips = self.chips.each_mut().map(|c| -> &mut dyn Converter { c });
         let acquisition = &mut self.acquisition;
-        let (sample, emptied) = acquire(
+        let sample = acquire(
             acquisition,
             &mut chips,
             &mut || (),
@@ -332,7 +325,6 @@ impl<const CHIPS: usize> Walk<CHIPS> {
             &self.buses,
             self.sequencer.is_waiting(),
         );
-        self.emptied |= emptied;
         let sample = sample.expect("all converters are ready at each edge");
         let at = conversion.edge.at;
         let since = at - *self.first.get_or_insert(at);

@@ -66,8 +66,10 @@ impl<L: Compiled> Rings<L> {
     /// Forgets all samples: the next block starts with the next one.
     pub fn restart(&mut self, storage: &mut [f32]) {
         let n = self.settings.transform_length();
-        if let Some(filters) = storage.get_mut(self.rings_len()..) {
-            filters.fill(0.0);
+        let states = storage.get_mut(self.rings_len()..);
+        let state_len = self.settings.filters().state_len(self.channels);
+        if let Some(states) = states.and_then(|states| states.get_mut(..state_len)) {
+            states.fill(0.0);
         }
         // Those that see the start from rest are part of no block. The first block is to begin where
         // the rings do.

@@ -300,18 +300,6 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         }
     }
 
-    /// Marks these converters, by bits, as holding another sample than that of the next edge: their
-    /// buffers are emptied then, and that sample of theirs is missing.
-    pub fn doubt(&mut self, converters: u32) {
-        for (k, chip) in self.chips.iter_mut().enumerate() {
-            if has(converters, k) && chip.state == State::InStep && !chip.full {
-                chip.full = true;
-                let missed = &mut self.faults.converter_missed;
-                *missed = missed.saturating_add(1);
-            }
-        }
-    }
-
     /// Prepares and restarts all converters if no edge has come for some periods, and returns
     /// `true` then. To be called about ten times a second.
     pub fn watch(

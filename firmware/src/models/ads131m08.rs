@@ -45,6 +45,8 @@ pub struct Chip {
     /// Samples, the newest first.
     samples: [[i32; CHANNELS]; BUFFER],
     waiting: usize,
+    /// `true` if a sample waited when the frame began.
+    is_sent: bool,
     /// Voltage between ground and the middle of each channel's two inputs, V.
     common_mode: [f64; CHANNELS],
     /// Noise of the test signals.
@@ -81,6 +83,7 @@ impl Chip {
             answer: Answer::Status,
             samples: [[0; CHANNELS]; BUFFER],
             waiting: 0,
+            is_sent: false,
             common_mode: [0.0; CHANNELS],
             noise: Random::new(0x131),
             cycle: 0,
@@ -239,6 +242,7 @@ impl Chip {
     /// Begins a frame: the chip select has fallen. The bytes that will be sent.
     pub fn select(&mut self) -> [u8; BYTES_MAX] {
         let mut out = [0; BYTES_MAX];
+        self.is_sent = self.is_ready();
         self.send(&mut out);
         out
     }
@@ -246,8 +250,8 @@ impl Chip {
     /// Ends a frame with the bytes that came: the chip select has risen.
     pub fn release(&mut self, bytes: &[u8]) {
         if bytes.len() >= BYTES {
-            // All data were shifted out.
-            self.waiting = self.waiting.saturating_sub(1);
+            // All data were shifted out. A sample that came meanwhile was not among them.
+            self.waiting = self.waiting.saturating_sub(self.is_sent.into());
         }
         self.receive(bytes);
     }

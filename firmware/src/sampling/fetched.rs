@@ -1,6 +1,6 @@
 //! Samples that lanes have received already.
 
-use super::sequencer::{Conversion, Edge, Sequencer};
+use super::sequencer::{Conversion, Edge};
 use crate::acquisition::{Acquisition, Reads, Sample};
 use crate::drivers::lanes::Lanes;
 use crate::drivers::{Converter, Fault, Reading};
@@ -14,8 +14,6 @@ struct Fetched<'a, L> {
     is_waiting: bool,
     /// Bit k: converter k was read.
     read: u32,
-    /// Bit k: converter k was read by its bus when there was another edge already.
-    emptied: u32,
 }
 
 impl<L: Lanes> Reads for Fetched<'_, L> {
@@ -35,11 +33,7 @@ impl<L: Lanes> Reads for Fetched<'_, L> {
         if !is_again && self.conversion.failed & bit != 0 {
             return Err(Fault::Bus);
         }
-        let reading = converter.read(counts);
-        if is_again && reading != Err(Fault::Stale) && self.is_late() {
-            self.emptied |= bit;
-        }
-        reading
+        converter.read(counts)
     }
 
     fn is_late(&self) -> bool {
@@ -47,10 +41,8 @@ impl<L: Lanes> Reads for Fetched<'_, L> {
     }
 }
 
-/// Handles the edge of a conversion that was read over lanes. Returns the sample, if any, as
-/// [`Acquisition::edge`] returns it; and the bits of the converters whose buffers were emptied after
-/// another edge, whose sample may be gone with that: [`Acquisition::doubt`] has to be told before it.
-/// `is_waiting` is `true` if such an edge waits.
+/// Handles the edge of a conversion that was read over lanes, and returns the sample, if any, as
+/// [`Acquisition::edge`] returns it. `is_waiting` is `true` if another edge waits.
 pub fn acquire<'a, L: Lanes, const CHIPS: usize, const INPUTS: usize>(
     acquisition: &'a mut Acquisition<CHIPS, INPUTS>,
     converters: &mut [&mut dyn Converter; CHIPS],
@@ -58,30 +50,13 @@ pub fn acquire<'a, L: Lanes, const CHIPS: usize, const INPUTS: usize>(
     conversion: &Conversion,
     lanes: &L,
     is_waiting: bool,
-) -> (Option<Sample<'a>>, u32) {
+) -> Option<Sample<'a>> {
     let mut fetched = Fetched {
         conversion,
         lanes,
         is_waiting,
         read: 0,
-        emptied: 0,
     };
     let Edge { ready, at, .. } = conversion.edge;
-    let sample = acquisition.edge_read_by(&mut fetched, converters, synchronise, ready, at);
-    (sample, fetched.emptied)
-}
-
-/// Goes on with the edge that waits, if any, and doubts the converters that [`acquire`] has told of, by
-/// bits, before it. `true` if its conversion is complete at once.
-pub fn resume<const LANES: usize, const CHIPS: usize, const INPUTS: usize>(
-    sequencer: &mut Sequencer<LANES>,
-    acquisition: &mut Acquisition<CHIPS, INPUTS>,
-    emptied: &mut u32,
-    lanes: &mut impl Lanes,
-) -> bool {
-    let emptied = core::mem::take(emptied);
-    if sequencer.is_waiting() {
-        acquisition.doubt(emptied);
-    }
-    sequencer.resume(lanes)
+    acquisition.edge_read_by(&mut fetched, converters, synchronise, ready, at)
 }

@@ -34,7 +34,7 @@ pub mod sequencer;
 
 pub use bank::{CHIPS, CLOCK_HZ, CONVERTERS, INPUTS, LANES, ORDER, REQUESTS, fastest, lowpass};
 pub use converters::Converters;
-pub use fetched::{acquire, resume};
+pub use fetched::acquire;
 pub use plan::{Plan, problem, reported};
 pub use queues::{Commands, Ends, Queues, WAITING};
 pub use raw_frame::RawFrame;
@@ -150,8 +150,6 @@ pub struct Sampler<'q, A, D, P, T, L> {
     out: Out<'q>,
     counters: &'q Counters,
     running: bool,
-    /// Bits of the converters whose buffers were emptied after the edge that waits.
-    emptied: u32,
     /// Ticks between two checks for silent converters, and time of the last one.
     watch: [u64; 2],
     /// Nominal ticks from sample to sample.
@@ -185,10 +183,10 @@ where
                 frames: ends.frames,
                 is_starting: false,
                 dropped: 0,
+                is_dropping: false,
             },
             counters,
             running: false,
-            emptied: 0,
             watch: [u64::from(tick_hz) / WATCHES, 0],
             period: 0,
         }
@@ -269,14 +267,7 @@ where
     /// edges that came meanwhile were handled, the newest of which counts. `true` if there is a new
     /// sample.
     pub fn resume(&mut self) -> bool {
-        let Self {
-            sequencer,
-            acquisition,
-            emptied,
-            lanes,
-            ..
-        } = self;
-        resume(sequencer, acquisition, emptied, lanes) && self.hand_over()
+        self.sequencer.resume(&mut self.lanes) && self.hand_over()
     }
 
     /// `true` while frames run: [`Self::resume`] has nothing to do.
@@ -310,10 +301,9 @@ where
         let at = conversion.edge.at;
         let is_waiting = self.sequencer.is_waiting();
         let (acquisition, lanes) = (&mut self.acquisition, &self.lanes);
-        let (sample, emptied) = self.converters.with(|all, synchronise| {
+        let sample = self.converters.with(|all, synchronise| {
             acquire(acquisition, all, synchronise, conversion, lanes, is_waiting)
         });
-        self.emptied |= emptied;
         let is_new = self.out.pass_on(sample, at);
         self.forget_edges_before_restart();
         self.report();
@@ -420,6 +410,9 @@ struct Out<'q> {
     is_starting: bool,
     /// Samples dropped because the queue was full.
     dropped: u32,
+    /// `true` from such a sample on until half of the queue is free: a gap costs whoever takes the samples far
+    /// more than a sample, and one at every other sample would never end.
+    is_dropping: bool,
 }
 
 impl Out<'_> {
@@ -434,7 +427,11 @@ impl Out<'_> {
         if self.is_starting {
             return false;
         }
-        if !RawFrame::enqueue(&sample, ticks, &mut self.frames) {
+        let is_half_full = self.frames.len() >= WAITING / 2;
+        let is_full = self.is_dropping && is_half_full
+            || !RawFrame::enqueue(&sample, ticks, &mut self.frames);
+        self.is_dropping = is_full;
+        if is_full {
             self.dropped = self.dropped.saturating_add(1);
         }
         true

@@ -17,9 +17,9 @@ use massline_firmware::wire::{
 use crate::sampling::volts;
 use crate::{GOOD, boot, lossless, pass};
 
-/// A measurement with the first inputs, sensors and then the drive.
+/// A measurement with all inputs of some converters, sensors and then the drive.
 struct Case {
-    inputs: u8,
+    converters: &'static [u8],
     /// Samples per second.
     rate: f64,
     /// Largest share of the processor by the rule of the table of load, with blocks, interrupts and the link,
@@ -31,9 +31,22 @@ struct Case {
 }
 
 fn prepare(client: &mut Client<'_, &mut Machine>, case: &Case) {
-    let sensors = case.inputs - 1;
+    let wired: Vec<u8> = case
+        .converters
+        .iter()
+        .flat_map(|c| 8 * c..8 * (c + 1))
+        .collect();
+    let (drive, sensors) = wired.split_last().unwrap();
     let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
-    let inputs = (0..case.inputs).map(|input| preset.input(input, "S", "K", None, 1e-3));
+    let inputs = wired
+        .iter()
+        .map(|input| preset.input(*input, "S", "K", None, 1e-3));
+    let mut channels = vec![ChannelRole::Unused.code(); usize::from(*drive) + 1];
+    for (number, input) in (0..).zip(sensors) {
+        channels[usize::from(*input)] = number;
+    }
+    channels[usize::from(*drive)] = ChannelRole::Drive.code();
+    let sensors = sensors.len() as u8;
     let mut tell = |request: &Request<'_>| client.tell(request).unwrap();
     tell(&Request::WriteSetting(Setting::SampleRate(case.rate)));
     for input in inputs {
@@ -58,8 +71,6 @@ fn prepare(client: &mut Client<'_, &mut Machine>, case: &Case) {
             ..sensor
         }));
     }
-    let mut channels: Vec<u8> = (0..sensors).collect();
-    channels.push(ChannelRole::Drive.code());
     tell(&Request::SetRun(Run {
         channels: &channels,
         ..setup::run(0)
@@ -77,7 +88,7 @@ const TICKS: f64 = 84e6;
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn thirty_two_channels_at_4096_samples_a_second() {
     measure(&Case {
-        inputs: 32,
+        converters: &[0, 1, 2, 3],
         rate: 4096.0,
         share: 25.0,
         load: 330,
@@ -88,7 +99,7 @@ fn thirty_two_channels_at_4096_samples_a_second() {
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn thirty_two_channels_at_8192_samples_a_second() {
     measure(&Case {
-        inputs: 32,
+        converters: &[0, 1, 2, 3],
         rate: 8192.0,
         share: 50.0,
         load: 660,
@@ -99,7 +110,7 @@ fn thirty_two_channels_at_8192_samples_a_second() {
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn sixteen_channels_at_16384_samples_a_second() {
     measure(&Case {
-        inputs: 16,
+        converters: &[0, 2],
         rate: 16_384.0,
         share: 80.0,
         load: 800,
@@ -126,6 +137,23 @@ fn measure(case: &Case) {
         ..Subscription::default()
     });
     client.tell(&telemetry).unwrap();
+    for _ in 0..12 {
+        let a = client.port().instructions();
+        pass(&mut client, 4 * SECOND / 1000);
+        let b = client.port().instructions();
+        let faults = client.hello().map(|h| h.faults);
+        println!(
+            "DBG {} {:?}",
+            b - a,
+            faults.map(|f| (
+                f.converter_missed,
+                f.overrun,
+                f.out_of_step,
+                f.converter_checksum,
+                f.converter_reset
+            ))
+        );
+    }
     // Converters start, and filters settle.
     pass(&mut client, 6 * SECOND / 10);
     let count = |client: &mut Client<'_, &mut Machine>| {
