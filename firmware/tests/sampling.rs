@@ -407,7 +407,21 @@ fn a_dropped_sample_is_counted_and_missing_in_the_numbers(by: By) {
         assert_eq!(tasks.frames.dequeue().unwrap().number, expected);
     }
     tasks.edge();
-    assert_eq!(tasks.frames.dequeue().unwrap().number, FIRST + room + LATE);
+    let next = FIRST + room + LATE;
+    assert_eq!(tasks.frames.dequeue().unwrap().number, next);
+    // One place is not enough after a full queue: gaps take longer than samples.
+    (0..room + 1).for_each(|_| assert!(tasks.edge()));
+    for expected in next + 1..next + 1 + room {
+        let half = tasks.frames.len() >= WAITING / 2;
+        let dropped = tasks.faults().overrun;
+        assert!(tasks.edge());
+        assert_eq!(tasks.faults().overrun - dropped, u32::from(half));
+        assert_eq!(tasks.frames.dequeue().unwrap().number, expected);
+        if !half {
+            break;
+        }
+    }
+    while tasks.frames.dequeue().is_some() {}
 
     assert!(tasks.commands.send(Command::ClearFaults, || ()));
     tasks.edge();
@@ -604,9 +618,7 @@ fn the_fastest_rate_follows_from_the_converters_that_are_read() {
         ..PINS
     };
     for (inputs, conditions, fastest) in [
-        (&[0][..], PINS, 16_384.0),
-        (&[0, 31], PINS, 16_384.0),
-        (&[7, 8, 16], PINS, 8192.0),
+        (&[0][..], PINS, 8192.0),
         (&[0, 8, 16, 24], PINS, 8192.0),
         (&[0, 34], PINS, 4096.0),
         (&[34], PINS, 4096.0),

@@ -199,7 +199,7 @@ fn the_table_of_load_follows_from_counted_instructions() {
         let cost = costs[name];
         assert!(cost <= budget, "{name}: {cost}, {budget} are allowed");
     }
-    let rate = massline_firmware::sampling::FASTEST_HZ;
+    let rate = massline_firmware::sampling::fastest(0);
     let all = |size| -> f64 { loads(size, rate, &costs).iter().sum() };
     for size in SIZES {
         let fastest = all(size) + LINK;

@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! The filters of two kinds of converters differ in delay and magnitude: between an ADXL355 and an ADS131M08
-//! by up to a quarter of a millisecond and some percent, of which each goes into the mass where one
+//! by up to two milliseconds and some percent, of which each goes into the mass where one
 //! measures forces and the other accelerations. Readings of the *prompt* inputs, which are those of the
 //! first kind, are delayed by whole samples. Readings of the *late* ones are filtered by [`TAPS`] taps that
 //! have the ratio of both magnitudes and what is left of the phase: the inverse transform of that response in

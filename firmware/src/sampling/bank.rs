@@ -75,24 +75,19 @@ pub(super) const ALL: u32 = (1 << CHIPS) - 1;
 /// The bits of those with a DRDY line.
 pub(super) const WITH_EDGES: u32 = (1 << CONVERTERS) - 1;
 
-/// Most samples a second of all ADS131M08 together: 16 channels at 16384, or 32 at 8192. The table of load in the
-/// firmware's README says what that takes.
-pub const MOST_SAMPLES: f64 = 32_768.0;
+/// Fastest sample rate, Hz. The firmware's README says what it takes, and what is missing at twice this rate.
+const FASTEST_HZ: f64 = 8192.0;
 /// Fastest sample rate with the ADXL355, whose filter gives 4000 values a second at most, Hz: at twice this rate
 /// every second one would be a repetition.
 const ADXL_FASTEST_HZ: f64 = 4096.0;
 
 /// The fastest sample rate at which these converters, by bits, are read together, Hz.
 #[must_use]
-pub fn fastest(read: u32) -> f64 {
-    let ads = (read & WITH_EDGES).count_ones().max(1);
-    let most = MOST_SAMPLES / f64::from(ads);
-    let most = match read & !WITH_EDGES {
-        0 => most,
-        _ => most.min(ADXL_FASTEST_HZ),
-    };
-    let [fastest, _] = Oversampling::neighbours(most, CLOCK_HZ);
-    fastest
+pub const fn fastest(read: u32) -> f64 {
+    match read & !WITH_EDGES {
+        0 => FASTEST_HZ,
+        _ => ADXL_FASTEST_HZ,
+    }
 }
 
 /// The next sample rates below and above `rate` that these converters, by bits, have together, Hz; equal if they
