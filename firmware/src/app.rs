@@ -121,8 +121,12 @@ impl App {
             return false;
         };
         self.services.note_sample(frame.number);
-        let inputs = self.services.inputs_in_use();
-        let faults = (!frame.is_good(inputs)).then(|| frame.health());
+        let (converters, inputs) = self.services.inputs_in_use();
+        // A converter that is left out has a fault in every sample, and its inputs have no role in a run: only
+        // who records all inputs has to know.
+        let is_good = frame.is_good(converters, inputs)
+            && (!self.instrument.is_recording() || frame.is_good(u32::MAX, inputs));
+        let faults = (!is_good).then(|| frame.health());
         let faults = faults.as_ref().map_or(&[][..], |faults| faults);
         let sample = RawSample {
             number: frame.number,

@@ -97,8 +97,8 @@ pub struct Services {
     inputs: Inputs,
     /// Sample rate of the inputs, Hz, while they run.
     rate: Option<f64>,
-    /// Inputs up to the last one in use.
-    in_use: usize,
+    /// Bits of the converters with an input in use, and inputs up to the last of those.
+    in_use: (u32, usize),
     /// Faults before this start.
     faults: FaultCounters,
     is_test_pattern: bool,
@@ -121,7 +121,7 @@ impl Services {
         Self {
             inputs,
             rate: None,
-            in_use: INPUTS,
+            in_use: (u32::MAX, INPUTS),
             faults,
             is_test_pattern: false,
             samples: 0,
@@ -153,8 +153,8 @@ impl Services {
         self.samples = number.saturating_add(1);
     }
 
-    /// Number of inputs up to the last one in use.
-    pub fn inputs_in_use(&self) -> usize {
+    /// The bits of the converters with an input in use, and the number of inputs up to the last of those.
+    pub fn inputs_in_use(&self) -> (u32, usize) {
         self.in_use
     }
 
@@ -242,7 +242,7 @@ impl Board for Services {
         let inputs = &mut self.inputs;
         let settings = self.settings.settings();
         let plan = Plan::new(settings, sample_rate, conditions, inputs.tick_hz)?;
-        let (period, in_use) = (plan.period as u32, plan.inputs);
+        let (period, in_use) = (plan.period as u32, (plan.needed(), plan.inputs));
         self.is_stale = true;
         self.samples = 0;
         let start = Command::Start(plan);

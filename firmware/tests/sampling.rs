@@ -18,8 +18,8 @@ use massline_firmware::models::pattern;
 use massline_firmware::models::rig::{self, Garble, Port, Rig};
 use massline_firmware::sampling::sequencer::Edge;
 use massline_firmware::sampling::{
-    CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Outcome, Plan, Queues, REQUESTS,
-    RawFrame, Sampler, WAITING, problem,
+    CHIPS, CONVERTERS, Command, Commands, Converters, Counters, INPUTS, Outcome, Plan, Queues,
+    REQUESTS, RawFrame, Sampler, WAITING, problem,
 };
 use massline_firmware::settings::Settings;
 use massline_firmware::wire::{
@@ -350,7 +350,8 @@ fn a_missing_chip_is_left_out_unless_it_is_in_use(by: By) {
         tasks.rig.borrow_mut().stick(chip, Some(true));
     }
     tasks.adxl.borrow_mut().stuck = Some(false);
-    tasks.start(&plan(&wired(&[0, 17]))).unwrap();
+    let two = plan(&wired(&[0, 17]));
+    tasks.start(&two).unwrap();
     let mut expected = FIRST;
     while expected < 500 {
         // Converters that are left out have edges, too, at a rate of their own.
@@ -361,7 +362,12 @@ fn a_missing_chip_is_left_out_unless_it_is_in_use(by: By) {
         let (number, health) = (frame.number, frame.health());
         for inputs in 0..=INPUTS {
             let is_good = health[..inputs].iter().all(|health| health.is_good());
-            assert_eq!(frame.is_good(inputs), is_good, "{inputs} inputs");
+            assert_eq!(frame.is_good(u32::MAX, inputs), is_good, "{inputs} inputs");
+            assert!(frame.is_good(two.needed(), inputs), "{inputs} inputs");
+        }
+        for converters in 0..1 << CHIPS {
+            let is_good = converters & 0b1_1010 == 0;
+            assert_eq!(frame.is_good(converters, INPUTS), is_good, "{converters}");
         }
         assert_eq!(number, expected);
         expected += 1;
@@ -618,7 +624,9 @@ fn the_fastest_rate_follows_from_the_converters_that_are_read() {
         ..PINS
     };
     for (inputs, conditions, fastest) in [
-        (&[0][..], PINS, 8192.0),
+        (&[0][..], PINS, 16_384.0),
+        (&[0, 31], PINS, 16_384.0),
+        (&[7, 8, 16], PINS, 8192.0),
         (&[0, 8, 16, 24], PINS, 8192.0),
         (&[0, 34], PINS, 4096.0),
         (&[34], PINS, 4096.0),

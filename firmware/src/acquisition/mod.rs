@@ -452,6 +452,12 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             ) else {
                 break;
             };
+            if chip.state == State::LeftOut {
+                if health.first() != Some(&Health::MISSING) {
+                    health.fill(Health::MISSING);
+                }
+                continue;
+            }
             let is_ready = has(ready, k);
             let settling = self.settling > 0;
             let mut reader = Reader {

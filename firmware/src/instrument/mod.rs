@@ -168,6 +168,12 @@ impl<'m> Instrument<'m> {
         }
     }
 
+    /// `true` if a host has subscribed to the samples of the box's own converters.
+    #[must_use]
+    pub fn is_recording(&self) -> bool {
+        self.subscription.samples != Stream::Off
+    }
+
     /// Takes one sample of the box's own converters, in their order. It goes to the run,
     /// if that is fed by them, and to a host that has subscribed to them.
     pub fn sample(
@@ -391,7 +397,7 @@ impl<'m> Instrument<'m> {
     /// `true` if the run or the host takes the samples of the converters.
     fn uses_inputs(&self) -> bool {
         let run = self.phase.run();
-        run.is_some_and(Run::is_of_inputs) || self.subscription.samples != Stream::Off
+        run.is_some_and(Run::is_of_inputs) || self.is_recording()
     }
 }
 

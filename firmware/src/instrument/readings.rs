@@ -87,6 +87,11 @@ impl Channels {
     /// Adds the next channel of a sample, and returns its place among the sensors and the drive; one that
     /// finds no room is left out.
     pub(super) fn add(&mut self, carries: ChannelRole, channel: Channel) -> usize {
+        // Counts without a role have no faults, and those of a converter that is left out never change.
+        let channel = match carries {
+            ChannelRole::Unused => Channel::unwatched(channel.scale()),
+            _ => channel,
+        };
         let place = match carries {
             ChannelRole::Sensor(sensor) if usize::from(sensor) < SENSORS => usize::from(sensor),
             ChannelRole::Drive => DRIVE,

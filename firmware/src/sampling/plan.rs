@@ -74,6 +74,17 @@ impl Plan {
         }
         Ok(plan)
     }
+
+    /// The bits of the converters with an input in use; those of all where no input is, and where a test signal
+    /// is sampled.
+    #[must_use]
+    pub const fn needed(&self) -> u32 {
+        if self.used == 0 || !matches!(self.conditions.signal, Signal::Pins) {
+            ALL
+        } else {
+            self.used
+        }
+    }
 }
 
 /// The problem that reports a failed start to the host.

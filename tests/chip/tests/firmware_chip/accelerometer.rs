@@ -144,6 +144,9 @@ fn accelerations_of_both_kinds_of_converters_are_in_step() {
     }
     drop(client);
     lossless(&mut machine);
+    // Its samples have come by DMA, 21 bytes each.
+    let moved = machine.chip().dma[1].moved()[0];
+    assert!(moved >= 21 * summary.samples, "{moved} bytes by DMA");
     let volts_a_count = FULL_SCALE_VOLTS / f64::from(1 << 23);
     let mut worst = 0.0_f64;
     // Line n is the one of number n + 1.

@@ -10,26 +10,46 @@ use massline_chip::machine::Machine;
 use massline_firmware::calibration::Preset;
 use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    ChannelRole, Circuit, Event, Gaps, Input, Plan, Processing, Request, Run, Sensor, Setting,
-    Source, Subscription, Telemetry,
+    ChannelRole, Circuit, Event, Gaps, Plan, Processing, Request, Run, Sensor, Setting, Source,
+    Subscription, Telemetry,
 };
 
 use crate::sampling::volts;
 use crate::{GOOD, boot, lossless, pass};
 
-/// Inputs of the four ADS131M08: sensors, then the drive.
-const INPUTS: u8 = 32;
-
-fn inputs() -> impl Iterator<Item = Input<'static>> {
-    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
-    (0..INPUTS).map(move |input| preset.input(input, "S", "K", None, 1e-3))
+/// A measurement with all inputs of some converters, sensors and then the drive.
+struct Case {
+    converters: &'static [u8],
+    /// Samples per second.
+    rate: f64,
+    /// Largest share of the processor by the rule of the table of load, with blocks, interrupts and the link,
+    /// percent.
+    share: f64,
+    /// Largest share of the processor that the box may find, thousandths, with the cycles that the emulator
+    /// charges: two for a load, three for a taken branch, twelve for an exception.
+    load: u16,
 }
 
-fn prepare(client: &mut Client<'_, &mut Machine>, rate: f64) {
-    let sensors = INPUTS - 1;
+fn prepare(client: &mut Client<'_, &mut Machine>, case: &Case) {
+    let wired: Vec<u8> = case
+        .converters
+        .iter()
+        .flat_map(|c| 8 * c..8 * (c + 1))
+        .collect();
+    let (drive, sensors) = wired.split_last().unwrap();
+    let preset = Preset::voltage(Circuit::Voltage, 1.0, 1.0);
+    let inputs = wired
+        .iter()
+        .map(|input| preset.input(*input, "S", "K", None, 1e-3));
+    let mut channels = vec![ChannelRole::Unused.code(); usize::from(*drive) + 1];
+    for (number, input) in (0..).zip(sensors) {
+        channels[usize::from(*input)] = number;
+    }
+    channels[usize::from(*drive)] = ChannelRole::Drive.code();
+    let sensors = sensors.len() as u8;
     let mut tell = |request: &Request<'_>| client.tell(request).unwrap();
-    tell(&Request::WriteSetting(Setting::SampleRate(rate)));
-    for input in inputs() {
+    tell(&Request::WriteSetting(Setting::SampleRate(case.rate)));
+    for input in inputs {
         tell(&Request::WriteSetting(Setting::Input(input)));
     }
     tell(&Request::BeginSetup(Plan {
@@ -38,7 +58,7 @@ fn prepare(client: &mut Client<'_, &mut Machine>, rate: f64) {
     }));
     // Blocks of 1024 samples, a hundred lines of which are kept.
     tell(&Request::SetProcessing(Processing {
-        sample_rate: rate,
+        sample_rate: case.rate,
         kept_band: [4.0, 400.0],
         averaging_band: [8.0, 160.0],
         ..setup::PROCESSING
@@ -51,8 +71,6 @@ fn prepare(client: &mut Client<'_, &mut Machine>, rate: f64) {
             ..sensor
         }));
     }
-    let mut channels: Vec<u8> = (0..sensors).collect();
-    channels.push(ChannelRole::Drive.code());
     tell(&Request::SetRun(Run {
         channels: &channels,
         ..setup::run(0)
@@ -66,36 +84,40 @@ const CLOCK: f64 = 168e6;
 /// Ticks of the timers in a second.
 const TICKS: f64 = 84e6;
 
-/// Largest shares of the processor at a sample rate, with blocks, interrupts and the link.
-struct Bounds {
-    /// By that rule, percent.
-    share: f64,
-    /// That the box may find, thousandths, with the cycles that the emulator charges: two for a load, three
-    /// for a taken branch, twelve for an exception.
-    load: u16,
-}
-
 #[test]
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn thirty_two_channels_at_4096_samples_a_second() {
-    let bounds = Bounds {
+    measure(&Case {
+        converters: &[0, 1, 2, 3],
+        rate: 4096.0,
         share: 25.0,
         load: 330,
-    };
-    measure(4096.0, &bounds);
+    });
 }
 
 #[test]
 #[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
 fn thirty_two_channels_at_8192_samples_a_second() {
-    let bounds = Bounds {
+    measure(&Case {
+        converters: &[0, 1, 2, 3],
+        rate: 8192.0,
         share: 50.0,
         load: 660,
-    };
-    measure(8192.0, &bounds);
+    });
 }
 
-fn measure(rate: f64, bounds: &Bounds) {
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn sixteen_channels_at_16384_samples_a_second() {
+    measure(&Case {
+        converters: &[0, 2],
+        rate: 16_384.0,
+        share: 80.0,
+        load: 800,
+    });
+}
+
+fn measure(case: &Case) {
     let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 21);
     let mut memory = ClientMemory::new();
     let mut client = Client::new(&mut machine, &mut memory);
@@ -107,7 +129,7 @@ fn measure(rate: f64, bounds: &Bounds) {
         }
     });
     client.hello().unwrap();
-    prepare(&mut client, rate);
+    prepare(&mut client, case);
     let start = setup::start(0, Source::Inputs, Gaps::Count, None);
     client.tell(&Request::Start(start)).unwrap();
     let telemetry = Request::Subscribe(Subscription {
@@ -121,29 +143,29 @@ fn measure(rate: f64, bounds: &Bounds) {
         let port = client.port();
         (port.instructions(), port.time())
     };
-    // While filters settle, buffers are emptied, which takes longer than a period of the faster rate.
+    // While filters settle, buffers are emptied, which takes longer than a period of these rates.
     let settled = client.hello().unwrap().faults;
     let (before, from) = count(&mut client);
     heard.borrow_mut().clear();
     pass(&mut client, 11 * SECOND / 10);
     let (after, to) = count(&mut client);
-    let load = heard.borrow().last().expect("telemetry comes").load;
     let faults = client.hello().unwrap().faults;
+    let load = heard.borrow().last().expect("telemetry comes").load;
     let summary = client.stop().unwrap();
     drop(client);
     lossless(&mut machine);
-    let samples = (to - from) as f64 / SECOND as f64 * rate;
+    let samples = (to - from) as f64 / SECOND as f64 * case.rate;
     let each = (after - before) as f64 / samples;
-    let share = 100.0 * CYCLES * each * rate / CLOCK;
+    let share = 100.0 * CYCLES * each * case.rate / CLOCK;
     println!(
         "{each:.0} instructions a sample, {share:.1} % of the processor; the box finds {load} of 1000"
     );
     assert_eq!((summary.missing, faults), (0, settled));
     assert!(summary.blocks > 3, "{summary:?}");
     // The first and the last edge were captured to a tick each, whatever the processor was at.
-    let found = summary.sample_rate.expect("samples of the inputs");
-    let ticks = summary.samples as f64 / rate * TICKS;
-    assert!((found / rate - 1.0).abs() * ticks < 2.0, "{found} Hz");
-    assert!(share < bounds.share, "{share} % of the processor");
-    assert!(load < bounds.load, "{load} of 1000");
+    let rate = summary.sample_rate.expect("samples of the inputs");
+    let ticks = summary.samples as f64 / case.rate * TICKS;
+    assert!((rate / case.rate - 1.0).abs() * ticks < 2.0, "{rate} Hz");
+    assert!(share < case.share, "{share} % of the processor");
+    assert!(load < case.load, "{load} of 1000");
 }
