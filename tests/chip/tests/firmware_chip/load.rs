@@ -133,12 +133,12 @@ fn measure(case: &Case) {
     let start = setup::start(0, Source::Inputs, Gaps::Count, None);
     client.tell(&Request::Start(start)).unwrap();
     let telemetry = Request::Subscribe(Subscription {
-        telemetry: 500,
+        telemetry: 300,
         ..Subscription::default()
     });
     client.tell(&telemetry).unwrap();
     // Converters start, and filters settle.
-    pass(&mut client, 6 * SECOND / 10);
+    pass(&mut client, 4 * SECOND / 10);
     let count = |client: &mut Client<'_, &mut Machine>| {
         let port = client.port();
         (port.instructions(), port.time())
@@ -147,7 +147,7 @@ fn measure(case: &Case) {
     let settled = client.hello().unwrap().faults;
     let (before, from) = count(&mut client);
     heard.borrow_mut().clear();
-    pass(&mut client, 11 * SECOND / 10);
+    pass(&mut client, 7 * SECOND / 10);
     let (after, to) = count(&mut client);
     let faults = client.hello().unwrap().faults;
     let load = heard.borrow().last().expect("telemetry comes").load;
