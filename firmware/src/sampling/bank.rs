@@ -75,8 +75,8 @@ pub(super) const ALL: u32 = (1 << CHIPS) - 1;
 /// The bits of those with a DRDY line.
 pub(super) const WITH_EDGES: u32 = (1 << CONVERTERS) - 1;
 
-/// Fastest sample rate of up to two ADS131M08, and of more, Hz. The firmware's README says what they take.
-const FASTEST_HZ: [f64; 2] = [16_384.0, 8192.0];
+/// Fastest sample rate, Hz. The firmware's README says what it takes, and what is missing at twice this rate.
+const FASTEST_HZ: f64 = 8192.0;
 /// Fastest sample rate with the ADXL355, whose filter gives 4000 values a second at most, Hz: at twice this rate
 /// every second one would be a repetition.
 const ADXL_FASTEST_HZ: f64 = 4096.0;
@@ -84,11 +84,9 @@ const ADXL_FASTEST_HZ: f64 = 4096.0;
 /// The fastest sample rate at which these converters, by bits, are read together, Hz.
 #[must_use]
 pub const fn fastest(read: u32) -> f64 {
-    let [of_two, of_more] = FASTEST_HZ;
-    match (read & WITH_EDGES).count_ones() {
-        _ if read & !WITH_EDGES != 0 => ADXL_FASTEST_HZ,
-        ..=2 => of_two,
-        _ => of_more,
+    match read & !WITH_EDGES {
+        0 => FASTEST_HZ,
+        _ => ADXL_FASTEST_HZ,
     }
 }
 

@@ -106,17 +106,6 @@ fn thirty_two_channels_at_8192_samples_a_second() {
     });
 }
 
-#[test]
-#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
-fn sixteen_channels_at_16384_samples_a_second() {
-    measure(&Case {
-        converters: &[0, 2],
-        rate: 16_384.0,
-        share: 80.0,
-        load: 800,
-    });
-}
-
 fn measure(case: &Case) {
     let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 21);
     let mut memory = ClientMemory::new();
