@@ -9,7 +9,7 @@ use super::drives::DrivesAverage;
 use super::geometry::{RunGeometry, channel_names};
 use super::opened::drive_columns;
 use super::samples::{Samples, feed};
-use super::stream::{Sink, stream};
+use super::stream::{Seen, Sink, Wanted, stream};
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
@@ -116,22 +116,13 @@ fn of_run(
 struct Same<'a>(&'a mut DrivesAverage, usize);
 
 impl Sink for Same<'_> {
-    fn channels(&self) -> usize {
-        self.1
+    fn channels(&self) -> Vec<Wanted<'_>> {
+        let all = (0..self.1).map(|channel| Wanted::Scaled(channel, 1.0));
+        all.collect()
     }
 
-    fn geometry(&self) -> Option<&RunGeometry> {
-        None
-    }
-
-    fn transform(&self, sample: &[f32], _: &[f32; RESULTANTS], into: &mut [f32]) {
-        for (slot, x) in into.iter_mut().zip(sample) {
-            *slot = *x;
-        }
-    }
-
-    fn add(&mut self, block: &BlockSpectra<'_>) {
-        self.0.add(block);
+    fn add(&mut self, block: &Seen<'_>) {
+        self.0.add_channels(&|c| block.channel(c));
     }
 }
 

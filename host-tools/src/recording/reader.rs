@@ -3,6 +3,7 @@
 use super::delay::Alignment;
 use super::input::{self, Passed};
 use super::names::{self, Names, some_of};
+use super::singles;
 use super::source::{Block, Channel, Place, Source};
 use super::time::{self, Clock, Times};
 use super::{Checksum, FORMATS, Form, HEALTH_COLUMN, Preamble, RecordingError};
@@ -53,6 +54,8 @@ pub struct Recording {
     factors: Vec<f64>,
     /// Channels that come late, if there are any.
     alignment: Option<Alignment>,
+    /// Readings of the channels asked for in single precision, of samples that are handed out together.
+    singles: Vec<f32>,
 }
 
 impl Recording {
@@ -155,6 +158,7 @@ impl Recording {
             expected: None,
             factors: Vec::new(),
             alignment: None,
+            singles: Vec::new(),
         })
     }
 
@@ -465,6 +469,55 @@ impl Recording {
         row
     }
 
+    /// The next samples one after the other, in the order of the channels asked for, as far as they have been read,
+    /// have no faults and are in step; none where [`Recording::next_row`] has to look at the next one.
+    pub(crate) fn good_rows(&mut self) -> &[f32] {
+        self.singles.clear();
+        let ends = self.limit.is_some_and(|limit| self.rows >= limit);
+        if self.alignment.is_some() || self.channels == 0 || ends {
+            return &[];
+        }
+        if self.taken == self.block.len() {
+            if self.pending.is_some() {
+                return &[];
+            }
+            match self.refill() {
+                Ok(true) => {}
+                Ok(false) => return &[],
+                Err(error) => {
+                    self.pending = Some(error);
+                    return &[];
+                }
+            }
+        }
+        if self.block.is_faulty() {
+            return &[];
+        }
+        self.factors.resize(self.channels, 1.0);
+        let width = self.selected.len().max(1);
+        let readings = self.block.readings(self.taken);
+        if !singles::of(readings, width, &self.factors, &mut self.singles) {
+            return &[];
+        }
+        let before = self.rows;
+        for row in readings.chunks_exact(width) {
+            let time = row.get(self.channels);
+            if time.is_some_and(|time| !self.is_due(*time)) {
+                break;
+            }
+            self.rows += 1;
+        }
+        let count = (self.rows - before) as usize;
+        self.taken += count;
+        self.singles.truncate(count * self.channels);
+        if let Some(last) = self.taken.checked_sub(1)
+            && let Some((_, place, health)) = self.block.sample(last)
+        {
+            (self.place, self.health) = (place, health);
+        }
+        &self.singles
+    }
+
     fn in_step(&mut self, store: &mut impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
         let Some(mut alignment) = self.alignment.take() else {
             return self.sample(store);
@@ -549,22 +602,27 @@ impl Recording {
         }
     }
 
-    fn check_time(&self, found: f64, place: Place) -> Result<(), RecordingError> {
+    /// `true` if the next sample may have this time.
+    fn is_due(&self, found: f64) -> bool {
         // A sample that never came may have no time either.
-        let Some(clock) = self.clock.as_ref().filter(|_| !found.is_nan()) else {
-            return Ok(());
-        };
-        let found = self.second * found;
-        let (expected, allowed) = clock.due(self.rows);
-        if (found - expected).abs() > allowed {
-            return Err(RecordingError::TimeJump {
+        let clock = self.clock.as_ref().filter(|_| !found.is_nan());
+        clock.is_none_or(|clock| {
+            let (expected, allowed) = clock.due(self.rows);
+            let late = (self.second * found - expected).abs();
+            late <= allowed || late.is_nan()
+        })
+    }
+
+    fn check_time(&self, found: f64, place: Place) -> Result<(), RecordingError> {
+        match &self.clock {
+            Some(clock) if !self.is_due(found) => Err(RecordingError::TimeJump {
                 file: self.file.clone(),
                 place,
-                found,
-                expected,
-            });
+                found: self.second * found,
+                expected: clock.due(self.rows).0,
+            }),
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 

@@ -5,6 +5,8 @@
 
 /// Characters that are looked at together.
 pub(super) const WIDTH: usize = 16;
+/// Characters that are searched together.
+pub(super) const GROUP: usize = 64;
 
 /// Largest whole number up to which all are exact in double precision.
 const EXACT: u64 = 1 << 53;
@@ -12,7 +14,7 @@ const ONES: u64 = 0x0101_0101_0101_0101;
 const HIGH: u64 = 0x80 * ONES;
 
 /// Powers of ten, each exact.
-const POWERS: [f64; 23] = [
+pub(super) const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
@@ -32,11 +34,31 @@ const LAST: [[u64; 2]; WIDTH + 1] = {
     masks
 };
 
+/// A field, at the end of sixteen characters.
+#[derive(Clone, Copy)]
+pub(super) struct Field<'a> {
+    pub(super) window: &'a [u8; WIDTH],
+    /// Characters of the field; beyond 16, those before the window are others.
+    pub(super) length: usize,
+}
+
 /// A way to read numbers: of any processor, or of one that looks at sixteen characters at once.
 pub(super) trait Way: Copy {
     /// The digits of the last `count` characters of `window` as one whole number, and the place of the decimal sign
     /// in the window, 16 without any. `None` where there is no digit, or another character.
     fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)>;
+
+    /// Values of four fields; `None` where one of them may be of another form.
+    #[inline(always)]
+    fn four(self, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
+        let value = |field: Field<'_>| number(self, field.window, field.length, decimal);
+        let [a, b, c, d] = fields;
+        Some([value(a)?, value(b)?, value(c)?, value(d)?])
+    }
+
+    /// Bits of those of [`GROUP`] characters that are the delimiter, and of those that are control characters from
+    /// backspace to 15, the first character lowest.
+    fn marked(self, group: &[u8; GROUP], delimiter: u8) -> [u64; 2];
 }
 
 /// The way of any processor: two words of eight characters.
@@ -134,6 +156,30 @@ impl Way for Words {
         let whole = eight(low) * 100_000_000 + eight(high);
         ((beyond(low) | beyond(high)) == 0).then_some((whole, place))
     }
+
+    #[inline(always)]
+    fn marked(self, group: &[u8; GROUP], delimiter: u8) -> [u64; 2] {
+        let delimiters = ONES * u64::from(delimiter);
+        let mut found = [0; 2];
+        for (i, word) in group.chunks_exact(8).enumerate() {
+            let word = word.try_into().map_or(0, u64::from_le_bytes);
+            let others = [word ^ delimiters, word & (0xf8 * ONES) ^ (0x08 * ONES)];
+            for (found, others) in found.iter_mut().zip(others) {
+                *found |= gathered(!nonzero(others) & HIGH) << (8 * i);
+            }
+        }
+        found
+    }
+}
+
+/// The highest bit of each byte that is not zero; the others are of no meaning.
+fn nonzero(word: u64) -> u64 {
+    ((word & !HIGH) + !HIGH) | word
+}
+
+/// The highest bit of each of eight bytes as a byte.
+fn gathered(bits: u64) -> u64 {
+    (bits >> 7).wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
 /// The highest bit of each byte that is zero, exact up to the first of them.
@@ -150,8 +196,9 @@ fn eight(digits: u64) -> u64 {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{LAST, WIDTH, Way};
-    use core::arch::x86_64::__m128i;
+    use super::super::fours;
+    use super::{Field, GROUP, LAST, WIDTH, Way};
+    use core::arch::x86_64::{__m128i, __m256i};
     use pulp::cast;
     use pulp::x86::V3;
 
@@ -201,6 +248,28 @@ mod x86 {
             let eights: [u32; 4] = cast(self.sse2._mm_madd_epi16(fours, cast(MYRIADS)));
             let whole = u64::from(eights[0]) * 100_000_000 + u64::from(eights[1]);
             (self.sse2._mm_movemask_epi8(good) == 0xffff).then_some((whole, place))
+        }
+
+        #[inline(always)]
+        fn four(self, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
+            fours::four(self, fields, decimal)
+        }
+
+        #[inline(always)]
+        fn marked(self, group: &[u8; GROUP], delimiter: u8) -> [u64; 2] {
+            let mut found = [0; 2];
+            for (i, half) in group.chunks_exact(32).enumerate() {
+                let half = half.try_into().unwrap_or([0_u8; 32]);
+                let text: __m256i = cast(half);
+                let delimiters = self.avx2._mm256_cmpeq_epi8(text, cast([delimiter; 32]));
+                let high = self.avx2._mm256_and_si256(text, cast([0xf8_u8; 32]));
+                let controls = self.avx2._mm256_cmpeq_epi8(high, cast([0x08_u8; 32]));
+                for (found, marks) in found.iter_mut().zip([delimiters, controls]) {
+                    let marks = self.avx2._mm256_movemask_epi8(marks) as u32;
+                    *found |= u64::from(marks) << (32 * i);
+                }
+            }
+            found
         }
     }
 }
