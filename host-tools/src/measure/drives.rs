@@ -194,9 +194,13 @@ impl DrivesAverage {
         let each = self.each();
         let (n, channels) = (self.drives, self.channels);
         let (before, first) = (self.before, self.first);
+        let all: Vec<&[Complex32]> = (0..n + channels).map(|c| block(before + c)).collect();
         let wide = |c: usize, line: usize| {
-            let lines = block(before + c);
-            let z = lines.get(first + line).copied().unwrap_or_default();
+            let z = all
+                .get(c)
+                .and_then(|lines| lines.get(first + line))
+                .copied()
+                .unwrap_or_default();
             Complex::new(f64::from(z.re), f64::from(z.im))
         };
         let mut drives = vec![Complex::default(); n];

@@ -179,7 +179,7 @@ mod tests {
             );
         }
         text += "[[run]]\nname = \"X\"\nrecording = \"x.csv\"\nexcitation = \"random\"\n";
-        Setup::parse(&text, Path::new("setup.toml")).unwrap()
+        Setup::from_str(&text, Path::new("setup.toml")).unwrap()
     }
 
     #[test]

@@ -24,7 +24,6 @@
 //! | `time` | the channel of time: its name, its unit, and how far it is rounded |
 //! | `preamble` | true sample rate and calibrations that a recording states |
 //! | `faults`, `health` | faults of samples; the state of channels, seen from their samples |
-//! | `singles` | readings of samples in single precision, many at a time |
 //! | `rows` | recordings that are written |
 //! | `checksum` | the identity of a file |
 //!
@@ -52,7 +51,6 @@ mod preamble;
 mod rate;
 mod reader;
 mod rows;
-mod singles;
 mod source;
 mod tdms;
 #[cfg(test)]

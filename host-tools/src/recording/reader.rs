@@ -1,9 +1,10 @@
 //! A recording as the rest of the program reads it, whatever its format.
 
+mod good_rows;
+
 use super::delay::Alignment;
 use super::input::{self, Passed};
 use super::names::{self, Names, some_of};
-use super::singles;
 use super::source::{Block, Channel, Place, Source};
 use super::time::{self, Clock, Times};
 use super::{Checksum, FORMATS, Form, HEALTH_COLUMN, Preamble, RecordingError};
@@ -467,55 +468,6 @@ impl Recording {
             }
         }
         row
-    }
-
-    /// The next samples one after the other, in the order of the channels asked for, as far as they have been read,
-    /// have no faults and are in step; none where [`Recording::next_row`] has to look at the next one.
-    pub(crate) fn good_rows(&mut self) -> &[f32] {
-        self.singles.clear();
-        let ends = self.limit.is_some_and(|limit| self.rows >= limit);
-        if self.alignment.is_some() || self.channels == 0 || ends {
-            return &[];
-        }
-        if self.taken == self.block.len() {
-            if self.pending.is_some() {
-                return &[];
-            }
-            match self.refill() {
-                Ok(true) => {}
-                Ok(false) => return &[],
-                Err(error) => {
-                    self.pending = Some(error);
-                    return &[];
-                }
-            }
-        }
-        if self.block.is_faulty() {
-            return &[];
-        }
-        self.factors.resize(self.channels, 1.0);
-        let width = self.selected.len().max(1);
-        let readings = self.block.readings(self.taken);
-        if !singles::of(readings, width, &self.factors, &mut self.singles) {
-            return &[];
-        }
-        let before = self.rows;
-        for row in readings.chunks_exact(width) {
-            let time = row.get(self.channels);
-            if time.is_some_and(|time| !self.is_due(*time)) {
-                break;
-            }
-            self.rows += 1;
-        }
-        let count = (self.rows - before) as usize;
-        self.taken += count;
-        self.singles.truncate(count * self.channels);
-        if let Some(last) = self.taken.checked_sub(1)
-            && let Some((_, place, health)) = self.block.sample(last)
-        {
-            (self.place, self.health) = (place, health);
-        }
-        &self.singles
     }
 
     fn in_step(&mut self, store: &mut impl FnMut(usize, f64)) -> Result<bool, RecordingError> {

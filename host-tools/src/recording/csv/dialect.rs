@@ -236,6 +236,11 @@ impl Dialect {
     ) -> Result<Self, RecordingError> {
         let mut best: Option<Fit> = None;
         for delimiter in delimiters(form) {
+            // Without it, rows have one field.
+            let is_wider = best.as_ref().is_some_and(|best| best.columns > 1);
+            if is_wider && !head.contains(&delimiter) {
+                continue;
+            }
             let rows = rows(head, whole, delimiter);
             // Rows that are all narrower than those of another delimiter cannot fit better.
             let widest = rows.iter().map(|row| row.record.len()).max();

@@ -103,27 +103,23 @@ fn shape(field: Field<'_>) -> Option<Shape> {
     })
 }
 
-/// Where digits go, what they are divided by, and `true` for digits with at most one decimal sign among them, which
+/// Where digits go and what they are divided by; `None` but for digits with at most one decimal sign among them, which
 /// these bits of sixteen tell.
 #[inline(always)]
-fn settled(shape: Shape, digits: u32, signs: u32) -> (&'static [u8; WIDTH], f64, bool) {
+fn settled(shape: Shape, digits: u32, signs: u32) -> Option<(&'static [u8; WIDTH], f64)> {
     let (digits, signs) = (digits & shape.bits, signs & shape.bits);
     let is_single = signs & signs.wrapping_sub(1) == 0;
     let good = (digits | signs == shape.bits) & (digits != 0) & is_single;
     let place = (signs | 1 << WIDTH).trailing_zeros() as usize;
     let moves = &MOVES[(shape.count * PLACES + place) & (PLACES * PLACES - 1)];
     let divisor = DIVISORS[(shape.sign + place) & (2 * PLACES - 1)];
-    (moves, divisor, good)
+    good.then_some((moves, divisor))
 }
 
-/// Two fields: their digits by fours, what they are divided by, and `true` if both are of the form.
+/// Two fields: their digits by fours, and what they are divided by; `None` if one of them is of another form.
 #[inline(always)]
-fn two(
-    simd: V3,
-    [low, high]: [Field<'_>; 2],
-    shapes: [Shape; 2],
-    decimal: u8,
-) -> (__m256i, [f64; 2], bool) {
+fn two(simd: V3, [low, high]: [Field<'_>; 2], decimal: u8) -> Option<(__m256i, [f64; 2])> {
+    let shapes = [shape(low)?, shape(high)?];
     let text = simd
         .avx
         ._mm256_set_m128i(cast(*high.window), cast(*low.window));
@@ -133,13 +129,14 @@ fn two(
     let is_digit = simd.avx2._mm256_movemask_epi8(is_digit) as u32;
     let is_sign = simd.avx2._mm256_cmpeq_epi8(text, cast([decimal; 32]));
     let is_sign = simd.avx2._mm256_movemask_epi8(is_sign) as u32;
-    let (low, first, good) = settled(shapes[0], is_digit, is_sign);
-    let (high, second, also) = settled(shapes[1], is_digit >> 16, is_sign >> 16);
+    // One after the other: calculated side by side, they would be moved to and fro between registers.
+    let (low, first) = settled(shapes[0], is_digit, is_sign)?;
+    let (high, second) = settled(shapes[1], is_digit >> 16, is_sign >> 16)?;
     let moves = simd.avx._mm256_set_m128i(cast(*high), cast(*low));
     let digits = simd.avx2._mm256_shuffle_epi8(digits, moves);
     let pairs = simd.avx2._mm256_maddubs_epi16(digits, cast(TENS));
     let fours = simd.avx2._mm256_madd_epi16(pairs, cast(HUNDREDS));
-    (fours, [first, second], good & also)
+    Some((fours, [first, second]))
 }
 
 /// Eights in turn with eights of a hundred million.
@@ -155,9 +152,8 @@ pub(super) fn four(simd: V3, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64
     /// Greater or equal, false for what is no number.
     const AT_LEAST: i32 = 29;
     let [a, b, c, d] = fields;
-    let shapes = [shape(a)?, shape(b)?, shape(c)?, shape(d)?];
-    let (low, first, good) = two(simd, [a, b], [shapes[0], shapes[1]], decimal);
-    let (high, second, also) = two(simd, [c, d], [shapes[2], shapes[3]], decimal);
+    let (low, first) = two(simd, [a, b], decimal)?;
+    let (high, second) = two(simd, [c, d], decimal)?;
     // The eights of the first field and the third, then of the second and the fourth.
     let packed = simd.avx2._mm256_packus_epi32(low, high);
     let eights = simd.avx2._mm256_madd_epi16(packed, cast(MYRIADS));
@@ -171,7 +167,7 @@ pub(super) fn four(simd: V3, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64
     let inexact = simd.avx._mm256_movemask_pd(inexact);
     let divisors = [first[0], first[1], second[0], second[1]];
     let values: [f64; 4] = cast(simd.avx._mm256_div_pd(whole, cast(divisors)));
-    (good & also & (inexact == 0)).then_some(values)
+    (inexact == 0).then_some(values)
 }
 
 #[cfg(test)]
