@@ -7,8 +7,10 @@ use massline_core::geometry::RESULTANTS;
 /// Samples that are looked at together, so that no sum waits for another.
 const TOGETHER: usize = 4;
 
+/// Numbers of [`Six`].
+pub(super) const SIX: usize = 8;
 /// Six sums of a sample, and two that stay zero.
-pub(super) type Six = [f32; 8];
+pub(super) type Six = [f32; SIX];
 
 /// One half of a geometry: the accelerations, or the forces and moments, of a sample in recorded units.
 #[derive(Clone, Debug, PartialEq)]
@@ -157,7 +159,7 @@ mod tests {
     /// Two triaxial accelerometers, of which one is on the interface, and two load cells, in other units than SI.
     fn setup() -> Setup {
         let mut text = "title = \"x\"\nreference_point = [0.1, 0.2, 0.3]\n[processing]\nsample_rate = 256.0\nblock_length = 256\noverlap = 0.5\naveraging_band = [1.0, 20.0]\n".to_owned();
-        for (number, mount) in ["interface", "interface", "interface", "specimen"]
+        for (number, mount) in ["interface", "interface", "interface", "structure"]
             .iter()
             .enumerate()
         {

@@ -1,7 +1,7 @@
 //! Recordings through blocks into averages.
 
 use super::geometry::RunGeometry;
-use super::halves::{Half, Halves};
+use super::halves::{Half, Halves, SIX, Six};
 use super::rejected::{Gate, Rejected};
 use super::{BlockStorage, MeasureError};
 use crate::recording::Recording;
@@ -65,6 +65,8 @@ enum Made {
 /// Channels of blocks that several consumers share.
 struct Shared {
     made: Vec<Made>,
+    /// Where each comes from: a channel of the recording, or behind these a sum; and its factor.
+    sources: Vec<(usize, f32)>,
     /// Number of each consumer, and of its channels among these.
     consumers: Vec<(usize, Vec<usize>)>,
 }
@@ -79,17 +81,25 @@ impl Shared {
         })
     }
 
+    /// Settles where the channels come from, of a recording of so many channels.
+    fn settle(&mut self, channels: usize) {
+        let source = |made: &Made| match *made {
+            Made::Scaled(channel, factor) => (channel, factor),
+            Made::Sum(half, sum) => (channels + half * SIX + sum, 1.0),
+        };
+        self.sources = self.made.iter().map(source).collect();
+    }
+
     /// Writes the channels of a sample, with its sums.
     #[inline]
-    fn write(&self, sample: &[f32], sums: &[[f32; 8]], into: &mut [f32]) {
-        for (slot, made) in into.iter_mut().zip(&self.made) {
-            *slot = match *made {
-                Made::Scaled(channel, factor) => sample.get(channel).map_or(0.0, |x| *x * factor),
-                Made::Sum(half, sum) => {
-                    let six = sums.get(half);
-                    six.and_then(|six| six.get(sum)).copied().unwrap_or(0.0)
-                }
+    fn write(&self, sample: &[f32], sums: &[Six], into: &mut [f32]) {
+        let sums = sums.as_flattened();
+        for (slot, (from, factor)) in into.iter_mut().zip(&self.sources) {
+            let own = match from.checked_sub(sample.len()) {
+                None => sample.get(*from),
+                Some(sum) => sums.get(sum),
             };
+            *slot = own.copied().unwrap_or(0.0) * factor;
         }
     }
 }
@@ -105,6 +115,7 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
             let made = drives.iter().map(|drive| Made::Scaled(*drive, 1.0));
             all.push(Shared {
                 made: made.collect(),
+                sources: Vec::new(),
                 consumers: Vec::new(),
             });
         }
@@ -152,7 +163,9 @@ pub(super) fn stream(
     watch: &mut dyn FnMut(&[f32]),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rejected, MeasureError> {
-    let (plan, mut halves) = planned(drives, sinks);
+    let channels = recording.channels();
+    let (mut plan, mut halves) = planned(drives, sinks);
+    plan.iter_mut().for_each(|shared| shared.settle(channels));
     let store = |shared: &Shared| BlockStorage::new(*settings, shared.made.len());
     let mut stores: Vec<_> = plan.iter().map(store).collect();
     let mut feeds = Vec::with_capacity(stores.len());
@@ -163,7 +176,6 @@ pub(super) fn stream(
         })?;
         feeds.push((blocks, vec![0.0_f32; shared.made.len()], shared));
     }
-    let channels = recording.channels();
     let mut sample = vec![0.0_f32; channels];
     let mut gate = Gate::new(settings);
     loop {

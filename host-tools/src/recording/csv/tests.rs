@@ -118,7 +118,7 @@ fn lines_of_every_form_are_read_alike() {
 }
 
 /// The text is read in parts of 64 KiB from the first row on; these rows begin so many bytes before the end of the
-/// second one.
+/// first one.
 #[test]
 fn rows_across_the_ends_of_parts_are_read_alike() {
     for rows in [
@@ -135,9 +135,9 @@ fn rows_across_the_ends_of_parts_are_read_alike() {
         "0.0000123456789012345678,1e-3,-1E5,\n4,5,1e300,\n",
     ] {
         for end in ["\n", "\r\n"] {
-            for before in [0, 1, 2, 3, 5, 8, 11, 14, 16, 17, 18, 20, 33] {
+            for before in [0, 1, 3, 8, 14, 17, 20] {
                 let sample = format!("1.5,-2,3.25,{end}");
-                let length = 2 * (64 << 10) - before;
+                let length = (64 << 10) - before;
                 let (count, left) = (length / sample.len(), length % sample.len());
                 let first = format!("1.5{},-2,3.25,{end}", "0".repeat(left));
                 let text = format!("a,b,c,health{end}{first}{}", sample.repeat(count - 1));
