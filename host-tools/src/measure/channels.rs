@@ -6,17 +6,15 @@
 //! poses are kept as they were read.
 
 use super::drives::DrivesAverage;
-use super::geometry::{RunGeometry, channel_names};
+use super::geometry::channel_names;
 use super::opened::drive_columns;
 use super::samples::{Samples, feed};
-use super::stream::{Seen, Sink, Wanted, stream};
+use super::stream::{Seen, Signal, Sink, stream};
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::StaticPoses;
-use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, Complex32, CrossAverage, CrossSums, SpectraError,
-};
+use massline_core::spectra::{BlockSettings, Complex32, CrossAverage, CrossSums, SpectraError};
 use nalgebra::{Complex, DMatrix, Vector6};
 
 /// Spectra of every channel in all runs of a measurement, in recorded units.
@@ -116,8 +114,8 @@ fn of_run(
 struct Same<'a>(&'a mut DrivesAverage, usize);
 
 impl Sink for Same<'_> {
-    fn channels(&self) -> Vec<Wanted<'_>> {
-        let all = (0..self.1).map(|channel| Wanted::Scaled(channel, 1.0));
+    fn channels(&self) -> Vec<Signal<'_>> {
+        let all = (0..self.1).map(|channel| Signal::Channel(channel, 1.0));
         all.collect()
     }
 

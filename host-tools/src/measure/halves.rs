@@ -113,7 +113,8 @@ impl Halves {
             for group in groups.by_ref() {
                 let mut each = group.chunks_exact(channels);
                 let four = [(); TOGETHER].map(|()| each.next().unwrap_or_default());
-                for (slot, six) in sums.by_ref().zip(half.sums(four)) {
+                // In this order, no place is passed over behind the last of them.
+                for (six, slot) in half.sums(four).into_iter().zip(sums.by_ref()) {
                     *slot = six;
                 }
             }

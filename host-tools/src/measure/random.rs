@@ -4,7 +4,7 @@ use super::drives::{DrivesAverage, Parts};
 use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::opened::{Ended, Opened};
-use super::stream::{Seen, Sink, Wanted};
+use super::stream::{Seen, Signal, Sink};
 use super::sums::{SumStorage, Sums};
 use super::unexplained::Unexplained;
 use super::units::Noticed;
@@ -253,8 +253,8 @@ impl<'s> Resultants<'s> {
 }
 
 impl Sink for Resultants<'_> {
-    fn channels(&self) -> Vec<Wanted<'_>> {
-        let resultants = (0..RESULTANTS).map(|r| Wanted::Resultant(self.geometry, r));
+    fn channels(&self) -> Vec<Signal<'_>> {
+        let resultants = (0..RESULTANTS).map(|r| Signal::Resultant(self.geometry, r));
         resultants.collect()
     }
 

@@ -11,10 +11,10 @@ use massline_core::spectra::{BlockSettings, BlockSpectra, Complex32};
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
 
-/// A channel that a consumer has transformed.
-pub(super) enum Wanted<'a> {
+/// A signal that a consumer has transformed.
+pub(super) enum Signal<'a> {
     /// A channel of the recording by its number, times a factor.
-    Scaled(usize, f32),
+    Channel(usize, f32),
     /// A resultant of a geometry by its number.
     Resultant(&'a RunGeometry, usize),
 }
@@ -22,7 +22,7 @@ pub(super) enum Wanted<'a> {
 /// A consumer of a recording: channels made of each sample, and their spectra block by block.
 pub(super) trait Sink {
     /// Its channels, behind the drives.
-    fn channels(&self) -> Vec<Wanted<'_>>;
+    fn channels(&self) -> Vec<Signal<'_>>;
 
     /// `true` if the blocks have to hold nothing but its own channels.
     fn is_alone(&self) -> bool {
@@ -127,10 +127,10 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
         };
         let mut channels: Vec<usize> = (0..drives.len()).collect();
         let mut last: Option<(&RunGeometry, [usize; 2])> = None;
-        for wanted in sink.channels() {
-            let made = match wanted {
-                Wanted::Scaled(channel, factor) => Made::Scaled(channel, factor),
-                Wanted::Resultant(geometry, resultant) => {
+        for signal in sink.channels() {
+            let made = match signal {
+                Signal::Channel(channel, factor) => Made::Scaled(channel, factor),
+                Signal::Resultant(geometry, resultant) => {
                     let known = last.filter(|(own, _)| std::ptr::eq(*own, geometry));
                     let numbers = known.map_or_else(
                         || Half::both(geometry).map(|half| halves.number(&half)),

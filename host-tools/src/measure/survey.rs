@@ -6,7 +6,7 @@
 
 use super::geometry::{Accelerations, RunGeometry};
 use super::opened::{Opened, Read};
-use super::stream::{Seen, Sink, Wanted};
+use super::stream::{Seen, Signal, Sink};
 use super::sums::{SumStorage, Sums};
 use super::units::Noticed;
 use super::{MeasureError, Progress, sine};
@@ -226,10 +226,10 @@ impl<'s> Sensors<'s> {
 }
 
 impl Sink for Sensors<'_> {
-    fn channels(&self) -> Vec<Wanted<'_>> {
+    fn channels(&self) -> Vec<Signal<'_>> {
         let sensors = self.scales.iter().enumerate();
-        let sensors = sensors.map(|(channel, scale)| Wanted::Scaled(channel, *scale));
-        let resultants = (0..RESULTANTS).map(|r| Wanted::Resultant(self.geometry, r));
+        let sensors = sensors.map(|(channel, scale)| Signal::Channel(channel, *scale));
+        let resultants = (0..RESULTANTS).map(|r| Signal::Resultant(self.geometry, r));
         sensors.chain(resultants).collect()
     }
 

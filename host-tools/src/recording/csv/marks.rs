@@ -2,6 +2,9 @@
 
 use super::decimal::{GROUP, Way};
 
+/// Places that there is room for at first, and more room at a time.
+const CHUNK: usize = 16 << 10;
+
 /// Places of delimiters and line ends.
 #[derive(Default)]
 pub(super) struct Marks {
@@ -38,9 +41,8 @@ impl Marks {
     ) {
         self.controls.clear();
         self.controls.push(0);
-        let length = to.saturating_sub(from);
-        if self.places.len() < 1 + length + 2 * GROUP {
-            self.places.resize(1 + length + 2 * GROUP, 0);
+        if self.places.is_empty() {
+            self.places.resize(CHUNK, 0);
         }
         if let Some(first) = self.places.first_mut() {
             *first = from.wrapping_sub(1) as u32;
@@ -64,6 +66,9 @@ impl Marks {
         /// Places that are written without looking whether there are as many.
         const ALWAYS: usize = 8;
         let before = self.count;
+        if self.places.len() < before + GROUP {
+            self.places.resize(before + CHUNK, 0);
+        }
         self.count += bits.count_ones() as usize;
         while controls != 0 {
             let others = bits & (controls & controls.wrapping_neg()).wrapping_sub(1);
