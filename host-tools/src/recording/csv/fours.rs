@@ -1,6 +1,6 @@
-//! Numbers of the common form, four fields together, by instructions that look at thirty-two characters at once.
+//! Numbers of the common form by instructions that look at sixteen characters at once, one field or four fields together.
 
-use super::decimal::{Field, POWERS, WIDTH};
+use super::decimal::{Field, GROUP, LAST, POWERS, WIDTH, Way};
 use core::arch::x86_64::{__m128i, __m256d, __m256i};
 use pulp::cast;
 use pulp::x86::V3;
@@ -148,7 +148,7 @@ fn scaled(simd: V3, eights: __m128i) -> __m256d {
 
 /// Values of four fields; `None` where one of them is of another form.
 #[inline(always)]
-pub(super) fn four(simd: V3, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
+fn four(simd: V3, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
     /// Greater or equal, false for what is no number.
     const AT_LEAST: i32 = 29;
     let [a, b, c, d] = fields;
@@ -168,6 +168,77 @@ pub(super) fn four(simd: V3, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64
     let divisors = [first[0], first[1], second[0], second[1]];
     let values: [f64; 4] = cast(simd.avx._mm256_div_pd(whole, cast(divisors)));
     (inexact == 0).then_some(values)
+}
+
+/// Moves of sixteen characters that close the gap at place `i`; none at 16.
+const CLOSED: [[u8; WIDTH]; WIDTH + 1] = {
+    let mut moves = [[0; WIDTH]; WIDTH + 1];
+    let mut place = 0;
+    while place <= WIDTH {
+        let mut at = 0;
+        while at < WIDTH {
+            moves[place][at] = match at as u8 {
+                at if place == WIDTH || at > place as u8 => at,
+                // An index from 128 on makes a zero.
+                0 => 128,
+                at => at - 1,
+            };
+            at += 1;
+        }
+        place += 1;
+    }
+    moves
+};
+
+/// Factors of digits in pairs, of pairs in fours, of fours in eights.
+const TENS_OF_ONE: [i8; WIDTH] = [10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1];
+const HUNDREDS_OF_ONE: [i16; 8] = [100, 1, 100, 1, 100, 1, 100, 1];
+const MYRIADS_OF_ONE: [i16; 8] = [10_000, 1, 10_000, 1, 10_000, 1, 10_000, 1];
+
+impl Way for V3 {
+    #[inline(always)]
+    fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)> {
+        let mask: __m128i = cast(*LAST.get(count)?);
+        let text = self.sse2._mm_and_si128(cast(*window), mask);
+        let signs = self.sse2._mm_cmpeq_epi8(text, cast([decimal; WIDTH]));
+        let found = self.sse2._mm_movemask_epi8(signs) as u32 | 1 << WIDTH;
+        let place = found.trailing_zeros() as usize;
+        let active = count.checked_sub(usize::from(place < WIDTH))?;
+        let mask: __m128i = cast(*LAST.get(active).filter(|_| active > 0)?);
+        let digits = self.ssse3._mm_shuffle_epi8(text, cast(*CLOSED.get(place)?));
+        let base = self.sse2._mm_and_si128(mask, cast([b'0'; WIDTH]));
+        let digits = self.sse2._mm_sub_epi8(digits, base);
+        let least = self.sse2._mm_min_epu8(digits, cast([9_u8; WIDTH]));
+        let good = self.sse2._mm_cmpeq_epi8(least, digits);
+        let pairs = self.ssse3._mm_maddubs_epi16(digits, cast(TENS_OF_ONE));
+        let fours = self.sse2._mm_madd_epi16(pairs, cast(HUNDREDS_OF_ONE));
+        let fours = self.sse4_1._mm_packus_epi32(fours, fours);
+        let eights: [u32; 4] = cast(self.sse2._mm_madd_epi16(fours, cast(MYRIADS_OF_ONE)));
+        let whole = u64::from(eights[0]) * 100_000_000 + u64::from(eights[1]);
+        (self.sse2._mm_movemask_epi8(good) == 0xffff).then_some((whole, place))
+    }
+
+    #[inline(always)]
+    fn four(self, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
+        four(self, fields, decimal)
+    }
+
+    #[inline(always)]
+    fn marked(self, group: &[u8; GROUP], delimiter: u8) -> [u64; 2] {
+        let mut found = [0; 2];
+        for (i, half) in group.chunks_exact(32).enumerate() {
+            let half = half.try_into().unwrap_or([0_u8; 32]);
+            let text: __m256i = cast(half);
+            let delimiters = self.avx2._mm256_cmpeq_epi8(text, cast([delimiter; 32]));
+            let high = self.avx2._mm256_and_si256(text, cast([0xf8_u8; 32]));
+            let controls = self.avx2._mm256_cmpeq_epi8(high, cast([0x08_u8; 32]));
+            for (found, marks) in found.iter_mut().zip([delimiters, controls]) {
+                let marks = self.avx2._mm256_movemask_epi8(marks) as u32;
+                *found |= u64::from(marks) << (32 * i);
+            }
+        }
+        found
+    }
 }
 
 #[cfg(test)]
