@@ -150,7 +150,7 @@ fn threads_change_nothing() {
         let of = |threads: &str| bench.identify(&["--json", "--threads", threads]);
         let one = of("1");
         assert_eq!(one.code, Some(code), "{}", one.stderr);
-        for threads in ["2", "5"] {
+        for threads in ["2", "3", "5", "8"] {
             let several = of(threads);
             assert_eq!(several.code, one.code);
             assert!(several.stdout == one.stdout, "{threads} threads");

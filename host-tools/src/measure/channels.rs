@@ -6,17 +6,15 @@
 //! poses are kept as they were read.
 
 use super::drives::DrivesAverage;
-use super::geometry::{RunGeometry, channel_names};
+use super::geometry::channel_names;
 use super::opened::drive_columns;
 use super::samples::{Samples, feed};
-use super::stream::{Sink, stream};
+use super::stream::{Seen, Signal, Sink, stream};
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::StaticPoses;
-use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, Complex32, CrossAverage, CrossSums, SpectraError,
-};
+use massline_core::spectra::{BlockSettings, Complex32, CrossAverage, CrossSums, SpectraError};
 use nalgebra::{Complex, DMatrix, Vector6};
 
 /// Spectra of every channel in all runs of a measurement, in recorded units.
@@ -116,22 +114,13 @@ fn of_run(
 struct Same<'a>(&'a mut DrivesAverage, usize);
 
 impl Sink for Same<'_> {
-    fn channels(&self) -> usize {
-        self.1
+    fn channels(&self) -> Vec<Signal<'_>> {
+        let all = (0..self.1).map(|channel| Signal::Channel(channel, 1.0));
+        all.collect()
     }
 
-    fn geometry(&self) -> Option<&RunGeometry> {
-        None
-    }
-
-    fn transform(&self, sample: &[f32], _: &[f32; RESULTANTS], into: &mut [f32]) {
-        for (slot, x) in into.iter_mut().zip(sample) {
-            *slot = *x;
-        }
-    }
-
-    fn add(&mut self, block: &BlockSpectra<'_>) {
-        self.0.add(block);
+    fn add(&mut self, block: &Seen<'_>) {
+        self.0.add_channels(&|c| block.channel(c));
     }
 }
 

@@ -10,7 +10,7 @@
 //! each. A drive that those before it explain tells nothing new and is left out.
 
 use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, DriveAverage, SpectraError, Sum,
+    Average, BlockSettings, BlockSpectra, Complex32, DriveAverage, SpectraError, Sum,
 };
 use nalgebra::Complex;
 
@@ -188,14 +188,19 @@ impl DrivesAverage {
     }
 }
 
-impl Average for DrivesAverage {
-    fn add(&mut self, block: &BlockSpectra<'_>) {
+impl DrivesAverage {
+    /// Takes a block, whose channels are given by their numbers.
+    pub(super) fn add_channels<'a>(&mut self, block: &dyn Fn(usize) -> &'a [Complex32]) {
         let each = self.each();
         let (n, channels) = (self.drives, self.channels);
         let (before, first) = (self.before, self.first);
+        let all: Vec<&[Complex32]> = (0..n + channels).map(|c| block(before + c)).collect();
         let wide = |c: usize, line: usize| {
-            let lines = block.channel(before + c);
-            let z = lines.get(first + line).copied().unwrap_or_default();
+            let z = all
+                .get(c)
+                .and_then(|lines| lines.get(first + line))
+                .copied()
+                .unwrap_or_default();
             Complex::new(f64::from(z.re), f64::from(z.im))
         };
         let mut drives = vec![Complex::default(); n];
@@ -218,6 +223,12 @@ impl Average for DrivesAverage {
             }
         }
         self.blocks = self.blocks.saturating_add(1);
+    }
+}
+
+impl Average for DrivesAverage {
+    fn add(&mut self, block: &BlockSpectra<'_>) {
+        self.add_channels(&|c| block.channel(c));
     }
 
     fn blocks(&self) -> u32 {

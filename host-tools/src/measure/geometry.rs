@@ -42,6 +42,8 @@ pub struct RunGeometry {
     pub channels: Vec<String>,
     /// SI per recorded unit of each channel.
     scales: Vec<f32>,
+    /// Number of accelerometers, which are the first channels.
+    accelerometers: usize,
     /// SI samples of the channels to the twelve resultants, in single precision.
     pub map: ResultantMap,
     /// From recorded units to resultants in double precision: what one unit of each channel
@@ -165,6 +167,7 @@ impl RunGeometry {
             reference,
             channels,
             scales: scales.iter().map(|&s| s as f32).collect(),
+            accelerometers: setup.accelerometers.len(),
             map: geometry.map,
             columns,
             equations: geometry.equations,
@@ -182,6 +185,16 @@ impl RunGeometry {
         } else {
             self.mapped::<MAX_CHANNELS>(sample)
         }
+    }
+
+    /// SI per recorded unit of each channel.
+    pub(super) fn scales(&self) -> &[f32] {
+        &self.scales
+    }
+
+    /// Number of accelerometers; the channels behind them are load cells.
+    pub(super) fn accelerometers(&self) -> usize {
+        self.accelerometers
     }
 
     fn mapped<const ROOM: usize>(&self, sample: &[f32]) -> [f32; RESULTANTS] {

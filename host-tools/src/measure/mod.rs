@@ -8,6 +8,7 @@ mod drives;
 mod error;
 mod geometry;
 mod group;
+mod halves;
 mod lines;
 mod noise;
 mod opened;

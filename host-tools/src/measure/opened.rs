@@ -99,7 +99,7 @@ impl<'a> Opened<'a> {
             &self.settings,
             &self.drives,
             sinks,
-            &mut |sample| health.add(sample),
+            &mut |samples| health.add_all(samples),
             progress,
         )?;
         Ok(Read { rejected, health })

@@ -4,7 +4,7 @@ use super::drives::{DrivesAverage, Parts};
 use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::opened::{Ended, Opened};
-use super::stream::Sink;
+use super::stream::{Seen, Signal, Sink};
 use super::sums::{SumStorage, Sums};
 use super::unexplained::Unexplained;
 use super::units::Noticed;
@@ -13,8 +13,8 @@ use crate::recording::{ChannelHealth, Preamble, Recording};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
 use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, Complex32, CrossSums, DriveAverage, LineGrid, LineRange,
-    RunResponses, SpectraError,
+    Average, BlockSettings, Complex32, CrossSums, DriveAverage, LineGrid, LineRange, RunResponses,
+    SpectraError,
 };
 
 /// Averaged spectra of one run.
@@ -253,22 +253,19 @@ impl<'s> Resultants<'s> {
 }
 
 impl Sink for Resultants<'_> {
-    fn channels(&self) -> usize {
-        RESULTANTS
+    fn channels(&self) -> Vec<Signal<'_>> {
+        let resultants = (0..RESULTANTS).map(|r| Signal::Resultant(self.geometry, r));
+        resultants.collect()
     }
 
-    fn geometry(&self) -> Option<&RunGeometry> {
-        Some(self.geometry)
+    fn is_alone(&self) -> bool {
+        self.sums.are_of_whole_blocks()
     }
 
-    fn transform(&self, _: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]) {
-        into.copy_from_slice(resultants);
-    }
-
-    fn add(&mut self, block: &BlockSpectra<'_>) {
+    fn add(&mut self, block: &Seen<'_>) {
         self.sums.add(block);
         if let Some(moved) = &mut self.moved {
-            moved.add(block);
+            moved.add_channels(&|c| block.channel(c));
         }
     }
 }

@@ -1,34 +1,160 @@
 //! Recordings through blocks into averages.
 
 use super::geometry::RunGeometry;
+use super::halves::{Half, Halves, SIX, Six};
 use super::rejected::{Gate, Rejected};
 use super::{BlockStorage, MeasureError};
 use crate::recording::Recording;
 use massline_core::geometry::RESULTANTS;
-use massline_core::spectra::{BlockSettings, BlockSpectra};
+use massline_core::spectra::{BlockSettings, BlockSpectra, Complex32};
 
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
 
+/// A signal that a consumer has transformed.
+pub(super) enum Signal<'a> {
+    /// A channel of the recording by its number, times a factor.
+    Channel(usize, f32),
+    /// A resultant of a geometry by its number.
+    Resultant(&'a RunGeometry, usize),
+}
+
 /// A consumer of a recording: channels made of each sample, and their spectra block by block.
 pub(super) trait Sink {
-    /// Number of channels, behind the drives.
-    fn channels(&self) -> usize;
+    /// Its channels, behind the drives.
+    fn channels(&self) -> Vec<Signal<'_>>;
 
-    /// Geometry of the resultants that are among its channels.
-    fn geometry(&self) -> Option<&RunGeometry>;
-
-    /// Turns a sample of all channels of the recording, and its resultants by that geometry, into this consumer's
-    /// channels.
-    fn transform(&self, sample: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]);
+    /// `true` if the blocks have to hold nothing but its own channels.
+    fn is_alone(&self) -> bool {
+        false
+    }
 
     /// Takes a block without faults: the drives, then the channels.
-    fn add(&mut self, block: &BlockSpectra<'_>);
+    fn add(&mut self, block: &Seen<'_>);
+}
+
+/// The spectra of a block as one of its consumers sees them.
+pub(super) struct Seen<'a> {
+    /// All channels of the block, which are the consumer's own where it [is alone](Sink::is_alone).
+    pub(super) block: &'a BlockSpectra<'a>,
+    /// Numbers of the consumer's channels.
+    channels: &'a [usize],
+}
+
+impl<'a> Seen<'a> {
+    /// Number of channels behind so many drives.
+    pub(super) fn responses(&self, drives: usize) -> usize {
+        self.channels.len().saturating_sub(drives)
+    }
+
+    /// The kept lines of a channel by its number; empty if there is no such channel.
+    pub(super) fn channel(&self, c: usize) -> &'a [Complex32] {
+        let own = self.channels.get(c);
+        own.map_or(&[], |own| self.block.channel(*own))
+    }
+}
+
+/// A channel of blocks.
+#[derive(Clone, Copy, PartialEq)]
+enum Made {
+    Scaled(usize, f32),
+    /// One of six sums of one of [`Halves`].
+    Sum(usize, usize),
+}
+
+/// Channels of blocks that several consumers share.
+struct Shared {
+    made: Vec<Made>,
+    /// Where each comes from: a channel of the recording, or behind these a sum; and its factor.
+    sources: Vec<(usize, f32)>,
+    /// Number of each consumer, and of its channels among these.
+    consumers: Vec<(usize, Vec<usize>)>,
+}
+
+impl Shared {
+    /// Number of a channel, which is added if there is none alike.
+    fn number(&mut self, made: Made) -> usize {
+        let found = self.made.iter().position(|other| *other == made);
+        found.unwrap_or_else(|| {
+            self.made.push(made);
+            self.made.len() - 1
+        })
+    }
+
+    /// Settles where the channels come from, of a recording of so many channels.
+    fn settle(&mut self, channels: usize) {
+        let source = |made: &Made| match *made {
+            Made::Scaled(channel, factor) => (channel, factor),
+            Made::Sum(half, sum) => (channels + half * SIX + sum, 1.0),
+        };
+        self.sources = self.made.iter().map(source).collect();
+    }
+
+    /// Writes the channels of a sample, with its sums.
+    #[inline]
+    fn write(&self, sample: &[f32], sums: &[Six], into: &mut [f32]) {
+        let sums = sums.as_flattened();
+        for (slot, (from, factor)) in into.iter_mut().zip(&self.sources) {
+            let own = match from.checked_sub(sample.len()) {
+                None => sample.get(*from),
+                Some(sum) => sums.get(sum),
+            };
+            *slot = own.copied().unwrap_or(0.0) * factor;
+        }
+    }
+}
+
+/// Which blocks there are to be for some consumers, and sums for them.
+fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
+    let mut halves = Halves::new();
+    let mut all: Vec<Shared> = Vec::new();
+    let mut common: Option<usize> = None;
+    for (number, sink) in sinks.iter().enumerate() {
+        let at = common.filter(|_| !sink.is_alone()).unwrap_or(all.len());
+        if at == all.len() {
+            let made = drives.iter().map(|drive| Made::Scaled(*drive, 1.0));
+            all.push(Shared {
+                made: made.collect(),
+                sources: Vec::new(),
+                consumers: Vec::new(),
+            });
+        }
+        if !sink.is_alone() {
+            common = Some(at);
+        }
+        let Some(shared) = all.get_mut(at) else {
+            continue;
+        };
+        let mut channels: Vec<usize> = (0..drives.len()).collect();
+        let mut last: Option<(&RunGeometry, [usize; 2])> = None;
+        for signal in sink.channels() {
+            let made = match signal {
+                Signal::Channel(channel, factor) => Made::Scaled(channel, factor),
+                Signal::Resultant(geometry, resultant) => {
+                    let known = last.filter(|(own, _)| std::ptr::eq(*own, geometry));
+                    let numbers = known.map_or_else(
+                        || Half::both(geometry).map(|half| halves.number(&half)),
+                        |(_, numbers)| numbers,
+                    );
+                    last = Some((geometry, numbers));
+                    let six = RESULTANTS / 2;
+                    let [accelerations, forces] = numbers;
+                    match resultant.checked_sub(six) {
+                        None => Made::Sum(accelerations, resultant),
+                        Some(force) => Made::Sum(forces, force),
+                    }
+                }
+            };
+            channels.push(shared.number(made));
+        }
+        shared.consumers.push((number, channels));
+    }
+    (all, halves)
 }
 
 /// Streams a recording through blocks into all of its consumers, in one pass. The drives, whose columns
 /// are given, come first in the blocks. A block with a faulty sample goes nowhere, and `watch` sees
-/// good samples only.
+/// good samples only, one or more at a time.
 pub(super) fn stream(
     recording: &mut Recording,
     settings: &BlockSettings,
@@ -37,54 +163,59 @@ pub(super) fn stream(
     watch: &mut dyn FnMut(&[f32]),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rejected, MeasureError> {
-    let lead = drives.len();
-    let store = |sink: &&mut dyn Sink| {
-        let channels = lead + sink.channels();
-        (channels, BlockStorage::new(*settings, channels))
-    };
-    let mut stores: Vec<_> = sinks.iter().map(store).collect();
+    let channels = recording.channels();
+    let (mut plan, mut halves) = planned(drives, sinks);
+    plan.iter_mut().for_each(|shared| shared.settle(channels));
+    let store = |shared: &Shared| BlockStorage::new(*settings, shared.made.len());
+    let mut stores: Vec<_> = plan.iter().map(store).collect();
     let mut feeds = Vec::with_capacity(stores.len());
-    for ((channels, storage), sink) in stores.iter_mut().zip(sinks) {
+    for (storage, shared) in stores.iter_mut().zip(&plan) {
         let blocks = storage.blocks().map_err(|source| MeasureError::Spectra {
             file: recording.file().to_owned(),
             source,
         })?;
-        feeds.push((blocks, vec![0.0_f32; *channels], sink));
+        feeds.push((blocks, vec![0.0_f32; shared.made.len()], shared));
     }
-    // A consumer of the geometry of the one before it shares its resultants.
-    let is_new: Vec<bool> = (0..feeds.len())
-        .map(|i| {
-            let of = |i: usize| feeds.get(i).and_then(|(.., sink)| sink.geometry());
-            let before = i.checked_sub(1).and_then(of);
-            !matches!((before, of(i)), (Some(a), Some(b)) if std::ptr::eq(a, b))
-        })
-        .collect();
-    let mut resultants = [0.0; RESULTANTS];
-    let mut sample = vec![0.0_f32; recording.channels()];
+    let mut sample = vec![0.0_f32; channels];
     let mut gate = Gate::new(settings);
-    while recording.next_row(&mut sample)? {
-        gate.sample(recording.health());
-        if recording.health().is_good() {
-            watch(&sample);
+    loop {
+        let before = recording.rows();
+        let mut health = massline_firmware::wire::Health::GOOD;
+        let rows = match recording.good_rows() {
+            [] => {
+                if !recording.next_row(&mut sample)? {
+                    break;
+                }
+                health = recording.health();
+                sample.as_slice()
+            }
+            rows => rows,
+        };
+        if health.is_good() {
+            watch(rows);
         }
-        // All complete their blocks with the same sample.
-        let mut admitted = None;
-        for ((blocks, input, sink), is_new) in feeds.iter_mut().zip(&is_new) {
-            if let Some(geometry) = sink.geometry().filter(|_| *is_new) {
-                resultants = geometry.resultants(&sample);
-            }
-            let (head, tail) = input.split_at_mut(lead);
-            for (slot, at) in head.iter_mut().zip(drives) {
-                *slot = sample.get(*at).copied().unwrap_or(0.0);
-            }
-            sink.transform(&sample, &resultants, tail);
-            if let Some(block) = blocks.push(input)
-                && *admitted.get_or_insert_with(|| gate.admits())
-            {
-                sink.add(&block);
+        halves.take(rows, channels);
+        for (n, sample) in rows.chunks_exact(channels.max(1)).enumerate() {
+            gate.sample(health);
+            // All complete their blocks with the same sample.
+            let mut admitted = None;
+            for (blocks, input, shared) in &mut feeds {
+                shared.write(sample, halves.of(n), input);
+                let Some(block) = blocks.push(input) else {
+                    continue;
+                };
+                if !*admitted.get_or_insert_with(|| gate.admits()) {
+                    continue;
+                }
+                for (number, channels) in &shared.consumers {
+                    if let Some(sink) = sinks.get_mut(*number) {
+                        let block = &block;
+                        sink.add(&Seen { block, channels });
+                    }
+                }
             }
         }
-        if recording.rows().is_multiple_of(REPORT_ROWS) {
+        if recording.rows() / REPORT_ROWS != before / REPORT_ROWS {
             progress(recording.progress());
         }
     }

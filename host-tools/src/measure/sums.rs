@@ -1,8 +1,9 @@
 //! Running sums of a consumer's channels, whatever the number of drives.
 
 use super::drives::DrivesAverage;
+use super::stream::Seen;
 use massline_core::spectra::{
-    Average, BlockSettings, BlockSpectra, CrossAverage, CrossSums, DriveAverage, SpectraError, Sum,
+    Average, BlockSettings, CrossAverage, CrossSums, DriveAverage, SpectraError, Sum,
 };
 
 /// Storage of running sums, of which one list is filled.
@@ -48,12 +49,23 @@ impl<'s> Sums<'s> {
         })
     }
 
+    /// `true` where every channel of a block enters: none may be another consumer's.
+    pub(super) fn are_of_whole_blocks(&self) -> bool {
+        matches!(self, Self::Cross(_))
+    }
+
     /// Takes a block.
-    pub(super) fn add(&mut self, block: &BlockSpectra<'_>) {
+    pub(super) fn add(&mut self, block: &Seen<'_>) {
         match self {
-            Self::Cross(average) => average.add(block),
-            Self::One(average) => average.add(block),
-            Self::Several(average) => average.add(block),
+            Self::Cross(average) => average.add(block.block),
+            Self::One(average) => {
+                let drive = block.channel(0);
+                average.add_drive(drive);
+                for c in 0..block.responses(1) {
+                    average.add_response(c, drive, block.channel(1 + c));
+                }
+            }
+            Self::Several(average) => average.add_channels(&|c| block.channel(c)),
         }
     }
 

@@ -6,13 +6,13 @@
 
 use super::geometry::{Accelerations, RunGeometry};
 use super::opened::{Opened, Read};
-use super::stream::Sink;
+use super::stream::{Seen, Signal, Sink};
 use super::sums::{SumStorage, Sums};
 use super::units::Noticed;
 use super::{MeasureError, Progress, sine};
 use crate::setup::{Excitation, Run, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS, RESULTANTS};
-use massline_core::spectra::{BandError, BlockSettings, BlockSpectra, DriveAverage, LineRange};
+use massline_core::spectra::{BandError, BlockSettings, DriveAverage, LineRange};
 use massline_core::weighting::{join_peaks, weights_from_peaks};
 use nalgebra::{Complex, DMatrix, Matrix6, Vector6};
 
@@ -226,23 +226,14 @@ impl<'s> Sensors<'s> {
 }
 
 impl Sink for Sensors<'_> {
-    fn channels(&self) -> usize {
-        self.scales.len() + RESULTANTS
+    fn channels(&self) -> Vec<Signal<'_>> {
+        let sensors = self.scales.iter().enumerate();
+        let sensors = sensors.map(|(channel, scale)| Signal::Channel(channel, *scale));
+        let resultants = (0..RESULTANTS).map(|r| Signal::Resultant(self.geometry, r));
+        sensors.chain(resultants).collect()
     }
 
-    fn geometry(&self) -> Option<&RunGeometry> {
-        Some(self.geometry)
-    }
-
-    fn transform(&self, sample: &[f32], resultants: &[f32; RESULTANTS], into: &mut [f32]) {
-        let (sensors, behind) = into.split_at_mut(self.scales.len());
-        for ((slot, x), scale) in sensors.iter_mut().zip(sample).zip(&self.scales) {
-            *slot = x * scale;
-        }
-        behind.copy_from_slice(resultants);
-    }
-
-    fn add(&mut self, block: &BlockSpectra<'_>) {
+    fn add(&mut self, block: &Seen<'_>) {
         self.sums.add(block);
     }
 }

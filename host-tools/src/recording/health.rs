@@ -112,6 +112,21 @@ impl Extreme {
     }
 }
 
+/// [`Health::add_all`] with these instructions.
+#[cfg(target_arch = "x86_64")]
+struct AddAll<'a>(&'a mut Health, &'a [f32]);
+
+#[cfg(target_arch = "x86_64")]
+impl pulp::NullaryFnOnce for AddAll<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self(health, samples) = self;
+        health.add_each(samples);
+    }
+}
+
 impl Health {
     /// Statistics of `channels` channels without samples.
     #[must_use]
@@ -130,8 +145,29 @@ impl Health {
         }
     }
 
+    /// Takes samples of all channels, one after the other.
+    pub fn add_all(&mut self, samples: &[f32]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            return simd.vectorize(AddAll(self, samples));
+        }
+        self.add_each(samples);
+    }
+
+    #[inline(always)]
+    fn add_each(&mut self, samples: &[f32]) {
+        for sample in samples.chunks_exact(self.means.len().max(1)) {
+            self.add_one(sample);
+        }
+    }
+
     /// Takes one sample of all channels.
     pub fn add(&mut self, sample: &[f32]) {
+        self.add_one(sample);
+    }
+
+    #[inline(always)]
+    fn add_one(&mut self, sample: &[f32]) {
         let first = self.count == 0.0;
         self.count += 1.0;
         let moments = self.means.iter_mut().zip(&mut self.squares).zip(sample);
@@ -161,6 +197,7 @@ impl Health {
         }
     }
 
+    #[inline(never)] // Rare, once the extremes are known.
     fn add_extremes(&mut self, sample: &[f32], first: bool) {
         let [low, high] = &mut self.inner;
         let inner = low.iter_mut().zip(high);
@@ -279,6 +316,22 @@ mod tests {
         assert_eq!(health.complaint(), None);
         // Hundred periods of a sine: 1/√2 to the share of a cut period.
         assert!((health.rms - 0.5_f64.sqrt()).abs() < 5e-3);
+    }
+
+    #[test]
+    fn samples_taken_together_are_those_taken_one_by_one() {
+        let channels = 7;
+        let samples: Vec<f32> = (0..channels * 500)
+            .map(|i| ((i * i) as f32 * 0.1).sin().clamp(-0.9, 0.9))
+            .collect();
+        let (mut one, mut all) = (Health::new(channels), Health::new(channels));
+        samples.chunks_exact(channels).for_each(|s| one.add(s));
+        let (begin, end) = samples.split_at(channels * 77);
+        all.add_all(begin);
+        all.add_all(end);
+        assert_eq!(all.channels(), one.channels());
+        assert_eq!(all.fingerprint(), one.fingerprint());
+        assert_eq!(all.channels().len(), channels);
     }
 
     #[test]

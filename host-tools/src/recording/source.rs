@@ -56,6 +56,8 @@ pub struct Block {
     /// Sample by sample, [`Block::width`] readings each.
     readings: Vec<f64>,
     samples: Vec<(Place, Health)>,
+    /// `true` if one of them has faults.
+    faulty: bool,
 }
 
 impl Block {
@@ -65,6 +67,7 @@ impl Block {
         self.most = most;
         self.readings.clear();
         self.samples.clear();
+        self.faulty = false;
     }
 
     /// Number of samples.
@@ -107,6 +110,7 @@ impl Block {
             }
         }
         self.samples.push((place, health));
+        self.faulty |= !health.is_good();
         Ok(())
     }
 
@@ -123,7 +127,18 @@ impl Block {
             self.readings.truncate(before);
         }
         self.samples.extend(sample);
+        self.faulty |= sample.is_some_and(|(_, health)| !health.is_good());
         sample.is_some()
+    }
+
+    /// `true` if a sample has faults.
+    pub(super) fn is_faulty(&self) -> bool {
+        self.faulty
+    }
+
+    /// Readings from a sample on, sample by sample.
+    pub(super) fn readings(&self, from: usize) -> &[f64] {
+        self.readings.get(from * self.width..).unwrap_or(&[])
     }
 
     /// Readings, place and faults of a sample.

@@ -5,6 +5,8 @@
 
 /// Characters that are looked at together.
 pub(super) const WIDTH: usize = 16;
+/// Characters that are searched together.
+pub(super) const GROUP: usize = 64;
 
 /// Largest whole number up to which all are exact in double precision.
 const EXACT: u64 = 1 << 53;
@@ -12,13 +14,13 @@ const ONES: u64 = 0x0101_0101_0101_0101;
 const HIGH: u64 = 0x80 * ONES;
 
 /// Powers of ten, each exact.
-const POWERS: [f64; 23] = [
+pub(super) const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 
 /// Masks of the last `i` of sixteen characters, in two words, the first character lowest.
-const LAST: [[u64; 2]; WIDTH + 1] = {
+pub(super) const LAST: [[u64; 2]; WIDTH + 1] = {
     let mut masks = [[0; 2]; WIDTH + 1];
     let mut count = 1;
     while count <= WIDTH {
@@ -32,11 +34,31 @@ const LAST: [[u64; 2]; WIDTH + 1] = {
     masks
 };
 
+/// A field, at the end of sixteen characters.
+#[derive(Clone, Copy)]
+pub(super) struct Field<'a> {
+    pub(super) window: &'a [u8; WIDTH],
+    /// Characters of the field; beyond 16, those before the window are others.
+    pub(super) length: usize,
+}
+
 /// A way to read numbers: of any processor, or of one that looks at sixteen characters at once.
 pub(super) trait Way: Copy {
     /// The digits of the last `count` characters of `window` as one whole number, and the place of the decimal sign
     /// in the window, 16 without any. `None` where there is no digit, or another character.
     fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)>;
+
+    /// Values of four fields; `None` where one of them may be of another form.
+    #[inline(always)]
+    fn four(self, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
+        let value = |field: Field<'_>| number(self, field.window, field.length, decimal);
+        let [a, b, c, d] = fields;
+        Some([value(a)?, value(b)?, value(c)?, value(d)?])
+    }
+
+    /// Bits of those of [`GROUP`] characters that are the delimiter, and of those that are control characters from
+    /// backspace to 15, the first character lowest.
+    fn marked(self, group: &[u8; GROUP], delimiter: u8) -> [u64; 2];
 }
 
 /// The way of any processor: two words of eight characters.
@@ -134,6 +156,30 @@ impl Way for Words {
         let whole = eight(low) * 100_000_000 + eight(high);
         ((beyond(low) | beyond(high)) == 0).then_some((whole, place))
     }
+
+    #[inline(always)]
+    fn marked(self, group: &[u8; GROUP], delimiter: u8) -> [u64; 2] {
+        let delimiters = ONES * u64::from(delimiter);
+        let mut found = [0; 2];
+        for (i, word) in group.chunks_exact(8).enumerate() {
+            let word = word.try_into().map_or(0, u64::from_le_bytes);
+            let others = [word ^ delimiters, word & (0xf8 * ONES) ^ (0x08 * ONES)];
+            for (found, others) in found.iter_mut().zip(others) {
+                *found |= gathered(!nonzero(others) & HIGH) << (8 * i);
+            }
+        }
+        found
+    }
+}
+
+/// The highest bit of each byte that is not zero; the others are of no meaning.
+fn nonzero(word: u64) -> u64 {
+    ((word & !HIGH) + !HIGH) | word
+}
+
+/// The highest bit of each of eight bytes as a byte.
+fn gathered(bits: u64) -> u64 {
+    (bits >> 7).wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
 /// The highest bit of each byte that is zero, exact up to the first of them.
@@ -146,63 +192,6 @@ fn eight(digits: u64) -> u64 {
     let pairs = digits.wrapping_mul(2561) >> 8 & 0x00ff_00ff_00ff_00ff;
     let fours = pairs.wrapping_mul(6_553_601) >> 16 & 0x0000_ffff_0000_ffff;
     fours.wrapping_mul(42_949_672_960_001) >> 32
-}
-
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::{LAST, WIDTH, Way};
-    use core::arch::x86_64::__m128i;
-    use pulp::cast;
-    use pulp::x86::V3;
-
-    /// Moves of sixteen characters that close the gap at place `i`; none at 16.
-    const MOVES: [[u8; WIDTH]; WIDTH + 1] = {
-        let mut moves = [[0; WIDTH]; WIDTH + 1];
-        let mut place = 0;
-        while place <= WIDTH {
-            let mut at = 0;
-            while at < WIDTH {
-                moves[place][at] = match at as u8 {
-                    at if place == WIDTH || at > place as u8 => at,
-                    // An index from 128 on makes a zero.
-                    0 => 128,
-                    at => at - 1,
-                };
-                at += 1;
-            }
-            place += 1;
-        }
-        moves
-    };
-
-    /// Factors of digits in pairs, of pairs in fours, of fours in eights.
-    const TENS: [i8; WIDTH] = [10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1, 10, 1];
-    const HUNDREDS: [i16; 8] = [100, 1, 100, 1, 100, 1, 100, 1];
-    const MYRIADS: [i16; 8] = [10_000, 1, 10_000, 1, 10_000, 1, 10_000, 1];
-
-    impl Way for V3 {
-        #[inline(always)]
-        fn digits(self, window: &[u8; WIDTH], count: usize, decimal: u8) -> Option<(u64, usize)> {
-            let mask: __m128i = cast(*LAST.get(count)?);
-            let text = self.sse2._mm_and_si128(cast(*window), mask);
-            let signs = self.sse2._mm_cmpeq_epi8(text, cast([decimal; WIDTH]));
-            let found = self.sse2._mm_movemask_epi8(signs) as u32 | 1 << WIDTH;
-            let place = found.trailing_zeros() as usize;
-            let active = count.checked_sub(usize::from(place < WIDTH))?;
-            let mask: __m128i = cast(*LAST.get(active).filter(|_| active > 0)?);
-            let digits = self.ssse3._mm_shuffle_epi8(text, cast(*MOVES.get(place)?));
-            let base = self.sse2._mm_and_si128(mask, cast([b'0'; WIDTH]));
-            let digits = self.sse2._mm_sub_epi8(digits, base);
-            let least = self.sse2._mm_min_epu8(digits, cast([9_u8; WIDTH]));
-            let good = self.sse2._mm_cmpeq_epi8(least, digits);
-            let pairs = self.ssse3._mm_maddubs_epi16(digits, cast(TENS));
-            let fours = self.sse2._mm_madd_epi16(pairs, cast(HUNDREDS));
-            let fours = self.sse4_1._mm_packus_epi32(fours, fours);
-            let eights: [u32; 4] = cast(self.sse2._mm_madd_epi16(fours, cast(MYRIADS)));
-            let whole = u64::from(eights[0]) * 100_000_000 + u64::from(eights[1]);
-            (self.sse2._mm_movemask_epi8(good) == 0xffff).then_some((whole, place))
-        }
-    }
 }
 
 #[cfg(test)]

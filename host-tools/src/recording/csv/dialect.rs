@@ -78,11 +78,16 @@ impl Row {
                 numbers += 1;
                 continue;
             }
-            let text = decode::text(field);
             // A time has a colon, a date two of its signs.
             let count = |signs: &[u8]| field.iter().filter(|b| signs.contains(b)).count();
-            let is_time = count(b":") > 0 && Stamp::parse(&text).is_some();
-            if is_time || (count(b"-/.") > 1 && is_date(&text)) {
+            let (may_be_time, may_be_date) = (count(b":") > 0, count(b"-/.") > 1);
+            if texts > 0 && !may_be_time && !may_be_date {
+                // Whether it is a word of a fault tells no more.
+                continue;
+            }
+            let text = decode::text(field);
+            let is_time = may_be_time && Stamp::parse(&text).is_some();
+            if is_time || (may_be_date && is_date(&text)) {
                 numbers += 1;
             } else if faults::read(&text).is_ok() {
                 words += 1;
@@ -231,6 +236,11 @@ impl Dialect {
     ) -> Result<Self, RecordingError> {
         let mut best: Option<Fit> = None;
         for delimiter in delimiters(form) {
+            // Without it, rows have one field.
+            let is_wider = best.as_ref().is_some_and(|best| best.columns > 1);
+            if is_wider && !head.contains(&delimiter) {
+                continue;
+            }
             let rows = rows(head, whole, delimiter);
             // Rows that are all narrower than those of another delimiter cannot fit better.
             let widest = rows.iter().map(|row| row.record.len()).max();

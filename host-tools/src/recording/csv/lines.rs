@@ -1,8 +1,8 @@
 //! Lines of text without quotes, whose fields are found by a scan over large blocks of bytes.
 
-use super::decimal::{self, WIDTH, Way, Words};
+use super::decimal::{self, Field, GROUP, WIDTH, Way, Words};
 use super::dialect;
-use super::marks::{self, GROUP};
+use super::marks::Marks;
 use crate::limits;
 use crate::recording::input::Broken;
 use std::io::{self, Read};
@@ -21,9 +21,11 @@ pub(super) struct Lines {
     /// End of the text, and the begin of the next line.
     end: usize,
     next: usize,
-    /// Places of delimiters and line ends, and how many of them were passed.
-    marks: Vec<u32>,
+    /// Places of delimiters and line ends; the number of that where the next line begins behind, and its number
+    /// among those of control characters.
+    marks: Marks,
     passed: usize,
+    control: usize,
     /// Number of the next line, and of the line behind the row before it: a row is said to begin there, in
     /// front of comments and empty lines.
     line: u64,
@@ -68,22 +70,18 @@ impl pulp::NullaryFnOnce for Numbers<'_> {
 
 /// [`Lines::mark`] with these instructions.
 #[cfg(target_arch = "x86_64")]
-struct Marks<'a>(&'a mut Lines);
+struct Mark<'a> {
+    simd: pulp::x86::V3,
+    lines: &'a mut Lines,
+}
 
 #[cfg(target_arch = "x86_64")]
-impl pulp::NullaryFnOnce for Marks<'_> {
+impl pulp::NullaryFnOnce for Mark<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self(lines) = self;
-        marks::add(
-            &lines.text,
-            WIDTH,
-            lines.end,
-            lines.delimiter,
-            &mut lines.marks,
-        );
+        self.lines.mark_by(self.simd);
     }
 }
 
@@ -111,8 +109,9 @@ impl Lines {
             text: vec![0; WIDTH + CHUNK + GROUP],
             end: WIDTH,
             next: WIDTH,
-            marks: Vec::new(),
+            marks: Marks::default(),
             passed: 0,
+            control: 0,
             line,
             row: line,
             quote: None,
@@ -177,43 +176,71 @@ impl Lines {
             selected,
             empty,
         } = form;
-        let marks = self.marks.get(self.passed..)?;
-        let (fields, rest) = marks.split_at_checked(columns)?;
-        let (last, between) = fields.split_last()?;
-        let at = |mark: &u32| self.text.get(*mark as usize).copied();
-        if !between.iter().all(|mark| at(mark) == Some(self.delimiter)) {
+        // Behind the place before the row, one for the end of each column.
+        let places = self.marks.places().get(self.passed..)?;
+        let row = places.get(..=columns)?;
+        let controls = self.marks.controls().get(self.control + 1..)?;
+        if (*controls.first()? as usize) < self.passed + columns {
             return None;
         }
+        let at = |mark: u32| self.text.get(mark as usize).copied();
         // A delimiter at the end of the row, a carriage return, a line feed.
-        let mut rest = [*last].into_iter().chain(rest.iter().copied());
-        let (mut end, mut count) = (rest.next()?, columns);
+        let mut count = columns;
+        let mut end = *row.last()?;
         for ending in [self.delimiter, b'\r'] {
-            if at(&end) == Some(ending) {
-                let next = rest.next().filter(|next| *next == end + 1)?;
+            if at(end) == Some(ending) {
+                let next = *places.get(count + 1)?;
+                if next != end + 1 {
+                    return None;
+                }
                 (end, count) = (next, count + 1);
             }
         }
         let after = end as usize + 1;
         let comment = self.text.get(self.next) == Some(&b'#');
-        if at(&end) != Some(b'\n') || comment || self.quote.is_some_and(|quote| quote < after) {
+        if at(end) != Some(b'\n') || comment || self.quote.is_some_and(|quote| quote < after) {
             return None;
         }
+        let last = self.passed + count;
+        let ends = controls
+            .iter()
+            .take_while(|number| **number as usize <= last);
+        let ends = ends.count();
         let field = |column: usize| {
-            let start = match column.checked_sub(1) {
-                Some(before) => *between.get(before)? as usize + 1,
-                None => self.next,
-            };
-            Some(start..*fields.get(column)? as usize)
+            let [before, end] = *row.get(column..)?.first_chunk::<2>()?;
+            Some(before as usize + 1..end as usize)
         };
         if let Some(empty) = empty
             && !field(empty)?.is_empty()
         {
             return None;
         }
-        for (slot, column) in into.iter_mut().zip(selected) {
+        let (fours, rest) = selected.as_chunks::<4>();
+        let (slots, rest_slots) = into.as_chunks_mut::<4>();
+        for (slots, columns) in slots.iter_mut().zip(fours) {
+            let [a, b, c, d] = *columns;
+            let fields = [field(a)?, field(b)?, field(c)?, field(d)?];
+            let [a, b, c, d] = &fields;
+            let windows = [
+                self.window(a)?,
+                self.window(b)?,
+                self.window(c)?,
+                self.window(d)?,
+            ];
+            match way.four(windows, self.decimal) {
+                Some(values) => *slots = values,
+                None => {
+                    for (slot, field) in slots.iter_mut().zip(fields) {
+                        *slot = self.number(way, field)?;
+                    }
+                }
+            }
+        }
+        for (slot, column) in rest_slots.iter_mut().zip(rest) {
             *slot = self.number(way, field(*column)?)?;
         }
-        self.passed += count;
+        self.passed = last;
+        self.control += ends;
         self.next = after;
         let row = self.row;
         self.line += 1;
@@ -221,12 +248,21 @@ impl Lines {
         Some(row)
     }
 
+    /// A field at the end of the characters before its end.
+    #[inline(always)]
+    fn window(&self, field: &Range<usize>) -> Option<Field<'_>> {
+        let window = self.text.get(field.end.checked_sub(WIDTH)?..field.end)?;
+        Some(Field {
+            window: window.try_into().ok()?,
+            length: field.len(),
+        })
+    }
+
     /// A finite number in a field, with spaces around it.
     #[inline(always)]
     fn number(&self, way: impl Way, field: Range<usize>) -> Option<f64> {
-        let window = self.text.get(field.end.checked_sub(WIDTH)?..field.end)?;
-        let window = window.try_into().ok()?;
-        match decimal::number(way, window, field.len(), self.decimal) {
+        let Field { window, length } = self.window(&field)?;
+        match decimal::number(way, window, length, self.decimal) {
             Some(value) => Some(value),
             None => self.other_number(field),
         }
@@ -295,8 +331,15 @@ impl Lines {
 
     /// Passes over a line.
     fn pass(&mut self, after: usize) {
-        let marks = self.marks.get(self.passed..).unwrap_or(&[]);
-        self.passed += marks.partition_point(|mark| (*mark as usize) < after);
+        let places = self.marks.places();
+        let controls = self.marks.controls();
+        let passed = controls.get(self.control + 1..).unwrap_or(&[]);
+        let passed = passed.iter().take_while(|number| {
+            let place = places.get(**number as usize);
+            place.is_some_and(|place| (*place as usize) < after)
+        });
+        self.control += passed.count();
+        self.passed = controls.get(self.control).map_or(0, |n| *n as usize);
         self.next = after;
         self.line += 1;
         self.row = self.line;
@@ -307,11 +350,12 @@ impl Lines {
 
     /// The line end of the next line, if it has been read.
     fn line_end(&self) -> Option<usize> {
-        let marks = self.marks.get(self.passed..).unwrap_or(&[]);
-        let end = marks
-            .iter()
-            .find(|mark| self.text.get(**mark as usize) == Some(&b'\n'));
-        end.map(|mark| *mark as usize)
+        let controls = self.marks.controls().get(self.control + 1..)?;
+        let mut places = controls.iter().filter_map(|number| {
+            let place = self.marks.places().get(*number as usize)?;
+            Some(*place as usize)
+        });
+        places.find(|place| self.text.get(*place) == Some(&b'\n'))
     }
 
     fn find_quote(&self, from: usize) -> Option<usize> {
@@ -323,7 +367,7 @@ impl Lines {
         self.text.copy_within(self.next..self.end, WIDTH);
         self.end = WIDTH + self.end - self.next;
         self.next = WIDTH;
-        self.passed = 0;
+        (self.passed, self.control) = (0, 0);
         // A long line is not looked through for each of its chunks.
         let more = CHUNK.max(self.end / 4);
         self.text.resize(self.end + more + GROUP, 0);
@@ -348,7 +392,6 @@ impl Lines {
             }
             self.text.resize(self.end + GROUP, 0);
         }
-        self.marks.clear();
         self.mark();
         self.quote = self.find_quote(WIDTH);
     }
@@ -356,9 +399,15 @@ impl Lines {
     fn mark(&mut self) {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.simd {
-            return simd.vectorize(Marks(self));
+            return simd.vectorize(Mark { simd, lines: self });
         }
-        marks::add(&self.text, WIDTH, self.end, self.delimiter, &mut self.marks);
+        self.mark_by(Words);
+    }
+
+    #[inline(always)]
+    fn mark_by(&mut self, way: impl Way) {
+        self.marks
+            .find(way, &self.text, WIDTH, self.end, self.delimiter);
     }
 
     /// Has more text read where fewer rows than one are left of it.

@@ -3,6 +3,8 @@
 mod decimal;
 mod decode;
 mod dialect;
+#[cfg(target_arch = "x86_64")]
+mod fours;
 mod gauge;
 mod header;
 mod lines;

@@ -53,18 +53,29 @@ fn with_head(end: &str, rows: &str) -> Vec<u8> {
 
 #[track_caller]
 fn agree(end: &str, rows: &str, step: usize) {
-    let text = with_head(end, rows);
-    for selected in [&[0, 1, 2][..], &[2, 0], &[1, 3], &[]] {
-        let mut any = open(&text, step);
+    let selections = [
+        &[0, 1, 2][..],
+        &[2, 0],
+        &[1, 3],
+        &[2, 1, 0, 1, 2, 2, 0],
+        &[],
+    ];
+    agree_on(&with_head(end, rows), step, &selections, rows);
+}
+
+#[track_caller]
+fn agree_on(text: &[u8], step: usize, selections: &[&[usize]], rows: &str) {
+    for selected in selections {
+        let mut any = open(text, step);
         assert!(matches!(any.rows, Rows::Lines(_)));
         any.rows.leave_lines(&any.dialect);
         let any = outcome(any, selected);
-        let lines = outcome(open(&text, step), selected);
+        let lines = outcome(open(text, step), selected);
         // Only the end differs: thousands of rows of the head come before it.
         let last = |told: &str| told[told.len().saturating_sub(600)..].to_owned();
         assert!(
             lines == any,
-            "{rows:?} {end:?}:\n{}\n---\n{}",
+            "{rows:?}:\n{}\n---\n{}",
             last(&lines),
             last(&any)
         );
@@ -104,6 +115,38 @@ fn lines_of_every_form_are_read_alike() {
         }
     }
     agree("\n", &format!("1,2,{long},\n1,2,3.{long},\n"), 100_000);
+}
+
+/// The text is read in parts of 64 KiB from the first row on; these rows begin so many bytes before the end of the
+/// first one.
+#[test]
+fn rows_across_the_ends_of_parts_are_read_alike() {
+    for rows in [
+        "1.25,-2.5,3.75,\n4,5,6,\n",
+        "1.25,-2.5,3.75,\n4,5,6,",
+        "1.25,-2.5,3.75,\n4,5",
+        "1.25,-2.5\n4,5,6,\n",
+        "1.25,-2.5,\n4,5,6,\n",
+        "1.25,-2.5,3.75,,\n4,5,6,7,8,\n",
+        "\n\n\n1.25,-2.5,3.75,\n\n4,5,x,\n",
+        "# comment, \"quoted\"\n1.25,-2.5,3.75,\n\n4,x5,6,\n",
+        "1.25,\"-2.5\",3.75,\n\n4,5,6,\n7,nan,9,\n",
+        "1.25,-2.5,3.75,missing\n,,,open\n1,2,3,brocken\n",
+        "0.0000123456789012345678,1e-3,-1E5,\n4,5,1e300,\n",
+    ] {
+        for end in ["\n", "\r\n"] {
+            for before in [0, 1, 3, 8, 14, 17, 20] {
+                let sample = format!("1.5,-2,3.25,{end}");
+                let length = (64 << 10) - before;
+                let (count, left) = (length / sample.len(), length % sample.len());
+                let first = format!("1.5{},-2,3.25,{end}", "0".repeat(left));
+                let text = format!("a,b,c,health{end}{first}{}", sample.repeat(count - 1));
+                assert_eq!(text.len(), "a,b,c,health".len() + end.len() + length);
+                let text = text + &rows.replace('\n', end);
+                agree_on(text.as_bytes(), 50_000, &[&[0, 1, 2]], rows);
+            }
+        }
+    }
 }
 
 #[test]

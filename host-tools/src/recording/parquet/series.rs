@@ -138,19 +138,22 @@ impl Series {
             sum,
             ..
         } = self;
-        let mut add = |bytes: &[u8]| {
-            if let Some((crc, _)) = sum {
-                crc.update(bytes);
-            }
-        };
         let numbers = &mut batch.numbers;
         match reader {
-            Some(ColumnReader::FloatColumnReader(reader)) => read::<FloatType>(reader, most, |x| {
-                if let Some(x) = x {
-                    add(&x.to_le_bytes());
+            Some(ColumnReader::FloatColumnReader(reader)) => {
+                // A few bytes take as long to be summed up as many.
+                let mut bytes = Vec::with_capacity(4 * most);
+                let found = read::<FloatType>(reader, most, |x| {
+                    if let Some(x) = x {
+                        bytes.extend_from_slice(&x.to_le_bytes());
+                    }
+                    numbers.push(x.map(|x| f64::from(*x)));
+                });
+                if let Some((crc, _)) = sum {
+                    crc.update(&bytes);
                 }
-                numbers.push(x.map(|x| f64::from(*x)));
-            }),
+                found
+            }
             Some(ColumnReader::DoubleColumnReader(reader)) => {
                 read::<DoubleType>(reader, most, |x| numbers.push(x.copied()))
             }

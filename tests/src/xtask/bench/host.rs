@@ -100,11 +100,18 @@ struct Bench {
 impl Bench {
     /// From six CSV recordings to averaged spectra, and ours to the answer.
     fn whole_job(&self) -> Result<String, StepError> {
-        let (setup, files) = self.recordings("six", DURATION)?;
-        let identify = |threads: &str| {
+        let (setup, files) = self.recordings("six", DURATION, "csv")?;
+        let (packed, _) = self.recordings("six-parquet", DURATION, "parquet")?;
+        let identify = |setup: &Path, threads: &str| {
             let mut command = vec!["run".to_owned(), text(&self.program)];
-            command.extend(["identify", "--quiet", "--threads", threads].map(str::to_owned));
-            command.push(text(&setup));
+            let identify = ["identify", "--method", "apparent-mass", "--quiet"];
+            command.extend(
+                identify
+                    .into_iter()
+                    .chain(["--threads", threads])
+                    .map(str::to_owned),
+            );
+            command.push(text(setup));
             command
         };
         let python = |kind: &str| {
@@ -115,8 +122,12 @@ impl Bench {
         let rivals = [
             ("pandas, scipy.fft", python("pandas")),
             ("polars, scipy.fft", python("polars")),
-            ("`massline identify`, one thread", identify("1")),
-            ("`massline identify`, two threads", identify("2")),
+            ("`massline identify`, one thread", identify(&setup, "1")),
+            ("`massline identify`, two threads", identify(&setup, "2")),
+            (
+                "`massline identify` of Parquet, one thread",
+                identify(&packed, "1"),
+            ),
         ];
         let rivals = rivals.map(|(name, command)| Rival { name, command });
         let costs = self.in_turns(&rivals)?;
@@ -126,8 +137,8 @@ impl Bench {
             .map(|m| m.len())
             .sum();
         let mut table = format!(
-            "Six CSV recordings of {DURATION} s at 512 Hz with 32 columns ({} MB) to averaged spectra; `identify` goes on to its \
-             answer and the modes. Medians of {} turns; the ratio is that of processor time to `identify` on one thread, turn by turn.\n\n\
+            "Six CSV recordings of {DURATION} s at 512 Hz with 32 columns ({} MB) to averaged spectra; `identify`, by the method \
+             `apparent-mass`, goes on to its answer and the modes. The last row is of the same recordings in Parquet. Medians of {} turns; the ratio is that of processor time to `identify` on one thread, turn by turn.\n\n\
              | program | processor s | clock s | peak MB | ratio |\n| --- | --- | --- | --- | --- |\n",
             megabytes / 1_000_000,
             self.runs
@@ -213,9 +224,17 @@ impl Bench {
         }
         table += "\n| length of six recordings | processor s of `identify` | peak MB |\n| --- | --- | --- |\n";
         for duration in [15, 60, 240] {
-            let (setup, _) = self.recordings(&format!("for-{duration}"), duration)?;
+            let (setup, _) = self.recordings(&format!("for-{duration}"), duration, "csv")?;
             let mut command = vec!["run".to_owned(), text(&self.program)];
-            command.extend(["identify", "--quiet", "--threads", "1"].map(str::to_owned));
+            let identify = [
+                "identify",
+                "--method",
+                "apparent-mass",
+                "--quiet",
+                "--threads",
+                "1",
+            ];
+            command.extend(identify.map(str::to_owned));
             command.push(text(&setup));
             let rival = [Rival { name: "", command }];
             let costs = self.in_turns(&rival)?;
@@ -229,7 +248,12 @@ impl Bench {
     }
 
     /// Simulates six recordings; the setup and the files.
-    fn recordings(&self, name: &str, seconds: u32) -> Result<(PathBuf, Vec<PathBuf>), StepError> {
+    fn recordings(
+        &self,
+        name: &str,
+        seconds: u32,
+        format: &str,
+    ) -> Result<(PathBuf, Vec<PathBuf>), StepError> {
         let folder = self.files.join(name);
         let mut simulate = Command::new(&self.program);
         simulate
@@ -237,12 +261,13 @@ impl Bench {
             .arg(&self.model)
             .arg("--out")
             .arg(&folder);
-        simulate.args(["--quiet", "--force", "--noise", "0.01", "--duration"]);
+        simulate.args(["--quiet", "--force", "--noise", "0.01", "--format", format]);
+        simulate.arg("--duration");
         process::run(simulate.arg(seconds.to_string()))?;
         let listed = fs::read_dir(&folder).map_err(|e| StepError::file(&folder, e))?;
         let files = listed.filter_map(|entry| Some(entry.ok()?.path()));
         let mut files: Vec<PathBuf> = files
-            .filter(|f| f.extension().is_some_and(|e| e == "csv"))
+            .filter(|f| f.extension().is_some_and(|e| e == format))
             .collect();
         files.sort();
         Ok((folder.join("setup.toml"), files))
