@@ -27,6 +27,7 @@
 //! | `rows`, `estimate` | the rows, and one set of spectra to their numbers |
 //! | `responses`, `recordings` | the spectra: exact or noisy responses, or recordings |
 //! | `monte_carlo` | root mean square errors over draws |
+//! | `fits` | maximum likelihood fits of the same draws, and the Cramér-Rao bound |
 //! | `pattern` | claims held against the figures |
 //! | `document`, `terminal`, `page` | JSON, terminal, HTML |
 //!
@@ -52,6 +53,7 @@ mod estimate;
 #[cfg(test)]
 mod false_alarms;
 pub mod faults;
+mod fits;
 pub mod likelihood;
 pub mod marked;
 mod monte_carlo;
@@ -72,6 +74,7 @@ mod twin;
 
 pub use document::Document;
 pub use estimate::{Answer, Numbers, Outcome, Solution};
+pub use fits::Fits;
 pub use monte_carlo::{Errors, Level, RowErrors};
 pub use options::{NoiseKind, Options, WeightRule};
 pub use page::render;

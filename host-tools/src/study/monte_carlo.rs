@@ -1,6 +1,7 @@
 //! The same rows under noise: root mean square errors over many draws.
 
-use super::estimate::{Numbers, Outcome};
+use super::estimate::{Answer, Numbers, Outcome};
+use super::fits::{self, Fitted, Fits};
 use super::{NoiseKind, Options, Recordings, Responses, Row, StudyError, Twin};
 use crate::parallel;
 use serde::{Serialize, Serializer};
@@ -13,6 +14,8 @@ pub struct Level {
     pub noise: f64,
     /// In the order of [`Row::all`].
     pub rows: Vec<RowErrors>,
+    /// Maximum likelihood fits of the first draws; `None` without noise, and where none were wanted.
+    pub fits: Option<Fits>,
 }
 
 /// Errors of one row over the draws.
@@ -41,7 +44,7 @@ pub struct Errors {
     pub reason: Option<String>,
 }
 
-fn by_name<S: Serializer>(list: &[f64; Numbers::COUNT], to: S) -> Result<S::Ok, S::Error> {
+pub(super) fn by_name<S: Serializer>(list: &[f64; Numbers::COUNT], to: S) -> Result<S::Ok, S::Error> {
     Numbers::from(*list).serialize(to)
 }
 
@@ -60,16 +63,24 @@ pub fn levels(options: &Options, progress: OnProgress<'_>) -> Result<Vec<Level>,
     shares.extend(&options.noise);
     let draws = options.draws.max(1);
     let count = shares.len() * draws;
-    let draw = |job: usize| {
+    let draw = |job: usize| -> Result<(Vec<Answer>, Option<Fitted>), StudyError> {
         let (level, number) = (shares[job / draws], job % draws);
         let seed = options.seed.wrapping_add(number as u64);
-        match options.noise_kind {
+        let recorded = options.noise_kind == NoiseKind::Recordings;
+        // Without noise there is nothing that a misfit could be weighed by.
+        let fitted = if recorded && level > 0.0 && number < options.fits.unwrap_or(draws) {
+            Some(fits::fitted(&twin, options, level, seed)?)
+        } else {
+            None
+        };
+        let answers = match options.noise_kind {
             NoiseKind::Recordings => {
                 Recordings::simulate(&twin, options, level, seed)?.answers(&twin, options)
             }
             NoiseKind::Responses if level == 0.0 => exact.answers(&twin, options),
             NoiseKind::Responses => exact.with_noise(level, seed).answers(&twin, options),
-        }
+        }?;
+        Ok((answers, fitted))
     };
     let (found, _) = parallel::each(count, None, &draw, &mut |done, _| {
         progress(done as f64 / count as f64);
@@ -80,9 +91,14 @@ pub fn levels(options: &Options, progress: OnProgress<'_>) -> Result<Vec<Level>,
         .zip(found.chunks(draws))
         .map(|(&noise, draws)| Level {
             noise,
+            fits: {
+                let fitted = draws.iter().filter_map(|(_, fitted)| fitted.clone());
+                let fitted: Vec<Fitted> = fitted.collect();
+                (!fitted.is_empty()).then(|| Fits::over(&fitted, &exact))
+            },
             rows: (0..Row::all().len())
                 .map(|row| {
-                    let answers = || draws.iter().filter_map(|answers| answers.get(row));
+                    let answers = || draws.iter().filter_map(|(answers, _)| answers.get(row));
                     RowErrors {
                         direct: Errors::over(answers().map(|a| &a.direct), &exact),
                         iterative: Errors::over(answers().map(|a| &a.iterative), &exact),
@@ -94,7 +110,7 @@ pub fn levels(options: &Options, progress: OnProgress<'_>) -> Result<Vec<Level>,
 }
 
 impl Errors {
-    fn over<'a>(outcomes: impl Iterator<Item = &'a Outcome>, exact: &Numbers) -> Self {
+    pub(super) fn over<'a>(outcomes: impl Iterator<Item = &'a Outcome>, exact: &Numbers) -> Self {
         let mut errors = Self::default();
         for outcome in outcomes {
             match outcome {

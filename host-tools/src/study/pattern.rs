@@ -1,6 +1,7 @@
 //! Does the twin show what the paper found, and what this project claims?
 
 use super::estimate::{Answer, Numbers, Outcome};
+use super::fits::Fits;
 use super::monte_carlo::Level;
 use super::rows::{Range, Row};
 use super::{FewerModes, percent};
@@ -321,7 +322,7 @@ pub(super) fn noisy(levels: &[Level]) -> Vec<Check> {
         .iter()
         .position(|row| row.method == Method::Synthesis && row.range == Range::I && row.weighted);
     let e = e.map_or(f64::NAN, |at| errors(at).rms[THETA_A]);
-    vec![
+    let mut checks = vec![
         Check {
             id: "recommended-best-under-noise",
             claim: "1 % noise: the recommended estimator is the best row (root mean square of \
@@ -343,7 +344,41 @@ pub(super) fn noisy(levels: &[Level]) -> Vec<Check> {
             holds: e < 1.0,
             measured: percent::with_unit(e),
         },
-    ]
+    ];
+    checks.extend(level.fits.as_ref().map(twice_as_sharp));
+    checks
+}
+
+/// All four numbers of the fork: mass (as Δ), two of the centre of gravity, inertia.
+const FOUR: [usize; 4] = [0, 1, THETA_A, 4];
+
+/// The claim about the fit through the resonances.
+fn twice_as_sharp(fits: &Fits) -> Check {
+    let (band, fit) = (&fits.band.rms, &fits.fit.rms);
+    let said: Vec<String> = FOUR
+        .iter()
+        .map(|&i| {
+            format!(
+                "{} {} against {} (bound {})",
+                NAMES[i],
+                percent::with_unit(fit[i]),
+                percent::with_unit(band[i]),
+                percent::with_unit(fits.bound[i])
+            )
+        })
+        .collect();
+    Check {
+        id: "likelihood-twice-as-sharp",
+        claim: "1 % noise: maximum likelihood is at least twice as sharp as the apparent mass of the \
+                averaging band in all four numbers, with errors as large as it claims (within a factor \
+                of two)"
+            .to_owned(),
+        holds: FOUR.iter().all(|&i| {
+            let honest = fit[i] / fits.claimed[i];
+            2.0 * fit[i] <= band[i] && (0.5..2.0).contains(&honest)
+        }),
+        measured: said.join("; "),
+    }
 }
 
 /// Root mean square of the errors of x, z, Θ_A and Θ_S.

@@ -3,6 +3,7 @@
 use crate::report::markup::{escape, push_number};
 use crate::report::number::{MINUS, NO_NUMBER, fixed};
 use crate::study::estimate::{Numbers, Outcome};
+use crate::study::fits::Fits;
 use crate::study::monte_carlo::{Errors, Level};
 use crate::study::paper::{self, Printed};
 use crate::study::{NAMES, Row, Study, percent};
@@ -259,11 +260,13 @@ pub(super) fn noise(study: &Study) -> String {
         .collect();
     html.push_str("<h3>Direct</h3>");
     for levels in study.levels.chunks(LEVELS) {
-        html.push_str(&level_table(levels, &rows, |l, at| &l.rows[at].direct));
+        html.push_str(&level_table(levels, &rows, true, |l, at| {
+            &l.rows[at].direct
+        }));
     }
     html.push_str("<h3>Iterative, range I</h3>");
     for levels in study.levels.chunks(LEVELS) {
-        html.push_str(&level_table(levels, &iterated, |l, at| {
+        html.push_str(&level_table(levels, &iterated, false, |l, at| {
             &l.rows[at].iterative
         }));
     }
@@ -274,6 +277,7 @@ pub(super) fn noise(study: &Study) -> String {
 fn level_table<'s>(
     levels: &'s [Level],
     rows: &[usize],
+    with_fits: bool,
     errors: impl Fn(&'s Level, usize) -> &'s Errors,
 ) -> String {
     let mut html = String::new();
@@ -300,8 +304,29 @@ fn level_table<'s>(
         }
         html.push_str("</tr>");
     }
+    if with_fits && levels.iter().any(|level| level.fits.is_some()) {
+        fits_of(&mut html, levels);
+    }
     html.push_str(END);
     html
+}
+
+/// The rows of the fits, below those of the methods.
+fn fits_of(html: &mut String, levels: &[Level]) {
+    let rows: [(&str, fn(&Fits) -> [f64; Numbers::COUNT]); 2] = [
+        (Fits::NAME, |fits| fits.fit.rms),
+        (Fits::BOUND, |fits| fits.bound),
+    ];
+    for (name, of) in rows {
+        let _ = write!(html, "<tr><td>{name}</td>");
+        for level in levels {
+            let found = level.fits.as_ref().map(of);
+            for i in 0..4 {
+                push_number(html, &error(found.map_or(f64::NAN, |all| all[i])));
+            }
+        }
+        html.push_str("</tr>");
+    }
 }
 
 pub(super) fn level_name(noise: f64) -> String {
