@@ -164,7 +164,9 @@ fn a_comparison_has_the_truth_and_no_report() {
 fn the_default_says_which_method_and_why() {
     let bench = Bench::fork();
     let finished = bench.recommended(&[]);
-    finished.shows("maximum likelihood fit … recommended: its residuals are noise … Θyy about S … fitted: ");
+    finished.shows(
+        "maximum likelihood fit … recommended: its residuals are noise … Θyy about S … fitted: ",
+    );
     let named = bench.identify(&["--method", "apparent-mass"]);
     assert!(!named.stdout.contains("recommended"), "{}", named.stdout);
     let of = |bench: &Bench, arguments: &[&str]| -> serde_json::Value {

@@ -118,7 +118,10 @@ fn errors() -> String {
                     (r["range"] == "I" || r["range"].is_null())
                         && (r["weighted"] == true || method == "apparent-mass")
                 })?;
-                Some([if noise > 0.0 { noise } else { NONE }, overall(&row["direct"]["rms_percent"])])
+                Some([
+                    if noise > 0.0 { noise } else { NONE },
+                    overall(&row["direct"]["rms_percent"]),
+                ])
             });
             Series::new(name, tone, Mark::Knots, points.collect()).labelled()
         })

@@ -118,10 +118,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     if !verbosity.quiet {
         eprintln!();
         eprintln!("report:  {}", html.display());
-        eprintln!(
-            "try it:  massline identify {} --method all",
-            path.display()
-        );
+        eprintln!("try it:  massline identify {} --method all", path.display());
     }
     refuse(result.refused.as_deref())
 }

@@ -87,8 +87,5 @@ fn suits(answer: &Answer, choice: &Choice) -> bool {
     let random = !measurement.runs.is_empty()
         && measurement.sines.is_empty()
         && measurement.poses.is_empty();
-    random
-        && answer.method == Method::ApparentMass
-        && answer.refused.is_none()
-        && !choice.iterative
+    random && answer.method == Method::ApparentMass && answer.refused.is_none() && !choice.iterative
 }

@@ -92,12 +92,7 @@ pub(super) fn fitted(
     let measurements = vec![(accelerations.clone(), Rc::new(measured))];
     let mut session = Session::of_measurements(setup, measurements);
     let choice = Choice::default();
-    let answer = session.answer_with(
-        Method::ApparentMass,
-        &choice,
-        &accelerations,
-        &mut |_| (),
-    );
+    let answer = session.answer_with(Method::ApparentMass, &choice, &accelerations, &mut |_| ());
     let none = |why: String| Fitted {
         fit: Err(why.clone()),
         claimed: [f64::NAN; Numbers::COUNT],

@@ -1,7 +1,7 @@
 //! The same rows under noise: root mean square errors over many draws.
 
 use super::estimate::{Answer, Numbers, Outcome};
-use super::fits::{self, Fitted, Fits};
+use super::fits::{self, Fits, Fitted};
 use super::{NoiseKind, Options, Recordings, Responses, Row, StudyError, Twin};
 use crate::parallel;
 use serde::{Serialize, Serializer};
@@ -44,7 +44,10 @@ pub struct Errors {
     pub reason: Option<String>,
 }
 
-pub(super) fn by_name<S: Serializer>(list: &[f64; Numbers::COUNT], to: S) -> Result<S::Ok, S::Error> {
+pub(super) fn by_name<S: Serializer>(
+    list: &[f64; Numbers::COUNT],
+    to: S,
+) -> Result<S::Ok, S::Error> {
     Numbers::from(*list).serialize(to)
 }
 

@@ -390,7 +390,11 @@ fn fits_of(out: &mut dyn Write, levels: &[Level]) -> Result<()> {
         (fitted < drawn.answered + drawn.failed).then_some(fitted)
     });
     if let Some(fewer) = fewer {
-        writeln!(out, "{DIM}{} of the first {fewer} draws alone{DIM:#}", Fits::NAME)?;
+        writeln!(
+            out,
+            "{DIM}{} of the first {fewer} draws alone{DIM:#}",
+            Fits::NAME
+        )?;
     }
     Ok(())
 }

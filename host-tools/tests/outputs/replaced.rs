@@ -50,7 +50,12 @@ fn a_report_replaces_reports_only_unless_it_is_forced() {
     let bench = Bench::fork()
         .write("notes.html", "<p>mine</p>")
         .write("empty.html", "");
-    let own = [&["identify", "setup.toml", "--json"], &BAND[..], &["--report"]].concat();
+    let own = [
+        &["identify", "setup.toml", "--json"],
+        &BAND[..],
+        &["--report"],
+    ]
+    .concat();
     let report = |name| [&own[..], &[name]].concat();
     let words = ["no report of this program", "--force"];
     refused(&bench, &report("notes.html"), &words);
