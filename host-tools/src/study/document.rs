@@ -1,8 +1,9 @@
 //! The study as JSON, `massline/study/1`: all rows, so that a script can check the pattern.
 
+use super::errors::Errors;
 use super::estimate::{Answer, Numbers, Outcome};
 use super::fits::Fits;
-use super::monte_carlo::{Errors, RowErrors};
+use super::monte_carlo::RowErrors;
 use super::paper::{self, Printed};
 use super::rows::{Range, Row};
 use super::{Check, FrequencyRow, Options, Study};

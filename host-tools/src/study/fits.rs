@@ -1,8 +1,8 @@
 //! Maximum likelihood fits of recordings under noise, beside the band's method on the same draws and the bound
 //! of Cramér and Rao.
 
+use super::errors::Errors;
 use super::estimate::{Numbers, Outcome, Solution};
-use super::monte_carlo::Errors;
 use super::{Options, StudyError, Twin};
 use crate::identification::{self, Choice, Session, fit_records, told_of, widest_band};
 use crate::measure::{Accelerations, measure_samples, sampled_records};

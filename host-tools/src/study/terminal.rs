@@ -1,8 +1,9 @@
 //! The study on a terminal of a hundred columns.
 
+use super::errors::Errors;
 use super::estimate::{Numbers, Outcome};
 use super::fits::Fits;
-use super::monte_carlo::{Errors, Level};
+use super::monte_carlo::Level;
 use super::paper::{self, Printed};
 use super::rows::{Range, Row};
 use super::{NAMES, NoiseKind, Study, percent};

@@ -2,9 +2,10 @@
 
 use crate::report::markup::{escape, push_number};
 use crate::report::number::{MINUS, NO_NUMBER, fixed};
+use crate::study::errors::Errors;
 use crate::study::estimate::{Numbers, Outcome};
 use crate::study::fits::Fits;
-use crate::study::monte_carlo::{Errors, Level};
+use crate::study::monte_carlo::Level;
 use crate::study::paper::{self, Printed};
 use crate::study::{NAMES, Row, Study, percent};
 use massline_core::masslines::Method;
