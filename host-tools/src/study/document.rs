@@ -166,6 +166,8 @@ pub struct FitsEntry {
     pub stepped_back: usize,
     /// Errors of `apparent-mass` in averaging range II, with its equations weighed by their noise.
     pub band: Errors,
+    /// Root mean square of the standard deviations that it claims, per cent.
+    pub band_claimed_percent: Numbers,
     /// Bound of Cramér and Rao of all lines, per cent.
     pub bound_percent: Numbers,
 }
@@ -179,6 +181,7 @@ impl FitsEntry {
             claimed_percent: fits.claimed.into(),
             stepped_back: fits.stepped_back,
             band: fits.band.clone(),
+            band_claimed_percent: fits.band_claimed.into(),
             bound_percent: fits.bound.into(),
         }
     }

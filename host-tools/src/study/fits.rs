@@ -21,6 +21,8 @@ pub struct Fitted {
     claimed: [f64; Numbers::COUNT],
     /// Numbers of the apparent mass in averaging range II, with its equations weighed by their noise.
     band: Outcome,
+    /// Their standard deviations, likewise.
+    band_claimed: [f64; Numbers::COUNT],
     /// Least standard deviations, likewise.
     bound: [f64; Numbers::COUNT],
     /// `true` if the numbers are those of the band.
@@ -36,6 +38,8 @@ pub struct Fits {
     pub claimed: [f64; Numbers::COUNT],
     /// Errors of the apparent mass in averaging range II on the same draws.
     pub band: Errors,
+    /// Root mean square of the standard deviations that it claims, per cent.
+    pub band_claimed: [f64; Numbers::COUNT],
     /// Bound of Cramér and Rao, per cent.
     pub bound: [f64; Numbers::COUNT],
     /// Draws that have the band's numbers, since the fit does not pass its tests.
@@ -59,6 +63,7 @@ impl Fits {
             fit: Errors::over(draws.iter().map(|d| &d.fit), exact),
             claimed: rms(&|d| d.claimed),
             band: Errors::over(draws.iter().map(|d| &d.band), exact),
+            band_claimed: rms(&|d| d.band_claimed),
             bound: rms(&|d| d.bound),
             stepped_back: draws.iter().filter(|d| d.back).count(),
         }
@@ -97,6 +102,7 @@ pub(super) fn fitted(
         fit: Err(why.clone()),
         claimed: [f64::NAN; Numbers::COUNT],
         band: Err(why),
+        band_claimed: [f64::NAN; Numbers::COUNT],
         bound,
         back: false,
     };
@@ -116,6 +122,7 @@ pub(super) fn fitted(
         claimed: percent(&claimed(&fit), &exact),
         fit: outcome(&fit),
         band: outcome(&band),
+        band_claimed: percent(&claimed(&band), &exact),
         bound,
         back: !found.is_used(),
     })
