@@ -138,7 +138,7 @@ fn errors() -> String {
     series.push(
         Series::new(
             "maximum likelihood",
-            Tone::Colour(0),
+            Tone::Measured,
             Mark::Knots,
             fits(&|fit| fit["direct"]["rms_percent"].clone()),
         )
@@ -147,8 +147,8 @@ fn errors() -> String {
     series.push(
         Series::new(
             "Cramér-Rao bound",
-            Tone::Identified,
-            Mark::Line,
+            Tone::Measured,
+            Mark::Dashed,
             fits(&|fit| fit["bound_percent"].clone()),
         )
         .labelled(),

@@ -44,7 +44,7 @@ fn header(study: &Study) -> String {
         "<header><p class=\"kicker\">Numerical example of Schedlinski and Link, \
          <i>Identification of rigid body properties using base excitation and measured \
          interface forces</i></p><h1>The paper’s tuning fork, row by row</h1>\
-         <p class=\"method\">All methods of the paper and two more on a numerical twin of its \
+         <p class=\"method\">All methods of the paper and three more on a numerical twin of its \
          plane tuning fork, whose true properties are known exactly.</p></header>",
     );
     let _ = write!(

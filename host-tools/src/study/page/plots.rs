@@ -177,7 +177,7 @@ fn tone(method: Method) -> Tone {
         Method::FreeResponses => Tone::Colour(1),
         Method::CurveFit => Tone::Colour(4),
         Method::Synthesis => Tone::Colour(2),
-        Method::FreeResponsesSquared => Tone::Measured,
+        Method::FreeResponsesSquared => Tone::Muted,
         Method::ApparentMass => Tone::Fit,
         _ => Tone::Muted,
     }
@@ -199,7 +199,7 @@ pub(super) fn noise(study: &Study) -> String {
         .collect();
     if study.levels.iter().any(|level| level.fits.is_some()) {
         key.push((LIKELIHOOD, Mark::Knots, Fits::NAME));
-        key.push((BOUND, Mark::Line, Fits::BOUND));
+        key.push((BOUND.0, BOUND.1, Fits::BOUND));
     }
     let mut html = String::new();
     for (range, heading) in [
@@ -217,8 +217,8 @@ pub(super) fn noise(study: &Study) -> String {
 const PANELS: usize = NAMES.len() + 1;
 
 /// Colours of the fit through the resonances and of the least that any estimator can reach.
-const LIKELIHOOD: Tone = Tone::Colour(0);
-const BOUND: Tone = Tone::Identified;
+const LIKELIHOOD: Tone = Tone::Measured;
+const BOUND: (Tone, Mark) = (Tone::Measured, Mark::Dashed);
 
 /// Ratio of the abscissa of rows without noise to the least noise.
 const ASIDE: f64 = 0.3;
@@ -267,7 +267,7 @@ fn errors(study: &Study, range: Range, parameter: usize) -> String {
     };
     if study.levels.iter().any(|level| level.fits.is_some()) {
         let (fit, bound) = (along(&|f| f.fit.rms), along(&|f| f.bound));
-        series.push(Series::new(Fits::BOUND, BOUND, Mark::Line, bound));
+        series.push(Series::new(Fits::BOUND, BOUND.0, BOUND.1, bound));
         series.push(Series::new(Fits::NAME, LIKELIHOOD, Mark::Knots, fit));
     }
     let values = series.iter().flat_map(|s| &s.points).map(|p| p[1]);
