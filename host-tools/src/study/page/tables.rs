@@ -314,11 +314,7 @@ fn level_table<'s>(
 
 /// The rows of the fits, below those of the methods.
 fn fits_of(html: &mut String, levels: &[Level]) {
-    let rows: [(&str, fn(&Fits) -> [f64; Numbers::COUNT]); 2] = [
-        (Fits::NAME, |fits| fits.fit.rms),
-        (Fits::BOUND, |fits| fits.bound),
-    ];
-    for (name, of) in rows {
+    let mut row = |name: &str, of: &dyn Fn(&Fits) -> [f64; Numbers::COUNT]| {
         let _ = write!(html, "<tr><td>{name}</td>");
         for level in levels {
             let found = level.fits.as_ref().map(of);
@@ -327,7 +323,9 @@ fn fits_of(html: &mut String, levels: &[Level]) {
             }
         }
         html.push_str("</tr>");
-    }
+    };
+    row(Fits::NAME, &|fits| fits.fit.rms);
+    row(Fits::BOUND, &|fits| fits.bound);
 }
 
 pub(super) fn level_name(noise: f64) -> String {
