@@ -5,8 +5,8 @@ use crate::setup::{AccelerometerEntry, Mount, Setup};
 use massline_core::masslines::Method;
 
 /// Reason why the maximum likelihood fit is recommended.
-pub const LIKELIHOOD_PASSES: &str = "its residuals are noise and its low lines agree, so that the lines through the resonances \
-     count as well as those of the averaging band";
+pub const LIKELIHOOD_PASSES: &str =
+    "its residuals are noise and its low lines agree, so that lines through the resonances count";
 
 /// Most samples of all runs that are fitted without having been asked to: a minute of work.
 const MOST_SAMPLES: u64 = 1 << 20;
