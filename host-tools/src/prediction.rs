@@ -79,8 +79,8 @@ pub fn bounds(specimen: &Specimen, clean: &Simulation, noise: f64) -> Vec<Bound>
 }
 
 /// Sensors and drive of each run.
-fn samples(clean: &Simulation) -> Vec<Samples<'_>> {
-    let runs = clean.setup.runs.iter().zip(&clean.recordings);
+pub(crate) fn samples(simulation: &Simulation) -> Vec<Samples<'_>> {
+    let runs = simulation.setup.runs.iter().zip(&simulation.recordings);
     runs.map(|(run, recording)| {
         let lead = usize::from(!run.references.is_empty());
         Samples {

@@ -27,7 +27,8 @@ fn setup(folder: &Path) -> String {
 }
 
 fn identify(folder: &Path) -> (Finished, Value) {
-    let finished = massline(folder, ["identify", "box.toml", "--json"]);
+    let identify = ["identify", "box.toml", "--json"];
+    let finished = massline(folder, identify.iter().chain(&bench::BAND));
     let document = serde_json::from_str(&finished.stdout).unwrap_or(Value::Null);
     (finished, document)
 }

@@ -163,14 +163,32 @@ fn a_comparison_has_the_truth_and_no_report() {
 #[test]
 fn the_default_says_which_method_and_why() {
     let bench = Bench::fork();
-    let finished = bench.identify(&[]);
-    finished.shows("recommended: its base acceleration");
+    let finished = bench.recommended(&[]);
+    finished.shows(
+        "maximum likelihood fit … recommended: its residuals are noise … Θyy about S … fitted: ",
+    );
     let named = bench.identify(&["--method", "apparent-mass"]);
     assert!(!named.stdout.contains("recommended"), "{}", named.stdout);
-    let document = bench.identify(&["--json"]).stdout;
-    let document: serde_json::Value = serde_json::from_str(&document).unwrap();
-    assert_eq!(document["method"], "apparent-mass");
+    let of = |bench: &Bench, arguments: &[&str]| -> serde_json::Value {
+        serde_json::from_str(&bench.recommended(arguments).stdout).unwrap()
+    };
+    let document = of(&bench, &["--json"]);
+    assert_eq!(document["method"], "ml");
     assert!(document["recommended_because"].is_string());
+    let named = of(&bench, &["--json", "--method", "ml"]);
+    assert_eq!(document["mass"], named["mass"]);
+    assert!(named["recommended_because"].is_null());
+    // The reference point is stepped by the averaging band's methods.
+    let iterated = of(&bench, &["--json", "--iterative"]);
+    assert_eq!(iterated["method"], "apparent-mass");
+    assert!(iterated["likelihood"].is_null());
+    // Accelerometers on the structure alone are for another method.
+    let structure = Bench::fork().edit("setup.toml", |text| {
+        text.replace("mount = \"interface\"", "mount = \"structure\"")
+    });
+    structure
+        .recommended(&[])
+        .refused_data("method c-squared: this method needs 3 independent runs");
 }
 
 #[test]

@@ -137,7 +137,7 @@ fn verbose_says_what_was_averaged_and_fitted() {
 #[test]
 fn no_color_is_honoured() {
     let bench = Bench::fork();
-    let arguments = ["identify", "setup.toml"];
+    let arguments = ["identify", "setup.toml", "--method", "apparent-mass"];
     let mut forced = command(bench.path(), arguments);
     forced.env("CLICOLOR_FORCE", "1");
     let coloured = finish(forced);

@@ -21,6 +21,7 @@ use watched::watched;
 /// Most memory that `identify` has resident, bytes.
 fn peak(bench: &Bench) -> u64 {
     let identify = ["identify", "setup.toml", "--report", "report.html"];
+    let identify = identify.iter().chain(&bench::BAND);
     let (peak, success, said) = watched(command(bench.path(), identify));
     assert!(success, "{said}");
     peak
@@ -64,6 +65,7 @@ fn identify_reads_each_recording_once() {
     let whole: u64 = sizes.into_iter().map(|size| size.unwrap().len()).sum();
     for threads in ["1", "3"] {
         let identify = ["identify", "setup.toml", "--threads", threads];
+        let identify = identify.iter().chain(&bench::BAND);
         let read = bytes_read(command(bench.path(), identify));
         println!("{read} bytes read of {whole}");
         // Beside one pass: the head of the first recording once more, the program's libraries, and the setup.

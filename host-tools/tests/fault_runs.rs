@@ -16,7 +16,8 @@ fn record(folder: &Path, seconds: &str, more: &[&str]) {
 }
 
 fn identify(folder: &Path) -> (Option<i32>, Value, String) {
-    let finished = massline(folder, ["identify", "test/setup.toml", "--json"]);
+    let identify = ["identify", "test/setup.toml", "--json"];
+    let finished = massline(folder, identify.iter().chain(&bench::BAND));
     let document = serde_json::from_str(&finished.stdout).unwrap_or(Value::Null);
     (finished.code, document, finished.stderr)
 }

@@ -9,6 +9,7 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::LazyLock;
 
 const AGAIN: &str = "OVERWRITE=1 cargo test --release -p massline --test front_page";
 
@@ -17,7 +18,7 @@ fn root() -> PathBuf {
 }
 
 /// Output of the demo, and its report.
-fn demo() -> (String, String) {
+static DEMO: LazyLock<(String, String)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_massline"))
         .current_dir(folder.path())
@@ -27,7 +28,7 @@ fn demo() -> (String, String) {
     assert!(output.status.success());
     let report = std::fs::read_to_string(folder.path().join("demo/report.html")).unwrap();
     (String::from_utf8(output.stdout).unwrap(), report)
-}
+});
 
 /// Compares with a file, or writes it.
 fn agree(path: &Path, now: &str) {
@@ -53,7 +54,7 @@ fn the_table_is_what_the_demo_prints() {
     let to = from + page[from..].find("```").unwrap();
     agree(
         &path,
-        &format!("{}{}{}", &page[..from], demo().0, &page[to..]),
+        &format!("{}{}{}", &page[..from], DEMO.0, &page[to..]),
     );
 }
 
@@ -78,15 +79,17 @@ const NONE: f64 = 0.03;
 
 /// Errors over noise of one row a method, all four numbers together.
 fn errors() -> String {
-    // Enough for a logarithmic axis: six draws tell a root mean square within a third.
+    // Enough for a logarithmic axis: six draws tell a root mean square within a third; two, with four
+    // numbers each, do so for the fit, whose errors are those of noise alone.
     let options = Options {
         draws: 6,
+        fits: Some(2),
         ..Options::default()
     };
     let study = study::run(&options, &mut |_| ()).unwrap_or_else(|error| panic!("{error}"));
     let document = serde_json::to_value(Document::new(&study)).unwrap();
-    let overall = |row: &Value| {
-        let square = |name| row["direct"]["rms_percent"][name].as_f64().unwrap().powi(2);
+    let overall = |percent: &Value| {
+        let square = |name| percent[name].as_f64().unwrap().powi(2);
         (["x", "z", "theta_a", "theta_s"]
             .map(square)
             .iter()
@@ -103,7 +106,7 @@ fn errors() -> String {
         ("e", "e", Tone::Colour(2)),
         ("apparent-mass", "apparent mass", Tone::Fit),
     ];
-    let series: Vec<Series> = series
+    let mut series: Vec<Series> = series
         .into_iter()
         .map(|(method, name, tone)| {
             let points = levels.iter().filter_map(|level| {
@@ -115,11 +118,41 @@ fn errors() -> String {
                     (r["range"] == "I" || r["range"].is_null())
                         && (r["weighted"] == true || method == "apparent-mass")
                 })?;
-                Some([if noise > 0.0 { noise } else { NONE }, overall(row)])
+                Some([
+                    if noise > 0.0 { noise } else { NONE },
+                    overall(&row["direct"]["rms_percent"]),
+                ])
             });
             Series::new(name, tone, Mark::Knots, points.collect()).labelled()
         })
         .collect();
+    let fits = |percent: &dyn Fn(&Value) -> Value| -> Vec<[f64; 2]> {
+        let fitted = levels.iter().filter(|level| !level["likelihood"].is_null());
+        let of = |level: &Value| {
+            let noise = 100.0 * level["noise"].as_f64().unwrap();
+            [noise, overall(&percent(&level["likelihood"]))]
+        };
+        fitted.map(of).collect()
+    };
+    assert!(series.iter().all(|s| s.points.len() == levels.len()));
+    series.push(
+        Series::new(
+            "maximum likelihood",
+            Tone::Measured,
+            Mark::Knots,
+            fits(&|fit| fit["direct"]["rms_percent"].clone()),
+        )
+        .labelled(),
+    );
+    series.push(
+        Series::new(
+            "Cramér-Rao bound",
+            Tone::Measured,
+            Mark::Dashed,
+            fits(&|fit| fit["bound_percent"].clone()),
+        )
+        .labelled(),
+    );
     let values = series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let domain = Extent::of(Mapping::Log, values).domain(0.06);
     let mut chart = LineChart::panel(
@@ -127,7 +160,6 @@ fn errors() -> String {
         Axis::new("noise of every sensor, %", Mapping::Log, [0.025, 3.6]),
         Axis::new("root mean square, %", Mapping::Log, domain),
     );
-    assert!(series.iter().all(|s| s.points.len() == levels.len()));
     chart.series = series;
     chart.rules.push(Rule::Vertical {
         x: NONE,
@@ -167,8 +199,7 @@ fn figure(charts: &[(String, [f64; 2])]) -> String {
 
 #[test]
 fn the_picture_is_what_demo_and_study_draw() {
-    let (_, report) = demo();
-    let moment = chart(&report, "Θyy");
+    let moment = chart(&DEMO.1, "Θyy");
     let now = figure(&[(moment, [403.0, 240.0]), (errors(), [400.0, 240.0])]);
     roxmltree::Document::parse(&now).unwrap();
     agree(&root().join("host-tools/figures/front-page.svg"), &now);

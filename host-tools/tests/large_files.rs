@@ -215,8 +215,10 @@ fn measured(minute: &Minute, form: Form, name: &str, file: &Path, times: usize) 
     out.flush().unwrap();
     drop(out);
     let size = std::fs::metadata(file).unwrap().len();
-    let bench = bench(minute, file, name.starts_with("WAV"));
-    let (peak, success, said) = watched(command(bench.path(), ["identify", "setup.toml"]));
+    let test = bench(minute, file, name.starts_with("WAV"));
+    let identify = ["identify", "setup.toml"];
+    let identify = identify.iter().chain(&bench::BAND);
+    let (peak, success, said) = watched(command(test.path(), identify));
     assert!(success, "{name}: {said}");
     (size, peak)
 }

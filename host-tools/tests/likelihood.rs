@@ -78,6 +78,11 @@ fn the_fit_is_sharper_than_the_band_and_holds_the_truth() {
         let near = frequencies.iter().any(|f| (f - known).abs() < 0.01);
         assert!(near, "{known}: {frequencies:?}");
     }
+    // Offsets between runs are held by their prior of 1 % alone: of their mean nothing is left.
+    for mode in modes.iter().filter(|m| m["among_lines"] == true) {
+        let share = mode["frequency_std"].as_f64().unwrap() / mode["frequency"].as_f64().unwrap();
+        assert!(share > 0.0 && share < 1e-4, "{mode}");
+    }
     let over = fit["likelihood"]["over_bound"].as_f64().unwrap();
     assert!((0.9..1.5).contains(&over), "{over}");
 }

@@ -3,7 +3,7 @@
 
 mod bench;
 
-use bench::{Bench, Finished, massline};
+use bench::{BAND, Bench, Finished, massline};
 use massline::simulate::{Model, Options, simulate};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,12 @@ impl Setup {
 
     fn run(&self, arguments: &[&str]) -> Finished {
         let own = ["identify", self.path.to_str().unwrap()];
-        massline(Path::new("."), own.iter().chain(arguments))
+        let fast: &[&str] = if arguments.contains(&"--method") {
+            &[]
+        } else {
+            &BAND
+        };
+        massline(Path::new("."), own.iter().chain(arguments).chain(fast))
     }
 
     fn document(&self, arguments: &[&str], code: i32) -> Value {

@@ -139,10 +139,27 @@ fn weighting_improves_c_and_iteration_improves_c_and_e() {
 fn noise_leaves_the_recommended_estimator_in_front() {
     let options = Options {
         draws: 6,
+        fits: Some(4),
         noise: vec![0.01],
         ..Options::default()
     };
     let document = run(&options);
+    // The fit through the resonances, beside the apparent mass of the band and the least there can be.
+    let pattern = document["pattern"].as_array().unwrap();
+    let claim = pattern
+        .iter()
+        .find(|check| check["id"] == "likelihood-twice-as-sharp")
+        .unwrap();
+    println!("{claim}");
+    assert_eq!(claim["holds"], true, "{claim}");
+    let fits = &document["noise"][1]["likelihood"];
+    assert_eq!(fits["stepped_back"], 0);
+    assert!(document["noise"][0]["likelihood"].is_null());
+    for name in RESULTS {
+        let of = |key: &str| fits[key][name].as_f64().unwrap();
+        let over = of("claimed_percent") / of("bound_percent");
+        assert!((0.9..1.3).contains(&over), "{name}: {over}");
+    }
     let levels = document["noise"].as_array().unwrap();
     assert_eq!(levels.len(), 2, "no noise, and 1 %");
     let level = &levels[1];
@@ -174,6 +191,7 @@ fn a_draw_depends_on_its_seed_alone() {
     let with_seed = |seed| {
         let options = Options {
             draws: 1,
+            fits: Some(0),
             noise: vec![0.03],
             seed,
             ..Options::default()

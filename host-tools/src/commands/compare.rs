@@ -5,17 +5,13 @@ use super::table::{Row, rows};
 use super::{Failure, print_json, refuse, warn};
 use crate::commands::Verbosity;
 use crate::format::{significant, with_std};
-use crate::identification::{Choice, LIKELIHOOD, Session, recommended};
+use crate::identification::{Choice, LIKELIHOOD, LIKELIHOOD_PASSES, Session, recommended};
 use crate::result::{COMPARISON_SCHEMA, ComparisonDocument, FailedMethod, ResultDocument};
 use crate::setup::Setup;
 use crate::simulate::Truth;
 use anstyle::{AnsiColor, Style};
 use massline_core::masslines::Method;
 use std::io::Write;
-
-/// Reason why the maximum likelihood fit is recommended.
-const LIKELIHOOD_PASSES: &str = "its residuals are noise and its low lines agree, so that the lines through the resonances \
-     count as well as those of the averaging band";
 
 /// Options of the display.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use super::{Failure, details, identify, print_json, refuse, simulate, true_body, warn};
 use crate::commands::Verbosity;
-use crate::identification::{Answer, Choice};
+use crate::identification::{Answer, Choice, Wanted};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -55,13 +55,14 @@ pub(crate) struct Left {
     result: ResultDocument,
 }
 
-/// Simulates, identifies and reports into a folder.
+/// Simulates, identifies by the method that is wanted, and reports into a folder.
 ///
 /// # Errors
 /// [`Failure`] with the reason.
 pub(crate) fn leave(
     folder: &Path,
     options: &Options,
+    wanted: Wanted,
     force: bool,
     verbosity: Verbosity,
 ) -> Result<Left, Failure> {
@@ -73,7 +74,7 @@ pub(crate) fn leave(
     let path = simulation.write(folder)?;
     let truth = simulation.truth;
     let setup = Setup::read(&path)?;
-    let (answer, _) = identify::with_progress(&setup, &Choice::default(), false, None, verbosity)?;
+    let (answer, _) = identify::with_progress(&setup, wanted, &Choice::default(), None, verbosity)?;
     let result = ResultDocument::new(&setup, &answer);
     let page = report::render(&setup, &answer, &result, Some(&true_body(&truth)));
     output::write(&html, page.as_bytes())?;
@@ -99,7 +100,13 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         truth,
         answer,
         result,
-    } = leave(&arguments.out, &options(), arguments.force, verbosity)?;
+    } = leave(
+        &arguments.out,
+        &options(),
+        Wanted::Recommended,
+        arguments.force,
+        verbosity,
+    )?;
     if arguments.json {
         let refused = result.refused.clone();
         print_json(&Document { result, truth })?;
@@ -111,10 +118,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     if !verbosity.quiet {
         eprintln!();
         eprintln!("report:  {}", html.display());
-        eprintln!(
-            "try it:  massline identify {} --method b-cholesky",
-            path.display()
-        );
+        eprintln!("try it:  massline identify {} --method all", path.display());
     }
     refuse(result.refused.as_deref())
 }

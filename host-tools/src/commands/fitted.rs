@@ -1,6 +1,7 @@
 //! Lines, modes and tests of a maximum likelihood fit on the terminal.
 
 use crate::format::plain;
+use crate::printable::printable;
 use crate::result::LikelihoodDocument;
 use anstyle::Style;
 use std::io::{Result, Write};
@@ -12,9 +13,16 @@ use std::io::{Result, Write};
 pub(super) fn print(out: &mut dyn Write, fit: &LikelihoodDocument) -> Result<()> {
     let dim = Style::new().dimmed();
     if !fit.used {
+        // What a fit fails is in a note.
+        let why = match &fit.stepped_back {
+            Some(why) if fit.band.is_none() && fit.rejected.is_empty() => {
+                format!(", not of maximum likelihood: {}", printable(why))
+            }
+            _ => String::new(),
+        };
         return writeln!(
             out,
-            "\n{dim}the numbers are those of apparent-mass in the averaging band{dim:#}"
+            "\n{dim}the numbers are those of apparent-mass in the averaging band{why}{dim:#}"
         );
     }
     let [low, high] = fit.band.unwrap_or_default();

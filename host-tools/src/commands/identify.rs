@@ -8,26 +8,25 @@ use super::{
 };
 use crate::commands::Verbosity;
 use crate::detective::{self, Findings};
-use crate::identification::{Answer, Choice, LIKELIHOOD, Session, WARNED};
+use crate::identification::{Answer, Choice, LIKELIHOOD, Session, WARNED, Wanted};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
 use crate::setup::{Setup, read_document};
 use crate::simulate::Truth;
-use massline_core::masslines::Method;
 use std::path::{Path, PathBuf};
 
 /// Identify the ten rigid-body properties from recordings
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --export body.bdf --export body.urdf --export mass-matrix=m.csv\n  massline identify setup.toml --method ml\n  massline identify setup.toml --method all"
+    after_help = "Examples:\n  massline identify setup.toml\n  massline identify setup.toml --report report.html\n  massline identify setup.toml --json | jq .mass\n  massline identify setup.toml --export body.bdf --export body.urdf --export mass-matrix=m.csv\n  massline identify setup.toml --method apparent-mass\n  massline identify setup.toml --method all"
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs
     setup: PathBuf,
     /// Method that finds the masslines; the recommended one if absent
-    #[arg(long, value_parser = parse_wanted, value_name = "NAME|all")]
-    method: Option<Wanted>,
+    #[arg(long, value_parser = parse_named, value_name = "NAME|all")]
+    method: Option<Named>,
     #[command(flatten)]
     procedure: Procedure,
     /// One JSON document on stdout and nothing else
@@ -56,17 +55,16 @@ pub struct Arguments {
 
 /// One method, or all of them side by side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Wanted {
-    One(Method),
-    Likelihood,
+enum Named {
+    One(Wanted),
     All,
 }
 
-fn parse_wanted(name: &str) -> Result<Wanted, String> {
+fn parse_named(name: &str) -> Result<Named, String> {
     match name {
-        "all" => Ok(Wanted::All),
-        LIKELIHOOD => Ok(Wanted::Likelihood),
-        name => parse_method(name, ", ml, and all").map(Wanted::One),
+        "all" => Ok(Named::All),
+        LIKELIHOOD => Ok(Named::One(Wanted::Likelihood)),
+        name => parse_method(name, ", ml, and all").map(|m| Named::One(Wanted::Band(m))),
     }
 }
 
@@ -78,10 +76,7 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let setup = Setup::read(&arguments.setup)?;
     let truth = arguments.truth.as_deref().map(read_truth).transpose()?;
     let choice = Choice {
-        method: match arguments.method {
-            Some(Wanted::One(method)) => Some(method),
-            _ => None,
-        },
+        method: None,
         iterative: arguments.procedure.iterative,
         weighted: arguments.procedure.weighted(),
     };
@@ -90,27 +85,30 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
             "--force is about the files of --report and --export; name one, or leave it out",
         ));
     }
-    if arguments.method == Some(Wanted::All) {
-        if !arguments.export.is_empty() {
-            return Err(Failure::input(
-                "--export writes the result of one method; leave out `--method all`, or name the method to export",
-            ));
+    let wanted = match arguments.method {
+        None => Wanted::Recommended,
+        Some(Named::One(wanted)) => wanted,
+        Some(Named::All) => {
+            if !arguments.export.is_empty() {
+                return Err(Failure::input(
+                    "--export writes the result of one method; leave out `--method all`, or name the method to export",
+                ));
+            }
+            if arguments.report.is_some() {
+                return Err(Failure::input(
+                    "--report shows one method; leave out `--method all`, or name the method to report",
+                ));
+            }
+            let options = compare::Options {
+                json: arguments.json,
+                anyway: arguments.anyway,
+            };
+            let truth = in_frame(truth.as_ref(), &setup);
+            return compare::run(&setup, &choice, truth.as_ref(), options, verbosity);
         }
-        if arguments.report.is_some() {
-            return Err(Failure::input(
-                "--report shows one method; leave out `--method all`, or name the method to report",
-            ));
-        }
-        let options = compare::Options {
-            json: arguments.json,
-            anyway: arguments.anyway,
-        };
-        let truth = in_frame(truth.as_ref(), &setup);
-        return compare::run(&setup, &choice, truth.as_ref(), options, verbosity);
-    }
+    };
     check_outputs(arguments, &setup)?;
-    let fitted = arguments.method == Some(Wanted::Likelihood);
-    let (answer, findings) = with_progress(&setup, &choice, fitted, arguments.threads, verbosity)?;
+    let (answer, findings) = with_progress(&setup, wanted, &choice, arguments.threads, verbosity)?;
     let mut result = ResultDocument::new(&setup, &answer);
     if let Some(found) = &findings {
         result.findings = crate::result::findings(&setup, found);
@@ -197,27 +195,27 @@ fn export(
     outcome
 }
 
-/// The answer to a setup on `threads` threads, of the method `ml` if `fitted`, with a bar on the terminal meanwhile;
+/// The answer to a setup on `threads` threads, of the method that is wanted, with a bar on the terminal meanwhile;
 /// where the data contradict it, what they say of the sensors, too.
 ///
 /// # Errors
-/// As [`Session::answer`].
+/// As [`Session::wanted_answer`].
 pub(super) fn with_progress(
     setup: &Setup,
+    wanted: Wanted,
     choice: &Choice,
-    fitted: bool,
     threads: Option<usize>,
     verbosity: Verbosity,
 ) -> Result<(Answer, Option<Findings>), Failure> {
     let session = Session::new(setup).with_type_b();
     let mut session = session.on_threads(threads);
     reading(verbosity, |progress| {
-        session.read_ahead(choice, progress);
-        let answer = if fitted {
-            session.answer_by_likelihood(choice, progress)?
-        } else {
-            session.answer(choice, progress)?
+        let method = match wanted {
+            Wanted::Band(method) => Some(method),
+            Wanted::Recommended | Wanted::Likelihood => None,
         };
+        session.read_ahead(&Choice { method, ..*choice }, progress);
+        let answer = session.wanted_answer(wanted, choice, progress)?;
         let mut answer = session.add_modes(answer, progress)?;
         let doubtful = answer.refused.is_some()
             || answer

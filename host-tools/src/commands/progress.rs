@@ -2,6 +2,7 @@
 
 use super::Failure;
 use crate::identification::OnProgress;
+use crate::measure::Work;
 use crate::printable::printable;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -57,6 +58,11 @@ impl Bar {
         let template = "{prefix:>12} {bar:30} {percent:>3} %  {wide_msg}";
         let bar = begin(Some(STEPS), template, verb, verbosity);
         Self { bar }
+    }
+
+    /// From now on it is about something else.
+    pub fn head(&self, verb: &'static str) {
+        self.bar.set_prefix(verb);
     }
 
     /// `share` of the whole, 0 to 1, is done; now it is about `what`.
@@ -125,11 +131,17 @@ impl Drop for Ticker {
     }
 }
 
-/// Does something that reads recordings, with a bar on the terminal meanwhile.
+/// Does something that reads recordings and may fit their lines, with a bar on the terminal meanwhile.
 pub(super) fn reading<T>(
     verbosity: Verbosity,
     work: impl FnOnce(OnProgress<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let bar = Bar::new("reading", verbosity);
-    work(&mut |p| bar.set((p.run as f64 + p.share) / p.runs as f64, p.name))
+    work(&mut |p| {
+        bar.head(match p.work {
+            Work::Reading => "reading",
+            Work::Fitting => "fitting",
+        });
+        bar.set((p.run as f64 + p.share) / p.runs as f64, p.name);
+    })
 }

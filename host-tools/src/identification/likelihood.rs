@@ -7,7 +7,7 @@ use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, estimates}
 use crate::likelihood::{
     self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
 };
-use crate::measure::{NoRecords, NoiseOrigin, Progress, Records, read_records};
+use crate::measure::{NoRecords, NoiseOrigin, Progress, Records, Work, read_records};
 use crate::setup::Setup;
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
 use massline_core::masslines::{Masslines, Method};
@@ -44,7 +44,8 @@ pub struct Likelihood {
 }
 
 impl Likelihood {
-    fn stepped_back(reason: String) -> Self {
+    /// No fit, for this reason.
+    pub(super) fn stepped_back(reason: String) -> Self {
         Self {
             fit: None,
             stepped_back: Some(reason),
@@ -52,6 +53,25 @@ impl Likelihood {
             over_bound: None,
             noise: None,
         }
+    }
+
+    /// `true` if the numbers are those of the fit.
+    #[must_use]
+    pub fn is_used(&self) -> bool {
+        self.stepped_back.is_none()
+    }
+
+    /// What is said where the numbers are those of the band's method.
+    fn note(&self) -> Option<String> {
+        let why = self.stepped_back.as_ref()?;
+        Some(format!(
+            "method ml: the numbers are those of apparent-mass in the averaging band: {why}"
+        ))
+    }
+
+    /// `true` if lines were fitted, whether the fit is used or not.
+    fn was_tried(&self) -> bool {
+        self.fit.is_some() || !self.rejected.is_empty()
     }
 
     /// The numbers of the fit, of those that the band's method observes; `None` after a step back, which
@@ -181,15 +201,36 @@ impl Session<'_> {
             method: Some(Method::ApparentMass),
             ..*choice
         };
-        let mut answer = self.answer(&band_choice, progress)?;
+        let answer = self.answer(&band_choice, progress)?;
+        // What contradicts a rigid body at low frequency is not mended by more lines.
+        let mut answer = if answer.refused.is_some() {
+            Answer {
+                likelihood: Some(Likelihood::stepped_back(
+                    "they are refused as it is".to_owned(),
+                )),
+                ..answer
+            }
+        } else {
+            self.fitted(answer, progress)?
+        };
+        // Who names the method is told, too, where there was nothing to fit.
+        if let Some(found) = answer.likelihood.as_ref().filter(|l| !l.was_tried()) {
+            answer.warnings.extend(found.note());
+        }
+        Ok(answer)
+    }
+
+    /// An answer of the apparent mass, with the numbers of the maximum likelihood fit in their place where
+    /// there is one that passes its tests.
+    pub(super) fn fitted(
+        &mut self,
+        mut answer: Answer,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
         let setup = self.setup();
         let limit = self.limit;
         let mut warnings = Vec::new();
         let found = match widest_band(setup) {
-            // What contradicts a rigid body at low frequency is not mended by more lines.
-            _ if answer.refused.is_some() => {
-                Likelihood::stepped_back("they are refused as it is".to_owned())
-            }
             None => Likelihood::stepped_back("the set-up has no random runs".to_owned()),
             Some(band) => match read_records(setup, band, limit, &mut warnings, progress) {
                 Err(NoRecords::Measure(e)) => return Err(e.into()),
@@ -197,7 +238,6 @@ impl Session<'_> {
                 Ok(read) => {
                     let processors = || std::thread::available_parallelism().map_or(1, usize::from);
                     let threads = self.threads.unwrap_or_else(processors).max(1);
-                    let runs = setup.runs.len();
                     fit_records(
                         &read,
                         &band,
@@ -206,8 +246,9 @@ impl Session<'_> {
                         &mut |p| {
                             let (name, share) = told(p);
                             progress(Progress {
-                                run: runs.saturating_sub(1),
-                                runs,
+                                work: Work::Fitting,
+                                run: 0,
+                                runs: 1,
                                 name: &name,
                                 share,
                             });
@@ -227,11 +268,11 @@ fn told(p: likelihood::Progress) -> (String, f64) {
     match p.stage {
         Stage::Modes => (
             format!("looking for modes: {}", p.modes),
-            1.0 - 0.5_f64.powi(1 + p.modes as i32),
+            0.6 * (1.0 - 0.75_f64.powi(1 + p.modes as i32)),
         ),
         Stage::Lines => (
             format!("all lines, {} modes, step {}", p.modes, p.iteration + 1),
-            1.0,
+            1.0 - 0.4 * 0.8_f64.powi(1 + p.iteration as i32),
         ),
     }
 }
@@ -251,6 +292,9 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
         };
         answer.refused = refusal(&judged);
         let mut warnings = answer.measurement.warnings.clone();
+        if let Some(type_b) = &answer.type_b {
+            warnings.extend(type_b.gaps(&answer.identification));
+        }
         notice(&judged, &answer.measurement, &mut warnings);
         let own = answer
             .warnings
@@ -264,10 +308,8 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
             ));
         }
     }
-    if let Some(why) = &found.stepped_back {
-        answer.warnings.push(format!(
-            "method ml: the numbers are those of apparent-mass in the averaging band: {why}"
-        ));
+    if found.was_tried() {
+        answer.warnings.extend(found.note());
     }
     answer.likelihood = Some(found);
 }

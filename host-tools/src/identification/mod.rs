@@ -6,6 +6,7 @@ mod consistency;
 mod error;
 mod likelihood;
 mod notice;
+mod recommended;
 mod refusal;
 mod statics;
 mod type_b;
@@ -16,6 +17,7 @@ pub use error::{AnswerError, ExamineError};
 pub(crate) use likelihood::{DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, told_of};
 pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
 pub(crate) use notice::notice_numbers;
+pub use recommended::{LIKELIHOOD_PASSES, Wanted, recommended};
 pub use refusal::Refusal;
 pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
@@ -32,7 +34,7 @@ use std::rc::Rc;
 /// Choices of the user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
-    /// `None`: the recommended one.
+    /// `None`: the recommended one of those that the box has, too.
     pub method: Option<Method>,
     /// `true` if the reference point is iterated to the CG.
     pub iterative: bool,
@@ -83,7 +85,7 @@ pub struct Answer {
     pub modal: Option<Modal>,
     /// Constant offsets of the six resultants of each static run, N and N m.
     pub offsets: Vec<(String, [f64; 6])>,
-    /// The maximum likelihood fit, where it was asked for.
+    /// The maximum likelihood fit, or why there is none, where it was asked for or recommended.
     pub likelihood: Option<Likelihood>,
     /// Warnings to the user.
     pub warnings: Vec<String>,
@@ -102,10 +104,10 @@ impl Answer {
         !(self.measurement.runs.is_empty() && self.measurement.sines.is_empty())
     }
 
-    /// Short name of what gave the masslines.
+    /// Short name of what gave the numbers.
     #[must_use]
     pub fn method_name(&self) -> &'static str {
-        if self.likelihood.is_some() {
+        if self.likelihood.as_ref().is_some_and(Likelihood::is_used) {
             LIKELIHOOD
         } else if self.is_dynamic() {
             self.method.name()
@@ -118,23 +120,6 @@ impl Answer {
     #[must_use]
     pub fn weighted(&self) -> bool {
         self.weights.is_some()
-    }
-}
-
-/// The recommended method for a setup, and why it is.
-#[must_use]
-pub fn recommended(setup: &Setup) -> (Method, &'static str) {
-    let interface = |m: &crate::setup::AccelerometerEntry| m.mount == Mount::Interface;
-    if setup.accelerometers.iter().any(interface) {
-        (
-            Method::ApparentMass,
-            "its base acceleration comes from the interface, so the structure's elasticity does not bias it",
-        )
-    } else {
-        (
-            Method::FreeResponsesSquared,
-            "no accelerometer is marked `mount = \"interface\"`, which the apparent mass would need",
-        )
     }
 }
 

@@ -69,7 +69,7 @@ pub struct Fit {
     /// Covariance of σ: of each number the larger of the two, and what the directions' uncertainty
     /// adds.
     pub covariance: Covariance10,
-    /// Standard deviations of ln ω and ln ζ of each mode.
+    /// Standard deviations of ln ω and ln ζ of each mode, as means over the runs.
     pub pole_deviations: Vec<[f64; 2]>,
     /// 2V of the data.
     pub twice_misfit: f64,
@@ -253,12 +253,25 @@ pub fn fit(
         .ok_or(FitError::Singular)?;
     let covariance =
         Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
-    let deviation = |place: usize| {
-        let at = places.iter().position(|&p| p == place);
-        at.map_or(f64::NAN, |i| (0.5 * inverse[(i, i)]).max(0.0).sqrt())
+    // Mean over the runs: what a mode and its offsets share is held by the offsets' prior alone.
+    let deviation = |r: usize, k: usize| {
+        let runs = model.offsets.len();
+        let of_runs = (0..runs).map(|e| (model.offset_at(e, r) + k, 1.0 / runs as f64));
+        let all = std::iter::once((RIGID + super::model::OF_MODE * r + k, 1.0)).chain(of_runs);
+        let mean: Vec<(usize, f64)> = all
+            .filter_map(|(place, share)| Some((places.iter().position(|&p| p == place)?, share)))
+            .collect();
+        if mean.is_empty() {
+            return f64::NAN;
+        }
+        let pairs = mean.iter().flat_map(|a| mean.iter().map(move |b| (a, b)));
+        let variance: f64 = pairs
+            .map(|((i, a), (j, b))| a * b * inverse[(*i, *j)])
+            .sum();
+        (0.5 * variance).max(0.0).sqrt()
     };
     let pole_deviations = (0..model.modes.len())
-        .map(|r| [0, 1].map(|k| deviation(RIGID + super::model::OF_MODE * r + k)))
+        .map(|r| [0, 1].map(|k| deviation(r, k)))
         .collect();
     let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
     let free = (places.len() + leaked) as f64;

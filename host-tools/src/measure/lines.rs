@@ -8,7 +8,7 @@ use super::geometry::{RunGeometry, channel_names};
 use super::noise::Stated;
 use super::opened::drive_columns;
 use super::samples::Samples;
-use super::{Accelerations, MeasureError, NoiseOrigin, Progress};
+use super::{Accelerations, MeasureError, NoiseOrigin, Progress, Work};
 use crate::likelihood::noise::{self, Found};
 use crate::likelihood::{Complex6, Noise, Record, transform};
 use crate::setup::{Excitation, Setup};
@@ -304,6 +304,7 @@ pub fn read_records(
             intake.push(&sample, &drives, recording.health().is_good());
             if recording.rows().is_multiple_of(REPORT_ROWS) {
                 progress(Progress {
+                    work: Work::Reading,
                     run: number,
                     runs: setup.runs.len(),
                     name: &run.name,

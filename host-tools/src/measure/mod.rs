@@ -51,21 +51,33 @@ use massline_core::spectra::{BlockSettings, LineGrid, LineRange};
 use std::collections::HashMap;
 use units::Noticed;
 
-/// Told now and then how far the reading of recordings is.
+/// Kind of work that takes its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Work {
+    /// Recordings are read.
+    Reading,
+    /// Lines are fitted.
+    Fitting,
+}
+
+/// Told now and then how far the reading of recordings is, or what follows it.
 pub struct Progress<'a> {
+    /// Kind of work.
+    pub work: Work,
     /// Number of the run, from zero.
     pub run: usize,
     /// Number of runs.
     pub runs: usize,
-    /// Name of the run.
+    /// Name of the run, or the step of the fit.
     pub name: &'a str,
-    /// Share of this run's recording that was read, 0 to 1.
+    /// Share of this run's recording that was read, or of the fit that is done, 0 to 1.
     pub share: f64,
 }
 
 impl<'a> Progress<'a> {
     fn of(setup: &'a Setup, run: usize, share: f64) -> Self {
         Self {
+            work: Work::Reading,
             run,
             runs: setup.runs.len(),
             name: &setup.runs[run].name,

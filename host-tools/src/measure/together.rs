@@ -53,6 +53,7 @@ pub(crate) fn together(
     let mut report = |latest: usize, done: f64| {
         let number = numbers[latest];
         progress(Progress {
+            work: super::Work::Reading,
             run: (done as usize).min(numbers.len() - 1),
             runs: numbers.len(),
             name: &setup.runs[number].name,

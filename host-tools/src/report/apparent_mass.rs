@@ -1,6 +1,6 @@
 //! The section on the apparent mass: is the fit good, and is the band free of modes?
 
-use super::lines::fitted;
+use super::lines::{Fit, fitted};
 use super::markup::escape;
 use super::number::{fixed, significant};
 use super::page::{Section, panels};
@@ -18,7 +18,7 @@ struct View<'a> {
     band: [f64; 2],
     /// Highest kept line, Hz.
     top: f64,
-    fit: Option<&'a ApparentMass>,
+    fit: Option<Fit<'a>>,
     /// `true` if the acceleration comes from the interface alone.
     interface_only: bool,
 }
@@ -51,7 +51,7 @@ pub(super) fn section(answer: &Answer, result: &ResultDocument) -> Option<Sectio
         html.push_str(&overview(&entries, &view));
         html.push_str(&closeup(&entries, &view));
         // The modes have a section of their own where they were asked for.
-        if let Some(fit) = group.fit.filter(|_| answer.modal.is_none()) {
+        if let Some(Fit::Band(fit)) = group.fit.filter(|_| answer.modal.is_none()) {
             html.push_str(&modes(fit));
         }
     }
@@ -71,7 +71,15 @@ fn introduction(entries: &Entries, view: &View<'_>) -> String {
          directions move along, in the fit as well."
     });
     let drawn = !entries.list.is_empty();
-    if drawn && view.fit.is_some() {
+    if let (true, Some(Fit::Lines(fit))) = (drawn, view.fit) {
+        let _ = write!(
+            text,
+            " The fit is a rigid body plus the modes of the fixed structure, by maximum likelihood from all \
+             lines of the records from {} to {} Hz. The points are averages, whose window flattens peaks.",
+            significant(fit.band[0], 3),
+            significant(fit.band[1], 4)
+        );
+    } else if drawn && view.fit.is_some() {
         text.push_str(
             " The fit is a rigid body plus the modes of the fixed structure, made inside the \
              shaded averaging band; the thin line extrapolates it to the first mode.",
@@ -235,13 +243,16 @@ fn detail(entry: &Entry, prefix: &str) -> String {
 /// as far as the first mode with a term of its own: which of the modes there gets how
 /// much, the lines inside the band cannot tell.
 fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
-    let [low, high] = view.band;
-    let own = view.fit.into_iter().flat_map(|f| {
-        let used = f.poles.iter().zip(&f.elastic);
-        used.filter(|(_, mass)| mass.is_some())
-            .map(|(pole, _)| pole.frequency)
-    });
-    let last = own.filter(|f| *f > high).reduce(f64::min).unwrap_or(high);
+    let ([low, high], last) = match view.fit {
+        Some(Fit::Lines(fit)) => (fit.band, view.top),
+        Some(Fit::Band(fit)) => {
+            let used = fit.poles.iter().zip(&fit.elastic);
+            let own = used.filter_map(|(pole, mass)| mass.as_ref().map(|_| pole.frequency));
+            let beyond = own.filter(|f| *f > view.band[1]).reduce(f64::min);
+            (view.band, beyond.unwrap_or(view.band[1]))
+        }
+        None => (view.band, view.band[1]),
+    };
     let mut part = |name: &str, mark: Mark, from: f64, to: f64| {
         let points = fit.iter().filter(|p| p[0] >= from && p[0] <= to);
         let series = Series::new(name, Tone::Fit, mark, points.copied().collect());
@@ -252,9 +263,10 @@ fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
 }
 
 fn poles(view: &View<'_>) -> Vec<Rule> {
-    let poles = view.fit.into_iter().flat_map(|f| &f.poles);
+    let poles = view.fit.into_iter().flat_map(Fit::poles);
     poles
-        .map(|p| Rule::vertical(p.frequency, significant(p.frequency, 3), Tone::Muted))
+        .filter(|[frequency, _]| *frequency <= view.top)
+        .map(|[frequency, _]| Rule::vertical(frequency, significant(frequency, 3), Tone::Muted))
         .collect()
 }
 

@@ -2,17 +2,57 @@
 //! moments line by line.
 
 use crate::identification::Answer;
+use crate::likelihood;
 use crate::measure::{Group, RunGeometry};
 use massline_core::masslines::{ApparentMass, Lines, Moments, excited_directions};
 use massline_core::spectra::LineRange;
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{Complex, Matrix6, Vector6};
 
 /// Runs that were condensed together, and the fit to them.
 pub(super) struct Fitted<'a> {
     /// The runs.
     pub group: Group<'a>,
-    /// The fit of the apparent mass.
-    pub fit: Option<&'a ApparentMass>,
+    /// The fit of the apparent mass that the numbers come from.
+    pub fit: Option<Fit<'a>>,
+}
+
+/// A fit of the apparent mass.
+#[derive(Clone, Copy)]
+pub(super) enum Fit<'a> {
+    /// Of the averaging band.
+    Band(&'a ApparentMass),
+    /// Of all lines, by maximum likelihood.
+    Lines(&'a likelihood::Fit),
+}
+
+impl Fit<'_> {
+    /// The apparent mass at a frequency (Hz).
+    pub fn at(self, frequency: f64) -> Matrix6<Complex<f64>> {
+        match self {
+            Self::Band(fit) => fit.at(frequency),
+            // No run has this number: modes are where they are on average.
+            Self::Lines(fit) => fit.model.at(usize::MAX, frequency),
+        }
+    }
+
+    /// Its rigid body.
+    pub fn rigid(self) -> Matrix6<f64> {
+        match self {
+            Self::Band(fit) => fit.rigid,
+            Self::Lines(fit) => fit.model.rigid_matrix(),
+        }
+    }
+
+    /// Natural frequency (Hz) and share of critical damping of each mode.
+    pub fn poles(self) -> Vec<[f64; 2]> {
+        match self {
+            Self::Band(fit) => fit.poles.iter().map(|p| [p.frequency, p.damping]).collect(),
+            Self::Lines(fit) => {
+                let modes = fit.model.modes.iter();
+                modes.map(|m| [m.frequency(), m.damping()]).collect()
+            }
+        }
+    }
 }
 
 /// Power over noise from which a component can be divided by: noise pulls the quotient
@@ -33,10 +73,12 @@ impl<'a> std::ops::Deref for Fitted<'a> {
 /// The groups of an answer, each with its fit.
 pub(super) fn fitted(answer: &Answer) -> Vec<Fitted<'_>> {
     let groups = answer.measurement.groups().into_iter().enumerate();
+    let used = answer.likelihood.as_ref().filter(|l| l.is_used());
+    let all_lines = used.and_then(|l| l.fit.as_ref()).map(Fit::Lines);
     groups
         .map(|(k, group)| Fitted {
             group,
-            fit: answer.fits.get(k),
+            fit: all_lines.or_else(|| answer.fits.get(k).map(Fit::Band)),
         })
         .collect()
 }

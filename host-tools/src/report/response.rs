@@ -4,12 +4,12 @@
 //! fewer, no entry is measured on its own; then each run shows its resultants per its own
 //! strongest base acceleration, and the fit is asked for the same ratio.
 
-use super::lines::{Excited, Fitted, comparable, determined_accelerations, measured_forces};
+use super::lines::{Excited, Fit, Fitted, comparable, determined_accelerations, measured_forces};
 use super::rigid;
 use super::scales::lever;
 use crate::result::ResultDocument;
 use massline_core::geometry::{ACCELERATION_NAMES, RESULTANT_NAMES};
-use massline_core::masslines::{ApparentMass, Lines, Moments};
+use massline_core::masslines::{Lines, Moments};
 use nalgebra::{Complex, Matrix6};
 
 /// A complex 6 x 6 matrix.
@@ -109,7 +109,7 @@ fn matrix_entries(
         let Some(fit) = group.fit else {
             return Vec::new();
         };
-        let part = |f: f64| fit.at(f)[(i, j)].re - fit.rigid[(i, j)];
+        let part = |f: f64| fit.at(f)[(i, j)].re - fit.rigid()[(i, j)];
         points.iter().map(|(f, _)| part(*f)).collect()
     };
     let entry = |((i, j), measured): ((usize, usize), Vec<Point>)| Entry {
@@ -189,14 +189,14 @@ pub(super) fn quotient(moments: &Moments, components: &[bool; 6]) -> Option<Comp
 }
 
 /// One entry of the fit, dense enough for its peaks.
-fn curve(fit: &ApparentMass, top: f64, i: usize, j: usize) -> Vec<Point> {
+fn curve(fit: Fit<'_>, top: f64, i: usize, j: usize) -> Vec<Point> {
     let mut at: Vec<f64> = (0..=FIT_POINTS)
         .map(|k| top * k as f64 / FIT_POINTS as f64)
         .collect();
-    for pole in &fit.poles {
+    for [frequency, damping] in fit.poles() {
         // Five half-widths on either side of each peak.
-        let width = pole.frequency * pole.damping;
-        at.extend((-10..=10).map(|k| pole.frequency + 0.5 * width * f64::from(k)));
+        let width = frequency * damping;
+        at.extend((-10..=10).map(|k| frequency + 0.5 * width * f64::from(k)));
     }
     at.retain(|f| f.is_finite() && (0.0..=top).contains(f));
     at.sort_by(f64::total_cmp);
@@ -250,7 +250,7 @@ fn ratios(
         let f = lines.frequency(line);
         let fitted = group.fit.map(|fit| {
             let whole = fit.at(f);
-            let rigid = fit.rigid.map(|x| Complex::new(x, 0.0));
+            let rigid = fit.rigid().map(|x| Complex::new(x, 0.0));
             (whole * m.aa, (whole - rigid) * m.aa)
         });
         let rigid = rigid_matrix * m.aa;

@@ -1,10 +1,13 @@
 //! The study as JSON, `massline/study/1`: all rows, so that a script can check the pattern.
 
+use super::errors::Errors;
 use super::estimate::{Answer, Numbers, Outcome};
+use super::fits::Fits;
 use super::monte_carlo::RowErrors;
 use super::paper::{self, Printed};
 use super::rows::{Range, Row};
 use super::{Check, FrequencyRow, Options, Study};
+use crate::identification::LIKELIHOOD;
 use serde::Serialize;
 
 /// The document. Lengths in m, inertia in kg m², frequencies in Hz, errors in per cent.
@@ -144,6 +147,44 @@ pub struct LevelEntry {
     pub noise: f64,
     /// The rows.
     pub rows: Vec<NoisyEntry>,
+    /// Maximum likelihood fits of the first draws; null without noise, and where none were wanted.
+    pub likelihood: Option<FitsEntry>,
+}
+
+/// Maximum likelihood fits, the band's method on the same draws, and the bound of both.
+#[derive(Debug, Serialize)]
+pub struct FitsEntry {
+    /// Name of the row.
+    pub row: &'static str,
+    /// As `massline identify --method` takes it.
+    pub method: &'static str,
+    /// Its errors.
+    pub direct: Errors,
+    /// Root mean square of the standard deviations that it claims, per cent.
+    pub claimed_percent: Numbers,
+    /// Draws that have the band's numbers.
+    pub stepped_back: usize,
+    /// Errors of `apparent-mass` in averaging range II, with its equations weighed by their noise.
+    pub band: Errors,
+    /// Root mean square of the standard deviations that it claims, per cent.
+    pub band_claimed_percent: Numbers,
+    /// Bound of Cramér and Rao of all lines, per cent.
+    pub bound_percent: Numbers,
+}
+
+impl FitsEntry {
+    fn new(fits: &Fits) -> Self {
+        Self {
+            row: Fits::NAME,
+            method: LIKELIHOOD,
+            direct: fits.fit.clone(),
+            claimed_percent: fits.claimed.into(),
+            stepped_back: fits.stepped_back,
+            band: fits.band.clone(),
+            band_claimed_percent: fits.band_claimed.into(),
+            bound_percent: fits.bound.into(),
+        }
+    }
 }
 
 /// One row over the draws.
@@ -264,6 +305,7 @@ impl Document {
                 .iter()
                 .map(|level| LevelEntry {
                     noise: level.noise,
+                    likelihood: level.fits.as_ref().map(FitsEntry::new),
                     rows: Row::all()
                         .iter()
                         .zip(&level.rows)

@@ -67,7 +67,7 @@ impl Numbers {
         core::array::from_fn(|i| 100.0 * (found[i] / exact[i] - 1.0))
     }
 
-    fn of(identification: &Identification) -> Option<Self> {
+    pub(super) fn of(identification: &Identification) -> Option<Self> {
         let value = |e: Option<Estimate>| e.map(|e| e.value);
         Some(Self {
             x: value(identification.centre_of_gravity[0])?,

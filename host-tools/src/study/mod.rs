@@ -26,7 +26,8 @@
 //! | `twin` | the tuning fork, its exact responses and natural frequencies |
 //! | `rows`, `estimate` | the rows, and one set of spectra to their numbers |
 //! | `responses`, `recordings` | the spectra: exact or noisy responses, or recordings |
-//! | `monte_carlo` | root mean square errors over draws |
+//! | `monte_carlo`, `errors` | root mean square errors over draws |
+//! | `fits` | maximum likelihood fits of the same draws, and the Cramér-Rao bound |
 //! | `pattern` | claims held against the figures |
 //! | `document`, `terminal`, `page` | JSON, terminal, HTML |
 //!
@@ -48,10 +49,12 @@
 mod chance;
 pub mod coverage;
 mod document;
+mod errors;
 mod estimate;
 #[cfg(test)]
 mod false_alarms;
 pub mod faults;
+mod fits;
 pub mod likelihood;
 pub mod marked;
 mod monte_carlo;
@@ -71,8 +74,10 @@ mod trial;
 mod twin;
 
 pub use document::Document;
+pub use errors::Errors;
 pub use estimate::{Answer, Numbers, Outcome, Solution};
-pub use monte_carlo::{Errors, Level, RowErrors};
+pub use fits::Fits;
+pub use monte_carlo::{Level, RowErrors};
 pub use options::{NoiseKind, Options, WeightRule};
 pub use page::render;
 pub use pattern::{Check, NAMES};

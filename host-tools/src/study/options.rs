@@ -69,6 +69,10 @@ pub struct Options {
     /// Draws per level of noise; 0 for the noise-free rows only
     #[arg(long, value_name = "N", default_value_t = Self::default().draws, display_order = 0)]
     pub draws: usize,
+    /// Draws per level of noise that are fitted by maximum likelihood, too, which takes seconds each;
+    /// all of them if absent
+    #[arg(long, value_name = "N", display_order = 0)]
+    pub fits: Option<usize>,
     /// Seed of the first draw; each next one has the next
     #[arg(long, value_name = "N", default_value_t = Self::default().seed, display_order = 2)]
     pub seed: u64,
@@ -138,6 +142,7 @@ impl Default for Options {
             noise_kind: NoiseKind::Recordings,
             noise: vec![0.001, 0.01, 0.03],
             draws: 20,
+            fits: None,
             seed: 1,
             duration: 51.0,
             noise_rotation: 10.0,

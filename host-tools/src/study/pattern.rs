@@ -1,6 +1,7 @@
 //! Does the twin show what the paper found, and what this project claims?
 
 use super::estimate::{Answer, Numbers, Outcome};
+use super::fits::Fits;
 use super::monte_carlo::Level;
 use super::rows::{Range, Row};
 use super::{FewerModes, percent};
@@ -321,7 +322,7 @@ pub(super) fn noisy(levels: &[Level]) -> Vec<Check> {
         .iter()
         .position(|row| row.method == Method::Synthesis && row.range == Range::I && row.weighted);
     let e = e.map_or(f64::NAN, |at| errors(at).rms[THETA_A]);
-    vec![
+    let mut checks = vec![
         Check {
             id: "recommended-best-under-noise",
             claim: "1 % noise: the recommended estimator is the best row (root mean square of \
@@ -343,7 +344,47 @@ pub(super) fn noisy(levels: &[Level]) -> Vec<Check> {
             holds: e < 1.0,
             measured: percent::with_unit(e),
         },
-    ]
+    ];
+    checks.extend(level.fits.as_ref().map(twice_as_sharp));
+    checks
+}
+
+/// All four numbers of the fork: mass (as Δ), two of the centre of gravity, inertia.
+const FOUR: [usize; 4] = [0, 1, THETA_A, 4];
+
+/// The claim about the fit through the resonances.
+fn twice_as_sharp(fits: &Fits) -> Check {
+    let said: Vec<String> = FOUR
+        .iter()
+        .map(|&i| {
+            format!(
+                "{} ±{} against ±{}",
+                NAMES[i],
+                percent::with_unit(fits.claimed[i]),
+                percent::with_unit(fits.band_claimed[i])
+            )
+        })
+        .collect();
+    // A root mean square of few draws is not known to a third: the error bars tell how sharp, and all errors
+    // together whether they are true.
+    let squares: f64 = FOUR
+        .iter()
+        .map(|&i| (fits.fit.rms[i] / fits.claimed[i]).powi(2))
+        .sum();
+    let honest = (squares / FOUR.len() as f64).sqrt();
+    let sharp = |i: &usize| 2.0 * fits.claimed[*i] <= fits.band_claimed[*i];
+    Check {
+        id: "likelihood-twice-as-sharp",
+        claim: "1 % noise: error bars of maximum likelihood are at most half those of the apparent mass of the \
+                averaging band in all four numbers, and its errors are as large as they say (within a \
+                half)"
+            .to_owned(),
+        holds: FOUR.iter().all(sharp) && (0.5..1.5).contains(&honest),
+        measured: format!(
+            "{}; errors are {honest:.2} times the standard deviations",
+            said.join("; ")
+        ),
+    }
 }
 
 /// Root mean square of the errors of x, z, Θ_A and Θ_S.

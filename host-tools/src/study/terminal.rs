@@ -1,7 +1,9 @@
 //! The study on a terminal of a hundred columns.
 
+use super::errors::Errors;
 use super::estimate::{Numbers, Outcome};
-use super::monte_carlo::{Errors, Level};
+use super::fits::Fits;
+use super::monte_carlo::Level;
 use super::paper::{self, Printed};
 use super::rows::{Range, Row};
 use super::{NAMES, NoiseKind, Study, percent};
@@ -12,6 +14,8 @@ use std::io::{Result, Write};
 const NAME: usize = 23;
 /// Width of a column with a number.
 const CELL: usize = 9;
+/// Numbers shown of a level of noise.
+const SHOWN: usize = 4;
 /// Levels of noise beside each other.
 const LEVELS: usize = 2;
 
@@ -291,6 +295,7 @@ fn noise(out: &mut dyn Write, study: &Study) -> Result<()> {
         noise_table(out, pair, &every, "direct", |level, at| {
             &level.rows[at].direct
         })?;
+        fits_of(out, pair)?;
     }
     let iterated: Vec<usize> = every
         .iter()
@@ -324,7 +329,6 @@ fn noise_table<'s>(
     procedure: &str,
     errors: impl Fn(&'s Level, usize) -> &'s Errors,
 ) -> Result<()> {
-    const SHOWN: usize = 4;
     let width = SHOWN * CELL;
     write!(out, "\n{DIM}{procedure:<NAME$}")?;
     for level in levels {
@@ -359,6 +363,39 @@ fn noise_table<'s>(
             }
         }
         writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// The rows of the fits, below those of the methods.
+fn fits_of(out: &mut dyn Write, levels: &[Level]) -> Result<()> {
+    let mut line = |name: &str, of: &dyn Fn(&Fits) -> [f64; Numbers::COUNT]| {
+        write!(out, "{name:<NAME$}")?;
+        for level in levels {
+            let found = level.fits.as_ref().map(of);
+            for i in 0..SHOWN {
+                let x = found.map_or(f64::NAN, |all| all[i]);
+                write!(out, "{:>CELL$}", percent::text(x))?;
+            }
+        }
+        writeln!(out)
+    };
+    if levels.iter().any(|level| level.fits.is_some()) {
+        line(Fits::NAME, &|fits| fits.fit.rms)?;
+        line(Fits::BOUND, &|fits| fits.bound)?;
+    }
+    let fewer = levels.iter().find_map(|level| {
+        let (fits, rows) = (level.fits.as_ref()?, level.rows.first()?);
+        let (fitted, drawn) = (&fits.fit, &rows.direct);
+        let fitted = fitted.answered + fitted.failed;
+        (fitted < drawn.answered + drawn.failed).then_some(fitted)
+    });
+    if let Some(fewer) = fewer {
+        writeln!(
+            out,
+            "{DIM}{} of the first {fewer} draws alone{DIM:#}",
+            Fits::NAME
+        )?;
     }
     Ok(())
 }

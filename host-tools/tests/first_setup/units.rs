@@ -1,6 +1,6 @@
 //! Units of channels and lengths: the same numbers whatever they are stated in.
 
-use crate::bench::massline;
+use crate::bench::{BAND, massline};
 use crate::test::{Recorded, recorded, rewrite_headers};
 use massline::setup::Setup;
 use std::path::Path;
@@ -45,10 +45,8 @@ fn in_si_and_in_units(test: &Recorded) -> (String, String) {
 /// The numbers of `identify`, as they are printed with all digits.
 fn numbers(test: &Recorded, text: &str) -> serde_json::Value {
     std::fs::write(test.path().join("setup.toml"), text).unwrap();
-    let out = massline(
-        test.path(),
-        ["identify", "setup.toml", "--json", "--anyway"],
-    );
+    let identify = ["identify", "setup.toml", "--json", "--anyway"];
+    let out = massline(test.path(), identify.iter().chain(&BAND));
     assert!(out.code == Some(0) || out.code == Some(1), "{}", out.stderr);
     let mut document: serde_json::Value =
         serde_json::from_str(&out.stdout).unwrap_or_else(|_| panic!("{}", out.stderr));
@@ -164,7 +162,8 @@ fn runs_whose_headers_give_a_channel_other_units_are_refused_with_both_files() {
             _ => name.to_owned(),
         });
     };
-    let identify = || massline(test.path(), ["identify", "setup.toml"]);
+    let identify = ["identify", "setup.toml", BAND[0], BAND[1]];
+    let identify = || massline(test.path(), identify);
     say(0, "base1.x [g]");
     let words = format!(
         "{} … `base1.x` … states no unit … {} says [g] … `unit = \"g\"` … [[accelerometer]]",

@@ -1,6 +1,6 @@
 //! `kill -9` at any time.
 
-use crate::bench::{command, massline};
+use crate::bench::{BAND, command, massline};
 use crate::files;
 use massline::acquire::{Order, record};
 use massline::device::{Client, ClientMemory, HostBox, HostBoxMemory};
@@ -62,7 +62,7 @@ fn a_simulation_leaves_the_old_test_or_the_new_one() {
             let mut all = whole[seed].iter();
             all.all(|(name, bytes)| left.get(name) == Some(bytes))
         };
-        let finished = massline(folder, ["identify", "t/setup.toml"]);
+        let finished = massline(folder, ["identify", "t/setup.toml", BAND[0], BAND[1]]);
         if is(new) {
             (old, new) = (new, old);
         } else if !is(old) {

@@ -1,6 +1,6 @@
 //! Which files a command replaces.
 
-use crate::bench::{Bench, massline};
+use crate::bench::{BAND, Bench, massline};
 use crate::files;
 
 /// A command that is refused, with words of the reason, and changes nothing.
@@ -50,7 +50,12 @@ fn a_report_replaces_reports_only_unless_it_is_forced() {
     let bench = Bench::fork()
         .write("notes.html", "<p>mine</p>")
         .write("empty.html", "");
-    let own = ["identify", "setup.toml", "--json", "--report"];
+    let own = [
+        &["identify", "setup.toml", "--json"],
+        &BAND[..],
+        &["--report"],
+    ]
+    .concat();
     let report = |name| [&own[..], &[name]].concat();
     let words = ["no report of this program", "--force"];
     refused(&bench, &report("notes.html"), &words);
@@ -144,7 +149,8 @@ fn a_recording_that_was_exchanged_is_no_answer_and_told_before_anything_else() {
         );
     }
     let setup = "one/setup.toml";
-    assert_eq!(massline(folder, ["identify", setup]).code, Some(0));
+    let identify = ["identify", setup, BAND[0], BAND[1]];
+    assert_eq!(massline(folder, identify).code, Some(0));
     let file = folder.join("one/lateral-z.csv");
     let own = std::fs::read(&file).unwrap();
     let mut digit = own.clone();
@@ -180,5 +186,5 @@ fn a_recording_that_was_exchanged_is_no_answer_and_told_before_anything_else() {
     // It says how to have it believed.
     crate::bench::by_hand(&folder.join(setup));
     std::fs::write(&file, own).unwrap();
-    assert_eq!(massline(folder, ["identify", setup]).code, Some(0));
+    assert_eq!(massline(folder, identify).code, Some(0));
 }

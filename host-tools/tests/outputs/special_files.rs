@@ -1,13 +1,13 @@
 //! Links, permissions, devices, pipes.
 
-use crate::bench::{Bench, command, finish, massline};
+use crate::bench::{BAND, Bench, command, finish, massline};
 use crate::files;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::process::{Command, Stdio};
 
 fn report<'a>(name: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let own = ["identify", "setup.toml", "--report", name];
-    [&own[..], more].concat()
+    [&own[..], more, &BAND].concat()
 }
 
 const HTML: &str = "<!DOCTYPE html>";

@@ -223,6 +223,7 @@ impl Session<'_> {
             &|k| chain.contribution(&sources[k]),
             &mut |done, _| {
                 progress(measure::Progress {
+                    work: measure::Work::Reading,
                     run: done,
                     runs: sources.len(),
                     name: "uncertainty",

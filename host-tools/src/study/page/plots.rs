@@ -4,7 +4,7 @@ use crate::report::page::panels;
 use crate::report::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Tone, legend};
 use crate::setup::Mount;
 use crate::study::pattern::overall;
-use crate::study::{NAMES, Range, Row, Study};
+use crate::study::{Fits, NAMES, Numbers, Range, Row, Study};
 use massline_core::masslines::Method;
 use nalgebra::{Complex, DMatrix};
 
@@ -177,7 +177,7 @@ fn tone(method: Method) -> Tone {
         Method::FreeResponses => Tone::Colour(1),
         Method::CurveFit => Tone::Colour(4),
         Method::Synthesis => Tone::Colour(2),
-        Method::FreeResponsesSquared => Tone::Measured,
+        Method::FreeResponsesSquared => Tone::Muted,
         Method::ApparentMass => Tone::Fit,
         _ => Tone::Muted,
     }
@@ -190,13 +190,17 @@ pub(super) fn noise(study: &Study) -> String {
         .iter()
         .map(|row| (row.method, row.method_name()))
         .collect();
-    let key: Vec<(Tone, Mark, &str)> = methods()
+    let mut key: Vec<(Tone, Mark, &str)> = methods()
         .into_iter()
         .filter_map(|method| {
             let (_, name) = names.iter().find(|(m, _)| *m == method)?;
             Some((tone(method), Mark::Knots, *name))
         })
         .collect();
+    if study.levels.iter().any(|level| level.fits.is_some()) {
+        key.push((LIKELIHOOD, Mark::Knots, Fits::NAME));
+        key.push((BOUND.0, BOUND.1, Fits::BOUND));
+    }
     let mut html = String::new();
     for (range, heading) in [
         (Range::I, "Range I, weighted, direct"),
@@ -211,6 +215,10 @@ pub(super) fn noise(study: &Study) -> String {
 
 /// One for each number, and one for the four that are results together.
 const PANELS: usize = NAMES.len() + 1;
+
+/// Colours of the fit through the resonances and of the least that any estimator can reach.
+const LIKELIHOOD: Tone = Tone::Measured;
+const BOUND: (Tone, Mark) = (Tone::Measured, Mark::Dashed);
 
 /// Ratio of the abscissa of rows without noise to the least noise.
 const ASIDE: f64 = 0.3;
@@ -248,11 +256,25 @@ fn errors(study: &Study, range: Range, parameter: usize) -> String {
         series.push(Series::new(name.clone(), tone(method), Mark::Points, alone));
         series.push(Series::new(name, tone(method), Mark::Knots, along));
     }
+    let along = |of: &dyn Fn(&Fits) -> [f64; Numbers::COUNT]| -> Vec<[f64; 2]> {
+        let fitted = study.levels.iter().zip(&levels);
+        let fitted = fitted.filter_map(|(level, noise)| {
+            let all = of(level.fits.as_ref()?);
+            let one = all.get(parameter).copied();
+            Some([*noise, one.unwrap_or_else(|| overall(&all))])
+        });
+        fitted.collect()
+    };
+    if study.levels.iter().any(|level| level.fits.is_some()) {
+        let (fit, bound) = (along(&|f| f.fit.rms), along(&|f| f.bound));
+        series.push(Series::new(Fits::BOUND, BOUND.0, BOUND.1, bound));
+        series.push(Series::new(Fits::NAME, LIKELIHOOD, Mark::Knots, fit));
+    }
     let values = series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let domain = Extent::of(Mapping::Log, values).domain(0.06);
     let mut chart = LineChart::panel(
         // A title in a drawing has no indices.
-        ["x", "z", "Θ about A", "Θ about S"]
+        ["x", "z", "Θ about A", "Θ about S", "Δ"]
             .get(parameter)
             .copied()
             .unwrap_or("x, z, Θ about A and S"),

@@ -2,8 +2,10 @@
 
 use crate::report::markup::{escape, push_number};
 use crate::report::number::{MINUS, NO_NUMBER, fixed};
+use crate::study::errors::Errors;
 use crate::study::estimate::{Numbers, Outcome};
-use crate::study::monte_carlo::{Errors, Level};
+use crate::study::fits::Fits;
+use crate::study::monte_carlo::Level;
 use crate::study::paper::{self, Printed};
 use crate::study::{NAMES, Row, Study, percent};
 use massline_core::masslines::Method;
@@ -259,11 +261,13 @@ pub(super) fn noise(study: &Study) -> String {
         .collect();
     html.push_str("<h3>Direct</h3>");
     for levels in study.levels.chunks(LEVELS) {
-        html.push_str(&level_table(levels, &rows, |l, at| &l.rows[at].direct));
+        html.push_str(&level_table(levels, &rows, true, |l, at| {
+            &l.rows[at].direct
+        }));
     }
     html.push_str("<h3>Iterative, range I</h3>");
     for levels in study.levels.chunks(LEVELS) {
-        html.push_str(&level_table(levels, &iterated, |l, at| {
+        html.push_str(&level_table(levels, &iterated, false, |l, at| {
             &l.rows[at].iterative
         }));
     }
@@ -274,6 +278,7 @@ pub(super) fn noise(study: &Study) -> String {
 fn level_table<'s>(
     levels: &'s [Level],
     rows: &[usize],
+    with_fits: bool,
     errors: impl Fn(&'s Level, usize) -> &'s Errors,
 ) -> String {
     let mut html = String::new();
@@ -300,8 +305,27 @@ fn level_table<'s>(
         }
         html.push_str("</tr>");
     }
+    if with_fits && levels.iter().any(|level| level.fits.is_some()) {
+        fits_of(&mut html, levels);
+    }
     html.push_str(END);
     html
+}
+
+/// The rows of the fits, below those of the methods.
+fn fits_of(html: &mut String, levels: &[Level]) {
+    let mut row = |name: &str, of: &dyn Fn(&Fits) -> [f64; Numbers::COUNT]| {
+        let _ = write!(html, "<tr><td>{name}</td>");
+        for level in levels {
+            let found = level.fits.as_ref().map(of);
+            for i in 0..4 {
+                push_number(html, &error(found.map_or(f64::NAN, |all| all[i])));
+            }
+        }
+        html.push_str("</tr>");
+    };
+    row(Fits::NAME, &|fits| fits.fit.rms);
+    row(Fits::BOUND, &|fits| fits.bound);
 }
 
 pub(super) fn level_name(noise: f64) -> String {
