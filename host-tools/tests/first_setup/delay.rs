@@ -1,6 +1,6 @@
 //! A channel that comes late: found, corrected by the lines that are printed, and right.
 
-use crate::bench::massline;
+use crate::bench::{BAND, massline};
 use crate::test::{Recorded, recorded, rewrite};
 
 fn late(test: &Recorded, channel: &str, samples: usize) {
@@ -14,10 +14,8 @@ fn late(test: &Recorded, channel: &str, samples: usize) {
 
 fn mass(test: &Recorded, setup: &str) -> f64 {
     std::fs::write(test.path().join("setup.toml"), setup).unwrap();
-    let out = massline(
-        test.path(),
-        ["identify", "setup.toml", "--json", "--anyway"],
-    );
+    let identify = ["identify", "setup.toml", "--json", "--anyway"];
+    let out = massline(test.path(), identify.iter().chain(&BAND));
     let document: serde_json::Value = serde_json::from_str(&out.stdout).unwrap();
     document["mass"]["value"].as_f64().unwrap()
 }
@@ -40,7 +38,7 @@ fn the_lines_that_check_prints_mend_it() {
     let right = mass(&test, &mended);
     let again = massline(test.path(), ["check", "setup.toml"]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
-    let said = massline(test.path(), ["identify", "setup.toml"]);
+    let said = massline(test.path(), ["identify", "setup.toml", BAND[0], BAND[1]]);
     said.says("the first 0 and the last 3 samples are not used");
     // The box gets the samples that this machine averages, with a delay that is no whole number, too.
     let fraction = setup
