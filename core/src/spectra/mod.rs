@@ -15,6 +15,7 @@ mod cross;
 mod decimate;
 mod drive;
 mod fft;
+mod gains;
 mod half_band;
 mod history;
 mod lane;
