@@ -1,6 +1,6 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
-use super::decimate::{Decimator, Gain};
+use super::decimate::Decimator;
 use super::fft::{lines, transform_pairs};
 use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
@@ -101,7 +101,7 @@ impl<L: Compiled> Rings<L> {
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
     /// whenever a block is complete: it can be transformed until the next sample comes. With
     /// less storage than there was at the beginning it takes nothing.
-    #[inline(always)]
+    #[inline]
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         if self.settings.filters().stages() == 0 {
             return self.push_unfiltered(storage, sample);
@@ -134,25 +134,23 @@ impl<L: Compiled> Rings<L> {
         let Some(rings) = storage.get_mut(..self.rings_len()) else {
             return false;
         };
-        let at = self.head * L::WIDTH;
+        let mut at = self.head * L::WIDTH;
         if sample.len() < self.channels {
             for ring in rings.chunks_exact_mut((L::WIDTH * n).max(1)) {
                 let slots = ring.iter_mut().skip(at).take(L::WIDTH);
                 slots.for_each(|x| *x = 0.0);
             }
         }
-        let sample = sample.get(..self.channels).unwrap_or(sample);
-        let rings = rings.chunks_exact_mut((L::WIDTH * n).max(1));
-        if L::WIDTH == 1 {
-            for (ring, x) in rings.zip(sample) {
-                if let Some(slot) = ring.get_mut(at) {
-                    *slot = *x;
-                }
+        let mut lane = 0;
+        for x in sample.iter().take(self.channels) {
+            if let Some(slot) = rings.get_mut(at) {
+                *slot = *x;
             }
-        } else {
-            for (ring, group) in rings.zip(sample.chunks(L::WIDTH)) {
-                let slots = ring.iter_mut().skip(at);
-                slots.zip(group).for_each(|(slot, x)| *slot = *x);
+            at += 1;
+            lane += 1;
+            if lane == L::WIDTH {
+                lane = 0;
+                at += (n - 1) * L::WIDTH;
             }
         }
         self.advance(1)
@@ -246,51 +244,47 @@ pub(super) fn block_lines<L: Lane>(
     work: &mut [Complex<L>],
     kept: &mut [Complex32],
 ) {
-    // Those beside the last kept one, too.
-    let grid = settings.grid();
-    let wanted = grid.first + grid.count + settings.window().reach();
-    transform_pairs(ring, head, work, wanted);
+    transform_pairs(ring, head, work);
     settings.window_lines(work, kept);
 }
 
 impl BlockSettings {
     /// The kept lines of the block whose transformed pairs are `z`, under the window.
-    fn window_lines<L: Lane>(&self, z: &[Complex<L>], kept: &mut [Complex32]) {
-        // Twice as large lines come.
-        match self.filters().gain() {
-            Gain::Uniform(gain) => self.windowed(z, |_| (0..usize::MAX).map(move |_| gain), kept),
-            Gain::OfLines(gains) => {
-                let gains = gains.of_block(2 * z.len());
-                let from = |k| gains.get(k..).unwrap_or_default().iter().copied();
-                self.windowed(z, from, kept);
-            }
-        }
-    }
-
-    /// The same, each line times its gain before the window.
     ///
     /// The mean under the window is taken out: what makes the windowed line 0 vanish. The plain mean
     /// would let a strong resonance leak in, unwindowed, and leave it in the lowest lines.
-    fn windowed<L: Lane, G: Iterator<Item = f32>>(
-        &self,
-        z: &[Complex<L>],
-        gains: impl Fn(usize) -> G,
-        kept: &mut [Complex32],
-    ) {
+    fn window_lines<L: Lane>(&self, z: &[Complex<L>], kept: &mut [Complex32]) {
         let (grid, coefficients) = (self.grid(), self.window().coefficients());
         let count = grid.count;
+        // The lines come twice as large, and the filters' gain is two a stage.
+        let gain = 1.0 / (2 << self.filters().stages()) as f32;
         match *coefficients {
             [c0] => {
-                let lines = lines(z, grid.first, gains(grid.first));
-                L::keep(lines.map(|line| scaled(line, c0)), kept, count);
+                let own = c0 * gain;
+                let windowed = lines(z, grid.first).map(|line| scaled(line, own));
+                L::keep(windowed, kept, count);
             }
             [c0, c1] => {
-                let begin = grid.first.max(2) - 1;
-                let gains = gains(begin).map(move |gain| c0 * gain);
-                of_two_terms(z, grid.first, gains, c1 / c0, (kept, count));
+                let (own, beside) = (c0 * gain, -0.5 * c1 * gain);
+                // The line before the first one is the mean, or one that is not kept.
+                let mut from = lines(z, grid.first.max(2) - 1);
+                let mut before = from.next().unwrap_or_default();
+                let mut line = before;
+                if grid.first > 1 {
+                    line = from.next().unwrap_or_default();
+                } else {
+                    before = Complex::new(line.re.times(c1 / c0), L::default());
+                }
+                let windowed = from.map(move |next| {
+                    let both = scaled(plus(before, next), beside);
+                    let sum = plus(scaled(line, own), both);
+                    (before, line) = (line, next);
+                    sum
+                });
+                L::keep(windowed, kept, count);
             }
             _ => {
-                let at = |k: usize| lines(z, k, gains(k)).next().unwrap_or_default();
+                let at = |k: usize| lines(z, k).next().unwrap_or_default();
                 let mut others = L::default();
                 for (i, c) in coefficients.iter().enumerate().skip(1) {
                     others = others.plus(at(i).re.times(if i % 2 == 1 { *c } else { -c }));
@@ -307,7 +301,7 @@ impl BlockSettings {
                         }
                     };
                     let mut sum = Complex::default();
-                    let mut sign = 1.0;
+                    let mut sign = gain;
                     for (i, c) in (0..).zip(coefficients) {
                         // A cosine of amplitude c is c/2 on either side; c₀ stands alone.
                         let part = match i {
@@ -323,33 +317,6 @@ impl BlockSettings {
             }
         }
     }
-}
-
-/// The lines from `first` on under a window of two terms, `ratio` that of their coefficients.
-#[inline(never)] // All registers are its own.
-fn of_two_terms<L: Lane>(
-    z: &[Complex<L>],
-    first: usize,
-    gains: impl Iterator<Item = f32>,
-    ratio: f32,
-    (kept, count): (&mut [Complex32], usize),
-) {
-    let beside = -0.5 * ratio;
-    // The line before the first one is the mean, or one that is not kept.
-    let mut from = lines(z, first.max(2) - 1, gains);
-    let mut before = from.next().unwrap_or_default();
-    let mut line = before;
-    if first > 1 {
-        line = from.next().unwrap_or_default();
-    } else {
-        before = Complex::new(line.re.times(ratio), L::default());
-    }
-    let windowed = from.map(move |next| {
-        let sum = plus(line, scaled(plus(before, next), beside));
-        (before, line) = (line, next);
-        sum
-    });
-    L::keep(windowed, kept, count);
 }
 
 #[cfg(test)]

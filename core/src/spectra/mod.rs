@@ -15,7 +15,6 @@ mod cross;
 mod decimate;
 mod drive;
 mod fft;
-mod gains;
 mod half_band;
 mod history;
 mod lane;

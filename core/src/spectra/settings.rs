@@ -1,8 +1,7 @@
 //! Settings of the blocks that a stream of samples is cut into.
 
-use super::decimate::{Filters, USABLE};
+use super::decimate::{Filters, MAX_STAGES, USABLE};
 use super::fft::supported;
-use super::half_band::MAX_STAGES;
 use super::{BandError, LineGrid, SpectraError, Window};
 
 /// Settings of the blocks: length, hop, window and kept lines.
