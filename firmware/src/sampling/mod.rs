@@ -21,8 +21,8 @@
 //! The first samples after a start, while filters settle, are dropped.
 //!
 //! Converters without an input in use are left out, which leaves time for faster rates: they are neither
-//! read nor are their edges seen. If no input is in use at all, those that answer are read. The ADXL355 has no edge of its own here: it samples at the others' edges, and its
-//! status is read then.
+//! read nor are their edges seen. If no input is in use at all, those that answer are read. The ADXL355 has
+//! no edge of its own here: it samples at the others' edges, and its status is read then.
 
 mod bank;
 mod converters;

@@ -106,6 +106,19 @@ fn thirty_two_channels_at_8192_samples_a_second() {
     });
 }
 
+/// Two converters that are left out lie between and behind those in use: their faults, which every sample has,
+/// must not cost the common path.
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn sixteen_channels_beside_converters_that_are_left_out() {
+    measure(&Case {
+        converters: &[0, 2],
+        rate: 8192.0,
+        share: 40.0,
+        load: 550,
+    });
+}
+
 fn measure(case: &Case) {
     let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 21);
     let mut memory = ClientMemory::new();
