@@ -5,9 +5,9 @@
 //! them are filtered out first. All channels, the drive among them, pass the same linear-phase
 //! filters, so responses and coherences do not notice.
 //!
-//! The filters are those of `half_band.rs`. Samples are kept until eight sums of a channel can be
-//! computed together, for which a sample is loaded once. The channels lie side by side by fours, so
-//! that a group of them is stored at once.
+//! The filters are those of `half_band.rs`. Samples are kept at each stage until eight of its sums of a
+//! channel can be computed together, for which a sample is loaded once; only the last ones of a block are
+//! fewer. The channels lie side by side by fours, so that a group of them is stored at once.
 
 use super::half_band::{
     NARROW_EARLY, NARROW_LAST, TOGETHER, WIDE_EARLY, WIDE_LAST, narrow_early, narrow_last,
@@ -53,18 +53,13 @@ impl Filters {
         }
     }
 
-    /// Outputs that are computed together: of many stages fewer, since each takes its inputs.
-    pub(super) const fn batch(&self) -> usize {
-        TOGETHER >> self.stages.saturating_sub(2)
-    }
-
-    /// Outputs of a stage for which there is room.
+    /// Outputs of a stage that are computed together, for which there is room: twice as many of the first
+    /// one, since the next takes them in pairs.
     const fn outputs(&self, stage: usize) -> usize {
-        let outputs = self.batch() << (self.stages - 1 - stage);
-        if outputs < TOGETHER {
-            TOGETHER
+        if stage == 0 && self.stages > 1 {
+            2 * TOGETHER
         } else {
-            outputs
+            TOGETHER
         }
     }
 
@@ -120,8 +115,8 @@ struct Line {
     kept: [usize; 2],
     /// Rows that the filter does not see, of those.
     slack: [usize; 2],
-    /// Logarithm to base two of its outputs for one of the last stage.
-    shift: usize,
+    /// Outputs whose samples wait there.
+    waiting: usize,
 }
 
 /// Samples on their way through the filters.
@@ -132,10 +127,15 @@ pub struct Decimator {
     channels: usize,
     /// Elements of a group's state.
     group: usize,
+    /// First element of the states in their storage.
+    base: usize,
     /// Places in the storage of the rows that take the next two samples, for the first group.
     places: [usize; 2],
     /// Samples until the filters run.
     wanted: usize,
+    /// Samples that are collected until then, and from then on until all outputs are there.
+    collected: usize,
+    left: usize,
 }
 
 impl Decimator {
@@ -150,7 +150,7 @@ impl Decimator {
                 begin: [begin, begin + seconds],
                 kept,
                 slack: [kept[0] + 1 - 2 * half, kept[1] + 1 - half],
-                shift: filters.stages - 1 - stage,
+                waiting: 0,
             };
             begin += seconds + firsts;
         }
@@ -159,21 +159,34 @@ impl Decimator {
             lines,
             channels,
             group: filters.rows() * GROUP,
+            base: 0,
             places: [0; 2],
             wanted: 0,
+            collected: 0,
+            left: 0,
         }
     }
 
-    /// Begins to collect the samples of `outputs` outputs, [`Filters::batch`] at most. The states begin
-    /// at `base` in their storage.
+    /// Begins to collect the samples of `outputs` outputs, [`TOGETHER`] at most. The states begin at `base`
+    /// in their storage.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
+        self.base = base;
+        self.left = outputs << self.filters.stages;
+        self.lines.iter_mut().for_each(|line| line.waiting = 0);
+        self.collect();
+    }
+
+    /// Collects what the first filter takes together, or what is left.
+    fn collect(&mut self) {
         let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
-            (Some(begin), Some(kept)) => base + (begin + kept) * GROUP,
-            _ => base,
+            (Some(begin), Some(kept)) => self.base + (begin + kept) * GROUP,
+            _ => self.base,
         });
-        self.wanted = outputs << self.filters.stages;
+        self.collected = self.left.min(2 * self.filters.outputs(0));
+        self.wanted = self.collected;
+        self.left -= self.collected;
     }
 
     /// Takes one sample of every channel into their states in `storage`; a channel that `sample` lacks
@@ -222,17 +235,20 @@ impl Decimator {
         }
     }
 
-    /// Filters the samples that wait, of every channel: the outputs of each, `outputs` of them and
-    /// too large by two a stage, go to its ring of `n` from `head` on.
+    /// Filters the samples that wait, of every channel, and collects on. Once those of all outputs have
+    /// come, the outputs of each channel, too large by two a stage, go to its ring of `n` from `head` on; their
+    /// number.
     #[inline(never)] // Storing a sample is to be short.
     pub(super) fn filter<L: Lane>(
-        &self,
+        &mut self,
         states: &mut [f32],
         rings: &mut [f32],
         (n, head): (usize, usize),
-        outputs: usize,
-    ) {
+    ) -> usize {
         let n = n.max(1);
+        let before = self.lines.map(|line| line.waiting);
+        let counts = self.due();
+        let outputs = self.last_of(&counts);
         let mut channels = self.channels;
         let states = states.chunks_exact_mut(self.group.max(GROUP));
         let mut groups = rings.chunks_mut((GROUP * n).max(1));
@@ -241,10 +257,10 @@ impl Decimator {
                 break;
             };
             let (rows, _) = state.as_chunks_mut();
-            self.run::<L>(rows, channels, outputs);
+            self.run::<L>(rows, channels, (&counts, &before));
             if outputs == TOGETHER && head + TOGETHER <= n {
                 self.finish::<L>(rows, rings, (n, head));
-            } else {
+            } else if outputs > 0 {
                 let mut y = [0.0; GROUP * TOGETHER];
                 self.finish::<L>(rows, &mut y, (TOGETHER, 0));
                 let rings = rings.chunks_mut(n * L::WIDTH);
@@ -256,27 +272,63 @@ impl Decimator {
                     slots.take(outputs).for_each(|(slot, y)| *slot = *y);
                 }
             }
-            self.forget(rows, outputs);
+            self.forget(rows, &counts);
             channels = channels.saturating_sub(GROUP);
         }
+        self.collect();
+        outputs
     }
 
-    /// Filters a group by all stages before the last one.
-    fn run<L: Lane>(&self, rows: &mut [Row], channels: usize, outputs: usize) {
+    /// Outputs that each stage computes now: all whose samples have come, once there are as many as are computed
+    /// together, or no more to come.
+    fn due(&mut self) -> [usize; MAX_STAGES] {
+        let mut counts = [0; MAX_STAGES];
+        let mut pairs = self.collected / 2;
+        let lines = self.lines.iter_mut().take(self.filters.stages);
+        for (line, count) in lines.zip(&mut counts) {
+            line.waiting += pairs;
+            if line.waiting < TOGETHER && self.left > 0 {
+                break;
+            }
+            *count = line.waiting;
+            pairs = line.waiting / 2;
+            line.waiting = 0;
+        }
+        counts
+    }
+
+    /// Outputs of the last stage, of those of all.
+    fn last_of(&self, counts: &[usize; MAX_STAGES]) -> usize {
+        let last = counts.get(self.filters.stages.wrapping_sub(1));
+        last.copied().unwrap_or(0)
+    }
+
+    /// Filters a group by all stages before the last one, so many outputs of each. As many as `before` of the next
+    /// one's outputs were waiting for more samples.
+    fn run<L: Lane>(
+        &self,
+        rows: &mut [Row],
+        channels: usize,
+        (counts, before): (&[usize; MAX_STAGES], &[usize; MAX_STAGES]),
+    ) {
         let filter = if self.filters.wide {
             wide_early::<L>
         } else {
             narrow_early::<L>
         };
-        for pair in self.lines.windows(2).take(self.filters.stages - 1) {
+        let pairs = self.lines.windows(2).take(self.filters.stages - 1);
+        for (pair, (count, before)) in pairs.zip(counts.iter().zip(before.iter().skip(1))) {
             let [line, next] = pair else {
                 return;
             };
             let (own, later) = rows.split_at_mut(next.begin[0].min(rows.len()));
             let (mut seconds, mut firsts) =
                 (line.begin[0] + line.slack[0], line.begin[1] + line.slack[1]);
-            let mut into = [next.kept[0], next.begin[1] - next.begin[0] + next.kept[1]];
-            let last = seconds + (outputs << line.shift);
+            let mut into = [
+                next.kept[0] + before,
+                next.begin[1] - next.begin[0] + next.kept[1] + before,
+            ];
+            let last = seconds + count;
             while seconds < last {
                 let (Some(e), Some(f)) = (own.get(seconds..), own.get(firsts..)) else {
                     return;
@@ -304,13 +356,17 @@ impl Decimator {
         }
     }
 
-    /// Moves the rows that later outputs see to the beginning, after `outputs` outputs.
-    fn forget(&self, rows: &mut [Row], outputs: usize) {
-        for line in self.lines.iter().take(self.filters.stages) {
-            let count = outputs << line.shift;
+    /// Moves the rows that later outputs see to the beginning, after so many outputs of each stage.
+    fn forget(&self, rows: &mut [Row], counts: &[usize; MAX_STAGES]) {
+        for (line, count) in self
+            .lines
+            .iter()
+            .zip(counts)
+            .filter(|(_, count)| **count > 0)
+        {
             for (begin, kept) in line.begin.into_iter().zip(line.kept) {
                 if let Some(rows) = rows.get_mut(begin..begin + kept + count) {
-                    shift(rows, count);
+                    shift(rows, *count);
                 }
             }
         }
@@ -380,8 +436,9 @@ mod tests {
         decimator.begin(0, batch);
         for n in 0..channels[0].len() {
             let sample: Vec<f32> = channels.iter().map(|x| x[n]).collect();
-            if decimator.push(&mut states, &sample) {
-                decimator.filter::<f32>(&mut states, &mut rings, (N, head), batch);
+            if decimator.push(&mut states, &sample)
+                && decimator.filter::<f32>(&mut states, &mut rings, (N, head)) > 0
+            {
                 decimator.begin(0, batch);
                 for (found, ring) in found.iter_mut().zip(rings.chunks(N)) {
                     found.extend((0..batch).map(|k| ring[(head + k) % N]));
@@ -406,13 +463,15 @@ mod tests {
         ] {
             for stages in 1..=MAX_STAGES {
                 let filters = Filters::new(stages, share);
-                for batch in [filters.batch(), 2, 1] {
+                for batch in (1..=TOGETHER).rev() {
                     let found = outputs(filters, &channels, batch);
                     for (found, samples) in found.iter().zip(&channels) {
                         let early =
                             (1..stages).fold(samples.clone(), |x, _| by_the_book(early, &x));
-                        assert_eq!(*found, by_the_book(last, &early), "{stages} {batch}");
-                        assert_eq!(found.len(), samples.len() >> stages);
+                        let expected = by_the_book(last, &early);
+                        assert_eq!(*found, expected[..found.len()], "{stages} {batch}");
+                        let whole = (samples.len() >> stages) / batch * batch;
+                        assert_eq!(found.len(), whole);
                     }
                 }
             }
@@ -422,7 +481,7 @@ mod tests {
     #[test]
     fn a_constant_comes_out_every_fourth_time() {
         let filters = Filters::new(2, 0.25);
-        let found = outputs(filters, &[vec![1.0; 800]], filters.batch());
+        let found = outputs(filters, &[vec![1.0; 800]], TOGETHER);
         assert_eq!(found[0].len(), 200);
         for y in &found[0][filters.settling() >> 2..] {
             // Four times as large, with two ripples of 6e-6 and 2e-5.
@@ -436,7 +495,7 @@ mod tests {
         let run = |lead: f32| {
             let mut samples: Vec<f32> = (0..1600).map(|n| libm::sinf(n as f32)).collect();
             samples[0] = lead;
-            outputs(filters, &[samples], filters.batch()).remove(0)
+            outputs(filters, &[samples], TOGETHER).remove(0)
         };
         let (a, b) = (run(0.0), run(1000.0));
         let differ = |n: usize| a[n] != b[n];

@@ -2,6 +2,7 @@
 
 use super::decimate::Decimator;
 use super::fft::{lines, transform_pairs};
+use super::half_band::TOGETHER;
 use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
@@ -85,7 +86,7 @@ impl<L: Compiled> Rings<L> {
 
     /// Outputs that the filters yield next.
     fn outputs(&self) -> usize {
-        self.missing.min(self.settings.filters().batch())
+        self.missing.min(TOGETHER)
     }
 
     /// Goes on to the next outputs of the filters.
@@ -113,7 +114,6 @@ impl<L: Compiled> Rings<L> {
     #[inline(never)] // Storing a sample is to be short.
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
-        let outputs = self.outputs();
         let places = storage.split_at_mut_checked(self.rings_len());
         let state_len = self.settings.filters().state_len(self.channels);
         let Some((rings, states)) = places.filter(|(_, states)| states.len() >= state_len) else {
@@ -121,7 +121,10 @@ impl<L: Compiled> Rings<L> {
             return false;
         };
         let place = (n, self.head);
-        L::filter(&self.decimator, states, rings, place, outputs);
+        let outputs = L::filter(&mut self.decimator, states, rings, place);
+        if outputs == 0 {
+            return false;
+        }
         let complete = self.advance(outputs);
         self.begin();
         complete
@@ -201,12 +204,11 @@ pub trait Compiled: Lane {
 
     /// [`Decimator::filter`] of this type.
     fn filter(
-        decimator: &Decimator,
+        decimator: &mut Decimator,
         states: &mut [f32],
         rings: &mut [f32],
         place: (usize, usize),
-        outputs: usize,
-    );
+    ) -> usize;
 }
 
 macro_rules! compiled {
@@ -222,13 +224,12 @@ macro_rules! compiled {
             }
 
             fn filter(
-                decimator: &Decimator,
+                decimator: &mut Decimator,
                 states: &mut [f32],
                 rings: &mut [f32],
                 place: (usize, usize),
-                outputs: usize,
-            ) {
-                decimator.filter::<Self>(states, rings, place, outputs);
+            ) -> usize {
+                decimator.filter::<Self>(states, rings, place)
             }
         }
     };
