@@ -52,7 +52,7 @@ mod on_chip {
         Average, BlockSettings, Blocks, Complex32, CrossAverage, CrossSums, DriveAverage, Rings,
         SpectraError, Sum, Window,
     };
-    use massline_firmware::acquisition::{Acquisition, Sample};
+    use massline_firmware::acquisition::Acquisition;
     use massline_firmware::calibration::{Channel, Limits, Scale, Watch};
     use massline_firmware::drivers::Converter;
     use massline_firmware::drivers::ads131m08::frame::BYTES;
@@ -306,16 +306,16 @@ mod on_chip {
     fn hand_over(timer: &TIM2) -> u32 {
         let queues = QUEUES.take();
         let (mut producer, mut frames) = queues.split();
-        let (counts, health) = ([1; sampling::INPUTS], [Health::GOOD; sampling::INPUTS]);
+        let mut frame = RawFrame {
+            number: 0,
+            ticks: 0,
+            counts: [1; sampling::INPUTS],
+            faults: [Health::GOOD; sampling::CHIPS],
+        };
         let mut good = true;
         let cost = cost(timer, |round| {
-            let sample = Sample {
-                number: round.into(),
-                counts: black_box(&counts),
-                health: black_box(&health),
-                is_settling: false,
-            };
-            good &= RawFrame::enqueue(&sample, 0, &mut producer);
+            frame.number = round.into();
+            good &= producer.enqueue(*black_box(&frame)).is_ok();
             good &= frames
                 .peek()
                 .is_some_and(|frame| black_box(frame).number == u64::from(round));

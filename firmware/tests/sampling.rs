@@ -624,7 +624,13 @@ fn the_fastest_rate_follows_from_the_converters_that_are_read() {
         ..PINS
     };
     for (inputs, conditions, fastest) in [
-        (&[0][..], PINS, 8192.0),
+        (&[0][..], PINS, 16_384.0),
+        // A bus each.
+        (&[15, 16], PINS, 16_384.0),
+        (&[0, 31], PINS, 16_384.0),
+        // One bus for two.
+        (&[0, 8], PINS, 8192.0),
+        (&[0, 16, 24], PINS, 8192.0),
         (&[0, 8, 16, 24], PINS, 8192.0),
         (&[0, 34], PINS, 4096.0),
         (&[34], PINS, 4096.0),

@@ -119,6 +119,13 @@ struct Line {
     waiting: usize,
 }
 
+/// Outputs that a stage computes at once, and its delay line as it was before the samples that came for them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Work {
+    line: Line,
+    outputs: usize,
+}
+
 /// Samples on their way through the filters.
 #[derive(Clone, Copy, Debug)]
 pub struct Decimator {
@@ -127,14 +134,11 @@ pub struct Decimator {
     channels: usize,
     /// Elements of a group's state.
     group: usize,
-    /// First element of the states in their storage.
-    base: usize,
     /// Places in the storage of the rows that take the next two samples, for the first group.
     places: [usize; 2],
     /// Samples until the filters run.
     wanted: usize,
-    /// Samples that are collected until then, and from then on until all outputs are there.
-    collected: usize,
+    /// Samples until all outputs are there, those that have come since the filters ran last among them.
     left: usize,
 }
 
@@ -159,10 +163,8 @@ impl Decimator {
             lines,
             channels,
             group: filters.rows() * GROUP,
-            base: 0,
             places: [0; 2],
             wanted: 0,
-            collected: 0,
             left: 0,
         }
     }
@@ -170,23 +172,25 @@ impl Decimator {
     /// Begins to collect the samples of `outputs` outputs, [`TOGETHER`] at most. The states begin at `base`
     /// in their storage.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
-        self.base = base;
         self.left = outputs << self.filters.stages;
         self.lines.iter_mut().for_each(|line| line.waiting = 0);
-        self.collect();
+        self.go_on(base);
     }
 
-    /// Collects what the first filter takes together, or what is left.
-    fn collect(&mut self) {
+    /// Samples that the first filter takes together, or all that are left.
+    fn together(&self) -> usize {
+        self.left.min(2 * self.filters.outputs(0))
+    }
+
+    /// Collects the next samples after the filters ran, those of no output yet among them.
+    pub(super) fn go_on(&mut self, base: usize) {
         let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
-            (Some(begin), Some(kept)) => self.base + (begin + kept) * GROUP,
-            _ => self.base,
+            (Some(begin), Some(kept)) => base + (begin + kept) * GROUP,
+            _ => base,
         });
-        self.collected = self.left.min(2 * self.filters.outputs(0));
-        self.wanted = self.collected;
-        self.left -= self.collected;
+        self.wanted = self.together();
     }
 
     /// Takes one sample of every channel into their states in `storage`; a channel that `sample` lacks
@@ -235,9 +239,8 @@ impl Decimator {
         }
     }
 
-    /// Filters the samples that wait, of every channel, and collects on. Once those of all outputs have
-    /// come, the outputs of each channel, too large by two a stage, go to its ring of `n` from `head` on; their
-    /// number.
+    /// Filters the samples that wait, of every channel. Once those of all outputs have come, the outputs of
+    /// each channel, too large by two a stage, go to its ring of `n` from `head` on; their number, zero before.
     #[inline(never)] // Storing a sample is to be short.
     pub(super) fn filter<L: Lane>(
         &mut self,
@@ -246,9 +249,11 @@ impl Decimator {
         (n, head): (usize, usize),
     ) -> usize {
         let n = n.max(1);
-        let before = self.lines.map(|line| line.waiting);
-        let counts = self.due();
-        let outputs = self.last_of(&counts);
+        let works = self.due();
+        let (works, outputs) = match works.get(..self.filters.stages) {
+            Some(works @ [.., last]) => (works, last.outputs),
+            _ => return 0,
+        };
         let mut channels = self.channels;
         let states = states.chunks_exact_mut(self.group.max(GROUP));
         let mut groups = rings.chunks_mut((GROUP * n).max(1));
@@ -257,7 +262,7 @@ impl Decimator {
                 break;
             };
             let (rows, _) = state.as_chunks_mut();
-            self.run::<L>(rows, channels, (&counts, &before));
+            self.run::<L>(rows, channels, works);
             if outputs == TOGETHER && head + TOGETHER <= n {
                 self.finish::<L>(rows, rings, (n, head));
             } else if outputs > 0 {
@@ -272,63 +277,50 @@ impl Decimator {
                     slots.take(outputs).for_each(|(slot, y)| *slot = *y);
                 }
             }
-            self.forget(rows, &counts);
+            forget(rows, works);
             channels = channels.saturating_sub(GROUP);
         }
-        self.collect();
         outputs
     }
 
-    /// Outputs that each stage computes now: all whose samples have come, once there are as many as are computed
+    /// The work of each stage now: all outputs whose samples have come, once there are as many as are computed
     /// together, or no more to come.
-    fn due(&mut self) -> [usize; MAX_STAGES] {
-        let mut counts = [0; MAX_STAGES];
-        let mut pairs = self.collected / 2;
+    fn due(&mut self) -> [Work; MAX_STAGES] {
+        let mut works = [Work::default(); MAX_STAGES];
+        let collected = self.together();
+        self.left -= collected;
+        let mut pairs = collected / 2;
         let lines = self.lines.iter_mut().take(self.filters.stages);
-        for (line, count) in lines.zip(&mut counts) {
+        for (line, work) in lines.zip(&mut works) {
+            work.line = *line;
             line.waiting += pairs;
             if line.waiting < TOGETHER && self.left > 0 {
                 break;
             }
-            *count = line.waiting;
+            work.outputs = line.waiting;
             pairs = line.waiting / 2;
             line.waiting = 0;
         }
-        counts
+        works
     }
 
-    /// Outputs of the last stage, of those of all.
-    fn last_of(&self, counts: &[usize; MAX_STAGES]) -> usize {
-        let last = counts.get(self.filters.stages.wrapping_sub(1));
-        last.copied().unwrap_or(0)
-    }
-
-    /// Filters a group by all stages before the last one, so many outputs of each. As many as `before` of the next
-    /// one's outputs were waiting for more samples.
-    fn run<L: Lane>(
-        &self,
-        rows: &mut [Row],
-        channels: usize,
-        (counts, before): (&[usize; MAX_STAGES], &[usize; MAX_STAGES]),
-    ) {
+    /// Filters a group by all stages before the last one.
+    fn run<L: Lane>(&self, rows: &mut [Row], channels: usize, works: &[Work]) {
         let filter = if self.filters.wide {
             wide_early::<L>
         } else {
             narrow_early::<L>
         };
-        let pairs = self.lines.windows(2).take(self.filters.stages - 1);
-        for (pair, (count, before)) in pairs.zip(counts.iter().zip(before.iter().skip(1))) {
-            let [line, next] = pair else {
+        for pair in works.windows(2) {
+            let [Work { line, outputs }, Work { line: next, .. }] = pair else {
                 return;
             };
             let (own, later) = rows.split_at_mut(next.begin[0].min(rows.len()));
             let (mut seconds, mut firsts) =
                 (line.begin[0] + line.slack[0], line.begin[1] + line.slack[1]);
-            let mut into = [
-                next.kept[0] + before,
-                next.begin[1] - next.begin[0] + next.kept[1] + before,
-            ];
-            let last = seconds + count;
+            let between = next.begin[1] - next.begin[0];
+            let mut into = [next.kept[0], between + next.kept[1]].map(|row| row + next.waiting);
+            let last = seconds + outputs;
             while seconds < last {
                 let (Some(e), Some(f)) = (own.get(seconds..), own.get(firsts..)) else {
                     return;
@@ -355,19 +347,17 @@ impl Decimator {
             narrow_last::<L>(inputs, rings, place);
         }
     }
+}
 
-    /// Moves the rows that later outputs see to the beginning, after so many outputs of each stage.
-    fn forget(&self, rows: &mut [Row], counts: &[usize; MAX_STAGES]) {
-        for (line, count) in self
-            .lines
-            .iter()
-            .zip(counts)
-            .filter(|(_, count)| **count > 0)
-        {
-            for (begin, kept) in line.begin.into_iter().zip(line.kept) {
-                if let Some(rows) = rows.get_mut(begin..begin + kept + count) {
-                    shift(rows, *count);
-                }
+/// Moves the rows of a group that later outputs see to the beginning, after these outputs of each stage.
+fn forget(rows: &mut [Row], works: &[Work]) {
+    for Work { line, outputs } in works {
+        if *outputs == 0 {
+            break;
+        }
+        for (begin, kept) in line.begin.into_iter().zip(line.kept) {
+            if let Some(rows) = rows.get_mut(begin..begin + kept + outputs) {
+                shift(rows, *outputs);
             }
         }
     }
@@ -436,9 +426,11 @@ mod tests {
         decimator.begin(0, batch);
         for n in 0..channels[0].len() {
             let sample: Vec<f32> = channels.iter().map(|x| x[n]).collect();
-            if decimator.push(&mut states, &sample)
-                && decimator.filter::<f32>(&mut states, &mut rings, (N, head)) > 0
-            {
+            if decimator.push(&mut states, &sample) {
+                if decimator.filter::<f32>(&mut states, &mut rings, (N, head)) == 0 {
+                    decimator.go_on(0);
+                    continue;
+                }
                 decimator.begin(0, batch);
                 for (found, ring) in found.iter_mut().zip(rings.chunks(N)) {
                     found.extend((0..batch).map(|k| ring[(head + k) % N]));

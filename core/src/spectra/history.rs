@@ -123,6 +123,7 @@ impl<L: Compiled> Rings<L> {
         let place = (n, self.head);
         let outputs = L::filter(&mut self.decimator, states, rings, place);
         if outputs == 0 {
+            self.decimator.go_on(self.rings_len());
             return false;
         }
         let complete = self.advance(outputs);

@@ -35,9 +35,11 @@
 //! Counts of a converter always go to its own inputs, whichever others are missing.
 
 mod chip;
+mod frame;
 mod grid;
 
 use self::chip::{Chip, Reader, State};
+pub use self::frame::Frame;
 use self::grid::{Grid, Place};
 use crate::drivers::{Converter, Fault, Reading};
 use crate::wire::{self, FaultCounters, FaultKind, Health};
@@ -110,10 +112,13 @@ impl Reads for ByDrivers {
 #[derive(Clone, Debug)]
 pub struct Acquisition<const CHIPS: usize, const INPUTS: usize> {
     grid: Grid,
-    number: u64,
     chips: [Chip; CHIPS],
-    counts: [i32; INPUTS],
+    /// The last sample.
+    frame: Frame<CHIPS, INPUTS>,
+    /// Its faults by inputs.
     health: [Health; INPUTS],
+    /// Bit k: converter k was left out.
+    left_out: u32,
     /// Reason to restart all converters at the next edge, if any.
     restart: Option<Health>,
     /// Invalid samples to come after a restart, and its reason.
@@ -139,10 +144,10 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         let () = Self::TOGETHER;
         Self {
             grid: Grid::new(period),
-            number: 0,
             chips: [Chip::NEW; CHIPS],
-            counts: [0; INPUTS],
+            frame: Frame::NONE,
             health: [Health::MISSING; INPUTS],
+            left_out: 0,
             restart: None,
             settling: 0,
             reason: Health::GOOD,
@@ -195,6 +200,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     pub fn leave_out(&mut self, converter: usize) {
         if let Some(chip) = self.chips.get_mut(converter) {
             chip.state = State::LeftOut;
+            self.left_out |= 1_u32.wrapping_shl(converter as u32);
         }
     }
 
@@ -238,7 +244,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             }
         };
         // 2^64 samples are never reached.
-        self.number = self.number.wrapping_add(samples);
+        self.frame.number = self.frame.number.wrapping_add(samples);
+        self.frame.ticks = ticks;
         if samples > 1 || !on_grid {
             let missed = u32::try_from(samples.saturating_sub(1)).unwrap_or(u32::MAX);
             let missed_by_all = &mut self.faults.converter_missed;
@@ -267,6 +274,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             // The converters hold samples from before the restart; they are read at the next edge.
             self.synchronise(synchronise, reason);
             self.health = [reason; INPUTS];
+            self.frame.faults = [reason; CHIPS];
             is_settling = true;
         } else {
             self.read_all(reads, converters, ready, on_grid);
@@ -280,8 +288,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
             self.prepare_one(converters);
         }
         Some(Sample {
-            number: self.number,
-            counts: &self.counts,
+            number: self.frame.number,
+            counts: &self.frame.counts,
             health: &self.health,
             is_settling,
         })
@@ -339,7 +347,13 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
 
     /// Number of the last sample.
     pub const fn number(&self) -> u64 {
-        self.number
+        self.frame.number
+    }
+
+    /// The last sample.
+    #[inline]
+    pub const fn frame(&self) -> &Frame<CHIPS, INPUTS> {
+        &self.frame
     }
 
     /// `true` if all converters sample together and have settled.
@@ -359,8 +373,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     /// `true` if these are most of the converters in step. In a tie the side with the first
     /// converter is the majority.
     fn is_majority(&self, ready: u32) -> bool {
-        // The common case does not depend on the converters' states.
-        if ready & Self::ALL == Self::ALL {
+        // In the common case all are ready that were not left out.
+        if (ready | self.left_out) & Self::ALL == Self::ALL {
             return true;
         }
         let mut in_step = 0_u32;
@@ -443,17 +457,19 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
         on_grid: bool,
     ) {
         let mut first = 0;
-        for (k, (chip, converter)) in self.chips.iter_mut().zip(converters).enumerate() {
+        let chips = self.chips.iter_mut().zip(&mut self.frame.faults);
+        for (k, ((chip, faults), converter)) in chips.zip(converters).enumerate() {
             let inputs = first..usize::saturating_add(first, converter.channels());
             first = inputs.end;
             let (Some(counts), Some(health)) = (
-                self.counts.get_mut(inputs.clone()),
+                self.frame.counts.get_mut(inputs.clone()),
                 self.health.get_mut(inputs),
             ) else {
                 break;
             };
             if chip.state == State::LeftOut {
-                if health.first() != Some(&Health::MISSING) {
+                if *faults != Health::MISSING {
+                    *faults = Health::MISSING;
                     health.fill(Health::MISSING);
                 }
                 continue;
@@ -479,7 +495,8 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
                 found = found.union(Health::MISSING);
             }
             // All inputs of a converter have the same health.
-            if health.first() != Some(&found) {
+            if *faults != found {
+                *faults = found;
                 health.fill(found);
             }
         }
@@ -519,7 +536,7 @@ impl<const CHIPS: usize, const INPUTS: usize> Acquisition<CHIPS, INPUTS> {
     fn report(&mut self, converter: u8) {
         self.fault = Some(wire::Fault {
             kind: FaultKind::Converter,
-            sample: self.number,
+            sample: self.frame.number,
             part: Some(converter),
         });
     }

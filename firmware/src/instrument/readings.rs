@@ -25,6 +25,8 @@ pub(super) const PLACES: usize = SENSORS + 1;
 const DRIVE: usize = SENSORS;
 /// Place of channels without a role.
 const UNUSED: usize = PLACES;
+/// Places in all: a power of two, so that the remainder of any number by it is one of them at no cost.
+const ALL_PLACES: usize = (UNUSED + 1).next_power_of_two();
 
 /// Calibration and role of a channel.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +55,7 @@ pub(super) struct Channels {
     /// SI by channel.
     readings: [f32; CHANNELS],
     /// SI by place.
-    places: [f32; UNUSED + 1],
+    places: [f32; ALL_PLACES],
     sensors_used: usize,
     /// Faults of each channel at the last sample.
     health: [u16; CHANNELS],
@@ -67,7 +69,7 @@ impl Channels {
         Self {
             routes: heapless::Vec::new(),
             readings: [0.0; CHANNELS],
-            places: [0.0; UNUSED + 1],
+            places: [0.0; ALL_PLACES],
             sensors_used: 0,
             health: [0; CHANNELS],
             all: 0,
@@ -187,7 +189,7 @@ impl Channels {
             }
             let si = route.channel.scale().count(*count);
             *reading = si;
-            if let Some(place) = self.places.get_mut(usize::from(route.place)) {
+            if let Some(place) = self.places.get_mut(usize::from(route.place) % ALL_PLACES) {
                 *place = si;
             }
         }
@@ -211,7 +213,7 @@ impl Channels {
             all |= found;
             *last = found;
             *reading = si;
-            if let Some(place) = self.places.get_mut(usize::from(route.place)) {
+            if let Some(place) = self.places.get_mut(usize::from(route.place) % ALL_PLACES) {
                 *place = si;
             }
         }

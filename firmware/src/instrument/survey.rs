@@ -79,11 +79,13 @@ impl Survey {
     }
 
     /// The samples of the sensors whose turn it is.
-    pub(super) fn select(&self, samples: &[f32], into: &mut [f32]) {
+    pub(super) fn select(&self, samples: &[f32]) -> [f32; TOGETHER] {
+        let mut selected = [0.0; TOGETHER];
         let turn = self.sensors.chunks(TOGETHER).nth(self.group);
-        for (slot, sensor) in into.iter_mut().zip(turn.unwrap_or(&[])) {
+        for (slot, sensor) in selected.iter_mut().zip(turn.unwrap_or(&[])) {
             *slot = samples.get(usize::from(*sensor)).copied().unwrap_or(0.0);
         }
+        selected
     }
 
     /// The lines it looks at, of those that are kept.

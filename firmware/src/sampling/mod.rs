@@ -39,7 +39,7 @@ pub use plan::{Plan, problem, reported};
 pub use queues::{Commands, Ends, Queues, WAITING};
 pub use raw_frame::RawFrame;
 
-use crate::acquisition::{Acquisition, SETTLING, Sample};
+use crate::acquisition::{Acquisition, SETTLING};
 use crate::drivers::Fault;
 use crate::drivers::lanes::Lanes;
 use crate::wire::{FaultCounters, Looped};
@@ -298,13 +298,13 @@ where
     /// Decodes the conversion that is complete, and passes the sample on. `true` if there is one.
     fn hand_over(&mut self) -> bool {
         let conversion = self.sequencer.conversion();
-        let at = conversion.edge.at;
         let is_waiting = self.sequencer.is_waiting();
         let (acquisition, lanes) = (&mut self.acquisition, &self.lanes);
         let sample = self.converters.with(|all, synchronise| {
             acquire(acquisition, all, synchronise, conversion, lanes, is_waiting)
+                .map(|sample| sample.is_settling)
         });
-        let is_new = self.out.pass_on(sample, at);
+        let is_new = self.out.pass_on(sample, self.acquisition.frame());
         self.forget_edges_before_restart();
         self.report();
         is_new
@@ -330,10 +330,11 @@ where
             return false;
         }
         let acquisition = &mut self.acquisition;
-        let sample = self
-            .converters
-            .with(|all, synchronise| acquisition.edge(all, synchronise, u32::MAX, ticks));
-        let is_new = self.out.pass_on(sample, ticks);
+        let sample = self.converters.with(|all, synchronise| {
+            let sample = acquisition.edge(all, synchronise, u32::MAX, ticks);
+            sample.map(|sample| sample.is_settling)
+        });
+        let is_new = self.out.pass_on(sample, self.acquisition.frame());
         self.report();
         is_new
     }
@@ -416,20 +417,19 @@ struct Out<'q> {
 }
 
 impl Out<'_> {
-    /// Puts a sample whose edge came at that time, ticks, into the queue, or counts it as dropped. `true`
-    /// if there is one.
-    fn pass_on(&mut self, sample: Option<Sample<'_>>, ticks: u64) -> bool {
-        let Some(sample) = sample else {
+    /// Puts the frame of a sample, if there is one, into the queue, or counts it as dropped: `true`. The sample
+    /// says if filters settle.
+    fn pass_on(&mut self, sample: Option<bool>, frame: &RawFrame) -> bool {
+        let Some(is_settling) = sample else {
             return false;
         };
         // The filters settle during the first samples after a start.
-        self.is_starting &= sample.is_settling || sample.number <= SETTLING.into();
+        self.is_starting &= is_settling || frame.number <= SETTLING.into();
         if self.is_starting {
             return false;
         }
         let is_half_full = self.frames.len() >= WAITING / 2;
-        let is_full = self.is_dropping && is_half_full
-            || !RawFrame::enqueue(&sample, ticks, &mut self.frames);
+        let is_full = self.is_dropping && is_half_full || self.frames.enqueue(*frame).is_err();
         self.is_dropping = is_full;
         if is_full {
             self.dropped = self.dropped.saturating_add(1);

@@ -21,13 +21,14 @@ const INPUTS: u8 = 24;
 /// Good samples between two faults: more than the hold-off after an overload.
 const GOOD_SAMPLES: u64 = 60;
 /// The converter at fault.
-const CONVERTER: usize = 1;
+pub const CONVERTER: usize = 1;
 
 /// Frames of a stuck line: less than those after which the converter is prepared anew.
 const STUCK: u32 = GARBLED as u32 - 2;
 
-/// A fault: how it is caused, how the box has to name it, and the inputs that it is about.
-pub type Case = (fn(&mut Chip), Health, std::ops::Range<usize>);
+/// A fault: how it is caused at a converter, how the box has to name it, and the inputs that it is about if that is
+/// [`CONVERTER`].
+pub type Case = (fn(&mut Chip, usize), Health, std::ops::Range<usize>);
 
 const OF_CONVERTER: std::ops::Range<usize> = CHANNELS * CONVERTER..CHANNELS * (CONVERTER + 1);
 
@@ -35,7 +36,7 @@ pub const CASES: [(&str, Case); 5] = [
     (
         "a wrong bit",
         (
-            |chip| wires(chip).is_garbled = true,
+            |chip, k| wires(chip, k).is_garbled = true,
             Health::CHECKSUM,
             OF_CONVERTER,
         ),
@@ -43,7 +44,7 @@ pub const CASES: [(&str, Case); 5] = [
     (
         "a lost edge",
         (
-            |chip| wires(chip).lost_edges = 2,
+            |chip, k| wires(chip, k).lost_edges = 2,
             Health::MISSING,
             OF_CONVERTER,
         ),
@@ -51,8 +52,8 @@ pub const CASES: [(&str, Case); 5] = [
     (
         "a reset",
         (
-            |chip| {
-                let converter = chip.bench.converter(CONVERTER);
+            |chip, k| {
+                let converter = chip.bench.converter(k);
                 converter.expect("it is there").reset();
             },
             Health::CONVERTER_RESET,
@@ -62,7 +63,7 @@ pub const CASES: [(&str, Case); 5] = [
     (
         "a converter that is late",
         (
-            |chip| chip.bench.delay(CONVERTER, 3000),
+            |chip, k| chip.bench.delay(k, 3000),
             Health::OUT_OF_STEP,
             // All are synchronised anew.
             0..INPUTS as usize,
@@ -71,15 +72,15 @@ pub const CASES: [(&str, Case); 5] = [
     (
         "a stuck line",
         (
-            |chip| wires(chip).stuck = Some((true, STUCK)),
+            |chip, k| wires(chip, k).stuck = Some((true, STUCK)),
             Health::STUCK,
             OF_CONVERTER,
         ),
     ),
 ];
 
-fn wires(chip: &mut Chip) -> &mut massline_chip::bench::Wires {
-    chip.bench.wires(CONVERTER).expect("it is there")
+fn wires(chip: &mut Chip, converter: usize) -> &mut massline_chip::bench::Wires {
+    chip.bench.wires(converter).expect("it is there")
 }
 
 #[test]
@@ -118,7 +119,7 @@ fn every_fault_is_named_for_its_inputs() {
             "{name}: no good samples"
         );
         faulty.borrow_mut().clear();
-        cause(&mut chip.lock().unwrap());
+        cause(&mut chip.lock().unwrap(), CONVERTER);
         // The first sample with it: those after a restart have its reason on all inputs.
         let named = || {
             let rows = faulty.borrow();

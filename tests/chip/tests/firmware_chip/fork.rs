@@ -24,7 +24,7 @@ use massline_firmware::wire::{
     Source, Stream, Summary, Values, Weighting,
 };
 
-use crate::faults::CASES;
+use crate::faults::{CASES, CONVERTER};
 use crate::sampling::stream;
 use crate::stand_in::bench::Heard;
 use crate::stand_in::{self, StandIn, pieces};
@@ -275,7 +275,7 @@ fn each_of_the_seven_faults_is_named_in_a_run_and_rejects_its_blocks() {
         named.push(health);
     }
     for (name, (cause, health, expected)) in CASES {
-        cause(&mut chip.lock().unwrap());
+        cause(&mut chip.lock().unwrap(), CONVERTER);
         let found = inputs_with(&mut client, &heard, health);
         let expected = expected.start..expected.end.min(inputs.len());
         assert!(

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use massline::device::{Client, ClientMemory};
 use massline_chip::SECOND;
@@ -14,6 +15,7 @@ use massline_firmware::wire::{
     Subscription, Telemetry,
 };
 
+use crate::faults::CASES;
 use crate::sampling::volts;
 use crate::{GOOD, boot, lossless, pass};
 
@@ -91,7 +93,7 @@ fn thirty_two_channels_at_4096_samples_a_second() {
         converters: &[0, 1, 2, 3],
         rate: 4096.0,
         share: 25.0,
-        load: 330,
+        load: 310,
     });
 }
 
@@ -101,8 +103,8 @@ fn thirty_two_channels_at_8192_samples_a_second() {
     measure(&Case {
         converters: &[0, 1, 2, 3],
         rate: 8192.0,
-        share: 50.0,
-        load: 660,
+        share: 45.0,
+        load: 600,
     });
 }
 
@@ -114,8 +116,20 @@ fn sixteen_channels_beside_converters_that_are_left_out() {
     measure(&Case {
         converters: &[0, 2],
         rate: 8192.0,
-        share: 40.0,
-        load: 550,
+        share: 34.0,
+        load: 450,
+    });
+}
+
+/// A converter on each bus.
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn sixteen_channels_at_16384_samples_a_second() {
+    measure(&Case {
+        converters: &[0, 2],
+        rate: 16_384.0,
+        share: 80.0,
+        load: 850,
     });
 }
 
@@ -170,4 +184,69 @@ fn measure(case: &Case) {
     assert!((rate / case.rate - 1.0).abs() * ticks < 2.0, "{rate} Hz");
     assert!(share < case.share, "{share} % of the processor");
     assert!(load < case.load, "{load} of 1000");
+}
+
+/// At the fastest rates little time is left to empty buffers, to prepare a converter, and to tell of gaps: after each
+/// fault blocks have to be averaged again, nobody else the wiser.
+#[test]
+#[ignore = "needs the firmware, run it by `cargo xtask test --only emulator`"]
+fn blocks_are_averaged_again_after_each_fault_at_the_fastest_rates() {
+    for (converters, rate, victim) in [(&[0, 2][..], 16_384.0, 2), (&[0, 1, 2, 3], 8192.0, 1)] {
+        let mut machine = boot(GOOD, Cells::default(), Box::new(volts), 22);
+        let chip = Arc::clone(&machine.shared());
+        let mut memory = ClientMemory::new();
+        let mut client = Client::new(&mut machine, &mut memory);
+        // Blocks rejected so far, and those averaged since the last of them.
+        let blocks: Rc<RefCell<(u32, u32)>> = Rc::default();
+        let told = Rc::clone(&blocks);
+        client.on_event(move |event, _| {
+            if let Event::Block(block) = event {
+                let (rejected, averaged) = &mut *told.borrow_mut();
+                if block.health.is_good() {
+                    *averaged += 1;
+                } else {
+                    (*rejected, *averaged) = (*rejected + 1, 0);
+                }
+            }
+        });
+        client.hello().unwrap();
+        let case = Case {
+            converters,
+            rate,
+            share: 0.0,
+            load: 0,
+        };
+        prepare(&mut client, &case);
+        let start = setup::start(0, Source::Inputs, Gaps::Count, None);
+        client.tell(&Request::Start(start)).unwrap();
+        for (name, (cause, ..)) in CASES {
+            let mut wait = |done: fn(u32, u32, u32) -> bool, before: u32| {
+                for _ in 0..200 {
+                    pass(&mut client, SECOND / 100);
+                    let (rejected, averaged) = *blocks.borrow();
+                    if done(before, rejected, averaged) {
+                        break;
+                    }
+                }
+                *blocks.borrow()
+            };
+            let (before, averaged) = wait(|_, _, averaged| averaged > 4, 0);
+            assert!(
+                averaged > 4,
+                "{name}: no block is averaged at {rate} samples/s"
+            );
+            cause(&mut chip.lock().unwrap(), victim);
+            let (after, _) = wait(|before, rejected, _| rejected > before, before);
+            assert!(
+                after > before,
+                "{name}: no block is rejected at {rate} samples/s"
+            );
+        }
+        let summary = client.stop().unwrap();
+        let faults = client.hello().unwrap().faults;
+        println!("{rate} samples/s: {summary:?} {faults:?}");
+        assert_eq!(faults.watchdog, 0);
+        drop(client);
+        lossless(&mut machine);
+    }
 }
