@@ -24,13 +24,13 @@ impl<'a> BlockSpectra<'a> {
     /// Real and imaginary parts of the kept line `k` of the first channels.
     #[inline]
     pub(super) fn line(&self, k: usize, re: &mut [f32], im: &mut [f32]) {
-        let mut rest = self.lines.get(k..).unwrap_or_default();
+        let mut at = k;
         for (re, im) in re.iter_mut().zip(im) {
-            let Some(first) = rest.first() else {
+            let Some(line) = self.lines.get(at) else {
                 break;
             };
-            (*re, *im) = (first.re, first.im);
-            rest = rest.get(self.count..).unwrap_or_default();
+            (*re, *im) = (line.re, line.im);
+            at += self.count;
         }
     }
 }
@@ -83,6 +83,7 @@ impl<'s, L: Compiled> Blocks<'s, L> {
 
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero.
     /// Returns the spectra whenever a block is complete.
+    #[inline(always)]
     pub fn push(&mut self, sample: &[f32]) -> Option<BlockSpectra<'_>> {
         if !self.rings.push(self.history, sample) {
             return None;

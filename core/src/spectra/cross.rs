@@ -133,8 +133,9 @@ impl Average for CrossAverage<'_> {
                 both.apart(sum, carry);
             }
         }
+        // A channel that the block lacks is zero at all lines.
+        let mut x = [[0.0; RESULTANTS]; 2];
         for (k, line) in self.sums.iter_mut().enumerate() {
-            let mut x = [[0.0; RESULTANTS]; 2];
             let [re, im] = &mut x;
             block.line(k, re, im);
             add_line(&x, &mut line.carry);
@@ -190,10 +191,25 @@ fn add_two_rows<'s, const N: usize>(
         Some(part)
     };
     if let (Some(p), Some(q), Some(r), Some(s)) = (take(), take(), take(), take()) {
-        for k in 0..N {
-            let z = (re[k], im[k]);
-            add_product((&mut p[k], &mut q[k]), (a, b), z);
-            add_product((&mut r[k], &mut s[k]), (c, d), z);
+        // Two columns at a time, written out: a loop over them would be one on the chip, too.
+        let columns = re.as_chunks::<2>().0.iter().zip(im.as_chunks::<2>().0);
+        let first = p
+            .as_chunks_mut::<2>()
+            .0
+            .iter_mut()
+            .zip(q.as_chunks_mut::<2>().0);
+        let second = r
+            .as_chunks_mut::<2>()
+            .0
+            .iter_mut()
+            .zip(s.as_chunks_mut::<2>().0);
+        for (([e, f], [g, h]), (([p, t], [q, u]), ([r, v], [s, w]))) in
+            columns.zip(first.zip(second))
+        {
+            add_product((p, q), (a, b), (*e, *g));
+            add_product((r, s), (c, d), (*e, *g));
+            add_product((t, u), (a, b), (*f, *h));
+            add_product((v, w), (c, d), (*f, *h));
         }
     }
     rest

@@ -132,9 +132,9 @@ pub struct Decimator {
     filters: Filters,
     lines: [Line; MAX_STAGES],
     channels: usize,
-    /// Elements of a group's state.
+    /// Rows of a group's state.
     group: usize,
-    /// Places in the storage of the rows that take the next two samples, for the first group.
+    /// The rows of the storage that take the next two samples, for the first group.
     places: [usize; 2],
     /// Samples until the filters run.
     wanted: usize,
@@ -162,7 +162,7 @@ impl Decimator {
             filters,
             lines,
             channels,
-            group: filters.rows() * GROUP,
+            group: filters.rows(),
             places: [0; 2],
             wanted: 0,
             left: 0,
@@ -170,7 +170,7 @@ impl Decimator {
     }
 
     /// Begins to collect the samples of `outputs` outputs, [`TOGETHER`] at most. The states begin at `base`
-    /// in their storage.
+    /// in their storage, a multiple of four.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
         self.left = outputs << self.filters.stages;
         self.lines.iter_mut().for_each(|line| line.waiting = 0);
@@ -187,8 +187,8 @@ impl Decimator {
         let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
-            (Some(begin), Some(kept)) => base + (begin + kept) * GROUP,
-            _ => base,
+            (Some(begin), Some(kept)) => base / GROUP + begin + kept,
+            _ => base / GROUP,
         });
         self.wanted = self.together();
     }
@@ -197,34 +197,13 @@ impl Decimator {
     /// reads zero. `true` once the filters can run.
     #[inline]
     pub(super) fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
-        let [place, next] = self.places;
         if sample.len() < self.channels {
             self.clear(storage);
         }
-        let (groups, rest) = sample.as_chunks::<GROUP>();
-        let mut at = place;
-        for x in groups {
-            let slots = storage
-                .get_mut(at..at + GROUP)
-                .and_then(|s| s.first_chunk_mut());
-            let Some(row) = slots else {
-                break;
-            };
-            *row = *x;
-            at += self.group;
-        }
-        // One by one, since a loop would become a call.
-        if let ([a, rest @ ..], Some([x, y, z, ..])) = (rest, storage.get_mut(at..)) {
-            *x = *a;
-            if let [b, rest @ ..] = rest {
-                *y = *b;
-                if let [c, ..] = rest {
-                    *z = *c;
-                }
-            }
-        }
-        self.places = [next, place + GROUP];
+        let [at, next] = self.places;
+        self.places = [next, at + 1];
         self.wanted -= 1;
+        store(storage.as_chunks_mut().0, (at, self.group), sample);
         self.wanted == 0
     }
 
@@ -232,11 +211,10 @@ impl Decimator {
     #[cold]
     fn clear(&self, storage: &mut [f32]) {
         let [place, _] = self.places;
-        let states = storage.get_mut(place..).unwrap_or_default();
-        let groups = states.chunks_mut(self.group.max(GROUP));
-        for state in groups.take(self.channels.div_ceil(GROUP)) {
-            state.iter_mut().take(GROUP).for_each(|x| *x = 0.0);
-        }
+        let (rows, _) = storage.as_chunks_mut::<GROUP>();
+        let rows = rows.iter_mut().skip(place).step_by(self.group.max(1));
+        rows.take(self.channels.div_ceil(GROUP))
+            .for_each(|row| *row = [0.0; GROUP]);
     }
 
     /// Filters the samples that wait, of every channel. Once those of all outputs have come, the outputs of
@@ -255,13 +233,8 @@ impl Decimator {
             _ => return 0,
         };
         let mut channels = self.channels;
-        let states = states.chunks_exact_mut(self.group.max(GROUP));
-        let mut groups = rings.chunks_mut((GROUP * n).max(1));
-        for state in states {
-            let Some(rings) = groups.next() else {
-                break;
-            };
-            let (rows, _) = state.as_chunks_mut();
+        let states = states.as_chunks_mut().0.chunks_exact_mut(self.group.max(1));
+        for (rows, rings) in states.zip(rings.chunks_mut((GROUP * n).max(1))) {
             self.run::<L>(rows, channels, works);
             if outputs == TOGETHER && head + TOGETHER <= n {
                 self.finish::<L>(rows, rings, (n, head));
@@ -346,6 +319,29 @@ impl Decimator {
         } else {
             narrow_last::<L>(inputs, rings, place);
         }
+    }
+}
+
+/// Stores a sample of channels side by side in every `stride`-th of the rows from `at` on.
+#[inline(always)]
+fn store(rows: &mut [Row], (mut at, stride): (usize, usize), sample: &[f32]) {
+    let (groups, rest) = sample.as_chunks::<GROUP>();
+    // One by one, since a loop would become a call.
+    if let ([a, rest @ ..], Some([x, y, z, _])) = (rest, rows.get_mut(at + groups.len() * stride)) {
+        *x = *a;
+        if let [b, rest @ ..] = rest {
+            *y = *b;
+            if let [c, ..] = rest {
+                *z = *c;
+            }
+        }
+    }
+    for x in groups {
+        let Some(row) = rows.get_mut(at) else {
+            break;
+        };
+        *row = *x;
+        at += stride;
     }
 }
 

@@ -16,9 +16,12 @@ pub(crate) const MAX_BLOCK_LENGTH: usize = if cfg!(feature = "long-blocks") {
     1024
 };
 
+/// Shortest block.
+pub(super) const SHORTEST: usize = 16;
+
 /// `true` if a block of `length` samples can be transformed.
 pub(super) const fn supported(length: usize) -> bool {
-    length.is_power_of_two() && length >= 16 && length <= MAX_BLOCK_LENGTH
+    length.is_power_of_two() && length >= SHORTEST && length <= MAX_BLOCK_LENGTH
 }
 
 /// Butterflies of the largest last pass, which combines four transforms of as many lines.
@@ -40,19 +43,31 @@ static TWIDDLES: [[Complex32; 3]; BUTTERFLIES] = {
     table
 };
 
-/// exp(-2πjk/N) of the longest block's first N/2 lines. A shorter block takes some of them.
-static HALF_CIRCLE: [Complex32; MAX_BLOCK_LENGTH / 2] = {
-    let mut table = [Complex32::new(0.0, 0.0); MAX_BLOCK_LENGTH / 2];
-    let mut k = 0;
-    while k < table.len() {
-        table[k] = unit(k, MAX_BLOCK_LENGTH);
-        k += 1;
+/// exp(-2πjk/n) of the first n/2 lines of the longest block, then of one half as long, and so on: a
+/// block reads its own one after the other.
+static HALF_CIRCLES: [Complex32; MAX_BLOCK_LENGTH] = {
+    let mut table = [Complex32::new(0.0, 0.0); MAX_BLOCK_LENGTH];
+    let (mut begin, mut n) = (0, MAX_BLOCK_LENGTH);
+    while n >= SHORTEST {
+        let mut k = 0;
+        while k < n / 2 {
+            table[begin + k] = unit(k, n);
+            k += 1;
+        }
+        begin += k;
+        n /= 2;
     }
     table
 };
 
 /// exp(-2πjk/n), `n` a multiple of eight.
 const fn unit(k: usize, n: usize) -> Complex32 {
+    let (c, s) = circle(k, n);
+    Complex32::new(c as f32, -s as f32)
+}
+
+/// Cosine and sine of 2πk/n, `n` a multiple of eight.
+pub(super) const fn circle(k: usize, n: usize) -> (f64, f64) {
     // Within an eighth of the circle, for which the series were made, then mirrored.
     let (octant, rest) = (k * 8 / n % 8, k * 8 % n);
     let share = if octant % 2 == 0 { rest } else { n - rest };
@@ -76,7 +91,7 @@ const fn unit(k: usize, n: usize) -> Complex32 {
                             * (1.0
                                 - y / 56.0
                                     * (1.0 - y / 90.0 * (1.0 - y / 132.0 * (1.0 - y / 182.0))))));
-    let (c, s) = match octant {
+    match octant {
         0 => (cosine, sine),
         1 => (sine, cosine),
         2 => (-sine, cosine),
@@ -85,25 +100,65 @@ const fn unit(k: usize, n: usize) -> Complex32 {
         5 => (-sine, -cosine),
         6 => (sine, -cosine),
         _ => (cosine, -sine),
-    };
-    Complex32::new(c as f32, -s as f32)
+    }
 }
 
 /// The transform of pairs of samples, each a complex number, of one channel or of several side by
-/// side. `ring` holds them, the oldest one at `head`; `work` is of half its length.
-pub(super) fn transform_pairs<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
+/// side. `ring` holds them, the oldest one at `head`; `work` is of half its length. Only the first
+/// `wanted` of its lines are sure to be right, and as many of the last ones, of which [`lines`] makes as many
+/// of the block.
+pub(super) fn transform_pairs<L: Lane>(
+    ring: &[L],
+    head: usize,
+    work: &mut [Complex<L>],
+    wanted: usize,
+) {
     let half = work.len();
     let radix = if half.trailing_zeros() % 2 == 1 { 8 } else { 4 };
     let groups = half / radix;
-    if radix == 8 && head.is_multiple_of(2 * groups) {
-        in_pieces(ring, head, work);
-    } else {
-        one_by_one(ring, head, work, radix);
+    // Four channels at once, elsewhere than on the chip, are faster with lengths that are not known.
+    let alone = L::WIDTH == 1;
+    let in_halves = alone && radix == 8 && head.is_multiple_of(half);
+    match groups {
+        16 if in_halves => first_pass::<L, 16>(ring, head, work),
+        64 if in_halves => first_pass::<L, 64>(ring, head, work),
+        _ if radix == 8 && head.is_multiple_of(2 * groups) => in_pieces(ring, head, work),
+        _ => one_by_one(ring, head, work, radix),
     }
     let mut length = radix;
     while length < half {
-        combine(work, length);
+        match length {
+            _ if 4 * length == half && wanted <= length => combine_ends(work, wanted),
+            8 if alone => combine_eights(work),
+            32 if alone => combine::<L, 32>(work),
+            128 if alone => combine::<L, 128>(work),
+            _ => combine_any(work, length),
+        }
         length *= 4;
+    }
+}
+
+/// The first pass of `GROUPS` groups, where each half of the samples lies in one piece.
+#[inline(never)]
+fn first_pass<L: Lane, const GROUPS: usize>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
+    let (pairs, _) = ring.as_chunks::<2>();
+    let (start, end) = pairs.split_at(pairs.len() / 2);
+    let (older, newer) = if head == 0 {
+        (start, end)
+    } else {
+        (end, start)
+    };
+    let ([a, b, c, d], [e, f, g, h]) =
+        (older.as_chunks::<GROUPS>().0, newer.as_chunks::<GROUPS>().0)
+    else {
+        return;
+    };
+    let (work, _) = work.as_chunks_mut::<8>();
+    for (k, place) in (0..GROUPS).zip(Reversed::of(GROUPS).places()) {
+        if let Some(work) = work.get_mut(place) {
+            let z = |pairs: &[[L; 2]; GROUPS]| Complex::new(pairs[k][0], pairs[k][1]);
+            *work = eight([z(a), z(b), z(c), z(d), z(e), z(f), z(g), z(h)]);
+        }
     }
 }
 
@@ -121,8 +176,8 @@ fn in_pieces<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
     let inputs = a.zip(e).zip(c.zip(g)).zip(b.zip(f).zip(d.zip(h)));
     let (work, _) = work.as_chunks_mut::<8>();
     let reversed = Reversed::of(groups);
-    for (group, (((a, e), (c, g)), ((b, f), (d, h)))) in inputs.enumerate() {
-        if let Some(work) = work.get_mut(reversed.place(group)) {
+    for ((((a, e), (c, g)), ((b, f), (d, h))), place) in inputs.zip(reversed.places()) {
+        if let Some(work) = work.get_mut(place) {
             let z = |pair: &[L; 2]| Complex::new(pair[0], pair[1]);
             *work = eight([z(a), z(b), z(c), z(d), z(e), z(f), z(g), z(h)]);
         }
@@ -135,21 +190,39 @@ fn one_by_one<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>], radix: 
     let groups = work.len() / radix;
     let (reversed, last) = (Reversed::of(groups), ring.len().wrapping_sub(1));
     let sample = |n: usize| ring.get((head + n) & last).copied().unwrap_or_default();
-    let input = |group: usize, r: usize| {
-        let n = 2 * (reversed.place(group) + r * groups);
+    let input = |place: usize, r: usize| {
+        let n = 2 * (place + r * groups);
         Complex::new(sample(n), sample(n + 1))
     };
     if radix == 8 {
-        for (group, work) in work.as_chunks_mut().0.iter_mut().enumerate() {
-            *work = eight(core::array::from_fn(|r| input(group, r)));
+        for (work, place) in work.as_chunks_mut().0.iter_mut().zip(reversed.places()) {
+            *work = eight(core::array::from_fn(|r| input(place, r)));
         }
     } else {
-        for (group, work) in work.as_chunks_mut().0.iter_mut().enumerate() {
-            let [a, b, c, d] = core::array::from_fn(|r| input(group, r));
+        for (work, place) in work.as_chunks_mut().0.iter_mut().zip(reversed.places()) {
+            let [a, b, c, d] = core::array::from_fn(|r| input(place, r));
             *work = butterfly(a, b, c, d);
         }
     }
 }
+
+/// Most groups of a first pass: a power of four.
+const GROUPS: usize = if (MAX_BLOCK_LENGTH / 8).trailing_zeros().is_multiple_of(2) {
+    MAX_BLOCK_LENGTH / 8
+} else {
+    MAX_BLOCK_LENGTH / 16
+};
+
+/// The numbers of as many groups with the digits to base four reversed.
+static REVERSED: [u16; GROUPS] = {
+    let mut table = [0; GROUPS];
+    let mut k = 1;
+    while k < GROUPS {
+        table[k] = (k % 4 * (GROUPS / 4)) as u16 + table[k / 4] / 4;
+        k += 1;
+    }
+    table
+};
 
 /// The order of the groups of the first pass: their numbers with the digits to base four reversed.
 struct Reversed {
@@ -159,18 +232,17 @@ struct Reversed {
 impl Reversed {
     fn of(groups: usize) -> Self {
         Self {
-            shift: u32::BITS - groups.max(1).trailing_zeros(),
+            shift: (GROUPS / groups.max(1)).trailing_zeros(),
         }
     }
 
-    #[inline]
-    fn place(&self, group: usize) -> usize {
-        // All bits reversed, then the two of each digit put back into their order.
-        let bits = (group as u32)
-            .reverse_bits()
-            .checked_shr(self.shift)
-            .unwrap_or(0);
-        ((bits & 0x5555_5555) << 1 | (bits >> 1) & 0x5555_5555) as usize
+    /// Those of all groups, one after the other.
+    #[inline(always)]
+    fn places(&self) -> impl Iterator<Item = usize> {
+        let shift = self.shift;
+        REVERSED
+            .iter()
+            .map(move |place| usize::from(*place) >> (shift % u16::BITS))
     }
 }
 
@@ -208,9 +280,72 @@ fn eight<L: Lane>([a, b, c, d, e, f, g, h]: [Complex<L>; 8]) -> [Complex<L>; 8] 
     ]
 }
 
+/// Combines transforms of eight lines by fours: line after line, since its factors are those of all.
+#[inline(never)]
+fn combine_eights<L: Lane>(work: &mut [Complex<L>]) {
+    let factors = TWIDDLES.as_chunks::<{ BUTTERFLIES / 8 }>().0;
+    let (fours, _) = work.as_chunks_mut::<32>();
+    for (k, w) in factors.iter().enumerate().take(8) {
+        let k = k % 8;
+        for four in fours.iter_mut() {
+            [four[k], four[k + 8], four[k + 16], four[k + 24]] =
+                twiddled([four[k], four[k + 8], four[k + 16], four[k + 24]], &w[0]);
+        }
+    }
+}
+
+/// Combines transforms of `N` lines by fours.
+#[inline(never)]
+fn combine<L: Lane, const N: usize>(work: &mut [Complex<L>]) {
+    let step = (BUTTERFLIES / N).max(1);
+    let mut rest = work;
+    while let Some((a, others)) = rest.split_first_chunk_mut::<N>()
+        && let Some((b, others)) = others.split_first_chunk_mut::<N>()
+        && let Some((c, others)) = others.split_first_chunk_mut::<N>()
+        && let Some((d, others)) = others.split_first_chunk_mut::<N>()
+    {
+        for (k, w) in (0..N).zip(TWIDDLES.chunks_exact(step)) {
+            if let [w, ..] = w {
+                [a[k], b[k], c[k], d[k]] = twiddled([a[k], b[k], c[k], d[k]], w);
+            }
+        }
+        rest = others;
+    }
+}
+
+/// Combines the last four transforms, of which no line but the first `wanted` and the last as many is
+/// used.
+#[inline(never)]
+fn combine_ends<L: Lane>(work: &mut [Complex<L>], wanted: usize) {
+    let length = work.len() / 4;
+    let step = (BUTTERFLIES / length.max(1)).max(1);
+    let mut quarters = work.chunks_exact_mut(length.max(1));
+    let mut quarter = || quarters.next().unwrap_or_default();
+    let (a, b, c, d) = (quarter(), quarter(), quarter(), quarter());
+    let inputs = a.iter_mut().zip(b).zip(c.iter().zip(d));
+    for (k, (((a, b), (c, d)), w)) in inputs.zip(TWIDDLES.chunks_exact(step)).enumerate() {
+        let [w, ..] = w else {
+            return;
+        };
+        let (is_first, is_last) = (k < wanted, k + wanted >= length);
+        if !is_first && !is_last {
+            continue;
+        }
+        let (b1, c1, d1) = (times(*b, w[0]), times(*c, w[1]), times(*d, w[2]));
+        let (ac, a_c) = (plus(*a, c1), minus(*a, c1));
+        // As in a butterfly.
+        if is_first {
+            *a = plus(ac, plus(b1, d1));
+        }
+        if is_last {
+            *d = minus(a_c, turned(minus(b1, d1)));
+        }
+    }
+}
+
 /// Combines transforms of `length` lines by fours.
 #[inline(never)]
-fn combine<L: Lane>(work: &mut [Complex<L>], length: usize) {
+fn combine_any<L: Lane>(work: &mut [Complex<L>], length: usize) {
     let step = (BUTTERFLIES / length.max(1)).max(1);
     for four in work.chunks_exact_mut((4 * length).max(1)) {
         let (ab, cd) = four.split_at_mut(2 * length);
@@ -219,30 +354,36 @@ fn combine<L: Lane>(work: &mut [Complex<L>], length: usize) {
         // Chunks rather than steps, whose ends would be computed anew for each.
         for (((a, b), (c, d)), w) in inputs.zip(TWIDDLES.chunks_exact(step)) {
             if let [w, ..] = w {
-                let (b1, c1, d1) = (times(*b, w[0]), times(*c, w[1]), times(*d, w[2]));
-                [*a, *b, *c, *d] = butterfly(*a, b1, c1, d1);
+                [*a, *b, *c, *d] = twiddled([*a, *b, *c, *d], w);
             }
         }
     }
 }
 
+/// The transform of four numbers of which all but the first are turned by factors before.
+#[inline(always)]
+fn twiddled<L: Lane>([a, b, c, d]: [Complex<L>; 4], w: &[Complex32; 3]) -> [Complex<L>; 4] {
+    butterfly(a, times(b, w[0]), times(c, w[1]), times(d, w[2]))
+}
+
 /// Lines `first` and up of the block of which `z` are the transformed pairs, neither the line 0 nor
-/// the last one among them.
+/// the last one among them, each twice as large.
+#[inline(always)]
 pub(super) fn lines<L: Lane>(z: &[Complex<L>], first: usize) -> impl Iterator<Item = Complex<L>> {
     let n = 2 * z.len();
-    let step = (MAX_BLOCK_LENGTH / n.max(1)).max(1);
-    let twiddles = HALF_CIRCLE.get(first * step..).unwrap_or_default();
-    // The line k is made of the ones k and N/2 - k. Chunks rather than steps and reversals, whose ends
-    // would be computed anew for each.
+    // There are MAX_BLOCK_LENGTH / 2 + MAX_BLOCK_LENGTH / 4 + … before.
+    let begin = MAX_BLOCK_LENGTH.saturating_sub(n);
+    let factors = HALF_CIRCLES.get(begin + first..begin + n / 2);
+    // The line k is made of the ones k and N/2 - k. Chunks rather than a reversal, whose end would be
+    // computed anew for each.
     let up = z.get(first..).unwrap_or_default().iter();
     let down = z
         .get(..(z.len() + 1).saturating_sub(first))
         .unwrap_or_default();
-    let twiddles = twiddles.chunks_exact(step);
     up.zip(down.rchunks_exact(1))
-        .zip(twiddles)
+        .zip(factors.unwrap_or_default())
         .map(|((z, y), w)| {
-            let ([y, ..], [w, ..]) = (y, w) else {
+            let [y, ..] = y else {
                 return Complex::default();
             };
             // Twice the transforms of the even samples and of the odd ones.
@@ -275,7 +416,7 @@ mod tests {
                 let mut ring = samples.clone();
                 ring.rotate_right(head);
                 let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
-                transform_pairs(&ring, head, &mut work);
+                transform_pairs(&ring, head, &mut work, n / 2);
                 for first in [1, n / 4, n / 2 - 1] {
                     let found: Vec<_> = lines(&work, first).take(n / 2 - first).collect();
                     assert_eq!(found.len(), n / 2 - first);
@@ -298,6 +439,26 @@ mod tests {
         }
     }
 
+    /// The first lines where the others are not wanted, to the last bit.
+    #[test]
+    fn lines_that_are_not_wanted_change_no_other() {
+        for n in [16, 128, 256, 1024] {
+            let samples: Vec<f32> = (0..n)
+                .map(|i| ((i * i * 7 + i) % 101) as f32 - 50.0)
+                .collect();
+            let lines = |wanted: usize| -> Vec<_> {
+                let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
+                transform_pairs(&samples, 0, &mut work, wanted);
+                lines(&work, 1).take(wanted - 1).collect()
+            };
+            let all = lines(n / 2);
+            for wanted in [2, n / 32 + 1, n / 16, n / 16 + 2, n / 8 - 1, n / 8] {
+                let wanted = wanted.max(2);
+                assert_eq!(lines(wanted)[..], all[..wanted - 1], "{wanted} of {n}");
+            }
+        }
+    }
+
     /// The lines of microfft, whose transforms were those of core before.
     #[test]
     fn lines_are_those_of_another_transform() {
@@ -315,7 +476,7 @@ mod tests {
                 .collect();
             let expected = theirs(&samples);
             let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
-            transform_pairs(&samples, 0, &mut work);
+            transform_pairs(&samples, 0, &mut work, n / 2);
             let rms = samples.iter().map(|x| x * x).sum::<f32>().sqrt();
             for (k, found) in (1..).zip(lines(&work, 1).take(n / 2 - 1)) {
                 let [re, im] = expected[k];

@@ -102,7 +102,7 @@ impl<L: Compiled> Rings<L> {
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
     /// whenever a block is complete: it can be transformed until the next sample comes. With
     /// less storage than there was at the beginning it takes nothing.
-    #[inline]
+    #[inline(always)]
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         if self.settings.filters().stages() == 0 {
             return self.push_unfiltered(storage, sample);
@@ -138,23 +138,25 @@ impl<L: Compiled> Rings<L> {
         let Some(rings) = storage.get_mut(..self.rings_len()) else {
             return false;
         };
-        let mut at = self.head * L::WIDTH;
+        let at = self.head * L::WIDTH;
         if sample.len() < self.channels {
             for ring in rings.chunks_exact_mut((L::WIDTH * n).max(1)) {
                 let slots = ring.iter_mut().skip(at).take(L::WIDTH);
                 slots.for_each(|x| *x = 0.0);
             }
         }
-        let mut lane = 0;
-        for x in sample.iter().take(self.channels) {
-            if let Some(slot) = rings.get_mut(at) {
-                *slot = *x;
+        let sample = sample.get(..self.channels).unwrap_or(sample);
+        let rings = rings.chunks_exact_mut((L::WIDTH * n).max(1));
+        if L::WIDTH == 1 {
+            for (ring, x) in rings.zip(sample) {
+                if let Some(slot) = ring.get_mut(at) {
+                    *slot = *x;
+                }
             }
-            at += 1;
-            lane += 1;
-            if lane == L::WIDTH {
-                lane = 0;
-                at += (n - 1) * L::WIDTH;
+        } else {
+            for (ring, group) in rings.zip(sample.chunks(L::WIDTH)) {
+                let slots = ring.iter_mut().skip(at);
+                slots.zip(group).for_each(|(slot, x)| *slot = *x);
             }
         }
         self.advance(1)
@@ -246,7 +248,10 @@ pub(super) fn block_lines<L: Lane>(
     work: &mut [Complex<L>],
     kept: &mut [Complex32],
 ) {
-    transform_pairs(ring, head, work);
+    // Those beside the last kept one, too.
+    let grid = settings.grid();
+    let wanted = grid.first + grid.count + settings.window().reach();
+    transform_pairs(ring, head, work, wanted);
     settings.window_lines(work, kept);
 }
 
