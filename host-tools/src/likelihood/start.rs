@@ -99,16 +99,21 @@ pub(super) fn start(
         wanted *= FINER;
     };
     let all = Problem::new(records, true, threads);
+    let mut known: Option<Rest> = None;
     for wanted in [LINES, MORE_LINES] {
         let (step, some) = thin(wanted);
         let problem = Problem::new(&some, true, threads);
         for turn in 0..2 {
-            let rest = Rest::of(&all, &now.model, freedom)?;
+            let rest = match known.take() {
+                Some(rest) => rest,
+                None => Rest::of(&all, &now.model, freedom)?,
+            };
             let threshold = match wanted {
                 LINES => rest.terms() * count.ln(),
                 _ => rest.chance(TRIED),
             };
             if rest.statistic <= threshold {
+                known = Some(rest);
                 break;
             }
             if wanted != LINES && turn == 0 {
@@ -165,7 +170,7 @@ fn pruned(
             });
             let l = &now.model.modes[r].participation;
             let right = DMatrix::from_fn(n, 1, |i, _| l[seen[i]]);
-            let solved = super::normal::solve_symmetric(covariance, &right);
+            let solved = super::solve::solve_symmetric(covariance, &right);
             solved.map_or(0.0, |s| right.dot(&s))
         };
         let modes = &now.model.modes;
@@ -233,7 +238,7 @@ impl Rest {
         let score = DVector::from_fn(places.len(), |i, _| system.score[places[i]]);
         let step = &inverse * score;
         let e = DMatrix::from_fn(n, 1, |i, _| upper[seen[i]] + step[at[seen[i]]]);
-        let solved = super::normal::solve_symmetric(rest.covariance.clone(), &e)?;
+        let solved = super::solve::solve_symmetric(rest.covariance.clone(), &e)?;
         rest.statistic = e.dot(&solved);
         Some(rest)
     }
@@ -260,8 +265,7 @@ impl Rest {
         let share = 1.0 - self.chance(-1.0) / self.statistic;
         let share = share.clamp(BELIEVED, 1.0);
         let n = self.seen.len();
-        let own =
-            super::normal::solve_symmetric(self.covariance.clone(), &DMatrix::identity(n, n))?;
+        let own = super::solve::solve_symmetric(self.covariance.clone(), &DMatrix::identity(n, n))?;
         let mut weights = DMatrix::zeros(SYMMETRIC, SYMMETRIC);
         for j in 0..n {
             for i in 0..n {
