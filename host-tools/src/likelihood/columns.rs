@@ -187,7 +187,7 @@ impl<'a, 'b> Columns<'a, 'b> {
             let (real, sign) = part(power);
             for i in (0..6).filter(|&i| evaluation.measured[i]) {
                 let x = share * (sign * of.next().copied().unwrap_or(0.0));
-                // j, j³ and so on have the signs of Re and of Im of their conjugates, turned.
+                // jⁿ is real or imaginary, positive or negative, as the part of (-j)ⁿ y is that is real.
                 if real {
                     leaked[i].re += x;
                 } else {

@@ -44,7 +44,7 @@ pub(super) fn start(
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
-    let freedom = Freedom::least(rigid);
+    let mut freedom = Freedom::least(rigid);
     let runs = 1 + records.iter().map(|r| r.run).max()?;
     let lines = records.iter().map(|r| r.frequencies.len()).max()?;
     let thin = |wanted: usize| -> (usize, Vec<Record>) {
@@ -79,19 +79,30 @@ pub(super) fn start(
         let least = (threshold / step as f64).max(CHANCE);
         while found.model.modes.len() < MOST_MODES {
             tell(found.model.modes.len(), found.misfit);
+            let own = of_a_mode(freedom, runs);
             let tried = groups.best(&found.model).into_iter().filter_map(|mode| {
                 let mut tried = found.model.clone();
                 tried.push(mode);
                 refit(&problem, freedom, &tried)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
-            let Some(better) = best.filter(|b| 2.0 * (found.misfit - b.misfit) - 8.0 > least)
-            else {
-                break;
+            let better = best.filter(|b| 2.0 * (found.misfit - b.misfit) - own > least);
+            // A mode that moved between the runs, or whose damping is not viscous, looks like several: what
+            // explains more is taken first.
+            let freed = freed(&problem, freedom, &found, runs, least);
+            let before = |b: &Descent| better.as_ref().is_none_or(|m| b.misfit < m.misfit);
+            found = match freed.filter(before) {
+                Some(freed) => {
+                    freedom = Freedom::all(rigid);
+                    freed
+                }
+                None => match better {
+                    Some(better) => better,
+                    None => break,
+                },
             };
-            found = better;
         }
-        found = pruned(&problem, freedom, found, least)?;
+        found = pruned(&problem, (freedom, runs), found, least)?;
         if CHANCE * step as f64 <= threshold {
             break found;
         }
@@ -127,8 +138,7 @@ pub(super) fn start(
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let Some(better) = best.filter(|b| {
-                // Eight parameters more fit that much of the noise.
-                let gain = 2.0 * (now.misfit - b.misfit) - 8.0;
+                let gain = 2.0 * (now.misfit - b.misfit) - of_a_mode(freedom, runs);
                 gain * step as f64 > threshold
             }) else {
                 break;
@@ -145,11 +155,41 @@ fn refit(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Desce
     descent::descend_until(problem, model, freedom, until, &mut |_, _| ())
 }
 
+/// Fall of 2V that the parameters of one more mode take from noise: frequency, damping, participations,
+/// and once they are free the exponent and offsets of frequency but one. Offsets of damping hardly are: what
+/// is known of them beforehand is narrower than what a mode tells that is barely seen.
+fn of_a_mode(freedom: Freedom, runs: usize) -> f64 {
+    let exponent = f64::from(u8::from(freedom.exponents));
+    let offsets = if freedom.offsets {
+        runs as f64 - 1.0
+    } else {
+        0.0
+    };
+    8.0 + exponent + offsets
+}
+
+/// The same modes with exponents and offsets of their own, where these explain more than noise.
+fn freed(
+    problem: &Problem<'_>,
+    freedom: Freedom,
+    found: &Descent,
+    runs: usize,
+    threshold: f64,
+) -> Option<Descent> {
+    let all = Freedom::all(freedom.rigid);
+    if freedom == all || found.model.modes.is_empty() {
+        return None;
+    }
+    let freed = refit(problem, all, &found.model)?;
+    let more = (found.model.modes.len() * 2 * runs) as f64;
+    (2.0 * (found.misfit - freed.misfit) - more > threshold).then_some(freed)
+}
+
 /// The same without modes that were added before others had found their place, and are no longer
 /// worth the fall of 2V that `threshold` asks for.
 fn pruned(
     problem: &Problem<'_>,
-    freedom: Freedom,
+    (freedom, runs): (Freedom, usize),
     mut now: Descent,
     threshold: f64,
 ) -> Option<Descent> {
@@ -157,10 +197,10 @@ fn pruned(
         let system = problem.system(&now.model, freedom, Detail::Step)?;
         let places = freedom.places(&now.model);
         let inverse = descent::inverse(&system.information, &places)?;
-        // Eight free parameters a mode: ln ω, ln ζ and six participations.
         let strength = |r: usize| {
-            let told = freedom.rigid.iter().filter(|told| **told).count();
-            let first = told + (OF_MODE - 1) * r + 2;
+            // Participations, which stand side by side.
+            let own = RIGID + OF_MODE * r + 2;
+            let first = places.partition_point(|p| *p < own);
             let seen: Vec<usize> = (0..6)
                 .filter(|j| system.information[(places[first + j], places[first + j])] > 0.0)
                 .collect();
@@ -192,7 +232,8 @@ fn pruned(
                 run.remove(r);
             }
             let tried = refit(problem, freedom, &fewer)?;
-            (2.0 * (tried.misfit - now.misfit) - 8.0 <= threshold).then_some(tried)
+            let loss = 2.0 * (tried.misfit - now.misfit) - of_a_mode(freedom, runs);
+            (loss <= threshold).then_some(tried)
         };
         let Some(tried) = doubtful.iter().find_map(|(_, r)| without(*r)) else {
             break;

@@ -248,6 +248,32 @@ fn lanes_do_not_change_bits() {
     }
 }
 
+/// What a mode that moves between the runs, and one whose damping is not viscous, leaves of a mode that does
+/// neither: some hundred times the noise. Each is one mode all the same, and is found where it is.
+#[test]
+fn modes_that_move_between_runs_are_not_several() {
+    let mut truth = two_modes(3);
+    truth.offsets[1][0] = [-0.005, 0.0];
+    truth.modes[1].exponent = 0.0;
+    let records: Vec<Record> = (0..3).map(|run| record(&truth, run, 400, true)).collect();
+    let options = Options {
+        threads: 1,
+        ..Options::default()
+    };
+    let fit = fit(&records, &options, &mut |_| ()).unwrap();
+    let found: Vec<f64> = fit.model.modes.iter().map(FittedMode::frequency).collect();
+    assert_eq!(found.len(), 2, "{found:?}");
+    for (r, mode) in truth.modes.iter().enumerate() {
+        let (first, moved) = (truth.mode_in(0, r).0, truth.mode_in(1, r).0);
+        let near = |m: &usize| (found[*m] / mode.frequency() - 1.0).abs() < 0.01;
+        let at = (0..2).find(near).unwrap();
+        let fitted = fit.model.mode_in(1, at).0 / fit.model.mode_in(0, at).0;
+        // Ten lines within the resonance, a hundred times the noise: 1 % of its half width of 1 % or 2 %, over √10.
+        assert!((fitted - moved / first).abs() < 5e-4, "{r}: {fitted}");
+    }
+    assert!(fit.doubt().is_none(), "{:?}", fit.doubt());
+}
+
 /// Prior squares are part of V: half of (δ/σ)².
 #[test]
 fn offsets_cost_what_their_prior_says() {
