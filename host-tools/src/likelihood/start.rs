@@ -83,7 +83,7 @@ pub(super) fn start(
             let tried = groups.best(&found.model).into_iter().filter_map(|mode| {
                 let mut tried = found.model.clone();
                 tried.push(mode);
-                refit(&problem, freedom, &tried)
+                settled(&problem, freedom, &tried)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let better = best.filter(|b| 2.0 * (found.misfit - b.misfit) - own > least);
@@ -134,7 +134,7 @@ pub(super) fn start(
                 let mut model = now.model.clone();
                 model.push(beyond(&model, excited, unit * share)?);
                 model.upper = Some([0.0; SYMMETRIC]);
-                refit(&problem, freedom, &model)
+                settled(&problem, freedom, &model)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let Some(better) = best.filter(|b| {
@@ -153,6 +153,17 @@ pub(super) fn start(
 fn refit(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Descent> {
     let until = (STEPS, SETTLED);
     descent::descend_until(problem, model, freedom, until, &mut |_, _| ())
+}
+
+/// The same from a mode whose place is a guess: it settles before exponents and offsets move, which would
+/// make up for a mode that is far from its place.
+fn settled(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Descent> {
+    let least = Freedom::least(freedom.rigid);
+    let first = refit(problem, least, model)?;
+    if freedom == least {
+        return Some(first);
+    }
+    refit(problem, freedom, &first.model)
 }
 
 /// Fall of 2V that the parameters of one more mode take from noise: frequency, damping, participations,
