@@ -1,8 +1,10 @@
 //! Levenberg-Marquardt: from start values to the most likely parameters.
 
+use super::leakage::Leaked;
 use super::model::{Model, OF_MODE, RIGID, SYMMETRIC};
-use super::normal::{self, Detail, Leaked, STRETCHES};
+use super::normal::{self, Detail, STRETCHES};
 use super::record::Record;
+use super::solve;
 use crate::parallel;
 use nalgebra::{DMatrix, DVector};
 
@@ -352,7 +354,7 @@ pub(super) fn descend_until(
 fn step(system: &System, places: &[usize], lambda: f64, model: &Model) -> Option<Vec<f64>> {
     let n = places.len();
     let mut matrix = DMatrix::from_fn(n, n, |i, j| system.information[(places[i], places[j])]);
-    let scale = normal::to_unit_diagonal(&mut matrix);
+    let scale = solve::to_unit_diagonal(&mut matrix);
     for j in 0..n {
         matrix[(j, j)] += lambda + if scale[j] > 0.0 { 0.0 } else { 1.0 };
     }
@@ -380,7 +382,7 @@ fn step(system: &System, places: &[usize], lambda: f64, model: &Model) -> Option
 pub(super) fn inverse(information: &DMatrix<f64>, places: &[usize]) -> Option<DMatrix<f64>> {
     let n = places.len();
     let matrix = DMatrix::from_fn(n, n, |i, j| information[(places[i], places[j])]);
-    normal::solve_symmetric(matrix, &DMatrix::identity(n, n))
+    solve::solve_symmetric(matrix, &DMatrix::identity(n, n))
 }
 
 /// Number of scores that a record gives.

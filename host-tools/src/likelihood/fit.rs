@@ -2,8 +2,9 @@
 
 use super::descent::{self, Freedom, Problem};
 use super::excited::Excited;
+use super::leakage::leakage_terms;
 use super::model::{Model, RIGID};
-use super::normal::{Detail, leakage_terms};
+use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
 use super::start;
 use super::tilt;

@@ -5,8 +5,12 @@
 //! | --- | --- |
 //! | `record` | lines of a run and their noise |
 //! | `model` | apparent mass, leakage of a mode, derivatives |
-//! | `complex` | complex 6 x 6 matrices |
-//! | `normal` | misfit, gradient and information of one record |
+//! | `lanes` | numbers of neighbouring lines side by side |
+//! | `resonances`, `batch` | a mode, and a whole model, beside neighbouring lines |
+//! | `leakage` | misfit, with what the ends of a record add |
+//! | `columns`, `products` | derivatives at neighbouring lines, and sums over these |
+//! | `normal` | gradient and information of one record |
+//! | `solve` | symmetric systems of equations |
 //! | `descent` | Levenberg-Marquardt |
 //! | `excited` | directions in which the base moves |
 //! | `search`, `start` | start values, mode by mode |
@@ -16,17 +20,23 @@
 //! | `transform`, `noise` | records to lines, and what the drive does not explain |
 //! | `rigid` | σ to mass, centre of gravity and inertia |
 
+mod batch;
 pub mod bound;
-mod complex;
+mod columns;
 mod descent;
 mod excited;
 mod fit;
+mod lanes;
+mod leakage;
 mod model;
 pub mod noise;
 mod normal;
+mod products;
 mod record;
+mod resonances;
 mod rigid;
 mod search;
+mod solve;
 mod start;
 #[cfg(test)]
 mod tests;

@@ -196,7 +196,7 @@ impl Model {
         let mut matrix = real.map(Complex::from);
         for (r, mode) in self.modes.iter().enumerate() {
             let (natural, damping) = self.mode_in(run, r);
-            let d = Resonance::new(frequency / natural, damping, mode.exponent).response();
+            let d = response(frequency / natural, damping, mode.exponent);
             add_outer(&mut matrix, &mode.participation, d);
         }
         matrix
@@ -248,113 +248,15 @@ pub(super) fn rigid_columns(a: &Complex6) -> [Complex6; RIGID] {
     ]
 }
 
-/// The denominator of a mode at one line.
-#[derive(Clone, Copy)]
-pub(super) struct Resonance {
-    /// ω/ω_r.
-    pub(super) x: f64,
-    exponent: f64,
-    /// 2 j ζ x^p.
-    damper: Complex<f64>,
-    /// 1 over the denominator.
-    inverse: Complex<f64>,
-}
-
-/// Derivatives with respect to ln ω_r, ln ζ_r and the exponent.
-pub(super) type Slopes = [Complex<f64>; 3];
-
-impl Resonance {
-    /// At x = ω/ω_r.
-    #[inline(always)]
-    pub(super) fn new(x: f64, damping: f64, exponent: f64) -> Self {
-        let damper = Complex::new(
-            0.0,
-            2.0 * damping * if exponent == 1.0 { x } else { x.powf(exponent) },
-        );
-        let denominator = Complex::from(1.0 - x * x) + damper;
-        Self {
-            x,
-            exponent,
-            damper,
-            inverse: denominator.inv(),
-        }
-    }
-
-    /// D.
-    #[inline(always)]
-    pub(super) fn response(&self) -> Complex<f64> {
-        self.inverse * (self.x * self.x)
-    }
-
-    /// Slopes of the denominator.
-    #[inline(always)]
-    fn denominator_slopes(&self) -> Slopes {
-        [
-            Complex::from(2.0 * self.x * self.x) - self.damper * self.exponent,
-            self.damper,
-            self.damper * self.x.ln(),
-        ]
-    }
-
-    /// Slopes of D.
-    #[inline(always)]
-    pub(super) fn response_slopes(&self) -> Slopes {
-        let d = self.response();
-        let mut slopes = self.denominator_slopes().map(|s| -d * self.inverse * s);
-        slopes[0] -= d * 2.0;
-        slopes
-    }
-
-    /// Functions that leakage of the mode consists of: 1/N and j x/N.
-    #[inline(always)]
-    pub(super) fn leakage(&self) -> [Complex<f64>; 2] {
-        [self.inverse, self.inverse * Complex::new(0.0, self.x)]
-    }
-
-    /// `u/N + v j x/N` and its slopes.
-    #[inline(always)]
-    pub(super) fn leaked(&self, [u, v]: [f64; 2]) -> (Complex<f64>, Slopes) {
-        let [p, q] = self.leakage();
-        let sum = p * u + q * v;
-        let mut slopes = self.denominator_slopes().map(|s| -sum * self.inverse * s);
-        slopes[0] -= q * v;
-        (sum, slopes)
-    }
+/// D of a mode at x = ω/ω_r.
+pub(super) fn response(x: f64, damping: f64, exponent: f64) -> Complex<f64> {
+    let power = if exponent == 1.0 { x } else { x.powf(exponent) };
+    (x * x) / Complex::new(1.0 - x * x, 2.0 * damping * power)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Central differences of a step h err by h² f'''/6; with h = 1e-5, next to a resonance of
-    /// 2 %, third derivatives are some 50³ times D: relative errors below 1e-4.
-    #[test]
-    fn slopes_are_those_of_differences() {
-        let h = 1e-5;
-        for (x, damping, exponent) in [(0.3, 0.02, 1.0), (0.99, 0.02, 0.4), (1.7, 0.05, 0.0)] {
-            let at = |ln_w: f64, ln_z: f64, p: f64| {
-                let ratio = x * (-ln_w).exp();
-                Resonance::new(ratio, damping * ln_z.exp(), exponent + p)
-            };
-            let coefficients = [0.7, -0.4];
-            let (_, leaked) = at(0.0, 0.0, 0.0).leaked(coefficients);
-            let responses = at(0.0, 0.0, 0.0).response_slopes();
-            for k in 0..3 {
-                let step = |s: f64| {
-                    let mut d = [0.0; 3];
-                    d[k] = s;
-                    at(d[0], d[1], d[2])
-                };
-                let (up, down) = (step(h), step(-h));
-                let d = (up.response() - down.response()) / (2.0 * h);
-                let size = responses[k].norm().max(1e-3);
-                assert!((d - responses[k]).norm() < 1e-4 * size, "{k} {x}");
-                let t = (up.leaked(coefficients).0 - down.leaked(coefficients).0) / (2.0 * h);
-                let size = leaked[k].norm().max(1e-3);
-                assert!((t - leaked[k]).norm() < 1e-4 * size, "{k} {x}");
-            }
-        }
-    }
 
     #[test]
     fn the_rigid_matrix_is_that_of_equation_1() {

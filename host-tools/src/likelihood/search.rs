@@ -2,10 +2,11 @@
 //! most of what rigid body, term in ω² and known modes leave.
 
 use super::excited::Excited;
-use super::model::{FittedMode, Model, Resonance, rest_of};
-use super::normal::to_unit_diagonal;
+use super::model::{FittedMode, Model, response, rest_of};
 use super::record::Record;
+use super::solve::to_unit_diagonal;
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
+use pulp::{Arch, Simd, WithSimd};
 
 type C = Complex<f64>;
 
@@ -19,6 +20,8 @@ const BEYOND: f64 = 1.35;
 const NEAR: f64 = 0.04;
 /// Share of the highest line from which on a mode is sought by itself.
 const LAST: f64 = 0.97;
+/// Candidates whose sums are made together, while the products of a group are at hand.
+const TOGETHER: usize = 4;
 /// Least width of a group of lines, Hz.
 const WIDTH: f64 = 0.15;
 
@@ -130,14 +133,11 @@ impl Groups {
             let ratio = group.frequency / self.highest;
             let mut of = vec![Complex::from(1.0), Complex::from(rest_of(ratio))];
             for mode in &model.modes {
-                of.push(
-                    Resonance::new(
-                        group.frequency / mode.frequency(),
-                        mode.damping(),
-                        mode.exponent,
-                    )
-                    .response(),
-                );
+                of.push(response(
+                    group.frequency / mode.frequency(),
+                    mode.damping(),
+                    mode.exponent,
+                ));
             }
             functions.push(of);
             let m = model.at(usize::MAX, group.frequency);
@@ -179,29 +179,26 @@ impl Groups {
             .map(|((group, of), weight)| Blocks::new(group, of, *weight))
             .collect();
         let mut best: [Option<Candidate>; 3] = [None, None, None];
-        let mut cross = vec![0.0; size * k];
-        let mut own = vec![0.0; k * k];
-        let mut rest = vec![0.0; k * 6];
-        for step in 0..=(steps.max(0.0) as usize) {
-            let frequency = 4.0 * lowest * (step as f64 * STEP.ln_1p()).exp();
-            for damping in DAMPINGS {
-                cross.fill(0.0);
-                own.fill(0.0);
-                rest.fill(0.0);
-                for (group, blocks) in self.groups.iter().zip(&blocks) {
-                    let d = Resonance::new(group.frequency / frequency, damping, 1.0).response();
-                    add_scaled(&mut cross, d.re, &blocks.cross_re);
-                    add_scaled(&mut cross, -d.im, &blocks.cross_im);
-                    add_scaled(&mut own, d.norm_sqr(), &blocks.own);
-                    add_scaled(&mut rest, d.re, &blocks.rest_re);
-                    add_scaled(&mut rest, d.im, &blocks.rest_im);
-                }
-                let cross = scaled(DMatrix::from_column_slice(size, k, &cross));
+        let poles: Vec<[f64; 2]> = (0..=(steps.max(0.0) as usize))
+            .flat_map(|step| {
+                let frequency = 4.0 * lowest * (step as f64 * STEP.ln_1p()).exp();
+                DAMPINGS.map(|damping| [frequency, damping])
+            })
+            .collect();
+        let crossed = size * k;
+        for together in poles.chunks(TOGETHER) {
+            let found = Arch::new().dispatch(Candidates {
+                poles: together,
+                groups: &self.groups,
+                blocks: &blocks,
+            });
+            for (&[frequency, damping], sums) in together.iter().zip(found) {
+                let cross = scaled(DMatrix::from_column_slice(size, k, &sums.of[..crossed]));
                 let Some(cross) = lower.solve_lower_triangular(&cross) else {
                     continue;
                 };
-                let mut own = DMatrix::from_column_slice(k, k, &own);
-                let mut rest = DMatrix::from_column_slice(k, 6, &rest);
+                let mut own = DMatrix::from_column_slice(k, k, &sums.own);
+                let mut rest = DMatrix::from_column_slice(k, 6, &sums.of[crossed..]);
                 let diagonal: f64 = own.trace();
                 own -= cross.transpose() * &cross;
                 rest -= cross.transpose() * &right;
@@ -245,32 +242,30 @@ impl Groups {
     }
 }
 
-/// Products of one group with the known functions, column after column: a candidate's sums are these,
-/// times real and imaginary part of its response.
+/// Products of one group, column after column: with the known functions, and with the resultants. A
+/// candidate's sums are these, times real and imaginary part of its response.
 struct Blocks {
-    cross_re: Vec<f64>,
-    cross_im: Vec<f64>,
+    re: Vec<f64>,
+    im: Vec<f64>,
+    /// Products of base accelerations, which go with the square of its response.
     own: Vec<f64>,
-    rest_re: Vec<f64>,
-    rest_im: Vec<f64>,
 }
 
 impl Blocks {
     fn new(group: &Group, of: &[C], weight: f64) -> Self {
         let k = group.base.nrows();
+        let count = of.len() * k * k + k * 6;
         let mut blocks = Self {
-            cross_re: Vec::with_capacity(of.len() * k * k),
-            cross_im: Vec::with_capacity(of.len() * k * k),
+            re: Vec::with_capacity(count),
+            im: Vec::with_capacity(count),
             own: Vec::with_capacity(k * k),
-            rest_re: Vec::with_capacity(k * 6),
-            rest_im: Vec::with_capacity(k * 6),
         };
         for j in 0..k {
             for phi in of {
                 for i in 0..k {
                     let product = phi.conj() * group.base[(j, i)] * weight;
-                    blocks.cross_re.push(product.re);
-                    blocks.cross_im.push(product.im);
+                    blocks.re.push(product.re);
+                    blocks.im.push(-product.im);
                 }
             }
             for i in 0..k {
@@ -280,17 +275,54 @@ impl Blocks {
         for i in 0..6 {
             for j in 0..k {
                 let product = group.cross[(i, j)] * weight;
-                blocks.rest_re.push(product.re);
-                blocks.rest_im.push(product.im);
+                blocks.re.push(product.re);
+                blocks.im.push(product.im);
             }
         }
         blocks
     }
 }
 
-fn add_scaled(into: &mut [f64], factor: f64, x: &[f64]) {
-    for (sum, x) in into.iter_mut().zip(x) {
-        *sum += factor * x;
+/// Sums of some candidates, compiled for the widest lanes that the processor has.
+struct Candidates<'a> {
+    /// Frequency in Hz and damping.
+    poles: &'a [[f64; 2]],
+    groups: &'a [Group],
+    blocks: &'a [Blocks],
+}
+
+/// Sums of one candidate, in the order of [`Blocks`].
+struct Candidated {
+    of: Vec<f64>,
+    own: Vec<f64>,
+}
+
+impl WithSimd for Candidates<'_> {
+    type Output = Vec<Candidated>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        let [of, own] = (self.blocks.first()).map_or([0; 2], |b| [b.re.len(), b.own.len()]);
+        let mut all: Vec<Candidated> = Vec::with_capacity(self.poles.len());
+        for _ in self.poles {
+            all.push(Candidated {
+                of: vec![0.0; of],
+                own: vec![0.0; own],
+            });
+        }
+        for (group, blocks) in self.groups.iter().zip(self.blocks) {
+            for ([frequency, damping], sums) in self.poles.iter().zip(&mut all) {
+                let d = response(group.frequency / frequency, *damping, 1.0);
+                for ((sum, re), im) in sums.of.iter_mut().zip(&blocks.re).zip(&blocks.im) {
+                    *sum += d.re * re + d.im * im;
+                }
+                let square = d.norm_sqr();
+                for (sum, x) in sums.own.iter_mut().zip(&blocks.own) {
+                    *sum += square * x;
+                }
+            }
+        }
+        all
     }
 }
 

@@ -44,7 +44,7 @@ pub(super) fn start(
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
-    let freedom = Freedom::least(rigid);
+    let mut freedom = Freedom::least(rigid);
     let runs = 1 + records.iter().map(|r| r.run).max()?;
     let lines = records.iter().map(|r| r.frequencies.len()).max()?;
     let thin = |wanted: usize| -> (usize, Vec<Record>) {
@@ -79,19 +79,30 @@ pub(super) fn start(
         let least = (threshold / step as f64).max(CHANCE);
         while found.model.modes.len() < MOST_MODES {
             tell(found.model.modes.len(), found.misfit);
+            let own = of_a_mode(freedom, runs);
             let tried = groups.best(&found.model).into_iter().filter_map(|mode| {
                 let mut tried = found.model.clone();
                 tried.push(mode);
-                refit(&problem, freedom, &tried)
+                settled(&problem, freedom, &tried)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
-            let Some(better) = best.filter(|b| 2.0 * (found.misfit - b.misfit) - 8.0 > least)
-            else {
-                break;
+            let better = best.filter(|b| 2.0 * (found.misfit - b.misfit) - own > least);
+            // A mode that moved between the runs, or whose damping is not viscous, looks like several: what
+            // explains more is taken first.
+            let freed = freed(&problem, freedom, &found, runs, least);
+            let before = |b: &Descent| better.as_ref().is_none_or(|m| b.misfit < m.misfit);
+            found = match freed.filter(before) {
+                Some(freed) => {
+                    freedom = Freedom::all(rigid);
+                    freed
+                }
+                None => match better {
+                    Some(better) => better,
+                    None => break,
+                },
             };
-            found = better;
         }
-        found = pruned(&problem, freedom, found, least)?;
+        found = pruned(&problem, (freedom, runs), found, least)?;
         if CHANCE * step as f64 <= threshold {
             break found;
         }
@@ -99,16 +110,21 @@ pub(super) fn start(
         wanted *= FINER;
     };
     let all = Problem::new(records, true, threads);
+    let mut known: Option<Rest> = None;
     for wanted in [LINES, MORE_LINES] {
         let (step, some) = thin(wanted);
         let problem = Problem::new(&some, true, threads);
         for turn in 0..2 {
-            let rest = Rest::of(&all, &now.model, freedom)?;
+            let rest = match known.take() {
+                Some(rest) => rest,
+                None => Rest::of(&all, &now.model, freedom)?,
+            };
             let threshold = match wanted {
                 LINES => rest.terms() * count.ln(),
                 _ => rest.chance(TRIED),
             };
             if rest.statistic <= threshold {
+                known = Some(rest);
                 break;
             }
             if wanted != LINES && turn == 0 {
@@ -118,12 +134,11 @@ pub(super) fn start(
                 let mut model = now.model.clone();
                 model.push(beyond(&model, excited, unit * share)?);
                 model.upper = Some([0.0; SYMMETRIC]);
-                refit(&problem, freedom, &model)
+                settled(&problem, freedom, &model)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let Some(better) = best.filter(|b| {
-                // Eight parameters more fit that much of the noise.
-                let gain = 2.0 * (now.misfit - b.misfit) - 8.0;
+                let gain = 2.0 * (now.misfit - b.misfit) - of_a_mode(freedom, runs);
                 gain * step as f64 > threshold
             }) else {
                 break;
@@ -140,11 +155,52 @@ fn refit(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Desce
     descent::descend_until(problem, model, freedom, until, &mut |_, _| ())
 }
 
+/// The same from a mode whose place is a guess: it settles before exponents and offsets move, which would
+/// make up for a mode that is far from its place.
+fn settled(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Descent> {
+    let least = Freedom::least(freedom.rigid);
+    let first = refit(problem, least, model)?;
+    if freedom == least {
+        return Some(first);
+    }
+    refit(problem, freedom, &first.model)
+}
+
+/// Fall of 2V that the parameters of one more mode take from noise: frequency, damping, participations,
+/// and once they are free the exponent and offsets of frequency but one. Offsets of damping hardly are: what
+/// is known of them beforehand is narrower than what a mode tells that is barely seen.
+fn of_a_mode(freedom: Freedom, runs: usize) -> f64 {
+    let exponent = f64::from(u8::from(freedom.exponents));
+    let offsets = if freedom.offsets {
+        runs as f64 - 1.0
+    } else {
+        0.0
+    };
+    8.0 + exponent + offsets
+}
+
+/// The same modes with exponents and offsets of their own, where these explain more than noise.
+fn freed(
+    problem: &Problem<'_>,
+    freedom: Freedom,
+    found: &Descent,
+    runs: usize,
+    threshold: f64,
+) -> Option<Descent> {
+    let all = Freedom::all(freedom.rigid);
+    if freedom == all || found.model.modes.is_empty() {
+        return None;
+    }
+    let freed = refit(problem, all, &found.model)?;
+    let more = (found.model.modes.len() * 2 * runs) as f64;
+    (2.0 * (found.misfit - freed.misfit) - more > threshold).then_some(freed)
+}
+
 /// The same without modes that were added before others had found their place, and are no longer
 /// worth the fall of 2V that `threshold` asks for.
 fn pruned(
     problem: &Problem<'_>,
-    freedom: Freedom,
+    (freedom, runs): (Freedom, usize),
     mut now: Descent,
     threshold: f64,
 ) -> Option<Descent> {
@@ -152,10 +208,10 @@ fn pruned(
         let system = problem.system(&now.model, freedom, Detail::Step)?;
         let places = freedom.places(&now.model);
         let inverse = descent::inverse(&system.information, &places)?;
-        // Eight free parameters a mode: ln ω, ln ζ and six participations.
         let strength = |r: usize| {
-            let told = freedom.rigid.iter().filter(|told| **told).count();
-            let first = told + (OF_MODE - 1) * r + 2;
+            // Participations, which stand side by side.
+            let own = RIGID + OF_MODE * r + 2;
+            let first = places.partition_point(|p| *p < own);
             let seen: Vec<usize> = (0..6)
                 .filter(|j| system.information[(places[first + j], places[first + j])] > 0.0)
                 .collect();
@@ -165,7 +221,7 @@ fn pruned(
             });
             let l = &now.model.modes[r].participation;
             let right = DMatrix::from_fn(n, 1, |i, _| l[seen[i]]);
-            let solved = super::normal::solve_symmetric(covariance, &right);
+            let solved = super::solve::solve_symmetric(covariance, &right);
             solved.map_or(0.0, |s| right.dot(&s))
         };
         let modes = &now.model.modes;
@@ -187,7 +243,8 @@ fn pruned(
                 run.remove(r);
             }
             let tried = refit(problem, freedom, &fewer)?;
-            (2.0 * (tried.misfit - now.misfit) - 8.0 <= threshold).then_some(tried)
+            let loss = 2.0 * (tried.misfit - now.misfit) - of_a_mode(freedom, runs);
+            (loss <= threshold).then_some(tried)
         };
         let Some(tried) = doubtful.iter().find_map(|(_, r)| without(*r)) else {
             break;
@@ -233,7 +290,7 @@ impl Rest {
         let score = DVector::from_fn(places.len(), |i, _| system.score[places[i]]);
         let step = &inverse * score;
         let e = DMatrix::from_fn(n, 1, |i, _| upper[seen[i]] + step[at[seen[i]]]);
-        let solved = super::normal::solve_symmetric(rest.covariance.clone(), &e)?;
+        let solved = super::solve::solve_symmetric(rest.covariance.clone(), &e)?;
         rest.statistic = e.dot(&solved);
         Some(rest)
     }
@@ -260,8 +317,7 @@ impl Rest {
         let share = 1.0 - self.chance(-1.0) / self.statistic;
         let share = share.clamp(BELIEVED, 1.0);
         let n = self.seen.len();
-        let own =
-            super::normal::solve_symmetric(self.covariance.clone(), &DMatrix::identity(n, n))?;
+        let own = super::solve::solve_symmetric(self.covariance.clone(), &DMatrix::identity(n, n))?;
         let mut weights = DMatrix::zeros(SYMMETRIC, SYMMETRIC);
         for j in 0..n {
             for i in 0..n {
