@@ -62,11 +62,22 @@ enum Made {
     Sum(usize, usize),
 }
 
+/// Origin of channels of blocks that follow one another.
+struct Origin {
+    /// Number of the first channel.
+    channel: usize,
+    /// Number of the recording's channel, or of the sum, that it comes from.
+    from: usize,
+    /// Factor of each.
+    factors: Vec<f32>,
+}
+
 /// Channels of blocks that several consumers share.
 struct Shared {
     made: Vec<Made>,
-    /// Where each comes from: a channel of the recording, or behind these a sum; and its factor.
-    sources: Vec<(usize, f32)>,
+    /// Those that are channels of the recording, and those that are sums.
+    scaled: Vec<Origin>,
+    summed: Vec<Origin>,
     /// Number of each consumer, and of its channels among these.
     consumers: Vec<(usize, Vec<usize>)>,
 }
@@ -81,26 +92,45 @@ impl Shared {
         })
     }
 
-    /// Settles where the channels come from, of a recording of so many channels.
-    fn settle(&mut self, channels: usize) {
-        let source = |made: &Made| match *made {
-            Made::Scaled(channel, factor) => (channel, factor),
-            Made::Sum(half, sum) => (channels + half * SIX + sum, 1.0),
-        };
-        self.sources = self.made.iter().map(source).collect();
+    /// Settles where the channels come from.
+    fn settle(&mut self) {
+        for (channel, made) in self.made.iter().enumerate() {
+            let (all, from, factor) = match *made {
+                Made::Scaled(from, factor) => (&mut self.scaled, from, factor),
+                Made::Sum(half, sum) => (&mut self.summed, half * SIX + sum, 1.0),
+            };
+            match all.last_mut() {
+                Some(last) if last.goes_on(channel, from) => last.factors.push(factor),
+                _ => all.push(Origin {
+                    channel,
+                    from,
+                    factors: vec![factor],
+                }),
+            }
+        }
     }
 
     /// Writes the channels of a sample, with its sums.
     #[inline]
     fn write(&self, sample: &[f32], sums: &[Six], into: &mut [f32]) {
         let sums = sums.as_flattened();
-        for (slot, (from, factor)) in into.iter_mut().zip(&self.sources) {
-            let own = match from.checked_sub(sample.len()) {
-                None => sample.get(*from),
-                Some(sum) => sums.get(sum),
-            };
-            *slot = own.copied().unwrap_or(0.0) * factor;
+        for (origins, numbers) in [(&self.scaled, sample), (&self.summed, sums)] {
+            for origin in origins {
+                let own = into.get_mut(origin.channel..).unwrap_or_default();
+                let numbers = numbers.get(origin.from..).unwrap_or_default();
+                for ((slot, number), factor) in own.iter_mut().zip(numbers).zip(&origin.factors) {
+                    *slot = number * factor;
+                }
+            }
         }
+    }
+}
+
+impl Origin {
+    /// `true` if this channel, from there, comes next.
+    fn goes_on(&self, channel: usize, from: usize) -> bool {
+        let count = self.factors.len();
+        [channel, from] == [self.channel + count, self.from + count]
     }
 }
 
@@ -115,7 +145,8 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
             let made = drives.iter().map(|drive| Made::Scaled(*drive, 1.0));
             all.push(Shared {
                 made: made.collect(),
-                sources: Vec::new(),
+                scaled: Vec::new(),
+                summed: Vec::new(),
                 consumers: Vec::new(),
             });
         }
@@ -165,7 +196,7 @@ pub(super) fn stream(
 ) -> Result<Rejected, MeasureError> {
     let channels = recording.channels();
     let (mut plan, mut halves) = planned(drives, sinks);
-    plan.iter_mut().for_each(|shared| shared.settle(channels));
+    plan.iter_mut().for_each(Shared::settle);
     let store = |shared: &Shared| BlockStorage::new(*settings, shared.made.len());
     let mut stores: Vec<_> = plan.iter().map(store).collect();
     let mut feeds = Vec::with_capacity(stores.len());

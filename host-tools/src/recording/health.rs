@@ -76,6 +76,26 @@ pub struct Health {
 
 /// Parts of a sample whose fingerprints are taken at a time.
 const LANES: usize = 4;
+/// Samples that are looked at together: most of their like change no extreme.
+const TOGETHER: usize = 32;
+/// Channels whose sums do not wait for each other.
+const SIDE: usize = 8;
+
+/// Adds a reading to a mean, and to the sum of squares about it; `count` is that of the readings with this one.
+#[inline(always)]
+fn add_moment(mean: &mut f64, squares: &mut f64, x: f64, count: f64) {
+    let before = x - *mean;
+    *mean += before / count;
+    *squares += before * (x - *mean);
+}
+
+/// Adds a word to a fingerprint: odd factors lose no bit, and the turn brings high bits back to where they count.
+#[inline(always)]
+fn add_word(sum: &mut u64, word: u64) {
+    *sum = (*sum ^ word)
+        .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        .rotate_left(29);
+}
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Extreme {
@@ -154,66 +174,132 @@ impl Health {
         self.add_each(samples);
     }
 
-    #[inline(always)]
-    fn add_each(&mut self, samples: &[f32]) {
-        for sample in samples.chunks_exact(self.means.len().max(1)) {
-            self.add_one(sample);
-        }
-    }
-
     /// Takes one sample of all channels.
     pub fn add(&mut self, sample: &[f32]) {
-        self.add_one(sample);
+        self.add_each(sample);
     }
 
     #[inline(always)]
-    fn add_one(&mut self, sample: &[f32]) {
-        let first = self.count == 0.0;
-        self.count += 1.0;
-        let moments = self.means.iter_mut().zip(&mut self.squares).zip(sample);
-        for ((mean, squares), &x) in moments {
-            let before = f64::from(x) - *mean;
-            *mean += before / self.count;
-            *squares += before * (f64::from(x) - *mean);
-        }
-        let [low, high] = &self.inner;
-        let bounds = low.iter().zip(high).zip(sample);
-        let inside = bounds.fold(true, |all, ((low, high), x)| all & (x > low) & (x < high));
-        if !inside {
-            self.add_extremes(sample, first);
-        }
-        for (last, x) in self.last.iter_mut().zip(sample) {
-            *last = *x;
-        }
-        for part in sample.chunks(2 * LANES) {
-            for (sum, pair) in self.fingerprint.iter_mut().zip(part.chunks(2)) {
-                let bits = |x: &f32| u64::from(x.to_bits());
-                let word = pair.iter().fold(0, |word, x| word << 32 | bits(x));
-                // Odd factors lose no bit; the turn brings high bits back to where they count.
-                *sum = (*sum ^ word)
-                    .wrapping_mul(0x9e37_79b9_7f4a_7c15)
-                    .rotate_left(29);
+    fn add_each(&mut self, samples: &[f32]) {
+        let channels = self.means.len().max(1);
+        for samples in samples.chunks(TOGETHER * channels) {
+            self.add_moments(samples, channels);
+            if !self.are_inside(samples, channels) {
+                self.add_outside(samples, channels);
+            }
+            for sample in samples.chunks_exact(channels) {
+                self.count += 1.0;
+                self.add_bits(sample);
+            }
+            if let Some(last) = samples.rchunks_exact(channels).next() {
+                self.last.copy_from_slice(last);
             }
         }
     }
 
+    /// Sums up means and squares of samples.
+    #[inline(always)]
+    fn add_moments(&mut self, samples: &[f32], channels: usize) {
+        let samples = samples.chunks_exact(channels);
+        let (means, other_means) = self.means.as_chunks_mut::<SIDE>();
+        let (squares, other_squares) = self.squares.as_chunks_mut::<SIDE>();
+        let first_other = means.len() * SIDE;
+        for (group, (means, squares)) in means.iter_mut().zip(squares).enumerate() {
+            let (mut mean, mut square, mut count) = (*means, *squares, self.count);
+            for sample in samples.clone() {
+                count += 1.0;
+                let Some(readings) = sample.as_chunks::<SIDE>().0.get(group) else {
+                    break;
+                };
+                let moments = mean.iter_mut().zip(&mut square).zip(readings);
+                for ((mean, square), x) in moments {
+                    add_moment(mean, square, f64::from(*x), count);
+                }
+            }
+            (*means, *squares) = (mean, square);
+        }
+        let others = other_means.iter_mut().zip(other_squares);
+        for (channel, (mean, square)) in (first_other..).zip(others) {
+            let mut count = self.count;
+            for x in samples.clone().filter_map(|sample| sample.get(channel)) {
+                count += 1.0;
+                add_moment(mean, square, f64::from(*x), count);
+            }
+        }
+    }
+
+    /// `true` if these samples change no extreme.
+    #[inline(always)]
+    fn are_inside(&self, samples: &[f32], channels: usize) -> bool {
+        let samples = samples.chunks_exact(channels);
+        let [(low, other_low), (high, other_high)] =
+            [&self.inner[0], &self.inner[1]].map(|inner| inner.as_chunks::<SIDE>());
+        let first_other = low.len() * SIDE;
+        for (group, (low, high)) in low.iter().zip(high).enumerate() {
+            let mut inside = [true; SIDE];
+            for sample in samples.clone() {
+                let Some(readings) = sample.as_chunks::<SIDE>().0.get(group) else {
+                    break;
+                };
+                let bounds = inside.iter_mut().zip(low).zip(high).zip(readings);
+                for (((inside, low), high), x) in bounds {
+                    *inside &= (x > low) & (x < high);
+                }
+            }
+            if inside.contains(&false) {
+                return false;
+            }
+        }
+        samples.into_iter().all(|sample| {
+            let others = sample.get(first_other..).unwrap_or_default();
+            let bounds = other_low.iter().zip(other_high).zip(others);
+            bounds.fold(true, |all, ((low, high), x)| all & (x > low) & (x < high))
+        })
+    }
+
+    /// Takes samples of which some may change an extreme.
     #[inline(never)] // Rare, once the extremes are known.
-    fn add_extremes(&mut self, sample: &[f32], first: bool) {
+    fn add_outside(&mut self, samples: &[f32], channels: usize) {
+        let last = std::mem::take(&mut self.last);
+        let mut previous = (self.count > 0.0).then_some(last.as_slice());
+        for sample in samples.chunks_exact(channels) {
+            if !self.are_inside(sample, channels) {
+                self.add_extremes(sample, previous);
+            }
+            previous = Some(sample);
+        }
+        self.last = last;
+    }
+
+    fn add_extremes(&mut self, sample: &[f32], previous: Option<&[f32]>) {
         let [low, high] = &mut self.inner;
         let inner = low.iter_mut().zip(high);
-        let channels = self
-            .extremes
-            .iter_mut()
-            .zip(&self.last)
-            .zip(inner)
-            .zip(sample);
-        for ((([lowest, highest], last), (low, high)), &x) in channels {
-            let previous = (!first).then_some(*last);
+        let channels = self.extremes.iter_mut().zip(inner).zip(sample);
+        for (channel, (([lowest, highest], (low, high)), &x)) in channels.enumerate() {
+            let previous = previous.and_then(|p| p.get(channel)).copied();
             lowest.see(x, f32::lt, previous);
             highest.see(x, f32::gt, previous);
             if lowest.next_samples > 0 && highest.next_samples > 0 {
                 (*low, *high) = (lowest.next, highest.next);
             }
+        }
+    }
+
+    /// Adds a sample to the fingerprint.
+    #[inline(always)]
+    fn add_bits(&mut self, sample: &[f32]) {
+        let (pairs, single) = sample.as_chunks::<2>();
+        let (parts, rest) = pairs.as_chunks::<LANES>();
+        let word = |[a, b]: &[f32; 2]| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+        for part in parts {
+            for (sum, pair) in self.fingerprint.iter_mut().zip(part) {
+                add_word(sum, word(pair));
+            }
+        }
+        let single = single.iter().map(|x| u64::from(x.to_bits()));
+        let words = rest.iter().map(word).chain(single);
+        for (sum, word) in self.fingerprint.iter_mut().zip(words) {
+            add_word(sum, word);
         }
     }
 
@@ -320,18 +406,51 @@ mod tests {
 
     #[test]
     fn samples_taken_together_are_those_taken_one_by_one() {
-        let channels = 7;
+        for channels in [1, 7, 8, 30] {
+            let samples: Vec<f32> = (0..channels * 500)
+                .map(|i| ((i * i) as f32 * 0.1).sin().clamp(-0.9, 0.9))
+                .collect();
+            let (mut one, mut all) = (Health::new(channels), Health::new(channels));
+            samples.chunks_exact(channels).for_each(|s| one.add(s));
+            let (begin, end) = samples.split_at(channels * 77);
+            all.add_all(begin);
+            all.add_all(end);
+            assert_eq!(all.channels(), one.channels());
+            assert_eq!(all.fingerprint(), one.fingerprint());
+            assert_eq!(all.channels().len(), channels);
+        }
+    }
+
+    /// Beside the definitions, over all samples at once.
+    #[test]
+    fn statistics_are_those_of_their_definitions() {
+        let channels = 11;
         let samples: Vec<f32> = (0..channels * 500)
-            .map(|i| ((i * i) as f32 * 0.1).sin().clamp(-0.9, 0.9))
+            .map(|i| ((i * i) as f32 * 0.1).sin().clamp(-0.9, 0.8))
             .collect();
-        let (mut one, mut all) = (Health::new(channels), Health::new(channels));
-        samples.chunks_exact(channels).for_each(|s| one.add(s));
-        let (begin, end) = samples.split_at(channels * 77);
-        all.add_all(begin);
-        all.add_all(end);
-        assert_eq!(all.channels(), one.channels());
-        assert_eq!(all.fingerprint(), one.fingerprint());
-        assert_eq!(all.channels().len(), channels);
+        let mut health = Health::new(channels);
+        health.add_all(&samples);
+        for (channel, found) in health.channels().iter().enumerate() {
+            let own: Vec<f32> = samples
+                .iter()
+                .skip(channel)
+                .step_by(channels)
+                .copied()
+                .collect();
+            let (low, high) = own.iter().fold((f32::MAX, f32::MIN), |(low, high), x| {
+                (low.min(*x), high.max(*x))
+            });
+            assert_eq!(found.range, [low, high]);
+            let at = |limit: f32| own.iter().filter(|x| **x == limit).count() as u64;
+            let in_a_row = |limit: f32| own.windows(2).filter(|x| **x == [limit; 2]).count() as u64;
+            let limit = if at(low) > at(high) { low } else { high };
+            assert_eq!(found.at_limit, [at(limit), in_a_row(limit)]);
+            let wide = own.iter().map(|x| f64::from(*x));
+            let mean = wide.clone().sum::<f64>() / 500.0;
+            let square = wide.map(|x| (x - mean).powi(2)).sum::<f64>() / 500.0;
+            // 500 roundings of numbers up to one.
+            assert!((found.mean - mean).abs() < 1e-13 && (found.rms - square.sqrt()).abs() < 1e-13);
+        }
     }
 
     #[test]

@@ -131,6 +131,29 @@ impl Block {
         sample.is_some()
     }
 
+    /// Adds samples without faults with their places. `readings` tells those of a channel, by its position in
+    /// the selection.
+    pub(super) fn extend<'r>(
+        &mut self,
+        count: usize,
+        place: impl Fn(usize) -> Place,
+        mut readings: impl FnMut(usize) -> &'r [f64],
+    ) {
+        let before = self.readings.len();
+        self.readings.resize(before + count * self.width, f64::NAN);
+        let added = self.readings.get_mut(before..).unwrap_or_default();
+        for k in 0..self.width {
+            let samples = added.chunks_exact_mut(self.width);
+            for (sample, reading) in samples.zip(readings(k)) {
+                if let Some(slot) = sample.get_mut(k) {
+                    *slot = *reading;
+                }
+            }
+        }
+        let places = (0..count).map(|n| (place(n), Health::GOOD));
+        self.samples.extend(places);
+    }
+
     /// `true` if a sample has faults.
     pub(super) fn is_faulty(&self) -> bool {
         self.faulty

@@ -248,6 +248,36 @@ impl ParquetFile {
         }
     }
 
+    /// Adds the next samples to a block while they are decoded and have no faults; their number. The last
+    /// one, at which checksums are looked at, is not among them.
+    fn many(
+        &self,
+        (columns, faults): &mut (Vec<Series>, Option<Series>),
+        block: &mut Block,
+    ) -> Result<usize, RecordingError> {
+        let left = usize::try_from(self.footer.rows - self.next).unwrap_or(usize::MAX);
+        let mut count = block.room().min(left - 1);
+        if let (Some(channel), Some(faults)) = (self.faults, faults.as_mut()) {
+            count = count.min(faults.good().map_err(|e| self.wrong(channel, e))?);
+        }
+        for (channel, column) in self.selected.iter().zip(columns.iter_mut()) {
+            let numbers = column.numbers().map_err(|e| self.wrong(*channel, e))?;
+            count = count.min(numbers.len());
+        }
+        if count == 0 {
+            return Ok(0);
+        }
+        let place = |n: usize| Place::Sample(self.next + 1 + n as u64);
+        let decoded = columns.iter().map(Series::decoded).collect::<Vec<_>>();
+        block.extend(count, place, |k| {
+            decoded.get(k).copied().unwrap_or_default()
+        });
+        for column in columns.iter_mut().chain(faults) {
+            column.skip(count);
+        }
+        Ok(count)
+    }
+
     /// Reads the next sample; its faults.
     fn frame(
         &mut self,
@@ -368,6 +398,11 @@ impl Source for ParquetFile {
             (all.collect(), faults.map(|channel| self.series(channel)))
         });
         while block.room() > 0 && self.next < self.footer.rows {
+            let many = self.many(&mut series, block)?;
+            self.next += many as u64;
+            if many > 0 {
+                continue;
+            }
             let health = self.frame(&mut series)?;
             self.next += 1;
             let frame = &self.frame;

@@ -5,7 +5,7 @@ use super::pages::{Pages, Store};
 use crate::recording::faults;
 use massline_firmware::wire::Health;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
-use parquet::data_type::{ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::data_type::{DataType, Int32Type, Int64Type};
 use parquet::errors::{ParquetError, Result};
 use parquet::schema::types::{ColumnDescriptor, ColumnPath, Type};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -37,8 +37,15 @@ pub(super) struct Series {
 /// Values that were decoded together.
 #[derive(Default)]
 struct Batch {
-    numbers: Vec<Option<f64>>,
+    /// NaN where one is missing.
+    numbers: Vec<f64>,
+    /// One for each number, zero where it is missing; empty where none is.
+    levels: Vec<i16>,
     words: Vec<std::result::Result<Health, String>>,
+    /// Floats as they were stored.
+    floats: Vec<f32>,
+    /// The same as bytes in little-endian order.
+    bytes: Vec<u8>,
 }
 
 impl Series {
@@ -69,8 +76,40 @@ impl Series {
             self.fill()?;
         }
         let number = self.batch.numbers.get(self.next).copied();
+        let missing = self.batch.levels.get(self.next) == Some(&0);
         self.next += 1;
-        number.ok_or_else(ended)
+        number.ok_or_else(ended).map(|x| (!missing).then_some(x))
+    }
+
+    /// The next numbers as far as they are decoded, after one at least was; none where some of these are missing.
+    pub(super) fn numbers(&mut self) -> Result<&[f64]> {
+        if self.next >= self.batch.numbers.len() {
+            self.fill()?;
+        }
+        Ok(self.decoded())
+    }
+
+    /// The next numbers as far as they are decoded; none where some of these are missing.
+    pub(super) fn decoded(&self) -> &[f64] {
+        if !self.batch.levels.is_empty() {
+            return &[];
+        }
+        self.batch.numbers.get(self.next..).unwrap_or_default()
+    }
+
+    /// Number of the next texts that state no fault, as far as they are decoded.
+    pub(super) fn good(&mut self) -> Result<usize> {
+        if self.next >= self.batch.words.len() {
+            self.fill()?;
+        }
+        let words = self.batch.words.get(self.next..).ok_or_else(ended)?;
+        let good = words.iter().take_while(|w| **w == Ok(Health::GOOD));
+        Ok(good.count())
+    }
+
+    /// Goes on by so many values of those that are decoded.
+    pub(super) fn skip(&mut self, count: usize) {
+        self.next += count;
     }
 
     /// The next text as faults, or the word in it that is none.
@@ -90,8 +129,7 @@ impl Series {
     }
 
     fn fill(&mut self) -> Result<()> {
-        self.batch.numbers.clear();
-        self.batch.words.clear();
+        self.batch.clear();
         self.next = 0;
         while self.left == 0 {
             let column = self.footer.columns.get(self.position).ok_or_else(ended)?;
@@ -138,44 +176,103 @@ impl Series {
             sum,
             ..
         } = self;
-        let numbers = &mut batch.numbers;
         match reader {
             Some(ColumnReader::FloatColumnReader(reader)) => {
-                // A few bytes take as long to be summed up as many.
-                let mut bytes = Vec::with_capacity(4 * most);
-                let found = read::<FloatType>(reader, most, |x| {
-                    if let Some(x) = x {
-                        bytes.extend_from_slice(&x.to_le_bytes());
-                    }
-                    numbers.push(x.map(|x| f64::from(*x)));
-                });
+                let Batch { floats, bytes, .. } = batch;
+                floats.clear();
+                let found = reader.read_records(most, Some(&mut batch.levels), None, floats)?;
                 if let Some((crc, _)) = sum {
-                    crc.update(&bytes);
+                    bytes.resize(4 * floats.len(), 0);
+                    for (slot, x) in bytes.chunks_exact_mut(4).zip(&*floats) {
+                        slot.copy_from_slice(&x.to_le_bytes());
+                    }
+                    // A few bytes take as long to be summed up as many.
+                    crc.update(bytes);
                 }
-                found
+                batch.numbers.extend(floats.iter().map(|x| f64::from(*x)));
+                batch.spread(found.0)
             }
             Some(ColumnReader::DoubleColumnReader(reader)) => {
-                read::<DoubleType>(reader, most, |x| numbers.push(x.copied()))
+                let Batch {
+                    numbers, levels, ..
+                } = batch;
+                let found = reader.read_records(most, Some(levels), None, numbers)?;
+                batch.spread(found.0)
             }
-            Some(ColumnReader::Int32ColumnReader(reader)) => read::<Int32Type>(reader, most, |x| {
-                numbers.push(x.map(|x| match meaning {
+            Some(ColumnReader::Int32ColumnReader(reader)) => {
+                batch.read::<Int32Type>(reader, most, |x| match meaning {
                     Meaning::Unsigned => f64::from(*x as u32),
                     meaning => whole(i64::from(*x), meaning, first),
-                }));
-            }),
-            Some(ColumnReader::Int64ColumnReader(reader)) => read::<Int64Type>(reader, most, |x| {
-                numbers.push(x.map(|x| whole(*x, meaning, first)));
-            }),
-            Some(ColumnReader::ByteArrayColumnReader(reader)) => {
-                read::<ByteArrayType>(reader, most, |x| {
-                    let words = x.map_or(Ok(Health::GOOD), |x| {
-                        faults::read(&String::from_utf8_lossy(x.data()))
-                    });
-                    batch.words.push(words);
                 })
+            }
+            Some(ColumnReader::Int64ColumnReader(reader)) => {
+                batch.read::<Int64Type>(reader, most, |x| whole(*x, meaning, first))
+            }
+            Some(ColumnReader::ByteArrayColumnReader(reader)) => {
+                let mut texts = Vec::with_capacity(most);
+                let levels = &mut batch.levels;
+                let (records, ..) = reader.read_records(most, Some(levels), None, &mut texts)?;
+                let mut texts = texts.iter();
+                for k in 0..records {
+                    let text = if batch.levels.get(k) == Some(&0) {
+                        None
+                    } else {
+                        Some(texts.next().ok_or_else(ended)?)
+                    };
+                    batch.words.push(text.map_or(Ok(Health::GOOD), |x| {
+                        faults::read(&String::from_utf8_lossy(x.data()))
+                    }));
+                }
+                Ok(records)
             }
             _ => Err(ended()),
         }
+    }
+}
+
+impl Batch {
+    fn clear(&mut self) {
+        self.numbers.clear();
+        self.levels.clear();
+        self.words.clear();
+    }
+
+    /// Reads whole numbers.
+    fn read<T: DataType>(
+        &mut self,
+        reader: &mut ColumnReaderImpl<T>,
+        most: usize,
+        number: impl FnMut(&T::T) -> f64,
+    ) -> Result<usize> {
+        let mut values = Vec::with_capacity(most);
+        let levels = &mut self.levels;
+        let (records, ..) = reader.read_records(most, Some(levels), None, &mut values)?;
+        self.numbers.extend(values.iter().map(number));
+        self.spread(records)
+    }
+
+    /// Moves the numbers of so many records, which are stored without those that are missing, to their places.
+    fn spread(&mut self, records: usize) -> Result<usize> {
+        let stored = self.numbers.len();
+        if stored == records {
+            self.levels.clear();
+            return Ok(records);
+        }
+        if self.levels.len() != records {
+            return Err(ended());
+        }
+        self.numbers.resize(records, f64::NAN);
+        let mut left = stored;
+        for (k, level) in self.levels.iter().enumerate().rev() {
+            let number = if *level == 0 {
+                f64::NAN
+            } else {
+                left = left.checked_sub(1).ok_or_else(ended)?;
+                *self.numbers.get(left).ok_or_else(ended)?
+            };
+            *self.numbers.get_mut(k).ok_or_else(ended)? = number;
+        }
+        Ok(records)
     }
 }
 
@@ -195,26 +292,6 @@ fn whole(value: i64, meaning: Meaning, first: &mut Option<i64>) -> f64 {
             value.wrapping_sub(first) as f64 * second
         }
     }
-}
-
-/// Reads values of a column; shows `take` each of them, `None` for missing ones.
-fn read<T: DataType>(
-    reader: &mut ColumnReaderImpl<T>,
-    most: usize,
-    mut take: impl FnMut(Option<&T::T>),
-) -> Result<usize> {
-    let mut levels = Vec::new();
-    let mut values = Vec::with_capacity(most);
-    let (records, ..) = reader.read_records(most, Some(&mut levels), None, &mut values)?;
-    if levels.is_empty() {
-        values.iter().for_each(|value| take(Some(value)));
-        return Ok(records);
-    }
-    let mut values = values.iter();
-    for level in levels {
-        take(if level == 0 { None } else { values.next() });
-    }
-    Ok(records)
 }
 
 fn reader(column: &Column, values: Values, pages: Pages) -> Result<ColumnReader> {
