@@ -9,7 +9,7 @@ use super::record::{Record, highest, real_equations};
 use super::start;
 use super::tilt;
 use super::{Progress, Stage};
-use nalgebra::{DMatrix, DVector, SMatrix};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix};
 
 /// Covariance of σ.
 pub type Covariance10 = SMatrix<f64, RIGID, RIGID>;
@@ -166,7 +166,10 @@ pub fn fit(
     {
         return Err(FitError::Unlike);
     }
-    let excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
+    let mut excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
+    excited.steady();
+    let count = records.len().max(1) as f64;
+    let noise = records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / count;
     let mut projected = records.to_vec();
     excited.project(&mut projected);
     let records = &projected;
@@ -179,7 +182,7 @@ pub fn fit(
             start::start(records, &excited, rigid, threads, progress).ok_or(FitError::Singular)?
         }
     };
-    let likely = tilt::likely_inertia(&model, rigid);
+    let likely = tilt::likely_inertia(&model, rigid, &noise);
     let mut free = rigid;
     for (i, known) in likely.iter().enumerate() {
         if let Some([mean, _]) = known {
@@ -250,8 +253,16 @@ pub fn fit(
         let ratio = by_score[(i, i)] / by_information[(i, i)];
         if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
     });
-    let tilt = tilt::spread(&problem, &model, Freedom { rigid, ..freedom }, &excited)
-        .ok_or(FitError::Singular)?;
+    // Inertia that the test does not tell follows the noise of the directions, which it multiplies.
+    let mut likely_model = model.clone();
+    for (x, known) in likely_model.rigid.iter_mut().zip(&likely) {
+        if let Some([mean, _]) = known {
+            *x = *mean;
+        }
+    }
+    let freedom_told = Freedom { rigid, ..freedom };
+    let tilt =
+        tilt::spread(&problem, &likely_model, freedom_told, &excited).ok_or(FitError::Singular)?;
     let covariance =
         Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
     // Mean over the runs: what a mode and its offsets share is held by the offsets' prior alone.

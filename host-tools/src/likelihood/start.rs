@@ -313,9 +313,7 @@ impl Rest {
         if told || self.seen.is_empty() {
             return None;
         }
-        // One standard deviation more than is likely, lest error bars lean to what is small.
-        let share = 1.0 - self.chance(-1.0) / self.statistic;
-        let share = share.clamp(BELIEVED, 1.0);
+        let share = believed(self.statistic, self.terms());
         let n = self.seen.len();
         let own = super::solve::solve_symmetric(self.covariance.clone(), &DMatrix::identity(n, n))?;
         let mut weights = DMatrix::zeros(SYMMETRIC, SYMMETRIC);
@@ -326,6 +324,13 @@ impl Rest {
         }
         Some(weights)
     }
+}
+
+/// Share of terms that is taken for more than noise, from the sum of their squares over their variances
+/// (Stein's): one standard deviation more than is likely, lest error bars lean to what is small.
+pub(super) fn believed(statistic: f64, terms: f64) -> f64 {
+    let chance = terms - (2.0 * terms).sqrt();
+    (1.0 - chance / statistic).clamp(BELIEVED, 1.0)
 }
 
 /// Weights of the squares of E that follow from the body: the effective masses of all modes are no more than

@@ -484,9 +484,9 @@ fn noise_of_the_drive_is_not_that_of_the_sensors() {
 
 /// Of a hundred tests that only translate, errors are no larger than error bars say, though directions
 /// that rest are known from noisy accelerations. The mean of 400 squares with a few per cent of
-/// correlation spreads by some 8 %, its root by 4 %, two of which are allowed. The inertia is guessed
-/// near the true one here and believed to 100 %, so that error bars lean to the large side: 0.84 was
-/// measured. Without what the directions add it is 1.56.
+/// correlation spreads by some 8 %, its root by 4 %, two of which are allowed. The base rotates by as much as its
+/// noise hides, of which a part is taken off, and the inertia is larger than is guessed: 1.05 was measured.
+/// Without what the directions add it is 1.56.
 #[test]
 fn directions_that_rest_are_known_from_noise() {
     let truth = Model::rigid(body(), 60.0, 3);

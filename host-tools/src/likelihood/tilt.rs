@@ -12,7 +12,7 @@ use super::excited::Excited;
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::Record;
-use nalgebra::{Complex, DVector, SMatrix, SVector, Vector3};
+use nalgebra::{Complex, DVector, Matrix6, SMatrix, SVector, Vector3};
 
 /// Lines of each record that the effect of a tilt is taken from.
 const LINES: usize = 450;
@@ -22,29 +22,67 @@ const LINES: usize = 450;
 /// tilt itself, some 1e-4.
 const BY_TILT: f64 = 0.2;
 
-/// Mean and standard deviation of the inertia that the test does not tell, from mass and centre of
-/// gravity: that of a body whose radius of gyration about its centre is as long as that centre is far
-/// from the reference point, give or take all of it. Left out, it would stand for zero, and the least
-/// rotation of the base would bend the centre of gravity by more than its error bars say.
-pub(super) fn likely_inertia(model: &Model, told: [bool; RIGID]) -> [Option<[f64; 2]>; RIGID] {
+/// Middle of the accelerometers on the base (m, from A), and the square of their distance from an axis through
+/// it (m², mean over the axes), as the noise of base accelerations tells: with noise alike in all of them, what
+/// they tell of the translation and of the rotation is independent at their middle.
+fn sensors(noise: &Matrix6<f64>) -> (Vector3<f64>, f64) {
+    let seen = |i: usize| noise[(i, i)] > 0.0;
+    // Translation at A per rotation about each axis: c x α.
+    let slope = |i: usize, j: usize| noise[(i, 3 + j)] / noise[(3 + j, 3 + j)];
+    let middle = Vector3::from_fn(|k, _| {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let both = [(j, i, 1.0), (i, j, -1.0)];
+        let told = both.into_iter().filter(|(i, j, _)| seen(*i) && seen(3 + j));
+        let (sum, count) = told.fold((0.0, 0.0), |(sum, count), (i, j, sign)| {
+            (sum + sign * slope(i, j), count + 1.0)
+        });
+        if count > 0.0 { sum / count } else { 0.0 }
+    });
+    let mean = |of: &dyn Fn(usize) -> f64, first: usize| {
+        let all: Vec<f64> = (0..3).filter(|i| seen(first + i)).map(of).collect();
+        all.iter().sum::<f64>() / all.len().max(1) as f64
+    };
+    let own = |i: usize| {
+        let rotations = (0..3).filter(|j| seen(3 + j));
+        let by_rotation: f64 = rotations.map(|j| slope(i, j) * noise[(i, 3 + j)]).sum();
+        (noise[(i, i)] - by_rotation).max(0.0)
+    };
+    let translation = mean(&own, 0);
+    (middle, mean(&|j| translation / noise[(3 + j, 3 + j)], 3))
+}
+
+/// Mean and standard deviation of the inertia that the test does not tell, from mass, centre of gravity, and
+/// the `noise` of base accelerations: that of a body whose radius of gyration about its centre is the distance of
+/// the accelerometers on its base from an axis or that of the centre from their middle, whichever is longer, give
+/// or take all of it. Left out, it would stand for zero, and the least rotation of the base would bend the centre
+/// of gravity by more than its error bars say.
+pub(super) fn likely_inertia(
+    model: &Model,
+    told: [bool; RIGID],
+    noise: &Matrix6<f64>,
+) -> [Option<[f64; 2]>; RIGID] {
     let mut likely = [None; RIGID];
     let mass = model.rigid[0];
     if mass.is_nan() || mass <= 0.0 {
         return likely;
     }
     let c = Vector3::new(model.rigid[1], model.rigid[2], model.rigid[3]) / mass;
-    let own = c.norm_squared();
+    let (middle, wide) = sensors(noise);
+    let own = wide.max((c - middle).norm_squared());
+    let about_a = c.norm_squared();
     let terms = [
-        2.0 * own - c.x * c.x,
-        2.0 * own - c.y * c.y,
-        2.0 * own - c.z * c.z,
+        own + about_a - c.x * c.x,
+        own + about_a - c.y * c.y,
+        own + about_a - c.z * c.z,
         c.x * c.y,
         c.x * c.z,
         c.y * c.z,
     ];
     for (i, term) in terms.into_iter().enumerate() {
         if !told[4 + i] && own > 0.0 {
-            likely[4 + i] = Some([mass * term, mass * own]);
+            // Products of inertia are at most half the difference of two moments.
+            let spread = if i < 3 { own } else { 0.5 * own };
+            likely[4 + i] = Some([mass * term, mass * spread]);
         }
     }
     likely
@@ -70,10 +108,20 @@ pub(super) fn spread(
         ..*problem
     };
     let before = untilted.system(model, freedom, Detail::Step)?;
+    // What is known beforehand does not tilt, and would hide that the lines tell nothing.
+    let system = |records: &[Record]| {
+        let alone = Problem {
+            records,
+            rest: None,
+            body: None,
+            ..*problem
+        };
+        alone.system(model, freedom, Detail::Step)
+    };
+    let told = system(&some)?;
     let mut changes = Vec::new();
-    for (j, power) in excited.power.iter().enumerate() {
-        let variance = 0.5 / (excited.lines * (power - 1.0).max(1.0));
-        let tilt = variance.sqrt();
+    for j in 0..excited.power.len() {
+        let tilt = excited.variance(j).sqrt();
         let coordinate = excited.coordinates.row(j);
         for rest in excited.resting.column_iter() {
             let at = |sign: f64| {
@@ -85,15 +133,11 @@ pub(super) fn spread(
                         *a += c * (sign * tilt * n);
                     }
                 }
-                let problem = Problem {
-                    records: &tilted,
-                    ..*problem
-                };
-                problem.system(model, freedom, Detail::Step)
+                system(&tilted)
             };
             let (up, down) = (at(1.0)?, at(-1.0)?);
             for (seen, &i) in seen.iter_mut().zip(&places) {
-                let own = before.information[(i, i)];
+                let own = told.information[(i, i)];
                 for tilted in [&up, &down] {
                     *seen &= (tilted.information[(i, i)] - own).abs() <= BY_TILT * own;
                 }
@@ -119,4 +163,71 @@ pub(super) fn spread(
         covariance += of * of.transpose();
     }
     Some(covariance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four triaxial accelerometers whose noise is alike, seen from a point far away.
+    #[test]
+    fn accelerometers_are_found_from_their_noise() {
+        let middle = Vector3::new(0.7, -2.0, 1.1);
+        let places = [(0.4, 0.0), (0.0, 0.4), (-0.4, 0.0), (0.0, -0.4)];
+        let mut information = Matrix6::zeros();
+        for (x, y) in places {
+            let p = middle + Vector3::new(x, y, 0.0);
+            // Rows of a + α x p.
+            let rows = SMatrix::<f64, 3, 6>::from_row_slice(&[
+                1.0, 0.0, 0.0, 0.0, p.z, -p.y, 0.0, 1.0, 0.0, -p.z, 0.0, p.x, 0.0, 0.0, 1.0, p.y,
+                -p.x, 0.0,
+            ]);
+            information += rows.transpose() * rows;
+        }
+        let noise = information.try_inverse().unwrap() * 3e-4;
+        let (found, square) = sensors(&noise);
+        // Inverted with a condition number of a thousand.
+        assert!((found - middle).norm() < 1e-11, "{found}");
+        // 0.08 m² about x and y, 0.16 m² about z.
+        assert!((square - 0.32 / 3.0).abs() < 1e-11, "{square}");
+        // A plane with rotations about y only: 0.08 m².
+        let mut plane = Matrix6::zeros();
+        for i in [0, 2, 4] {
+            for j in [0, 2, 4] {
+                plane[(i, j)] = information[(i, j)];
+            }
+        }
+        let plane = plane.pseudo_inverse(1e-9).unwrap() * 3e-4;
+        let (found, square) = sensors(&plane);
+        assert!((found.x - middle.x).abs() < 1e-11 && (found.z - middle.z).abs() < 1e-11);
+        assert!((square - 0.08).abs() < 1e-11, "{square}");
+    }
+
+    /// The inertia about the centre of gravity is the same guess wherever A lies, and never none.
+    #[test]
+    fn the_guess_does_not_rest_on_the_reference_point() {
+        let own = |shift: f64, height: f64| {
+            let mut model = Model::rigid([0.0; RIGID], 1.0, 1);
+            // The centre lies this high above the sensors, and A where the shift says.
+            model.rigid[0] = 5.0;
+            model.rigid[3] = 5.0 * (height + shift);
+            let mut noise =
+                Matrix6::from_diagonal(&nalgebra::Vector6::new(1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3));
+            for (i, j, sign) in [(0, 4, -1.0), (1, 3, 1.0)] {
+                noise[(i, j)] = sign * shift * 1e-3;
+                noise[(j, i)] = noise[(i, j)];
+                noise[(i, i)] += shift * shift * 1e-3;
+            }
+            let likely = likely_inertia(&model, [false; RIGID], &noise);
+            likely[6].unwrap()
+        };
+        // The sensors lie 0.1 m² from an axis.
+        for (height, square) in [(0.5, 0.25), (0.2, 0.1)] {
+            for shift in [-height, 0.0, 4.0] {
+                let known = own(shift, height);
+                let off = known.map(|x| (x - 5.0 * square).abs());
+                assert!(off.iter().all(|x| *x < 1e-12), "{known:?}");
+            }
+        }
+    }
 }

@@ -129,7 +129,7 @@ pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Draw
     }
     let trial = Trial::new(model, seed, &conditions)?;
     let specimen = &trial.model().specimen;
-    let origin = nalgebra::Vector3::zeros();
+    let origin = nalgebra::Vector3::from(trial.model().reference_point);
     let bands = (highest, f64::INFINITY);
     let truth = prediction::fitted(specimen, &origin, bands, trial.setup.runs.len());
     let clean = trial.lines(None, [LOWEST, highest])?.records;
@@ -171,7 +171,7 @@ fn one(
     bounds: [Option<Covariance10>; 2],
 ) -> Result<Drawn, TrialError> {
     let mut drawn = Drawn::default();
-    let origin = nalgebra::Vector3::zeros();
+    let origin = nalgebra::Vector3::from(trial.model().reference_point);
     let (values, slopes) = numbers(&truth.rigid, &origin, None);
     let [whole, band] = bounds.map(|b| b.map(|b| slopes * b * slopes.transpose()));
     let Some(whole) = whole else {
