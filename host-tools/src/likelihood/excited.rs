@@ -1,7 +1,6 @@
 //! Directions of base acceleration that rise above their noise.
 
 use super::record::Record;
-use super::start;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6};
 
 /// Power of a direction over its noise from which it counts as excited.
@@ -9,8 +8,17 @@ const EXCITED: f64 = 3.0;
 /// Most that is taken off a rotation along a direction, in standard deviations: a rotation that stands alone errs
 /// by no more (limited translation, Efron and Morris 1972).
 const MOST_TAKEN: f64 = 0.5;
+/// Least share of terms that is believed.
+const BELIEVED: f64 = 0.05;
 /// Share of the noisiest component's noise below which a component is rounding.
 const ROUNDING: f64 = 1e-20;
+
+/// Share of terms that is taken for more than noise, from the sum of their squares over their variances
+/// (Stein's): one standard deviation more than is likely, lest error bars lean to what is small.
+pub(super) fn believed(statistic: f64, terms: f64) -> f64 {
+    let chance = terms - (2.0 * terms).sqrt();
+    (1.0 - chance / statistic).clamp(BELIEVED, 1.0)
+}
 
 /// Directions in which the base moves.
 #[derive(Clone, Debug)]
@@ -149,7 +157,7 @@ impl Excited {
             })
             .sum();
         let terms = 3.0 * self.power.len() as f64;
-        self.believed = start::believed(statistic, terms);
+        self.believed = believed(statistic, terms);
         for j in 0..self.power.len() {
             let most = MOST_TAKEN * self.noise(j).sqrt();
             for i in 0..3 {

@@ -1,7 +1,7 @@
 //! Start values: modes are added one by one until the data no longer ask for more.
 
 use super::descent::{self, Descent, Freedom, Problem};
-use super::excited::Excited;
+use super::excited::{Excited, believed};
 use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC, triangle};
 use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
@@ -32,8 +32,6 @@ const DOUBLE: f64 = 0.02;
 /// a mode beyond the lines is tried on more lines, and from which nothing but the data tells E.
 const TRIED: f64 = 1.5;
 const TOLD: f64 = 3.0;
-/// Least share of E that is believed.
-const BELIEVED: f64 = 0.05;
 
 /// Model with as many modes as the data support, ready for all lines; `None` where a fit without
 /// any mode fails.
@@ -324,13 +322,6 @@ impl Rest {
         }
         Some(weights)
     }
-}
-
-/// Share of terms that is taken for more than noise, from the sum of their squares over their variances
-/// (Stein's): one standard deviation more than is likely, lest error bars lean to what is small.
-pub(super) fn believed(statistic: f64, terms: f64) -> f64 {
-    let chance = terms - (2.0 * terms).sqrt();
-    (1.0 - chance / statistic).clamp(BELIEVED, 1.0)
 }
 
 /// Weights of the squares of E that follow from the body: the effective masses of all modes are no more than
