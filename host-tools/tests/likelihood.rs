@@ -179,23 +179,32 @@ fn a_long_record_has_no_more_modes_than_the_structure() {
 /// bars of mass and centre of gravity: 30 to 800 times the bound. Six structures have 0.8 to 2.2 times.
 #[test]
 fn error_bars_of_translations_alone_stay_near_the_bound() {
-    let study = massline(&[
-        "study",
-        "likelihood",
-        "--case",
+    near_the_bound(
         "translations",
-        "--structures",
-        "2",
-        "--seed",
-        "3",
-        "--duration",
-        "20",
-        "--noise",
+        &["--structures", "2", "--seed", "3"],
         "0.01",
-        "--json",
-    ]);
+    );
+}
+
+/// Before rotation that is noise was taken off, and the inertia was guessed from the accelerometers' places, these two
+/// structures had the error bars of the band, up to 7 times the bound, since the fit's were no narrower. They have
+/// 0.9 to 2.3 times.
+#[test]
+fn error_bars_of_translations_with_little_noise_stay_near_the_bound() {
+    for seed in ["22", "39"] {
+        let one = ["--structures", "1", "--seed", seed];
+        near_the_bound("translations-no-drive", &one, "0.001");
+    }
+}
+
+fn near_the_bound(case: &str, draws: &[&str], noise: &str) {
+    let study = ["study", "likelihood", "--json", "--duration", "20"];
+    let cell = ["--case", case, "--noise", noise];
+    let study = massline(&[&study[..], &cell, draws].concat());
     let study: Value = serde_json::from_str(&study).unwrap();
-    for claim in &study["rows"][0]["likelihood"]["claims"].as_array().unwrap()[..4] {
+    let row = &study["rows"][0];
+    assert_eq!(row["stepped_back"], 0, "{}", row["reasons"]);
+    for claim in &row["likelihood"]["claims"].as_array().unwrap()[..4] {
         let claim = claim.as_f64().unwrap();
         assert!((0.7..3.0).contains(&claim), "{claim}");
     }

@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6};
 
 /// Power of a direction over its noise from which it counts as excited.
 const EXCITED: f64 = 3.0;
-/// Most that is taken off a rotation along a direction, in standard deviations: a rotation that stands alone errs
-/// by no more (limited translation, Efron and Morris 1972).
+/// Most that is taken off a rotation along a direction, in standard deviations: one that stands alone is bent by no
+/// more (limited translation, Efron and Morris 1972).
 const MOST_TAKEN: f64 = 0.5;
 /// Least share of terms that is believed.
 const BELIEVED: f64 = 0.05;
@@ -227,7 +227,8 @@ mod tests {
         }
     }
 
-    /// Mean square of the error of the first rotation and of all, over what is claimed, of a thousand draws.
+    /// Mean square of the error of the first rotation and of all, over what is claimed, and the mean share that is
+    /// believed, of a thousand draws.
     fn errors(rotations: [f64; 9]) -> (f64, f64, f64) {
         let mut stream = Stream::new(7, &["steady"]);
         let (mut first, mut all, mut believed) = (0.0, 0.0, 0.0);
@@ -263,7 +264,7 @@ mod tests {
         }
     }
 
-    /// The largest part of noise is taken off, and less is claimed.
+    /// More than half of noise's power is taken off, and less is claimed.
     #[test]
     fn a_table_at_rest_is_known_better_than_its_sensors_tell() {
         let mut stream = Stream::new(8, &["steady"]);

@@ -96,6 +96,9 @@ pub(super) fn spread(
     freedom: Freedom,
     excited: &Excited,
 ) -> Option<SMatrix<f64, RIGID, RIGID>> {
+    if excited.resting.is_empty() {
+        return Some(SMatrix::zeros());
+    }
     let most = problem.records.iter().map(|r| r.frequencies.len()).max();
     let step = (most.unwrap_or(0) / LINES).max(1);
     let some: Vec<Record> = (problem.records.iter().enumerate())

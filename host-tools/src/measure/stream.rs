@@ -252,3 +252,42 @@ pub(super) fn stream(
     }
     Ok(gate.rejected)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Channels that follow one another in the recording, that do not, that are used twice, and sums.
+    #[test]
+    fn each_channel_comes_from_its_own_place() {
+        let made = vec![
+            Made::Scaled(1, 2.0),
+            Made::Scaled(2, 3.0),
+            Made::Scaled(0, -1.0),
+            Made::Sum(1, 4),
+            Made::Sum(1, 5),
+            Made::Scaled(3, 1.0),
+            Made::Scaled(3, 0.5),
+            Made::Sum(0, 0),
+            Made::Sum(1, 0),
+        ];
+        let mut shared = Shared {
+            made: made.clone(),
+            scaled: Vec::new(),
+            summed: Vec::new(),
+            consumers: Vec::new(),
+        };
+        shared.settle();
+        let sample = [10.0, 20.0, 30.0, 40.0];
+        let sums = [0, 1].map(|half| core::array::from_fn(|sum| (100 * half + sum) as f32));
+        let mut into = [f32::NAN; 9];
+        shared.write(&sample, &sums, &mut into);
+        for (found, made) in into.into_iter().zip(made) {
+            let expected = match made {
+                Made::Scaled(channel, factor) => sample[channel] * factor,
+                Made::Sum(half, sum) => sums[half][sum],
+            };
+            assert_eq!(found, expected);
+        }
+    }
+}

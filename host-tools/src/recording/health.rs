@@ -192,7 +192,9 @@ impl Health {
                 self.add_bits(sample);
             }
             if let Some(last) = samples.rchunks_exact(channels).next() {
-                self.last.copy_from_slice(last);
+                for (slot, x) in self.last.iter_mut().zip(last) {
+                    *slot = *x;
+                }
             }
         }
     }

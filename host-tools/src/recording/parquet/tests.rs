@@ -246,3 +246,46 @@ fn a_reading_that_was_changed_has_another_checksum() {
     assert_eq!(recording.in_file().len(), 3);
     assert!(recording.ignored().is_empty(), "time and health are used");
 }
+
+/// Samples with faults and missing ones at the ends of what is decoded together, in a row, alone and at the end,
+/// among many that go into blocks by the column.
+#[test]
+fn faults_stay_with_their_samples() {
+    const COUNT: u64 = 5000;
+    let health = |n: u64| match n {
+        1023 | 1024 | 4321 => Health::OPEN,
+        700..705 | 2048 | COUNT => Health::MISSING,
+        3000 => Health::CHECKSUM.union(Health::OPEN),
+        _ => Health::GOOD,
+    };
+    let reading = |n: u64, channel: usize| n as f32 + 1e4 * channel as f32;
+    let names = ["a1", "a2", "a3"];
+    let about = About {
+        nominal_sample_rate: Some(512.0),
+        ..About::of_names(names)
+    };
+    let mut bytes = Vec::new();
+    let mut rows = ParquetRows::begin(&mut bytes, about, Some(512.0), true).unwrap();
+    for n in 1..=COUNT {
+        rows.row(&[0, 1, 2].map(|c| reading(n, c)), health(n))
+            .unwrap();
+    }
+    rows.finish().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.parquet");
+    std::fs::write(&path, bytes).unwrap();
+    // In another order than that of the file.
+    let mut recording = Recording::open(&path, &["a3", "a1"]).unwrap();
+    let mut readings = [0.0; 2];
+    for n in 1..=COUNT {
+        assert!(
+            recording.next_row_f64(|c, x| readings[c] = x).unwrap(),
+            "{n}"
+        );
+        assert_eq!(recording.health(), health(n), "{n}");
+        if !health(n).contains(Health::MISSING) {
+            assert_eq!(readings, [2, 0].map(|c| f64::from(reading(n, c))), "{n}");
+        }
+    }
+    assert!(!recording.next_row_f64(|_, _| ()).unwrap());
+}
