@@ -159,6 +159,28 @@ pub(crate) fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
     point
 }
 
+/// The places of the accelerometers, as the noise of the accelerations at A tells them: their middle
+/// (m, from A), and the square of their distance from an axis through it (m², mean over the axes that
+/// they see turn). The noise of all of them is alike. Zero where they see no rotation.
+#[must_use]
+pub(crate) fn accelerometer_places(noise: &Matrix6<f64>) -> (Vector3<f64>, f64) {
+    let middle = least_translation(noise);
+    let mut there = *noise;
+    move_accelerations(&mut there, &middle);
+    // At the middle what they tell of translation and of rotation is independent.
+    let mean = |first: usize, of: &dyn Fn(f64) -> f64| {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for variance in there.diagonal().iter().skip(first).take(3) {
+            if *variance > 0.0 {
+                sum += of(*variance);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 { sum / count } else { 0.0 }
+    };
+    (middle, mean(0, &|t| t) * mean(3, &|r| 1.0 / r))
+}
+
 /// The middle one of three variances from `first` on, or the largest if not all of them are there.
 fn typical(variances: &Vector6<f64>, first: usize) -> f64 {
     let three = variances.fixed_rows::<3>(first);
@@ -293,6 +315,40 @@ mod tests {
             (near - Vector3::new(0.31, 0.0, 0.0)).norm() < 1e-12,
             "{near}"
         );
+    }
+
+    /// Four triaxial accelerometers whose noise is alike, seen from a point far away.
+    #[test]
+    fn accelerometers_are_found_from_their_noise() {
+        let middle = Vector3::new(0.7, -2.0, 1.1);
+        let places = [(0.4, 0.0), (0.0, 0.4), (-0.4, 0.0), (0.0, -0.4)];
+        let mut information = Matrix6::zeros();
+        for (x, y) in places {
+            let p = middle + Vector3::new(x, y, 0.0);
+            // Rows of a + α x p.
+            let rows = nalgebra::SMatrix::<f64, 3, 6>::from_row_slice(&[
+                1.0, 0.0, 0.0, 0.0, p.z, -p.y, 0.0, 1.0, 0.0, -p.z, 0.0, p.x, 0.0, 0.0, 1.0, p.y,
+                -p.x, 0.0,
+            ]);
+            information += rows.transpose() * rows;
+        }
+        let noise = information.try_inverse().unwrap() * 3e-4;
+        let (found, square) = accelerometer_places(&noise);
+        // Inverted with a condition number of a thousand.
+        assert!((found - middle).norm() < 1e-11, "{found}");
+        // 0.08 m² about x and y, 0.16 m² about z.
+        assert!((square - 0.32 / 3.0).abs() < 1e-11, "{square}");
+        // A plane with rotations about y only: 0.08 m².
+        let mut plane = Matrix6::zeros();
+        for i in [0, 2, 4] {
+            for j in [0, 2, 4] {
+                plane[(i, j)] = information[(i, j)];
+            }
+        }
+        let plane = plane.pseudo_inverse(1e-9).unwrap() * 3e-4;
+        let (found, square) = accelerometer_places(&plane);
+        assert!((found.x - middle.x).abs() < 1e-11 && (found.z - middle.z).abs() < 1e-11);
+        assert!((square - 0.08).abs() < 1e-11, "{square}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Combinations of the ten parameters that the equations determine.
 
 use super::measurement::{Measurement, Vector10};
-use super::weighed::{Weighed, floor, is_turned, measured, weights};
+use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
 use crate::algebra::{half, inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen};
 use crate::geometry::transfer;
 use crate::masslines::{EXCITED, Masslines};
@@ -50,6 +50,16 @@ impl Undetermined<'_> {
     /// Number of combinations that are determined.
     pub(super) fn unknowns(&self) -> usize {
         10 - self.count
+    }
+
+    /// The combinations, one a column, in the first columns.
+    pub(super) fn vectors(&self) -> &Matrix10 {
+        self.vectors
+    }
+
+    /// For each combination, `true` if the data weigh it more than noise alone would.
+    pub(super) fn moved(&self) -> impl Iterator<Item = bool> + '_ {
+        self.moved.iter().take(self.count).copied()
     }
 
     /// Takes the combination w out that alone holds the first parameter, which is known otherwise;
@@ -256,7 +266,7 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
     }
 
     /// Covariance of the shares of a sum e in the undetermined combinations, from `Q⁻ e`.
-    fn turned(&self, inverse: &Vector10, vectors: &Matrix10) -> Matrix10 {
+    pub(super) fn turned(&self, inverse: &Vector10, vectors: &Matrix10) -> Matrix10 {
         let mut covariance = NO_MATRIX;
         for set in self.sets {
             let shift = self.point - set.reference();
@@ -284,6 +294,34 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
             }
         }
         covariance
+    }
+
+    /// What second moments of noise, `noise` of a set, add to the normal equations, times the parameters
+    /// `sigma`, both in units in which their diagonal is one.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    pub(super) fn pull(
+        &self,
+        sigma: &Vector10,
+        noise: fn(&Masslines<PAIRS>) -> Matrix6<f64>,
+    ) -> Vector10 {
+        let sigma = sigma.component_mul(self.units);
+        let mut pull = Vector10::zeros();
+        for set in self.sets {
+            let shift = self.point - set.reference();
+            let weighed = Weighed::new(set, &shift, self.mass, self.body);
+            let w = if self.weighted {
+                weighed.mean_weights(set.pairs())
+            } else {
+                ONES
+            };
+            let columns = transfer(&shift) * half(&noise(set));
+            for column in columns.column_iter() {
+                let b = measured(&weighed.rows, &column.into_owned(), self.mass);
+                let force: Vector6<f64> = b * sigma;
+                pull += b.tr_mul(&force.component_mul(&w));
+            }
+        }
+        pull.component_mul(self.units)
     }
 
     /// Rows of an acceleration in units of the parameters.

@@ -6,12 +6,14 @@
 //! | `weighed` | weights of the equations of a set |
 //! | `normal` | stacking (9), normal equations (10) |
 //! | `determined` | observability |
+//! | `bounded` | what a body may hold of what is not observable |
 //! | `derived` | CG, inertia about A and S with their error bars |
 //! | `student` | 95 % intervals for the degrees of freedom behind the error bars |
 //!
 //! Observability is decided by rank, nowhere else: uniaxial tests (11), plane problems
 //! and too few runs all come out of one rule.
 
+mod bounded;
 mod derived;
 mod determined;
 mod measurement;

@@ -1,6 +1,7 @@
 //! Stacking (9), the normal equations (10), and what they can and cannot tell.
 
 use super::IdentifyError;
+use super::bounded::Bound;
 use super::determined::{Answered, Matrix10, determine, times};
 use super::measurement::{Measurement, Vector10, inertia_about};
 use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
@@ -193,35 +194,6 @@ impl Normal {
             }
         }
     }
-
-    /// `N σ`, where N is what noise adds to the normal equations.
-    #[inline(never)] // Its matrices are off the stack when the caller goes on.
-    fn pull<const PAIRS: usize>(
-        weighted: bool,
-        sets: &[Masslines<PAIRS>],
-        point: &Vector3<f64>,
-        mass: f64,
-        body: Option<&Vector10>,
-        sigma: &Vector10,
-    ) -> Vector10 {
-        let mut pull = NO_VECTOR;
-        for set in sets {
-            let shift = point - set.reference();
-            let weighed = Weighed::new(set, &shift, mass, body);
-            let w = if weighted {
-                weighed.mean_weights(set.pairs())
-            } else {
-                ONES
-            };
-            let columns = transfer(&shift) * half(set.pull());
-            for column in columns.column_iter() {
-                let b = measured(&weighed.rows, &column.into_owned(), mass);
-                let force: Vector6<f64> = b * sigma;
-                pull += b.tr_mul(&force.component_mul(&w));
-            }
-        }
-        pull
-    }
 }
 
 /// Multiplies rows and columns with `d`.
@@ -287,12 +259,39 @@ fn solve_with<const PAIRS: usize>(
     let mut undetermined = determine(&n.matrix, &mut n.noise, inverse, pairs)
         .ok_or(IdentifyError::NothingObservable)?;
     let mut sigma = times(inverse, &n.right);
+    let answered = Answered {
+        sets,
+        point,
+        mass,
+        weighted: n.weighted,
+        body,
+        units: &d,
+    };
     let freedom = n.rows - undetermined.unknowns() as f64;
-    let left = not_negative(n.forces - sigma.dot(&n.right));
+    let mut left = not_negative(n.forces - sigma.dot(&n.right));
     let mut consistency = None;
     let covariance = &mut into.covariance;
+    let mut bound = None;
+    if n.weighted && undetermined.unknowns() < 10 && sets.iter().any(is_turned) {
+        let equations = (&n.matrix, &n.right);
+        bound = Bound::new(
+            &answered,
+            &undetermined,
+            known_mass,
+            inverse,
+            equations,
+            &mut sigma,
+        );
+    }
+    if bound.is_some() {
+        let explained = 2.0 * sigma.dot(&n.right) - sigma.dot(&times(&n.matrix, &sigma));
+        left = not_negative(n.forces - explained);
+    }
     if n.weighted {
         covariance.copy_from(inverse);
+        if let Some(bound) = &bound {
+            bound.add_to(covariance);
+        }
     } else {
         multiply_left(inverse, covariance);
         multiply_right(covariance, inverse);
@@ -316,19 +315,11 @@ fn solve_with<const PAIRS: usize>(
         }
     }
     // The pull of the noise is a bias: its square joins the variance.
-    let physical = sigma.component_mul(&d);
-    let mut pull = Normal::pull(n.weighted, sets, point, mass, body, &physical);
-    pull.component_mul_assign(&d);
-    let mut pull = times(inverse, &pull);
+    let mut pull = times(inverse, &answered.pull(&sigma, |set| *set.pull()));
+    if let Some(bound) = &bound {
+        pull += bound.bias(&answered.pull(&sigma, floor));
+    }
     covariance.ger(1.0, &pull, &pull, 1.0);
-    let answered = Answered {
-        sets,
-        point,
-        mass,
-        weighted: n.weighted,
-        body,
-        units: &d,
-    };
     let mut is_weighed = false;
     if known_mass.is_some() && d[0] > 0.0 {
         is_weighed = !answered.tells(&unit(0), inverse, &undetermined);
@@ -337,7 +328,13 @@ fn solve_with<const PAIRS: usize>(
         }
     }
     let tells = |sum: &Vector10| answered.tells(sum, inverse, &undetermined);
-    let mut observable = core::array::from_fn(|j| tells(&unit(j)));
+    let mut observable: [bool; 10] = core::array::from_fn(|j| tells(&unit(j)));
+    for (observable, rests) in observable
+        .iter_mut()
+        .zip(bound.iter().flat_map(Bound::rests))
+    {
+        *observable |= rests;
+    }
     // It is known, but not from the data.
     observable[0] &= !is_weighed;
     let to_reference = sets.first().map_or(*point, |set| *set.reference()) - point;
