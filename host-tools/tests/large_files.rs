@@ -243,8 +243,12 @@ fn memory_does_not_grow_with_the_file() {
     for (name, form) in FORMS {
         // A page and a dictionary of Parquet are full after 262,144 readings, which is 86 times.
         let begin = if name.starts_with("Parquet") { 100 } else { 10 };
-        let [(_, short), (size, long)] =
-            [begin, begin + 90].map(|times| measured(&minute, form, name, &file, times));
+        // The last moments of a process may pass before it is looked at: of a short one, that is much.
+        let short = (0..3)
+            .map(|_| measured(&minute, form, name, &file, begin).1)
+            .max();
+        let short = short.unwrap();
+        let (size, long) = measured(&minute, form, name, &file, begin + 90);
         println!("{name}: {size} bytes, {short} and {long} resident");
         assert!(long < MOST, "{name}: {long}");
         // A tenth of the readings that were added, which is more than chance leaves.

@@ -1,6 +1,6 @@
 //! One draw: a random structure, its test, its bound, both answers.
 
-use super::{Case, Disturbance, Drawn, NUMBERS, Options, Scored};
+use super::{Axes, Case, Disturbance, Drawn, NUMBERS, Options, Scored};
 use crate::identification::{fit_records, told_of};
 use crate::likelihood::{Covariance10, Model as Fitted, Record, bound, numbers};
 use crate::prediction;
@@ -72,22 +72,26 @@ fn test(
 ) -> Model {
     let radius = structure.size * chance.between(0.3, 0.5);
     let level = chance.between(0.5, 3.0);
+    let rotation = |chance: &mut Chance| level / radius * chance.between(0.5, 1.5);
+    let axes: [[f64; 6]; 3] = std::array::from_fn(|axis| match case.axes {
+        Axes::Rotations => about(axis, rotation(chance), radius, chance),
+        _ => [0.0; 6],
+    });
     let runs = (0..6)
-        .map(|axis| {
+        .map(|run| {
             let mut motion = [0.0; 6];
-            if axis < 3 || case.translations {
-                motion[axis % 3] = level;
-            } else {
-                motion[axis] = level / radius * chance.between(0.5, 1.5);
+            match case.axes {
+                Axes::Rotations => motion = axes[run % 3],
+                Axes::All if run >= 3 => motion[run] = rotation(chance),
+                Axes::All | Axes::Translations => motion[run % 3] = level,
             }
-            let name = format!("run {}", axis + 1);
+            let name = format!("run {}", run + 1);
             Plan::new(name, Shaking::random(motion, case.drive))
         })
         .collect();
-    let cross_talk = if case.translations {
-        0.0
-    } else {
-        chance.between(0.0, 0.05)
+    let cross_talk = match case.axes {
+        Axes::All => chance.between(0.0, 0.05),
+        Axes::Translations | Axes::Rotations => 0.0,
     };
     Model {
         title: "Random elastic structure".to_owned(),
@@ -116,6 +120,17 @@ fn test(
     }
 }
 
+/// Acceleration of A by a rotation (rad/s²) about an axis along one of the three, which passes A at up to `radius`.
+fn about(axis: usize, rotation: f64, radius: f64, chance: &mut Chance) -> [f64; 6] {
+    let [second, third] = [(axis + 1) % 3, (axis + 2) % 3];
+    let mut motion = [0.0; 6];
+    motion[3 + axis] = rotation;
+    // α x r, from the axis to A.
+    motion[third] = rotation * chance.between(-radius, radius);
+    motion[second] = -rotation * chance.between(-radius, radius);
+    motion
+}
+
 /// All levels of noise of one draw.
 pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Drawn>, TrialError> {
     let mut chance = Chance::new(seed, &["likelihood", case.name]);
@@ -139,7 +154,7 @@ pub(super) fn draw(case: &Case, options: &Options, seed: u64) -> Result<Vec<Draw
         .filter(|m| m.frequency <= highest)
         .count();
     // Translations tell mass and centre of gravity.
-    let told = core::array::from_fn(|i| i < 4 || !case.translations);
+    let told = core::array::from_fn(|i| i < 4 || case.axes != Axes::Translations);
     let mut all = Vec::with_capacity(options.noise.len());
     for &level in &options.noise {
         let noise = trial.resultant_noise(level)?;

@@ -61,10 +61,21 @@ pub struct Case {
     pub name: &'static str,
     /// `true` if the drive is recorded.
     pub drive: bool,
-    /// `true` if nothing rotates.
-    pub translations: bool,
+    /// Motion of its runs.
+    pub axes: Axes,
     /// Deviation of the structure from the model of the fit.
     pub disturbance: Disturbance,
+}
+
+/// Motion of the six runs of a test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Axes {
+    /// Three translations and three rotations about A.
+    All,
+    /// Three translations, twice: nothing rotates.
+    Translations,
+    /// Three rotations, twice, each about an axis of its own that passes A by.
+    Rotations,
 }
 
 /// A deviation of the structure from the model of the fit.
@@ -85,59 +96,71 @@ pub enum Disturbance {
 }
 
 /// All kinds, in the order of the table.
-pub const CASES: [Case; 9] = [
+pub const CASES: [Case; 11] = [
     Case {
         name: "drive",
         drive: true,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::None,
     },
     Case {
         name: "no-drive",
         drive: false,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::None,
     },
     Case {
         name: "translations",
         drive: true,
-        translations: true,
+        axes: Axes::Translations,
         disturbance: Disturbance::None,
     },
     Case {
         name: "translations-no-drive",
         drive: false,
-        translations: true,
+        axes: Axes::Translations,
+        disturbance: Disturbance::None,
+    },
+    Case {
+        name: "rotations",
+        drive: true,
+        axes: Axes::Rotations,
+        disturbance: Disturbance::None,
+    },
+    Case {
+        name: "rotations-no-drive",
+        drive: false,
+        axes: Axes::Rotations,
         disturbance: Disturbance::None,
     },
     Case {
         name: "just-beyond",
         drive: true,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::JustBeyond,
     },
     Case {
         name: "pair",
         drive: true,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::Pair,
     },
     Case {
         name: "moved",
         drive: true,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::Moved,
     },
     Case {
         name: "structural",
         drive: true,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::Structural,
     },
     Case {
         name: "many",
         drive: true,
-        translations: false,
+        axes: Axes::All,
         disturbance: Disturbance::Many,
     },
 ];
