@@ -197,7 +197,19 @@ fn error_bars_of_translations_with_little_noise_stay_near_the_bound() {
     }
 }
 
-fn near_the_bound(case: &str, draws: &[&str], noise: &str) {
+/// Three rotations about axes that pass A by tell all ten numbers. Four structures have 1.08 to 1.11 times the bound.
+#[test]
+fn error_bars_of_rotations_alone_stay_near_the_bound() {
+    let draws = ["--structures", "2", "--seed", "1"];
+    let row = near_the_bound("rotations", &draws, "0.01");
+    let claims = row["likelihood"]["claims"].as_array().unwrap();
+    for claim in claims {
+        let claim = claim.as_f64().unwrap();
+        assert!((0.9..1.3).contains(&claim), "{claims:?}");
+    }
+}
+
+fn near_the_bound(case: &str, draws: &[&str], noise: &str) -> Value {
     let study = ["study", "likelihood", "--json", "--duration", "20"];
     let cell = ["--case", case, "--noise", noise];
     let study = massline(&[&study[..], &cell, draws].concat());
@@ -208,4 +220,5 @@ fn near_the_bound(case: &str, draws: &[&str], noise: &str) {
         let claim = claim.as_f64().unwrap();
         assert!((0.7..3.0).contains(&claim), "{claim}");
     }
+    row.clone()
 }
