@@ -196,28 +196,11 @@ fn variance(root: &Matrix10, covariance: &Matrix10) -> f64 {
 mod tests {
     use crate::algebra::half;
     use crate::geometry::Equations;
+    use crate::identify::determined::tests::Draws;
     use crate::identify::{Estimate, Identification, Question, identify};
     use crate::masslines::{Masslines, excited_directions};
     use crate::rigid_body::{Inertia, RigidBody};
     use nalgebra::{Matrix6, SMatrix, Vector3, Vector6};
-
-    /// Uniform between -√3 and √3, so that its variance is one.
-    struct Draws(u64);
-
-    impl Draws {
-        fn next(&mut self) -> f64 {
-            self.0 = self
-                .0
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            let unit = (self.0 >> 11) as f64 / (1_u64 << 53) as f64;
-            (2.0 * unit - 1.0) * libm::sqrt(3.0)
-        }
-
-        fn six(&mut self) -> Vector6<f64> {
-            Vector6::from_fn(|_, _| self.next())
-        }
-    }
 
     /// Noise of an accelerometer at a line, m/s².
     const NOISE: f64 = 1e-3;
@@ -239,6 +222,10 @@ mod tests {
         information.try_inverse().unwrap() * NOISE * NOISE
     }
 
+    fn six(draws: &mut Draws) -> Vector6<f64> {
+        Vector6::from_fn(|_, _| draws.next())
+    }
+
     /// Three translations of 1 m/s² in each of which the table rotates by some `tilt`, rad/s².
     fn translations(body: &RigidBody, tilt: f64, draws: &mut Draws) -> Identification {
         let noise = noise_of_accelerations();
@@ -251,12 +238,12 @@ mod tests {
             Masslines::new(Vector3::zeros(), Equations::all().whitened(&weights));
         let mut moments = Matrix6::zeros();
         for axis in 0..3 {
-            let mut a = draws.six() * tilt;
+            let mut a = six(draws) * tilt;
             for j in 0..3 {
                 a[j] = if j == axis { 1.0 } else { 0.0 };
             }
-            let seen = a + root * draws.six();
-            let force = about_a * a + deviations.component_mul(&draws.six());
+            let seen = a + root * six(draws);
+            let force = about_a * a + deviations.component_mul(&six(draws));
             moments += seen * seen.transpose();
             set.push(seen, force, Vector6::repeat(1.0)).unwrap();
         }

@@ -341,7 +341,7 @@ pub(super) fn times(m: &Matrix10, v: &Vector10) -> Vector10 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use crate::geometry::Equations;
     use crate::identify::{Identification, Question, identify};
     use crate::masslines::Masslines;
@@ -349,10 +349,10 @@ mod tests {
     use nalgebra::{Matrix6, Vector3, Vector6};
 
     /// Uniform between -√3 and √3, so that its variance is one.
-    struct Draws(u64);
+    pub(in crate::identify) struct Draws(pub(in crate::identify) u64);
 
     impl Draws {
-        fn next(&mut self) -> f64 {
+        pub(in crate::identify) fn next(&mut self) -> f64 {
             self.0 = self
                 .0
                 .wrapping_mul(6_364_136_223_846_793_005)
