@@ -18,7 +18,7 @@ pub struct Arguments {
     /// Random structures a row
     #[arg(long, value_name = "N", default_value_t = Options::default().structures)]
     structures: usize,
-    /// One kind of test only; may be given several times [possible: drive, no-drive, translations, translations-no-drive, just-beyond, pair, moved, structural, many]
+    /// One kind of test only; may be given several times [possible: drive, no-drive, translations, translations-no-drive, rotations, rotations-no-drive, just-beyond, pair, moved, structural, many]
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
     /// Levels of noise, each a share of a channel's RMS over all runs
