@@ -499,9 +499,13 @@ fn the_bars_hold_what_noise_turns_a_direction_by() {
         }
         assert!(missing <= 6, "{missing} of 600 numbers are missing");
         for (k, square) in squares.into_iter().enumerate() {
-            // Three standard deviations of a mean square of 200 draws are 0.3. Without a rotation the
-            // inertia bends nothing, and the bars hold what it might.
-            assert!(square < 1.3, "{rotation} rad/s², number {k}: {square}");
+            // Three standard deviations of a mean square of 200 draws are 0.3; the body's own radius
+            // is not that of the sensors, which leaves a factor of two below. Without a rotation the
+            // inertia bends nothing, and the bars of the centre, which hold what it might, are six
+            // times its errors: 0.03.
+            let least = if rotation == 0.0 && k > 0 { 0.02 } else { 0.2 };
+            let case = format!("{rotation} rad/s², number {k}");
+            assert!((least..1.3).contains(&square), "{case}: {square}");
         }
     }
 }

@@ -18,8 +18,8 @@ mod run;
 
 pub use equations::Equations;
 pub use load_shares::LoadShares;
-pub use noise::{PackedNoise, ResultantNoise};
-pub(crate) use noise::{accelerometer_places, least_translation, move_accelerations, move_forces};
+pub use noise::{PackedNoise, ResultantNoise, accelerometer_places};
+pub(crate) use noise::{least_translation, move_accelerations, move_forces};
 pub use placement::Placement;
 pub(crate) use reference::{resultants_at, transfer};
 pub use resultant_map::{RESULTANTS, ResultantMap};

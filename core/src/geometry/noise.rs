@@ -163,7 +163,7 @@ pub(crate) fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
 /// (m, from A), and the square of their distance from an axis through it (m², mean over the axes that
 /// they see turn). The noise of all of them is alike. Zero where they see no rotation.
 #[must_use]
-pub(crate) fn accelerometer_places(noise: &Matrix6<f64>) -> (Vector3<f64>, f64) {
+pub fn accelerometer_places(noise: &Matrix6<f64>) -> (Vector3<f64>, f64) {
     let middle = least_translation(noise);
     let mut there = *noise;
     move_accelerations(&mut there, &middle);
@@ -238,6 +238,7 @@ fn take_cross([x, y, z]: [&mut f64; 3], shift: &Vector3<f64>, lever: [f64; 3]) {
 mod tests {
     use super::*;
     use crate::geometry::{resultants_at, transfer};
+    use nalgebra::SMatrix;
 
     fn six_sensors(about: Vector3<f64>) -> ResultantNoise {
         // Independent readings of x, y, z at three places, each with its own noise.
@@ -326,7 +327,7 @@ mod tests {
         for (x, y) in places {
             let p = middle + Vector3::new(x, y, 0.0);
             // Rows of a + α x p.
-            let rows = nalgebra::SMatrix::<f64, 3, 6>::from_row_slice(&[
+            let rows = SMatrix::<f64, 3, 6>::from_row_slice(&[
                 1.0, 0.0, 0.0, 0.0, p.z, -p.y, 0.0, 1.0, 0.0, -p.z, 0.0, p.x, 0.0, 0.0, 1.0, p.y,
                 -p.x, 0.0,
             ]);

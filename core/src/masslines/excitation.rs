@@ -23,7 +23,7 @@ const NO_MATRIX: Matrix6<f64> = Matrix6::from_array_storage(ArrayStorage([[0.0; 
 ///
 /// Noise in the accelerations pulls what they multiply towards zero by noise over power,
 /// so 100 limits that pull to 1 %. The remaining pull enters the error bars.
-pub const EXCITED: f64 = 100.0;
+pub(crate) const EXCITED: f64 = 100.0;
 
 /// Eigenvalue of the equilibrated noise below which its direction has none: nothing is
 /// measured along it. The noise of a run is kept in single precision, so that rounding is 1e-7;
@@ -32,7 +32,7 @@ const UNSEEN: f64 = 1e-6;
 
 /// The directions that runs excite: their number, and the matrix that takes out of a vector of six
 /// all that is not along them. `moments` are the summed real second moments `Σ a aᵀ`, `noise` is
-/// the covariance of the noise in them: a direction is excited if its power exceeds [`EXCITED`]
+/// the covariance of the noise in them: a direction is excited if its power exceeds a hundred
 /// times its noise. A direction without noise has no sensor that looks along it.
 #[must_use]
 pub fn excited_directions(moments: &Matrix6<f64>, noise: &Matrix6<f64>) -> (usize, Matrix6<f64>) {

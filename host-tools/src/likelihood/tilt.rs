@@ -12,6 +12,7 @@ use super::excited::Excited;
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::Record;
+use massline_core::geometry::accelerometer_places;
 use nalgebra::{Complex, DVector, Matrix6, SMatrix, SVector, Vector3};
 
 /// Lines of each record that the effect of a tilt is taken from.
@@ -21,35 +22,6 @@ const LINES: usize = 450;
 /// vanishes, and a tilt would move such a parameter without limit. Other information changes by the
 /// tilt itself, some 1e-4.
 const BY_TILT: f64 = 0.2;
-
-/// Middle of the accelerometers on the base (m, from A), and the square of their distance from an axis through
-/// it (m², mean over the axes), as the noise of base accelerations tells: with noise alike in all of them, what
-/// they tell of the translation and of the rotation is independent at their middle.
-fn sensors(noise: &Matrix6<f64>) -> (Vector3<f64>, f64) {
-    let seen = |i: usize| noise[(i, i)] > 0.0;
-    // Translation at A per rotation about each axis: c x α.
-    let slope = |i: usize, j: usize| noise[(i, 3 + j)] / noise[(3 + j, 3 + j)];
-    let middle = Vector3::from_fn(|k, _| {
-        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-        let both = [(j, i, 1.0), (i, j, -1.0)];
-        let told = both.into_iter().filter(|(i, j, _)| seen(*i) && seen(3 + j));
-        let (sum, count) = told.fold((0.0, 0.0), |(sum, count), (i, j, sign)| {
-            (sum + sign * slope(i, j), count + 1.0)
-        });
-        if count > 0.0 { sum / count } else { 0.0 }
-    });
-    let mean = |of: &dyn Fn(usize) -> f64, first: usize| {
-        let all: Vec<f64> = (0..3).filter(|i| seen(first + i)).map(of).collect();
-        all.iter().sum::<f64>() / all.len().max(1) as f64
-    };
-    let own = |i: usize| {
-        let rotations = (0..3).filter(|j| seen(3 + j));
-        let by_rotation: f64 = rotations.map(|j| slope(i, j) * noise[(i, 3 + j)]).sum();
-        (noise[(i, i)] - by_rotation).max(0.0)
-    };
-    let translation = mean(&own, 0);
-    (middle, mean(&|j| translation / noise[(3 + j, 3 + j)], 3))
-}
 
 /// Mean and standard deviation of the inertia that the test does not tell, from mass, centre of gravity, and
 /// the `noise` of base accelerations: that of a body whose radius of gyration about its centre is the distance of
@@ -67,7 +39,7 @@ pub(super) fn likely_inertia(
         return likely;
     }
     let c = Vector3::new(model.rigid[1], model.rigid[2], model.rigid[3]) / mass;
-    let (middle, wide) = sensors(noise);
+    let (middle, wide) = accelerometer_places(noise);
     let own = wide.max((c - middle).norm_squared());
     let about_a = c.norm_squared();
     let terms = [
@@ -171,40 +143,6 @@ pub(super) fn spread(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Four triaxial accelerometers whose noise is alike, seen from a point far away.
-    #[test]
-    fn accelerometers_are_found_from_their_noise() {
-        let middle = Vector3::new(0.7, -2.0, 1.1);
-        let places = [(0.4, 0.0), (0.0, 0.4), (-0.4, 0.0), (0.0, -0.4)];
-        let mut information = Matrix6::zeros();
-        for (x, y) in places {
-            let p = middle + Vector3::new(x, y, 0.0);
-            // Rows of a + α x p.
-            let rows = SMatrix::<f64, 3, 6>::from_row_slice(&[
-                1.0, 0.0, 0.0, 0.0, p.z, -p.y, 0.0, 1.0, 0.0, -p.z, 0.0, p.x, 0.0, 0.0, 1.0, p.y,
-                -p.x, 0.0,
-            ]);
-            information += rows.transpose() * rows;
-        }
-        let noise = information.try_inverse().unwrap() * 3e-4;
-        let (found, square) = sensors(&noise);
-        // Inverted with a condition number of a thousand.
-        assert!((found - middle).norm() < 1e-11, "{found}");
-        // 0.08 m² about x and y, 0.16 m² about z.
-        assert!((square - 0.32 / 3.0).abs() < 1e-11, "{square}");
-        // A plane with rotations about y only: 0.08 m².
-        let mut plane = Matrix6::zeros();
-        for i in [0, 2, 4] {
-            for j in [0, 2, 4] {
-                plane[(i, j)] = information[(i, j)];
-            }
-        }
-        let plane = plane.pseudo_inverse(1e-9).unwrap() * 3e-4;
-        let (found, square) = sensors(&plane);
-        assert!((found.x - middle.x).abs() < 1e-11 && (found.z - middle.z).abs() < 1e-11);
-        assert!((square - 0.08).abs() < 1e-11, "{square}");
-    }
 
     /// The inertia about the centre of gravity is the same guess wherever A lies, and never none.
     #[test]
