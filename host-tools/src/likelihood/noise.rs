@@ -6,7 +6,7 @@
 
 use super::record::Noise;
 use massline_core::geometry::RESULTANTS;
-use nalgebra::{Complex, DMatrix, Matrix6};
+use nalgebra::{Complex, DMatrix, Matrix6, Vector6};
 
 type C = Complex<f64>;
 
@@ -120,17 +120,24 @@ fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) 
     // much of the drive's noise is taken off or too little.
     let near = median(shares.iter().map(|s| (s - middle).abs()).collect());
     let mut sum = DMatrix::<f64>::zeros(RESULTANTS, RESULTANTS);
+    let mut whole = [0.0; RESULTANTS];
     let mut count = 0.0;
     for (w, share) in left.iter().zip(&shares) {
         if (share - middle).abs() <= near {
             sum += &w.left;
+            for (sum, x) in whole.iter_mut().zip(&w.whole) {
+                *sum += x;
+            }
             count += 1.0;
         }
     }
+    // A difference is known no better than what it is taken from scatters: where a drive's noise is all but the
+    // whole of it, the rest may come out as nothing or less.
+    let scatter = 1.0 / (count * (WINDOW - terms) as f64).sqrt();
     let half = |first: usize| {
-        positive(&Matrix6::from_fn(|i, j| {
-            sum[(first + i, first + j)] / count
-        }))
+        let mean = Matrix6::from_fn(|i, j| sum[(first + i, first + j)] / count);
+        let least = core::array::from_fn(|i| scatter * whole[first + i] / count);
+        positive(&mean, &least)
     };
     Some(Found {
         noise: Noise {
@@ -145,6 +152,8 @@ fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) 
 struct Window {
     /// Covariance of what is left, its real part.
     left: DMatrix<f64>,
+    /// Its diagonal before noise of a drive is taken off.
+    whole: [f64; RESULTANTS],
     /// Mean of h h* over the window for the response h to each drive, its real part.
     responses: Vec<DMatrix<f64>>,
 }
@@ -190,7 +199,12 @@ impl Window {
         let responses = responses.collect();
         let left = (left.adjoint() * &left).map(|x| x.re / (WINDOW - terms) as f64);
         let finite = left.iter().all(|x| x.is_finite());
-        finite.then_some(Self { left, responses })
+        let whole = core::array::from_fn(|c| left[(c, c)]);
+        finite.then_some(Self {
+            left,
+            whole,
+            responses,
+        })
     }
 }
 
@@ -228,10 +242,10 @@ fn take_drive_noise(windows: &mut [Window], drive: usize, known: Option<f64>) {
     }
 }
 
-/// The matrix without negative eigenvalues, which taking off the drive's noise may leave; zero rows
-/// remain.
-fn positive(matrix: &Matrix6<f64>) -> Matrix6<f64> {
-    let root = matrix.diagonal().map(|x| x.max(0.0).sqrt());
+/// The matrix without negative eigenvalues, which taking off the drive's noise may leave, nor diagonal terms
+/// below their `least`; rows whose least is zero remain zero.
+fn positive(matrix: &Matrix6<f64>, least: &[f64; 6]) -> Matrix6<f64> {
+    let root = Vector6::from_fn(|i, _| matrix[(i, i)].max(least[i]).sqrt());
     let scaled = Matrix6::from_fn(|i, j| {
         let norm = root[i] * root[j];
         if norm > 0.0 {
