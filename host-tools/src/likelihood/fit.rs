@@ -287,7 +287,11 @@ pub fn fit(
         .collect();
     let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
     let free = (places.len() + leaked) as f64;
-    let disagreement = low_lines(records, &model, &by_information, rigid, threads);
+    // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
+    let told = freedom_told.places(&model);
+    let beside = descent::inverse(&system.information, &told).ok_or(FitError::Singular)?;
+    let beside = corner(&beside, &told) * 0.5;
+    let disagreement = low_lines(records, &model, &beside, rigid, threads);
     let expected = |r: &Record| r.equation_count() as f64;
     let residuals = records
         .iter()

@@ -11,18 +11,12 @@ use super::descent::{self, Freedom, Problem};
 use super::excited::Excited;
 use super::model::{Model, RIGID};
 use super::normal::Detail;
-use super::record::Record;
+use super::record::{Complex6, Record};
 use massline_core::geometry::accelerometer_places;
-use nalgebra::{Complex, DVector, Matrix6, SMatrix, SVector, Vector3};
+use nalgebra::{Complex, DVector, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Lines of each record that the effect of a tilt is taken from.
 const LINES: usize = 450;
-/// Share of a parameter's information that comes or goes with a tilt, from which that is all it has. The base
-/// rotates by about as much as the directions are uncertain: information that rests on this doubles or
-/// vanishes, and a tilt would move such a parameter without limit. Other information changes by the
-/// tilt itself, some 1e-4.
-const BY_TILT: f64 = 0.2;
-
 /// Mean and standard deviation of the inertia that the test does not tell, from mass, centre of gravity, and
 /// the `noise` of base accelerations: that of a body whose radius of gyration about its centre is the distance of
 /// the accelerometers on its base from an axis or that of the centre from their middle, whichever is longer, give
@@ -62,80 +56,66 @@ pub(super) fn likely_inertia(
 
 /// Covariance of σ from the directions' uncertainty at `model`; `None` where numbers are not finite. Of
 /// the rigid body, `freedom` has those parameters that the test tells.
+///
+/// A tilt leaves M n t c more in the residuals, of which M n nᵀ Mᴴ is what noise is taken to leave there anyway:
+/// together it moves no parameter by more than its standard deviation, be it told by the lines or by priors.
 pub(super) fn spread(
     problem: &Problem<'_>,
     model: &Model,
     freedom: Freedom,
     excited: &Excited,
 ) -> Option<SMatrix<f64, RIGID, RIGID>> {
+    let mut covariance = SMatrix::zeros();
     if excited.resting.is_empty() {
-        return Some(SMatrix::zeros());
+        return Some(covariance);
     }
     let most = problem.records.iter().map(|r| r.frequencies.len()).max();
     let step = (most.unwrap_or(0) / LINES).max(1);
     let some: Vec<Record> = (problem.records.iter().enumerate())
         .map(|(e, r)| r.thinned(e % step, step, f64::INFINITY))
         .collect();
-    let places = freedom.places(model);
-    let mut seen = vec![true; places.len()];
-    let untilted = Problem {
-        records: &some,
-        ..*problem
-    };
-    let before = untilted.system(model, freedom, Detail::Step)?;
-    // What is known beforehand does not tilt, and would hide that the lines tell nothing.
-    let system = |records: &[Record]| {
-        let alone = Problem {
+    let of = |records: &[Record]| {
+        let tilted = Problem {
             records,
-            rest: None,
-            body: None,
             ..*problem
         };
-        alone.system(model, freedom, Detail::Step)
+        tilted.system(model, freedom, Detail::Step)
     };
-    let told = system(&some)?;
-    let mut changes = Vec::new();
-    for j in 0..excited.power.len() {
-        let tilt = excited.variance(j).sqrt();
-        let coordinate = excited.coordinates.row(j);
-        for rest in excited.resting.column_iter() {
-            let at = |sign: f64| {
-                let mut tilted = some.clone();
-                for a in tilted.iter_mut().flat_map(|r| &mut r.base) {
-                    let c: Complex<f64> =
-                        (coordinate.iter().zip(a.iter())).map(|(x, a)| a * *x).sum();
-                    for (a, n) in a.iter_mut().zip(rest.iter()) {
-                        *a += c * (sign * tilt * n);
-                    }
-                }
-                system(&tilted)
-            };
-            let (up, down) = (at(1.0)?, at(-1.0)?);
-            for (seen, &i) in seen.iter_mut().zip(&places) {
-                let own = told.information[(i, i)];
-                for tilted in [&up, &down] {
-                    *seen &= (tilted.information[(i, i)] - own).abs() <= BY_TILT * own;
-                }
-            }
-            changes.push((up.score - down.score) * 0.5);
-        }
-    }
-    let places: Vec<usize> = (places.into_iter().zip(seen))
-        .filter_map(|(place, seen)| seen.then_some(place))
-        .collect();
+    let before = of(&some)?;
+    let places = freedom.places(model);
     // Of the same lines: next to resonances no others have the same information.
     let inverse = descent::inverse(&before.information, &places)?;
-    let mut covariance = SMatrix::zeros();
-    for change in changes {
-        let change = DVector::from_fn(places.len(), |i, _| change[places[i]]);
-        let moved = &inverse * change;
-        let mut of = SVector::<f64, RIGID>::zeros();
-        for (place, x) in places.iter().zip(moved.iter()) {
-            if *place < RIGID {
-                of[*place] = *x;
+    for rest in excited.resting.column_iter() {
+        let rest = Vector6::from_fn(|i, _| Complex::from(rest[i]));
+        let forces: Vec<Vec<Complex6>> = (some.iter())
+            .map(|r| {
+                let lines = r.frequencies.iter();
+                lines.map(|&f| model.at(r.run, f) * rest).collect()
+            })
+            .collect();
+        for j in 0..excited.power.len() {
+            let tilt = excited.variance(j).sqrt();
+            let coordinate = excited.coordinates.row(j);
+            let mut tilted = some.clone();
+            for (record, forces) in tilted.iter_mut().zip(&forces) {
+                let lines = record.base.iter().zip(&mut record.force).zip(forces);
+                for ((a, f), force) in lines {
+                    let c: Complex<f64> =
+                        (coordinate.iter().zip(a.iter())).map(|(x, a)| a * *x).sum();
+                    *f += force * (c * tilt);
+                }
             }
+            let change = of(&tilted)?.score - &before.score;
+            let change = DVector::from_fn(places.len(), |i, _| change[places[i]]);
+            let moved = &inverse * change;
+            let mut of = SVector::<f64, RIGID>::zeros();
+            for (place, x) in places.iter().zip(moved.iter()) {
+                if *place < RIGID {
+                    of[*place] = *x;
+                }
+            }
+            covariance += of * of.transpose();
         }
-        covariance += of * of.transpose();
     }
     Some(covariance)
 }
