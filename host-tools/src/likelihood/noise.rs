@@ -248,10 +248,10 @@ fn positive(matrix: &Matrix6<f64>, least: &[f64; 6]) -> Matrix6<f64> {
     let root = Vector6::from_fn(|i, _| matrix[(i, i)].max(least[i]).sqrt());
     let scaled = Matrix6::from_fn(|i, j| {
         let norm = root[i] * root[j];
-        if norm > 0.0 {
-            matrix[(i, j)] / norm
-        } else {
-            0.0
+        match norm > 0.0 {
+            true if i == j => 1.0,
+            true => matrix[(i, j)] / norm,
+            false => 0.0,
         }
     });
     let eigen = scaled.symmetric_eigen();
