@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector, Matrix6, SMatrix};
 pub type Covariance10 = SMatrix<f64, RIGID, RIGID>;
 
 /// Most steps of the last descent.
-const STEPS: usize = 40;
+const STEPS: usize = 80;
 /// Share of the first mode up to which lines are low.
 const LOW: f64 = 0.35;
 /// 2V over degrees of freedom from which the model does not explain the lines.
