@@ -21,6 +21,8 @@ const MOST: usize = 1 << 20;
 const LEAST_LINES: f64 = 200.0;
 /// Share of a component that counts as none of it.
 const UNSEEN: f64 = 1e-9;
+/// Steps towards the most likely variances of sensors.
+const STEPS: usize = 200;
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
 
@@ -413,32 +415,35 @@ impl Redundancy {
         self.count += 1.0;
     }
 
-    /// Covariance of the noise of the six accelerations: that of independent sensors whose
-    /// variances leave what is left. Variances that the sensors cannot tell apart are alike.
+    /// Covariance of the noise of the six accelerations: that of independent sensors with the variances that are
+    /// most likely to leave what is left. Those that cannot be told apart start alike, and stay so.
     fn noise(&self) -> Option<Matrix6<f64>> {
         if self.count < 2.0 {
             return None;
         }
         let mean = &self.sum / self.count;
         let spread = &self.squares / self.count - &mean * mean.transpose();
-        let seen = &self.null * &spread * self.null.transpose();
-        let projector = &self.null * self.null.transpose();
         let n = self.sensors.len();
-        // E of the diagonal: Σ_j P_ij² v_j.
-        let matrix = projector.map(|x| x * x);
-        let alike = seen.trace() / projector.trace();
-        let ridge = 1e-3;
-        let mut normal = matrix.transpose() * &matrix;
-        for i in 0..n {
-            normal[(i, i)] += ridge;
+        let free = self.null.ncols() as f64;
+        let alike = spread.trace() / free;
+        // The most likely ones, by steps that raise the likelihood and keep them positive (Zhou et al. 2019):
+        // v_i ← v_i √((W S W)_ii / W_ii), where W = N (Nᵀ V N)⁻¹ Nᵀ, and S is the spread of what is left.
+        let mut variances = DVector::from_element(n, alike);
+        for _ in 0..STEPS {
+            let of = DMatrix::from_diagonal(&variances);
+            let expected = self.null.transpose() * of * &self.null;
+            let weights = &self.null * expected.cholesky()?.inverse() * self.null.transpose();
+            let found = &weights * &self.null * &spread * self.null.transpose() * &weights;
+            for i in 0..n {
+                if weights[(i, i)] > 0.0 {
+                    variances[i] *= (found[(i, i)] / weights[(i, i)]).sqrt();
+                }
+            }
         }
-        let diagonal = seen.diagonal();
-        let right = matrix.transpose() * diagonal + DVector::from_element(n, ridge * alike);
-        let variances = normal.cholesky()?.solve(&right);
         let mut noise = Matrix6::zeros();
         for (column, variance) in self.columns.iter().zip(variances.iter()) {
-            // A variance below a tenth of the mean is what the solution makes of chance.
-            let variance = variance.max(0.1 * alike);
+            // Below the scatter of the mean it is chance.
+            let variance = variance.max(alike * (2.0 / self.count).sqrt());
             for j in 0..6 {
                 for i in 0..6 {
                     noise[(i, j)] += column[i] * column[j] * variance;

@@ -4,6 +4,7 @@ use std::fmt;
 use std::io::{self, Read};
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
+use std::thread;
 
 /// Error of a step.
 #[derive(Debug)]
@@ -133,6 +134,35 @@ pub fn run(command: &mut Command) -> Result<String, StepError> {
     finish(command, status, output)
 }
 
+/// Runs several programs beside each other to their ends and returns their outputs, one after the other.
+///
+/// # Errors
+///
+/// That of [`run`] for the first one that fails, which then holds the errors of the others, too.
+pub fn run_together(commands: &mut [Command]) -> Result<String, StepError> {
+    let ended: Vec<Result<String, StepError>> = thread::scope(|scope| {
+        let running: Vec<_> = commands
+            .iter_mut()
+            .map(|command| scope.spawn(|| run(command)))
+            .collect();
+        let all = running.into_iter().map(|one| one.join());
+        all.map(|one| one.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    });
+    let mut together = String::new();
+    let mut failed: Option<StepError> = None;
+    for one in ended {
+        match (one, &mut failed) {
+            (Ok(output), _) => together.push_str(&output),
+            (Err(error), Some(StepError::Exit { output, .. })) => {
+                output.push_str(&format!("\n{error}"));
+            }
+            (Err(error), failed) => *failed = Some(error),
+        }
+    }
+    failed.map_or(Ok(together), Err)
+}
+
 /// Runs a program to its end and returns its standard output.
 ///
 /// # Errors
@@ -238,6 +268,21 @@ mod tests {
             error,
             "$ RUSTDOCFLAGS='-D warnings' sh -c 'echo bad >&2; exit 3'\nbad\nexit status: 3"
         );
+    }
+
+    #[test]
+    fn programs_beside_each_other_are_all_heard() {
+        let mut good = [shell("echo one"), shell("sleep 0.1; echo two")];
+        assert_eq!(run_together(&mut good).unwrap(), "one\ntwo\n");
+        let mut bad = [
+            shell("echo one; exit 3"),
+            shell("echo two"),
+            shell("echo three; exit 4"),
+        ];
+        let error = run_together(&mut bad).unwrap_err().to_string();
+        for word in ["\none\n", "exit status: 3", "\nthree\n", "exit status: 4"] {
+            assert!(error.contains(word), "{error}");
+        }
     }
 
     #[test]

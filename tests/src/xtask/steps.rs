@@ -327,12 +327,21 @@ fn lints(context: &mut Context) -> Result<Ending, StepError> {
     context.run_tool(&context.host(), CLIPPY, arguments)
 }
 
+/// Programs of tests that run beside each other, and the documentation's examples: most of them use one processor,
+/// or wait for boxes that do not answer.
+const BESIDE: [&str; 3] = ["--lib --bins --test [a-i]*", "--test [!a-i]*", "--doc"];
+
 fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
-    let mut test = context.cargo(&context.host(), "test --release --no-fail-fast");
-    // The slowest wait for boxes that are cut off or do not answer, and leave the processors idle.
+    let host = context.host();
+    process::run(&mut context.cargo(&host, "test --release --no-run"))?;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    test.env("RUST_TEST_THREADS", (4 * processors).to_string());
-    Ok(Ending::Passed(counts(&process::run(&mut test)?)))
+    let mut tests = BESIDE.map(|some| {
+        let mut test = context.cargo(&host, "test --release --no-fail-fast");
+        test.args(some.split_whitespace());
+        test.env("RUST_TEST_THREADS", (4 * processors).to_string());
+        test
+    });
+    Ok(Ending::Passed(counts(&process::run_together(&mut tests)?)))
 }
 
 fn independent_readers(context: &mut Context) -> Result<Ending, StepError> {
