@@ -47,15 +47,71 @@ pub fn beside_drives(drives: &[&[C]], resultants: &[&[C]; RESULTANTS]) -> Option
 /// that it does not explain counts as noise of the resultants.
 #[must_use]
 pub fn beside_base(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -> Option<Found> {
-    let scale: [f64; 6] = core::array::from_fn(|i| {
+    let weights = strongest(base_noise, resultants);
+    let drive = combined(&weights, resultants);
+    let variance = (weights.transpose() * base_noise * weights)[0];
+    let mut found = beside(&[&drive], Some(variance), resultants)?;
+    found.noise.base = *base_noise;
+    Some(found)
+}
+
+/// Base accelerations beside their strongest combination.
+pub struct BesideStrongest {
+    /// Weights w of the combination s = w'b of the accelerations b.
+    pub weights: Vector6<f64>,
+    /// Windows of lines.
+    pub windows: Vec<Beside>,
+}
+
+/// One window of lines of [`BesideStrongest`].
+pub struct Beside {
+    /// Mean response h of the accelerations to the combination: b = h s.
+    pub response: Vector6<C>,
+    /// Covariance of b - h s, its real part.
+    pub left: Matrix6<f64>,
+    /// Real values that it is the mean of.
+    pub count: f64,
+}
+
+/// The base accelerations beside their strongest combination, in the half of the windows that are most alike;
+/// `None` where there are too few lines.
+#[must_use]
+pub fn beside_strongest(
+    base_noise: &Matrix6<f64>,
+    resultants: &[&[C]; RESULTANTS],
+) -> Option<BesideStrongest> {
+    let weights = strongest(base_noise, resultants);
+    let drive = combined(&weights, resultants);
+    let left = windows(&[&drive], resultants)?;
+    let powers: [Vec<f64>; 6] =
+        core::array::from_fn(|i| left.iter().map(|w| w.left[(i, i)]).collect());
+    let medians = powers.map(median);
+    let shares = left.iter().map(|w| {
+        let seen = (0..6).filter(|&i| medians[i] > 0.0);
+        seen.map(|i| w.left[(i, i)] / medians[i]).sum::<f64>()
+    });
+    let alike = alike(&shares.collect::<Vec<_>>());
+    let windows = left.iter().zip(alike).filter(|(_, alike)| *alike);
+    let windows = windows.map(|(w, _)| Beside {
+        response: w.gains[0],
+        left: Matrix6::from_fn(|i, j| w.left[(i, j)]),
+        count: (2 * (WINDOW - 2 * TERMS)) as f64,
+    });
+    Some(BesideStrongest {
+        weights,
+        windows: windows.collect(),
+    })
+}
+
+/// Weights of the combination of base accelerations that has the most power over its noise.
+fn strongest(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -> Vector6<f64> {
+    let scale = Vector6::from_fn(|i, _| {
         let v = base_noise[(i, i)];
         if v > 0.0 { 1.0 / v.sqrt() } else { 0.0 }
     });
-    let lines = resultants[0].len();
     let mut power = Matrix6::<f64>::zeros();
-    let scaled = |i: usize, k: usize| resultants[i][k] * scale[i];
-    for k in 0..lines {
-        let a: [C; 6] = core::array::from_fn(|i| scaled(i, k));
+    for k in 0..resultants[0].len() {
+        let a: [C; 6] = core::array::from_fn(|i| resultants[i][k] * scale[i]);
         for j in 0..6 {
             for i in 0..6 {
                 power[(i, j)] += (a[i] * a[j].conj()).re;
@@ -63,23 +119,42 @@ pub fn beside_base(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -
         }
     }
     let eigen = power.symmetric_eigen();
-    let top = eigen
-        .eigenvectors
-        .column(eigen.eigenvalues.imax())
-        .into_owned();
-    let weights: [f64; 6] = core::array::from_fn(|i| top[i] * scale[i]);
-    let strongest: Vec<C> = (0..lines)
-        .map(|k| (0..6).map(|i| resultants[i][k] * weights[i]).sum())
-        .collect();
-    let mut variance = 0.0;
-    for j in 0..6 {
-        for i in 0..6 {
-            variance += weights[i] * base_noise[(i, j)] * weights[j];
-        }
+    let top = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    top.component_mul(&scale)
+}
+
+/// A combination of the base accelerations, line by line.
+fn combined(weights: &Vector6<f64>, resultants: &[&[C]; RESULTANTS]) -> Vec<C> {
+    let at = |k: usize| (0..6).map(|i| resultants[i][k] * weights[i]).sum();
+    (0..resultants[0].len()).map(at).collect()
+}
+
+/// Windows one behind the other; `None` where there are too few lines.
+fn windows(drives: &[&[C]], resultants: &[&[C]; RESULTANTS]) -> Option<Vec<Window>> {
+    let lines = resultants[0].len();
+    let terms = TERMS * (1 + drives.len());
+    if drives.is_empty() || lines < 4 * WINDOW || terms + 6 > WINDOW {
+        return None;
     }
-    let mut found = beside(&[&strongest], Some(variance), resultants)?;
-    found.noise.base = *base_noise;
-    Some(found)
+    let windows = starts(lines);
+    let left: Vec<Window> = windows
+        .filter_map(|start| Window::new(drives, resultants, start, terms))
+        .collect();
+    (left.len() >= 4).then_some(left)
+}
+
+/// First line of each window.
+fn starts(lines: usize) -> impl Iterator<Item = usize> {
+    (0..=lines.saturating_sub(WINDOW)).step_by(WINDOW)
+}
+
+/// The half of the windows that are most alike: near resonances polynomials leave more, and too much of the drive's
+/// noise is taken off or too little.
+fn alike(shares: &[f64]) -> Vec<bool> {
+    let middle = median(shares.to_vec());
+    let far: Vec<f64> = shares.iter().map(|s| (s - middle).abs()).collect();
+    let near = median(far.clone());
+    far.into_iter().map(|far| far <= near).collect()
 }
 
 /// Noise beside drives whose own noise is known, or shows in what accelerations and resultants have
@@ -87,17 +162,7 @@ pub fn beside_base(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -
 fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) -> Option<Found> {
     let lines = resultants[0].len();
     let terms = TERMS * (1 + drives.len());
-    if drives.is_empty() || lines < 4 * WINDOW || terms + 6 > WINDOW {
-        return None;
-    }
-    let starts: Vec<usize> = (0..=lines - WINDOW).step_by(WINDOW).collect();
-    let windows = starts.iter();
-    let mut left: Vec<Window> = windows
-        .filter_map(|&start| Window::new(drives, resultants, start, terms))
-        .collect();
-    if left.len() < 4 {
-        return None;
-    }
+    let mut left = windows(drives, resultants)?;
     for drive in 0..drives.len() {
         take_drive_noise(&mut left, drive, known);
     }
@@ -115,15 +180,11 @@ fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) 
             shares.iter().sum::<f64>() / shares.len().max(1) as f64
         })
         .collect();
-    let middle = median(shares.clone());
-    // The half of the windows that are most alike: near resonances polynomials leave more, and too
-    // much of the drive's noise is taken off or too little.
-    let near = median(shares.iter().map(|s| (s - middle).abs()).collect());
     let mut sum = DMatrix::<f64>::zeros(RESULTANTS, RESULTANTS);
     let mut whole = [0.0; RESULTANTS];
     let mut count = 0.0;
-    for (w, share) in left.iter().zip(&shares) {
-        if (share - middle).abs() <= near {
+    for (w, alike) in left.iter().zip(alike(&shares)) {
+        if alike {
             sum += &w.left;
             for (sum, x) in whole.iter_mut().zip(&w.whole) {
                 *sum += x;
@@ -144,7 +205,7 @@ fn beside(drives: &[&[C]], known: Option<f64>, resultants: &[&[C]; RESULTANTS]) 
             base: half(0),
             force: half(6),
         },
-        level: levels(&shares, &starts, lines),
+        level: levels(&shares, lines),
     })
 }
 
@@ -156,6 +217,8 @@ struct Window {
     whole: [f64; RESULTANTS],
     /// Mean of h h* over the window for the response h to each drive, its real part.
     responses: Vec<DMatrix<f64>>,
+    /// Mean of h over the window for the base accelerations.
+    gains: Vec<Vector6<C>>,
 }
 
 impl Window {
@@ -179,8 +242,11 @@ impl Window {
         let projected = q.adjoint() * &data;
         let left = &data - &q * &projected;
         let coefficients = r.solve_upper_triangular(&projected)?;
-        let responses = (1..=drives.len()).map(|d| {
+        let mut gains = Vec::with_capacity(drives.len());
+        let mut responses = Vec::with_capacity(drives.len());
+        for d in 1..=drives.len() {
             let mut mean = DMatrix::zeros(RESULTANTS, RESULTANTS);
+            let mut gain = Vector6::zeros();
             for n in 0..WINDOW {
                 let h: Vec<C> = (0..RESULTANTS)
                     .map(|c| {
@@ -193,10 +259,11 @@ impl Window {
                         mean[(i, j)] += (h[i] * h[j].conj()).re / WINDOW as f64;
                     }
                 }
+                gain += Vector6::from_fn(|i, _| h[i] / WINDOW as f64);
             }
-            mean
-        });
-        let responses = responses.collect();
+            responses.push(mean);
+            gains.push(gain);
+        }
         let left = (left.adjoint() * &left).map(|x| x.re / (WINDOW - terms) as f64);
         let finite = left.iter().all(|x| x.is_finite());
         let whole = core::array::from_fn(|c| left[(c, c)]);
@@ -204,6 +271,7 @@ impl Window {
             left,
             whole,
             responses,
+            gains,
         })
     }
 }
@@ -292,7 +360,7 @@ pub fn pool(runs: &mut [Found]) {
 }
 
 /// Smoothed level of each line; empty where it hardly varies.
-fn levels(shares: &[f64], starts: &[usize], lines: usize) -> Vec<f64> {
+fn levels(shares: &[f64], lines: usize) -> Vec<f64> {
     let half = SMOOTHED / 2;
     let smooth: Vec<f64> = (0..shares.len())
         .map(|w| {
@@ -313,7 +381,6 @@ fn levels(shares: &[f64], starts: &[usize], lines: usize) -> Vec<f64> {
         let part = (place - low as f64).clamp(0.0, 1.0);
         smooth[low] * (1.0 - part) + smooth[high] * part
     };
-    debug_assert_eq!(starts.len(), shares.len());
     (0..lines).map(of).collect()
 }
 

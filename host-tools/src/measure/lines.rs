@@ -7,13 +7,14 @@
 use super::geometry::{RunGeometry, channel_names};
 use super::noise::Stated;
 use super::opened::drive_columns;
+use super::redundancy::Redundancy;
 use super::samples::Samples;
 use super::{Accelerations, MeasureError, NoiseOrigin, Progress, Work};
 use crate::likelihood::noise::{self, Found};
 use crate::likelihood::{Complex6, Noise, Record, transform};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};
-use nalgebra::{Complex, DMatrix, DVector, Matrix6};
+use nalgebra::Complex;
 
 /// Most samples of one transform.
 const MOST: usize = 1 << 20;
@@ -21,8 +22,6 @@ const MOST: usize = 1 << 20;
 const LEAST_LINES: f64 = 200.0;
 /// Share of a component that counts as none of it.
 const UNSEEN: f64 = 1e-9;
-/// Steps towards the most likely variances of sensors.
-const STEPS: usize = 200;
 /// Rows between two reports of progress.
 const REPORT_ROWS: u64 = 4096;
 
@@ -197,8 +196,12 @@ impl<'a> Intake<'a> {
         } else if stated.whole.iter().all(|whole| *whole) {
             (Some(white(&stated.noise)), NoiseOrigin::Stated)
         } else {
-            let base = self.redundancy.as_ref().and_then(Redundancy::noise);
-            let found = base.and_then(|base| noise::beside_base(&base, &twelve));
+            let found = self.redundancy.as_ref().and_then(|redundancy| {
+                let alone = redundancy.noise(None)?;
+                let beside = noise::beside_strongest(&alone, &twelve);
+                let base = redundancy.noise(beside.as_ref()).unwrap_or(alone);
+                noise::beside_base(&base, &twelve)
+            });
             (found, NoiseOrigin::Residual)
         };
         let found = found.ok_or_else(|| NoRecords::NoNoise {
@@ -348,108 +351,4 @@ pub(crate) fn sampled_records(
         all.push(intake.finish(rate, band, warnings)?);
     }
     Ok(join(all, warnings))
-}
-
-/// Readings of accelerometers on a rigid interface that no rigid motion explains.
-struct Redundancy {
-    sensors: Vec<usize>,
-    scales: Vec<f64>,
-    /// The six accelerations that one m/s² of each sensor stands for.
-    columns: Vec<[f64; 6]>,
-    /// Combinations of the sensors that no rigid motion shows in, one a column.
-    null: DMatrix<f64>,
-    sum: DVector<f64>,
-    squares: DMatrix<f64>,
-    count: f64,
-}
-
-impl Redundancy {
-    /// `None` where the sensors are no more than the motions they tell.
-    fn new(setup: &Setup, geometry: &RunGeometry) -> Option<Self> {
-        let of = |k: &usize| geometry.columns[*k][..6].iter().any(|x| *x != 0.0);
-        let sensors: Vec<usize> = (0..setup.accelerometers.len()).filter(of).collect();
-        let scales: Vec<f64> = sensors
-            .iter()
-            .map(|&k| setup.accelerometers[k].scale)
-            .collect();
-        let columns: Vec<[f64; 6]> = sensors
-            .iter()
-            .zip(&scales)
-            .map(|(&k, scale)| core::array::from_fn(|i| geometry.columns[k][i] / scale))
-            .collect();
-        let n = sensors.len();
-        let gram = DMatrix::from_fn(n, n, |i, j| {
-            (0..6).map(|c| columns[i][c] * columns[j][c]).sum::<f64>()
-        });
-        let eigen = gram.symmetric_eigen();
-        let largest = eigen.eigenvalues.max();
-        let null: Vec<usize> = (0..n)
-            .filter(|&i| eigen.eigenvalues[i] < 1e-9 * largest)
-            .collect();
-        if null.is_empty() {
-            return None;
-        }
-        let d = null.len();
-        Some(Self {
-            null: DMatrix::from_fn(n, d, |i, c| eigen.eigenvectors[(i, null[c])]),
-            sum: DVector::zeros(d),
-            squares: DMatrix::zeros(d, d),
-            count: 0.0,
-            sensors,
-            scales,
-            columns,
-        })
-    }
-
-    fn add(&mut self, sample: &[f32]) {
-        let d = self.sum.len();
-        let mut left = DVector::zeros(d);
-        for (i, (&k, scale)) in self.sensors.iter().zip(&self.scales).enumerate() {
-            let x = f64::from(sample.get(k).copied().unwrap_or(0.0)) * scale;
-            for c in 0..d {
-                left[c] += self.null[(i, c)] * x;
-            }
-        }
-        self.sum += &left;
-        self.squares.ger(1.0, &left, &left, 1.0);
-        self.count += 1.0;
-    }
-
-    /// Covariance of the noise of the six accelerations: that of independent sensors with the variances that are
-    /// most likely to leave what is left. Those that cannot be told apart start alike, and stay so.
-    fn noise(&self) -> Option<Matrix6<f64>> {
-        if self.count < 2.0 {
-            return None;
-        }
-        let mean = &self.sum / self.count;
-        let spread = &self.squares / self.count - &mean * mean.transpose();
-        let n = self.sensors.len();
-        let free = self.null.ncols() as f64;
-        let alike = spread.trace() / free;
-        // The most likely ones, by steps that raise the likelihood and keep them positive (Zhou et al. 2019):
-        // v_i ← v_i √((W S W)_ii / W_ii), where W = N (Nᵀ V N)⁻¹ Nᵀ, and S is the spread of what is left.
-        let mut variances = DVector::from_element(n, alike);
-        for _ in 0..STEPS {
-            let of = DMatrix::from_diagonal(&variances);
-            let expected = self.null.transpose() * of * &self.null;
-            let weights = &self.null * expected.cholesky()?.inverse() * self.null.transpose();
-            let found = &weights * &self.null * &spread * self.null.transpose() * &weights;
-            for i in 0..n {
-                if weights[(i, i)] > 0.0 {
-                    variances[i] *= (found[(i, i)] / weights[(i, i)]).sqrt();
-                }
-            }
-        }
-        let mut noise = Matrix6::zeros();
-        for (column, variance) in self.columns.iter().zip(variances.iter()) {
-            // Below the scatter of the mean it is chance.
-            let variance = variance.max(alike * (2.0 / self.count).sqrt());
-            for j in 0..6 {
-                for i in 0..6 {
-                    noise[(i, j)] += column[i] * column[j] * variance;
-                }
-            }
-        }
-        (alike > 0.0).then_some(noise)
-    }
 }

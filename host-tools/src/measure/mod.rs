@@ -14,6 +14,7 @@ mod noise;
 mod opened;
 mod poses;
 mod random;
+mod redundancy;
 mod rejected;
 mod samples;
 mod silent;
