@@ -15,6 +15,8 @@ const STEPS: usize = 400;
 const SETTLED: f64 = 1e-4;
 /// Share of all readings below which what a sensor shows in them is rounding.
 const UNSEEN: f64 = 1e-12;
+/// Eigenvalue of C C' over the largest, for the accelerations C of each sensor, above which the sensors see it.
+const RANGE: f64 = 1e-12;
 /// Power beside the strongest motion over that of the noise from which there is more motion than one.
 const ONE_MOTION: f64 = 1.2;
 
@@ -125,26 +127,46 @@ impl Redundancy {
         (alike > 0.0).then_some(noise)
     }
 
-    /// Five combinations of the accelerations beside the strongest s = w'b: with b = h s they are Q'(b - h s) for
+    /// The combinations of the accelerations that are seen beside the strongest s = w'b, five of six: with b = h s they are Q'(b - h s) for
     /// Q'w = 0, which is Q'(I - h w') C n for the noise n of the sensors.
     fn beside(&self, beside: &BesideStrongest) -> Vec<Reading> {
         let w = &beside.weights;
-        let projector = Matrix6::identity() - w * w.transpose() / w.norm_squared();
-        let eigen = projector.symmetric_eigen();
-        let kept: Vec<usize> = (0..6).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
-        let others = DMatrix::from_fn(kept.len(), 6, |r, j| eigen.eigenvectors[(j, kept[r])]);
-        let seen = w.transpose() * &self.columns;
+        // The accelerations that the sensors see, and of these those to which w is at right angles.
+        let seen = basis(&self.columns * self.columns.transpose(), RANGE);
+        let along = &seen * w;
+        if along.norm_squared() <= 0.0 {
+            return Vec::new();
+        }
+        let across = DMatrix::identity(along.len(), along.len())
+            - &along * along.transpose() / along.norm_squared();
+        let others = basis(across, 0.5) * seen;
+        let strongest = w.transpose() * &self.columns;
         let of = |window: &crate::likelihood::noise::Beside| {
             let response = &others * window.response.map(|h| h.re);
             let turned = &others * window.response.map(|h| h.im);
             Reading {
-                shares: vec![&others * &self.columns - response * &seen, turned * &seen],
+                shares: vec![
+                    &others * &self.columns - response * &strongest,
+                    turned * &strongest,
+                ],
                 spread: &others * window.left * others.transpose(),
                 count: window.count,
             }
         };
         beside.windows.iter().map(of).collect()
     }
+}
+
+/// Eigenvectors of a symmetric matrix, one a row, whose eigenvalues are above a share of the largest.
+fn basis(matrix: DMatrix<f64>, share: f64) -> DMatrix<f64> {
+    let eigen = matrix.symmetric_eigen();
+    let largest = eigen.eigenvalues.max();
+    let kept: Vec<usize> = (0..eigen.eigenvalues.len())
+        .filter(|&i| eigen.eigenvalues[i] > share * largest)
+        .collect();
+    DMatrix::from_fn(kept.len(), eigen.eigenvalues.len(), |r, j| {
+        eigen.eigenvectors[(j, kept[r])]
+    })
 }
 
 /// The variances v of independent sensors that are most likely for some readings, by steps that raise the likelihood
@@ -243,7 +265,11 @@ mod tests {
     /// Noise that is found of the six accelerations beside motions of some powers, over the true one: its least and
     /// its largest ratio in any direction, first from redundancy alone. `None` where it is not found.
     fn found(motions: &[f64]) -> [Option<[f64; 2]>; 2] {
-        let readings = readings();
+        found_by(&readings(), motions)
+    }
+
+    /// The same of nine sensors that see some of the accelerations.
+    fn found_by(readings: &DMatrix<f64>, motions: &[f64]) -> [Option<[f64; 2]>; 2] {
         let inverse = readings.clone().pseudo_inverse(1e-12).unwrap();
         let mut redundancy =
             Redundancy::of((0..9).collect(), vec![1.0; 9], inverse.clone()).unwrap();
@@ -280,9 +306,11 @@ mod tests {
         let truth = &inverse
             * DMatrix::from_diagonal(&DVector::from_row_slice(&VARIANCES))
             * inverse.transpose();
+        let seen = basis(truth.clone(), 1e-9);
+        let truth = &seen * truth * seen.transpose();
         let white = truth.cholesky().unwrap().l().try_inverse().unwrap();
         let ratios = |noise: Matrix6<f64>| {
-            let noise = DMatrix::from_fn(6, 6, |i, j| noise[(i, j)]);
+            let noise = &seen * noise * seen.transpose();
             let values = (&white * noise * white.transpose())
                 .symmetric_eigen()
                 .eigenvalues;
@@ -303,6 +331,22 @@ mod tests {
             assert!(alone[0] < 0.5 && alone[1] > 2.0, "{alone:?}");
             assert!(beside[0] > 0.85 && beside[1] < 1.15, "{beside:?}");
         }
+    }
+
+    /// Sensors that see three of the six accelerations, as in the plane of a fork.
+    #[test]
+    fn accelerations_that_are_not_seen_do_not_matter() {
+        let mut plane = readings();
+        for c in [1, 3, 5] {
+            plane.column_mut(c).fill(0.0);
+        }
+        // A plane's third sensor reads nothing: it is turned into one along z.
+        for s in [1, 4, 7] {
+            let other = plane.row(s + 1).into_owned();
+            plane.set_row(s, &other);
+        }
+        let [_, beside] = found_by(&plane, &[1e4]).map(Option::unwrap);
+        assert!(beside[0] > 0.85 && beside[1] < 1.15, "{beside:?}");
     }
 
     /// Motions beside the strongest are not taken for noise where they are larger than it: ten times the variance of
