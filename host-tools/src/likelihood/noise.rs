@@ -109,9 +109,10 @@ fn strongest(base_noise: &Matrix6<f64>, resultants: &[&[C]; RESULTANTS]) -> Vect
         let v = base_noise[(i, i)];
         if v > 0.0 { 1.0 / v.sqrt() } else { 0.0 }
     });
+    let scaled = |i: usize, k: usize| resultants[i][k] * scale[i];
     let mut power = Matrix6::<f64>::zeros();
     for k in 0..resultants[0].len() {
-        let a: [C; 6] = core::array::from_fn(|i| resultants[i][k] * scale[i]);
+        let a: [C; 6] = core::array::from_fn(|i| scaled(i, k));
         for j in 0..6 {
             for i in 0..6 {
                 power[(i, j)] += (a[i] * a[j].conj()).re;
