@@ -137,16 +137,11 @@ fn windows(drives: &[&[C]], resultants: &[&[C]; RESULTANTS]) -> Option<Vec<Windo
     if drives.is_empty() || lines < 4 * WINDOW || terms + 6 > WINDOW {
         return None;
     }
-    let windows = starts(lines);
-    let left: Vec<Window> = windows
+    let left: Vec<Window> = (0..=lines - WINDOW)
+        .step_by(WINDOW)
         .filter_map(|start| Window::new(drives, resultants, start, terms))
         .collect();
     (left.len() >= 4).then_some(left)
-}
-
-/// First line of each window.
-fn starts(lines: usize) -> impl Iterator<Item = usize> {
-    (0..=lines.saturating_sub(WINDOW)).step_by(WINDOW)
 }
 
 /// The half of the windows that are most alike: near resonances polynomials leave more, and too much of the drive's

@@ -5,7 +5,7 @@
 //! beside the strongest as well, and tell the rest.
 
 use super::geometry::RunGeometry;
-use crate::likelihood::noise::BesideStrongest;
+use crate::likelihood::noise::{Beside, BesideStrongest};
 use crate::setup::Setup;
 use nalgebra::{DMatrix, DVector, Matrix6};
 
@@ -127,8 +127,8 @@ impl Redundancy {
         (alike > 0.0).then_some(noise)
     }
 
-    /// The combinations of the accelerations that are seen beside the strongest s = w'b, five of six: with b = h s they are Q'(b - h s) for
-    /// Q'w = 0, which is Q'(I - h w') C n for the noise n of the sensors.
+    /// The combinations of the accelerations that are seen beside the strongest s = w'b, five of six: with b = h s they
+    /// are Q'(b - h s) for Q'w = 0, which is Q'(I - h w') C n for the noise n of the sensors.
     fn beside(&self, beside: &BesideStrongest) -> Vec<Reading> {
         let w = &beside.weights;
         // The accelerations that the sensors see, and of these those to which w is at right angles.
@@ -141,7 +141,7 @@ impl Redundancy {
             - &along * along.transpose() / along.norm_squared();
         let others = basis(across, 0.5) * seen;
         let strongest = w.transpose() * &self.columns;
-        let of = |window: &crate::likelihood::noise::Beside| {
+        let of = |window: &Beside| {
             let response = &others * window.response.map(|h| h.re);
             let turned = &others * window.response.map(|h| h.im);
             Reading {
@@ -369,7 +369,7 @@ mod tests {
         assert!(beside[0] > 0.7 && beside[1] < 2.0, "{beside:?}");
     }
 
-    /// Two of three sensors of one direction have no noise: their variances fall until the expected covariance is
+    /// Two of three sensors of one direction have no noise: without a limit their variances fall until the covariance is
     /// singular, and the noise is still told. The other five directions have no redundancy and keep the variance of
     /// all.
     #[test]
