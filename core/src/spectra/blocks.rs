@@ -1,7 +1,7 @@
 //! Overlapping blocks out of a stream of samples, transformed as soon as they are complete.
 
 use super::history::{Compiled, Rings};
-use super::lane::Complex;
+use super::lane::{Complex, Lane};
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
 
@@ -36,10 +36,10 @@ impl<'a> BlockSpectra<'a> {
 }
 
 /// Blocks of all channels out of a stream, each transformed as soon as it is complete: channel by
-/// channel, or four at a time as `Blocks<[f32; 4]>`, where the processor calculates with four
-/// numbers at once. The spectra have the same bits.
+/// channel, or four or eight at a time as `Blocks<[f32; 4]>` and `Blocks<[f32; 8]>`, where the processor
+/// calculates with as many numbers at once. The spectra have the same bits.
 #[derive(Debug)]
-pub struct Blocks<'s, L = f32> {
+pub struct Blocks<'s, L: Lane = f32> {
     rings: Rings<L>,
     history: &'s mut [f32],
     work: &'s mut [Complex<L>],
@@ -280,10 +280,10 @@ mod tests {
         assert!(ends.len() >= BLOCKS && share < 0.01, "{share}");
     }
 
-    /// Channels one by one and by fours, with the last group half empty or not, at the full rate and
-    /// behind each filter, with hops that are no whole batch of them.
+    /// Channels one by one, by fours and by eights, with the last group half empty or not, at the full
+    /// rate and behind each filter, with hops that are no whole batch of them.
     #[test]
-    fn four_at_once_have_the_bits_of_one_by_one() {
+    fn some_at_once_have_the_bits_of_one_by_one() {
         fn spectra<L: Compiled>(
             settings: BlockSettings,
             channels: usize,
@@ -328,12 +328,12 @@ mod tests {
                 let settings = settings.unwrap();
                 for settings in [settings, settings.without_decimation()] {
                     for channels in 1..=9 {
-                        let (one, four) = (
-                            spectra::<f32>(settings, channels),
-                            spectra::<[f32; 4]>(settings, channels),
-                        );
+                        let one = spectra::<f32>(settings, channels);
+                        let four = spectra::<[f32; 4]>(settings, channels);
+                        let eight = spectra::<[f32; 8]>(settings, channels);
                         assert!(!one.is_empty());
                         assert!(one == four, "{settings:?}, {channels} channels");
+                        assert!(one == eight, "{settings:?}, {channels} channels");
                     }
                 }
             }

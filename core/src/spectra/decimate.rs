@@ -7,13 +7,14 @@
 //!
 //! The filters are those of `half_band.rs`. Samples are kept at each stage until eight of its sums of a
 //! channel can be computed together, for which a sample is loaded once; only the last ones of a block are
-//! fewer. The channels lie side by side by fours, so that a group of them is stored at once.
+//! fewer. The channels lie side by side by fours or eights, so that a group of them is stored at once.
 
 use super::half_band::{
     NARROW_EARLY, NARROW_LAST, TOGETHER, WIDE_EARLY, WIDE_LAST, narrow_early, narrow_last,
     wide_early, wide_last,
 };
-use super::lane::{GROUP, Lane, Row};
+use super::lane::{Lane, Row};
+use core::marker::PhantomData;
 
 /// Share of the decimated block up to which lines may be kept: the pass band's edge.
 pub(super) const USABLE: f64 = 25.0 / 64.0;
@@ -90,9 +91,9 @@ impl Filters {
         rows
     }
 
-    /// Elements of state that `channels` need.
-    pub(super) const fn state_len(&self, channels: usize) -> usize {
-        channels.div_ceil(GROUP) * GROUP * self.rows()
+    /// Elements of state that `channels` in groups of `group` need.
+    pub(super) const fn state_len(&self, channels: usize, group: usize) -> usize {
+        channels.div_ceil(group) * group * self.rows()
     }
 
     /// Input samples until the first output that does not see the start from rest.
@@ -126,9 +127,9 @@ struct Work {
     outputs: usize,
 }
 
-/// Samples on their way through the filters.
+/// Samples on their way through the filters, in rows of groups of channels.
 #[derive(Clone, Copy, Debug)]
-pub struct Decimator {
+pub struct Decimator<R> {
     filters: Filters,
     lines: [Line; MAX_STAGES],
     channels: usize,
@@ -140,9 +141,10 @@ pub struct Decimator {
     wanted: usize,
     /// Samples until all outputs are there, those that have come since the filters ran last among them.
     left: usize,
+    rows: PhantomData<R>,
 }
 
-impl Decimator {
+impl<R: Row> Decimator<R> {
     /// Filters of so many channels, to be begun.
     pub(super) fn new(filters: Filters, channels: usize) -> Self {
         let mut lines = [Line::default(); MAX_STAGES];
@@ -166,11 +168,12 @@ impl Decimator {
             places: [0; 2],
             wanted: 0,
             left: 0,
+            rows: PhantomData,
         }
     }
 
     /// Begins to collect the samples of `outputs` outputs, [`TOGETHER`] at most. The states begin at `base`
-    /// in their storage, a multiple of four.
+    /// in their storage, a multiple of a group.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
         self.left = outputs << self.filters.stages;
         self.lines.iter_mut().for_each(|line| line.waiting = 0);
@@ -187,8 +190,8 @@ impl Decimator {
         let [Line { begin, kept, .. }, ..] = &self.lines;
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
-            (Some(begin), Some(kept)) => base / GROUP + begin + kept,
-            _ => base / GROUP,
+            (Some(begin), Some(kept)) => base / R::CHANNELS + begin + kept,
+            _ => base / R::CHANNELS,
         });
         self.wanted = self.together();
     }
@@ -203,7 +206,7 @@ impl Decimator {
         let [at, next] = self.places;
         self.places = [next, at + 1];
         self.wanted -= 1;
-        store(storage.as_chunks_mut().0, (at, self.group), sample);
+        R::store(R::rows_mut(storage), (at, self.group), sample);
         self.wanted == 0
     }
 
@@ -211,16 +214,17 @@ impl Decimator {
     #[cold]
     fn clear(&self, storage: &mut [f32]) {
         let [place, _] = self.places;
-        let (rows, _) = storage.as_chunks_mut::<GROUP>();
-        let rows = rows.iter_mut().skip(place).step_by(self.group.max(1));
-        rows.take(self.channels.div_ceil(GROUP))
-            .for_each(|row| *row = [0.0; GROUP]);
+        let rows = R::rows_mut(storage).iter_mut().skip(place);
+        rows.step_by(self.group.max(1))
+            .take(self.channels.div_ceil(R::CHANNELS))
+            .for_each(|row| *row = R::ZERO);
     }
 
     /// Filters the samples that wait, of every channel. Once those of all outputs have come, the outputs of
     /// each channel, too large by two a stage, go to its ring of `n` from `head` on; their number, zero before.
-    #[inline(never)] // Storing a sample is to be short.
-    pub(super) fn filter<L: Lane>(
+    #[cfg_attr(target_os = "none", inline(never))] // Storing a sample is to be short.
+    #[cfg_attr(not(target_os = "none"), inline(always))] // Its caller says for which processor.
+    pub(super) fn filter<L: Lane<Row = R>>(
         &mut self,
         states: &mut [f32],
         rings: &mut [f32],
@@ -233,14 +237,15 @@ impl Decimator {
             _ => return 0,
         };
         let mut channels = self.channels;
-        let states = states.as_chunks_mut().0.chunks_exact_mut(self.group.max(1));
-        for (rows, rings) in states.zip(rings.chunks_mut((GROUP * n).max(1))) {
+        let states = R::rows_mut(states).chunks_exact_mut(self.group.max(1));
+        for (rows, rings) in states.zip(rings.chunks_mut(R::CHANNELS * n)) {
             self.run::<L>(rows, channels, works);
             if outputs == TOGETHER && head + TOGETHER <= n {
                 self.finish::<L>(rows, rings, (n, head));
             } else if outputs > 0 {
-                let mut y = [0.0; GROUP * TOGETHER];
-                self.finish::<L>(rows, &mut y, (TOGETHER, 0));
+                let mut y = [R::ZERO; TOGETHER];
+                let y = R::numbers_mut(&mut y);
+                self.finish::<L>(rows, y, (TOGETHER, 0));
                 let rings = rings.chunks_mut(n * L::WIDTH);
                 for (ring, y) in rings.zip(y.chunks(TOGETHER * L::WIDTH)) {
                     let Some((start, end)) = L::samples_mut(ring).split_at_mut_checked(head) else {
@@ -251,7 +256,7 @@ impl Decimator {
                 }
             }
             forget(rows, works);
-            channels = channels.saturating_sub(GROUP);
+            channels = channels.saturating_sub(R::CHANNELS);
         }
         outputs
     }
@@ -278,7 +283,8 @@ impl Decimator {
     }
 
     /// Filters a group by all stages before the last one.
-    fn run<L: Lane>(&self, rows: &mut [Row], channels: usize, works: &[Work]) {
+    #[cfg_attr(not(target_os = "none"), inline(always))]
+    fn run<L: Lane<Row = R>>(&self, rows: &mut [R], channels: usize, works: &[Work]) {
         let filter = if self.filters.wide {
             wide_early::<L>
         } else {
@@ -307,7 +313,8 @@ impl Decimator {
     }
 
     /// Filters a group by the last stage.
-    fn finish<L: Lane>(&self, rows: &[Row], rings: &mut [f32], place: (usize, usize)) {
+    #[cfg_attr(not(target_os = "none"), inline(always))]
+    fn finish<L: Lane<Row = R>>(&self, rows: &[R], rings: &mut [f32], place: (usize, usize)) {
         let line = self.lines.get(self.filters.stages - 1);
         let Some(Line { begin, slack, .. }) = line else {
             return;
@@ -322,31 +329,9 @@ impl Decimator {
     }
 }
 
-/// Stores a sample of channels side by side in every `stride`-th of the rows from `at` on.
-#[inline(always)]
-fn store(rows: &mut [Row], (mut at, stride): (usize, usize), sample: &[f32]) {
-    let (groups, rest) = sample.as_chunks::<GROUP>();
-    // One by one, since a loop would become a call.
-    if let ([a, rest @ ..], Some([x, y, z, _])) = (rest, rows.get_mut(at + groups.len() * stride)) {
-        *x = *a;
-        if let [b, rest @ ..] = rest {
-            *y = *b;
-            if let [c, ..] = rest {
-                *z = *c;
-            }
-        }
-    }
-    for x in groups {
-        let Some(row) = rows.get_mut(at) else {
-            break;
-        };
-        *row = *x;
-        at += stride;
-    }
-}
-
 /// Moves the rows of a group that later outputs see to the beginning, after these outputs of each stage.
-fn forget(rows: &mut [Row], works: &[Work]) {
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn forget<R: Row>(rows: &mut [R], works: &[Work]) {
     for Work { line, outputs } in works {
         if *outputs == 0 {
             break;
@@ -360,7 +345,8 @@ fn forget(rows: &mut [Row], works: &[Work]) {
 }
 
 /// Moves the rows from `by` on, a multiple of four of them, to the beginning.
-fn shift(rows: &mut [Row], by: usize) {
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn shift<R: Row>(rows: &mut [R], by: usize) {
     if by < 4 {
         for to in 0..rows.len().saturating_sub(by) {
             if let Some(from) = rows.get(to + by).copied()
@@ -389,6 +375,7 @@ fn shift(rows: &mut [Row], by: usize) {
 mod tests {
     extern crate std;
 
+    use super::super::lane::GROUP;
     use super::*;
     use std::vec;
     use std::vec::Vec;
@@ -414,8 +401,8 @@ mod tests {
     /// Outputs of `channels` channels, taken in batches.
     fn outputs(filters: Filters, channels: &[Vec<f32>], batch: usize) -> Vec<Vec<f32>> {
         const N: usize = 16;
-        let mut decimator = Decimator::new(filters, channels.len());
-        let mut states = vec![0.0; filters.state_len(channels.len())];
+        let mut decimator = Decimator::<[f32; GROUP]>::new(filters, channels.len());
+        let mut states = vec![0.0; filters.state_len(channels.len(), GROUP)];
         let mut rings = vec![0.0; N * channels.len()];
         let mut found = vec![Vec::new(); channels.len()];
         let mut head = 0;

@@ -107,6 +107,7 @@ pub(super) const fn circle(k: usize, n: usize) -> (f64, f64) {
 /// side. `ring` holds them, the oldest one at `head`; `work` is of half its length. Only the first
 /// `wanted` of its lines are sure to be right, and as many of the last ones, of which [`lines`] makes as many
 /// of the block.
+#[cfg_attr(not(target_os = "none"), inline(always))] // Its caller says for which processor.
 pub(super) fn transform_pairs<L: Lane>(
     ring: &[L],
     head: usize,
@@ -139,7 +140,8 @@ pub(super) fn transform_pairs<L: Lane>(
 }
 
 /// The first pass of `GROUPS` groups, where each half of the samples lies in one piece.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn first_pass<L: Lane, const GROUPS: usize>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
     let (pairs, _) = ring.as_chunks::<2>();
     let (start, end) = pairs.split_at(pairs.len() / 2);
@@ -163,7 +165,8 @@ fn first_pass<L: Lane, const GROUPS: usize>(ring: &[L], head: usize, work: &mut 
 }
 
 /// The first pass, where each input of all groups lies in one piece.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn in_pieces<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
     let (pairs, _) = ring.as_chunks::<2>();
     let groups = pairs.len() / 8;
@@ -185,7 +188,8 @@ fn in_pieces<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
 }
 
 /// The first pass, wherever the inputs lie.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn one_by_one<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>], radix: usize) {
     let groups = work.len() / radix;
     let (reversed, last) = (Reversed::of(groups), ring.len().wrapping_sub(1));
@@ -281,7 +285,8 @@ fn eight<L: Lane>([a, b, c, d, e, f, g, h]: [Complex<L>; 8]) -> [Complex<L>; 8] 
 }
 
 /// Combines transforms of eight lines by fours: line after line, since its factors are those of all.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn combine_eights<L: Lane>(work: &mut [Complex<L>]) {
     let factors = TWIDDLES.as_chunks::<{ BUTTERFLIES / 8 }>().0;
     let (fours, _) = work.as_chunks_mut::<32>();
@@ -295,7 +300,8 @@ fn combine_eights<L: Lane>(work: &mut [Complex<L>]) {
 }
 
 /// Combines transforms of `N` lines by fours.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn combine<L: Lane, const N: usize>(work: &mut [Complex<L>]) {
     let step = (BUTTERFLIES / N).max(1);
     let mut rest = work;
@@ -315,7 +321,8 @@ fn combine<L: Lane, const N: usize>(work: &mut [Complex<L>]) {
 
 /// Combines the last four transforms, of which no line but the first `wanted` and the last as many is
 /// used.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn combine_ends<L: Lane>(work: &mut [Complex<L>], wanted: usize) {
     let length = work.len() / 4;
     let step = (BUTTERFLIES / length.max(1)).max(1);
@@ -344,7 +351,8 @@ fn combine_ends<L: Lane>(work: &mut [Complex<L>], wanted: usize) {
 }
 
 /// Combines transforms of `length` lines by fours.
-#[inline(never)]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
 fn combine_any<L: Lane>(work: &mut [Complex<L>], length: usize) {
     let step = (BUTTERFLIES / length.max(1)).max(1);
     for four in work.chunks_exact_mut((4 * length).max(1)) {
@@ -382,15 +390,18 @@ pub(super) fn lines<L: Lane>(z: &[Complex<L>], first: usize) -> impl Iterator<It
         .unwrap_or_default();
     up.zip(down.rchunks_exact(1))
         .zip(factors.unwrap_or_default())
-        .map(|((z, y), w)| {
-            let [y, ..] = y else {
-                return Complex::default();
-            };
-            // Twice the transforms of the even samples and of the odd ones.
-            let even = Complex::new(z.re.plus(y.re), z.im.minus(y.im));
-            let odd = Complex::new(z.im.plus(y.im), y.re.minus(z.re));
-            plus(even, times(odd, *w))
-        })
+        .map(
+            #[inline(always)]
+            |((z, y), w)| {
+                let [y, ..] = y else {
+                    return Complex::default();
+                };
+                // Twice the transforms of the even samples and of the odd ones.
+                let even = Complex::new(z.re.plus(y.re), z.im.minus(y.im));
+                let odd = Complex::new(z.im.plus(y.im), y.re.minus(z.re));
+                plus(even, times(odd, *w))
+            },
+        )
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@
 //! The first of them could be seen in the scatter, and the second where modes above the band are a
 //! thousand times those in it. The third takes one product in twelve more than the second.
 
-use super::lane::{GROUP, Lane, Row};
+use super::lane::{Lane, Row};
 
 /// Outputs that are computed together.
 pub(super) const TOGETHER: usize = 8;
@@ -112,12 +112,13 @@ macro_rules! sums {
 /// samples of the next.
 macro_rules! early {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
-        #[inline(never)] // All registers are its own.
+        #[cfg_attr(target_os = "none", inline(never))] // All registers are its own.
+        #[cfg_attr(not(target_os = "none"), inline(always))]
         pub(super) fn $name<L: Lane>(
             channels: usize,
-            e: &[Row],
-            f: &[Row],
-            into: &mut [Row],
+            e: &[L::Row],
+            f: &[L::Row],
+            into: &mut [L::Row],
             [second, first]: [usize; 2],
         ) {
             let (Some(e), Some(f)) = (e.first_chunk::<$rows>(), f.first_chunk::<TOGETHER>()) else {
@@ -131,7 +132,7 @@ macro_rules! early {
                 return;
             };
             let mut l = 0;
-            while l < channels.min(GROUP) {
+            while l < channels.min(L::Row::CHANNELS) {
                 let y = sums!($h, e, f, l, $($taps)*);
                 y[0].into_row(&mut firsts[0], l);
                 y[1].into_row(&mut seconds[0], l);
@@ -150,9 +151,10 @@ macro_rules! early {
 /// The last filter, for as many channels as there are rings, whose places `at` take the outputs.
 macro_rules! last {
     ($name:ident, $h:ident, $rows:literal, $($taps:tt)*) => {
-        #[inline(never)] // All registers are its own.
+        #[cfg_attr(target_os = "none", inline(never))] // All registers are its own.
+        #[cfg_attr(not(target_os = "none"), inline(always))]
         pub(super) fn $name<L: Lane>(
-            [e, f]: [&[Row]; 2],
+            [e, f]: [&[L::Row]; 2],
             rings: &mut [f32],
             (n, at): (usize, usize),
         ) {
@@ -160,7 +162,7 @@ macro_rules! last {
                 return;
             };
             let rings = rings.chunks_exact_mut((n * L::WIDTH).max(1)).enumerate();
-            for (k, ring) in rings.take(GROUP / L::WIDTH) {
+            for (k, ring) in rings.take(L::Row::CHANNELS / L::WIDTH) {
                 let (l, ring) = (k * L::WIDTH, L::samples_mut(ring));
                 if let Some(into) = ring.get_mut(at..).and_then(|r| r.first_chunk_mut()) {
                     *into = sums!($h, e, f, l, $($taps)*);

@@ -5,19 +5,20 @@ use super::fft::{lines, transform_pairs};
 use super::half_band::TOGETHER;
 use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
+use super::wide::{plainly, widely};
 use super::{Complex32, SpectraError};
 use core::marker::PhantomData;
 
 /// The last block's worth of samples of every channel, in storage that its owner lends anew with
 /// each sample, always the same: for a chip that has no room for the lines of all channels at
-/// once. Elsewhere use [`super::Blocks`]. Channels are transformed one by one, or by groups of four as
-/// `[f32; 4]`, whose samples lie side by side.
+/// once. Elsewhere use [`super::Blocks`]. Channels are transformed one by one, or by groups of four or
+/// eight as `[f32; 4]` and `[f32; 8]`, whose samples lie side by side.
 #[derive(Debug)]
-pub struct Rings<L = f32> {
+pub struct Rings<L: Lane = f32> {
     settings: BlockSettings,
     channels: usize,
     head: usize,
-    decimator: Decimator,
+    decimator: Decimator<L::Row>,
     /// Decimated samples still missing before the next block is complete.
     missing: usize,
     lane: PhantomData<L>,
@@ -27,11 +28,17 @@ impl<L: Compiled> Rings<L> {
     /// Elements of storage for `channels` channels: [`BlockSettings::history_len`] of as many, in whole
     /// groups.
     pub(super) fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
-        settings.history_len(channels.next_multiple_of(L::WIDTH))
+        let rings = channels.next_multiple_of(L::WIDTH) * settings.transform_length();
+        rings + Self::state_len(settings, channels)
+    }
+
+    /// Those of the filters' states.
+    fn state_len(settings: &BlockSettings, channels: usize) -> usize {
+        settings.filters().state_len(channels, L::Row::CHANNELS)
     }
 
     /// Those of `channels` channels at their beginning. `storage`, of [`BlockSettings::history_len`]
-    /// elements at least for channels in whole groups, will hold one ring of
+    /// elements at least for channels one by one, will hold one ring of
     /// [`BlockSettings::transform_length`] samples a channel, then their filters' states.
     ///
     /// # Errors
@@ -68,7 +75,7 @@ impl<L: Compiled> Rings<L> {
     pub fn restart(&mut self, storage: &mut [f32]) {
         let n = self.settings.transform_length();
         let states = storage.get_mut(self.rings_len()..);
-        let state_len = self.settings.filters().state_len(self.channels);
+        let state_len = Self::state_len(&self.settings, self.channels);
         if let Some(states) = states.and_then(|states| states.get_mut(..state_len)) {
             states.fill(0.0);
         }
@@ -115,7 +122,7 @@ impl<L: Compiled> Rings<L> {
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
         let places = storage.split_at_mut_checked(self.rings_len());
-        let state_len = self.settings.filters().state_len(self.channels);
+        let state_len = Self::state_len(&self.settings, self.channels);
         let Some((rings, states)) = places.filter(|(_, states)| states.len() >= state_len) else {
             self.begin();
             return false;
@@ -195,7 +202,7 @@ impl<L: Compiled> Rings<L> {
 
 /// Samples for which the functions that take the time are compiled with the settings of this crate:
 /// generic functions have those of the crate that calls them, which may check every sum for an
-/// overflow.
+/// overflow. Those of eight channels use the processor's AVX2, where it has that.
 pub trait Compiled: Lane {
     /// [`block_lines`] of this type.
     fn lines(
@@ -207,7 +214,7 @@ pub trait Compiled: Lane {
 
     /// [`Decimator::filter`] of this type.
     fn filter(
-        decimator: &mut Decimator,
+        decimator: &mut Decimator<Self::Row>,
         states: &mut [f32],
         rings: &mut [f32],
         place: (usize, usize),
@@ -215,7 +222,7 @@ pub trait Compiled: Lane {
 }
 
 macro_rules! compiled {
-    ($samples:ty) => {
+    ($samples:ty, $run:ident) => {
         impl Compiled for $samples {
             fn lines(
                 settings: &BlockSettings,
@@ -223,25 +230,33 @@ macro_rules! compiled {
                 work: &mut [Complex<Self>],
                 kept: &mut [Complex32],
             ) {
-                block_lines(settings, ring, work, kept);
+                $run(
+                    #[inline(always)]
+                    || block_lines(settings, ring, work, kept),
+                );
             }
 
             fn filter(
-                decimator: &mut Decimator,
+                decimator: &mut Decimator<Self::Row>,
                 states: &mut [f32],
                 rings: &mut [f32],
                 place: (usize, usize),
             ) -> usize {
-                decimator.filter::<Self>(states, rings, place)
+                $run(
+                    #[inline(always)]
+                    || decimator.filter::<Self>(states, rings, place),
+                )
             }
         }
     };
 }
 
-compiled!(f32);
-compiled!(Row);
+compiled!(f32, plainly);
+compiled!([f32; 4], plainly);
+compiled!([f32; 8], widely);
 
 /// The kept lines of a block, whose oldest sample lies at `head` of its ring.
+#[cfg_attr(not(target_os = "none"), inline(always))] // Its caller says for which processor.
 pub(super) fn block_lines<L: Lane>(
     settings: &BlockSettings,
     (ring, head): (&[L], usize),
@@ -260,6 +275,7 @@ impl BlockSettings {
     ///
     /// The mean under the window is taken out: what makes the windowed line 0 vanish. The plain mean
     /// would let a strong resonance leak in, unwindowed, and leave it in the lowest lines.
+    #[cfg_attr(not(target_os = "none"), inline(always))]
     fn window_lines<L: Lane>(&self, z: &[Complex<L>], kept: &mut [Complex32]) {
         let (grid, coefficients) = (self.grid(), self.window().coefficients());
         let count = grid.count;
@@ -268,7 +284,10 @@ impl BlockSettings {
         match *coefficients {
             [c0] => {
                 let own = c0 * gain;
-                let windowed = lines(z, grid.first).map(|line| scaled(line, own));
+                let windowed = lines(z, grid.first).map(
+                    #[inline(always)]
+                    |line| scaled(line, own),
+                );
                 L::keep(windowed, kept, count);
             }
             [c0, c1] => {
@@ -282,12 +301,15 @@ impl BlockSettings {
                 } else {
                     before = Complex::new(line.re.times(c1 / c0), L::default());
                 }
-                let windowed = from.map(move |next| {
-                    let both = scaled(plus(before, next), beside);
-                    let sum = plus(scaled(line, own), both);
-                    (before, line) = (line, next);
-                    sum
-                });
+                let windowed = from.map(
+                    #[inline(always)]
+                    move |next| {
+                        let both = scaled(plus(before, next), beside);
+                        let sum = plus(scaled(line, own), both);
+                        (before, line) = (line, next);
+                        sum
+                    },
+                );
                 L::keep(windowed, kept, count);
             }
             _ => {

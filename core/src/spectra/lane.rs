@@ -1,14 +1,87 @@
 //! Numbers that the filters and the transforms calculate with: a sample of one channel on the chip,
-//! samples of four channels side by side on a workstation. Each channel is rounded alike in both, so
-//! that its spectra have the same bits.
+//! samples of four or eight channels side by side on a workstation. Each channel is rounded alike in all
+//! of them, so that its spectra have the same bits.
 
 use super::Complex32;
 
-/// Channels whose samples lie side by side on their way through the filters.
+/// Channels whose samples lie side by side on their way through the filters, on the chip.
 pub(super) const GROUP: usize = 4;
 
-/// Samples of the channels of a group at one instant.
-pub(super) type Row = [f32; GROUP];
+/// Samples of the channels of a group at one instant, which lie side by side on their way through the
+/// filters.
+pub trait Row: Copy + core::fmt::Debug {
+    /// Number of channels.
+    const CHANNELS: usize;
+
+    /// Zero in all channels.
+    const ZERO: Self;
+
+    /// The rows in storage, one after the other.
+    fn rows_mut(storage: &mut [f32]) -> &mut [Self];
+
+    /// The same as numbers.
+    fn numbers_mut(rows: &mut [Self]) -> &mut [f32];
+
+    /// Stores a sample of channels side by side in every `stride`-th of the rows from `at` on.
+    fn store(rows: &mut [Self], place: (usize, usize), sample: &[f32]);
+}
+
+macro_rules! row {
+    ($n:literal, |$row:ident, $rest:ident| $store_rest:expr) => {
+        impl Row for [f32; $n] {
+            const CHANNELS: usize = $n;
+
+            const ZERO: Self = [0.0; $n];
+
+            #[inline(always)]
+            fn rows_mut(storage: &mut [f32]) -> &mut [Self] {
+                storage.as_chunks_mut().0
+            }
+
+            #[inline(always)]
+            fn numbers_mut(rows: &mut [Self]) -> &mut [f32] {
+                rows.as_flattened_mut()
+            }
+
+            #[inline(always)]
+            fn store(rows: &mut [Self], (mut at, stride): (usize, usize), sample: &[f32]) {
+                let (groups, rest) = sample.as_chunks::<$n>();
+                if !rest.is_empty()
+                    && let Some($row) = rows.get_mut(at + groups.len() * stride)
+                {
+                    let $rest = rest;
+                    $store_rest
+                }
+                for x in groups {
+                    let Some(row) = rows.get_mut(at) else {
+                        break;
+                    };
+                    *row = *x;
+                    at += stride;
+                }
+            }
+        }
+    };
+}
+
+row!(4, |row, rest| {
+    let [x, y, z, _] = row;
+    // One by one, since a loop would become a call.
+    if let [a, rest @ ..] = rest {
+        *x = *a;
+        if let [b, rest @ ..] = rest {
+            *y = *b;
+            if let [c, ..] = rest {
+                *z = *c;
+            }
+        }
+    }
+});
+row!(8, |row, rest| {
+    for (slot, x) in row.iter_mut().zip(rest) {
+        *slot = *x;
+    }
+});
 
 /// A complex number of each channel.
 pub(super) type Complex<L> = nalgebra::Complex<L>;
@@ -46,11 +119,14 @@ pub(super) fn scaled<L: Lane>(z: Complex<L>, x: f32) -> Complex<L> {
     Complex::new(z.re.times(x), z.im.times(x))
 }
 
-/// Samples at one instant, of one channel, `f32`, or of four, `[f32; 4]`: each operation is rounded for
-/// each channel alone. Nobody else implements it, since its module is private.
+/// Samples at one instant, of one channel, `f32`, of four, `[f32; 4]`, or of eight, `[f32; 8]`: each
+/// operation is rounded for each channel alone. Nobody else implements it, since its module is private.
 pub trait Lane: Copy + Default {
     /// Number of channels.
     const WIDTH: usize;
+
+    /// A group of channels, of this lane or of several.
+    type Row: Row;
 
     /// Sum.
     fn plus(self, other: Self) -> Self;
@@ -74,10 +150,10 @@ pub trait Lane: Copy + Default {
     fn samples_mut(storage: &mut [f32]) -> &mut [Self];
 
     /// Those of a row from channel `first` on.
-    fn of_row(row: &Row, first: usize) -> Self;
+    fn of_row(row: &Self::Row, first: usize) -> Self;
 
     /// Puts them into a row from channel `first` on.
-    fn into_row(self, row: &mut Row, first: usize);
+    fn into_row(self, row: &mut Self::Row, first: usize);
 
     /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
     fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
@@ -85,6 +161,8 @@ pub trait Lane: Copy + Default {
 
 impl Lane for f32 {
     const WIDTH: usize = 1;
+
+    type Row = [f32; GROUP];
 
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
@@ -122,13 +200,13 @@ impl Lane for f32 {
     }
 
     #[inline(always)]
-    fn of_row(row: &Row, first: usize) -> Self {
+    fn of_row(row: &Self::Row, first: usize) -> Self {
         // Never beyond the row, which needs no check then.
         row.get(first % GROUP).copied().unwrap_or_default()
     }
 
     #[inline(always)]
-    fn into_row(self, row: &mut Row, first: usize) {
+    fn into_row(self, row: &mut Self::Row, first: usize) {
         if let Some(slot) = row.get_mut(first % GROUP) {
             *slot = self;
         }
@@ -143,81 +221,97 @@ impl Lane for f32 {
     }
 }
 
-impl Lane for Row {
-    const WIDTH: usize = GROUP;
+/// Samples of several channels: the names of the numbers of two of them, and of their slots.
+macro_rules! lanes {
+    ($n:literal: $($x:ident $y:ident $slot:ident $i:literal)*) => {
+        impl Lane for [f32; $n] {
+            const WIDTH: usize = $n;
 
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        let ([a, b, c, d], [e, f, g, h]) = (self, other);
-        [a + e, b + f, c + g, d + h]
-    }
+            type Row = Self;
 
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        let ([a, b, c, d], [e, f, g, h]) = (self, other);
-        [a - e, b - f, c - g, d - h]
-    }
-
-    #[inline(always)]
-    fn times(self, factor: f32) -> Self {
-        self.map(|x| x * factor)
-    }
-
-    #[inline(always)]
-    fn over(self, divisor: f32) -> Self {
-        self.map(|x| x / divisor)
-    }
-
-    #[inline(always)]
-    fn negated(self) -> Self {
-        self.map(|x| -x)
-    }
-
-    #[inline(always)]
-    fn samples(storage: &[f32]) -> &[Self] {
-        storage.as_chunks().0
-    }
-
-    #[inline(always)]
-    fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
-        storage.as_chunks_mut().0
-    }
-
-    #[inline(always)]
-    fn of_row(row: &Row, _: usize) -> Self {
-        *row
-    }
-
-    #[inline(always)]
-    fn into_row(self, row: &mut Row, _: usize) {
-        *row = self;
-    }
-
-    #[inline(always)]
-    fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
-        let mut lines = lines.take(count);
-        let mut channels = kept.chunks_exact_mut(count.max(1));
-        let mut channel = || channels.next().unwrap_or_default().iter_mut();
-        let mut slots = channel().zip(channel()).zip(channel().zip(channel()));
-        // Some lines are computed before they are taken apart: the compiler would calculate with one
-        // channel at a time otherwise.
-        let mut some = [Complex::default(); 16];
-        loop {
-            let mut taken = 0;
-            for (slot, line) in some.iter_mut().zip(&mut lines) {
-                *slot = line;
-                taken += 1;
+            #[inline(always)]
+            fn plus(self, other: Self) -> Self {
+                let ([$($x),*], [$($y),*]) = (self, other);
+                [$($x + $y),*]
             }
-            for (line, ((a, b), (c, d))) in some.iter().take(taken).zip(&mut slots) {
-                let Complex { re, im }: &Complex<Self> = line;
-                *a = Complex32::new(re[0], im[0]);
-                *b = Complex32::new(re[1], im[1]);
-                *c = Complex32::new(re[2], im[2]);
-                *d = Complex32::new(re[3], im[3]);
+
+            #[inline(always)]
+            fn minus(self, other: Self) -> Self {
+                let ([$($x),*], [$($y),*]) = (self, other);
+                [$($x - $y),*]
             }
-            if taken < some.len() {
-                break;
+
+            #[inline(always)]
+            fn times(self, factor: f32) -> Self {
+                self.map(|x| x * factor)
+            }
+
+            #[inline(always)]
+            fn over(self, divisor: f32) -> Self {
+                self.map(|x| x / divisor)
+            }
+
+            #[inline(always)]
+            fn negated(self) -> Self {
+                self.map(|x| -x)
+            }
+
+            #[inline(always)]
+            fn samples(storage: &[f32]) -> &[Self] {
+                storage.as_chunks().0
+            }
+
+            #[inline(always)]
+            fn samples_mut(storage: &mut [f32]) -> &mut [Self] {
+                storage.as_chunks_mut().0
+            }
+
+            #[inline(always)]
+            fn of_row(row: &Self, _: usize) -> Self {
+                *row
+            }
+
+            #[inline(always)]
+            fn into_row(self, row: &mut Self, _: usize) {
+                *row = self;
+            }
+
+            #[inline(always)]
+            fn keep(
+                lines: impl Iterator<Item = Complex<Self>>,
+                kept: &mut [Complex32],
+                count: usize,
+            ) {
+                let mut lines = lines.take(count);
+                let mut channels = kept.chunks_exact_mut(count.max(1));
+                let mut channel = || channels.next().unwrap_or_default();
+                let [$(mut $slot),*] = [$({ let _ = $i; channel() }),*];
+                // Some lines are computed before they are taken apart: the compiler would calculate with
+                // one channel at a time otherwise.
+                let mut some = [Complex::default(); 16];
+                loop {
+                    let mut taken = 0;
+                    for slot in &mut some {
+                        let Some(line) = lines.next() else {
+                            break;
+                        };
+                        *slot = line;
+                        taken += 1;
+                    }
+                    $(
+                        for (slot, Complex { re, im }) in $slot.iter_mut().zip(some.iter().take(taken)) {
+                            *slot = Complex32::new(re[$i], im[$i]);
+                        }
+                        $slot = $slot.get_mut(taken..).unwrap_or_default();
+                    )*
+                    if taken < some.len() {
+                        break;
+                    }
+                }
             }
         }
-    }
+    };
 }
+
+lanes!(4: a e s 0 b f t 1 c g u 2 d h v 3);
+lanes!(8: a i s 0 b j t 1 c k u 2 d l v 3 e m w 4 f n x 5 g o y 6 h p z 7);

@@ -20,6 +20,7 @@ mod history;
 mod lane;
 mod settings;
 mod sum;
+mod wide;
 mod window;
 
 pub(crate) use band::listed;

@@ -2,6 +2,7 @@
 
 use super::decimate::{Filters, MAX_STAGES, USABLE};
 use super::fft::supported;
+use super::lane::GROUP;
 use super::{BandError, LineGrid, SpectraError, Window};
 
 /// Settings of the blocks: length, hop, window and kept lines.
@@ -152,7 +153,7 @@ impl BlockSettings {
     /// Elements of history that `channels` need: decimated samples and filter states.
     #[must_use]
     pub fn history_len(&self, channels: usize) -> usize {
-        channels * self.transform_length() + self.filters.state_len(channels)
+        channels * self.transform_length() + self.filters.state_len(channels, GROUP)
     }
 
     /// Consecutive samples that have a part in a block: what its filters look back on, too.

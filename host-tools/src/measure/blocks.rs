@@ -1,16 +1,16 @@
-//! Storage of blocks on a workstation, whose processor calculates with four channels at once.
+//! Storage of blocks on a workstation, whose processor calculates with eight channels at once.
 
 use massline_core::spectra::{BlockSettings, Blocks, Complex32, SpectraError};
 
-/// Samples of four channels.
-type Four = [f32; 4];
+/// Samples of eight channels.
+type Eight = [f32; 8];
 
 /// Storage of the blocks of a stream of samples.
 pub struct BlockStorage {
     settings: BlockSettings,
     channels: usize,
     history: Vec<f32>,
-    work: Vec<nalgebra::Complex<Four>>,
+    work: Vec<nalgebra::Complex<Eight>>,
     lines: Vec<Complex32>,
 }
 
@@ -18,7 +18,7 @@ impl BlockStorage {
     /// That of blocks of `channels` channels.
     #[must_use]
     pub fn new(settings: BlockSettings, channels: usize) -> Self {
-        let [history, work, lines] = Blocks::<Four>::storage_len(&settings, channels);
+        let [history, work, lines] = Blocks::<Eight>::storage_len(&settings, channels);
         Self {
             settings,
             channels,
@@ -32,7 +32,7 @@ impl BlockStorage {
     ///
     /// # Errors
     /// [`SpectraError`] if the settings do not suit.
-    pub fn blocks(&mut self) -> Result<Blocks<'_, Four>, SpectraError> {
+    pub fn blocks(&mut self) -> Result<Blocks<'_, Eight>, SpectraError> {
         let Self {
             settings,
             channels,

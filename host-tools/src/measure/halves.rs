@@ -54,8 +54,13 @@ impl Half {
     /// them.
     #[inline(always)]
     fn sums<const N: usize>(&self, samples: [&[f32]; N]) -> [Six; N] {
-        let mut sums = [[0.0; 8]; N];
-        let own = samples.map(|sample| sample.get(self.first..).unwrap_or_default());
+        let mut sums = [[0.0; SIX]; N];
+        let count = self.scales.len();
+        let mut own = samples.map(|sample| sample.get(self.first..).unwrap_or_default());
+        // Of one known length, so that no place is looked up with a check.
+        if own.iter().all(|own| own.len() >= count) {
+            own = own.map(|own| own.get(..count).unwrap_or_default());
+        }
         for (channel, (scale, gains)) in self.scales.iter().zip(&self.gains).enumerate() {
             for (sums, sample) in sums.iter_mut().zip(own) {
                 let x = sample.get(channel).copied().unwrap_or(0.0) * scale;
@@ -106,7 +111,8 @@ impl Halves {
         let channels = channels.max(1);
         let count = self.halves.len();
         self.sums.clear();
-        self.sums.resize(samples.len() / channels * count, [0.0; 8]);
+        self.sums
+            .resize(samples.len() / channels * count, [0.0; SIX]);
         for (number, half) in self.halves.iter().enumerate() {
             let mut sums = self.sums.iter_mut().skip(number).step_by(count);
             let mut groups = samples.chunks_exact(TOGETHER * channels);

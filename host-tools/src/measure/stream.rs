@@ -62,22 +62,27 @@ enum Made {
     Sum(usize, usize),
 }
 
-/// Origin of channels of blocks that follow one another.
+/// Channels of blocks that follow one another.
 struct Origin {
-    /// Number of the first channel.
+    /// Number of the first channel, and their number.
     channel: usize,
-    /// Number of the recording's channel, or of the sum, that it comes from.
-    from: usize,
-    /// Factor of each.
-    factors: Vec<f32>,
+    count: usize,
+    source: Source,
+}
+
+/// Source of channels of blocks that follow one another.
+enum Source {
+    /// The recording's channels from this one on, and the factor of each.
+    Scaled(usize, Vec<f32>),
+    /// The six sums of one of [`Halves`], from this one on.
+    Sums(usize, usize),
 }
 
 /// Channels of blocks that several consumers share.
 struct Shared {
     made: Vec<Made>,
-    /// Those that are channels of the recording, and those that are sums.
-    scaled: Vec<Origin>,
-    summed: Vec<Origin>,
+    /// Where all of them come from, in their order.
+    origins: Vec<Origin>,
     /// Number of each consumer, and of its channels among these.
     consumers: Vec<(usize, Vec<usize>)>,
 }
@@ -95,42 +100,76 @@ impl Shared {
     /// Settles where the channels come from.
     fn settle(&mut self) {
         for (channel, made) in self.made.iter().enumerate() {
-            let (all, from, factor) = match *made {
-                Made::Scaled(from, factor) => (&mut self.scaled, from, factor),
-                Made::Sum(half, sum) => (&mut self.summed, half * SIX + sum, 1.0),
-            };
-            match all.last_mut() {
-                Some(last) if last.goes_on(channel, from) => last.factors.push(factor),
-                _ => all.push(Origin {
-                    channel,
-                    from,
-                    factors: vec![factor],
-                }),
+            if let Some(last) = self.origins.last_mut()
+                && last.goes_on(*made)
+            {
+                continue;
             }
+            self.origins.push(Origin {
+                channel,
+                count: 1,
+                source: match *made {
+                    Made::Scaled(from, factor) => Source::Scaled(from, vec![factor]),
+                    Made::Sum(half, sum) => Source::Sums(half, sum),
+                },
+            });
         }
+    }
+
+    /// Room for the channels of a sample, with some behind them that [`Self::write`] may write.
+    fn room(&self) -> Vec<f32> {
+        vec![0.0; self.made.len() + SIX]
     }
 
     /// Writes the channels of a sample, with its sums.
     #[inline]
-    fn write(&self, sample: &[f32], sums: &[Six], into: &mut [f32]) {
-        let sums = sums.as_flattened();
-        for (origins, numbers) in [(&self.scaled, sample), (&self.summed, sums)] {
-            for origin in origins {
-                let own = into.get_mut(origin.channel..).unwrap_or_default();
-                let numbers = numbers.get(origin.from..).unwrap_or_default();
-                for ((slot, number), factor) in own.iter_mut().zip(numbers).zip(&origin.factors) {
-                    *slot = number * factor;
+    fn write<'a>(&self, sample: &[f32], sums: &[Six], into: &'a mut [f32]) -> &'a [f32] {
+        for origin in &self.origins {
+            let own = into.get_mut(origin.channel..).unwrap_or_default();
+            match &origin.source {
+                Source::Scaled(from, factors) => {
+                    let numbers = sample.get(*from..).unwrap_or_default();
+                    for ((slot, number), factor) in own.iter_mut().zip(numbers).zip(factors) {
+                        *slot = number * factor;
+                    }
+                }
+                Source::Sums(half, sum) => {
+                    let six = sums.get(*half).copied().unwrap_or_default();
+                    match own.first_chunk_mut::<SIX>() {
+                        // Those behind its own ones are written later.
+                        Some(slots) if *sum == 0 => *slots = six,
+                        _ => {
+                            let own = own.iter_mut().take(origin.count);
+                            own.zip(six.iter().skip(*sum))
+                                .for_each(|(slot, x)| *slot = *x);
+                        }
+                    }
                 }
             }
         }
+        into.get(..self.made.len()).unwrap_or_default()
     }
 }
 
 impl Origin {
-    /// `true` if this channel, from there, comes next.
-    fn goes_on(&self, channel: usize, from: usize) -> bool {
-        let count = self.factors.len();
-        [channel, from] == [self.channel + count, self.from + count]
+    /// `true` if this channel comes next, which then belongs to it.
+    fn goes_on(&mut self, made: Made) -> bool {
+        let count = self.count;
+        let goes_on = match (&mut self.source, made) {
+            (Source::Scaled(first, factors), Made::Scaled(from, factor)) => {
+                let goes_on = from == *first + count;
+                if goes_on {
+                    factors.push(factor);
+                }
+                goes_on
+            }
+            (Source::Sums(own, first), Made::Sum(half, sum)) => {
+                half == *own && sum == *first + count
+            }
+            _ => false,
+        };
+        self.count += usize::from(goes_on);
+        goes_on
     }
 }
 
@@ -145,8 +184,7 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
             let made = drives.iter().map(|drive| Made::Scaled(*drive, 1.0));
             all.push(Shared {
                 made: made.collect(),
-                scaled: Vec::new(),
-                summed: Vec::new(),
+                origins: Vec::new(),
                 consumers: Vec::new(),
             });
         }
@@ -205,7 +243,7 @@ pub(super) fn stream(
             file: recording.file().to_owned(),
             source,
         })?;
-        feeds.push((blocks, vec![0.0_f32; shared.made.len()], shared));
+        feeds.push((blocks, shared.room(), shared));
     }
     let mut sample = vec![0.0_f32; channels];
     let mut gate = Gate::new(settings);
@@ -231,7 +269,7 @@ pub(super) fn stream(
             // All complete their blocks with the same sample.
             let mut admitted = None;
             for (blocks, input, shared) in &mut feeds {
-                shared.write(sample, halves.of(n), input);
+                let input = shared.write(sample, halves.of(n), input);
                 let Some(block) = blocks.push(input) else {
                     continue;
                 };
@@ -273,16 +311,17 @@ mod tests {
         ];
         let mut shared = Shared {
             made: made.clone(),
-            scaled: Vec::new(),
-            summed: Vec::new(),
+            origins: Vec::new(),
             consumers: Vec::new(),
         };
         shared.settle();
         let sample = [10.0, 20.0, 30.0, 40.0];
         let sums = [0, 1].map(|half| core::array::from_fn(|sum| (100 * half + sum) as f32));
-        let mut into = [f32::NAN; 9];
-        shared.write(&sample, &sums, &mut into);
-        for (found, made) in into.into_iter().zip(made) {
+        let mut into = shared.room();
+        into.fill(f32::NAN);
+        let found = shared.write(&sample, &sums, &mut into);
+        assert_eq!(found.len(), made.len());
+        for (&found, made) in found.iter().zip(made) {
             let expected = match made {
                 Made::Scaled(channel, factor) => sample[channel] * factor,
                 Made::Sum(half, sum) => sums[half][sum],

@@ -219,6 +219,8 @@ struct Fit {
     dialect: Dialect,
     columns: usize,
     rows: usize,
+    /// `true` if a decimal comma can fit no better.
+    is_sure: bool,
     /// A number that could be read in two ways, with its line, where all of them could.
     unclear: Option<(String, u64)>,
 }
@@ -255,8 +257,12 @@ impl Dialect {
                     continue;
                 };
                 let better = |b: &Fit| (fit.columns, fit.rows) > (b.columns, b.rows);
+                let is_sure = fit.is_sure;
                 if best.as_ref().is_none_or(better) {
                     best = Some(fit);
+                }
+                if is_sure {
+                    break;
                 }
             }
         }
@@ -403,6 +409,10 @@ fn fit(rows: &[Row], delimiter: u8, decimal: u8, form: &Form) -> Option<Fit> {
     let unclear = decimal == b',' && commas().all(|(field, _)| may_be_thousands(field));
     let unclear = unclear.then(|| commas().next()).flatten();
     let named = rows.get(header)?;
+    // Without commas, rows of numbers with decimal commas are some of these.
+    let is_sure = decimal == b'.'
+        && data().all(|i| width(i) == columns)
+        && !rows.iter().any(|row| row.record.as_slice().contains(&b','));
     Some(Fit {
         dialect: Dialect {
             delimiter,
@@ -416,6 +426,7 @@ fn fit(rows: &[Row], delimiter: u8, decimal: u8, form: &Form) -> Option<Fit> {
         },
         columns,
         rows: count,
+        is_sure,
         unclear: unclear.map(|(field, line)| (decode::text(field), line)),
     })
 }

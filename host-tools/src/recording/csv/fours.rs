@@ -5,54 +5,74 @@ use core::arch::x86_64::{__m128i, __m256d, __m256i};
 use pulp::cast;
 use pulp::x86::V3;
 
-/// Room for every number of characters, and every place of a decimal sign, with one bit for its absence.
+/// Places of a decimal sign, counted down from 31 as zero bits before it are, with 0 for its absence.
 const PLACES: usize = 32;
+/// Plans of numbers of one sign.
+const OF_A_SIGN: usize = (WIDTH + 1) * PLACES;
 
-/// Moves of sixteen characters that leave the last `count` of them, without the one at `place` and with those before it
-/// in its place; at `count` times [`PLACES`], and `place`, 16 where there is none.
-static MOVES: [[u8; WIDTH]; PLACES * PLACES] = {
-    // An index from 128 on makes a zero.
-    let mut moves = [[128; WIDTH]; PLACES * PLACES];
+/// How the digits of a field become a number, which its characters behind the sign and the place of the last decimal
+/// sign among sixteen tell.
+#[repr(align(32))]
+struct Plan {
+    /// Moves of sixteen characters that leave those of the field, without the decimal sign and with those before it in
+    /// its place. Where no digit is among them, they leave the last character, which is none.
+    moves: [u8; WIDTH],
+    /// What the digits as a whole number are divided by, negative for a negative number: rounding is alike on both
+    /// sides of zero.
+    divisor: f64,
+}
+
+/// Plans by the number of characters behind the sign times [`PLACES`], and the place of the decimal sign; those of
+/// negative numbers behind the others.
+static PLANS: [Plan; 2 * OF_A_SIGN] = {
+    const NONE: Plan = Plan {
+        // An index from 128 on makes a zero.
+        moves: [128; WIDTH],
+        divisor: 1.0,
+    };
+    let mut plans = [NONE; 2 * OF_A_SIGN];
     let mut count = 0;
     while count <= WIDTH {
-        let mut place = 0;
-        while place <= WIDTH {
+        let mut zeros = 0;
+        while zeros < PLACES {
+            let plan = &mut plans[count * PLACES + zeros];
+            // One before the field is another field's.
+            let within = zeros >= WIDTH && PLACES - 1 - zeros + count >= WIDTH;
+            let place = if within { PLACES - 1 - zeros } else { WIDTH };
             let mut at = 0;
             while at < WIDTH {
-                let from = if place == WIDTH || at > place {
+                let from = if !within || at > place {
                     at
                 } else {
                     // Below zero, which no field reaches.
                     at.wrapping_sub(1)
                 };
                 if from < WIDTH && from + count >= WIDTH {
-                    moves[count * PLACES + place][at] = from as u8;
+                    plan.moves[at] = from as u8;
                 }
                 at += 1;
             }
-            place += 1;
+            if count == within as usize {
+                plan.moves[WIDTH - 1] = WIDTH as u8 - 1;
+            }
+            if within {
+                plan.divisor = POWERS[WIDTH - 1 - place];
+            }
+            let (moves, divisor) = (plan.moves, -plan.divisor);
+            plans[OF_A_SIGN + count * PLACES + zeros] = Plan { moves, divisor };
+            zeros += 1;
         }
         count += 1;
     }
-    moves
+    plans
 };
 
-/// What the digits as a whole number are divided by, at the place of the decimal sign, and [`PLACES`] behind that
-/// where the number is negative. Rounding is alike on both sides of zero.
-static DIVISORS: [f64; 2 * PLACES] = {
-    let mut divisors = [1.0; 2 * PLACES];
-    let mut place = 0;
-    while place < PLACES {
-        let power = if place < WIDTH {
-            POWERS[WIDTH - 1 - place]
-        } else {
-            1.0
-        };
-        divisors[place] = power;
-        divisors[PLACES + place] = -power;
-        place += 1;
-    }
-    divisors
+/// By how much the first character of a field moves its plan from that of as many characters.
+static SHIFTS: [i16; 256] = {
+    let mut shifts = [0; 256];
+    shifts[b'+' as usize] = -(PLACES as i16);
+    shifts[b'-' as usize] = (OF_A_SIGN - PLACES) as i16;
+    shifts
 };
 
 /// Factors of digits in pairs, of pairs in fours, of fours in eights, of eights in the whole.
@@ -81,62 +101,38 @@ const EIGHTS: [f64; 4] = [1e8, 1.0, 1e8, 1.0];
 /// From here on not all whole numbers are exact.
 const EXACT: [f64; 4] = [9_007_199_254_740_992.0; 4];
 
-/// What is known of a field before its digits are looked at.
-#[derive(Clone, Copy)]
-struct Shape {
-    /// [`PLACES`] of a negative number, else 0.
-    sign: usize,
-    /// Characters behind the sign, and their bits among sixteen.
-    count: usize,
-    bits: u32,
-}
-
+/// The plan of a field, in whose sixteen characters decimal signs are at these bits.
 #[inline(always)]
-fn shape(field: Field<'_>) -> Option<Shape> {
+fn plan(field: Field<'_>, signs: u32) -> Option<&'static Plan> {
     let first = *field.window.get(WIDTH.wrapping_sub(field.length))?;
-    let negative = first == b'-';
-    let count = field.length - usize::from(negative | (first == b'+'));
-    Some(Shape {
-        sign: PLACES * usize::from(negative),
-        count,
-        bits: (0xffff_0000_u32 >> count) & 0xffff,
-    })
+    let zeros = signs.leading_zeros() as usize % PLACES;
+    let at = field.length * PLACES + zeros;
+    PLANS.get(at.wrapping_add_signed(SHIFTS[usize::from(first)].into()))
 }
 
-/// Where digits go and what they are divided by; `None` but for digits with at most one decimal sign among them, which
-/// these bits of sixteen tell.
-#[inline(always)]
-fn settled(shape: Shape, digits: u32, signs: u32) -> Option<(&'static [u8; WIDTH], f64)> {
-    let (digits, signs) = (digits & shape.bits, signs & shape.bits);
-    let is_single = signs & signs.wrapping_sub(1) == 0;
-    let good = (digits | signs == shape.bits) & (digits != 0) & is_single;
-    let place = (signs | 1 << WIDTH).trailing_zeros() as usize;
-    let moves = &MOVES[(shape.count * PLACES + place) & (PLACES * PLACES - 1)];
-    let divisor = DIVISORS[(shape.sign + place) & (2 * PLACES - 1)];
-    good.then_some((moves, divisor))
-}
-
-/// Two fields: their digits by fours, and what they are divided by; `None` if one of them is of another form.
+/// Two fields: their digits, one in sixteen, of which one is above nine where a field is of another form, and what they
+/// are divided by.
 #[inline(always)]
 fn two(simd: V3, [low, high]: [Field<'_>; 2], decimal: u8) -> Option<(__m256i, [f64; 2])> {
-    let shapes = [shape(low)?, shape(high)?];
     let text = simd
         .avx
         ._mm256_set_m128i(cast(*high.window), cast(*low.window));
-    let digits = simd.avx2._mm256_sub_epi8(text, cast([b'0'; 32]));
-    let least = simd.avx2._mm256_min_epu8(digits, cast([9_u8; 32]));
-    let is_digit = simd.avx2._mm256_cmpeq_epi8(least, digits);
-    let is_digit = simd.avx2._mm256_movemask_epi8(is_digit) as u32;
-    let is_sign = simd.avx2._mm256_cmpeq_epi8(text, cast([decimal; 32]));
+    let is_sign = simd
+        .avx2
+        ._mm256_cmpeq_epi8(text, simd.avx._mm256_set1_epi8(decimal as i8));
     let is_sign = simd.avx2._mm256_movemask_epi8(is_sign) as u32;
-    // One after the other: calculated side by side, they would be moved to and fro between registers.
-    let (low, first) = settled(shapes[0], is_digit, is_sign)?;
-    let (high, second) = settled(shapes[1], is_digit >> 16, is_sign >> 16)?;
-    let moves = simd.avx._mm256_set_m128i(cast(*high), cast(*low));
+    let (low, high) = (plan(low, is_sign & 0xffff)?, plan(high, is_sign >> 16)?);
+    let digits = simd.avx2._mm256_sub_epi8(text, cast([b'0'; 32]));
+    let moves = simd.avx._mm256_set_m128i(cast(high.moves), cast(low.moves));
     let digits = simd.avx2._mm256_shuffle_epi8(digits, moves);
+    Some((digits, [low.divisor, high.divisor]))
+}
+
+/// Digits by fours.
+#[inline(always)]
+fn by_fours(simd: V3, digits: __m256i) -> __m256i {
     let pairs = simd.avx2._mm256_maddubs_epi16(digits, cast(TENS));
-    let fours = simd.avx2._mm256_madd_epi16(pairs, cast(HUNDREDS));
-    Some((fours, [first, second]))
+    simd.avx2._mm256_madd_epi16(pairs, cast(HUNDREDS))
 }
 
 /// Eights in turn with eights of a hundred million.
@@ -154,7 +150,13 @@ fn four(simd: V3, fields: [Field<'_>; 4], decimal: u8) -> Option<[f64; 4]> {
     let [a, b, c, d] = fields;
     let (low, first) = two(simd, [a, b], decimal)?;
     let (high, second) = two(simd, [c, d], decimal)?;
+    let largest = simd.avx2._mm256_max_epu8(low, high);
+    let beyond = simd.avx2._mm256_subs_epu8(largest, cast([9_u8; 32]));
+    if simd.avx._mm256_testz_si256(beyond, beyond) == 0 {
+        return None;
+    }
     // The eights of the first field and the third, then of the second and the fourth.
+    let (low, high) = (by_fours(simd, low), by_fours(simd, high));
     let packed = simd.avx2._mm256_packus_epi32(low, high);
     let eights = simd.avx2._mm256_madd_epi16(packed, cast(MYRIADS));
     let odd = simd.avx._mm256_castsi256_si128(eights);

@@ -99,6 +99,24 @@ pub(super) enum Step {
     Failed(io::Error),
 }
 
+/// The places before and behind a column.
+#[inline(always)]
+fn around(row: &[u32], column: usize) -> Option<[u32; 2]> {
+    // What cannot overflow needs no check of it.
+    let column = column as u32 as usize;
+    row.get(column..column + 2)?.first_chunk().copied()
+}
+
+/// The field between two places, if it is in the text.
+#[inline(always)]
+fn enclosed(text: &[u8], [before, end]: [u32; 2]) -> Option<Field<'_>> {
+    let start = end.wrapping_sub(WIDTH as u32) as usize;
+    Some(Field {
+        window: text.get(start..start + WIDTH)?.first_chunk()?,
+        length: end.wrapping_sub(before).wrapping_sub(1) as usize,
+    })
+}
+
 impl Lines {
     /// Lines of `content` from its first byte on, which is that of a line of this number.
     pub(super) fn new(content: Box<dyn Read>, line: u64, delimiter: u8, decimal: u8) -> Self {
@@ -207,7 +225,7 @@ impl Lines {
             .take_while(|number| **number as usize <= last);
         let ends = ends.count();
         let field = |column: usize| {
-            let [before, end] = *row.get(column..)?.first_chunk::<2>()?;
+            let [before, end] = around(row, column)?;
             Some(before as usize + 1..end as usize)
         };
         if let Some(empty) = empty
@@ -218,20 +236,11 @@ impl Lines {
         let (fours, rest) = selected.as_chunks::<4>();
         let (slots, rest_slots) = into.as_chunks_mut::<4>();
         for (slots, columns) in slots.iter_mut().zip(fours) {
-            let [a, b, c, d] = *columns;
-            let fields = [field(a)?, field(b)?, field(c)?, field(d)?];
-            let [a, b, c, d] = &fields;
-            let windows = [
-                self.window(a)?,
-                self.window(b)?,
-                self.window(c)?,
-                self.window(d)?,
-            ];
-            match way.four(windows, self.decimal) {
+            match self.four(way, row, *columns) {
                 Some(values) => *slots = values,
                 None => {
-                    for (slot, field) in slots.iter_mut().zip(fields) {
-                        *slot = self.number(way, field)?;
+                    for (slot, column) in slots.iter_mut().zip(columns) {
+                        *slot = self.number(way, field(*column)?)?;
                     }
                 }
             }
@@ -246,6 +255,18 @@ impl Lines {
         self.line += 1;
         self.row = self.line;
         Some(row)
+    }
+
+    /// The numbers of four columns of a row of places; `None` where one of them may be of another form.
+    #[inline(always)]
+    fn four(&self, way: impl Way, row: &[u32], [a, b, c, d]: [usize; 4]) -> Option<[f64; 4]> {
+        let [a, b, c, d] = [
+            enclosed(&self.text, around(row, a)?)?,
+            enclosed(&self.text, around(row, b)?)?,
+            enclosed(&self.text, around(row, c)?)?,
+            enclosed(&self.text, around(row, d)?)?,
+        ];
+        way.four([a, b, c, d], self.decimal)
     }
 
     /// A field at the end of the characters before its end.
