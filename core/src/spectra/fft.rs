@@ -388,20 +388,20 @@ pub(super) fn lines<L: Lane>(z: &[Complex<L>], first: usize) -> impl Iterator<It
     let down = z
         .get(..(z.len() + 1).saturating_sub(first))
         .unwrap_or_default();
-    up.zip(down.rchunks_exact(1))
-        .zip(factors.unwrap_or_default())
-        .map(
-            #[inline(always)]
-            |((z, y), w)| {
-                let [y, ..] = y else {
-                    return Complex::default();
-                };
-                // Twice the transforms of the even samples and of the odd ones.
-                let even = Complex::new(z.re.plus(y.re), z.im.minus(y.im));
-                let odd = Complex::new(z.im.plus(y.im), y.re.minus(z.re));
-                plus(even, times(odd, *w))
-            },
-        )
+    let pairs = up.zip(down.rchunks_exact(1));
+    L::each(
+        pairs.zip(factors.unwrap_or_default()),
+        #[inline(always)]
+        |((z, y), w)| {
+            let [y, ..] = y else {
+                return Complex::default();
+            };
+            // Twice the transforms of the even samples and of the odd ones.
+            let even = Complex::new(z.re.plus(y.re), z.im.minus(y.im));
+            let odd = Complex::new(z.im.plus(y.im), y.re.minus(z.re));
+            plus(even, times(odd, *w))
+        },
+    )
 }
 
 #[cfg(test)]

@@ -284,7 +284,8 @@ impl BlockSettings {
         match *coefficients {
             [c0] => {
                 let own = c0 * gain;
-                let windowed = lines(z, grid.first).map(
+                let windowed = L::each(
+                    lines(z, grid.first),
                     #[inline(always)]
                     |line| scaled(line, own),
                 );
@@ -301,7 +302,8 @@ impl BlockSettings {
                 } else {
                     before = Complex::new(line.re.times(c1 / c0), L::default());
                 }
-                let windowed = from.map(
+                let windowed = L::each(
+                    from,
                     #[inline(always)]
                     move |next| {
                         let both = scaled(plus(before, next), beside);

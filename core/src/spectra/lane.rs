@@ -157,6 +157,9 @@ pub trait Lane: Copy + Default {
 
     /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
     fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
+
+    /// What `f` makes of each of `items`.
+    fn each<I: Iterator, T>(items: I, f: impl FnMut(I::Item) -> T) -> impl Iterator<Item = T>;
 }
 
 impl Lane for f32 {
@@ -219,6 +222,11 @@ impl Lane for f32 {
             *slot = line;
         }
     }
+
+    #[inline(always)]
+    fn each<I: Iterator, T>(items: I, f: impl FnMut(I::Item) -> T) -> impl Iterator<Item = T> {
+        items.map(f)
+    }
 }
 
 /// Samples of several channels: the names of the numbers of two of them, and of their slots.
@@ -278,39 +286,67 @@ macro_rules! lanes {
 
             #[inline(always)]
             fn keep(
-                lines: impl Iterator<Item = Complex<Self>>,
+                mut lines: impl Iterator<Item = Complex<Self>>,
                 kept: &mut [Complex32],
                 count: usize,
             ) {
-                let mut lines = lines.take(count);
                 let mut channels = kept.chunks_exact_mut(count.max(1));
                 let mut channel = || channels.next().unwrap_or_default();
                 let [$(mut $slot),*] = [$({ let _ = $i; channel() }),*];
+                let mut part = |lines: &[Complex<Self>]| {
+                    $(
+                        for (slot, Complex { re, im }) in $slot.iter_mut().zip(lines) {
+                            *slot = Complex32::new(re[$i], im[$i]);
+                        }
+                        let rest = core::mem::take(&mut $slot);
+                        $slot = rest.get_mut(lines.len()..).unwrap_or_default();
+                    )*
+                };
                 // Some lines are computed before they are taken apart: the compiler would calculate with
                 // one channel at a time otherwise.
                 let mut some = [Complex::default(); 16];
+                let mut left = count;
                 loop {
-                    let mut taken = 0;
-                    for slot in &mut some {
+                    let mut computed = 0;
+                    for slot in some.iter_mut().take(left) {
                         let Some(line) = lines.next() else {
                             break;
                         };
                         *slot = line;
-                        taken += 1;
+                        computed += 1;
                     }
-                    $(
-                        for (slot, Complex { re, im }) in $slot.iter_mut().zip(some.iter().take(taken)) {
-                            *slot = Complex32::new(re[$i], im[$i]);
-                        }
-                        $slot = $slot.get_mut(taken..).unwrap_or_default();
-                    )*
-                    if taken < some.len() {
+                    part(some.get(..computed).unwrap_or_default());
+                    left -= computed;
+                    if computed < some.len() {
                         break;
                     }
                 }
             }
+
+            #[inline(always)]
+            fn each<I: Iterator, T>(
+                items: I,
+                f: impl FnMut(I::Item) -> T,
+            ) -> impl Iterator<Item = T> {
+                Each(items, f)
+            }
         }
     };
+}
+
+/// [`Iterator::map`] that is compiled into its caller, for the processor of that, however long it is.
+struct Each<I, F>(I, F);
+
+impl<I: Iterator, T, F: FnMut(I::Item) -> T> Iterator for Each<I, F> {
+    type Item = T;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<T> {
+        match self.0.next() {
+            Some(item) => Some((self.1)(item)),
+            None => None,
+        }
+    }
 }
 
 lanes!(4: a e s 0 b f t 1 c g u 2 d h v 3);

@@ -53,17 +53,14 @@ impl Half {
     /// Its sums of some samples: products are added in the order of the channels, as [`RunGeometry::resultants`] adds
     /// them.
     #[inline(always)]
-    fn sums<const N: usize>(&self, samples: [&[f32]; N]) -> [Six; N] {
-        let mut sums = [[0.0; SIX]; N];
-        let count = self.scales.len();
-        let mut own = samples.map(|sample| sample.get(self.first..).unwrap_or_default());
-        // Of one known length, so that no place is looked up with a check.
-        if own.iter().all(|own| own.len() >= count) {
-            own = own.map(|own| own.get(..count).unwrap_or_default());
-        }
-        for (channel, (scale, gains)) in self.scales.iter().zip(&self.gains).enumerate() {
-            for (sums, sample) in sums.iter_mut().zip(own) {
-                let x = sample.get(channel).copied().unwrap_or(0.0) * scale;
+    fn sums(&self, samples: [&[f32]; TOGETHER]) -> [Six; TOGETHER] {
+        let mut sums = [[0.0; SIX]; TOGETHER];
+        let [a, b, c, d] = samples.map(|sample| sample.get(self.first..).unwrap_or_default());
+        let readings = a.iter().zip(b).zip(c.iter().zip(d));
+        for ((scale, gains), ((a, b), (c, d))) in self.scales.iter().zip(&self.gains).zip(readings)
+        {
+            for (sums, reading) in sums.iter_mut().zip([a, b, c, d]) {
+                let x = reading * scale;
                 for (sum, gain) in sums.iter_mut().zip(gains) {
                     *sum += gain * x;
                 }
@@ -76,8 +73,9 @@ impl Half {
 /// Sums of several halves, sample by sample.
 pub(super) struct Halves {
     pub(super) halves: Vec<Half>,
-    /// Of each sample as many as there are halves.
+    /// Of each half as many as there are samples.
     sums: Vec<Six>,
+    samples: usize,
 }
 
 impl Halves {
@@ -85,6 +83,7 @@ impl Halves {
         Self {
             halves: Vec::new(),
             sums: Vec::new(),
+            samples: 0,
         }
     }
 
@@ -109,35 +108,30 @@ impl Halves {
     #[inline(always)]
     fn take_each(&mut self, samples: &[f32], channels: usize) {
         let channels = channels.max(1);
-        let count = self.halves.len();
-        self.sums.clear();
+        self.samples = samples.len() / channels;
+        // What is left of earlier samples is written over.
         self.sums
-            .resize(samples.len() / channels * count, [0.0; SIX]);
-        for (number, half) in self.halves.iter().enumerate() {
-            let mut sums = self.sums.iter_mut().skip(number).step_by(count);
+            .resize(self.halves.len() * self.samples, [0.0; SIX]);
+        let each = self.sums.chunks_exact_mut(self.samples.max(1));
+        for (half, sums) in self.halves.iter().zip(each) {
+            let (fours, rest) = sums.as_chunks_mut();
             let mut groups = samples.chunks_exact(TOGETHER * channels);
-            for group in groups.by_ref() {
+            for (group, four) in groups.by_ref().zip(fours) {
                 let mut each = group.chunks_exact(channels);
-                let four = [(); TOGETHER].map(|()| each.next().unwrap_or_default());
-                // In this order, no place is passed over behind the last of them.
-                for (six, slot) in half.sums(four).into_iter().zip(sums.by_ref()) {
-                    *slot = six;
-                }
+                *four = half.sums([(); TOGETHER].map(|()| each.next().unwrap_or_default()));
             }
-            for sample in groups.remainder().chunks_exact(channels) {
-                let [six] = half.sums([sample]);
-                if let Some(slot) = sums.next() {
-                    *slot = six;
-                }
+            let others = groups.remainder().chunks_exact(channels);
+            for (sample, slot) in others.zip(rest) {
+                [*slot, ..] = half.sums([sample; TOGETHER]);
             }
         }
     }
 
-    /// The sums of a sample by its number, one of each half.
-    pub(super) fn of(&self, sample: usize) -> &[Six] {
-        let count = self.halves.len();
-        let own = self.sums.get(sample * count..(sample + 1) * count);
-        own.unwrap_or_default()
+    /// The sums of one of the halves of a sample, each by its number.
+    #[inline]
+    pub(super) fn of(&self, half: usize, sample: usize) -> Six {
+        let own = self.sums.get(half * self.samples + sample);
+        own.copied().unwrap_or_default()
     }
 }
 
@@ -214,9 +208,8 @@ mod tests {
             for (n, sample) in samples.chunks_exact(channels).enumerate() {
                 for (geometry, numbers) in geometries.iter().zip(numbers) {
                     let expected = geometry.resultants(sample).map(f32::to_bits);
-                    let sums = halves.of(n);
                     let found: [u32; RESULTANTS] =
-                        core::array::from_fn(|j| sums[numbers[j / 6]][j % 6].to_bits());
+                        core::array::from_fn(|j| halves.of(numbers[j / 6], n)[j % 6].to_bits());
                     assert_eq!(found, expected);
                 }
             }

@@ -123,7 +123,12 @@ impl Shared {
 
     /// Writes the channels of a sample, with its sums.
     #[inline]
-    fn write<'a>(&self, sample: &[f32], sums: &[Six], into: &'a mut [f32]) -> &'a [f32] {
+    fn write<'a>(
+        &self,
+        sample: &[f32],
+        sums: impl Fn(usize) -> Six,
+        into: &'a mut [f32],
+    ) -> &'a [f32] {
         for origin in &self.origins {
             let own = into.get_mut(origin.channel..).unwrap_or_default();
             match &origin.source {
@@ -134,7 +139,7 @@ impl Shared {
                     }
                 }
                 Source::Sums(half, sum) => {
-                    let six = sums.get(*half).copied().unwrap_or_default();
+                    let six = sums(*half);
                     match own.first_chunk_mut::<SIX>() {
                         // Those behind its own ones are written later.
                         Some(slots) if *sum == 0 => *slots = six,
@@ -269,7 +274,7 @@ pub(super) fn stream(
             // All complete their blocks with the same sample.
             let mut admitted = None;
             for (blocks, input, shared) in &mut feeds {
-                let input = shared.write(sample, halves.of(n), input);
+                let input = shared.write(sample, |half| halves.of(half, n), input);
                 let Some(block) = blocks.push(input) else {
                     continue;
                 };
@@ -316,10 +321,11 @@ mod tests {
         };
         shared.settle();
         let sample = [10.0, 20.0, 30.0, 40.0];
-        let sums = [0, 1].map(|half| core::array::from_fn(|sum| (100 * half + sum) as f32));
+        let sums: [Six; 2] =
+            [0, 1].map(|half| core::array::from_fn(|sum| (100 * half + sum) as f32));
         let mut into = shared.room();
         into.fill(f32::NAN);
-        let found = shared.write(&sample, &sums, &mut into);
+        let found = shared.write(&sample, |half| sums[half], &mut into);
         assert_eq!(found.len(), made.len());
         for (&found, made) in found.iter().zip(made) {
             let expected = match made {

@@ -199,35 +199,55 @@ impl Health {
         }
     }
 
-    /// Sums up means and squares of samples.
+    /// Sums up means and squares of samples, of many channels at a time: each sum waits for the one before it.
     #[inline(always)]
     fn add_moments(&mut self, samples: &[f32], channels: usize) {
-        let samples = samples.chunks_exact(channels);
-        let (means, other_means) = self.means.as_chunks_mut::<SIDE>();
-        let (squares, other_squares) = self.squares.as_chunks_mut::<SIDE>();
-        let first_other = means.len() * SIDE;
-        for (group, (means, squares)) in means.iter_mut().zip(squares).enumerate() {
+        let mut at = 0;
+        while at < channels {
+            at = if channels - at > SIDE && channels >= 2 * SIDE {
+                self.add_moments_from::<{ 2 * SIDE }>(samples, channels, at)
+            } else if channels >= SIDE {
+                self.add_moments_from::<SIDE>(samples, channels, at)
+            } else {
+                self.add_moments_from::<1>(samples, channels, at)
+            };
+        }
+    }
+
+    /// The same of `N` channels from `at` on, which moves back where fewer are left: those before `at` keep what they
+    /// have. The number of the next channel.
+    #[inline(always)]
+    fn add_moments_from<const N: usize>(
+        &mut self,
+        samples: &[f32],
+        channels: usize,
+        at: usize,
+    ) -> usize {
+        let first = at.min(channels - N);
+        let own = first..first + N;
+        let means = self.means.get_mut(own.clone());
+        let squares = self.squares.get_mut(own.clone());
+        if let Some(means) = means.and_then(|means| means.first_chunk_mut::<N>())
+            && let Some(squares) = squares.and_then(|squares| squares.first_chunk_mut::<N>())
+        {
             let (mut mean, mut square, mut count) = (*means, *squares, self.count);
-            for sample in samples.clone() {
+            for sample in samples.chunks_exact(channels) {
                 count += 1.0;
-                let Some(readings) = sample.as_chunks::<SIDE>().0.get(group) else {
+                let readings = sample.get(first..).and_then(|x| x.first_chunk::<N>());
+                let Some(readings) = readings else {
                     break;
                 };
-                let moments = mean.iter_mut().zip(&mut square).zip(readings);
-                for ((mean, square), x) in moments {
+                for ((mean, square), x) in mean.iter_mut().zip(&mut square).zip(readings) {
                     add_moment(mean, square, f64::from(*x), count);
                 }
             }
-            (*means, *squares) = (mean, square);
-        }
-        let others = other_means.iter_mut().zip(other_squares);
-        for (channel, (mean, square)) in (first_other..).zip(others) {
-            let mut count = self.count;
-            for x in samples.clone().filter_map(|sample| sample.get(channel)) {
-                count += 1.0;
-                add_moment(mean, square, f64::from(*x), count);
+            let moments = mean.iter().zip(&square).skip(at - first);
+            let slots = means.iter_mut().zip(squares).skip(at - first);
+            for ((mean_slot, square_slot), (mean, square)) in slots.zip(moments) {
+                (*mean_slot, *square_slot) = (*mean, *square);
             }
         }
+        first + N
     }
 
     /// `true` if these samples change no extreme.

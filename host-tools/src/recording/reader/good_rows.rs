@@ -6,7 +6,6 @@ impl Recording {
     /// The next samples one after the other, in the order of the channels asked for, as far as they have been read,
     /// have no faults and are in step; none where [`Recording::next_row`] has to look at the next one.
     pub(crate) fn good_rows(&mut self) -> &[f32] {
-        self.singles.clear();
         let ends = self.limit.is_some_and(|limit| self.rows >= limit);
         if self.alignment.is_some() || self.channels == 0 || ends {
             return &[];
@@ -66,6 +65,7 @@ fn singles(readings: &[f64], width: usize, factors: &[f64], into: &mut Vec<f32>)
 #[inline(always)]
 fn each(readings: &[f64], width: usize, factors: &[f64], into: &mut Vec<f32>) -> bool {
     let count = readings.len() / width.max(1);
+    // What is left of earlier samples is written over.
     into.resize(count * factors.len(), 0.0);
     let samples = readings.chunks_exact(width.max(1));
     let mut finite = true;
