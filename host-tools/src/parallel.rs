@@ -56,6 +56,31 @@ pub(crate) fn each_with_shares<T: Send, E: Send>(
     told.map(|(results, _)| results)
 }
 
+/// Does two pieces of work, beside each other where there are `threads` threads for them, as many as there are
+/// processors if `None`.
+pub(crate) fn both<A: Send, B>(
+    threads: Option<usize>,
+    a: impl FnOnce() -> A + Send,
+    b: impl FnOnce() -> B,
+) -> (A, B) {
+    if threads.unwrap_or_else(processors) < 2 {
+        return (a(), b());
+    }
+    std::thread::scope(|scope| {
+        let a = scope.spawn(a);
+        let b = b();
+        let a = a.join();
+        (
+            a.unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            b,
+        )
+    })
+}
+
+fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
 /// Does the jobs; `told` hears the number of a job and the share of it that is done, 1 at its end.
 fn run<T: Send, E: Send>(
     count: usize,
@@ -63,7 +88,6 @@ fn run<T: Send, E: Send>(
     job: Job<'_, T, E>,
     told: &mut dyn FnMut(usize, f64),
 ) -> Result<(Vec<T>, Duration), E> {
-    let processors = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = threads.unwrap_or_else(processors).clamp(1, count.max(1));
     let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();
@@ -120,6 +144,13 @@ mod tests {
             let expected: Vec<usize> = (0..20).map(|n| n * n).collect();
             assert_eq!(done.map(|(results, _)| results), Ok(expected));
             assert_eq!(heard, 20);
+        }
+    }
+
+    #[test]
+    fn two_pieces_of_work_give_what_each_gives() {
+        for threads in [None, Some(1), Some(2)] {
+            assert_eq!(both(threads, || 3, || "b"), (3, "b"));
         }
     }
 

@@ -1,7 +1,7 @@
 //! Overlapping blocks out of a stream of samples, transformed as soon as they are complete.
 
 use super::history::{Compiled, Rings};
-use super::lane::{Complex, Lane};
+use super::lane::Complex;
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
 
@@ -39,7 +39,7 @@ impl<'a> BlockSpectra<'a> {
 /// channel, or four or eight at a time as `Blocks<[f32; 4]>` and `Blocks<[f32; 8]>`, where the processor
 /// calculates with as many numbers at once. The spectra have the same bits.
 #[derive(Debug)]
-pub struct Blocks<'s, L: Lane = f32> {
+pub struct Blocks<'s, L = f32> {
     rings: Rings<L>,
     history: &'s mut [f32],
     work: &'s mut [Complex<L>],

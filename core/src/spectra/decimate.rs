@@ -14,7 +14,6 @@ use super::half_band::{
     wide_early, wide_last,
 };
 use super::lane::{Lane, Row};
-use core::marker::PhantomData;
 
 /// Share of the decimated block up to which lines may be kept: the pass band's edge.
 pub(super) const USABLE: f64 = 25.0 / 64.0;
@@ -127,12 +126,14 @@ struct Work {
     outputs: usize,
 }
 
-/// Samples on their way through the filters, in rows of groups of channels.
+/// Samples on their way through the filters.
 #[derive(Clone, Copy, Debug)]
-pub struct Decimator<R> {
+pub struct Decimator {
     filters: Filters,
     lines: [Line; MAX_STAGES],
     channels: usize,
+    /// Channels of a group, that is of a row.
+    width: usize,
     /// Rows of a group's state.
     group: usize,
     /// The rows of the storage that take the next two samples, for the first group.
@@ -141,12 +142,11 @@ pub struct Decimator<R> {
     wanted: usize,
     /// Samples until all outputs are there, those that have come since the filters ran last among them.
     left: usize,
-    rows: PhantomData<R>,
 }
 
-impl<R: Row> Decimator<R> {
-    /// Filters of so many channels, to be begun.
-    pub(super) fn new(filters: Filters, channels: usize) -> Self {
+impl Decimator {
+    /// Filters of so many channels in groups of `width`, to be begun.
+    pub(super) fn new(filters: Filters, channels: usize, width: usize) -> Self {
         let mut lines = [Line::default(); MAX_STAGES];
         let mut begin = 0;
         for (stage, line) in lines.iter_mut().enumerate().take(filters.stages) {
@@ -164,11 +164,11 @@ impl<R: Row> Decimator<R> {
             filters,
             lines,
             channels,
+            width,
             group: filters.rows(),
             places: [0; 2],
             wanted: 0,
             left: 0,
-            rows: PhantomData,
         }
     }
 
@@ -188,10 +188,11 @@ impl<R: Row> Decimator<R> {
     /// Collects the next samples after the filters ran, those of no output yet among them.
     pub(super) fn go_on(&mut self, base: usize) {
         let [Line { begin, kept, .. }, ..] = &self.lines;
+        let base = base.checked_div(self.width).unwrap_or(0);
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
-            (Some(begin), Some(kept)) => base / R::CHANNELS + begin + kept,
-            _ => base / R::CHANNELS,
+            (Some(begin), Some(kept)) => base + begin + kept,
+            _ => base,
         });
         self.wanted = self.together();
     }
@@ -199,9 +200,9 @@ impl<R: Row> Decimator<R> {
     /// Takes one sample of every channel into their states in `storage`; a channel that `sample` lacks
     /// reads zero. `true` once the filters can run.
     #[inline]
-    pub(super) fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
+    pub(super) fn push<R: Row>(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         if sample.len() < self.channels {
-            self.clear(storage);
+            self.clear::<R>(storage);
         }
         let [at, next] = self.places;
         self.places = [next, at + 1];
@@ -212,7 +213,7 @@ impl<R: Row> Decimator<R> {
 
     /// Lets the sample that comes next read zero in all channels.
     #[cold]
-    fn clear(&self, storage: &mut [f32]) {
+    fn clear<R: Row>(&self, storage: &mut [f32]) {
         let [place, _] = self.places;
         let rows = R::rows_mut(storage).iter_mut().skip(place);
         rows.step_by(self.group.max(1))
@@ -224,7 +225,7 @@ impl<R: Row> Decimator<R> {
     /// each channel, too large by two a stage, go to its ring of `n` from `head` on; their number, zero before.
     #[cfg_attr(target_os = "none", inline(never))] // Storing a sample is to be short.
     #[cfg_attr(not(target_os = "none"), inline(always))] // Its caller says for which processor.
-    pub(super) fn filter<L: Lane<Row = R>>(
+    pub(super) fn filter<L: Lane>(
         &mut self,
         states: &mut [f32],
         rings: &mut [f32],
@@ -237,14 +238,14 @@ impl<R: Row> Decimator<R> {
             _ => return 0,
         };
         let mut channels = self.channels;
-        let states = R::rows_mut(states).chunks_exact_mut(self.group.max(1));
-        for (rows, rings) in states.zip(rings.chunks_mut(R::CHANNELS * n)) {
+        let states = L::Row::rows_mut(states).chunks_exact_mut(self.group.max(1));
+        for (rows, rings) in states.zip(rings.chunks_mut((L::Row::CHANNELS * n).max(1))) {
             self.run::<L>(rows, channels, works);
             if outputs == TOGETHER && head + TOGETHER <= n {
                 self.finish::<L>(rows, rings, (n, head));
             } else if outputs > 0 {
-                let mut y = [R::ZERO; TOGETHER];
-                let y = R::numbers_mut(&mut y);
+                let mut y = [L::Row::ZERO; TOGETHER];
+                let y = L::Row::numbers_mut(&mut y);
                 self.finish::<L>(rows, y, (TOGETHER, 0));
                 let rings = rings.chunks_mut(n * L::WIDTH);
                 for (ring, y) in rings.zip(y.chunks(TOGETHER * L::WIDTH)) {
@@ -256,7 +257,7 @@ impl<R: Row> Decimator<R> {
                 }
             }
             forget(rows, works);
-            channels = channels.saturating_sub(R::CHANNELS);
+            channels = channels.saturating_sub(L::Row::CHANNELS);
         }
         outputs
     }
@@ -284,7 +285,7 @@ impl<R: Row> Decimator<R> {
 
     /// Filters a group by all stages before the last one.
     #[cfg_attr(not(target_os = "none"), inline(always))]
-    fn run<L: Lane<Row = R>>(&self, rows: &mut [R], channels: usize, works: &[Work]) {
+    fn run<L: Lane>(&self, rows: &mut [L::Row], channels: usize, works: &[Work]) {
         let filter = if self.filters.wide {
             wide_early::<L>
         } else {
@@ -314,7 +315,7 @@ impl<R: Row> Decimator<R> {
 
     /// Filters a group by the last stage.
     #[cfg_attr(not(target_os = "none"), inline(always))]
-    fn finish<L: Lane<Row = R>>(&self, rows: &[R], rings: &mut [f32], place: (usize, usize)) {
+    fn finish<L: Lane>(&self, rows: &[L::Row], rings: &mut [f32], place: (usize, usize)) {
         let line = self.lines.get(self.filters.stages - 1);
         let Some(Line { begin, slack, .. }) = line else {
             return;
@@ -401,7 +402,7 @@ mod tests {
     /// Outputs of `channels` channels, taken in batches.
     fn outputs(filters: Filters, channels: &[Vec<f32>], batch: usize) -> Vec<Vec<f32>> {
         const N: usize = 16;
-        let mut decimator = Decimator::<[f32; GROUP]>::new(filters, channels.len());
+        let mut decimator = Decimator::new(filters, channels.len(), GROUP);
         let mut states = vec![0.0; filters.state_len(channels.len(), GROUP)];
         let mut rings = vec![0.0; N * channels.len()];
         let mut found = vec![Vec::new(); channels.len()];
@@ -409,7 +410,7 @@ mod tests {
         decimator.begin(0, batch);
         for n in 0..channels[0].len() {
             let sample: Vec<f32> = channels.iter().map(|x| x[n]).collect();
-            if decimator.push(&mut states, &sample) {
+            if decimator.push::<[f32; GROUP]>(&mut states, &sample) {
                 if decimator.filter::<f32>(&mut states, &mut rings, (N, head)) == 0 {
                     decimator.go_on(0);
                     continue;

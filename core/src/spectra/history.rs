@@ -14,11 +14,11 @@ use core::marker::PhantomData;
 /// once. Elsewhere use [`super::Blocks`]. Channels are transformed one by one, or by groups of four or
 /// eight as `[f32; 4]` and `[f32; 8]`, whose samples lie side by side.
 #[derive(Debug)]
-pub struct Rings<L: Lane = f32> {
+pub struct Rings<L = f32> {
     settings: BlockSettings,
     channels: usize,
     head: usize,
-    decimator: Decimator<L::Row>,
+    decimator: Decimator,
     /// Decimated samples still missing before the next block is complete.
     missing: usize,
     lane: PhantomData<L>,
@@ -53,7 +53,7 @@ impl<L: Compiled> Rings<L> {
             settings,
             channels,
             head: 0,
-            decimator: Decimator::new(settings.filters(), channels),
+            decimator: Decimator::new(settings.filters(), channels, L::Row::CHANNELS),
             missing: 0,
             lane: PhantomData,
         };
@@ -114,7 +114,7 @@ impl<L: Compiled> Rings<L> {
         if self.settings.filters().stages() == 0 {
             return self.push_unfiltered(storage, sample);
         }
-        self.decimator.push(storage, sample) && self.filter(storage)
+        self.decimator.push::<L::Row>(storage, sample) && self.filter(storage)
     }
 
     /// Filters the samples that wait. `true` if a block is complete.
@@ -214,7 +214,7 @@ pub trait Compiled: Lane {
 
     /// [`Decimator::filter`] of this type.
     fn filter(
-        decimator: &mut Decimator<Self::Row>,
+        decimator: &mut Decimator,
         states: &mut [f32],
         rings: &mut [f32],
         place: (usize, usize),
@@ -237,7 +237,7 @@ macro_rules! compiled {
             }
 
             fn filter(
-                decimator: &mut Decimator<Self::Row>,
+                decimator: &mut Decimator,
                 states: &mut [f32],
                 rings: &mut [f32],
                 place: (usize, usize),

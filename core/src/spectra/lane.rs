@@ -9,7 +9,7 @@ pub(super) const GROUP: usize = 4;
 
 /// Samples of the channels of a group at one instant, which lie side by side on their way through the
 /// filters.
-pub trait Row: Copy + core::fmt::Debug {
+pub trait Row: Copy {
     /// Number of channels.
     const CHANNELS: usize;
 

@@ -3,6 +3,7 @@
 
 use super::{AnswerError, OnProgress, Session};
 use crate::measure::Survey;
+use crate::parallel;
 use crate::setup::Setup;
 use massline_core::masslines::{FixedMode, FreeModes};
 use massline_core::modes::Pole;
@@ -58,13 +59,18 @@ impl Session<'_> {
         let fixed = self.fixed_modes(progress)?;
         let free = self.free_modes(progress)?;
         let survey = self.survey(progress)?;
+        let of_survey: &Survey = &survey;
+        let (free, fixed) = parallel::both(
+            self.threads,
+            || free.map_or_else(Vec::new, |modes| free_shapes(of_survey, &modes)),
+            || with_shapes(of_survey, fixed),
+        );
         let mut warnings = Vec::new();
-        let fixed: Vec<FixedShape> = with_shapes(&survey, fixed);
         warn_of_resolution(self.setup(), &survey, &fixed, &mut warnings);
         warn_of_mixtures(&fixed, &mut warnings);
         warn_of_unseen(&fixed, &mut warnings);
         Ok(Modal {
-            free: free.map_or_else(Vec::new, |modes| free_shapes(&survey, &modes)),
+            free,
             fixed,
             warnings,
         })

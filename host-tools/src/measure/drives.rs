@@ -192,34 +192,32 @@ impl DrivesAverage {
     /// Takes a block, whose channels are given by their numbers.
     pub(super) fn add_channels<'a>(&mut self, block: &dyn Fn(usize) -> &'a [Complex32]) {
         let each = self.each();
-        let (n, channels) = (self.drives, self.channels);
-        let (before, first) = (self.before, self.first);
-        let all: Vec<&[Complex32]> = (0..n + channels).map(|c| block(before + c)).collect();
-        let wide = |c: usize, line: usize| {
-            let z = all
-                .get(c)
-                .and_then(|lines| lines.get(first + line))
-                .copied()
-                .unwrap_or_default();
-            Complex::new(f64::from(z.re), f64::from(z.im))
+        let n = self.drives;
+        let own = |channel: usize| {
+            let lines = block(self.before + channel).get(self.first..);
+            lines.unwrap_or_default()
         };
-        let mut drives = vec![Complex::default(); n];
-        for (line, sums) in self.sums.chunks_exact_mut(each).enumerate() {
-            for (i, r) in drives.iter_mut().enumerate() {
-                *r = wide(i, line);
-            }
-            let (matrix, rest) = sums.split_at_mut(n * n);
-            for i in 0..n {
-                for j in 0..n {
-                    matrix[i * n + j] += drives[i] * drives[j].conj();
+        let wide = |z: &Complex32| Complex::new(f64::from(z.re), f64::from(z.im));
+        let drives: Vec<&[Complex32]> = (0..n).map(own).collect();
+        for i in 0..n {
+            for j in 0..n {
+                let lines = self.sums.chunks_exact_mut(each);
+                for (sums, (r, s)) in lines.zip(drives[i].iter().zip(drives[j])) {
+                    sums[i * n + j] += wide(r) * wide(s).conj();
                 }
             }
-            for (channel, sums) in rest.chunks_exact_mut(n + 1).enumerate().take(channels) {
-                let x = wide(n + channel, line);
-                for (sum, r) in sums.iter_mut().zip(&drives) {
-                    *sum += x * r.conj();
+        }
+        for channel in 0..self.channels {
+            let at = n * n + channel * (n + 1);
+            let x = own(n + channel);
+            for (j, drive) in drives.iter().enumerate() {
+                let lines = self.sums.chunks_exact_mut(each);
+                for (sums, (x, r)) in lines.zip(x.iter().zip(*drive)) {
+                    sums[at + j] += wide(x) * wide(r).conj();
                 }
-                sums[n] += x.norm_sqr();
+            }
+            for (sums, x) in self.sums.chunks_exact_mut(each).zip(x) {
+                sums[at + n] += wide(x).norm_sqr();
             }
         }
         self.blocks = self.blocks.saturating_add(1);
