@@ -201,6 +201,8 @@ fn plain(html: &str) -> String {
             _ => text += part,
         }
     }
+    // The sign beside a type that implements a trait worth noting, which depends on the crates that were looked at.
+    let text = text.replace('ⓘ', " ");
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let marks = [
         ("&lt;", "<"),
@@ -219,7 +221,7 @@ mod tests {
 
     const PAGE: &str = "<pre class=\"rust item-decl\"><code>pub struct <a href=\"x\">Band</a>&lt;'a&gt; {\n\
         <details><summary class=\"hideme\"><span>Show 2 fields</span></summary>    pub low: f64,\n}</code></pre>\
-        <section id=\"method.new\" class=\"method\"><h4 class=\"code-header\">pub fn <a>new</a>(low: f64) -&gt; Self</h4>\
+        <section id=\"method.new\" class=\"method\"><h4 class=\"code-header\">pub fn <a>new</a>(low: f64) -&gt; Self <a class=\"tooltip\">ⓘ</a></h4>\
         <h2 id=\"trait-implementations\">\
         <section id=\"impl-Clone-for-Band\"><h3 class=\"code-header\">impl Clone for Band</h3>\
         <section id=\"method.clone\"><h4 class=\"code-header\">fn clone(&amp;self) -&gt; Self</h4>\
