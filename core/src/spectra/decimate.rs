@@ -132,8 +132,6 @@ pub struct Decimator {
     filters: Filters,
     lines: [Line; MAX_STAGES],
     channels: usize,
-    /// Channels of a group, that is of a row.
-    width: usize,
     /// Rows of a group's state.
     group: usize,
     /// The rows of the storage that take the next two samples, for the first group.
@@ -145,8 +143,8 @@ pub struct Decimator {
 }
 
 impl Decimator {
-    /// Filters of so many channels in groups of `width`, to be begun.
-    pub(super) fn new(filters: Filters, channels: usize, width: usize) -> Self {
+    /// Filters of so many channels, to be begun.
+    pub(super) fn new(filters: Filters, channels: usize) -> Self {
         let mut lines = [Line::default(); MAX_STAGES];
         let mut begin = 0;
         for (stage, line) in lines.iter_mut().enumerate().take(filters.stages) {
@@ -164,7 +162,6 @@ impl Decimator {
             filters,
             lines,
             channels,
-            width,
             group: filters.rows(),
             places: [0; 2],
             wanted: 0,
@@ -173,7 +170,7 @@ impl Decimator {
     }
 
     /// Begins to collect the samples of `outputs` outputs, [`TOGETHER`] at most. The states begin at `base`
-    /// in their storage, a multiple of a group.
+    /// in their storage, counted in rows.
     pub(super) fn begin(&mut self, base: usize, outputs: usize) {
         self.left = outputs << self.filters.stages;
         self.lines.iter_mut().for_each(|line| line.waiting = 0);
@@ -188,7 +185,6 @@ impl Decimator {
     /// Collects the next samples after the filters ran, those of no output yet among them.
     pub(super) fn go_on(&mut self, base: usize) {
         let [Line { begin, kept, .. }, ..] = &self.lines;
-        let base = base.checked_div(self.width).unwrap_or(0);
         // The first one of a pair, and the second one.
         self.places = [1, 0].map(|i: usize| match (begin.get(i), kept.get(i)) {
             (Some(begin), Some(kept)) => base + begin + kept,
@@ -402,7 +398,7 @@ mod tests {
     /// Outputs of `channels` channels, taken in batches.
     fn outputs(filters: Filters, channels: &[Vec<f32>], batch: usize) -> Vec<Vec<f32>> {
         const N: usize = 16;
-        let mut decimator = Decimator::new(filters, channels.len(), GROUP);
+        let mut decimator = Decimator::new(filters, channels.len());
         let mut states = vec![0.0; filters.state_len(channels.len(), GROUP)];
         let mut rings = vec![0.0; N * channels.len()];
         let mut found = vec![Vec::new(); channels.len()];

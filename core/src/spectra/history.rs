@@ -53,7 +53,7 @@ impl<L: Compiled> Rings<L> {
             settings,
             channels,
             head: 0,
-            decimator: Decimator::new(settings.filters(), channels, L::Row::CHANNELS),
+            decimator: Decimator::new(settings.filters(), channels),
             missing: 0,
             lane: PhantomData,
         };
@@ -69,6 +69,11 @@ impl<L: Compiled> Rings<L> {
     /// Elements of the rings' storage, behind which the filters' states lie.
     fn rings_len(&self) -> usize {
         self.groups() * L::WIDTH * self.settings.transform_length()
+    }
+
+    /// Row of the storage where the filters' states begin.
+    fn first_row(&self) -> usize {
+        self.rings_len() / L::Row::CHANNELS
     }
 
     /// Forgets all samples: the next block starts with the next one.
@@ -98,7 +103,8 @@ impl<L: Compiled> Rings<L> {
 
     /// Goes on to the next outputs of the filters.
     fn begin(&mut self) {
-        self.decimator.begin(self.rings_len(), self.outputs());
+        let base = self.first_row();
+        self.decimator.begin(base, self.outputs());
     }
 
     /// The settings.
@@ -130,7 +136,8 @@ impl<L: Compiled> Rings<L> {
         let place = (n, self.head);
         let outputs = L::filter(&mut self.decimator, states, rings, place);
         if outputs == 0 {
-            self.decimator.go_on(self.rings_len());
+            let base = self.first_row();
+            self.decimator.go_on(base);
             return false;
         }
         let complete = self.advance(outputs);
