@@ -282,11 +282,6 @@ impl Decimator {
     /// Filters a group by all stages before the last one.
     #[cfg_attr(not(target_os = "none"), inline(always))]
     fn run<L: Lane>(&self, rows: &mut [L::Row], channels: usize, works: &[Work]) {
-        let filter = if self.filters.wide {
-            wide_early::<L>
-        } else {
-            narrow_early::<L>
-        };
         for pair in works.windows(2) {
             let [Work { line, outputs }, Work { line: next, .. }] = pair else {
                 return;
@@ -301,7 +296,11 @@ impl Decimator {
                 let (Some(e), Some(f)) = (own.get(seconds..), own.get(firsts..)) else {
                     return;
                 };
-                filter(channels, e, f, later, into);
+                if self.filters.wide {
+                    wide_early::<L>(channels, e, f, later, into);
+                } else {
+                    narrow_early::<L>(channels, e, f, later, into);
+                }
                 seconds += TOGETHER;
                 firsts += TOGETHER;
                 into = into.map(|row| row + TOGETHER / 2);

@@ -446,32 +446,37 @@ mod tests {
     /// Beside the definitions, over all samples at once.
     #[test]
     fn statistics_are_those_of_their_definitions() {
-        let channels = 11;
-        let samples: Vec<f32> = (0..channels * 500)
-            .map(|i| ((i * i) as f32 * 0.1).sin().clamp(-0.9, 0.8))
-            .collect();
-        let mut health = Health::new(channels);
-        health.add_all(&samples);
-        for (channel, found) in health.channels().iter().enumerate() {
-            let own: Vec<f32> = samples
-                .iter()
-                .skip(channel)
-                .step_by(channels)
-                .copied()
+        // Fewer than are summed up together, as many, and some more of each.
+        for channels in [3, 8, 11, 16, 21, 27] {
+            let samples: Vec<f32> = (0..channels * 500)
+                .map(|i| ((i * i) as f32 * 0.1).sin().clamp(-0.9, 0.8))
                 .collect();
-            let (low, high) = own.iter().fold((f32::MAX, f32::MIN), |(low, high), x| {
-                (low.min(*x), high.max(*x))
-            });
-            assert_eq!(found.range, [low, high]);
-            let at = |limit: f32| own.iter().filter(|x| **x == limit).count() as u64;
-            let in_a_row = |limit: f32| own.windows(2).filter(|x| **x == [limit; 2]).count() as u64;
-            let limit = if at(low) > at(high) { low } else { high };
-            assert_eq!(found.at_limit, [at(limit), in_a_row(limit)]);
-            let wide = own.iter().map(|x| f64::from(*x));
-            let mean = wide.clone().sum::<f64>() / 500.0;
-            let square = wide.map(|x| (x - mean).powi(2)).sum::<f64>() / 500.0;
-            // 500 roundings of numbers up to one.
-            assert!((found.mean - mean).abs() < 1e-13 && (found.rms - square.sqrt()).abs() < 1e-13);
+            let mut health = Health::new(channels);
+            health.add_all(&samples);
+            for (channel, found) in health.channels().iter().enumerate() {
+                let own: Vec<f32> = samples
+                    .iter()
+                    .skip(channel)
+                    .step_by(channels)
+                    .copied()
+                    .collect();
+                let (low, high) = own.iter().fold((f32::MAX, f32::MIN), |(low, high), x| {
+                    (low.min(*x), high.max(*x))
+                });
+                assert_eq!(found.range, [low, high]);
+                let at = |limit: f32| own.iter().filter(|x| **x == limit).count() as u64;
+                let in_a_row =
+                    |limit: f32| own.windows(2).filter(|x| **x == [limit; 2]).count() as u64;
+                let limit = if at(low) > at(high) { low } else { high };
+                assert_eq!(found.at_limit, [at(limit), in_a_row(limit)]);
+                let wide = own.iter().map(|x| f64::from(*x));
+                let mean = wide.clone().sum::<f64>() / 500.0;
+                let square = wide.map(|x| (x - mean).powi(2)).sum::<f64>() / 500.0;
+                // 500 roundings of numbers up to one.
+                assert!(
+                    (found.mean - mean).abs() < 1e-13 && (found.rms - square.sqrt()).abs() < 1e-13
+                );
+            }
         }
     }
 
