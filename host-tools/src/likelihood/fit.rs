@@ -240,7 +240,11 @@ pub fn fit(
         .system(&model, freedom, Detail::Test)
         .ok_or(FitError::Singular)?;
     let places = freedom.places(&model);
+    let freedom_told = Freedom { rigid, ..freedom };
+    let told = freedom_told.places(&model);
+    let beside = descent::inverse(&system.information, &told).ok_or(FitError::Singular)?;
     let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
+    let inverse = blended(&inverse, &places, &beside, &told, excited.believed);
     // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
     let by_information = corner(&inverse, &places) * 0.5;
     let mut scatter = DMatrix::zeros(places.len(), places.len());
@@ -260,7 +264,6 @@ pub fn fit(
             *x = *mean;
         }
     }
-    let freedom_told = Freedom { rigid, ..freedom };
     let tilt =
         tilt::spread(&problem, &likely_model, freedom_told, &excited).ok_or(FitError::Singular)?;
     let covariance =
@@ -288,8 +291,6 @@ pub fn fit(
     let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
     let free = (places.len() + leaked) as f64;
     // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
-    let told = freedom_told.places(&model);
-    let beside = descent::inverse(&system.information, &told).ok_or(FitError::Singular)?;
     let beside = corner(&beside, &told) * 0.5;
     let disagreement = low_lines(records, &model, &beside, rigid, threads);
     let expected = |r: &Record| r.equation_count() as f64;
@@ -318,6 +319,31 @@ pub fn fit(
         lines: records.iter().map(|r| r.frequencies.len()).sum(),
         model,
     })
+}
+
+/// Inverse information of all free parameters, from that with the inertia that the test does not tell as free as its
+/// guess is, and that `beside` a known one. The guess's uncertainty bends the centre of gravity by as much as the base
+/// truly rotates: by the share of the measured rotation that is `believed`. The rest is noise, whose effect is that
+/// of the directions' uncertainty.
+fn blended(
+    inverse: &DMatrix<f64>,
+    places: &[usize],
+    beside: &DMatrix<f64>,
+    told: &[usize],
+    believed: f64,
+) -> DMatrix<f64> {
+    let mut sum = inverse * believed;
+    let at: Vec<Option<usize>> = (places.iter())
+        .map(|place| told.iter().position(|p| p == place))
+        .collect();
+    for (j, b) in at.iter().enumerate() {
+        for (i, a) in at.iter().enumerate() {
+            if let (Some(a), Some(b)) = (a, b) {
+                sum[(i, j)] += beside[(*a, *b)] * (1.0 - believed);
+            }
+        }
+    }
+    sum
 }
 
 /// Covariance of σ from that of the free parameters; zero for those that are left out.
@@ -399,4 +425,33 @@ fn low_lines(
         }
     }
     sum.is_finite().then_some(sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With a rotation that is all motion the guess counts as it is, with one that is all noise as if it were known;
+    /// what the test does not tell has the variance of its share alone.
+    #[test]
+    fn a_guess_counts_by_the_share_of_rotation_that_is_motion() {
+        let information =
+            DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, 2.0, 0.5, 2.0, 5.0]);
+        let (places, told) = ([0, 5, 10], [0, 10]);
+        let inverse = descent::inverse(&information, &[0, 1, 2]).unwrap();
+        let beside = descent::inverse(&information, &[0, 2]).unwrap();
+        let of = |believed| blended(&inverse, &places, &beside, &told, believed);
+        assert_eq!(of(1.0), inverse);
+        let (none, half) = (of(0.0), of(0.5));
+        for (i, a) in [(0, 0), (2, 1)] {
+            for (j, b) in [(0, 0), (2, 1)] {
+                assert_eq!(none[(i, j)], beside[(a, b)]);
+                let mean = 0.5 * (inverse[(i, j)] + beside[(a, b)]);
+                assert!((half[(i, j)] - mean).abs() < 1e-15);
+            }
+            // What is known less tells less about the others.
+            assert!(beside[(a, a)] < half[(i, i)] && half[(i, i)] < inverse[(i, i)]);
+        }
+        assert_eq!(half[(1, 1)], 0.5 * inverse[(1, 1)]);
+    }
 }
