@@ -6,7 +6,7 @@ use super::leakage::leakage_terms;
 use super::model::{Model, RIGID};
 use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
-use super::start;
+use super::start::{self, RATIO};
 use super::tilt;
 use super::{Progress, Stage};
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix};
@@ -18,8 +18,6 @@ pub type Covariance10 = SMatrix<f64, RIGID, RIGID>;
 const STEPS: usize = 80;
 /// Share of the first mode up to which lines are low.
 const LOW: f64 = 0.35;
-/// 2V over degrees of freedom from which the model does not explain the lines.
-pub const RATIO: f64 = 1.2;
 /// Squared distance of the fits of low and of all lines from which they disagree.
 pub const DISAGREEMENT: f64 = 30.0;
 

@@ -43,11 +43,11 @@ mod tests;
 mod tilt;
 mod transform;
 
-pub use fit::{Covariance10, DISAGREEMENT, Doubt, Fit, FitError, Options, RATIO, fit};
+pub use fit::{Covariance10, DISAGREEMENT, Doubt, Fit, FitError, Options, fit};
 pub use model::{FittedMode, Model, RIGID};
 pub use record::{Complex6, Noise, Record, highest, real_equations};
 pub use rigid::{covariance_of, numbers, sigma_of};
-pub use start::MOST_MODES;
+pub use start::{MOST_MODES, RATIO};
 pub use transform::{Lines, transform};
 
 /// Step that a fit is at.

@@ -22,6 +22,8 @@ const CHANCE: f64 = 25.0;
 const STEPS: usize = 30;
 /// Fall of V, and share of V, at which a refit ends: far below what decides on a mode.
 const SETTLED: [f64; 2] = [1.0, 2e-4];
+/// 2V over degrees of freedom from which the model does not explain the lines.
+pub const RATIO: f64 = 1.2;
 /// Most modes.
 pub const MOST_MODES: usize = 30;
 /// Share of the highest line at which a mode beyond it is started.
@@ -33,12 +35,50 @@ const DOUBLE: f64 = 0.02;
 const TRIED: f64 = 1.5;
 const TOLD: f64 = 3.0;
 
+/// When exponents and offsets of modes become free.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Freed {
+    /// As soon as they explain more than one mode more.
+    Early,
+    /// Once no mode more helps.
+    Late,
+}
+
 /// Model with as many modes as the data support, ready for all lines; `None` where a fit without
 /// any mode fails.
+///
+/// Modes that are not found yet may look like offsets of those that are, and with these free may never be found, so
+/// that a search whose residuals are larger than the noise is made once more in the other order.
 pub(super) fn start(
     records: &[Record],
     excited: &Excited,
     rigid: [bool; RIGID],
+    threads: usize,
+    progress: &mut dyn FnMut(Progress),
+) -> Option<Model> {
+    let mut search = |freed| searched(records, excited, (rigid, freed), threads, progress);
+    let first = search(Freed::Early)?;
+    let misfit = |model: &Model| -> Option<f64> {
+        let leaked = |r: &Record| super::normal::misfit(r, model, true);
+        records.iter().map(|r| Some(leaked(r)?.misfit)).sum()
+    };
+    let explains = |v: f64| 2.0 * v <= RATIO * real_equations(records) as f64;
+    let before = misfit(&first)?;
+    if explains(before) {
+        return Some(first);
+    }
+    let second = search(Freed::Late).and_then(|model| Some((misfit(&model)?, model)));
+    match second {
+        Some((after, second)) if after < before => Some(second),
+        _ => Some(first),
+    }
+}
+
+/// The same in one order.
+fn searched(
+    records: &[Record],
+    excited: &Excited,
+    (rigid, order): ([bool; RIGID], Freed),
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
@@ -86,8 +126,11 @@ pub(super) fn start(
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let better = best.filter(|b| 2.0 * (found.misfit - b.misfit) - own > least);
             // A mode that moved between the runs, or whose damping is not viscous, looks like several: what
-            // explains more is taken first.
-            let freed = freed(&problem, freedom, &found, runs, least);
+            // explains more is taken first, if it is not to wait.
+            let freed = match (order, &better) {
+                (Freed::Late, Some(_)) => None,
+                _ => freed(&problem, freedom, &found, runs, least),
+            };
             let before = |b: &Descent| better.as_ref().is_none_or(|m| b.misfit < m.misfit);
             found = match freed.filter(before) {
                 Some(freed) => {
