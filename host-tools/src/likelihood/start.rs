@@ -58,13 +58,13 @@ pub(super) fn start(
 ) -> Option<Model> {
     let mut search = |freed| searched(records, excited, (rigid, freed), threads, progress);
     let first = search(Freed::Early)?;
+    let all = Problem::new(records, true, threads);
     let misfit = |model: &Model| -> Option<f64> {
-        let leaked = |r: &Record| super::normal::misfit(r, model, true);
-        records.iter().map(|r| Some(leaked(r)?.misfit)).sum()
+        let (_, leaked) = all.misfit(model, Freedom::all(rigid))?;
+        Some(leaked.iter().map(|of| of.misfit).sum())
     };
-    let explains = |v: f64| 2.0 * v <= RATIO * real_equations(records) as f64;
     let before = misfit(&first)?;
-    if explains(before) {
+    if 2.0 * before <= RATIO * real_equations(records) as f64 {
         return Some(first);
     }
     let second = search(Freed::Late).and_then(|model| Some((misfit(&model)?, model)));
