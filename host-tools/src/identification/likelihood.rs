@@ -12,7 +12,7 @@ use crate::setup::Setup;
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
 use massline_core::masslines::{Masslines, Method};
 use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia};
-use nalgebra::{SMatrix, SVector, Vector6};
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Name of the method.
 pub const NAME: &str = "ml";
@@ -110,10 +110,11 @@ pub fn widest_band(setup: &Setup) -> Option<[f64; 2]> {
 pub(crate) fn fit_records(
     read: &Records,
     band: &[f64; 2],
-    rigid: [bool; RIGID],
+    answer: &Identification,
     threads: usize,
     progress: &mut dyn FnMut(likelihood::Progress),
 ) -> Likelihood {
+    let rigid = told_of(answer);
     let mut found = Likelihood {
         fit: None,
         stepped_back: None,
@@ -126,6 +127,7 @@ pub(crate) fn fit_records(
         start: None,
         threads,
         rigid: Some(rigid),
+        near: near(answer),
     };
     // Two narrower bands: above the second mode, and above the first.
     for _ in 0..3 {
@@ -168,6 +170,14 @@ pub(crate) fn fit_records(
         .collect();
     found.stepped_back = Some(reasons.join("; "));
     found
+}
+
+/// Mass and first moments about the reference point, where the band's method has all four.
+fn near(band: &Identification) -> Option<[f64; 4]> {
+    let mass = band.mass?.value;
+    let [x, y, z] = band.centre_of_gravity;
+    let c = Vector3::new(x?.value, y?.value, z?.value) - band.reference;
+    Some([mass, mass * c.x, mass * c.y, mass * c.z])
 }
 
 /// Parameters σ that the band's method observes.
@@ -238,22 +248,16 @@ impl Session<'_> {
                 Ok(read) => {
                     let processors = || std::thread::available_parallelism().map_or(1, usize::from);
                     let threads = self.threads.unwrap_or_else(processors).max(1);
-                    fit_records(
-                        &read,
-                        &band,
-                        told_of(&answer.identification),
-                        threads,
-                        &mut |p| {
-                            let (name, share) = told(p);
-                            progress(Progress {
-                                work: Work::Fitting,
-                                run: 0,
-                                runs: 1,
-                                name: &name,
-                                share,
-                            });
-                        },
-                    )
+                    fit_records(&read, &band, &answer.identification, threads, &mut |p| {
+                        let (name, share) = told(p);
+                        progress(Progress {
+                            work: Work::Fitting,
+                            run: 0,
+                            runs: 1,
+                            name: &name,
+                            share,
+                        });
+                    })
                 }
             },
         };

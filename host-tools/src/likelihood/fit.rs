@@ -2,6 +2,7 @@
 
 use super::descent::{self, Freedom, Problem};
 use super::excited::Excited;
+use super::guess::Body;
 use super::leakage::leakage_terms;
 use super::model::{Model, RIGID};
 use super::normal::Detail;
@@ -16,6 +17,9 @@ pub type Covariance10 = SMatrix<f64, RIGID, RIGID>;
 
 /// Most steps of the last descent.
 const STEPS: usize = 80;
+/// Share of the measured rotation that is motion, from which modes are sought beside a guess of the inertia that the
+/// test does not tell.
+const ROTATES: f64 = 0.9;
 /// Share of the first mode up to which lines are low.
 const LOW: f64 = 0.35;
 /// Squared distance of the fits of low and of all lines from which they disagree.
@@ -54,6 +58,9 @@ pub struct Options {
     pub threads: usize,
     /// Parameters σ that the test tells; all if `None`. The others are left out.
     pub rigid: Option<[bool; RIGID]>,
+    /// Mass in kg and first moments about the reference point in kg m as another method has them: inertia that the test
+    /// does not tell is guessed from them while modes are sought, where the base rotates.
+    pub near: Option<[f64; 4]>,
 }
 
 /// A fit and its tests.
@@ -173,25 +180,27 @@ pub fn fit(
     let records = &projected;
     let threads = options.threads.max(1);
     let rigid = options.rigid.unwrap_or([true; RIGID]);
-    let problem = Problem::new(records, true, threads);
-    let mut model = match &options.start {
-        Some(model) => model.clone(),
+    let (mut model, sought) = match &options.start {
+        Some(model) => (model.clone(), Body::told(rigid)),
         None => {
-            start::start(records, &excited, rigid, threads, progress).ok_or(FitError::Singular)?
+            let sought = match &options.near {
+                Some(near) if excited.believed > ROTATES => {
+                    let mut model = Model::rigid([0.0; RIGID], highest(records), 1);
+                    model.rigid[..4].copy_from_slice(near);
+                    Body::guessed(rigid, &model, &noise)
+                }
+                _ => Body::told(rigid),
+            };
+            let found = start::start(records, &excited, &sought, threads, progress);
+            (found.ok_or(FitError::Singular)?, sought)
         }
     };
-    let likely = tilt::likely_inertia(&model, rigid, &noise);
-    let mut free = rigid;
-    for (i, known) in likely.iter().enumerate() {
-        if let Some([mean, _]) = known {
-            model.rigid[i] = *mean;
-            free[i] = true;
-        }
+    let body = Body::guessed(rigid, &model, &noise);
+    if sought.free != body.free {
+        body.put(&mut model);
     }
-    let problem = Problem {
-        body: Some(&likely),
-        ..problem
-    };
+    let free = body.free;
+    let problem = body.problem(records, threads);
     let possible = model.upper.map(|_| start::possible_rest(&model));
     let freedom = if model.modes.is_empty() {
         Freedom::least(free)
@@ -255,15 +264,14 @@ pub fn fit(
         let ratio = by_score[(i, i)] / by_information[(i, i)];
         if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
     });
-    // Inertia that the test does not tell follows the noise of the directions, which it multiplies.
-    let mut likely_model = model.clone();
-    for (x, known) in likely_model.rigid.iter_mut().zip(&likely) {
-        if let Some([mean, _]) = known {
-            *x = *mean;
-        }
+    let tilted = |freedom: Freedom| {
+        tilt::spread(&problem, &model, freedom, &excited).ok_or(FitError::Singular)
+    };
+    let mut tilt = tilted(freedom_told)?;
+    if free != rigid {
+        // Inertia that only a rotation tells follows what is wrong about the rotation, by the same shares.
+        tilt = tilted(freedom)? * excited.believed + tilt * (1.0 - excited.believed);
     }
-    let tilt =
-        tilt::spread(&problem, &likely_model, freedom_told, &excited).ok_or(FitError::Singular)?;
     let covariance =
         Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
     // Mean over the runs: what a mode and its offsets share is held by the offsets' prior alone.

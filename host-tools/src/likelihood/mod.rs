@@ -26,6 +26,7 @@ mod columns;
 mod descent;
 mod excited;
 mod fit;
+mod guess;
 mod lanes;
 mod leakage;
 mod model;

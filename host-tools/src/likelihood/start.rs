@@ -2,6 +2,7 @@
 
 use super::descent::{self, Descent, Freedom, Problem};
 use super::excited::{Excited, believed};
+use super::guess::Body;
 use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC, triangle};
 use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
@@ -52,15 +53,15 @@ enum Freed {
 pub(super) fn start(
     records: &[Record],
     excited: &Excited,
-    rigid: [bool; RIGID],
+    body: &Body,
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
-    let mut search = |freed| searched(records, excited, (rigid, freed), threads, progress);
+    let mut search = |freed| searched(records, excited, (body, freed), threads, progress);
     let first = search(Freed::Early)?;
-    let all = Problem::new(records, true, threads);
+    let all = body.problem(records, threads);
     let misfit = |model: &Model| -> Option<f64> {
-        let (_, leaked) = all.misfit(model, Freedom::all(rigid))?;
+        let (_, leaked) = all.misfit(model, Freedom::all(body.free))?;
         Some(leaked.iter().map(|of| of.misfit).sum())
     };
     let before = misfit(&first)?;
@@ -78,19 +79,19 @@ pub(super) fn start(
 fn searched(
     records: &[Record],
     excited: &Excited,
-    (rigid, order): ([bool; RIGID], Freed),
+    (body, order): (&Body, Freed),
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
-    let mut freedom = Freedom::least(rigid);
+    let mut freedom = Freedom::least(body.free);
     let runs = 1 + records.iter().map(|r| r.run).max()?;
     let lines = records.iter().map(|r| r.frequencies.len()).max()?;
     let thin = |wanted: usize| -> (usize, Vec<Record>) {
         let step = (lines / wanted).max(1);
         let thinned = records.iter().enumerate();
         // Records take turns, so that together they miss nothing.
-        let of = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
-        (step, thinned.map(of).collect())
+        let every = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
+        (step, thinned.map(every).collect())
     };
     let unit = highest(records);
     let groups = Groups::new(records, excited)?;
@@ -98,6 +99,7 @@ fn searched(
     let threshold = (8.0 + 2.0 * runs as f64) * count.ln();
 
     let mut model = Model::rigid([0.0; RIGID], unit, runs);
+    body.put(&mut model);
     model.upper = Some([0.0; SYMMETRIC]);
     let mut tell = |modes: usize, misfit: f64| {
         progress(Progress {
@@ -111,7 +113,7 @@ fn searched(
     let mut now: Option<Descent> = None;
     let mut now = loop {
         let (step, some) = thin(wanted);
-        let problem = Problem::new(&some, true, threads);
+        let problem = body.problem(&some, threads);
         let mut found = refit(&problem, freedom, now.as_ref().map_or(&model, |n| &n.model))?;
         // All lines together decide on a mode, but those that are left have to show it.
         let least = (threshold / step as f64).max(CHANCE);
@@ -134,7 +136,7 @@ fn searched(
             let before = |b: &Descent| better.as_ref().is_none_or(|m| b.misfit < m.misfit);
             found = match freed.filter(before) {
                 Some(freed) => {
-                    freedom = Freedom::all(rigid);
+                    freedom = Freedom::all(body.free);
                     freed
                 }
                 None => match better {
@@ -150,11 +152,11 @@ fn searched(
         now = Some(found);
         wanted *= FINER;
     };
-    let all = Problem::new(records, true, threads);
+    let all = body.problem(records, threads);
     let mut known: Option<Rest> = None;
     for wanted in [LINES, MORE_LINES] {
         let (step, some) = thin(wanted);
-        let problem = Problem::new(&some, true, threads);
+        let problem = body.problem(&some, threads);
         for turn in 0..2 {
             let rest = match known.take() {
                 Some(rest) => rest,

@@ -4,7 +4,7 @@
 use super::errors::Errors;
 use super::estimate::{Numbers, Outcome, Solution};
 use super::{Options, StudyError, Twin};
-use crate::identification::{self, Choice, Session, fit_records, told_of, widest_band};
+use crate::identification::{self, Choice, Session, fit_records, widest_band};
 use crate::measure::{Accelerations, measure_samples, sampled_records};
 use crate::prediction;
 use crate::simulate::{self, Bound};
@@ -115,7 +115,7 @@ pub(super) fn fitted(
         Ok(records) => records,
         Err(why) => return Ok(none(why.to_string())),
     };
-    let mut found = fit_records(&records, &widest, told_of(&band), 1, &mut |_| ());
+    let mut found = fit_records(&records, &widest, &band, 1, &mut |_| ());
     let numbers = found.numbers(&band, setup.known_mass);
     let fit = numbers.map_or(band, |(identification, _)| identification);
     Ok(Fitted {

@@ -1,7 +1,7 @@
 //! One draw: a random structure, its test, its bound, both answers.
 
 use super::{Axes, Case, Disturbance, Drawn, NUMBERS, Options, Scored};
-use crate::identification::{fit_records, told_of};
+use crate::identification::fit_records;
 use crate::likelihood::{Covariance10, Model as Fitted, Record, bound, numbers};
 use crate::prediction;
 use crate::simulate::{Measurement, Model, Plan, Shaking, Table};
@@ -200,8 +200,7 @@ fn one(
     };
     let began = Instant::now();
     let read = trial.lines(Some(level), [LOWEST, highest]);
-    let found =
-        read.map(|read| fit_records(&read, &[LOWEST, highest], told_of(&today), 1, &mut |_| ()));
+    let found = read.map(|read| fit_records(&read, &[LOWEST, highest], &today, 1, &mut |_| ()));
     drawn.work = began.elapsed();
     let mut given = today;
     match found {

@@ -1,0 +1,121 @@
+//! Guess of the inertia that the test does not tell.
+
+use super::descent::Problem;
+use super::model::{Model, RIGID};
+use super::record::Record;
+use massline_core::geometry::accelerometer_places;
+use nalgebra::{Matrix6, Vector3};
+
+/// Parameters of the rigid body that are sought.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    /// Those that are free.
+    pub(super) free: [bool; RIGID],
+    /// Means and standard deviations of those that the test does not tell.
+    pub(super) likely: [Option<[f64; 2]>; RIGID],
+}
+
+impl Body {
+    /// Those that the test tells.
+    pub(super) fn told(free: [bool; RIGID]) -> Self {
+        Self {
+            free,
+            likely: [None; RIGID],
+        }
+    }
+
+    /// The same with a guess of the inertia among the others, from mass and centre of gravity of a model and the
+    /// `noise` of base accelerations.
+    pub(super) fn guessed(told: [bool; RIGID], model: &Model, noise: &Matrix6<f64>) -> Self {
+        let likely = likely_inertia(model, told, noise);
+        let free = core::array::from_fn(|i| told[i] || likely[i].is_some());
+        Self { free, likely }
+    }
+
+    /// Records with leakage, beside these guesses.
+    pub(super) fn problem<'a>(&'a self, records: &'a [Record], threads: usize) -> Problem<'a> {
+        Problem {
+            body: Some(&self.likely),
+            ..Problem::new(records, true, threads)
+        }
+    }
+
+    /// Puts the guesses into a model.
+    pub(super) fn put(&self, model: &mut Model) {
+        for (x, known) in model.rigid.iter_mut().zip(&self.likely) {
+            if let Some([mean, _]) = known {
+                *x = *mean;
+            }
+        }
+    }
+}
+
+/// Mean and standard deviation of the inertia that the test does not tell, from mass, centre of gravity, and
+/// the `noise` of base accelerations: that of a body whose radius of gyration about its centre is the distance of
+/// the accelerometers on its base from an axis or that of the centre from their middle, whichever is longer, give
+/// or take all of it. Left out, it would stand for zero, and the least rotation of the base would bend the centre
+/// of gravity by more than its error bars say.
+fn likely_inertia(
+    model: &Model,
+    told: [bool; RIGID],
+    noise: &Matrix6<f64>,
+) -> [Option<[f64; 2]>; RIGID] {
+    let mut likely = [None; RIGID];
+    let mass = model.rigid[0];
+    if mass.is_nan() || mass <= 0.0 {
+        return likely;
+    }
+    let c = Vector3::new(model.rigid[1], model.rigid[2], model.rigid[3]) / mass;
+    let (middle, wide) = accelerometer_places(noise);
+    let own = wide.max((c - middle).norm_squared());
+    let about_a = c.norm_squared();
+    let terms = [
+        own + about_a - c.x * c.x,
+        own + about_a - c.y * c.y,
+        own + about_a - c.z * c.z,
+        c.x * c.y,
+        c.x * c.z,
+        c.y * c.z,
+    ];
+    for (i, term) in terms.into_iter().enumerate() {
+        if !told[4 + i] && own > 0.0 {
+            // Products of inertia are at most half the difference of two moments.
+            let spread = if i < 3 { own } else { 0.5 * own };
+            likely[4 + i] = Some([mass * term, mass * spread]);
+        }
+    }
+    likely
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The inertia about the centre of gravity is the same guess wherever A lies, and never none.
+    #[test]
+    fn the_guess_does_not_rest_on_the_reference_point() {
+        let own = |shift: f64, height: f64| {
+            let mut model = Model::rigid([0.0; RIGID], 1.0, 1);
+            // The centre lies this high above the sensors, and A where the shift says.
+            model.rigid[0] = 5.0;
+            model.rigid[3] = 5.0 * (height + shift);
+            let mut noise =
+                Matrix6::from_diagonal(&nalgebra::Vector6::new(1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3));
+            for (i, j, sign) in [(0, 4, -1.0), (1, 3, 1.0)] {
+                noise[(i, j)] = sign * shift * 1e-3;
+                noise[(j, i)] = noise[(i, j)];
+                noise[(i, i)] += shift * shift * 1e-3;
+            }
+            let likely = likely_inertia(&model, [false; RIGID], &noise);
+            likely[6].unwrap()
+        };
+        // The sensors lie 0.1 m² from an axis.
+        for (height, square) in [(0.5, 0.25), (0.2, 0.1)] {
+            for shift in [-height, 0.0, 4.0] {
+                let known = own(shift, height);
+                let off = known.map(|x| (x - 5.0 * square).abs());
+                assert!(off.iter().all(|x| *x < 1e-12), "{known:?}");
+            }
+        }
+    }
+}
