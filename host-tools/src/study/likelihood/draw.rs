@@ -23,6 +23,9 @@ const SEEDS: f64 = 9_007_199_254_740_992.0;
 /// End of the averaging band over the first mode.
 const BAND: f64 = 0.45;
 
+/// Couplings of a table that rotates a little, shares of its translations.
+const COUPLED: [f64; 2] = [1e-5, 1e-2];
+
 /// Modes of the case of many, and how far they lie apart.
 const MANY: (usize, [f64; 2]) = (20, [1.02, 1.08]);
 /// Highest line over the last of many modes.
@@ -83,7 +86,7 @@ fn test(
             match case.axes {
                 Axes::Rotations => motion = axes[run % 3],
                 Axes::All if run >= 3 => motion[run] = rotation(chance),
-                Axes::All | Axes::Translations => motion[run % 3] = level,
+                Axes::All | Axes::Translations | Axes::Coupled => motion[run % 3] = level,
             }
             let name = format!("run {}", run + 1);
             Plan::new(name, Shaking::random(motion, case.drive))
@@ -91,6 +94,7 @@ fn test(
         .collect();
     let cross_talk = match case.axes {
         Axes::All => chance.between(0.0, 0.05),
+        Axes::Coupled => chance.by_ratio(COUPLED[0], COUPLED[1]),
         Axes::Translations | Axes::Rotations => 0.0,
     };
     Model {

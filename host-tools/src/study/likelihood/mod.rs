@@ -74,6 +74,8 @@ pub enum Axes {
     All,
     /// Three translations, twice: nothing rotates.
     Translations,
+    /// The same of a table that rotates along, by as much as its noise hides up to what tells the inertia.
+    Coupled,
     /// Three rotations, twice, each about an axis of its own that passes A by.
     Rotations,
 }
@@ -96,7 +98,7 @@ pub enum Disturbance {
 }
 
 /// All kinds, in the order of the table.
-pub const CASES: [Case; 11] = [
+pub const CASES: [Case; 12] = [
     Case {
         name: "drive",
         drive: true,
@@ -119,6 +121,12 @@ pub const CASES: [Case; 11] = [
         name: "translations-no-drive",
         drive: false,
         axes: Axes::Translations,
+        disturbance: Disturbance::None,
+    },
+    Case {
+        name: "translations-coupled",
+        drive: true,
+        axes: Axes::Coupled,
         disturbance: Disturbance::None,
     },
     Case {
