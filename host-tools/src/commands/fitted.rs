@@ -49,8 +49,9 @@ pub(super) fn print(out: &mut dyn Write, fit: &LikelihoodDocument) -> Result<()>
     let ratio = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| plain(x, 3));
     writeln!(
         out,
-        "{dim}residuals: {} times the power of the noise; error bars: {} times what these lines could give at best (Cramér-Rao){dim:#}",
+        "{dim}residuals: {} times the power of the noise; error bars: {} times {}{dim:#}",
         ratio(fit.residual_ratio),
-        ratio(fit.over_bound)
+        ratio(fit.over_bound),
+        fit.bound_in_words()
     )
 }

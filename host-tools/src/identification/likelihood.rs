@@ -23,6 +23,10 @@ pub(crate) const DESCRIPTION: &str =
 
 /// Share of a mode's frequency at which fewer lines end.
 const ABOVE: f64 = 1.2;
+/// Share of a variance that the guess of the inertia adds, from which it is said: it doubles the error bar.
+const GUESSED: f64 = 0.75;
+/// The same in words.
+const GUESS: &str = "method ml: the base rotates along with its translations, by too little to tell the inertia: the centre of gravity rests on a guess of it (radius of gyration like the distance of the accelerometers from an axis, give or take as much); add runs that rotate";
 /// Scores a record gives, which the larger covariance rests on.
 const SCORES: f64 = 20.0;
 
@@ -306,6 +310,9 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
             .filter(|w| w.starts_with("method ml"));
         warnings.extend(own.cloned().collect::<Vec<_>>());
         answer.warnings = warnings;
+        if (found.fit.as_ref()).is_some_and(|fit| fit.guess_share > GUESSED) {
+            answer.warnings.push(GUESS.to_owned());
+        }
         for (highest, why) in &found.rejected {
             answer.warnings.push(format!(
                 "method ml: lines up to {highest:.1} Hz were not used: {why}"

@@ -75,6 +75,9 @@ pub struct Fit {
     /// Covariance of σ: of each number the larger of the two, and what the directions' uncertainty
     /// adds.
     pub covariance: Covariance10,
+    /// Largest share of the variance by information of a parameter that the test tells, which the guess of the inertia
+    /// adds that it does not tell.
+    pub guess_share: f64,
     /// Standard deviations of ln ω and ln ζ of each mode, as means over the runs.
     pub pole_deviations: Vec<[f64; 2]>,
     /// 2V of the data.
@@ -254,6 +257,10 @@ pub fn fit(
     let inverse = blended(&inverse, &places, &beside, &told, excited.believed);
     // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
     let by_information = corner(&inverse, &places) * 0.5;
+    let beside = corner(&beside, &told) * 0.5;
+    let guess_share = (told.iter().filter(|&&i| i < RIGID))
+        .map(|&i| 1.0 - beside[(i, i)] / by_information[(i, i)])
+        .fold(0.0, f64::max);
     let mut scatter = DMatrix::zeros(places.len(), places.len());
     for score in &system.scores {
         let free = DVector::from_fn(places.len(), |i, _| score[places[i]]);
@@ -297,7 +304,6 @@ pub fn fit(
     let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
     let free = (places.len() + leaked) as f64;
     // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
-    let beside = corner(&beside, &told) * 0.5;
     let disagreement = low_lines(records, &model, &beside, rigid, threads);
     let expected = |r: &Record| r.equation_count() as f64;
     let residuals = records
@@ -310,6 +316,7 @@ pub fn fit(
         by_information,
         by_score,
         covariance,
+        guess_share,
         pole_deviations,
         twice_misfit: 2.0 * system.data,
         freedom: equations as f64 - free,

@@ -40,8 +40,9 @@ fn lines(fit: &LikelihoodDocument) -> String {
             if let Some(over) = fit.over_bound {
                 let _ = write!(
                     html,
-                    " The error bars are {} times what these lines could give at best (Cramér-Rao bound).",
-                    significant(over, 3)
+                    " The error bars are {} times {}.",
+                    significant(over, 3),
+                    fit.bound_in_words()
                 );
             }
             html.push_str("</p>");

@@ -180,6 +180,17 @@ pub struct LikelihoodDocument {
     pub rejected: Vec<RejectedBand>,
 }
 
+impl LikelihoodDocument {
+    /// Words after the ratio of the error bars to the Cramér-Rao bound, which knows the lines and nothing else.
+    pub(crate) fn bound_in_words(&self) -> &'static str {
+        if self.over_bound.is_some_and(|over| over < 1.0) {
+            "what these lines could give by themselves (Cramér-Rao bound); the fit also knows that a base may be at rest"
+        } else {
+            "what these lines could give at best (Cramér-Rao bound)"
+        }
+    }
+}
+
 /// A band whose fit was not used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RejectedBand {
