@@ -101,6 +101,11 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// The same with weights of E.
+    pub(super) fn beside(self, rest: Option<&'a DMatrix<f64>>) -> Self {
+        Self { rest, ..self }
+    }
+
     /// Of each record something, by as many threads as wanted.
     fn each<T: Send>(&self, one: impl Fn(&Record, usize) -> Option<T> + Sync) -> Option<Vec<T>> {
         let one = |e: usize| one(&self.records[e], e).ok_or(());

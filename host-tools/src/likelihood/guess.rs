@@ -1,10 +1,17 @@
 //! Guess of the inertia that the test does not tell.
 
 use super::descent::Problem;
+use super::fit::Covariance10;
 use super::model::{Model, RIGID};
 use super::record::Record;
 use massline_core::geometry::accelerometer_places;
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
+
+/// Most steps towards the scale of the guess's deviations, and change at which they end.
+const STEPS: usize = 1000;
+const SETTLED: f64 = 1e-4;
+/// Scale from which the guess is widened.
+const WIDER: f64 = 1.1;
 
 /// Parameters of the rigid body that are sought.
 #[derive(Clone, Debug)]
@@ -38,6 +45,46 @@ impl Body {
             body: Some(&self.likely),
             ..Problem::new(records, true, threads)
         }
+    }
+
+    /// The same with deviations from the guess as large as the data say (the scale of most marginal likelihood, by the
+    /// steps of Dempster, Laird and Rubin 1977), from the fitted model and its `covariance` beside this guess; `None`
+    /// where they are no larger. A body may be far larger than its sensors tell.
+    pub(super) fn widened(&self, model: &Model, covariance: &Covariance10) -> Option<Self> {
+        let guessed: Vec<(usize, [f64; 2])> = (self.likely.iter().enumerate())
+            .filter_map(|(i, known)| Some((i, (*known)?)))
+            .collect();
+        let n = guessed.len();
+        // In units of the guess's deviations.
+        let own = DMatrix::from_fn(n, n, |i, j| {
+            let ((a, [_, of_a]), (b, [_, of_b])) = (guessed[i], guessed[j]);
+            covariance[(a, b)] / (of_a * of_b)
+        });
+        let away = DVector::from_fn(n, |i, _| {
+            let (a, [mean, deviation]) = guessed[i];
+            (model.rigid[a] - mean) / deviation
+        });
+        let weights = own.cholesky()?.inverse();
+        let told = &weights * away;
+        let mut scale = 1.0_f64;
+        for _ in 0..STEPS {
+            let mut weights = weights.clone();
+            for i in 0..n {
+                weights[(i, i)] += 1.0 / (scale * scale) - 1.0;
+            }
+            let own = weights.cholesky()?.inverse();
+            let square = ((&own * &told).norm_squared() + own.trace()) / n as f64;
+            let before = scale;
+            scale = square.sqrt().max(1.0);
+            if (scale - before).abs() < SETTLED * scale {
+                break;
+            }
+        }
+        let mut wider = self.clone();
+        for [_, deviation] in wider.likely.iter_mut().flatten() {
+            *deviation *= scale;
+        }
+        (scale > WIDER).then_some(wider)
     }
 
     /// Puts the guesses into a model.

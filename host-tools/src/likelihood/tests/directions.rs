@@ -10,15 +10,15 @@ fn told() -> [bool; RIGID] {
 /// Of a hundred tests that only translate, errors are no larger than error bars say, though directions
 /// that rest are known from noisy accelerations. The mean of 400 squares with a few per cent of
 /// correlation spreads by some 8 %, its root by 4 %, two of which are allowed. The base rotates by as much as its
-/// noise hides, of which a part is taken off, and the inertia is larger than is guessed: 0.994 was measured.
+/// noise hides, of which a part is taken off, and the inertia is larger than is guessed: 0.986 was measured.
 /// Without what the directions add it is 1.56. The guess's uncertainty counts by the share of that rotation which is
-/// motion: variances by information are 0.301 times the bound, which has the directions' uncertainty in it, and 0.333
+/// motion: variances by information are 0.321 times the bound, which has the directions' uncertainty in it, and 0.357
 /// times where it counts by the whole of the rotation; the limit lies between.
 #[test]
 fn directions_that_rest_are_known_from_noise() {
-    let (ratio, wider) = errors(1.0);
+    let (ratio, wider) = errors(1.0, body());
     assert!((0.7..1.08).contains(&ratio), "{ratio}");
-    assert!(wider < 0.317, "{wider}");
+    assert!(wider < 0.339, "{wider}");
 }
 
 /// The guess adds most of the variance of the centre of gravity where the base rotates by twenty times what its noise
@@ -51,8 +51,8 @@ fn a_fit_that_rests_on_the_guess_says_so() {
 
 /// Errors over error bars, root mean square, and variances by information over the bound, of a hundred tests whose
 /// base rotates by `size` times as much as its noise just hides.
-fn errors(size: f64) -> (f64, f64) {
-    let truth = Model::rigid(body(), 60.0, 3);
+fn errors(size: f64, body: [f64; RIGID]) -> (f64, f64) {
+    let truth = Model::rigid(body, 60.0, 3);
     let (mut sum, mut count, mut wider) = (0.0, 0.0, 0.0);
     for seed in 0..100 {
         let records: Vec<Record> = (0..3)
@@ -89,8 +89,23 @@ fn errors(size: f64) -> (f64, f64) {
 #[test]
 fn inertia_follows_the_rotation() {
     for size in [2.0, 5.0, 10.0, 20.0, 50.0] {
-        let (ratio, _) = errors(size);
+        let (ratio, _) = errors(size, body());
         assert!((0.7..1.03).contains(&ratio), "{size}: {ratio}");
+    }
+}
+
+/// A body whose inertia is twenty times what is guessed from its sensors, so that a guess as uncertain as it is large
+/// would be wrong by twenty of its deviations: where the rotation is seen, the data widen it. Errors were 0.74 and 0.92
+/// times the error bars, and 1.35 for the first with the guess as it is.
+#[test]
+fn a_body_far_larger_than_its_sensors_widens_the_guess() {
+    let mut large = body();
+    for term in &mut large[4..] {
+        *term *= 10.0;
+    }
+    for size in [5.0, 20.0] {
+        let (ratio, _) = errors(size, large);
+        assert!((0.7..1.08).contains(&ratio), "{size}: {ratio}");
     }
 }
 
