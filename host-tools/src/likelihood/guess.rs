@@ -1,11 +1,10 @@
 //! Guess of the inertia that the test does not tell.
 
 use super::descent::Problem;
-use super::fit::Covariance10;
 use super::model::{Model, RIGID};
 use super::record::Record;
 use massline_core::geometry::accelerometer_places;
-use nalgebra::{DMatrix, DVector, Matrix6, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector3};
 
 /// Most steps towards the scale of the guess's deviations, and change at which they end.
 const STEPS: usize = 1000;
@@ -50,7 +49,11 @@ impl Body {
     /// The same with deviations from the guess as large as the data say (the scale of most marginal likelihood, by the
     /// steps of Dempster, Laird and Rubin 1977), from the fitted model and its `covariance` beside this guess; `None`
     /// where they are no larger. A body may be far larger than its sensors tell.
-    pub(super) fn widened(&self, model: &Model, covariance: &Covariance10) -> Option<Self> {
+    pub(super) fn widened(
+        &self,
+        model: &Model,
+        covariance: &SMatrix<f64, RIGID, RIGID>,
+    ) -> Option<Self> {
         let guessed: Vec<(usize, [f64; 2])> = (self.likely.iter().enumerate())
             .filter_map(|(i, known)| Some((i, (*known)?)))
             .collect();
