@@ -240,3 +240,48 @@ fn near_the_bound(case: &str, draws: &[&str], noise: &str) -> Value {
     }
     row.clone()
 }
+
+/// The satellite shaken along three axes, on a table that rotates along by `coupling` of its translations: what `ml`
+/// says on the terminal, notes included.
+fn said_of_translations(coupling: f64) -> String {
+    let scratch = tempfile::tempdir().unwrap();
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("models");
+    let read = |name: &str| std::fs::read_to_string(models.join(name)).unwrap();
+    let model = read("three-translations.toml");
+    let (head, rest) = model.split_once("[table]").unwrap();
+    let (_, runs) = rest.split_once("[[run]]").unwrap();
+    let table = format!(
+        "[table]\naxes = [\"x\", \"y\", \"z\", \"rx\", \"ry\", \"rz\"]\ncross_talk = {coupling}\n"
+    );
+    let at = |name: &str| scratch.path().join(name);
+    std::fs::write(at("satellite.toml"), read("satellite.toml")).unwrap();
+    std::fs::write(at("model.toml"), format!("{head}{table}\n[[run]]{runs}")).unwrap();
+    let path = |name: &str| at(name).to_str().unwrap().to_owned();
+    let options = ["--noise", "0.001", "--duration", "20", "--quiet"];
+    massline(
+        &[
+            &["simulate", &path("model.toml"), "--out", &path("test")][..],
+            &options,
+        ]
+        .concat(),
+    );
+    let output = Command::new(env!("CARGO_BIN_EXE_massline"))
+        .args(["identify", &path("test/setup.toml"), "--method", "ml"])
+        .output()
+        .unwrap();
+    let text = [output.stderr, output.stdout].concat();
+    String::from_utf8(text).unwrap()
+}
+
+/// The guess of the inertia is said where it counts, and error bars below the bound are explained where the base is at
+/// rest.
+#[test]
+fn translations_say_what_is_taken_for_known() {
+    let (guess, known) = ("rests on a guess", "known of base and body beforehand");
+    let (still, rotates) = (said_of_translations(0.0), said_of_translations(3e-3));
+    assert!(!still.contains(guess) && still.contains(known), "{still}");
+    assert!(
+        rotates.contains(guess) && !rotates.contains(known),
+        "{rotates}"
+    );
+}

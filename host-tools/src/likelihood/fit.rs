@@ -61,8 +61,8 @@ pub struct Options {
     pub threads: usize,
     /// Parameters σ that the test tells; all if `None`. The others are left out.
     pub rigid: Option<[bool; RIGID]>,
-    /// Mass in kg and first moments about the reference point in kg m as another method has them: inertia that the test
-    /// does not tell is guessed from them while modes are sought, where the base rotates.
+    /// Mass (kg) and first moments about the reference point (kg m) by another method, from which inertia that the test
+    /// does not tell is guessed while modes are sought, where the base rotates.
     pub near: Option<[f64; 4]>,
 }
 
@@ -78,8 +78,7 @@ pub struct Fit {
     /// Covariance of σ: of each number the larger of the two, and what the directions' uncertainty
     /// adds.
     pub covariance: Covariance10,
-    /// Largest share of the variance by information of a parameter that the test tells, which the guess of the inertia
-    /// adds that it does not tell.
+    /// Share of a variance by information that the guess of the inertia adds, of the told parameter where it is largest.
     pub guess_share: f64,
     /// Standard deviations of ln ω and ln ζ of each mode, as means over the runs.
     pub pole_deviations: Vec<[f64; 2]>,
@@ -228,19 +227,21 @@ pub fn fit(
         })
         .ok_or(FitError::Singular)
     };
-    let first = body.problem(records, threads).beside(possible.as_ref());
-    let mut done = descend(&first, &model, 0)?;
-    let widened = if rotates && free != rigid { WIDENED } else { 0 };
-    for _ in 0..widened {
+    let mut widenings = if rotates && free != rigid { WIDENED } else { 0 };
+    let mut before = 0;
+    let mut done = loop {
         let problem = body.problem(records, threads).beside(possible.as_ref());
+        let done = descend(&problem, &model, before)?;
+        if widenings == 0 {
+            break done;
+        }
+        widenings -= 1;
         let covariance = informed(&problem, &done.model, freedom)?;
         let Some(wider) = body.widened(&done.model, &covariance) else {
-            break;
+            break done;
         };
-        body = wider;
-        let problem = body.problem(records, threads).beside(possible.as_ref());
-        done = descend(&problem, &done.model, done.iterations)?;
-    }
+        (body, model, before) = (wider, done.model, done.iterations);
+    };
     let problem = body.problem(records, threads);
     let rest = start::Rest::of(&problem, &done.model, freedom).ok_or(FitError::Singular)?;
     let shrunk = rest.weights();

@@ -13,8 +13,9 @@
 //! | `solve` | symmetric systems of equations |
 //! | `descent` | Levenberg-Marquardt |
 //! | `excited` | directions in which the base moves |
-//! | `search`, `start` | start values, mode by mode |
 //! | `tilt` | uncertainty of these directions |
+//! | `guess` | inertia that the test does not tell |
+//! | `search`, `start` | start values, mode by mode |
 //! | `fit` | all steps, covariance, tests |
 //! | `bound` | Cramér-Rao bound of a model and a test |
 //! | `transform`, `noise` | records to lines, and what the drive does not explain |

@@ -184,7 +184,7 @@ impl LikelihoodDocument {
     /// Words after the ratio of the error bars to the Cramér-Rao bound, which knows the lines and nothing else.
     pub(crate) fn bound_in_words(&self) -> &'static str {
         if self.over_bound.is_some_and(|over| over < 1.0) {
-            "what these lines could give by themselves (Cramér-Rao bound); the fit also knows that a base may be at rest"
+            "what these lines could give by themselves (Cramér-Rao bound), without what is known of base and body beforehand"
         } else {
             "what these lines could give at best (Cramér-Rao bound)"
         }
