@@ -7,9 +7,11 @@
 
 use super::determined::{Answered, Matrix10, Undetermined, times};
 use super::measurement::Vector10;
-use crate::algebra::{inverse_lower, larger, lower, multiply_right};
+use crate::algebra::{inverse_lower, larger, lower, multiply_right, not_negative, symmetric_eigen};
 use crate::geometry::accelerometer_places;
-use nalgebra::Vector3;
+use nalgebra::{ArrayStorage, Vector3};
+
+const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
 
 /// Share of its deviation beforehand up to which mass or first moment may rest on the bound.
 const LITTLE: f64 = 0.1;
@@ -21,6 +23,13 @@ const WIDELY: f64 = 2.0;
 /// Share of the variance that is left where all of it may be noise: a table that rotates by less than its noise
 /// shows no rotation, and the inertia bends the centre of gravity all the same.
 const UNSEEN: f64 = 0.1;
+
+/// Most steps towards the scale of the deviations beforehand, and change of its square at which they end.
+const STEPS: usize = 30;
+const SETTLED: f64 = 1e-3;
+
+/// Weight of a scale of one, in terms that are known: where nothing tells the scale, it stays.
+const ONE: f64 = 0.1;
 
 /// What is known of the undetermined combinations with a bound on the body, in units in which the normal
 /// equations have ones on their diagonal.
@@ -59,17 +68,30 @@ impl Bound {
             column *= *weight;
         }
         multiply_right(&mut precision, vectors);
-        let rests = rests(&precision, vectors, count, &beforehand)?;
+        let asked = -vectors.tr_mul(&weights.component_mul(sigma));
+        let mut own = precision;
+        let prior = Prior {
+            vectors,
+            root: root_of_inverse(&mut own, count)?,
+            deviations: &beforehand,
+        };
+        let rests = prior.rests();
         if known_mass.is_none() && !rests[0] {
             return None;
         }
-        let mut asked = -vectors.tr_mul(&weights.component_mul(sigma));
+        let [mut seen, mut told] = [Vector10::zeros(); 2];
         for (k, moved) in undetermined.moved().enumerate() {
             if moved {
                 let v = vectors.column(k).into_owned();
-                precision[(k, k)] += v.dot(&times(matrix, &v));
-                asked[k] += v.dot(right);
+                seen[k] = v.dot(&times(matrix, &v));
+                told[k] = v.dot(right);
             }
+        }
+        let wider = prior.widening(sigma, &asked, &seen, &told);
+        precision /= wider;
+        let asked = asked / wider + told;
+        for (k, seen) in seen.iter().enumerate() {
+            precision[(k, k)] += seen;
         }
         let root = root_of_inverse(&mut precision, count)?;
         let mut bound = Self {
@@ -158,22 +180,79 @@ fn beforehand<const PAIRS: usize>(
     }))
 }
 
-/// Which of mass and first moments have little uncertainty from combinations V with this precision. `None`
-/// where it does not bound them.
-#[inline(never)] // Its matrices are off the stack when the caller goes on.
-fn rests(
-    precision: &Matrix10,
-    vectors: &Matrix10,
-    count: usize,
-    beforehand: &Vector10,
-) -> Option<[bool; 4]> {
-    let mut precision = *precision;
-    let root = root_of_inverse(&mut precision, count)?;
-    let mut rests = [false; 4];
-    for (rests, (row, deviation)) in rests.iter_mut().zip(vectors.row_iter().zip(beforehand)) {
-        *rests = root.tr_mul(&row.transpose()).norm() <= LITTLE * deviation;
+/// What is known of the undetermined combinations V from the body beforehand alone.
+struct Prior<'a> {
+    vectors: &'a Matrix10,
+    /// A root R of their covariance `R Rᵀ = (Vᵀ W V)⁻¹`.
+    root: &'a Matrix10,
+    /// Of the ten parameters.
+    deviations: &'a Vector10,
+}
+
+impl Prior<'_> {
+    /// Share of the variance beforehand of each parameter that the undetermined combinations have.
+    fn shares(&self) -> Vector10 {
+        Vector10::from_fn(|j, _| {
+            let of_row = self.root.tr_mul(&self.vectors.row(j).transpose());
+            of_row.norm_squared() / (self.deviations[j] * self.deviations[j])
+        })
     }
-    Some(rests)
+
+    /// Which of mass and first moments have little uncertainty from the combinations.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    fn rests(&self) -> [bool; 4] {
+        let shares = self.shares();
+        core::array::from_fn(|j| shares[j] <= LITTLE * LITTLE)
+    }
+
+    /// Square of the scale by which the deviations are as large as the data say: that of most marginal
+    /// likelihood, and at least one. From the determined solution `sigma`, from `-Vᵀ W sigma` in `asked`, and from
+    /// data of the precision `seen` on V, D, which want `D p = told`.
+    ///
+    /// With the eigenvalues λ of `Rᵀ D R` the elements g of `Rᵀ (told - D R Rᵀ asked)` along its eigenvectors have
+    /// the variances `λ + s² λ²`. The inertia terms of the solution, where V is least uncertain beside it, have
+    /// the variance s² in units of their deviations, less the share of V. Fisher's scoring finds s² of both.
+    #[inline(never)] // Its matrices are off the stack when the caller goes on.
+    fn widening(
+        &self,
+        sigma: &Vector10,
+        asked: &Vector10,
+        seen: &Vector10,
+        told: &Vector10,
+    ) -> f64 {
+        let mean = times(self.root, &self.root.tr_mul(asked));
+        let likely = sigma + times(self.vectors, &mean);
+        let (mut certain, mut squares) = (ONE, ONE);
+        let terms = likely.component_div(self.deviations);
+        for (x, share) in terms.iter().zip(&self.shares()).skip(4) {
+            certain += not_negative(1.0 - share);
+            squares += x * x;
+        }
+        let away = self.root.tr_mul(&(told - seen.component_mul(&mean)));
+        let mut turned = *self.root;
+        for (mut row, seen) in turned.row_iter_mut().zip(seen) {
+            row *= libm::sqrt(*seen);
+        }
+        let mut turned = turned.tr_mul(&turned);
+        let mut vectors = NO_MATRIX;
+        let values = symmetric_eigen(&mut turned, &mut vectors);
+        let away = vectors.tr_mul(&away);
+        let mut square = 1.0_f64;
+        for _ in 0..STEPS {
+            let [mut found, mut information] = [squares, certain];
+            for (g, value) in away.iter().zip(&values) {
+                let share = square / (1.0 + square * value);
+                found += (g * g - value) * share * share;
+                information += value * value * share * share;
+            }
+            let before = square;
+            square = larger(found / information, 1.0);
+            if libm::fabs(square - before) < SETTLED * square {
+                break;
+            }
+        }
+        square
+    }
 }
 
 /// Replaces the leading part of a matrix by a root R of its inverse, `R Rᵀ`. `None` if it is not positive
@@ -299,12 +378,15 @@ mod tests {
 
     /// With a radius of gyration of 0.63 m on a ring of 0.2 m, whose accelerometers are 0.16 m from an axis in the
     /// mean, the inertia is fifteen times that of a body of the ring's size, and seven standard deviations
-    /// of what is known beforehand.
+    /// of what is known beforehand. Where the rotation is seen, or tells a part of the inertia, the data widen
+    /// these; a rotation of a third of its noise bends the centre of gravity by 1.6 error bars, and shows nothing.
     #[test]
-    fn a_body_that_reaches_far_beyond_its_base_errs_by_twice_its_bars() {
+    fn a_body_that_reaches_far_beyond_its_base_widens_the_bound() {
         for tilt in TILTS {
             let [mass, centre, _] = errors(0.06, 4.0, tilt);
-            assert!(mass < 1.25 && centre < 2.2, "{tilt}: {mass}, {centre}");
+            let limit = if tilt < 1e-3 { 1.7 } else { 1.3 };
+            assert!(mass < 1.25 && centre < limit, "{tilt}: {mass}, {centre}");
+            assert!(centre > 0.5, "{tilt}: {centre}");
         }
     }
 }
