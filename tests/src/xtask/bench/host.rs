@@ -105,8 +105,8 @@ impl Bench {
     fn whole_job(&self) -> Result<String, StepError> {
         let (setup, files) = self.recordings("six", DURATION, "csv")?;
         let (packed, _) = self.recordings("six-parquet", DURATION, "parquet")?;
-        let identify = |setup: &Path, threads: &str| {
-            let mut command = vec!["run".to_owned(), text(&self.program)];
+        let identify = |kind: &str, setup: &Path, threads: &str| {
+            let mut command = vec![kind.to_owned(), text(&self.program)];
             command.extend(["identify", "--quiet", "--threads", threads].map(str::to_owned));
             command.extend(BAND.map(str::to_owned));
             command.push(text(setup));
@@ -120,11 +120,21 @@ impl Bench {
         let rivals = [
             ("pandas, scipy.fft", python("pandas")),
             ("polars, scipy.fft", python("polars")),
-            ("`massline identify`, one thread", identify(&setup, "1")),
-            ("`massline identify`, two threads", identify(&setup, "2")),
+            (
+                "`massline identify`, one thread",
+                identify("run", &setup, "1"),
+            ),
+            (
+                "`massline identify`, two threads",
+                identify("run", &setup, "2"),
+            ),
+            (
+                "two of it beside each other, one thread each",
+                identify("twice", &setup, "1"),
+            ),
             (
                 "`massline identify` of Parquet, one thread",
-                identify(&packed, "1"),
+                identify("run", &packed, "1"),
             ),
         ];
         let rivals = rivals.map(|(name, command)| Rival { name, command });
@@ -155,6 +165,14 @@ impl Bench {
                 median(ratios)
             );
         }
+        // One thread, two threads, and two programs.
+        let clock = |rival: usize| costs[rival].iter().map(|cost| cost.clock);
+        let of_threads = median(clock(2).zip(clock(3)).map(|(one, two)| one / two));
+        let of_programs = median(clock(2).zip(clock(4)).map(|(one, two)| 2.0 * one / two));
+        table += &format!(
+            "\nBy the clock two threads are {of_threads:.2} times as fast as one; two processors of this machine do {of_programs:.2} times the work of one, \
+             by the two programs beside each other.\n"
+        );
         Ok(table)
     }
 
