@@ -94,7 +94,7 @@ fn they_are_the_processors_own() {
     }
 }
 
-/// What takes long otherwise is what a measurement has: numbers from 1e-140 to 1e140, and zeros.
+/// Numbers that a measurement has take the short way: those from 1e-140 to 1e140, and zeros.
 #[test]
 fn numbers_of_a_measurement_are_all_here() {
     let small = |x: f64| x == 0.0 || (1e-140..1e140).contains(&x.abs());

@@ -129,7 +129,7 @@ impl Lanes for Buses {
     }
 }
 
-/// What can happen next.
+/// An event that can come next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Happening {
     /// All converters convert, and the interrupt of their lines notes the edge.
@@ -170,7 +170,7 @@ struct Walk<const CHIPS: usize> {
     good: u32,
     bad: u32,
     missed: u32,
-    /// What has happened since the filters settled.
+    /// Events since the filters settled.
     path: Vec<Happening>,
 }
 
@@ -219,7 +219,7 @@ impl<const CHIPS: usize> Walk<CHIPS> {
         (self.missed, self.is_running) = (0, true);
     }
 
-    /// What can happen, with so many conversions, failures and stops at the most.
+    /// Events that can come, with so many conversions, failures and stops at the most.
     fn happenings(&self, [conversions, failures, stops]: [u32; 3]) -> Vec<Happening> {
         let mut all = Vec::new();
         if self.converted < conversions {

@@ -306,7 +306,7 @@ fn findings_stand_in_the_document_and_in_the_report() {
     assert!(document.get("findings").is_none());
 }
 
-/// What all sensors share contradicts nothing but the body that would follow.
+/// A fault that all sensors share contradicts nothing but the body that would follow.
 #[test]
 fn faults_of_all_sensors() {
     let mut millimetres = setup();

@@ -31,7 +31,7 @@ const SETTLED: f64 = 1e-3;
 /// Weight of a scale of one, in terms that are known: where nothing tells the scale, it stays.
 const ONE: f64 = 0.1;
 
-/// What is known of the undetermined combinations with a bound on the body, in units in which the normal
+/// Distribution of the undetermined combinations with a bound on the body, in units in which the normal
 /// equations have ones on their diagonal.
 #[derive(Debug)]
 pub(super) struct Bound {
@@ -180,7 +180,7 @@ fn beforehand<const PAIRS: usize>(
     }))
 }
 
-/// What is known of the undetermined combinations V from the body beforehand alone.
+/// Distribution of the undetermined combinations V beforehand, without the data that reach them.
 struct Prior<'a> {
     vectors: &'a Matrix10,
     /// A root R of their covariance `R Rᵀ = (Vᵀ W V)⁻¹`.
@@ -198,7 +198,7 @@ impl Prior<'_> {
         })
     }
 
-    /// Which of mass and first moments have little uncertainty from the combinations.
+    /// `true` for mass and first moments that have little uncertainty from the combinations.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     fn rests(&self) -> [bool; 4] {
         let shares = self.shares();

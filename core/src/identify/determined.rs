@@ -296,7 +296,7 @@ impl<const PAIRS: usize> Answered<'_, PAIRS> {
         covariance
     }
 
-    /// What second moments of noise, `noise` of a set, add to the normal equations, times the parameters
+    /// Part of the normal equations that second moments of noise, `noise` of a set, add, times the parameters
     /// `sigma`, both in units in which their diagonal is one.
     #[inline(never)] // Its matrices are off the stack when the caller goes on.
     pub(super) fn pull(

@@ -149,7 +149,7 @@ pub struct Identification {
     pub inertia_cg: InertiaEstimate,
     /// Principal moments and axes about S, if all of it is known.
     pub principal: Option<PrincipalInertia>,
-    /// Which of the ten the data determine.
+    /// `true` for those of the ten that the data determine.
     pub observable: [bool; 10],
     /// Condition number of the column-equilibrated normal equations of those.
     pub condition_number: f64,

@@ -22,9 +22,9 @@ pub(super) struct Solved {
     /// σ of equation (6), or of (7) if the mass is known.
     pub(super) sigma: Vector10,
     pub(super) covariance: Matrix10,
-    /// Which elements of σ the data determine, about this point.
+    /// `true` for elements of σ that the data determine, about this point.
     pub(super) observable: [bool; 10],
-    /// Which terms of the inertia about the reference of the first set they determine.
+    /// `true` for terms of the inertia about the reference of the first set that they determine.
     pub(super) inertia_about_reference: [bool; 6],
     pub(super) condition_number: f64,
     pub(super) consistency: Option<f64>,

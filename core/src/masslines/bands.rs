@@ -15,7 +15,7 @@ pub enum EquationWeights {
     Unit,
 }
 
-/// Which of the kept lines serve for what, and how equations count.
+/// Ranges of the kept lines by their use, and the weights of equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

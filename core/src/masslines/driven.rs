@@ -266,7 +266,7 @@ impl<'a> Columns<'a> {
         }
         let used = largest.iter().take(columns.count);
         for (per_unit, largest) in columns.per_unit.iter_mut().zip(used) {
-            /// What is below loses digits before it is scaled.
+            /// Least exponent whose numbers lose no digits before they are scaled.
             const LEAST: u32 = 127 - 90;
             *per_unit = match largest >> 23 {
                 _ if *largest == 0 => 1.0,

@@ -17,7 +17,7 @@ pub struct Workspace {
     pub(super) search: PoleSearch,
     pub(super) apparent_mass: ApparentMass,
     pub(super) free_modes: FreeModes,
-    /// Which of the two is there.
+    /// The one of the two that is there.
     pub(super) found: Found,
 }
 

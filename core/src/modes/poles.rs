@@ -1,6 +1,6 @@
 //! Poles of one scalar function: peaks first, then a damped Gauss-Newton fit.
 //!
-//! What is done line by line is done in single precision, which the chip has in hardware: its
+//! Sums over lines are in single precision, which the chip has in hardware: its
 //! rounding is far below the scatter of the lines, and moves no pole by more than 1e-7 of its
 //! frequency. The small systems are solved in double precision.
 
@@ -122,7 +122,7 @@ struct Model {
 struct Mode {
     residue: f32,
     frequency: f32,
-    /// What single precision leaves of the frequency.
+    /// Part of the frequency that single precision rounds off, Hz.
     rest: f32,
     damping: f32,
     /// The quadrature residue over the frequency.
@@ -142,7 +142,7 @@ impl Mode {
 }
 
 impl Model {
-    /// What is left of a line.
+    /// Residual of a line: its value less the model.
     #[inline]
     fn left(&self, line: &TraceLine) -> Complex<f32> {
         let f = line.frequency;

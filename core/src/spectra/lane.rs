@@ -158,7 +158,7 @@ pub trait Lane: Copy + Default {
     /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
     fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
 
-    /// What `f` makes of each of `items`.
+    /// Results of `f` for each of `items`, in their order.
     fn each<I: Iterator, T>(items: I, f: impl FnMut(I::Item) -> T) -> impl Iterator<Item = T>;
 }
 

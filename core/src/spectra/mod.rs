@@ -112,7 +112,7 @@ impl core::fmt::Display for SpectraError {
 
 impl core::error::Error for SpectraError {}
 
-/// Which lines of a spectrum are kept, and where they lie.
+/// The lines of a spectrum that are kept, and their frequencies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

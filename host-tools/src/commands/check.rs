@@ -101,7 +101,7 @@ fn sentence(suspect: &Suspect) -> String {
     }
 }
 
-/// What `identify` says of findings, a note each.
+/// Notes of `identify` on findings.
 pub(super) fn notes(findings: &Findings) -> Vec<String> {
     let mut notes: Vec<String> = findings.suspects.iter().map(sentence).collect();
     let told = findings
@@ -118,7 +118,7 @@ pub(super) fn notes(findings: &Findings) -> Vec<String> {
     notes
 }
 
-/// What `check` says of findings.
+/// Lines of `check` on findings.
 fn lines(findings: &Findings) -> Vec<String> {
     let mut lines = Vec::new();
     if findings.clean() {

@@ -65,7 +65,7 @@ impl Likelihood {
         self.stepped_back.is_none()
     }
 
-    /// What is said where the numbers are those of the band's method.
+    /// Note on numbers that are those of the band's method.
     fn note(&self) -> Option<String> {
         let why = self.stepped_back.as_ref()?;
         Some(format!(

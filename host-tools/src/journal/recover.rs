@@ -226,7 +226,7 @@ impl Growing<'_, '_> {
     }
 }
 
-/// What a journal says of its recording; `None` if nothing does.
+/// Description of its recording in a journal; `None` if it has none.
 fn head(file: impl Read) -> io::Result<Option<About>> {
     let mut reader = Reader::new(file);
     let (mut about, mut rate) = (None, None);

@@ -29,7 +29,7 @@ impl ModeRows {
     };
 }
 
-/// What the columns of a batch consist of.
+/// Parts of the columns of a batch.
 pub(super) struct Columns<'a, 'b> {
     evaluation: &'b Evaluation<'a>,
     pub(super) places: Places,

@@ -178,7 +178,7 @@ impl Origin {
     }
 }
 
-/// Which blocks there are to be for some consumers, and sums for them.
+/// Blocks that some consumers need, and sums for them.
 fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
     let mut halves = Halves::new();
     let mut all: Vec<Shared> = Vec::new();

@@ -33,7 +33,7 @@ pub struct Options {
     /// Band in which the weighting looks for the first modes, Hz
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, default_value = "28,50", help_heading = OPEN)]
     pub mode_band: [f64; 2],
-    /// Which runs share weights: by-method (each its own for a, one set for b to e), per-run,
+    /// Runs that share weights: by-method (each its own for a, one set for b to e), per-run,
     /// joined
     #[arg(long, value_enum, hide_possible_values = true, value_name = "RULE", default_value_t, help_heading = OPEN)]
     pub weights: WeightRule,

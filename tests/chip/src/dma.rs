@@ -241,7 +241,7 @@ impl Dma {
         }
     }
 
-    /// What is wrong with a stream that is switched on.
+    /// Faults of a stream that is switched on.
     fn wrong(&self, number: usize) -> Vec<String> {
         let stream = &self.streams[number];
         let mut wrong = Vec::new();

@@ -22,7 +22,7 @@ pub(super) struct Asked {
     method: Option<Method>,
     #[command(flatten)]
     procedure: Procedure,
-    /// Which input reads which channel: drive=1,a1=2, or a file of inputs; by the sensors'
+    /// Input of each channel: drive=1,a1=2, or a file of inputs; by the sensors'
     /// serial numbers if absent
     #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
     inputs: Option<Wanted>,

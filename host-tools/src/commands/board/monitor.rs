@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Length in seconds; until Ctrl-C if absent
     #[arg(long, value_name = "S", value_parser = super::seconds)]
     seconds: Option<f64>,
-    /// Which inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
+    /// Inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
     #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
     inputs: Option<Wanted>,
     #[command(flatten)]

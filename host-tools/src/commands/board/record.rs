@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Length in seconds; until Ctrl-C if absent
     #[arg(long, value_name = "S", value_parser = super::seconds)]
     seconds: Option<f64>,
-    /// Which inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
+    /// Inputs: 1,3-6,drive=8, or a file of inputs; all that are wired if absent
     #[arg(long, value_name = "LIST|FILE", value_parser = columns::parse)]
     inputs: Option<Wanted>,
     /// Replace a file of that name, and set aside what a killed program left of one (.part)
@@ -157,7 +157,7 @@ fn told(progress: &Progress<'_>, seconds: Option<f64>) -> String {
     text
 }
 
-/// What the setup needs of channels behind converters of several kinds, whose filters delay differently: the
+/// Note on channels behind converters of several kinds, whose filters delay differently, for the setup: the
 /// recording has their readings as they came.
 fn out_of_step(channels: &[String], inputs: &[u8], rate: f64) -> Option<String> {
     let delay = |input: &u8| Some(lowpass(usize::from(*input), rate)?.delay * rate);

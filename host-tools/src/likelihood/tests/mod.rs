@@ -250,8 +250,8 @@ fn lanes_do_not_change_bits() {
     }
 }
 
-/// What a mode that moves between the runs, and one whose damping is not viscous, leaves of a mode that does
-/// neither: some hundred times the noise. Each is one mode all the same, and is found where it is.
+/// A mode that moves between the runs, and one whose damping is not viscous, leave residuals of some hundred times
+/// the noise beside a mode that does neither. Each is one mode all the same, and is found where it is.
 #[test]
 fn modes_that_move_between_runs_are_not_several() {
     let mut truth = two_modes(3);

@@ -17,7 +17,7 @@ struct Plan {
     /// Moves of sixteen characters that leave those of the field, without the decimal sign and with those before it in
     /// its place. Where no digit is among them, they leave the last character, which is none.
     moves: [u8; WIDTH],
-    /// What the digits as a whole number are divided by, negative for a negative number: rounding is alike on both
+    /// Divisor of the digits as a whole number, negative for a negative number: rounding is alike on both
     /// sides of zero.
     divisor: f64,
 }

@@ -128,7 +128,7 @@ impl Footer {
     /// Reads a footer.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The fault of it, and where it is.
     pub(super) fn read(bytes: &[u8]) -> Read<Self> {
         let mut footer = Self::default();
         let mut elements = Vec::new();

@@ -196,7 +196,7 @@ fn choices(study: &Study) -> String {
             "Where the weighting looks, and the least weight",
             format!("{}, {}", band(o.mode_band, "Hz"), exact(o.minimum_weight)),
         ),
-        ("--weights", "Which runs share weights", rule.to_owned()),
+        ("--weights", "Runs that share weights", rule.to_owned()),
         (
             "--fit-band, --modes",
             "Where d and e fit elastic modes, and how many at most",
