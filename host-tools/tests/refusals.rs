@@ -405,3 +405,29 @@ fn what_the_box_finds_is_refused_as_well() {
     assert_eq!(finished.code, Some(1), "{finished:?}");
     finished.shows("CG x");
 }
+
+/// A `mode_band` that ends below the first mode, at 37.5 Hz, has none, though it expects one: intervals are said to hold
+/// less often, and the method that finds many modes is named. With the satellite's own band nothing is said.
+#[test]
+fn modes_that_are_expected_and_not_found_are_told() {
+    const WORDS: [&str; 2] = [
+        "no elastic mode was found up to 25 Hz",
+        "--method ml finds them",
+    ];
+    let low = Setup::satellite("low", |t| {
+        let (head, rest) = t.split_once("mode_band = [").unwrap();
+        let (_, rest) = rest.split_once(']').unwrap();
+        format!("{head}mode_band = [21.0, 25.0]{rest}")
+    });
+    let told = low.run(&[]);
+    for word in WORDS {
+        told.says(word);
+    }
+    let own = Setup::satellite("own", |t| format!("{t}\n# Unchanged.\n"));
+    let silent = own.run(&[]);
+    assert!(
+        !silent.stderr.contains("no elastic mode"),
+        "{}",
+        silent.stderr
+    );
+}

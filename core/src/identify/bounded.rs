@@ -5,13 +5,11 @@
 //! radius of gyration like its size, and that is like the distance of the accelerometers on its base: with
 //! such a bound the centre of gravity is told to within what the inertia may bend it.
 
-use super::determined::{Answered, Matrix10, Undetermined, times};
+use super::determined::{Answered, Matrix10, NO_MATRIX, Undetermined, times};
 use super::measurement::Vector10;
 use crate::algebra::{inverse_lower, larger, lower, multiply_right, not_negative, symmetric_eigen};
 use crate::geometry::accelerometer_places;
-use nalgebra::{ArrayStorage, Vector3};
-
-const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
+use nalgebra::Vector3;
 
 /// Share of its deviation beforehand up to which mass or first moment may rest on the bound.
 const LITTLE: f64 = 0.1;
@@ -70,11 +68,8 @@ impl Bound {
         multiply_right(&mut precision, vectors);
         let asked = -vectors.tr_mul(&weights.component_mul(sigma));
         let mut own = precision;
-        let prior = Prior {
-            vectors,
-            root: root_of_inverse(&mut own, count)?,
-            deviations: &beforehand,
-        };
+        let root = root_of_inverse(&mut own, count)?;
+        let prior = Prior::new(vectors, root, &beforehand);
         let rests = prior.rests();
         if known_mass.is_none() && !rests[0] {
             return None;
@@ -187,22 +182,28 @@ struct Prior<'a> {
     root: &'a Matrix10,
     /// Of the ten parameters.
     deviations: &'a Vector10,
+    /// Share of the variance beforehand of each parameter that the combinations have.
+    shares: Vector10,
 }
 
-impl Prior<'_> {
-    /// Share of the variance beforehand of each parameter that the undetermined combinations have.
-    fn shares(&self) -> Vector10 {
-        Vector10::from_fn(|j, _| {
-            let of_row = self.root.tr_mul(&self.vectors.row(j).transpose());
-            of_row.norm_squared() / (self.deviations[j] * self.deviations[j])
-        })
+impl<'a> Prior<'a> {
+    #[inline(never)] // Its vectors are off the stack when the caller goes on.
+    fn new(vectors: &'a Matrix10, root: &'a Matrix10, deviations: &'a Vector10) -> Self {
+        let shares = Vector10::from_fn(|j, _| {
+            let of_row = root.tr_mul(&vectors.row(j).transpose());
+            of_row.norm_squared() / (deviations[j] * deviations[j])
+        });
+        Self {
+            vectors,
+            root,
+            deviations,
+            shares,
+        }
     }
 
     /// `true` for mass and first moments that have little uncertainty from the combinations.
-    #[inline(never)] // Its matrices are off the stack when the caller goes on.
     fn rests(&self) -> [bool; 4] {
-        let shares = self.shares();
-        core::array::from_fn(|j| shares[j] <= LITTLE * LITTLE)
+        core::array::from_fn(|j| self.shares[j] <= LITTLE * LITTLE)
     }
 
     /// Square of the scale by which the deviations are as large as the data say: that of most marginal
@@ -224,7 +225,7 @@ impl Prior<'_> {
         let likely = sigma + times(self.vectors, &mean);
         let (mut certain, mut squares) = (ONE, ONE);
         let terms = likely.component_div(self.deviations);
-        for (x, share) in terms.iter().zip(&self.shares()).skip(4) {
+        for (x, share) in terms.iter().zip(&self.shares).skip(4) {
             certain += not_negative(1.0 - share);
             squares += x * x;
         }

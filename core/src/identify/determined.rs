@@ -10,7 +10,8 @@ use nalgebra::{ArrayStorage, Matrix6, SMatrix, Vector3, Vector6};
 /// Matrix of the ten parameters.
 pub(super) type Matrix10 = SMatrix<f64, 10, 10>;
 
-const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
+/// All zero.
+pub(super) const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
 
 /// Eigenvalue of the equilibrated normal equations below which a direction is rounding.
 ///

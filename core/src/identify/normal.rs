@@ -2,7 +2,7 @@
 
 use super::IdentifyError;
 use super::bounded::Bound;
-use super::determined::{Answered, Matrix10, determine, times};
+use super::determined::{Answered, Matrix10, NO_MATRIX, determine, times};
 use super::measurement::{Measurement, Vector10, inertia_about};
 use super::weighed::{ONES, Weighed, floor, is_turned, measured, weights};
 use crate::algebra::{half, multiply_left, multiply_right, not_negative, symmetric_values};
@@ -11,7 +11,6 @@ use crate::geometry::{resultants_at, transfer};
 use crate::masslines::Masslines;
 use nalgebra::{ArrayStorage, Vector3, Vector6};
 
-const NO_MATRIX: Matrix10 = Matrix10::from_array_storage(ArrayStorage([[0.0; 10]; 10]));
 const NO_VECTOR: Vector10 = Vector10::from_array_storage(ArrayStorage([[0.0; 10]]));
 
 /// The solution about one point.
