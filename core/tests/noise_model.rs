@@ -74,13 +74,23 @@ impl Test {
     /// the root mean square of all sensors of their kind in that run. The structure has two
     /// modes at 60 and 75 Hz.
     fn new(motions: &[Vector6<f64>], level: f64, seed: u64) -> Self {
-        let mut draws = Draws::new(seed);
-        let frequencies: Vec<f64> = (1..=LINES).map(|k| k as f64 * 0.5).collect();
-        let rigid = body().mass_matrix(&Vector3::zeros());
         let shapes = [
             (60.0, Vector6::new(2.0, 0.3, 0.1, -0.1, 0.9, 0.05)),
             (75.0, Vector6::new(-0.2, 1.8, 0.2, -0.8, 0.0, 0.1)),
         ];
+        Self::with_modes(&shapes, motions, level, seed)
+    }
+
+    /// The same of a structure with modes of these frequencies (Hz) and participations, 1.5 % damped.
+    fn with_modes(
+        shapes: &[(f64, Vector6<f64>)],
+        motions: &[Vector6<f64>],
+        level: f64,
+        seed: u64,
+    ) -> Self {
+        let mut draws = Draws::new(seed);
+        let frequencies: Vec<f64> = (1..=LINES).map(|k| k as f64 * 0.5).collect();
+        let rigid = body().mass_matrix(&Vector3::zeros());
         let (accelerometers, cells) = sensors();
         let fit = {
             let mut normal = Matrix6::zeros();
@@ -107,7 +117,7 @@ impl Test {
                 .iter()
                 .map(|f| {
                     let mut m = rigid.map(|x| Complex::new(x, 0.0));
-                    for (pole, l) in &shapes {
+                    for (pole, l) in shapes {
                         let r = f / pole;
                         let d = Complex::new(r * r, 0.0) / Complex::new(1.0 - r * r, 0.03 * r);
                         m += (l * l.transpose()).map(|x| d * x);
@@ -460,6 +470,32 @@ fn a_rotation_tells_the_inertia_about_its_axis_and_with_the_mass_the_cg_beside_i
     }
 }
 
+/// Twenty modes above the lines, of which no pole can be found, from 1.4 times the last line on.
+#[test]
+fn modes_without_poles_leave_the_bars_as_long_as_the_errors() {
+    const DRAWS: u64 = 60;
+    let mut held = 0;
+    for seed in 0..DRAWS {
+        let mut draws = Draws::new(3000 + seed);
+        let shapes: Vec<_> = (0..20)
+            .map(|k| {
+                let [x, y, z, p, q, r] = core::array::from_fn(|_| 0.5 * draws.normal());
+                let row = Vector6::new(x, y, z, 0.3 * p, 0.3 * q, 0.3 * r);
+                (28.0 * 1.05_f64.powi(k), row)
+            })
+            .collect();
+        let test = Test::with_modes(&shapes, &six_motions(), 0.001, seed);
+        let id = test.identify(Method::ApparentMass, &Vector3::zeros(), Procedure::Direct);
+        let id = id.unwrap();
+        for (found, truth) in ten(&id).into_iter().zip(truth()) {
+            let found = found.unwrap();
+            held += u32::from((found.value - truth).abs() <= found.interval(id.freedom));
+        }
+    }
+    // Of 600 intervals of 95 %, the numbers of a draw being partly alike, 570 ± 8 hold.
+    assert!(held >= 545, "{held} of 600");
+}
+
 /// A shaker along one axis does not turn the table, or by less than the accelerometers' noise shows. That noise
 /// turns the direction that they show, by an angle that the scatter of the forces does not hold.
 #[test]
@@ -501,9 +537,9 @@ fn the_bars_hold_what_noise_turns_a_direction_by() {
         for (k, square) in squares.into_iter().enumerate() {
             // Three standard deviations of a mean square of 200 draws are 0.3; the body's own radius
             // is not that of the sensors, which leaves a factor of two below. Without a rotation the
-            // inertia bends nothing, and the bars of the centre, which hold what it might, are six
-            // times its errors: 0.03.
-            let least = if rotation == 0.0 && k > 0 { 0.02 } else { 0.2 };
+            // inertia bends nothing, and the bars of the centre, which hold what it might, are 36
+            // times its errors: 7.6e-4.
+            let least = if rotation == 0.0 && k > 0 { 4e-4 } else { 0.2 };
             let case = format!("{rotation} rad/s², number {k}");
             assert!((least..1.3).contains(&square), "{case}: {square}");
         }

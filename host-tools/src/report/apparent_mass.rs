@@ -282,11 +282,15 @@ fn modes(fit: &ApparentMass) -> String {
          <th scope=\"col\" class=\"num\">Damping, %</th>\
          <th scope=\"col\">In the fit</th></tr></thead><tbody>",
     );
+    let shared = match (&fit.pseudo_mode, &fit.upper) {
+        (Some(_), Some(_)) => "in the two terms for all modes above",
+        (None, None) => "not needed inside the band",
+        _ => "in the term for all modes above",
+    };
     for (pole, mass) in fit.poles.iter().zip(&fit.elastic) {
-        let role = match (mass, &fit.upper) {
-            (Some(_), _) => "a term of its own",
-            (None, Some(_)) => "in the term for all modes above",
-            (None, None) => "not needed inside the band",
+        let role = match mass {
+            Some(_) => "a term of its own",
+            None => shared,
         };
         let _ = write!(
             html,

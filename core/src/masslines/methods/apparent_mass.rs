@@ -10,6 +10,10 @@
 //! with the poles of the *fixed* structure. M₀ is exactly the rigid-body mass matrix
 //! (1). So nothing is averaged away: the poles are found once, and the elastic terms go
 //! into the regression as unknowns of their own and are eliminated from it again.
+//!
+//! Modes of which no pole is found, since they lie above the lines or overlap, are smooth functions
+//! in the averaging band. Two terms stand for any number of them: `ω²`, which is a mode far above the
+//! band, and a pseudo-mode without damping close above it.
 
 use crate::algebra::{multiply_left, multiply_right};
 use crate::cells::cells;
@@ -37,6 +41,9 @@ pub struct ApparentMass {
     /// there. Below the modes their terms resemble each other and share what they explain;
     /// for effective masses see [`crate::masslines::fixed_modes`].
     pub elastic: [Option<Matrix6<f64>>; MAX_MODES],
+    /// An undamped pole close above the averaging band and the coefficient of its term, which stands
+    /// for modes whose poles were not found, if that term was needed.
+    pub pseudo_mode: Option<(Pole, Matrix6<f64>)>,
     /// Contribution of all modes above the lines, per (Hz)², if that term was needed.
     pub upper: Option<Matrix6<f64>>,
     /// M₀ before the structure of equation (1) is imposed.
@@ -56,6 +63,7 @@ impl ApparentMass {
     pub(in crate::masslines) const EMPTY: Self = Self {
         poles: heapless::Vec::new(),
         elastic: [None; MAX_MODES],
+        pseudo_mode: None,
         upper: None,
         rigid: NO_MATRIX,
         excited: 0,
@@ -68,8 +76,9 @@ impl ApparentMass {
     pub(in crate::masslines) fn move_by(&mut self, shift: &Vector3<f64>) {
         let t = transfer(shift);
         let transposed = t.transpose();
-        let matrices = self.elastic.iter_mut().flatten();
-        for m in matrices.chain(&mut self.upper).chain([&mut self.rigid]) {
+        let pseudo_mode = self.pseudo_mode.as_mut().map(|(_, m)| m);
+        let elastic = self.elastic.iter_mut().flatten().chain(pseudo_mode);
+        for m in elastic.chain(&mut self.upper).chain([&mut self.rigid]) {
             multiply_left(&transposed, m);
             multiply_right(m, &t);
         }
@@ -79,11 +88,12 @@ impl ApparentMass {
     #[must_use]
     pub fn at(&self, frequency: f64) -> Matrix6<Complex<f64>> {
         let mut m = self.rigid.map(|x| Complex::new(x, 0.0));
-        for (pole, mass) in self.poles.iter().zip(&self.elastic) {
-            if let Some(mass) = mass {
-                let d = pole.amplification(frequency);
-                m += mass.map(|x| d * x);
-            }
+        let modes = self.poles.iter().zip(&self.elastic);
+        let modes = modes.filter_map(|(pole, mass)| Some((*pole, mass.as_ref()?)));
+        let pseudo_mode = self.pseudo_mode.iter().map(|(pole, mass)| (*pole, mass));
+        for (pole, mass) in modes.chain(pseudo_mode) {
+            let d = pole.amplification(frequency);
+            m += mass.map(|x| d * x);
         }
         if let Some(upper) = &self.upper {
             m += upper.map(|x| Complex::new(x * frequency * frequency, 0.0));
@@ -122,7 +132,7 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     space.residuals.powers.keep(lines, &band);
     let mut energy = space.residuals.powers.weighted(lines, &band, &alike);
     let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work)?;
-    let basis = Basis::new(lines, &poles, &band);
+    let basis = Basis::new(lines, &poles, &band).with_pseudo_mode();
     let Workspace {
         regression,
         candidate,
@@ -251,6 +261,12 @@ fn power_like<L: Lines + ?Sized>(
     }
 }
 
+/// Frequency of the pseudo-mode over that of the last line of the averaging band.
+///
+/// Of modes from 1.4 times that frequency on, 1.3 leaves bias with noise of 0.1 %, and so do 2.2 and 3;
+/// 1.5 leaves none, and nothing between 1.3 and 3 matters once the modes lie beyond twice that frequency.
+const PSEUDO_MODE: f64 = 1.5;
+
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
 pub(in crate::masslines) struct Basis {
     poles: heapless::Vec<Pole, MAX_MODES>,
@@ -268,6 +284,15 @@ impl Basis {
             poles: poles.iter().copied().collect(),
             unit: lines.frequency(band.end.saturating_sub(1)),
         }
+    }
+
+    /// The same with a pseudo-mode after the modes, if fewer were found than there is room for.
+    fn with_pseudo_mode(mut self) -> Self {
+        let _ = self.poles.push(Pole {
+            frequency: PSEUDO_MODE * self.unit,
+            damping: 0.0,
+        });
+        self
     }
 
     pub(in crate::masslines) fn terms(&self) -> usize {
@@ -407,6 +432,10 @@ impl<'l> Fit<'_, 'l> {
                 *slot = coefficient(1 + r);
             }
         }
+        into.pseudo_mode = None;
+        if let Some(pole) = basis.poles.get(poles.len()) {
+            into.pseudo_mode = coefficient(1 + poles.len()).map(|mass| (*pole, mass));
+        }
         let measured = self.regression.residual_diagonal(self.solution);
         into.misfit = measured.zip_map(
             &self.power,
@@ -423,7 +452,8 @@ impl<'l> Fit<'_, 'l> {
     }
 }
 
-/// Chooses how many modes get a term of their own, and whether those above share one in ω².
+/// Chooses how many modes get a term of their own, the pseudo-mode after the others, and whether those
+/// above share one in ω².
 ///
 /// Every term that is kept costs precision, every one that is left out costs bias. The
 /// bias of a smaller set is seen in how far its M₀ lies from that of the full set, beyond

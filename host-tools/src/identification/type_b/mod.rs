@@ -258,8 +258,9 @@ struct Choices {
 impl Choices {
     fn of(found: &Found) -> Self {
         let fits = found.fits.iter().map(|fit| {
-            let terms = fit.elastic.iter().chain([&fit.upper]);
-            let terms = terms.map(Option::is_some).collect();
+            let beyond = [fit.pseudo_mode.is_some(), fit.upper.is_some()];
+            let elastic = fit.elastic.iter().map(Option::is_some);
+            let terms = elastic.chain(beyond).collect();
             (fit.poles.len(), terms, fit.excited)
         });
         Self {
