@@ -89,7 +89,7 @@ pub(super) fn notice_missing_modes(
         && fits.iter().all(|fit| fit.poles.is_empty())
     {
         warnings.push(format!(
-            "method apparent-mass: no elastic mode was found up to {high} Hz, though `mode_band` expects one from {low} Hz; two smooth terms take its place, which are good for lines up to 0.7 times the first mode. Extend `mode_band` to where the structure rings, or leave it out if it is rigid; of many modes that overlap this method finds none, and of random runs --method ml finds them one by one"
+            "method apparent-mass: no elastic mode was found up to {high} Hz, though `mode_band` expects one from {low} Hz; a term in ω² and a pseudo-mode above the band take its place, which is good for lines up to 0.7 times the first mode. Extend `mode_band` to where the structure rings, or leave it out if it is rigid; of many modes that overlap this method finds none, and of random runs --method ml finds them one by one"
         ));
     }
 }

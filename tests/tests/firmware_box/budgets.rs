@@ -27,11 +27,10 @@ const FLASH: u64 = 420 << 10;
 const STACK: u32 = 16 << 10;
 /// Static variables and the worst stack together, bytes: nine tenths of 192 KiB.
 const MEMORY: u64 = (192 << 10) * 9 / 10;
-/// A block, instructions: the cost of CMSIS-DSP for twelve channels and 64 lines of the full
-/// matrix. Here it has thirteen channels and 96 lines.
-const BLOCK: u32 = 671_000;
-/// An identification by apparent mass, instructions: 0.12 s at 168 MHz.
-const IDENTIFICATION: u64 = 20_000_000;
+/// A block of thirteen channels and 96 lines, instructions: a tenth above what was measured.
+const BLOCK: u32 = 185_000;
+/// Identifications by apparent mass over 39 lines and over 96, instructions: 0.12 and 0.17 s at 168 MHz.
+const IDENTIFICATIONS: [u64; 2] = [15_000_000, 22_000_000];
 
 /// All methods, the recommended one first.
 const METHODS: [Method; 8] = [
@@ -245,8 +244,9 @@ fn table(found: &Found) -> String {
         Some(BLOCK.into()),
     );
     for (method, costs) in &found.methods {
-        for (cost, band) in costs.iter().zip(["39", "all 96"]) {
-            let budget = (*method == Method::ApparentMass).then_some(IDENTIFICATION);
+        let bands = ["39", "all 96"].into_iter().zip(IDENTIFICATIONS);
+        for (cost, (band, budget)) in costs.iter().zip(bands) {
+            let budget = (*method == Method::ApparentMass).then_some(budget);
             let what =
                 format!("identification by {method:?}, averaged over {band} lines, instructions");
             row(&what, *cost, budget);
@@ -268,7 +268,10 @@ fn memory_and_instructions_are_within_their_budgets() {
     let (method, costs) = &found.methods[0];
     assert_eq!(*method, Method::ApparentMass);
     assert!(
-        costs.iter().all(|cost| (1..=IDENTIFICATION).contains(cost)),
+        costs
+            .iter()
+            .zip(IDENTIFICATIONS)
+            .all(|(cost, budget)| (1..=budget).contains(cost)),
         "{report}"
     );
 }

@@ -17,7 +17,7 @@
 
 use crate::algebra::{multiply_left, multiply_right};
 use crate::cells::cells;
-use crate::geometry::transfer;
+use crate::geometry::{Equations, transfer};
 use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
 use crate::masslines::driven::{Columns, Driven, Functions, MAX_TERMS};
@@ -132,7 +132,7 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     space.residuals.powers.keep(lines, &band);
     let mut energy = space.residuals.powers.weighted(lines, &band, &alike);
     let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work)?;
-    let basis = Basis::new(lines, &poles, &band).with_pseudo_mode();
+    let basis = Basis::new(lines, &poles, &band);
     let Workspace {
         regression,
         candidate,
@@ -153,13 +153,16 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
         columns: None,
     };
     let driven = lines.driven();
-    fit.regression
-        .begin(&set.equations, basis.terms(), lines.correlation());
-    fit.solve(lines, driven, &band, &basis, &energy)?;
-    // Runs differ in level, and so does the noise of sensors whose noise follows it.
+    let equations = set.equations;
+    // Runs differ in level, and so does the noise of sensors whose noise follows it. How they do is
+    // seen without the pseudo-mode.
+    fit.add(lines, driven, &equations, &band, &basis, &energy)?;
+    most(fit.regression, &basis, fit.solution).ok_or(MasslineError::Singular)?;
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
-    fit.solve(lines, driven, &band, &basis, &energy)?;
+    let basis = basis.with_pseudo_mode();
+    fit.add(lines, driven, &equations, &band, &basis, &energy)?;
+    choose(fit.regression, &basis, fit.candidate, fit.solution).ok_or(MasslineError::Singular)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(given, shift, &band, &basis);
@@ -270,8 +273,10 @@ const PSEUDO_MODE: f64 = 1.5;
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
 pub(in crate::masslines) struct Basis {
     poles: heapless::Vec<Pole, MAX_MODES>,
-    /// Frequency at which the ω² term is one, Hz.
-    unit: f64,
+    /// Frequency of the last line, at which the ω² term is one, Hz.
+    last: f64,
+    /// Reciprocal of its square.
+    per_square: f64,
 }
 
 impl Basis {
@@ -280,16 +285,18 @@ impl Basis {
         poles: &[Pole],
         band: &Range<usize>,
     ) -> Self {
+        let last = lines.frequency(band.end.saturating_sub(1));
         Self {
             poles: poles.iter().copied().collect(),
-            unit: lines.frequency(band.end.saturating_sub(1)),
+            last,
+            per_square: 1.0 / (last * last),
         }
     }
 
     /// The same with a pseudo-mode after the modes, if fewer were found than there is room for.
     fn with_pseudo_mode(mut self) -> Self {
         let _ = self.poles.push(Pole {
-            frequency: PSEUDO_MODE * self.unit,
+            frequency: PSEUDO_MODE * self.last,
             damping: 0.0,
         });
         self
@@ -318,11 +325,14 @@ impl Basis {
     pub(in crate::masslines) fn at(&self, f: f64) -> [Complex<f64>; MAX_TERMS] {
         let mut phi = [Complex::new(0.0, 0.0); MAX_TERMS];
         phi[0] = Complex::new(1.0, 0.0);
+        let square = f * f;
         for (slot, pole) in phi[1..].iter_mut().zip(&self.poles) {
-            *slot = pole.amplification(f);
+            *slot = match pole.damping {
+                0.0 => Complex::new(square / (pole.frequency * pole.frequency - square), 0.0),
+                _ => pole.amplification(f),
+            };
         }
-        let ratio = f / self.unit;
-        cells(&mut phi[..])[self.upper()] = Complex::new(ratio * ratio, 0.0);
+        cells(&mut phi[..])[self.upper()] = Complex::new(square * self.per_square, 0.0);
         phi
     }
 }
@@ -345,16 +355,20 @@ pub(in crate::masslines) struct Fit<'s, 'l> {
 }
 
 impl<'l> Fit<'_, 'l> {
-    /// Regression over all lines of the band with the weights as they are, with which the
-    /// lines have the given energy.
-    fn solve<L: Lines + ?Sized>(
+    /// Begins a regression on the functions of `basis` with all lines of the band and the weights as they
+    /// are, with which the lines have the given energy.
+    #[inline(never)] // Once in the flash.
+    fn add<L: Lines + ?Sized>(
         &mut self,
         lines: &Moved<'_, L>,
         driven: Option<Driven<'l>>,
+        equations: &Equations,
         band: &Range<usize>,
         basis: &Basis,
         energy: &Powers,
     ) -> Result<(), MasslineError> {
+        self.regression
+            .begin(equations, basis.terms(), lines.correlation());
         lines.accelerations_noise(&self.weights, &mut self.noise);
         self.noise *= band.len() as f64;
         self.power = energy.ff;
@@ -362,7 +376,7 @@ impl<'l> Fit<'_, 'l> {
             .restart(&energy.aa, &self.noise)
             .ok_or(MasslineError::NoExcitation)?;
         self.add_lines(lines, driven, band, basis);
-        best(self.regression, basis, self.candidate, self.solution).ok_or(MasslineError::Singular)
+        Ok(())
     }
 
     /// Adds all lines of the band to the regression.
@@ -443,13 +457,22 @@ impl<'l> Fit<'_, 'l> {
                 if p > 0.0 { libm::sqrt(c / p) } else { 0.0 }
             },
         );
-        into.upper = coefficient(basis.upper()).map(|m| m / (basis.unit * basis.unit));
+        into.upper = coefficient(basis.upper()).map(|m| m * basis.per_square);
         self.regression
             .coefficient(self.solution, 0, &mut into.rigid);
         into.poles = poles;
         into.excited = self.regression.excitation().rank();
         into.weakest_excitation = self.regression.excitation().weakest();
     }
+}
+
+/// Solves with as many terms as can be told apart, and returns how many of them are modes.
+#[inline(never)] // Once in the flash.
+fn most(regression: &mut Regression, basis: &Basis, into: &mut Solution) -> Option<usize> {
+    let mut fewer = (0..=basis.poles.len()).rev();
+    let modes = fewer.find(|m| regression.solve(&terms(*m, basis), into).is_some());
+    // Three lines of one run carry no more than a plain average.
+    modes.or_else(|| regression.solve(&[0], into).map(|()| 0))
 }
 
 /// Chooses how many modes get a term of their own, the pseudo-mode after the others, and whether those
@@ -462,21 +485,15 @@ impl<'l> Fit<'_, 'l> {
 ///
 /// Leaves it in `best`; `None` if there is none.
 #[inline(never)]
-fn best(
+fn choose(
     regression: &mut Regression,
     basis: &Basis,
     candidate: &mut Solution,
     best: &mut Solution,
 ) -> Option<()> {
-    let modes = basis.poles.len();
-    let mut fewer = (0..=modes).rev();
-    if !fewer.any(|m| regression.solve(&terms(m, basis), candidate).is_some()) {
-        // Three lines of one run carry no more than a plain average.
-        return regression.solve(&[0], best);
-    }
-    let full = regression.first_term(candidate)?;
-    let mut least = regression.risk(candidate, &full);
-    core::mem::swap(best, candidate);
+    let most = most(regression, basis, best)?;
+    let full = regression.first_term(best)?;
+    let mut least = regression.risk(best, &full);
     let mut consider = |chosen: &[usize]| {
         if regression.solve_first_term(chosen, candidate).is_some() {
             let risk = regression.risk(candidate, &full);
@@ -486,11 +503,11 @@ fn best(
             }
         }
     };
-    for m in fewer {
+    for m in (0..most).rev() {
         consider(&terms(m, basis));
     }
     // The ω² term has to be worth its cost, too.
-    for m in (0..=modes).rev() {
+    for m in (0..=basis.poles.len()).rev() {
         let without: heapless::Vec<usize, MAX_TERMS> = (0..=m).collect();
         consider(&without);
     }
