@@ -149,7 +149,8 @@ impl<'a> Driven<'a> {
     }
 }
 
-/// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`].
+/// Most terms: the rigid one, one for all modes above, and [`crate::modes::MAX_MODES`], of which the
+/// pseudo-mode may be one.
 pub(super) const MAX_TERMS: usize = 2 + crate::modes::MAX_MODES;
 
 /// Columns of one line: six forces, and six accelerations times the function of each term.

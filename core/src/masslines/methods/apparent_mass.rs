@@ -272,6 +272,7 @@ const PSEUDO_MODE: f64 = 1.5;
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
 pub(in crate::masslines) struct Basis {
+    /// Those of the modes, and of the pseudo-mode after them.
     poles: heapless::Vec<Pole, MAX_MODES>,
     /// Frequency of the last line, at which the ω² term is one, Hz.
     last: f64,
