@@ -23,6 +23,24 @@ struct View<'a> {
     interface_only: bool,
 }
 
+impl View<'_> {
+    /// End of the curve of the fit, Hz. Beyond the averaging band that is the first mode with a term of its
+    /// own: which of the modes there gets how much, the lines inside the band cannot tell. With a
+    /// pseudo-mode, which is no mode of the structure, it is the band's end.
+    fn last(&self) -> f64 {
+        let high = self.band[1];
+        match self.fit {
+            Some(Fit::Lines(_)) => self.top,
+            Some(Fit::Band(fit)) if fit.pseudo_mode.is_none() => {
+                let found = fit.poles.iter().zip(&fit.elastic);
+                let own = found.filter_map(|(pole, mass)| mass.as_ref().map(|_| pole.frequency));
+                own.filter(|f| *f > high).reduce(f64::min).unwrap_or(high)
+            }
+            _ => high,
+        }
+    }
+}
+
 /// The section, or `None` without spectra.
 pub(super) fn section(answer: &Answer, result: &ResultDocument) -> Option<Section> {
     let groups = fitted(answer);
@@ -82,8 +100,13 @@ fn introduction(entries: &Entries, view: &View<'_>) -> String {
     } else if drawn && view.fit.is_some() {
         text.push_str(
             " The fit is a rigid body plus the modes of the fixed structure, made inside the \
-             shaded averaging band; the thin line extrapolates it to the first mode.",
+             shaded averaging band",
         );
+        text.push_str(if view.last() > view.band[1] {
+            "; the thin line extrapolates it to the first mode."
+        } else {
+            "."
+        });
     } else if drawn && !view.interface_only {
         text.push_str(
             " This method takes the acceleration from all accelerometers, with what the \
@@ -239,26 +262,18 @@ fn detail(entry: &Entry, prefix: &str) -> String {
     format!("{}, {prefix}{}", entry.detail, entry.unit)
 }
 
-/// The fit: a full line where it was made, a thin one where it is extrapolated. That goes
-/// as far as the first mode with a term of its own: which of the modes there gets how
-/// much, the lines inside the band cannot tell.
+/// The fit: a full line where it was made, a thin one where it is extrapolated.
 fn push_fit(chart: &mut LineChart, view: &View<'_>, fit: Vec<[f64; 2]>) {
-    let ([low, high], last) = match view.fit {
-        Some(Fit::Lines(fit)) => (fit.band, view.top),
-        Some(Fit::Band(fit)) => {
-            let used = fit.poles.iter().zip(&fit.elastic);
-            let own = used.filter_map(|(pole, mass)| mass.as_ref().map(|_| pole.frequency));
-            let beyond = own.filter(|f| *f > view.band[1]).reduce(f64::min);
-            (view.band, beyond.unwrap_or(view.band[1]))
-        }
-        None => (view.band, view.band[1]),
+    let [low, high] = match view.fit {
+        Some(Fit::Lines(fit)) => fit.band,
+        _ => view.band,
     };
     let mut part = |name: &str, mark: Mark, from: f64, to: f64| {
         let points = fit.iter().filter(|p| p[0] >= from && p[0] <= to);
         let series = Series::new(name, Tone::Fit, mark, points.copied().collect());
         chart.series.push(series);
     };
-    part("fit, extrapolated", Mark::Thin, 0.0, last);
+    part("fit, extrapolated", Mark::Thin, 0.0, view.last());
     part("fit", Mark::Line, low, high);
 }
 
@@ -304,4 +319,39 @@ fn modes(fit: &ApparentMass) -> String {
          widens sharp peaks, so that the true damping is rather lower.</p>",
     );
     html
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use massline_core::modes::Pole;
+    use nalgebra::{Matrix6, Vector6};
+
+    #[test]
+    fn a_fit_is_drawn_to_the_first_mode_and_with_a_pseudo_mode_to_the_end_of_the_band() {
+        let pole = |frequency, damping| Pole { frequency, damping };
+        let mass = Matrix6::identity();
+        let mut fit = ApparentMass {
+            poles: [30.0, 40.0].into_iter().map(|f| pole(f, 0.01)).collect(),
+            elastic: [None, Some(mass), None, None],
+            pseudo_mode: None,
+            upper: None,
+            rigid: mass,
+            excited: 6,
+            weakest_excitation: 1e3,
+            misfit: Vector6::zeros(),
+        };
+        let last = |fit: &ApparentMass| {
+            let view = View {
+                band: [1.0, 20.0],
+                top: 60.0,
+                fit: Some(Fit::Band(fit)),
+                interface_only: true,
+            };
+            view.last()
+        };
+        assert_eq!(last(&fit), 40.0);
+        fit.pseudo_mode = Some((pole(30.0, 0.0), mass));
+        assert_eq!(last(&fit), 20.0);
+    }
 }
