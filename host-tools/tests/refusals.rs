@@ -406,12 +406,13 @@ fn what_the_box_finds_is_refused_as_well() {
     finished.shows("CG x");
 }
 
-/// A `mode_band` that ends below the first mode, at 37.5 Hz, has none, though it expects one: intervals are said to hold
-/// less often, and the method that finds many modes is named. With the satellite's own band nothing is said.
+/// A `mode_band` that ends below the first mode, at 37.5 Hz, has none, though it expects one: the terms in its place are
+/// named, and the method that finds many modes. With the satellite's own band nothing is said.
 #[test]
 fn modes_that_are_expected_and_not_found_are_told() {
-    const WORDS: [&str; 2] = [
+    const WORDS: [&str; 3] = [
         "no elastic mode was found up to 25 Hz",
+        "a term in ω² and a pseudo-mode above the band take its place",
         "--method ml finds them",
     ];
     let low = Setup::satellite("low", |t| {

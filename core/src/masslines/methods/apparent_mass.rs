@@ -267,7 +267,7 @@ fn power_like<L: Lines + ?Sized>(
 /// Frequency of the pseudo-mode over that of the last line of the averaging band.
 ///
 /// Of modes from 1.4 times that frequency on, 1.3 leaves bias with noise of 0.1 %, and so do 2.2 and 3;
-/// 1.5 leaves none, and nothing between 1.3 and 3 matters once the modes lie beyond twice that frequency.
+/// 1.5 leaves none, and nothing between 1.3 and 3 matters once the modes lie beyond three times that frequency.
 const PSEUDO_MODE: f64 = 1.5;
 
 /// The functions of frequency that the regression may use: 1, one per mode, and ω².
