@@ -358,47 +358,52 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Leaves the power of the sums of columns with coefficients, `rows`, in each run in `powers`,
-    /// without the weight of the run. `None` where single precision has no room for them.
+    /// Leaves the power of the sums of the columns of forces and of `terms` terms with coefficients, `rows`,
+    /// in each run in `powers`, without the weight of the run. `None` where single precision has no room for them.
     ///
     /// A run that is a thousandth of the others has all digits here.
     #[inline(never)] // Columns are on the stack only where they are needed.
     pub(super) fn powers_of(
         &self,
         functions: &dyn Fn(usize) -> Functions,
+        terms: usize,
         rows: &[[f32; COLUMNS]; 6],
         powers: &mut [Vector6<f64>],
     ) -> Option<()> {
         let mut sums = [[0.0_f32; 6]; MAX_RUNS];
         let mut columns = [Complex32::new(0.0, 0.0); COLUMNS];
-        self.visit(
-            functions,
-            |run, [a, b, c, d, e, f, forces @ ..], functions| {
-                let accelerations = [a, b, c, d, e, f];
-                let Some((of_forces, of_terms)) = columns.split_first_chunk_mut() else {
-                    return;
+        for line in self.band.clone() {
+            let functions = functions(line);
+            for run in self.runs.clone() {
+                let (Some((amplitudes, drive)), Some(sums)) =
+                    (self.driven.line(run, line), sums.get_mut(run))
+                else {
+                    continue;
                 };
+                let [a, b, c, d, e, f, forces @ ..] = amplitudes;
+                let accelerations = [a, b, c, d, e, f];
+                let (of_forces, of_terms) = columns.split_first_chunk_mut()?;
                 *of_forces = *forces;
                 let (of_terms, _) = of_terms.as_chunks_mut::<6>();
-                for (of_term, phi) in of_terms.iter_mut().zip(functions).take(self.count / 6 - 1) {
+                for (of_term, phi) in of_terms.iter_mut().zip(functions).take(terms) {
                     for i in 0..6 {
                         of_term[i] = accelerations[i] * phi;
                     }
                 }
-                let columns = columns.get(..self.count).unwrap_or_default();
-                let sums = sums.get_mut(run).into_iter().flatten();
-                for (sum, row) in sums.zip(rows) {
-                    *sum += combined(columns, row).norm_sqr();
+                let columns = columns.get(..6 + 6 * terms)?;
+                for (sum, row) in sums.iter_mut().zip(rows) {
+                    let left = combined(columns, row);
+                    // The square alone could leave single precision's range.
+                    *sum += left.re * drive * left.re + left.im * drive * left.im;
                 }
-            },
-        );
-        for ((run, powers), sums) in powers.iter_mut().enumerate().zip(&sums) {
-            let root = f64::from(self.roots.get(run).copied().unwrap_or(1.0));
+            }
+        }
+        for (powers, sums) in powers.iter_mut().zip(&sums) {
             for (power, sum) in powers.iter_mut().zip(sums) {
                 if !sum.is_finite() {
                     return None;
                 }
-                *power = f64::from(*sum) / (root * root);
+                *power = f64::from(*sum);
             }
         }
         Some(())
@@ -424,3 +429,6 @@ fn combined(columns: &[Complex32], coefficients: &[f32]) -> Complex32 {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests;

@@ -18,7 +18,7 @@
 //! | `regression`, `averaging`, `free_system` | estimators that several methods share |
 //! | `excitation` | directions that rise above their noise |
 //! | `run_powers` | powers of each run over a band |
-//! | `samples`, `driven_tests` | runs for tests, tests of `driven` |
+//! | `samples` | runs for tests |
 //! | `workspace` | lent memory, none of which is on a small stack |
 
 mod averaging;
@@ -27,8 +27,6 @@ mod condense;
 mod cross_lines;
 mod drive_lines;
 mod driven;
-#[cfg(test)]
-mod driven_tests;
 mod excitation;
 mod fixed_modes;
 mod free_system;

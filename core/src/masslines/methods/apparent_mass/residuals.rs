@@ -4,7 +4,7 @@
 use super::{Basis, Fit};
 use crate::algebra::not_negative;
 use crate::geometry::transfer;
-use crate::masslines::driven::{COLUMNS, Columns};
+use crate::masslines::driven::{COLUMNS, Columns, MAX_TERMS};
 use crate::masslines::regression::{SIZE, between};
 use crate::masslines::run_powers::RunPowers;
 use crate::masslines::{Complex6, Lines, MAX_RUNS, Massline, Moments};
@@ -65,13 +65,13 @@ impl Fit<'_, '_> {
         }
         let models = models.get(..basis.terms()).unwrap_or(&[]);
         let left = left.get_mut(..self.runs).unwrap_or_default();
+        let has = |t: usize| self.solution.has(t);
         let done = self
             .columns
             .as_ref()
-            .and_then(|columns| in_single(columns, &equations, models, basis, lines, left));
+            .and_then(|columns| in_single(columns, &equations, models, basis, lines, &has, left));
         if done.is_none() {
             left.fill(Vector6::zeros());
-            let has = |t: usize| self.solution.has(t);
             line_by_line(lines, band, &equations, models, basis, &has, left);
         }
         for (run, left) in left.iter_mut().enumerate() {
@@ -201,14 +201,18 @@ fn in_single<L: Lines + ?Sized>(
     models: &[[f64; SIZE]],
     basis: &Basis,
     lines: &L,
+    has: &dyn Fn(usize) -> bool,
     left: &mut [Vector6<f64>],
 ) -> Option<()> {
+    // Terms that were not chosen have no part.
+    let chosen: heapless::Vec<usize, MAX_TERMS> = (0..models.len()).filter(|t| has(*t)).collect();
     let mut rows = [[0.0; COLUMNS]; 6];
     for (j, row) in rows.iter_mut().enumerate() {
         let (of_forces, of_terms) = row.split_at_mut(6);
         for (to, from) in of_forces.iter_mut().zip(equations.row(j).iter()) {
             *to = *from as f32;
         }
+        let models = chosen.iter().filter_map(|t| models.get(*t));
         for (to, model) in of_terms.chunks_exact_mut(6).zip(models) {
             // Matrices lie column after column.
             for (to, from) in to.iter_mut().zip(model.iter().skip(j).step_by(6)) {
@@ -216,7 +220,13 @@ fn in_single<L: Lines + ?Sized>(
             }
         }
     }
-    columns.powers_of(&basis.functions(lines), &rows, left)
+    let all = basis.functions(lines);
+    let functions = |line: usize| {
+        let phi = all(line);
+        let of_term = |k: usize| chosen.get(k).and_then(|t| phi.get(*t)).copied();
+        core::array::from_fn(|k| of_term(k).unwrap_or_default())
+    };
+    columns.powers_of(&functions, chosen.len(), &rows, left)
 }
 
 /// Power that `model`, the apparent mass in the equations with the rows `e`, leaves in each of
@@ -347,7 +357,16 @@ mod tests {
         )
         .unwrap();
         let mut found = [Vector6::zeros(); RUNS];
-        in_single(&columns, &equations, &stored, &basis, &lines, &mut found).unwrap();
+        in_single(
+            &columns,
+            &equations,
+            &stored,
+            &basis,
+            &lines,
+            &|_| true,
+            &mut found,
+        )
+        .unwrap();
         for (run, (found, expected)) in found.iter().zip(&expected).enumerate() {
             for j in 0..6 {
                 // Of the power of the forces 1e-10 are left, and 1e-14 are rounding: a hundredth

@@ -1,11 +1,11 @@
 //! Tests of sums over driven lines, against those of double precision and with numbers that are none.
 
-use super::driven::{Columns, Driven, MAX_TERMS};
-use super::lines::Internals;
-use super::moved::Moved;
-use super::samples::{LINES, RUNS, Samples, in_single, weights};
-use super::{Bands, DriveLines, Lines, MAX_RUNS, Method, condense, lines_between};
+use super::{Columns, Driven, MAX_TERMS};
 use crate::geometry::{Equations, RESULTANTS};
+use crate::masslines::lines::Internals;
+use crate::masslines::moved::Moved;
+use crate::masslines::samples::{LINES, RUNS, Samples, in_single, weights};
+use crate::masslines::{Bands, DriveLines, Lines, MAX_RUNS, Method, condense, lines_between};
 use crate::spectra::{Complex32, RunResponses, Window};
 use core::ops::Range;
 use nalgebra::{Complex, Vector3, Vector6};
