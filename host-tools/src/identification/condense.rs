@@ -3,7 +3,7 @@
 use super::AnswerError;
 use crate::measure::{Group, Measurement};
 use crate::setup::Setup;
-use massline_core::masslines::{self, Bands, Condensed, FixedMode, Lines, Method};
+use massline_core::masslines::{self, Bands, Condensed, FixedMode, FreeModes, Lines, Method};
 use massline_core::spectra::LineRange;
 use nalgebra::Complex;
 
@@ -44,6 +44,12 @@ pub(super) fn fixed_modes(
     })?;
     let most = groups.into_iter().max_by_key(|modes| modes.len());
     Ok(most.map_or_else(Vec::new, |modes| modes.to_vec()))
+}
+
+/// Modes of the free structure; `None` where the runs do not suffice.
+pub(super) fn free_modes(setup: &Setup, measurement: &Measurement) -> Option<FreeModes> {
+    let condensed = all(setup, Method::Synthesis, measurement).ok()?;
+    condensed.into_iter().find_map(|c| c.free_modes)
 }
 
 fn each_group<T>(

@@ -373,26 +373,20 @@ impl<'s> Session<'s> {
     /// # Errors
     /// [`AnswerError`] if the recordings cannot be read.
     pub fn fixed_modes(&mut self, progress: OnProgress<'_>) -> Result<Vec<FixedMode>, AnswerError> {
-        if recommended(self.setup).0 != Method::ApparentMass {
-            return Ok(Vec::new());
-        }
-        let measurement = self.measurement(&Accelerations::Interface, progress)?;
-        condense::fixed_modes(self.setup, &measurement)
+        let measurement = self.of_interface(progress)?;
+        measurement.map_or_else(|| Ok(Vec::new()), |m| condense::fixed_modes(self.setup, &m))
     }
 
-    /// Modes of the free structure; `None` where the runs do not suffice.
-    ///
-    /// # Errors
-    /// [`AnswerError`] if the recordings cannot be read.
-    pub fn free_modes(
+    /// Averages with the base acceleration from the interface accelerometers; `None` without any.
+    fn of_interface(
         &mut self,
         progress: OnProgress<'_>,
-    ) -> Result<Option<FreeModes>, AnswerError> {
-        let measurement = self.measurement(&Accelerations::All(None), progress)?;
-        let condensed = condense::all(self.setup, Method::Synthesis, &measurement);
-        Ok(condensed
-            .ok()
-            .and_then(|c| c.into_iter().find_map(|c| c.free_modes)))
+    ) -> Result<Option<Rc<Measurement>>, AnswerError> {
+        if recommended(self.setup).0 != Method::ApparentMass {
+            return Ok(None);
+        }
+        self.measurement(&Accelerations::Interface, progress)
+            .map(Some)
     }
 
     /// Averages of all runs, with the base acceleration from the given accelerometers.

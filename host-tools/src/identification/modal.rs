@@ -1,8 +1,8 @@
 //! Modal data besides the rigid body: the fixed structure's modes with effective masses,
 //! and the free structure's, both with their shapes at the accelerometers.
 
-use super::{AnswerError, OnProgress, Session};
-use crate::measure::Survey;
+use super::{AnswerError, OnProgress, Session, condense};
+use crate::measure::{Accelerations, Measurement, Survey};
 use crate::parallel;
 use crate::setup::Setup;
 use massline_core::masslines::{FixedMode, FreeModes};
@@ -56,15 +56,24 @@ impl Session<'_> {
     /// # Errors
     /// [`AnswerError`] if the recordings cannot be read.
     pub fn modal(&mut self, progress: OnProgress<'_>) -> Result<Modal, AnswerError> {
-        let fixed = self.fixed_modes(progress)?;
-        let free = self.free_modes(progress)?;
+        let setup = self.setup;
+        let interface = self.of_interface(progress)?;
+        let all = self.measurement(&Accelerations::All(None), progress)?;
         let survey = self.survey(progress)?;
         let of_survey: &Survey = &survey;
+        let (interface, all): (Option<&Measurement>, &Measurement) = (interface.as_deref(), &all);
         let (free, fixed) = parallel::both(
             self.threads,
-            || free.map_or_else(Vec::new, |modes| free_shapes(of_survey, &modes)),
-            || with_shapes(of_survey, fixed),
+            || condense::free_modes(setup, all).map(|modes| free_shapes(of_survey, &modes)),
+            || {
+                let fixed = interface.map(|interface| condense::fixed_modes(setup, interface));
+                Ok::<_, AnswerError>(with_shapes(
+                    of_survey,
+                    fixed.transpose()?.unwrap_or_default(),
+                ))
+            },
         );
+        let (free, fixed) = (free.unwrap_or_default(), fixed?);
         let mut warnings = Vec::new();
         warn_of_resolution(self.setup(), &survey, &fixed, &mut warnings);
         warn_of_mixtures(&fixed, &mut warnings);
@@ -272,55 +281,38 @@ fn residues(
     let (rows, columns) = responses.first()?.shape();
     let unit = frequencies.last()?;
     let terms = 2 + 2 * poles.len();
-    let basis = |f: f64| {
-        let mut phi = vec![
-            Complex::new(1.0, 0.0),
-            Complex::new((f / unit) * (f / unit), 0.0),
-        ];
-        for pole in poles {
+    // Real parts of all lines, and imaginary parts below them.
+    let lines = responses.len();
+    let mut basis = DMatrix::zeros(2 * lines, terms);
+    let mut values = DMatrix::zeros(2 * lines, rows * columns);
+    for (n, (h, &f)) in responses.iter().zip(frequencies).enumerate() {
+        let constant = [1.0, (f / unit) * (f / unit)].map(|x| Complex::new(x, 0.0));
+        let of_poles = poles.iter().flat_map(|pole| {
             let d = pole.amplification(f);
-            phi.push(d);
-            phi.push(d * Complex::new(0.0, f / pole.frequency));
+            [d, d * Complex::new(0.0, f / pole.frequency)]
+        });
+        for (k, phi) in constant.into_iter().chain(of_poles).enumerate() {
+            (basis[(n, k)], basis[(lines + n, k)]) = (phi.re, phi.im);
         }
-        phi
-    };
-    let mut normal = DMatrix::<f64>::zeros(terms, terms);
-    let mut right = vec![DMatrix::<f64>::zeros(rows, columns); terms];
-    for (h, &f) in responses.iter().zip(frequencies) {
-        let phi = basis(f);
-        for i in 0..terms {
-            for j in 0..terms {
-                normal[(i, j)] += (phi[i].conj() * phi[j]).re;
-            }
-            right[i] += h.map(|z| (phi[i].conj() * z).re);
+        for (k, z) in h.iter().enumerate() {
+            (values[(n, k)], values[(lines + n, k)]) = (z.re, z.im);
         }
     }
-    let inverse = normal.try_inverse()?;
-    let solved: Vec<DMatrix<f64>> = (0..terms)
-        .map(|i| {
-            (0..terms).fold(DMatrix::zeros(rows, columns), |sum, j| {
-                sum + &right[j] * inverse[(i, j)]
-            })
-        })
-        .collect();
-    let mut left = DMatrix::<f64>::zeros(rows, columns);
-    for (h, &f) in responses.iter().zip(frequencies) {
-        let phi = basis(f);
-        for i in 0..rows {
-            for j in 0..columns {
-                let fitted = (0..terms).map(|k| phi[k] * solved[k][(i, j)]);
-                left[(i, j)] += (h[(i, j)] - fitted.sum::<Complex<f64>>()).norm_sqr();
-            }
-        }
-    }
-    let freedom = (2 * responses.len()).saturating_sub(terms).max(1) as f64;
+    let inverse = basis.tr_mul(&basis).try_inverse()?;
+    let solved = &inverse * basis.tr_mul(&values);
+    let left = values - basis * &solved;
+    let freedom = (2 * lines).saturating_sub(terms).max(1) as f64;
     let of_pole = |r: usize| 2 + 2 * r;
     let stds = (0..poles.len()).map(|r| {
         let gain = inverse[(of_pole(r), of_pole(r))].max(0.0) / freedom;
-        left.map(|power| (power * gain).sqrt())
+        let powers = left.column_iter().map(|left| left.norm_squared());
+        DMatrix::from_iterator(rows, columns, powers.map(|power| (power * gain).sqrt()))
     });
     let stds = stds.collect();
-    let residues = (0..poles.len()).map(|r| solved[of_pole(r)].clone());
+    let residues = (0..poles.len()).map(|r| {
+        let row = solved.row(of_pole(r));
+        DMatrix::from_iterator(rows, columns, row.iter().copied())
+    });
     Some((residues.collect(), stds))
 }
 

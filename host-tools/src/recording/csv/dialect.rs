@@ -15,6 +15,10 @@ use std::path::Path;
 /// Bytes of a file by which its dialect is known, where its rows are short.
 pub(super) const HEAD: usize = 64 << 10;
 
+/// Bytes of the head that suffice where names stand in their first quarter, with nothing but so many rows of numbers
+/// below, which can be read in one way.
+const CERTAIN: (usize, usize) = (16 << 10, 16);
+
 /// Units as they stand in a row of units, in lower case and without brackets.
 const UNITS: [&str; 62] = [
     "s", "sec", "sek", "ms", "µs", "μs", "us", "hz", "khz", "g", "gn", "g_n", "m/s^2", "m/s²",
@@ -221,21 +225,29 @@ struct Fit {
     rows: usize,
     /// `true` if a decimal comma can fit no better.
     is_sure: bool,
+    /// `true` if nothing but rows of numbers stands below the names and units.
+    is_even: bool,
     /// A number that could be read in two ways, with its line, where all of them could.
     unclear: Option<(String, u64)>,
 }
 
-impl Dialect {
-    /// The dialect of a file that begins with `head`; `whole` if the head is all of it.
-    ///
-    /// # Errors
-    /// [`RecordingError::Ambiguous`] if all numbers could be read in two ways.
-    pub(super) fn of(
-        head: &[u8],
-        whole: bool,
-        form: &Form,
-        file: &Path,
-    ) -> Result<Self, RecordingError> {
+impl Fit {
+    /// The fit of the head's beginning, where the rest cannot be read otherwise.
+    fn certain(head: &[u8], form: &Form) -> Option<Self> {
+        let (bytes, rows) = CERTAIN;
+        let fit = Self::best(head.get(..bytes)?, false, form)?;
+        // Decimal commas stand beside other delimiters, or in quotes.
+        let doubt = match fit.dialect.delimiter {
+            b',' => b'"',
+            _ => b',',
+        };
+        let is_early = fit.dialect.start < bytes / 4 && fit.rows >= rows;
+        let is_certain = is_early && fit.is_sure && fit.is_even && !head.contains(&doubt);
+        is_certain.then_some(fit)
+    }
+
+    /// The fit of all delimiters and decimal signs with the most columns, and the most rows among these.
+    fn best(head: &[u8], whole: bool, form: &Form) -> Option<Self> {
         let mut best: Option<Fit> = None;
         for delimiter in delimiters(form) {
             // Without it, rows have one field.
@@ -266,6 +278,22 @@ impl Dialect {
                 }
             }
         }
+        best
+    }
+}
+
+impl Dialect {
+    /// The dialect of a file that begins with `head`; `whole` if the head is all of it.
+    ///
+    /// # Errors
+    /// [`RecordingError::Ambiguous`] if all numbers could be read in two ways.
+    pub(super) fn of(
+        head: &[u8],
+        whole: bool,
+        form: &Form,
+        file: &Path,
+    ) -> Result<Self, RecordingError> {
+        let best = Fit::certain(head, form).or_else(|| Fit::best(head, whole, form));
         match best {
             None => Ok(Self::without_fit(head, whole, form)),
             Some(Fit {
@@ -413,7 +441,11 @@ fn fit(rows: &[Row], delimiter: u8, decimal: u8, form: &Form) -> Option<Fit> {
     let is_sure = decimal == b'.'
         && data().all(|i| width(i) == columns)
         && !rows.iter().any(|row| row.record.as_slice().contains(&b','));
+    let below = header + 1 + usize::from(units);
     Some(Fit {
+        is_even: kinds
+            .get(below..)
+            .is_some_and(|kinds| kinds.iter().all(|kind| *kind == Kind::Data)),
         dialect: Dialect {
             delimiter,
             decimal,
@@ -491,6 +523,33 @@ mod tests {
         check("a;b\n1;x\n", (';', '.', 1, false, None));
         check("1,2\n3,4\n", (',', '.', 1, false, None));
         check("", (',', '.', 1, false, None));
+    }
+
+    #[test]
+    fn a_head_that_changes_is_looked_at_to_its_end() {
+        // Names, a table of whole numbers, and another way to write numbers behind the beginning.
+        let (bytes, rows) = CERTAIN;
+        let row = "0;12;-3\n";
+        let whole = row.repeat(bytes / row.len() + rows);
+        let head = format!("a;b;c\n{whole}");
+        let form = Form::default();
+        assert!(Fit::certain(head.as_bytes(), &form).is_some());
+        check(&head, (';', '.', 1, false, None));
+        let commas = format!("{head}0,5;12,25;-3\n");
+        assert!(Fit::certain(commas.as_bytes(), &form).is_none());
+        check(&commas, (';', ',', 1, false, None));
+        let quotes = head.replace(';', ",") + "\"0,5\",\"12,25\",\"-3,5\"\n";
+        assert!(Fit::certain(quotes.as_bytes(), &form).is_none());
+        check(&quotes, (',', ',', 1, false, None));
+        // Names far below, few rows, rows without any number, and a number that is none.
+        for doubt in [
+            format!("{}{head}", "remark\n".repeat(bytes / 4 / 7 + 1)),
+            format!("a;b;c\n{}", format!("{:>1500};1;2\n", 1).repeat(rows)),
+            head.replacen("0;12;-3", ";;missing", 1),
+            head.replacen("-3", "x", 1),
+        ] {
+            assert!(Fit::certain(doubt.as_bytes(), &form).is_none());
+        }
     }
 
     #[test]
