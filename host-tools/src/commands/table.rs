@@ -187,7 +187,7 @@ pub fn print_numbers(
         writeln!(out)?;
         writeln!(
             out,
-            "error bars: {} times the least that lines from {low} to {high} Hz can give (Cramér-Rao bound)",
+            "error bars: {} times the least that lines from {low} to {high} Hz can give (Cramér-Rao bound of the true model)",
             significant(over, 3)
         )?;
     }

@@ -174,7 +174,7 @@ pub struct LikelihoodDocument {
     pub low_line_distance: Option<f64>,
     /// `true` if the fit has converged.
     pub converged: bool,
-    /// Standard deviations over the Cramér-Rao bound of these lines, root mean square.
+    /// Standard deviations over the Cramér-Rao bound of the fitted model and these lines, root mean square.
     pub over_bound: Option<f64>,
     /// Wider bands that were tried, with the reason why they were not used.
     pub rejected: Vec<RejectedBand>,
@@ -184,9 +184,9 @@ impl LikelihoodDocument {
     /// Words after the ratio of the error bars to the Cramér-Rao bound, which knows the lines and nothing else.
     pub(crate) fn bound_in_words(&self) -> &'static str {
         if self.over_bound.is_some_and(|over| over < 1.0) {
-            "what these lines could give by themselves (Cramér-Rao bound), without what is known of base and body beforehand"
+            "what these lines could give by themselves (Cramér-Rao bound of the fitted model), without what is known of base and body beforehand"
         } else {
-            "what these lines could give at best (Cramér-Rao bound)"
+            "what these lines could give at best (Cramér-Rao bound of the fitted model)"
         }
     }
 }
