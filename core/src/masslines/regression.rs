@@ -320,6 +320,9 @@ impl Regression {
     /// Expected squared error of the first term's coefficients, summed relative to their
     /// variances in `full`, a solution with more terms. Notes the share of bias in
     /// `solution`, whose pairs then carry it in their variances.
+    ///
+    /// The bias counts with a standard deviation more than is seen: lines that do not tell it
+    /// hide it. Without that, the 95 % intervals of short bands held as seldom as in 91 %.
     pub(super) fn risk(&self, solution: &mut Solution, full: &FirstTerm) -> f64 {
         let rank = self.excitation.rank();
         let Some(p) = variances(&solution.schur, rank) else {
@@ -328,18 +331,23 @@ impl Regression {
         let (p, p_full) = (seen(&p[..]), seen(&full.variances[..]));
         let (residual, first) = (seen(&full.residual), seen(&full.coefficients));
         let coefficients = seen(&solution.coefficients);
-        let (mut variance, mut distance) = (0.0, 0.0);
+        let rows = self.equations.count();
+        let (mut variance, mut distance, mut spread) = (0.0, 0.0, 0.0);
         for i in 0..rank {
-            for j in 0..self.equations.count() {
-                let unit = p_full[i] * residual[j] * self.correlation;
+            let share = p[i] / p_full[i];
+            // Between nested fits the variance of a difference is the difference of
+            // the variances.
+            let saved = 1.0 - share;
+            let mut squares = 0.0;
+            for j in 0..rows {
                 let difference = coefficients[(i, j)] - first[(i, j)];
-                variance += p[i] / p_full[i];
-                // Between nested fits the variance of a difference is the difference of
-                // the variances.
-                distance += difference * difference / unit - (1.0 - p[i] / p_full[i]);
+                squares += difference * difference / residual[j];
             }
+            variance += share * rows as f64;
+            distance += squares / (p_full[i] * self.correlation) - saved * rows as f64;
+            spread += 2.0 * saved * saved * rows as f64;
         }
-        let bias = not_negative(distance);
+        let bias = not_negative(distance + libm::sqrt(spread));
         solution.inflation = 1.0 + bias / variance;
         variance + bias
     }
