@@ -15,9 +15,12 @@ use std::path::Path;
 /// Bytes of a file by which its dialect is known, where its rows are short.
 pub(super) const HEAD: usize = 64 << 10;
 
-/// Bytes of the head that suffice where names stand in their first quarter, with nothing but so many rows of numbers
-/// below, which can be read in one way.
-const CERTAIN: (usize, usize) = (16 << 10, 16);
+/// Bytes of the head that suffice where names stand in their first quarter, with nothing below but rows of numbers that
+/// can be read in one way.
+const BEGINNING: usize = 16 << 10;
+
+/// Least number of these rows.
+const CERTAIN_ROWS: usize = 16;
 
 /// Units as they stand in a row of units, in lower case and without brackets.
 const UNITS: [&str; 62] = [
@@ -234,14 +237,13 @@ struct Fit {
 impl Fit {
     /// The fit of the head's beginning, where the rest cannot be read otherwise.
     fn certain(head: &[u8], form: &Form) -> Option<Self> {
-        let (bytes, rows) = CERTAIN;
-        let fit = Self::best(head.get(..bytes)?, false, form)?;
+        let fit = Self::best(head.get(..BEGINNING)?, false, form)?;
         // Decimal commas stand beside other delimiters, or in quotes.
         let doubt = match fit.dialect.delimiter {
             b',' => b'"',
             _ => b',',
         };
-        let is_early = fit.dialect.start < bytes / 4 && fit.rows >= rows;
+        let is_early = fit.dialect.start < BEGINNING / 4 && fit.rows >= CERTAIN_ROWS;
         let is_certain = is_early && fit.is_sure && fit.is_even && !head.contains(&doubt);
         is_certain.then_some(fit)
     }
@@ -528,9 +530,8 @@ mod tests {
     #[test]
     fn a_head_that_changes_is_looked_at_to_its_end() {
         // Names, a table of whole numbers, and another way to write numbers behind the beginning.
-        let (bytes, rows) = CERTAIN;
         let row = "0;12;-3\n";
-        let whole = row.repeat(bytes / row.len() + rows);
+        let whole = row.repeat(BEGINNING / row.len() + CERTAIN_ROWS);
         let head = format!("a;b;c\n{whole}");
         let form = Form::default();
         assert!(Fit::certain(head.as_bytes(), &form).is_some());
@@ -543,8 +544,11 @@ mod tests {
         check(&quotes, (',', ',', 1, false, None));
         // Names far below, few rows, rows without any number, and a number that is none.
         for doubt in [
-            format!("{}{head}", "remark\n".repeat(bytes / 4 / 7 + 1)),
-            format!("a;b;c\n{}", format!("{:>1500};1;2\n", 1).repeat(rows)),
+            format!("{}{head}", "remark\n".repeat(BEGINNING / 4 / 7 + 1)),
+            format!(
+                "a;b;c\n{}",
+                format!("{:>1500};1;2\n", 1).repeat(CERTAIN_ROWS)
+            ),
             head.replacen("0;12;-3", ";;missing", 1),
             head.replacen("-3", "x", 1),
         ] {

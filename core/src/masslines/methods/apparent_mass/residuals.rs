@@ -335,16 +335,6 @@ mod tests {
         });
         let band = 0..LINES;
         let equations = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 1.0, 1.0, 1.0));
-        let mut expected = [Vector6::zeros(); RUNS];
-        line_by_line(
-            &lines,
-            &band,
-            &equations,
-            &stored,
-            &basis,
-            &|_| true,
-            &mut expected,
-        );
         let functions = basis.functions(&lines);
         let driven = lines.driven().unwrap();
         let columns = Columns::new(
@@ -356,26 +346,34 @@ mod tests {
             &functions,
         )
         .unwrap();
-        let mut found = [Vector6::zeros(); RUNS];
-        in_single(
-            &columns,
-            &equations,
-            &stored,
-            &basis,
-            &lines,
-            &|_| true,
-            &mut found,
-        )
-        .unwrap();
-        for (run, (found, expected)) in found.iter().zip(&expected).enumerate() {
-            for j in 0..6 {
-                // Of the power of the forces 1e-10 are left, and 1e-14 are rounding: a hundredth
-                // of the amplitude.
-                let ratio = found[j] / expected[j];
-                assert!(
-                    (ratio - 1.0).abs() < 0.02,
-                    "run {run}, equation {j}: {ratio}"
-                );
+        // All terms, and without each of the last two: those behind a term that was not chosen move up.
+        for without in [usize::MAX, 1, 2] {
+            let has = |t: usize| t != without;
+            let mut expected = [Vector6::zeros(); RUNS];
+            line_by_line(
+                &lines,
+                &band,
+                &equations,
+                &stored,
+                &basis,
+                &has,
+                &mut expected,
+            );
+            let mut found = [Vector6::zeros(); RUNS];
+            in_single(
+                &columns, &equations, &stored, &basis, &lines, &has, &mut found,
+            )
+            .unwrap();
+            for (run, (found, expected)) in found.iter().zip(&expected).enumerate() {
+                for j in 0..6 {
+                    // Of the power of the forces 1e-10 are left, and 1e-14 are rounding: a hundredth
+                    // of the amplitude.
+                    let ratio = found[j] / expected[j];
+                    assert!(
+                        (ratio - 1.0).abs() < 0.02,
+                        "without {without}, run {run}, equation {j}: {ratio}"
+                    );
+                }
             }
         }
     }
