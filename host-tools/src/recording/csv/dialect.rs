@@ -542,7 +542,7 @@ mod tests {
         let quotes = head.replace(';', ",") + "\"0,5\",\"12,25\",\"-3,5\"\n";
         assert!(Fit::certain(quotes.as_bytes(), &form).is_none());
         check(&quotes, (',', ',', 1, false, None));
-        // Names far below, few rows, rows without any number, and a number that is none.
+        // Names far below, few rows, a row without any number, one with a number that is none, a longer one.
         for doubt in [
             format!("{}{head}", "remark\n".repeat(BEGINNING / 4 / 7 + 1)),
             format!(
@@ -551,6 +551,7 @@ mod tests {
             ),
             head.replacen("0;12;-3", ";;missing", 1),
             head.replacen("-3", "x", 1),
+            head.replacen("-3", "-3;4", 1),
         ] {
             assert!(Fit::certain(doubt.as_bytes(), &form).is_none());
         }
