@@ -110,6 +110,15 @@ pub fn widest_band(setup: &Setup) -> Option<[f64; 2]> {
     })
 }
 
+/// Lines that a fit leaves out that nobody asked for, since it would be slow.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LeftOut {
+    /// Frequency beyond which they lie, Hz.
+    pub(super) beyond: f64,
+    /// Reason.
+    pub(super) reason: String,
+}
+
 /// Fits records, from the widest band downwards until a fit passes its tests.
 pub(crate) fn fit_records(
     read: &Records,
@@ -225,7 +234,7 @@ impl Session<'_> {
                 ..answer
             }
         } else {
-            self.fitted(answer, progress)?
+            self.fitted(answer, None, progress)?
         };
         // Who names the method is told, too, where there was nothing to fit.
         if let Some(found) = answer.likelihood.as_ref().filter(|l| !l.was_tried()) {
@@ -239,12 +248,16 @@ impl Session<'_> {
     pub(super) fn fitted(
         &mut self,
         mut answer: Answer,
+        left_out: Option<LeftOut>,
         progress: OnProgress<'_>,
     ) -> Result<Answer, AnswerError> {
         let setup = self.setup();
         let limit = self.limit;
         let mut warnings = Vec::new();
-        let found = match widest_band(setup) {
+        let widest = widest_band(setup);
+        let band = (widest.zip(left_out.as_ref()))
+            .map_or(widest, |([low, _], left_out)| Some([low, left_out.beyond]));
+        let mut found = match band {
             None => Likelihood::stepped_back("the set-up has no random runs".to_owned()),
             Some(band) => match read_records(setup, band, limit, &mut warnings, progress) {
                 Err(NoRecords::Measure(e)) => return Err(e.into()),
@@ -265,6 +278,9 @@ impl Session<'_> {
                 }
             },
         };
+        if let (true, Some([_, highest]), Some(left_out)) = (found.was_tried(), widest, left_out) {
+            found.rejected.insert(0, (highest, left_out.reason));
+        }
         answer.warnings.extend(warnings);
         take(&mut answer, found, setup);
         Ok(answer)

@@ -124,12 +124,21 @@ impl MeasuredRun {
     /// Stated noise per line of its sums, as [`massline_core::masslines::Lines::noise`] has it:
     /// white between 0 Hz and half the sample rate.
     pub(super) fn stated_noise(&self) -> Option<ResultantNoise> {
-        let grid = self.settings.grid();
-        let rate = grid.spacing * self.settings.block_length() as f64;
-        let of_sums = f64::from(self.blocks) / (self.settings.density() * 0.5 * rate);
+        let of_sums = f64::from(self.blocks) / (self.settings.density() * 0.5 * self.rate());
         let mut noise = ResultantNoise::default();
         noise.add(self.stated.as_ref()?, of_sums);
         Some(noise)
+    }
+
+    /// Sample rate, Hz.
+    fn rate(&self) -> f64 {
+        self.settings.grid().spacing * self.settings.block_length() as f64
+    }
+
+    /// Length of the samples read, s.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.samples as f64 / self.rate()
     }
 
     /// The settings it was averaged with.
