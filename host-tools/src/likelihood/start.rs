@@ -27,6 +27,8 @@ const SETTLED: [f64; 2] = [1.0, 2e-4];
 pub const RATIO: f64 = 1.2;
 /// Most modes.
 pub const MOST_MODES: usize = 30;
+/// Last modes whose falls of V tell how much others may explain at most.
+const LAST: usize = 5;
 /// Share of the highest line at which a mode beyond it is started.
 const BEYOND: [f64; 2] = [1.15, 1.6];
 /// Difference of ln ω of two modes from which one of them may stand for a misplaced other.
@@ -45,11 +47,21 @@ enum Freed {
     Late,
 }
 
+/// End of a search.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    /// No mode more helps.
+    Whole,
+    /// No modes explain what is left.
+    Hopeless,
+}
+
 /// Model with as many modes as the data support, ready for all lines; `None` where a fit without
 /// any mode fails.
 ///
 /// Modes that are not found yet may look like offsets of those that are, and with these free may never be found, so
-/// that a search whose residuals are larger than the noise is made once more in the other order.
+/// that a search whose residuals are larger than the noise is made once more in the other order, unless no modes
+/// explain them.
 pub(super) fn start(
     records: &[Record],
     excited: &Excited,
@@ -58,7 +70,10 @@ pub(super) fn start(
     progress: &mut dyn FnMut(Progress),
 ) -> Option<Model> {
     let mut search = |freed| searched(records, excited, (body, freed), threads, progress);
-    let first = search(Freed::Early)?;
+    let (first, outcome) = search(Freed::Early)?;
+    if outcome == Outcome::Hopeless {
+        return Some(first);
+    }
     let all = body.problem(records, threads);
     let misfit = |model: &Model| -> Option<f64> {
         let (_, leaked) = all.misfit(model, Freedom::all(body.free))?;
@@ -68,7 +83,7 @@ pub(super) fn start(
     if 2.0 * before <= RATIO * real_equations(records) as f64 {
         return Some(first);
     }
-    let second = search(Freed::Late).and_then(|model| Some((misfit(&model)?, model)));
+    let second = search(Freed::Late).and_then(|(model, _)| Some((misfit(&model)?, model)));
     match second {
         Some((after, second)) if after < before => Some(second),
         _ => Some(first),
@@ -82,7 +97,7 @@ fn searched(
     (body, order): (&Body, Freed),
     threads: usize,
     progress: &mut dyn FnMut(Progress),
-) -> Option<Model> {
+) -> Option<(Model, Outcome)> {
     let mut freedom = Freedom::least(body.free);
     let runs = 1 + records.iter().map(|r| r.run).max()?;
     let lines = records.iter().map(|r| r.frequencies.len()).max()?;
@@ -117,6 +132,8 @@ fn searched(
         let mut found = refit(&problem, freedom, now.as_ref().map_or(&model, |n| &n.model))?;
         // All lines together decide on a mode, but those that are left have to show it.
         let least = (threshold / step as f64).max(CHANCE);
+        let noise = 0.5 * RATIO * real_equations(&some) as f64;
+        let mut falls = Vec::new();
         while found.model.modes.len() < MOST_MODES {
             tell(found.model.modes.len(), found.misfit);
             let own = of_a_mode(freedom, runs);
@@ -134,6 +151,7 @@ fn searched(
                 _ => freed(&problem, freedom, &found, runs, least),
             };
             let before = |b: &Descent| better.as_ref().is_none_or(|m| b.misfit < m.misfit);
+            let from = found.misfit;
             found = match freed.filter(before) {
                 Some(freed) => {
                     freedom = Freedom::all(body.free);
@@ -144,6 +162,11 @@ fn searched(
                     None => break,
                 },
             };
+            falls.push(from - found.misfit);
+            let left = MOST_MODES - found.model.modes.len();
+            if is_hopeless(found.misfit, &falls, left, noise) {
+                return Some((found.model, Outcome::Hopeless));
+            }
         }
         found = pruned(&problem, (freedom, runs), found, least)?;
         if CHANCE * step as f64 <= threshold {
@@ -190,7 +213,17 @@ fn searched(
             tell(now.model.modes.len(), now.misfit);
         }
     }
-    Some(now.model)
+    Some((now.model, Outcome::Whole))
+}
+
+/// `true` if V cannot fall to that of noise with as many modes as are `left`, of which none explains more than
+/// any of the last ones: what is there is no resonance, an outlying sample for instance.
+fn is_hopeless(misfit: f64, falls: &[f64], left: usize, noise: f64) -> bool {
+    let Some(last) = falls.last_chunk::<LAST>() else {
+        return false;
+    };
+    let most = last.iter().copied().fold(0.0, f64::max);
+    misfit - left as f64 * most > noise
 }
 
 fn refit(problem: &Problem<'_>, freedom: Freedom, model: &Model) -> Option<Descent> {
@@ -394,4 +427,31 @@ fn beyond(model: &Model, excited: &Excited, frequency: f64) -> Option<FittedMode
     let forces = whole * directions * strongest * (frequency / model.unit);
     let participation = Vector6::from_fn(|i, _| forces[i]);
     Some(FittedMode::new(frequency, 0.01, participation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Falls that together reach the noise at best, and those that do not; a strong mode that a weak one hid counts for
+    /// as long as it is among the last.
+    #[test]
+    fn a_search_ends_where_no_modes_explain_what_is_left() {
+        assert!(!is_hopeless(1000.0, &[1.0; LAST - 1], 20, 1.0));
+        assert!(is_hopeless(1000.0, &[1.0; LAST], 20, 1.0));
+        assert!(!is_hopeless(1000.0, &[50.0; LAST], 20, 1.0));
+        assert!(!is_hopeless(
+            1000.0,
+            &[1.0, 60.0, 1.0, 1.0, 1.0, 1.0],
+            20,
+            1.0
+        ));
+        assert!(is_hopeless(
+            1000.0,
+            &[60.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+            20,
+            1.0
+        ));
+        assert!(is_hopeless(1.5, &[60.0; LAST], 0, 1.0) && !is_hopeless(0.5, &[0.0; LAST], 0, 1.0));
+    }
 }

@@ -1,4 +1,4 @@
-//! Channels that say nothing: dead, clipped, or still because nothing moved their way.
+//! Channels that say nothing: dead, clipped, or still because nothing moved their way; and readings that stand alone.
 //!
 //! # Design
 //!
@@ -14,14 +14,15 @@
 
 use super::MeasureError;
 use super::geometry::{Axis, axes, channel_names};
+use crate::format::plain;
 use crate::recording::{ChannelHealth, Complaint};
-use crate::setup::{Run, Setup};
+use crate::setup::{Excitation, Run, Setup};
 use std::collections::BTreeSet;
 
 /// State of each run's channels, in the order of [`channel_names`].
 pub(super) type Seen<'s> = Vec<(&'s Run, Vec<ChannelHealth>)>;
 
-/// Refuses dead and clipped channels, and notes those that rest.
+/// Refuses dead and clipped channels, and notes those that rest and those with a reading that stands alone.
 pub(super) fn check(
     setup: &Setup,
     seen: &Seen<'_>,
@@ -36,6 +37,17 @@ pub(super) fn check(
                     limit,
                     samples,
                 });
+            }
+            if run.excitation == Excitation::Random
+                && let Some(outlier) = health.outlier()
+            {
+                warnings.push(format!(
+                    "run \"{}\": sample {} of {channel}, counted from one, reads {}, {} times the channel's RMS: one such reading bends every line of its block. Look at the recording there, and cut it off or record the run again",
+                    run.name,
+                    outlier.sample + 1,
+                    plain(f64::from(outlier.reading), 4),
+                    plain(outlier.crest, 2)
+                ));
             }
         }
     }

@@ -5,6 +5,8 @@
 pub struct ChannelHealth {
     /// Smallest and largest reading.
     pub range: [f32; 2],
+    /// Numbers of the first samples that have these, from zero.
+    pub range_at: [u64; 2],
     /// Root mean square about the mean, recorded units.
     pub rms: f64,
     /// Mean, recorded units.
@@ -15,6 +17,21 @@ pub struct ChannelHealth {
     /// Samples on the reading next to that limit.
     pub next_to_limit: u64,
 }
+
+/// Reading that stands alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlier {
+    /// Number of the sample, from zero.
+    pub sample: u64,
+    /// The reading, recorded units.
+    pub reading: f32,
+    /// Its distance from the mean over the channel's RMS.
+    pub crest: f64,
+}
+
+/// Crest factor from which a reading of a random signal is an outlier. A Gaussian signal exceeds 9 once in 10¹⁸ samples,
+/// and one that bursts for a twentieth of the time 20 once in 10⁵.
+const CREST: f64 = 20.0;
 
 /// Fault of a channel, seen from its readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +48,19 @@ pub enum Complaint {
 }
 
 impl ChannelHealth {
+    /// The extreme reading that no random signal has beside the others, if there is one.
+    #[must_use]
+    pub fn outlier(&self) -> Option<Outlier> {
+        let of = |(reading, sample): (f32, u64)| Outlier {
+            sample,
+            reading,
+            crest: (f64::from(reading) - self.mean).abs() / self.rms,
+        };
+        let extremes = self.range.into_iter().zip(self.range_at).map(of);
+        let largest = extremes.max_by(|a, b| a.crest.total_cmp(&b.crest))?;
+        (largest.crest > CREST).then_some(largest)
+    }
+
     /// The fault of this channel, if it has one.
     ///
     /// An extreme of a random signal is rare by nature; even a coarse converter hits it
@@ -100,6 +130,8 @@ fn add_word(sum: &mut u64, word: u64) {
 #[derive(Clone, Copy, Debug, Default)]
 struct Extreme {
     value: f32,
+    /// Number of the first sample that has it.
+    at: u64,
     samples: u64,
     in_a_row: u64,
     /// The next reading inwards and its samples; none of them while there is no other.
@@ -108,11 +140,12 @@ struct Extreme {
 }
 
 impl Extreme {
-    /// Takes a reading; `beyond(a, b)` is `true` if `a` lies further out than `b`.
-    fn see(&mut self, value: f32, beyond: fn(&f32, &f32) -> bool, previous: Option<f32>) {
+    /// Takes the reading of sample `at`; `beyond(a, b)` is `true` if `a` lies further out than `b`.
+    fn see(&mut self, value: f32, at: u64, beyond: fn(&f32, &f32) -> bool, previous: Option<f32>) {
         if previous.is_none() || beyond(&value, &self.value) {
             *self = Self {
                 value,
+                at,
                 samples: 1,
                 in_a_row: 0,
                 next: self.value,
@@ -284,23 +317,23 @@ impl Health {
     fn add_outside(&mut self, samples: &[f32], channels: usize) {
         let last = std::mem::take(&mut self.last);
         let mut previous = (self.count > 0.0).then_some(last.as_slice());
-        for sample in samples.chunks_exact(channels) {
+        for (at, sample) in (self.count as u64..).zip(samples.chunks_exact(channels)) {
             if !self.are_inside(sample, channels) {
-                self.add_extremes(sample, previous);
+                self.add_extremes(sample, at, previous);
             }
             previous = Some(sample);
         }
         self.last = last;
     }
 
-    fn add_extremes(&mut self, sample: &[f32], previous: Option<&[f32]>) {
+    fn add_extremes(&mut self, sample: &[f32], at: u64, previous: Option<&[f32]>) {
         let [low, high] = &mut self.inner;
         let inner = low.iter_mut().zip(high);
         let channels = self.extremes.iter_mut().zip(inner).zip(sample);
         for (channel, (([lowest, highest], (low, high)), &x)) in channels.enumerate() {
             let previous = previous.and_then(|p| p.get(channel)).copied();
-            lowest.see(x, f32::lt, previous);
-            highest.see(x, f32::gt, previous);
+            lowest.see(x, at, f32::lt, previous);
+            highest.see(x, at, f32::gt, previous);
             if lowest.next_samples > 0 && highest.next_samples > 0 {
                 (*low, *high) = (lowest.next, highest.next);
             }
@@ -348,6 +381,7 @@ impl Health {
                 };
                 ChannelHealth {
                     range: [low.value, high.value],
+                    range_at: [low.at, high.at],
                     rms: (squares / self.count.max(1.0)).sqrt(),
                     mean: *mean,
                     at_limit: [worst.samples, worst.in_a_row],
@@ -426,6 +460,39 @@ mod tests {
         assert!((health.rms - 0.5_f64.sqrt()).abs() < 5e-3);
     }
 
+    /// Sums of twelve uniform numbers with one reading that is 40 of their deviations, and the same without it; and a
+    /// channel that bursts for a twentieth of the time.
+    #[test]
+    fn a_reading_that_stands_alone_is_found() {
+        let mut state = 1_u64;
+        let mut noise = || {
+            let twelve = (0..12).map(|_| {
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1);
+                (state >> 40) as f64 / f64::from(1 << 24)
+            });
+            (twelve.sum::<f64>() - 6.0) as f32
+        };
+        let mut samples: Vec<f32> = (0..10_000).map(|_| noise()).collect();
+        assert_eq!(of(&samples).outlier(), None);
+        for (reading, crest) in [(-40.0, 37.1), (1e20, 100.0)] {
+            samples[4321] = reading;
+            let outlier = of(&samples).outlier().unwrap();
+            assert_eq!((outlier.sample, outlier.reading), (4321, reading));
+            // 40 over the root of 1 + 40²/10⁴, within three deviations of the RMS by itself; √N of one that is all.
+            assert!(
+                (outlier.crest / crest - 1.0).abs() < 0.025,
+                "{}",
+                outlier.crest
+            );
+        }
+        let burst: Vec<f32> = (0..10_000)
+            .map(|n| if n < 500 { noise() } else { 0.0 })
+            .collect();
+        assert_eq!(of(&burst).outlier(), None);
+    }
+
     #[test]
     fn samples_taken_together_are_those_taken_one_by_one() {
         for channels in [1, 7, 8, 30] {
@@ -464,6 +531,8 @@ mod tests {
                     (low.min(*x), high.max(*x))
                 });
                 assert_eq!(found.range, [low, high]);
+                let first = |limit: f32| own.iter().position(|x| *x == limit).unwrap() as u64;
+                assert_eq!(found.range_at, [first(low), first(high)]);
                 let at = |limit: f32| own.iter().filter(|x| **x == limit).count() as u64;
                 let in_a_row =
                     |limit: f32| own.windows(2).filter(|x| **x == [limit; 2]).count() as u64;
