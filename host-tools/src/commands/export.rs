@@ -130,6 +130,14 @@ impl Target {
             let (format, file) = (format.0, file.into());
             return Ok(Self { format, file });
         }
+        if let Some((name, file)) = text.split_once('=')
+            && name.chars().all(|c| c.is_ascii_lowercase() || c == '-')
+        {
+            return Err(format!(
+                "no format is called `{name}`; there are {}, {RESPONSES} (`./{name}={file}` is a file of that name)",
+                FORMATS.map(|f| f.form().name).join(", ")
+            ));
+        }
         let file = PathBuf::from(text);
         let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
         let is = |known: &str| ending.as_deref() == Some(known);

@@ -4,7 +4,7 @@
 use super::{AnswerError, OnProgress, Session, condense};
 use crate::measure::{Accelerations, Measurement, Survey};
 use crate::parallel;
-use crate::setup::Setup;
+use crate::setup::{BLOCK_LENGTHS, Setup};
 use massline_core::masslines::{FixedMode, FreeModes};
 use massline_core::modes::Pole;
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
@@ -361,10 +361,15 @@ fn warn_of_resolution(
     {
         let factor = LINES_PER_BANDWIDTH * spacing / bandwidth;
         let length = (processing.block_length as f64 * factor) as usize;
+        let (length, longest) = (length.next_power_of_two(), *BLOCK_LENGTHS.end() as usize);
+        let would_do = if length <= longest {
+            format!("a `block_length` of {length} would do")
+        } else {
+            format!("no `block_length` up to {longest} would do, if it is a mode and no hum")
+        };
         warnings.push(format!(
-            "lines {spacing} Hz apart are too coarse for the damping of the mode at {:.2} Hz: its effective mass and damping are bent by leakage; a `block_length` of {} would do",
-            pole.frequency,
-            length.next_power_of_two()
+            "lines {spacing} Hz apart are too coarse for the damping of the mode at {:.2} Hz: its effective mass and damping are bent by leakage; {would_do}",
+            pole.frequency
         ));
     }
 }

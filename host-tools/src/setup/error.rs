@@ -271,6 +271,17 @@ pub enum BandError {
         /// Highest line that the window keeps clear of half the sample rate, Hz.
         limit: f64,
     },
+    /// The averaging band begins where elastic modes are expected.
+    #[error(
+        "`averaging_band` from {} to {} Hz begins above the first {modes} Hz of `mode_band`: rigid-body properties come \
+         from lines below the first elastic natural frequency, so lower it", band[0], band[1]
+    )]
+    AmongModes {
+        /// Hz.
+        band: [f64; 2],
+        /// Beginning of the mode band, Hz.
+        modes: f64,
+    },
     /// It holds too few lines to average or to fit over.
     #[error(
         "`{key}` from {} to {} Hz holds {lines} line(s) at a spacing of {spacing} Hz; at least \

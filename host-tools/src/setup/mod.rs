@@ -473,6 +473,10 @@ impl Processing {
             ("averaging_band", Some(self.averaging_band)),
             ("mode_band", self.mode_band),
         ];
+        let band = self.averaging_band;
+        if let Some([modes, _]) = self.mode_band.filter(|modes| band[0] >= modes[0]) {
+            return Err(BandError::AmongModes { band, modes });
+        }
         for (key, band) in bands {
             let Some(band) = band else { continue };
             let spectrum = self.spectrum(sample_rate);

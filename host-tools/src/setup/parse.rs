@@ -81,6 +81,7 @@ impl Keys for File {
 
 const MASS_UNCERTAINTY: &str =
     "the standard uncertainty of `known_mass` in kg, more than 0, beside a `known_mass`";
+const RIGID_UP_TO: &str = "a frequency in Hz, above the end of `averaging_band`";
 const CRC32: &str = "the CRC-32 of the recording in eight hexadecimal digits, such as \"cbf43926\"";
 const BYTES: &str = "the recording's length, a whole number of bytes";
 
@@ -96,7 +97,7 @@ keys::numbers! {
     minimum_weight:
         "the weight of the accelerometer that sees the modes most, more than 0 and at most 1",
         |weight| weight > 0.0 && weight <= 1.0;
-    rigid_up_to: "a frequency in Hz, more than 0", |frequency| frequency > 0.0;
+    rigid_up_to: RIGID_UP_TO, |frequency| frequency > 0.0;
     tolerance: "a distance in m, more than 0", |distance| distance > 0.0;
     // Up to 2^53 every whole number has its own f64.
     bytes: BYTES, |n| n.fract() == 0.0 && (0.0..=9e15).contains(&n);
@@ -169,6 +170,14 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
             place: document.section("processing", 0).place_of(source.key()),
             source,
         })?;
+    }
+    if let (Some(processing), Some(highest)) = (&file.processing, file.estimation.rigid_up_to)
+        && highest <= processing.averaging_band[1]
+    {
+        let estimation = document.section("estimation", 0);
+        return Err(estimation
+            .unexpected("rigid_up_to", highest, RIGID_UP_TO)
+            .into());
     }
     for (list, reason, found) in [
         (
@@ -289,6 +298,7 @@ fn place_of_channel(section: &Section<'_>) -> Box<Place> {
 impl super::BandError {
     fn key(&self) -> &'static str {
         match self {
+            Self::AmongModes { .. } => "averaging_band",
             Self::AboveSpectrum { key, .. } | Self::TooFewLines { key, .. } => key,
         }
     }

@@ -207,6 +207,8 @@ block_length = 1024 => block_length = 1024.5 => power of two
 [0.5, 14.5] => [14.5, 0.5] => line 10 | `averaging_band` is [14.5, 0.5] | lower first
 [0.5, 14.5] => [-0.5, 14.5] => not negative
 [28.0, 50.0] => [28.0, 28.0] => `mode_band`
+[0.5, 14.5] => [30.0, 40.0] => line 10 | begins above the first 28 Hz of `mode_band` | lower it
+title = "Tuning fork on the shaker" => estimation = { rigid_up_to = 14.5 } # => [estimation] | `rigid_up_to` is 14.5 | above the end of `averaging_band`
 [0.5, 14.5] => [0.5, 300.0] => ends at 300 Hz | 255 Hz
 [0.5, 14.5] => [0.5, 1.0] => holds 2 line(s) | 0.5 Hz | block_length
 averaging_band = [0.5, 14.5]\n => => line 6 | [processing] | `averaging_band` is missing | in Hz

@@ -119,6 +119,38 @@ impl Truth {
 }
 
 impl Truth {
+    /// The body with its inertia about another reference point (m), by the parallel axis theorem; effective masses stay
+    /// about that of the model, and bounds of the inertia about it are left out.
+    #[must_use]
+    pub fn about(&self, point: [f64; 3]) -> Self {
+        if point == self.reference_point {
+            return self.clone();
+        }
+        let [x, y, z] = [0, 1, 2].map(|i| Some(self.centre_of_gravity[i]? - point[i]));
+        let product = |a: Option<f64>, b: Option<f64>| Some(self.mass * a? * b?);
+        let sum = |a: Option<f64>, b: Option<f64>| Some(a? + b?);
+        let steiner = [
+            sum(product(y, y), product(z, z)),
+            sum(product(x, x), product(z, z)),
+            sum(product(x, x), product(y, y)),
+            product(x, y),
+            product(x, z),
+            product(y, z),
+        ];
+        let central = self.inertia_cg.terms();
+        let terms = core::array::from_fn(|j| sum(central[j], steiner[j]));
+        let bounds = self.bounds.iter().map(|bound| Bound {
+            inertia_reference: InertiaTruth::from_terms([None; 6]),
+            ..bound.clone()
+        });
+        Self {
+            reference_point: point,
+            inertia_reference: InertiaTruth::from_terms(terms),
+            bounds: bounds.collect(),
+            ..self.clone()
+        }
+    }
+
     /// The body in a frame; modes stay about the axes of the model, and bounds of single numbers,
     /// which do not tell those of their sums, are left out.
     #[must_use]
@@ -178,5 +210,54 @@ impl InertiaTruth {
             xz: known(-tensor[(0, 2)]),
             yz: known(-tensor[(1, 2)]),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body of 2 kg with its centre at (1, 2, 3) m, moved: by hand, and there and back.
+    #[test]
+    fn inertia_moves_by_the_parallel_axis_theorem() {
+        let known = |terms: [f64; 6]| InertiaTruth::from_terms(terms.map(Some));
+        let bound = Bound {
+            band: [1.0, 2.0],
+            mass: Some(0.1),
+            centre_of_gravity: [Some(0.2); 3],
+            inertia_reference: known([0.3; 6]),
+            inertia_cg: known([0.4; 6]),
+        };
+        let truth = Truth {
+            schema: String::new(),
+            title: String::new(),
+            reference_point: [0.0; 3],
+            mass: 2.0,
+            centre_of_gravity: [Some(1.0), Some(2.0), Some(3.0)],
+            inertia_reference: known([126.0, 120.0, 110.0, 4.5, 6.25, 12.125]),
+            inertia_cg: known([100.0, 100.0, 100.0, 0.5, 0.25, 0.125]),
+            modes: Vec::new(),
+            bounds: vec![bound],
+        };
+        let moved = truth.about([0.0, 0.0, 1.0]);
+        let expected = [116.0, 110.0, 110.0, 4.5, 4.25, 8.125];
+        assert_eq!(moved.inertia_reference, known(expected));
+        assert_eq!(moved.inertia_cg, truth.inertia_cg);
+        assert_eq!(
+            moved.bounds[0].inertia_reference,
+            InertiaTruth::from_terms([None; 6])
+        );
+        assert_eq!(moved.bounds[0].mass, Some(0.1));
+        let back = moved.about([0.0; 3]);
+        assert_eq!(back.inertia_reference, truth.inertia_reference);
+        assert_eq!(truth.about([0.0; 3]), truth);
+        // Of a plane body nothing is known across its plane.
+        let plane = Truth {
+            centre_of_gravity: [Some(1.0), None, Some(3.0)],
+            inertia_cg: InertiaTruth::from_terms([None, Some(100.0), None, None, None, None]),
+            ..truth
+        };
+        let terms = plane.about([0.0, 0.0, 1.0]).inertia_reference.terms();
+        assert_eq!(terms, [None, Some(110.0), None, None, None, None]);
     }
 }
