@@ -87,6 +87,112 @@ fn the_fit_is_sharper_than_the_band_and_holds_the_truth() {
     assert!((0.9..1.5).contains(&over), "{over}");
 }
 
+/// Changes readings of the recording `name` of a simulated test: `change` takes the number of the row, from one, the name
+/// of the channel and the reading.
+fn spoil(folder: &Path, name: &str, change: impl Fn(usize, &str, f64) -> f64) {
+    let path = folder.join(name);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let mut spoilt = header.join(",");
+    for (row, line) in (1..).zip(lines) {
+        let readings = header.iter().zip(line.split(','));
+        let changed = readings.map(|(channel, x)| {
+            let x: f64 = x.parse().unwrap();
+            change(row, channel.split(' ').next().unwrap(), x).to_string()
+        });
+        spoilt.push('\n');
+        spoilt.push_str(&changed.collect::<Vec<_>>().join(","));
+    }
+    std::fs::write(&path, spoilt).unwrap();
+    let setup = folder.join("setup.toml");
+    let text = std::fs::read_to_string(&setup).unwrap();
+    let kept = text.lines().filter(|line| !line.starts_with("checksum"));
+    std::fs::write(&setup, kept.collect::<Vec<_>>().join("\n")).unwrap();
+}
+
+/// One reading of 100 times the others: it is named, and the search does not try thirty modes on what no mode explains.
+#[test]
+fn an_outlying_sample_is_named_and_ends_the_search() {
+    let scratch = tempfile::tempdir().unwrap();
+    simulate(scratch.path(), &["--noise", "0.01", "--duration", "20"]);
+    spoil(scratch.path(), "lateral-x.csv", |row, channel, x| {
+        if (row, channel) == (4999, "a3") {
+            100.0
+        } else {
+            x
+        }
+    });
+    let fit = identify(scratch.path(), "ml");
+    assert_eq!(fit["likelihood"]["used"], false);
+    // Two modes of the fork and five that explain next to nothing, twice as many at most.
+    let modes = fit["likelihood"]["modes"].as_array().unwrap().len();
+    assert!(modes < 14, "{modes}");
+    let warnings = fit["warnings"].as_array().unwrap();
+    let named = |w: &Value| {
+        w.as_str()
+            .is_some_and(|w| w.contains("sample 4999 of a3, counted from one, reads 100,"))
+    };
+    assert!(warnings.iter().any(named), "{warnings:?}");
+}
+
+fn satellite(folder: &Path) {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/satellite.toml");
+    let out = folder.to_str().unwrap();
+    let rest = [
+        "--out",
+        out,
+        "--quiet",
+        "--noise",
+        "0.01",
+        "--duration",
+        "20",
+    ];
+    massline(&[&["simulate", model.to_str().unwrap()], &rest[..]].concat());
+}
+
+/// All forces of one run 2 % too large: the fit of all lines would claim a tenth of its error.
+#[test]
+fn a_run_of_another_gain_is_left_to_the_band() {
+    let scratch = tempfile::tempdir().unwrap();
+    satellite(scratch.path());
+    spoil(scratch.path(), "about-x.csv", |_, channel, x| {
+        if channel.starts_with("cell") {
+            1.02 * x
+        } else {
+            x
+        }
+    });
+    let setup = scratch.path().join("setup.toml");
+    let text = massline(&["identify", setup.to_str().unwrap(), "--json"]);
+    let result: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(result["method"], "apparent-mass");
+    let why = result["likelihood"]["stepped_back"].as_str().unwrap();
+    assert!(why.starts_with("a rigid body leaves "), "{why}");
+}
+
+/// All load cells three samples late, which the elastic terms of the band's method take in: refused, with the cause.
+#[test]
+fn forces_that_come_late_are_refused() {
+    let scratch = tempfile::tempdir().unwrap();
+    satellite(scratch.path());
+    let setup = scratch.path().join("setup.toml");
+    let text = std::fs::read_to_string(&setup).unwrap();
+    let late = text.replace("[[load_cell]]", "[[load_cell]]\ndelay = -3");
+    std::fs::write(&setup, late).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_massline"))
+        .args(["identify", setup.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert!(
+        errors.contains("no elastic mode is found in `mode_band`")
+            && errors.contains("3 samples late"),
+        "{errors}"
+    );
+}
+
 /// Three channels of three motions: nothing tells the accelerometers' noise without a drive.
 #[test]
 fn without_anything_that_tells_the_noise_the_numbers_are_the_bands() {

@@ -86,6 +86,7 @@ impl Found {
             type_b: None,
             // The box does not send its masslines.
             consistency: Consistency::bound(identification),
+            widened: true,
         }
     }
 

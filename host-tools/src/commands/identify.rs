@@ -8,7 +8,7 @@ use super::{
 };
 use crate::commands::Verbosity;
 use crate::detective::{self, Findings};
-use crate::identification::{Answer, Choice, LIKELIHOOD, Session, WARNED, Wanted};
+use crate::identification::{Answer, Choice, LIKELIHOOD, Refusal, Session, WARNED, Wanted};
 use crate::output::{self, Existing};
 use crate::report;
 use crate::result::ResultDocument;
@@ -221,16 +221,31 @@ pub(super) fn with_progress(
             || answer
                 .consistency
                 .is_some_and(|test| test.probability < WARNED)
+            // Delays pass for elasticity, whose terms take what a rigid body leaves.
+            || answer.misses_modes(setup)
             // Sensors on the structure bend these methods, and no test of the balance tells.
             || !answer.method.interface_only()
             || detective::is_doubtful(setup, answer.identification.mass.map(|m| m.value));
         // What cannot be examined has been answered all the same.
         let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
         let findings = findings.filter(|findings| !findings.clean());
-        let culprits = findings.as_ref().and_then(Findings::culprits);
-        if let (Some(refused), Some(culprits)) = (&mut answer.refused, culprits) {
-            refused.remedy =
-                format!("{culprits}; `massline check` prints the lines that mend the setup");
+        if let Some(culprits) = findings.as_ref().and_then(Findings::culprits) {
+            let mends = (findings.iter().flat_map(|f| &f.suspects))
+                .all(|suspect| suspect.explanations.iter().any(|e| !e.repair.is_empty()));
+            let remedy = if mends {
+                format!("{culprits}; `massline check` prints the lines that mend the setup")
+            } else {
+                culprits
+            };
+            if let Some(refused) = &mut answer.refused {
+                refused.remedy = remedy;
+            } else if answer.misses_modes(setup) {
+                let fact = "no elastic mode is found in `mode_band`, and a fault of the sensors explains it";
+                answer.refused = Some(Refusal {
+                    fact: fact.to_owned(),
+                    remedy,
+                });
+            }
         }
         Ok((answer, findings))
     })
@@ -240,11 +255,14 @@ pub(super) fn show(result: &ResultDocument, truth: Option<&Truth>) -> Result<(),
     print_numbers(&mut anstream::stdout(), result, truth).map_err(|e| Failure::stdout(&e))
 }
 
-/// The truth in the frame of the results.
+/// The truth about the reference point of the setup, in the frame of the results.
 fn in_frame(truth: Option<&Truth>, setup: &Setup) -> Option<Truth> {
-    truth.map(|truth| match &setup.frame {
-        Some(frame) => truth.in_frame(frame),
-        None => truth.clone(),
+    truth.map(|truth| {
+        let truth = truth.about(setup.reference_point);
+        match &setup.frame {
+            Some(frame) => truth.in_frame(frame),
+            None => truth,
+        }
     })
 }
 

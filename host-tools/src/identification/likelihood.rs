@@ -313,6 +313,7 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
             identification: &answer.identification,
             type_b: answer.type_b.as_ref(),
             consistency: answer.consistency,
+            widened: false,
         };
         answer.refused = refusal(&judged);
         let mut warnings = answer.measurement.warnings.clone();

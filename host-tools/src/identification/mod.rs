@@ -116,6 +116,13 @@ impl Answer {
         }
     }
 
+    /// `true` if no elastic mode was found where `mode_band` expects some, and nothing else found any.
+    #[must_use]
+    pub fn misses_modes(&self, setup: &Setup) -> bool {
+        let fitted = self.likelihood.as_ref().is_some_and(Likelihood::is_used);
+        !fitted && notice::misses_modes(setup, &self.fits).is_some()
+    }
+
     /// `true` if accelerometer weights were used.
     #[must_use]
     pub fn weighted(&self) -> bool {
@@ -271,6 +278,7 @@ impl<'s> Session<'s> {
             identification: &found.identification,
             type_b: type_b.as_ref(),
             consistency: found.consistency,
+            widened: true,
         };
         let refused = refusal(&judged);
         notice::notice(&judged, &measurement, &mut warnings);
@@ -463,6 +471,8 @@ pub(crate) struct Judged<'a> {
     pub(crate) identification: &'a Identification,
     pub(crate) type_b: Option<&'a TypeB>,
     pub(crate) consistency: Option<Consistency>,
+    /// `true` if error bars hold what a rigid body leaves.
+    pub(crate) widened: bool,
 }
 
 /// Reads the recordings of a setup and identifies the body.

@@ -54,8 +54,13 @@ pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
     if let Some(test) = judged.consistency
         && test.probability < WARNED
     {
+        let bars = if judged.widened {
+            "error bars were widened"
+        } else {
+            "which the error bars do not hold"
+        };
         warnings.push(format!(
-            "a rigid body leaves {:.1} times more than the noise explains, which chance does in {}; error bars were widened. Check sensor positions, directions and scales",
+            "a rigid body leaves {:.1} times more in the averaging band than the noise explains, which chance does in {}; {bars}. Check sensor positions, directions and scales",
             test.ratio.sqrt(),
             one_in(test.probability)
         ));
@@ -77,17 +82,20 @@ fn one_in(probability: f64) -> String {
     }
 }
 
+/// The mode band, where fits find no elastic modes in it.
+pub(super) fn misses_modes(setup: &Setup, fits: &[ApparentMass]) -> Option<[f64; 2]> {
+    let band = setup.processing.as_ref()?.mode_band?;
+    let none = !fits.is_empty() && fits.iter().all(|fit| fit.poles.is_empty());
+    none.then_some(band)
+}
+
 /// Adds what the user should know of a fit without elastic modes where there should be some.
 pub(super) fn notice_missing_modes(
     setup: &Setup,
     fits: &[ApparentMass],
     warnings: &mut Vec<String>,
 ) {
-    let band = setup.processing.as_ref().and_then(|p| p.mode_band);
-    if let Some([low, high]) = band
-        && !fits.is_empty()
-        && fits.iter().all(|fit| fit.poles.is_empty())
-    {
+    if let Some([low, high]) = misses_modes(setup, fits) {
         warnings.push(format!(
             "method apparent-mass: no elastic mode was found up to {high} Hz, though `mode_band` expects one from {low} Hz; a term in ω² and a pseudo-mode above the band take its place, which is good for lines up to 0.7 times the first mode. Extend `mode_band` to where the structure rings, or leave it out if it is rigid; of many modes that overlap this method finds none, and of random runs --method ml finds them one by one"
         ));

@@ -1,5 +1,6 @@
 //! The method that is used: the one that is named, else the one that suits set-up and data best.
 
+use super::consistency::REFUSED;
 use super::likelihood::{LeftOut, widest_band};
 use super::{Answer, AnswerError, Choice, Likelihood, OnProgress, Session};
 use crate::measure::{MeasuredRun, Measurement};
@@ -65,6 +66,17 @@ impl Session<'_> {
         let answer = self.answer(&Choice { method, ..*choice }, progress)?;
         if wanted != Wanted::Recommended || !suits(&answer, choice) {
             return Ok(answer);
+        }
+        if let Some(test) = answer.consistency
+            && test.probability < REFUSED
+        {
+            return Ok(Answer {
+                likelihood: Some(Likelihood::stepped_back(format!(
+                    "a rigid body leaves {:.1} times more in the averaging band than the noise explains, which more lines do not mend",
+                    test.ratio.sqrt()
+                ))),
+                ..answer
+            });
         }
         let mut answer = match quick(&answer.measurement, self.setup()) {
             Err(reason) => {
