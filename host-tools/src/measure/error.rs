@@ -1,7 +1,7 @@
 //! Errors on the way from recordings to spectra.
 
 use super::Rejected;
-use crate::recording::{Place, RecordingError};
+use crate::recording::{Outlier, Place, RecordingError};
 use massline_core::geometry::GeometryError;
 use massline_core::spectra::{BandError, SpectraError};
 use std::path::{Path, PathBuf};
@@ -134,6 +134,19 @@ pub enum MeasureError {
         /// Samples there.
         samples: u64,
     },
+    /// A channel of a random run whose power is that of one reading.
+    #[error(
+        "{}, channel `{channel}`: sample {}, counted from one, reads {:e}, and all others together have less power; cut the recording there or record the run again",
+        file.display(), outlier.sample + 1, outlier.reading
+    )]
+    Outlier {
+        /// The recording.
+        file: PathBuf,
+        /// The channel.
+        channel: String,
+        /// The reading.
+        outlier: Outlier,
+    },
     /// Two runs with the same data.
     #[error(
         "runs \"{first}\" and \"{second}\" hold the very same samples; one recording was copied or named twice: give each run its own"
@@ -188,6 +201,7 @@ impl MeasureError {
                 | Self::Dead { .. }
                 | Self::SilentDrive { .. }
                 | Self::Clipped { .. }
+                | Self::Outlier { .. }
                 | Self::Copies { .. }
         )
     }

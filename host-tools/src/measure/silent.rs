@@ -19,10 +19,14 @@ use crate::recording::{ChannelHealth, Complaint};
 use crate::setup::{Excitation, Run, Setup};
 use std::collections::BTreeSet;
 
+/// Share of a channel's power from which one reading is all that it says.
+const MOST: f64 = 0.5;
+
 /// State of each run's channels, in the order of [`channel_names`].
 pub(super) type Seen<'s> = Vec<(&'s Run, Vec<ChannelHealth>)>;
 
-/// Refuses dead and clipped channels, and notes those that rest and those with a reading that stands alone.
+/// Refuses dead and clipped channels and those with a reading that is most of their power; notes those that rest, and
+/// other readings that stand alone.
 pub(super) fn check(
     setup: &Setup,
     seen: &Seen<'_>,
@@ -41,6 +45,13 @@ pub(super) fn check(
             if run.excitation == Excitation::Random
                 && let Some(outlier) = health.outlier()
             {
+                if outlier.share > MOST {
+                    return Err(MeasureError::Outlier {
+                        file: setup.recording_path(run),
+                        channel: channel.to_owned(),
+                        outlier,
+                    });
+                }
                 warnings.push(format!(
                     "run \"{}\": sample {} of {channel}, counted from one, reads {}, {} times the channel's RMS: one such reading bends every line of its block. Look at the recording there, and cut it off or record the run again",
                     run.name,

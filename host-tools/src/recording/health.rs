@@ -7,6 +7,8 @@ pub struct ChannelHealth {
     pub range: [f32; 2],
     /// Numbers of the first samples that have these, from zero.
     pub range_at: [u64; 2],
+    /// Samples.
+    pub samples: u64,
     /// Root mean square about the mean, recorded units.
     pub rms: f64,
     /// Mean, recorded units.
@@ -27,6 +29,8 @@ pub struct Outlier {
     pub reading: f32,
     /// Its distance from the mean over the channel's RMS.
     pub crest: f64,
+    /// Its share of the channel's power about the mean.
+    pub share: f64,
 }
 
 /// Crest factor from which a reading of a random signal is an outlier. A Gaussian signal exceeds 9 once in 10¹⁸ samples,
@@ -51,10 +55,14 @@ impl ChannelHealth {
     /// The extreme reading that no random signal has beside the others, if there is one.
     #[must_use]
     pub fn outlier(&self) -> Option<Outlier> {
-        let of = |(reading, sample): (f32, u64)| Outlier {
-            sample,
-            reading,
-            crest: (f64::from(reading) - self.mean).abs() / self.rms,
+        let of = |(reading, sample): (f32, u64)| {
+            let crest = (f64::from(reading) - self.mean).abs() / self.rms;
+            Outlier {
+                sample,
+                reading,
+                crest,
+                share: crest * crest / self.samples as f64,
+            }
         };
         let extremes = self.range.into_iter().zip(self.range_at).map(of);
         let largest = extremes.max_by(|a, b| a.crest.total_cmp(&b.crest))?;
@@ -382,6 +390,7 @@ impl Health {
                 ChannelHealth {
                     range: [low.value, high.value],
                     range_at: [low.at, high.at],
+                    samples: self.count as u64,
                     rms: (squares / self.count.max(1.0)).sqrt(),
                     mean: *mean,
                     at_limit: [worst.samples, worst.in_a_row],
@@ -476,16 +485,14 @@ mod tests {
         };
         let mut samples: Vec<f32> = (0..10_000).map(|_| noise()).collect();
         assert_eq!(of(&samples).outlier(), None);
-        for (reading, crest) in [(-40.0, 37.1), (1e20, 100.0)] {
+        for (reading, crest, share) in [(-40.0, 37.1, 0.138), (1e20, 100.0, 1.0)] {
             samples[4321] = reading;
             let outlier = of(&samples).outlier().unwrap();
             assert_eq!((outlier.sample, outlier.reading), (4321, reading));
-            // 40 over the root of 1 + 40²/10⁴, within three deviations of the RMS by itself; √N of one that is all.
-            assert!(
-                (outlier.crest / crest - 1.0).abs() < 0.025,
-                "{}",
-                outlier.crest
-            );
+            // 40 over the root of 1 + 40²/10⁴, and the square of this over 10⁴, within three deviations of the RMS by
+            // itself; √N of one that is all.
+            assert!((outlier.crest / crest - 1.0).abs() < 0.025, "{outlier:?}");
+            assert!((outlier.share / share - 1.0).abs() < 0.05, "{outlier:?}");
         }
         let burst: Vec<f32> = (0..10_000)
             .map(|n| if n < 500 { noise() } else { 0.0 })
