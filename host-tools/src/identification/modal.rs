@@ -361,7 +361,7 @@ fn warn_of_resolution(
     {
         let factor = LINES_PER_BANDWIDTH * spacing / bandwidth;
         let length = (processing.block_length as f64 * factor) as usize;
-        let (length, longest) = (length.next_power_of_two(), *BLOCK_LENGTHS.end() as usize);
+        let (length, longest) = (length.next_power_of_two(), *BLOCK_LENGTHS.end());
         let would_do = if length <= longest {
             format!("a `block_length` of {length} would do")
         } else {
