@@ -87,6 +87,11 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     }
     let wanted = match arguments.method {
         None => Wanted::Recommended,
+        Some(Named::One(Wanted::Likelihood)) if choice.iterative => {
+            return Err(Failure::input(
+                "ml has no steps of a reference point: it fits all ten numbers at once, about any point alike; leave out --iterative, or name another method",
+            ));
+        }
         Some(Named::One(wanted)) => wanted,
         Some(Named::All) => {
             if !arguments.export.is_empty() {

@@ -1,4 +1,4 @@
-//! Channels that say nothing: dead, clipped, or still because nothing moved their way; and readings that stand alone.
+//! Channels that say nothing: dead, clipped, held, or still because nothing moved their way; and readings that stand alone.
 //!
 //! # Design
 //!
@@ -63,6 +63,28 @@ pub(super) fn check(
         }
     }
     let axes = axes(setup);
+    // Of drives, a generator that pauses is no recorder that stops.
+    let is_sensor = |channel: &str| axes.iter().any(|axis| axis.channel == channel);
+    for (run, channels) in seen
+        .iter()
+        .filter(|(run, _)| run.excitation == Excitation::Random)
+    {
+        let names = channel_names(setup, run).into_iter().zip(channels);
+        let held: Vec<_> = names
+            .filter(|(channel, _)| is_sensor(channel))
+            .filter_map(|(channel, health)| Some((channel, health.held()?)))
+            .collect();
+        if let Some((_, longest)) = held.iter().max_by_key(|(_, held)| held.samples) {
+            let channels: Vec<&str> = held.iter().map(|(channel, _)| *channel).collect();
+            warnings.push(format!(
+                "run \"{}\": one and the same reading for {} samples from sample {} on, counted from one, in {}: what the sensors read meanwhile is lost. Look at the recording there, and cut it off or record the run again",
+                run.name,
+                longest.samples,
+                longest.sample + 1,
+                channels.join(", ")
+            ));
+        }
+    }
     let noisy = seen
         .iter()
         .any(|(_, channels)| channels.iter().all(|health| !dead(health)));

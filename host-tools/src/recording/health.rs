@@ -13,6 +13,10 @@ pub struct ChannelHealth {
     pub rms: f64,
     /// Mean, recorded units.
     pub mean: f64,
+    /// Most readings in a row that equal the one before, and the number of the sample where these begin, from zero.
+    pub longest_held: (u64, u64),
+    /// All readings that equal the one before.
+    pub held: u64,
     /// Samples that sit exactly on the largest or on the smallest reading, whichever are
     /// more, and how many of them follow each other.
     pub at_limit: [u64; 2],
@@ -33,6 +37,19 @@ pub struct Outlier {
     pub share: f64,
 }
 
+/// Stretch of one reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Held {
+    /// Number of its first sample, from zero.
+    pub sample: u64,
+    /// Its samples.
+    pub samples: u64,
+}
+
+/// Stretch of one reading over the mean of such stretches from which it is none of a signal: with stretches that end by
+/// chance one in 10¹⁷ is as long.
+const HELD: u64 = 40;
+
 /// Crest factor from which a reading of a random signal is an outlier. A Gaussian signal exceeds 9 once in 10¹⁸ samples,
 /// and one that bursts for a twentieth of the time 20 once in 10⁵.
 const CREST: f64 = 20.0;
@@ -52,6 +69,17 @@ pub enum Complaint {
 }
 
 impl ChannelHealth {
+    /// The longest stretch of one reading, if it is far longer than those of the channel's resolution.
+    #[must_use]
+    pub fn held(&self) -> Option<Held> {
+        let (longest, sample) = self.longest_held;
+        let stretches = self.samples.saturating_sub(self.held);
+        let samples = longest + 1;
+        // Of a channel that never moves there is no other stretch.
+        let is_long = stretches > 1 && samples * stretches >= HELD * self.samples;
+        is_long.then_some(Held { sample, samples })
+    }
+
     /// The extreme reading that no random signal has beside the others, if there is one.
     #[must_use]
     pub fn outlier(&self) -> Option<Outlier> {
@@ -72,7 +100,7 @@ impl ChannelHealth {
     /// The fault of this channel, if it has one.
     ///
     /// An extreme of a random signal is rare by nature; even a coarse converter hits it
-    /// once or twice. Four times, and two of them in a row, is an amplifier at its stop.
+    /// once or twice. Four times, two of them in a row, and twice as often as its neighbour, is an amplifier at its stop.
     ///
     /// A signal faster than a quarter of the sample rate has no two peaks in a row. But its
     /// readings get rarer towards an extreme, so one that is hit four times as often as its
@@ -85,7 +113,7 @@ impl ChannelHealth {
             return Some(Complaint::Dead);
         }
         let [samples, in_a_row] = self.at_limit;
-        let row = samples >= 4 && in_a_row >= 2;
+        let row = samples >= 4 && in_a_row >= 2 && samples >= 2 * self.next_to_limit;
         let pile = samples >= 8 && samples >= 4 * self.next_to_limit;
         (row || pile).then(|| {
             let limit = if self.range[1].abs() >= self.range[0].abs() {
@@ -106,6 +134,7 @@ pub struct Health {
     means: Vec<f64>,
     squares: Vec<f64>,
     last: Vec<f32>,
+    held: Vec<Stretches>,
     extremes: Vec<[Extreme; 2]>,
     /// Readings strictly between these change no extreme of their channel.
     inner: [Vec<f32>; 2],
@@ -133,6 +162,30 @@ fn add_word(sum: &mut u64, word: u64) {
     *sum = (*sum ^ word)
         .wrapping_mul(0x9e37_79b9_7f4a_7c15)
         .rotate_left(29);
+}
+
+/// Readings of a channel that equal the one before.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stretches {
+    all: u64,
+    /// Of them, those in a row up to now.
+    now: u32,
+    longest: u32,
+    /// Number of the sample where the longest row of them begins.
+    from: u64,
+}
+
+impl Stretches {
+    /// Number of the reading, of some that come after this state and the reading `before`, that ends a row of `longest`.
+    fn end(&self, longest: u32, mut before: f32, readings: impl Iterator<Item = f32>) -> u64 {
+        let mut row = self.now;
+        let mut rows = readings.map(|x| {
+            row = if x == before { row + 1 } else { 0 };
+            before = x;
+            row
+        });
+        rows.position(|row| row == longest).unwrap_or(0) as u64
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -197,6 +250,7 @@ impl Health {
             means: vec![0.0; channels],
             squares: vec![0.0; channels],
             last: vec![0.0; channels],
+            held: vec![Stretches::default(); channels],
             extremes: vec![Default::default(); channels],
             inner: [
                 vec![f32::INFINITY; channels],
@@ -268,10 +322,18 @@ impl Health {
         let own = first..first + N;
         let means = self.means.get_mut(own.clone());
         let squares = self.squares.get_mut(own.clone());
+        let held = self.held.get_mut(own.clone());
+        let last = self.last.get(own.clone());
         if let Some(means) = means.and_then(|means| means.first_chunk_mut::<N>())
             && let Some(squares) = squares.and_then(|squares| squares.first_chunk_mut::<N>())
+            && let Some(held) = held.and_then(|held| held.first_chunk_mut::<N>())
+            && let Some(last) = last.and_then(|last| last.first_chunk::<N>())
         {
             let (mut mean, mut square, mut count) = (*means, *squares, self.count);
+            // Nothing equals the first reading before it.
+            let mut before = if count > 0.0 { *last } else { [f32::NAN; N] };
+            let (mut same, mut now) = ([0_u32; N], held.map(|held| held.now));
+            let mut longest = held.map(|held| held.longest);
             for sample in samples.chunks_exact(channels) {
                 count += 1.0;
                 let readings = sample.get(first..).and_then(|x| x.first_chunk::<N>());
@@ -281,6 +343,30 @@ impl Health {
                 for ((mean, square), x) in mean.iter_mut().zip(&mut square).zip(readings) {
                     add_moment(mean, square, f64::from(*x), count);
                 }
+                let stretches = same.iter_mut().zip(&mut now).zip(&mut longest);
+                for (((same, now), longest), (before, x)) in
+                    stretches.zip(before.iter().zip(readings))
+                {
+                    let equal = u32::from(before == x);
+                    *same += equal;
+                    *now = now.wrapping_add(equal) * equal;
+                    *longest = (*longest).max(*now);
+                }
+                before = *readings;
+            }
+            for (lane, held) in held.iter_mut().enumerate().skip(at - first) {
+                let longest = longest.get(lane).copied().unwrap_or(0);
+                if longest > held.longest {
+                    let own = samples.iter().skip(first + lane).step_by(channels);
+                    let before = match last.get(lane) {
+                        Some(before) if self.count > 0.0 => *before,
+                        _ => f32::NAN,
+                    };
+                    let end = self.count as u64 + held.end(longest, before, own.copied());
+                    (held.longest, held.from) = (longest, end.saturating_sub(longest.into()));
+                }
+                held.all += u64::from(same.get(lane).copied().unwrap_or(0));
+                held.now = now.get(lane).copied().unwrap_or(0);
             }
             let moments = mean.iter().zip(&square).skip(at - first);
             let slots = means.iter_mut().zip(squares).skip(at - first);
@@ -381,7 +467,8 @@ impl Health {
         let moments = self.means.iter().zip(&self.squares);
         moments
             .zip(&self.extremes)
-            .map(|((mean, squares), [low, high])| {
+            .zip(&self.held)
+            .map(|(((mean, squares), [low, high]), held)| {
                 let worst = if low.samples > high.samples {
                     low
                 } else {
@@ -393,6 +480,8 @@ impl Health {
                     samples: self.count as u64,
                     rms: (squares / self.count.max(1.0)).sqrt(),
                     mean: *mean,
+                    longest_held: (held.longest.into(), held.from),
+                    held: held.all,
                     at_limit: [worst.samples, worst.in_a_row],
                     next_to_limit: worst.next_samples,
                 }
@@ -469,6 +558,33 @@ mod tests {
         assert!((health.rms - 0.5_f64.sqrt()).abs() < 5e-3);
     }
 
+    /// A recorder that repeats its last reading for a hundred samples, at its beginning, in the midst and at its end; a slow
+    /// signal in coarse steps, whose stretches are long by themselves; and one that never moves.
+    #[test]
+    fn a_stretch_that_the_recorder_held_is_found() {
+        let signal = |n: usize| (n as f32 * n as f32 * 0.37).sin();
+        for begin in [0, 777, 900] {
+            let samples: Vec<f32> = (0..1000)
+                .map(|n| {
+                    signal(if (begin..begin + 100).contains(&n) {
+                        begin
+                    } else {
+                        n
+                    })
+                })
+                .collect();
+            let held = of(&samples).held().unwrap();
+            assert_eq!((held.sample, held.samples), (begin as u64, 100));
+        }
+        let whole: Vec<f32> = (0..1000).map(signal).collect();
+        assert_eq!(of(&whole).held(), None);
+        let coarse: Vec<f32> = (0..20_000)
+            .map(|n| (6.0 * (n as f32 * 2e-3).sin()).round())
+            .collect();
+        assert_eq!(of(&coarse).held(), None);
+        assert_eq!(of(&[0.5; 100]).held(), None);
+    }
+
     /// Sums of twelve uniform numbers with one reading that is 40 of their deviations, and the same without it; and a
     /// channel that bursts for a twentieth of the time.
     #[test]
@@ -538,6 +654,16 @@ mod tests {
                     (low.min(*x), high.max(*x))
                 });
                 assert_eq!(found.range, [low, high]);
+                let rows = own.windows(2).map(|x| x[0] == x[1]);
+                assert_eq!(found.held, rows.clone().filter(|same| *same).count() as u64);
+                let (mut row, mut longest) = (0, (0, 0));
+                for (at, same) in rows.enumerate() {
+                    row = if same { row + 1 } else { 0 };
+                    if row > longest.0 {
+                        longest = (row, at as u64 + 1 - row);
+                    }
+                }
+                assert_eq!(found.longest_held, longest);
                 let first = |limit: f32| own.iter().position(|x| *x == limit).unwrap() as u64;
                 assert_eq!(found.range_at, [first(low), first(high)]);
                 let at = |limit: f32| own.iter().filter(|x| **x == limit).count() as u64;

@@ -68,7 +68,7 @@ pub use error::{Mismatch, RecordingError};
 pub(crate) use faults::read as spelt;
 pub use faults::{HEALTH_COLUMN, fault_words, spell};
 pub use form::Form;
-pub use health::{ChannelHealth, Complaint, Health, Outlier};
+pub use health::{ChannelHealth, Complaint, Health, Held, Outlier};
 pub(crate) use names::{some_of, split as split_label};
 pub use preamble::{Preamble, Traceability, TrueRate};
 pub use reader::Recording;
