@@ -76,7 +76,7 @@ impl ChannelHealth {
         let stretches = self.samples.saturating_sub(self.held);
         let samples = longest + 1;
         // Of a channel that never moves there is no other stretch.
-        let is_long = stretches > 1 && samples * stretches >= HELD * self.samples;
+        let is_long = stretches > 1 && samples.saturating_mul(stretches) >= HELD * self.samples;
         is_long.then_some(Held { sample, samples })
     }
 

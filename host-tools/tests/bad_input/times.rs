@@ -53,6 +53,7 @@ fn band_outside_the_spectrum_of_the_recording() {
     Bench::fork()
         .setup("sample_rate", "# sample_rate")
         .with("averaging_band", "[0.5, 300.0]")
+        .with("rigid_up_to", "400.0")
         .edit(X, |text| with_time(text, 512.0, 0))
         .refused_input(
             "lateral-x.csv … `averaging_band` ends at 300 Hz … the spectrum ends at 255 Hz … \
