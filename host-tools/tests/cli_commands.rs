@@ -203,6 +203,9 @@ fn of_two_procedures_the_last_one_counts() {
     assert!(!iterative(&["--json", "--direct"]));
     assert!(!iterative(&["--json", "--iterative", "--direct"]));
     assert!(iterative(&["--json", "--direct", "--iterative"]));
+    bench
+        .identify(&["--method", "ml", "--iterative"])
+        .refused_input("ml has no steps of a reference point … leave out --iterative");
 }
 
 #[test]
@@ -315,6 +318,10 @@ fn identify_exports_beside_the_answer() {
     let unknown = bench.identify(&["--export", "setup.toml"]);
     assert_eq!(unknown.code, Some(2));
     unknown.says("its ending tells no format");
+    let misspelt = bench.identify(&["--export", "covarience=x.csv"]);
+    assert_eq!(misspelt.code, Some(2), "{}", misspelt.stderr);
+    misspelt.says("no format is called `covarience`; there are json, csv, covariance");
+    assert!(!bench.file("covarience=x.csv").exists());
     bench
         .identify(&["--export", "csv=setup.toml", "--force"])
         .refused_input("is read by the same command");
@@ -332,6 +339,37 @@ fn identify_exports_beside_the_answer() {
     assert_eq!(plane.code, Some(1), "{}", plane.stderr);
     plane.says("no export to urdf: the format needs all ten numbers");
     plane.shows("CG x");
+}
+
+/// The truth is compared about the reference point of the setup: with A moved by 10 m the moment about it grows four
+/// thousandfold, and its error stays within a few intervals.
+#[test]
+fn the_truth_is_about_the_reference_point_of_the_setup() {
+    let bench = Bench::satellite().with("reference_point", "[10.0, 0.0, 0.0]");
+    let report = [
+        "--truth",
+        "truth.json",
+        "--method",
+        "apparent-mass",
+        "--report",
+        "r.html",
+    ];
+    let finished = bench.identify(&report);
+    let row = finished
+        .stdout
+        .lines()
+        .find(|line| line.starts_with("Θyy about A"));
+    let error = row
+        .unwrap()
+        .split_whitespace()
+        .find(|word| word.starts_with(['+', '-']));
+    let error: f64 = error.unwrap().parse().unwrap();
+    // The interval of the mass is 0.05 % of it after 20 s, and decides on a moment of 10 m.
+    assert!(error.abs() < 0.2, "{}", finished.stdout);
+    // 328.235 kg m² about S and 800 kg: 328.235 + 800 (9.96125² + 0.94025²). The report groups its digits.
+    finished.shows("Θyy about A … 80416.7");
+    let page = std::fs::read_to_string(bench.file("r.html")).unwrap();
+    assert!(page.contains("416.7"));
 }
 
 /// `[frame]` gives table and document in other axes; the truth goes along.

@@ -1,6 +1,9 @@
 //! The method `ml` from the command line: sharper than the band where it holds, back to the band where
 //! it does not.
 
+mod bench;
+
+use bench::{Bench, RECORDINGS};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Command;
@@ -87,58 +90,17 @@ fn the_fit_is_sharper_than_the_band_and_holds_the_truth() {
     assert!((0.9..1.5).contains(&over), "{over}");
 }
 
-/// Changes readings of the recording `name` of a simulated test: `change` takes the number of the row, from one, the name
-/// of the channel and the reading.
-fn spoil(folder: &Path, name: &str, change: impl Fn(usize, &str, f64) -> f64) {
-    let path = folder.join(name);
-    let text = std::fs::read_to_string(&path).unwrap();
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let mut spoilt = header.join(",");
-    for (row, line) in (1..).zip(lines) {
-        let readings = header.iter().zip(line.split(','));
-        let changed = readings.map(|(channel, x)| {
-            let x: f64 = x.parse().unwrap();
-            change(row, channel.split(' ').next().unwrap(), x).to_string()
-        });
-        spoilt.push('\n');
-        spoilt.push_str(&changed.collect::<Vec<_>>().join(","));
-    }
-    std::fs::write(&path, spoilt).unwrap();
-    let setup = folder.join("setup.toml");
-    let text = std::fs::read_to_string(&setup).unwrap();
-    let kept = text.lines().filter(|line| !line.starts_with("checksum"));
-    std::fs::write(&setup, kept.collect::<Vec<_>>().join("\n")).unwrap();
-}
-
-/// One reading of 33 times the others' RMS is named, and counts as the noise that it is. One of 16,000 times has more power
-/// than all others together.
+/// One reading of 33 times the others' RMS is named, and counts as the noise that it is.
 #[test]
 fn an_outlying_sample_is_named() {
-    let scratch = tempfile::tempdir().unwrap();
-    simulate(scratch.path(), &["--noise", "0.01", "--duration", "20"]);
-    let set = |reading: f64| {
-        spoil(scratch.path(), "lateral-x.csv", |row, channel, x| {
-            if (row, channel) == (4999, "a3") {
-                reading
-            } else {
-                x
-            }
-        });
-    };
-    set(100.0);
-    let setup = scratch.path().join("setup.toml");
-    let output = Command::new(env!("CARGO_BIN_EXE_massline"))
-        .args(["identify", setup.to_str().unwrap()])
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{errors}");
-    let words =
-        "lateral-x.csv, channel `a3`: sample 4999, counted from one, reads 1e2, and all others";
-    assert!(errors.contains(words), "{errors}");
-    set(0.2);
-    let fit = identify(scratch.path(), "ml");
+    let wild = |row: usize, reading: &str| if row == 1999 { "0.2" } else { reading }.to_owned();
+    let bench = Bench::fork().channel(RECORDINGS[0], "a3", wild);
+    let weighed = std::fs::read_to_string(bench.file("setup.toml")).unwrap();
+    let unknown: Vec<&str> = (weighed.lines())
+        .filter(|line| !line.starts_with("known_mass"))
+        .collect();
+    let bench = bench.write("setup.toml", unknown.join("\n"));
+    let fit = identify(bench.path(), "ml");
     assert_eq!(fit["likelihood"]["used"], true);
     for ((value, std), truth) in numbers(&fit).into_iter().zip(TRUTH) {
         // As above.
@@ -147,44 +109,22 @@ fn an_outlying_sample_is_named() {
             "{value} {std} {truth}"
         );
     }
+    let words = "sample 2000 of a3, counted from one, reads 0.2, 28 times the channel's RMS";
     let warnings = fit["warnings"].as_array().unwrap();
-    let named = |w: &Value| {
-        w.as_str()
-            .is_some_and(|w| w.contains("sample 4999 of a3, counted from one, reads 0.2,"))
-    };
+    let named = |w: &Value| w.as_str().is_some_and(|w| w.contains(words));
     assert!(warnings.iter().any(named), "{warnings:?}");
-}
-
-fn satellite(folder: &Path) {
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/satellite.toml");
-    let out = folder.to_str().unwrap();
-    let rest = [
-        "--out",
-        out,
-        "--quiet",
-        "--noise",
-        "0.01",
-        "--duration",
-        "20",
-    ];
-    massline(&[&["simulate", model.to_str().unwrap()], &rest[..]].concat());
 }
 
 /// All forces of one run 2 % too large: the fit of all lines would claim a tenth of its error.
 #[test]
 fn a_run_of_another_gain_is_left_to_the_band() {
-    let scratch = tempfile::tempdir().unwrap();
-    satellite(scratch.path());
-    spoil(scratch.path(), "about-x.csv", |_, channel, x| {
-        if channel.starts_with("cell") {
-            1.02 * x
-        } else {
-            x
-        }
+    let more = |_: usize, reading: &str| (1.02 * reading.parse::<f64>().unwrap()).to_string();
+    let cells = (1..=4).flat_map(|cell| ["x", "y", "z"].map(|axis| format!("cell{cell}.{axis}")));
+    let bench = cells.fold(Bench::satellite(), |bench, cell| {
+        bench.channel("about-x.csv", &cell, more)
     });
-    let setup = scratch.path().join("setup.toml");
-    let text = massline(&["identify", setup.to_str().unwrap(), "--json"]);
-    let result: Value = serde_json::from_str(&text).unwrap();
+    let finished = bench.recommended(&["--json"]);
+    let result: Value = serde_json::from_str(&finished.stdout).unwrap();
     assert_eq!(result["method"], "apparent-mass");
     let why = result["likelihood"]["stepped_back"].as_str().unwrap();
     assert!(why.starts_with("a rigid body leaves "), "{why}");
@@ -193,28 +133,17 @@ fn a_run_of_another_gain_is_left_to_the_band() {
 /// All load cells three samples late, which the elastic terms of the band's method take in: refused, with the cause.
 #[test]
 fn forces_that_come_late_are_refused() {
-    let scratch = tempfile::tempdir().unwrap();
-    satellite(scratch.path());
-    let setup = scratch.path().join("setup.toml");
-    let text = std::fs::read_to_string(&setup).unwrap();
-    let late = text.replace("[[load_cell]]", "[[load_cell]]\ndelay = -3");
-    std::fs::write(&setup, late).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_massline"))
-        .args(["identify", setup.to_str().unwrap(), "--json"])
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{errors}");
+    let late = |text: &str| text.replace("[[load_cell]]", "[[load_cell]]\ndelay = -3");
+    let finished = Bench::satellite_for(20.0)
+        .edit("setup.toml", late)
+        .recommended(&["--json"]);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    finished.says("no elastic mode is found in `mode_band` … 3 samples late");
     // Not thirty modes on what no mode explains: four of the satellite and five that explain next to nothing, and half as
     // many more.
-    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let result: Value = serde_json::from_str(&finished.stdout).unwrap();
     let modes = result["likelihood"]["modes"].as_array().unwrap().len();
     assert!(modes < 14, "{modes}");
-    assert!(
-        errors.contains("no elastic mode is found in `mode_band`")
-            && errors.contains("3 samples late"),
-        "{errors}"
-    );
 }
 
 /// Three channels of three motions: nothing tells the accelerometers' noise without a drive.

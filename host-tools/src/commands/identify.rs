@@ -75,6 +75,7 @@ fn parse_named(name: &str) -> Result<Named, String> {
 pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let setup = Setup::read(&arguments.setup)?;
     let truth = arguments.truth.as_deref().map(read_truth).transpose()?;
+    let truth = truth.map(|truth| truth.about(setup.reference_point));
     let choice = Choice {
         method: None,
         iterative: arguments.procedure.iterative,
@@ -260,14 +261,11 @@ pub(super) fn show(result: &ResultDocument, truth: Option<&Truth>) -> Result<(),
     print_numbers(&mut anstream::stdout(), result, truth).map_err(|e| Failure::stdout(&e))
 }
 
-/// The truth about the reference point of the setup, in the frame of the results.
+/// The truth in the frame of the results.
 fn in_frame(truth: Option<&Truth>, setup: &Setup) -> Option<Truth> {
-    truth.map(|truth| {
-        let truth = truth.about(setup.reference_point);
-        match &setup.frame {
-            Some(frame) => truth.in_frame(frame),
-            None => truth,
-        }
+    truth.map(|truth| match &setup.frame {
+        Some(frame) => truth.in_frame(frame),
+        None => truth.clone(),
     })
 }
 

@@ -54,13 +54,13 @@ pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
     if let Some(test) = judged.consistency
         && test.probability < WARNED
     {
-        let bars = if judged.widened {
-            "error bars were widened"
+        let (place, bars) = if judged.widened {
+            ("", "error bars were widened")
         } else {
-            "which the error bars do not hold"
+            (" in the averaging band", "the error bars do not know of it")
         };
         warnings.push(format!(
-            "a rigid body leaves {:.1} times more in the averaging band than the noise explains, which chance does in {}; {bars}. Check sensor positions, directions and scales",
+            "a rigid body leaves {:.1} times more{place} than the noise explains, which chance does in {}; {bars}. Check sensor positions, directions and scales",
             test.ratio.sqrt(),
             one_in(test.probability)
         ));

@@ -100,7 +100,7 @@ impl ChannelHealth {
     /// The fault of this channel, if it has one.
     ///
     /// An extreme of a random signal is rare by nature; even a coarse converter hits it
-    /// once or twice. Four times, two of them in a row, and twice as often as its neighbour, is an amplifier at its stop.
+    /// once or twice. Four times, and two of them in a row, is an amplifier at its stop.
     ///
     /// A signal faster than a quarter of the sample rate has no two peaks in a row. But its
     /// readings get rarer towards an extreme, so one that is hit four times as often as its
@@ -113,7 +113,7 @@ impl ChannelHealth {
             return Some(Complaint::Dead);
         }
         let [samples, in_a_row] = self.at_limit;
-        let row = samples >= 4 && in_a_row >= 2 && samples >= 2 * self.next_to_limit;
+        let row = samples >= 4 && in_a_row >= 2;
         let pile = samples >= 8 && samples >= 4 * self.next_to_limit;
         (row || pile).then(|| {
             let limit = if self.range[1].abs() >= self.range[0].abs() {

@@ -100,6 +100,45 @@ fn clipped_channel() {
     );
 }
 
+/// One reading of 16,000 times the others' RMS.
+#[test]
+fn a_reading_with_more_power_than_all_others() {
+    let wild = |row: usize, reading: &str| if row == 1999 { "100" } else { reading }.to_owned();
+    Bench::fork().channel(X, "a3", wild).refused_data(
+        "lateral-x.csv … channel `a3` … sample 2000, counted from one, reads 1e2 … cut the \
+             recording there",
+    );
+}
+
+/// A recorder that repeats one reading for a hundred samples.
+#[test]
+fn a_sensor_that_was_held() {
+    let text = std::fs::read_to_string(Bench::fork().file(X)).unwrap();
+    let a1 = text
+        .lines()
+        .next()
+        .unwrap()
+        .split(',')
+        .position(|name| name == "a1");
+    let reading = text
+        .lines()
+        .nth(1001)
+        .unwrap()
+        .split(',')
+        .nth(a1.unwrap())
+        .unwrap();
+    let hold = |row: usize, own: &str| {
+        let held = (1000..1100).contains(&row);
+        if held { reading } else { own }.to_owned()
+    };
+    let finished = Bench::fork().channel(X, "a1", hold).identify(&[]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    finished.says(
+        "run \"lateral X\": one and the same reading for 100 samples from sample 1001 on … in a1: … \
+         record the run again",
+    );
+}
+
 #[test]
 fn runs_that_are_copies_of_each_other() {
     let words = "runs \"lateral X\" and \"lateral Z\" hold the very same samples … give each run \

@@ -147,10 +147,15 @@ impl Bench {
 
     /// The satellite shaken for ten seconds in six axes: a test that tells all ten numbers.
     pub fn satellite() -> Self {
+        Self::satellite_for(10.0)
+    }
+
+    /// The same, so many seconds a run.
+    pub fn satellite_for(seconds: f64) -> Self {
         let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/satellite.toml");
         let options = Options {
             noise: Some(0.01),
-            duration: Some(10.0),
+            duration: Some(seconds),
             ..Options::default()
         };
         let simulation = simulate(&Model::read(&model).unwrap(), &options, &mut |_| ()).unwrap();
