@@ -139,11 +139,6 @@ fn forces_that_come_late_are_refused() {
         .recommended(&["--json"]);
     assert_eq!(finished.code, Some(1), "{}", finished.stderr);
     finished.says("no elastic mode is found in `mode_band` … 3 samples late");
-    // Not thirty modes on what no mode explains: four of the satellite and five that explain next to nothing, and half as
-    // many more.
-    let result: Value = serde_json::from_str(&finished.stdout).unwrap();
-    let modes = result["likelihood"]["modes"].as_array().unwrap().len();
-    assert!(modes < 14, "{modes}");
 }
 
 /// Three channels of three motions: nothing tells the accelerometers' noise without a drive.
