@@ -1,7 +1,9 @@
 //! The services of the board that the instrument uses.
 
+use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use cortex_m::interrupt::{self, Mutex};
 use massline_firmware::drivers::Lowpass;
 use massline_firmware::instrument::{Board, Vitals};
 use massline_firmware::link::Rx;
@@ -24,8 +26,8 @@ pub static COUNTERS: Counters = Counters::new();
 
 /// Deepest that the stack was at the last look, bytes.
 static STACK_USED: AtomicU32 = AtomicU32::new(0);
-/// Ticks that the processor has slept.
-static ASLEEP: AtomicU32 = AtomicU32::new(0);
+/// Ticks that the processor has slept since its start.
+static ASLEEP: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
 /// `true` if the block task is to hang.
 static HANG: AtomicBool = AtomicBool::new(false);
 
@@ -59,8 +61,15 @@ pub fn look_at_stack() {
 
 /// Counts time that the processor slept. Only the idle loop calls it.
 pub fn count_sleep(ticks: u32) {
-    let before = ASLEEP.load(Ordering::Relaxed);
-    ASLEEP.store(before.wrapping_add(ticks), Ordering::Relaxed);
+    interrupt::free(|cs| {
+        let asleep = ASLEEP.borrow(cs);
+        asleep.set(asleep.get() + u64::from(ticks));
+    });
+}
+
+/// Ticks that the processor has slept since its start.
+fn asleep() -> u64 {
+    interrupt::free(|cs| ASLEEP.borrow(cs).get())
 }
 
 /// Hangs if a hang was asked for.
@@ -112,7 +121,7 @@ pub struct Services {
     overruns: u32,
     dropped: u32,
     asked_at: u64,
-    asleep: u32,
+    asleep: u64,
 }
 
 impl Services {
@@ -211,9 +220,9 @@ impl Board for Services {
     }
 
     fn vitals(&mut self) -> Vitals {
-        let (now, asleep) = (ticks::now(), ASLEEP.load(Ordering::Relaxed));
+        let (now, asleep) = (ticks::now(), asleep());
         let passed = now - self.asked_at;
-        let slept = u64::from(asleep.wrapping_sub(self.asleep)).min(passed);
+        let slept = (asleep - self.asleep).min(passed);
         (self.asked_at, self.asleep) = (now, asleep);
         let load = (passed - slept) * 1000 / passed.max(1);
         Vitals {

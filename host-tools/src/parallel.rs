@@ -77,7 +77,8 @@ pub(crate) fn both<A: Send, B>(
     })
 }
 
-fn processors() -> usize {
+/// Processors that this program may use, at least one.
+pub(crate) fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 

@@ -14,8 +14,12 @@ fn run(arguments: &[&str]) -> Finished {
 
 /// The commands that the help lists.
 fn commands() -> Vec<String> {
-    let help = run(&["--help"]).stdout;
-    let list = help.split("Commands:\n").nth(1).unwrap();
+    listed(&run(&["--help"]).stdout)
+}
+
+/// The commands that a help lists.
+fn listed(help: &str) -> Vec<String> {
+    let list = help.split("Commands:\n").nth(1).unwrap_or_default();
     list.lines()
         .take_while(|line| !line.is_empty())
         .filter_map(|line| line.split_whitespace().next())
@@ -46,6 +50,30 @@ fn help_is_one_screen_with_an_example() {
         assert!(help.lines().count() <= ROWS, "{arguments:?}\n{help}");
         assert!(help.contains("--help"), "{arguments:?}");
     }
+}
+
+/// All options but those of the paper's open choices, of which the manual says that the help lists them.
+#[test]
+fn the_manual_has_every_option() {
+    let manual = concat!(env!("CARGO_MANIFEST_DIR"), "/README.md");
+    let manual = std::fs::read_to_string(manual).unwrap();
+    let mut waiting: Vec<Vec<String>> = commands().into_iter().map(|c| vec![c]).collect();
+    let mut options = 0;
+    while let Some(path) = waiting.pop() {
+        let all = path.iter().cloned().chain(["--help".to_owned()]);
+        let help = massline(Path::new("."), all).stdout;
+        for name in listed(&help) {
+            waiting.push(path.iter().cloned().chain([name]).collect());
+        }
+        let own = help.split("What the paper leaves open").next().unwrap();
+        for word in own.split(|c: char| !(c.is_ascii_lowercase() || c == '-')) {
+            if let Some(name) = word.strip_prefix("--").filter(|name| !name.is_empty()) {
+                assert!(manual.contains(&format!("--{name}")), "{path:?} --{name}");
+                options += 1;
+            }
+        }
+    }
+    assert!(options > 100, "{options}");
 }
 
 #[test]

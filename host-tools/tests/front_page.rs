@@ -1,6 +1,6 @@
 //! The first page of the project shows what the command prints now, and its picture.
 //!
-//! `OVERWRITE=1 cargo test --release -p massline --test front_page` writes both afresh.
+//! `MASSLINE_ACCEPT=1 cargo test --release -p massline --test front_page` writes both afresh.
 
 use massline::report::plot::{Axis, Extent, LineChart, Mapping, Mark, Rule, Series, Tone};
 use massline::study::{self, Document, Options};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-const AGAIN: &str = "OVERWRITE=1 cargo test --release -p massline --test front_page";
+const AGAIN: &str = "MASSLINE_ACCEPT=1 cargo test --release -p massline --test front_page";
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -32,7 +32,7 @@ static DEMO: LazyLock<(String, String)> = LazyLock::new(|| {
 
 /// Compares with a file, or writes it.
 fn agree(path: &Path, now: &str) {
-    if std::env::var_os("OVERWRITE").is_some() {
+    if std::env::var_os("MASSLINE_ACCEPT").is_some_and(|value| value == "1") {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, now).unwrap();
         return;

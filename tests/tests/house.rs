@@ -206,6 +206,28 @@ fn the_board_alone_names_its_chip() {
 }
 
 /// The search finds a circle where there is one.
+/// The table of the README has a row for each file and folder of tests, but for what tests share.
+#[test]
+fn the_table_of_tests_is_whole() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
+    let rows: Vec<&str> = readme
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .collect();
+    let mut seen = 0;
+    for entry in std::fs::read_dir(root.join("tests")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if ["bench", "stand_in", "identical"].contains(&name.as_str()) {
+            continue;
+        }
+        let has = rows.iter().any(|row| row.contains(&format!("`{name}")));
+        assert!(has, "README.md has no row for {name}");
+        seen += 1;
+    }
+    assert!(seen > 10);
+}
+
 #[test]
 fn a_circle_is_found() {
     let all: BTreeMap<Module, String> = [

@@ -26,9 +26,11 @@ pub struct StaticPoses {
 pub struct StaticFit {
     /// The pairs.
     pub masslines: Masslines,
-    /// Mean specific force over the poses.
+    /// Mean over the poses of the specific force, m/s², with zeros for the angular accelerations, at the reference
+    /// point in the specimen's frame.
     pub mean_acceleration: Vector6<f64>,
-    /// Mean resultants over the poses; with the mass matrix this gives the offsets.
+    /// Mean resultants over the poses, N and N m about the reference point in the specimen's frame, offsets of the
+    /// load cells among them: these are `mean_force - M mean_acceleration`.
     pub mean_force: Vector6<f64>,
     /// Poses used.
     pub poses: usize,

@@ -3,7 +3,7 @@
 //!
 //! Core computes the same bits on every machine, so that they can be written down. Other tests hold
 //! them against the truth; this one notices that they change. Where a change is meant,
-//! `OVERWRITE=1 cargo test -p massline-core --test golden` writes the new numbers, and the commit
+//! `MASSLINE_ACCEPT=1 cargo test -p massline-core --test golden` writes the new numbers, and the commit
 //! says why.
 
 mod specimen;
@@ -346,7 +346,7 @@ fn numbers_to_the_last_bit() {
     let weights = weights(&specimen, &mut found);
     all_methods(&mut found, &mut Averages::new(&specimen, &weights), false);
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/numbers.txt");
-    if std::env::var_os("OVERWRITE").is_some() {
+    if std::env::var_os("MASSLINE_ACCEPT").is_some_and(|value| value == "1") {
         std::fs::write(file, &found).unwrap();
     }
     let kept = std::fs::read_to_string(file).unwrap_or_default();

@@ -253,9 +253,10 @@ impl Lines<'_> {
 /// One line of a stored run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// Power of the drive G_rr, summed over the blocks.
+    /// Power of the drive G_rr, in its unit squared, summed over the blocks.
     pub drive: f32,
-    /// Real and imaginary part of the response of each resultant to the drive.
+    /// Real and imaginary part of the response of each resultant to the drive: m/s² and rad/s², then N and N m, each
+    /// per unit of the drive, at the reference point.
     pub responses: [[f32; 2]; RESULTANTS],
 }
 

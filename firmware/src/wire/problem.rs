@@ -376,30 +376,37 @@ impl Display for Problem {
                 "the box is still at work on {}",
                 Request::name(*number).unwrap_or("another request")
             ),
-            Self::Unsupported(item) => write!(f, "this firmware lacks that: {item:?}"),
+            Self::Unsupported(item) => write!(f, "this firmware lacks that: {item}"),
             Self::Index { item, found, limit } => {
-                write!(f, "{item:?} {found} of {limit}, counted from zero")
+                write!(f, "{item} {found} of {limit}, counted from zero")
             }
             Self::Capacity { item, found, limit } => {
-                write!(f, "no room: {item:?}, {found} where {limit} fit")
+                write!(f, "no room: {item}, {found} where {limit} fit")
             }
             Self::Count {
                 item,
                 found,
                 expected,
-            } => write!(f, "{item:?}: {found} came, {expected} were expected"),
-            Self::Missing { item, index } => write!(f, "{item:?} {index} is missing"),
+            } => write!(f, "{item}: {found} came, {expected} were expected"),
+            Self::Missing { item, index } => match item {
+                Item::Processing | Item::ModeBand | Item::Answer => {
+                    write!(f, "{item} is missing")
+                }
+                _ => write!(f, "{item} {index} is missing"),
+            },
             Self::Range {
                 field,
                 index,
                 found,
                 low,
                 high,
-            } => write!(
-                f,
-                "{field:?} of number {index} is {}; expected {} to {}",
-                found, low, high
-            ),
+            } => {
+                field.fmt(f)?;
+                if field.is_of_several() {
+                    write!(f, " of number {index}, counted from zero,")?;
+                }
+                write!(f, " is {found}; expected {low} to {high}")
+            }
             Self::Gap { found, expected } => write!(
                 f,
                 "the samples begin with number {found}, number {expected} is expected"
@@ -418,6 +425,90 @@ impl Display for Problem {
                 write!(f, "converter {converter} does not come up: {fault}")
             }
         }
+    }
+}
+
+impl Display for Item {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        f.write_str(match self {
+            Self::Sensor => "sensor",
+            Self::Accelerometer => "accelerometer",
+            Self::LoadCell => "load cell",
+            Self::Run => "run",
+            Self::Channel => "channel",
+            Self::Input => "input",
+            Self::Drive => "drive",
+            Self::Line => "line",
+            Self::Sample => "sample",
+            Self::Weight => "weight",
+            Self::Byte => "byte",
+            Self::Processing => "the processing",
+            Self::ModeBand => "the mode band",
+            Self::Survey => "survey of run",
+            Self::Summary => "finished run",
+            Self::Answer => "the answer",
+            Self::Method => "method",
+            Self::Excitation => "kind of excitation",
+            Self::Source => "source of samples",
+            Self::Setting => "setting",
+            Self::Provoke => "fault to be provoked",
+            Self::Bus => "bus",
+            Self::Converter => "converter",
+            Self::Probe => "measurement of the board",
+        })
+    }
+}
+
+impl Field {
+    /// `true` if several items have a value of this name.
+    const fn is_of_several(self) -> bool {
+        matches!(
+            self,
+            Self::Position
+                | Self::Direction
+                | Self::Scale
+                | Self::Offset
+                | Self::Rotation
+                | Self::Translation
+                | Self::Weight
+                | Self::Gain
+                | Self::CountLimit
+                | Self::Uncertainty
+                | Self::Date
+        )
+    }
+}
+
+impl Display for Field {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        f.write_str(match self {
+            Self::ReferencePoint => "the reference point",
+            Self::Position => "the position",
+            Self::Direction => "the length of the direction",
+            Self::Scale => "the scale",
+            Self::Offset => "the offset",
+            Self::Rotation => "the rotation",
+            Self::Translation => "the translation",
+            Self::Weight => "the weight",
+            Self::MinimumWeight => "the minimum weight",
+            Self::SampleRate => "the sample rate",
+            Self::BlockLength => "the block length",
+            Self::Overlap => "the overlap",
+            Self::KeptBand => "an end of the kept band",
+            Self::AveragingBand => "an end of the averaging band",
+            Self::ModeBand => "an end of the mode band",
+            Self::KnownMass => "the known mass",
+            Self::Tolerance => "the tolerance of the iteration",
+            Self::Modes => "the number of modes",
+            Self::Limit => "the limit of samples",
+            Self::LinkBaud => "the rate of the link",
+            Self::Gain => "the gain",
+            Self::CountLimit => "a limit of counts",
+            Self::Uncertainty => "the uncertainty",
+            Self::Date => "a part of the date",
+            Self::Iterations => "the most iterations",
+            Self::FitBand => "an end of the band of the fit",
+        })
     }
 }
 

@@ -3,7 +3,7 @@
 //!
 //! The box, the emulator and a workstation find the same bits, so that they can be written down.
 //! Other tests hold them against the truth; this one notices that they change.
-//! To accept a change, `OVERWRITE=1 cargo test -p massline-firmware --test instrument answers`
+//! To accept a change, `MASSLINE_ACCEPT=1 cargo test -p massline-firmware --test instrument answers`
 //! writes the new ones, and the commit says why.
 
 use crate::bench::{Bench, Heard, Said};
@@ -257,7 +257,7 @@ fn answers_to_the_last_bit() {
     found += &answers(Accelerations::Weighted, Weighting::EachRun, &weighted[..3]);
     found += &answers(Accelerations::Weighted, Weighting::Joined, &weighted);
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/instrument/answers.txt");
-    if std::env::var_os("OVERWRITE").is_some() {
+    if std::env::var_os("MASSLINE_ACCEPT").is_some_and(|value| value == "1") {
         std::fs::write(file, &found).unwrap();
     }
     let kept = std::fs::read_to_string(file).unwrap_or_default();

@@ -35,8 +35,7 @@ use crate::on_box::{Base, PlanError, plan};
 use crate::setup::Setup;
 use massline_core::masslines::Method;
 use massline_core::spectra::BlockSettings;
-use massline_firmware::wire::{Pass, State, Status, Summary};
-use std::path::PathBuf;
+use massline_firmware::wire::{CRC32, Pass, State, Status, Summary};
 
 /// A test that is to be done on a box.
 #[derive(Debug)]
@@ -104,23 +103,19 @@ impl<'s> BoxTest<'s> {
         &self.device
     }
 
-    /// A mark of all that decides what the box stores, but not of where the setup file lies or
-    /// of what is asked afterwards.
-    fn fingerprint(&self, base: Base) -> u32 {
-        let mut setup = self.setup.clone();
-        setup.title.clear();
-        setup.folder = PathBuf::new();
-        setup.known_mass = None;
-        setup
-            .runs
-            .iter_mut()
-            .for_each(|r| r.recording = PathBuf::new());
-        plan::fingerprint(&setup, base, &format!("{:?} {}", self.wiring, self.rate))
+    /// A mark of all that decides what the box stores: what it is told, and the input that each channel is read by.
+    fn fingerprint(&self, base: Base) -> Result<u32, PlanError> {
+        let told = plan::mark_of(self.setup, &self.settings, base, &self.wiring)?;
+        let wired = format!("{told:08x} {base:?} {:?}", self.wiring);
+        Ok(CRC32.checksum(wired.as_bytes()))
     }
 
     fn holds(&self, status: &Status, base: Base) -> bool {
         let known = matches!(status.state, State::Ready | State::Running);
-        known && status.fingerprint == Some(self.fingerprint(base))
+        known
+            && self
+                .fingerprint(base)
+                .is_ok_and(|own| status.fingerprint == Some(own))
     }
 
     /// Has the box hold the set-up, if it does not yet. The number of runs of another set-up
@@ -142,7 +137,7 @@ impl<'s> BoxTest<'s> {
             &self.settings,
             self.base,
             &self.wiring,
-            self.fingerprint(self.base),
+            self.fingerprint(self.base)?,
         )?;
         Ok(status.stored.count_ones())
     }

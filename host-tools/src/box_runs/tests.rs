@@ -89,7 +89,11 @@ fn runs_stay_on_the_box_until_the_setup_is_another() {
     // Where the file lies and what is asked later is no other setup.
     let mut moved = setup.clone();
     moved.folder = "elsewhere".into();
-    moved.known_mass = None;
+    moved.known_mass = Some(12.0);
+    moved.known_mass_uncertainty = Some(0.1);
+    moved.estimation.tolerance *= 2.0;
+    moved.accelerometers[0].uncertainty.gain = Some(0.01);
+    moved.runs[0].checksum = Some("of the file".to_owned());
     let found = plan(&mut client, &moved)
         .identify(&mut client, false)
         .unwrap();

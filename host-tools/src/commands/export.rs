@@ -147,8 +147,12 @@ impl Target {
         if format.is_some() || UNIVERSAL.into_iter().any(is) {
             return Ok(Self { format, file });
         }
-        let mut endings = FORMATS.map(|f| format!(".{}", f.form().extension)).to_vec();
-        endings.dedup();
+        let mut endings: Vec<String> = Vec::new();
+        for ending in FORMATS.map(|f| format!(".{}", f.form().extension)) {
+            if !endings.contains(&ending) {
+                endings.push(ending);
+            }
+        }
         Err(format!(
             "its ending tells no format; the endings are {}, .uff, and FORMAT=FILE names one of {}, {RESPONSES}",
             endings.join(", "),

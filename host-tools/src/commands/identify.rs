@@ -46,7 +46,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
     /// Threads; as many as there are processors if absent. The result does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::at_least_one)]
     threads: Option<usize>,
     /// Print numbers that are refused because the data contradict them; exit code 1 stays
     #[arg(long)]

@@ -32,6 +32,12 @@ use crate::simulate::Truth;
 use std::io::Write;
 use std::process::ExitCode;
 
+/// A number of threads.
+fn at_least_one(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| *number > 0);
+    number.ok_or_else(|| "expected a whole number, at least 1".to_owned())
+}
+
 /// Why a command ends without doing what was asked.
 #[derive(Debug)]
 pub struct Failure {

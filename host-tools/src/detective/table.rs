@@ -45,7 +45,7 @@ pub(super) struct Gauge {
 
 impl Gauge {
     /// The principal directions of these channels, each scaled to the same power. `None` if
-    /// nothing moves.
+    /// nothing moves, or there are none.
     pub(super) fn of(lines: &[Line], channels: &[usize]) -> Option<Self> {
         Self::of_at_most(lines, channels, 6)
     }
@@ -54,6 +54,10 @@ impl Gauge {
     pub(super) fn of_at_most(lines: &[Line], channels: &[usize], most: usize) -> Option<Self> {
         let count = lines.first()?.products.nrows();
         let n = channels.len();
+        // Without channels there is nothing whose eigenvalues could be sought.
+        if n == 0 {
+            return None;
+        }
         let mut power = DMatrix::<f64>::zeros(n, n);
         for line in lines {
             for (i, &a) in channels.iter().enumerate() {

@@ -8,6 +8,7 @@ use crate::likelihood::{
     self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
 };
 use crate::measure::{NoRecords, NoiseOrigin, Progress, Records, Work, read_records};
+use crate::parallel::processors;
 use crate::setup::Setup;
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
 use massline_core::masslines::{Masslines, Method};
@@ -263,7 +264,6 @@ impl Session<'_> {
                 Err(NoRecords::Measure(e)) => return Err(e.into()),
                 Err(reason) => Likelihood::stepped_back(reason.to_string()),
                 Ok(read) => {
-                    let processors = || std::thread::available_parallelism().map_or(1, usize::from);
                     let threads = self.threads.unwrap_or_else(processors).max(1);
                     fit_records(&read, &band, &answer.identification, threads, &mut |p| {
                         let (name, share) = told(p);

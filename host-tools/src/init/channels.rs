@@ -3,6 +3,7 @@
 use super::InitError;
 use super::names::{Kind, parse};
 use crate::limits;
+use crate::output::same_file;
 use crate::printable::steers;
 use crate::recording::{Channel, HEALTH_COLUMN, Recording, some_of};
 use crate::setup::{Excitation, Mount, is_other};
@@ -87,7 +88,14 @@ pub fn find(recordings: &[PathBuf]) -> Result<Found, InitError> {
     let mut all: Vec<Vec<Channel>> = Vec::new();
     let mut has_rate = true;
     let mut positions: HashMap<String, Option<[f64; 3]>> = HashMap::new();
-    for file in recordings {
+    for (n, file) in recordings.iter().enumerate() {
+        if recordings
+            .iter()
+            .take(n)
+            .any(|other| same_file(other, file))
+        {
+            return Err(InitError::Twice { file: file.clone() });
+        }
         let recording = Recording::open(file, &[])?;
         let (channels, run, rate) = look(file, &recording)?;
         for channel in &channels {

@@ -30,6 +30,12 @@ pub enum InitError {
     /// A recording cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// A recording that stands there twice.
+    #[error("{} is given twice; name each recording once, a run each", file.display())]
+    Twice {
+        /// The recording.
+        file: PathBuf,
+    },
     /// No channel that could be a sensor.
     #[error("the recordings have no channel in common that could be a sensor; they have {found}")]
     NoSensor {

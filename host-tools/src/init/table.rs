@@ -30,6 +30,7 @@ pub fn fill(found: &mut Found, file: &Path) -> Result<(), InitError> {
         reason: e.to_string(),
     })?;
     let text = String::from_utf8_lossy(&bytes);
+    let text = text.trim_start_matches('\u{feff}');
     let separator = match text.lines().next().unwrap_or_default() {
         header if header.contains(';') => b';',
         header if header.contains('\t') => b'\t',
@@ -37,18 +38,22 @@ pub fn fill(found: &mut Found, file: &Path) -> Result<(), InitError> {
     };
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
+        .flexible(true)
         .comment(Some(b'#'))
         .delimiter(separator)
         .trim(Trim::All)
-        .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
+        .from_reader(text.as_bytes());
     let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| InitError::Unreadable {
+    let mut record = StringRecord::new();
+    while reader
+        .read_record(&mut record)
+        .map_err(|e| InitError::Unreadable {
             file: file.to_owned(),
             reason: e.to_string(),
-        })?;
-        let line = record.position().map_or(0, csv::Position::line);
-        rows.push((line, record));
+        })?
+    {
+        let line = line_before(text, reader.position().byte());
+        rows.push((line, record.clone()));
     }
     let wrong = |line: u64, reason: String| InitError::Table {
         file: file.to_owned(),
@@ -68,11 +73,21 @@ pub fn fill(found: &mut Found, file: &Path) -> Result<(), InitError> {
     }
     let mut filled: Vec<Sensor> = Vec::new();
     for (line, record) in rows {
+        if record.len() != columns.len() {
+            return Err(wrong(
+                line,
+                format!(
+                    "the row has {} fields; expected {}, one for each column",
+                    record.len(),
+                    columns.len()
+                ),
+            ));
+        }
         let field = |column: &str| {
             let at = columns.iter().position(|c| c == column)?;
             record.get(at).filter(|text| !text.is_empty())
         };
-        let sensor = row(found, &field).map_err(|reason| wrong(line, reason))?;
+        let sensor = row(found, &field, separator).map_err(|reason| wrong(line, reason))?;
         let twice = |s: &Sensor| s.channels.iter().any(|c| sensor.channels.contains(c));
         if filled.iter().any(twice) {
             let name = quoted(&sensor.name);
@@ -89,6 +104,18 @@ pub fn fill(found: &mut Found, file: &Path) -> Result<(), InitError> {
     found.left_out.extend(left_out);
     found.sensors = filled;
     Ok(())
+}
+
+/// Line, from one, on which the row before a byte of the text ends: that of the reader lies before it where
+/// comments stand, and does not know ends of two bytes.
+fn line_before(text: &str, byte: u64) -> u64 {
+    let end = usize::try_from(byte).unwrap_or(usize::MAX);
+    let before = text.as_bytes().get(..end).unwrap_or(text.as_bytes());
+    1 + before
+        .trim_ascii_end()
+        .iter()
+        .filter(|b| **b == b'\n')
+        .count() as u64
 }
 
 /// Names of the columns, and the unit of the positions where the header states it.
@@ -136,14 +163,23 @@ fn columns(header: &StringRecord) -> Result<(Vec<String>, Option<String>), Strin
     }
 }
 
-/// The sensor that a row describes.
-fn row<'r>(found: &Found, field: &dyn Fn(&str) -> Option<&'r str>) -> Result<Sensor, String> {
+/// The sensor that a row describes, whose fields `separator` parts.
+fn row<'r>(
+    found: &Found,
+    field: &dyn Fn(&str) -> Option<&'r str>,
+    separator: u8,
+) -> Result<Sensor, String> {
     let name = field("name").ok_or("the row has no name; write that of the sensor")?;
     let mut sensor = sensor(found, name)?;
     let mut position = [0.0; 3];
     for (slot, column) in position.iter_mut().zip(["x", "y", "z"]) {
         let text = field(column).unwrap_or_default();
-        let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
+        // A comma is a decimal one where none lies between fields.
+        let number = match separator {
+            b',' => text.parse::<f64>(),
+            _ => text.replace(',', ".").parse(),
+        };
+        let number = number.ok().filter(|x| x.is_finite());
         *slot = number.ok_or_else(|| {
             format!(
                 "`{column}` of \"{}\" is \"{}\"; expected a number",

@@ -210,7 +210,7 @@ fn name(text: &str) -> &str {
     &text[..end.unwrap_or(0)]
 }
 
-/// A mark of all that decides what the box stores.
+/// A mark of a set-up with all that its recordings are read by, and of what else decides the answers of a replay.
 pub(crate) fn fingerprint(setup: &Setup, base: Base, mark: &str) -> u32 {
     CRC32.checksum(format!("{base:?} {mark} {setup:?}").as_bytes())
 }
@@ -254,15 +254,50 @@ pub(crate) fn upload<P: Port>(
     feed: &dyn Feed,
     fingerprint: u32,
 ) -> Result<Grid, PlanError> {
+    let tell = &mut |request: &Request<'_>| Ok(client.tell(request)?);
+    requests(setup, settings, base, feed, fingerprint, tell)?;
+    Ok(grid(client)?)
+}
+
+/// A mark of all that a box is told of a set-up, weights given by hand among it, and of nothing else.
+pub(crate) fn mark_of(
+    setup: &Setup,
+    settings: &BlockSettings,
+    base: Base,
+    feed: &dyn Feed,
+) -> Result<u32, PlanError> {
+    let mut digest = CRC32.digest();
+    let take = &mut |request: &Request<'_>| {
+        digest.update(format!("{request:?}").as_bytes());
+        Ok(())
+    };
+    requests(setup, settings, base, feed, 0, take)?;
+    if base.is_weighted() {
+        for run in &setup.runs {
+            digest.update(format!("{:?}", run.weights).as_bytes());
+        }
+    }
+    Ok(digest.finalize())
+}
+
+/// Hands the requests that make a box hold a set-up to `tell`, in their order.
+fn requests(
+    setup: &Setup,
+    settings: &BlockSettings,
+    base: Base,
+    feed: &dyn Feed,
+    fingerprint: u32,
+    tell: &mut dyn FnMut(&Request<'_>) -> Result<(), PlanError>,
+) -> Result<(), PlanError> {
     let p = setup.processing.as_ref().ok_or(PlanError::NoProcessing)?;
     let rate = settings.grid().spacing * settings.block_length() as f64;
-    client.tell(&Request::BeginSetup(Plan {
+    tell(&Request::BeginSetup(Plan {
         sensors: (setup.accelerometers.len() + setup.load_cells.len()) as u8,
         runs: setup.runs.len() as u8,
         reference_point: setup.reference_point,
         fingerprint,
     }))?;
-    client.tell(&Request::SetProcessing(Processing {
+    tell(&Request::SetProcessing(Processing {
         sample_rate: rate,
         block_length: settings.block_length() as u32,
         overlap: p.overlap,
@@ -276,11 +311,11 @@ pub(crate) fn upload<P: Port>(
     }))?;
     for (number, mut sensor) in sensors(setup).enumerate() {
         sensor.scale = feed.scale(number, sensor.scale);
-        client.tell(&Request::SetSensor(sensor))?;
+        tell(&Request::SetSensor(sensor))?;
     }
     for (number, run) in setup.runs.iter().enumerate() {
         let channels = feed.channels(setup, number);
-        client.tell(&Request::SetRun(wire::Run {
+        tell(&Request::SetRun(wire::Run {
             run: number as u8,
             name: name(&run.name),
             excitation: wire::Excitation::Random,
@@ -289,7 +324,7 @@ pub(crate) fn upload<P: Port>(
             channels: &channels,
         }))?;
     }
-    Ok(grid(client)?)
+    Ok(())
 }
 
 /// The question to the box.

@@ -79,7 +79,7 @@ fn is_report(file: &Path) -> bool {
 }
 
 /// `true` if two paths lead to one regular file, by symbolic or by hard links.
-fn same_file(a: &Path, b: &Path) -> bool {
+pub(crate) fn same_file(a: &Path, b: &Path) -> bool {
     let (Ok(of_a), Ok(of_b)) = (fs::metadata(a), fs::metadata(b)) else {
         return false;
     };

@@ -37,7 +37,7 @@ mod tests;
 
 pub(crate) use disk::is_in_use;
 pub use error::OutputError;
-pub(crate) use guard::{Existing, check};
+pub(crate) use guard::{Existing, check, same_file};
 pub(crate) use part::{GROWING, Part, part_of};
 
 use disk::Handle;

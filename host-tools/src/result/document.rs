@@ -55,7 +55,7 @@ pub struct ConsistencyDocument {
 pub struct Deflection {
     /// The accelerometer's channel.
     pub channel: String,
-    /// Along its direction.
+    /// Part of the shape along the channel's direction, of a shape whose largest deflection is one.
     pub value: f64,
 }
 

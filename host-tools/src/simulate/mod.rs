@@ -54,6 +54,8 @@ pub const DRIVE: &str = "drive";
 pub const GRAVITY: f64 = 9.80665;
 /// Most samples a channel: nine hours at 512 Hz.
 pub const MOST_SAMPLES: usize = 1 << 24;
+/// Most noise, a share of a channel's RMS: single precision holds what it makes of any signal.
+const LOUDEST: f64 = 100.0;
 
 /// Options that replace the model's own measurement.
 #[derive(Debug, Clone, PartialEq)]
@@ -340,24 +342,21 @@ fn measurement(model: &Model, options: &Options) -> Result<Measurement, Simulati
         sample_rate: options.sample_rate.unwrap_or(own.sample_rate),
         ..own.clone()
     };
-    for (what, found, least) in [
-        ("the noise", measurement.noise, 0.0),
-        ("the duration", measurement.duration, f64::MIN_POSITIVE),
+    let more_than_none = (f64::MIN_POSITIVE..=f64::MAX, "a number more than 0");
+    for (what, found, (range, expected)) in [
         (
-            "the sample rate",
-            measurement.sample_rate,
-            f64::MIN_POSITIVE,
+            "the noise",
+            measurement.noise,
+            (0.0..=LOUDEST, "a share of the RMS, 0 to 100"),
         ),
+        ("the duration", measurement.duration, more_than_none.clone()),
+        ("the sample rate", measurement.sample_rate, more_than_none),
     ] {
-        if !(found.is_finite() && found >= least) {
+        if !range.contains(&found) {
             return Err(SimulationError::Option {
                 what,
                 found,
-                expected: if least == 0.0 {
-                    "a share of the RMS, 0 or more"
-                } else {
-                    "a number more than 0"
-                },
+                expected,
             });
         }
     }

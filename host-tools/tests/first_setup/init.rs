@@ -264,17 +264,24 @@ fn a_table_that_does_not_fit_is_refused_with_its_line() {
             "name,x,y,z,mount\nT1,1,2,3,wall\n",
             "line 2 … \"interface\", \"structure\" or \"load cell\"",
         ),
-        ("name,x,y,z\nT1,1,2\n", "s.csv: cannot be read"),
+        (
+            "name,x,y,z\r\n# tower\r\n\r\nT1,1,2\r\n",
+            "s.csv, line 4: the row has 3 fields; expected 4",
+        ),
+        (
+            "name,x,y,z\nT1,\"1,5\",2,3\n",
+            "line 2 … `x` of \"T1\" is \"1,5\"",
+        ),
         ("name,x,x,z\n", "line 1 … \"x\" stands there twice"),
     ] {
         std::fs::write(path.join("s.csv"), table).unwrap();
         init(path, &recordings, &["--sensors", "s.csv"]).refused_input(words);
         assert!(!path.join("setup.toml").exists());
     }
-    // Semicolons, as spreadsheets of half of Europe write them.
+    // Semicolons and decimal commas, as spreadsheets of half of Europe write them.
     std::fs::write(
         path.join("s.csv"),
-        "name;x;y;z;unit\nT1;0;0;0;g\nF1:Z;1;1;1;kN\n",
+        "name;x;y;z;unit\r\nT1;0;0,25;0;g\r\nF1:Z;1;1;1;kN\r\n",
     )
     .unwrap();
     succeeded(init(
@@ -284,7 +291,9 @@ fn a_table_that_does_not_fit_is_refused_with_its_line() {
     ));
     let text = std::fs::read_to_string(path.join("setup.toml")).unwrap();
     assert!(
-        text.contains("unit = \"kN\"") && text.contains("direction = \"+z\""),
+        text.contains("unit = \"kN\"")
+            && text.contains("direction = \"+z\"")
+            && text.contains("0.25"),
         "{text}"
     );
     // Recordings that are none, or have nothing.
@@ -292,4 +301,6 @@ fn a_table_that_does_not_fit_is_refused_with_its_line() {
     init(path, &["t.csv".to_owned()], &["--force"])
         .refused_input("no channel in common … time, drive");
     init(path, &["no.csv".to_owned()], &["--force"]).refused_input("no.csv");
+    let twice = ["x.csv".to_owned(), "./x.csv".to_owned()];
+    init(path, &twice, &["--force"]).refused_input("x.csv is given twice");
 }

@@ -415,6 +415,23 @@ fn tdms_files_that_are_spoilt() {
     let finished = offered(stopped).identify(&[]);
     assert_eq!(finished.code, Some(0), "{finished:?}");
     finished.says("bytes from byte … on are left out: they are no whole chunk of all channels");
+    // Many segments that hold no whole chunk are one note: raw data like those before, 10 bytes each.
+    let crumbs = |table: Table| {
+        let mut file = tdms(&table.names, &table.readings(), raw);
+        let mut lead = b"TDSm".to_vec();
+        lead.extend([8, 0, 0, 0, 0x69, 0x12, 0, 0]);
+        lead.extend([10_u64.to_le_bytes(), 0_u64.to_le_bytes()].concat());
+        lead.extend([0; 10]);
+        for _ in 0..1000 {
+            file.extend(&lead);
+        }
+        file
+    };
+    let finished = offered(crumbs).identify(&[]);
+    assert_eq!(finished.code, Some(0), "{finished:?}");
+    finished
+        .says("10000 bytes at the ends of 1000 segments, the first from byte … on, are left out");
+    assert_eq!(finished.stderr.matches("are left out").count(), 1);
 }
 
 fn wav(readings: &[Vec<f32>], scales: Option<&[f32]>) -> Vec<u8> {

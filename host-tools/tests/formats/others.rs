@@ -250,6 +250,7 @@ fn scipy_wav() {
     ] {
         let (rows, rate) = read(name, &["1", "2", "3"]);
         assert_eq!(rate, 512.0);
+        assert_eq!(rows.len(), expected().len());
         for (found, expected) in rows.iter().flatten().zip(expected().iter().flatten()) {
             let off = (found * full - expected * given).abs();
             // Beyond half a step there is only the rounding of the products.

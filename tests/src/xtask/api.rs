@@ -10,13 +10,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::process::StepError;
+use crate::readme::{ACCEPT, accepts};
 
 /// The list, from the project's folder.
 pub const LIST: &str = "core/api.txt";
 /// Folder of cargo for these pages alone: others are written with other features.
 pub const TARGET: &str = "target/api";
-/// Set to take the interface as it is into the list.
-pub const OVERWRITE: &str = "OVERWRITE";
 /// Most items: types, traits, functions, methods and constants; fields, variants and implemented
 /// traits are not counted.
 const MOST: usize = 200;
@@ -111,7 +110,7 @@ impl Interface {
     /// [`StepError::File`] that says what differs, and how a change is accepted.
     pub fn judge(&self, root: &Path) -> Result<String, StepError> {
         let list = root.join(LIST);
-        if std::env::var_os(OVERWRITE).is_some() {
+        if accepts() {
             fs::write(&list, &self.text).map_err(|e| StepError::file(&list, e))?;
         }
         let kept = fs::read_to_string(&list).map_err(|e| StepError::file(&list, e))?;
@@ -120,7 +119,7 @@ impl Interface {
             let problem = format!(
                 "the interface of massline-core is another one:\n{changes}\
                  if this is meant, say so in CHANGELOG.md and accept it: \
-                 `{OVERWRITE}=1 cargo xtask test --only api`"
+                 `{ACCEPT}=1 cargo xtask test --only api`"
             );
             return Err(StepError::file(&list, problem));
         }

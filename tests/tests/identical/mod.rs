@@ -34,6 +34,10 @@ pub fn over(port: impl Port, setup: &Setup, order: &Order) -> Result<Outcome, Re
 
 /// Every comparison holds, and every method found an answer to compare.
 pub fn assert_identical(outcome: &Outcome) {
+    assert!(!outcome.bases.is_empty());
+    for base in &outcome.bases {
+        assert!(!base.runs.is_empty() && !base.answers.is_empty());
+    }
     for (what, comparison) in outcome.comparisons() {
         assert!(comparison.identical(), "{what}: {:?}", comparison.first);
     }

@@ -37,16 +37,17 @@ pub(in crate::masslines) mod residuals;
 pub struct ApparentMass {
     /// Poles of the fixed structure found in the lines.
     pub poles: heapless::Vec<Pole, MAX_MODES>,
-    /// Coefficient of each pole's term in the averaging band, if the term was needed
-    /// there. Below the modes their terms resemble each other and share what they explain;
+    /// Coefficient L_rᵀ L_r of each pole's term, in kg, kg m and kg m² about the reference point, fitted in the
+    /// averaging band, if the term was needed there. Below the modes their terms resemble each other and share what they explain;
     /// for effective masses see [`crate::masslines::fixed_modes`].
     pub elastic: [Option<Matrix6<f64>>; MAX_MODES],
-    /// An undamped pole close above the averaging band and the coefficient of its term, which stands
+    /// An undamped pole close above the averaging band and the coefficient of its term, as of `elastic`, which stands
     /// for modes whose poles were not found, if that term was needed.
     pub pseudo_mode: Option<(Pole, Matrix6<f64>)>,
-    /// Contribution of all modes above the lines, per (Hz)², if that term was needed.
+    /// Coefficient U of the contribution `U f²` of all modes above the lines, f in Hz: kg, kg m and kg m², each per
+    /// Hz², about the reference point; `None` if that term was not needed.
     pub upper: Option<Matrix6<f64>>,
-    /// M₀ before the structure of equation (1) is imposed.
+    /// M₀ before the structure of equation (1) is imposed: kg, kg m and kg m² about the reference point.
     pub rigid: Matrix6<f64>,
     /// Number of independent directions of base acceleration that the runs excite.
     pub excited: usize,

@@ -1,8 +1,7 @@
 //! `massline study faults`: the detective on set-ups with faults.
 
-use super::Page;
-use crate::commands::Verbosity;
-use crate::commands::{Bar, Failure, print_json};
+use super::{Page, one_of};
+use crate::commands::{Bar, Failure, Verbosity, at_least_one, print_json};
 use crate::study::faults::{self, Document, Options};
 use std::path::PathBuf;
 
@@ -21,14 +20,13 @@ pub struct Arguments {
     /// Faults in a set-up: 1 or 2
     #[arg(long, value_name = "N", default_value_t = Options::default().faults)]
     faults: usize,
-    /// One kind of set-up only; may be given several times [possible: satellite, fork, random, uniaxial, translations]
-    #[arg(long = "case", value_name = "NAME")]
+    #[arg(long = "case", value_name = "NAME", help = one_of("set-up", &faults::cases()))]
     cases: Vec<String>,
     /// Seed of the first set-up; each next one has the next
     #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
     seed: u64,
     /// Threads; the figures do not depend on it [default: one a processor]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
     threads: Option<usize>,
     /// One JSON document on stdout and nothing else
     #[arg(long)]

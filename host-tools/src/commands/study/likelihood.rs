@@ -1,8 +1,7 @@
 //! `massline study likelihood`: the maximum likelihood fit beside its bound.
 
-use super::Page;
-use crate::commands::Verbosity;
-use crate::commands::{Bar, Failure, print_json};
+use super::{Page, one_of};
+use crate::commands::{Bar, Failure, Verbosity, at_least_one, print_json};
 use crate::study::likelihood::{self, Document, Options};
 use std::path::PathBuf;
 
@@ -18,8 +17,7 @@ pub struct Arguments {
     /// Random structures a row
     #[arg(long, value_name = "N", default_value_t = Options::default().structures)]
     structures: usize,
-    /// One kind of test only; may be given several times [possible: drive, no-drive, translations, translations-no-drive, rotations, rotations-no-drive, just-beyond, pair, moved, structural, many]
-    #[arg(long = "case", value_name = "NAME")]
+    #[arg(long = "case", value_name = "NAME", help = one_of("test", &likelihood::CASES.map(|case| case.name)))]
     cases: Vec<String>,
     /// Levels of noise, each a share of a channel's RMS over all runs
     #[arg(long, value_name = "R,R,…", value_delimiter = ',', default_values_t = Options::default().noise)]
@@ -31,7 +29,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
     seed: u64,
     /// Threads; the figures do not depend on it [default: one a processor]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
     threads: Option<usize>,
     /// One JSON document on stdout and nothing else
     #[arg(long)]

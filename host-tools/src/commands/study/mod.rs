@@ -31,6 +31,14 @@ enum Study {
     Plans(plans::Arguments),
 }
 
+/// Help of an option that takes one of these names.
+fn one_of(kind: &str, names: &[&str]) -> String {
+    format!(
+        "One kind of {kind} only; may be given several times [possible: {}]",
+        names.join(", ")
+    )
+}
+
 /// A Markdown page that a table goes into, read before an hour of work rather than after it.
 struct Page {
     name: &'static str,

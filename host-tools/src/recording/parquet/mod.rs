@@ -157,7 +157,7 @@ impl ParquetFile {
         };
         let opened = File::open(&file).map_err(unreadable)?;
         let size = opened.metadata().map_err(unreadable)?.len();
-        let store = Store::new(opened);
+        let store = Store::new(opened, size);
         let mut footer = footer(&file, &store, size)?;
         let [about, pandas] = std::mem::take(&mut footer.notes);
         let about = about.and_then(|text| About::read(text.as_bytes()));

@@ -32,13 +32,16 @@ pub(super) const fn is_read(codec: i64) -> bool {
 /// The file, and the memory that its pages take.
 pub(super) struct Store {
     file: Mutex<File>,
+    size: u64,
     held: AtomicU64,
 }
 
 impl Store {
-    pub(super) fn new(file: File) -> Arc<Self> {
+    /// The file and its size, bytes.
+    pub(super) fn new(file: File, size: u64) -> Arc<Self> {
         Arc::new(Self {
             file: Mutex::new(file),
+            size,
             held: AtomicU64::new(0),
         })
     }
@@ -50,7 +53,9 @@ impl Store {
             Err(poisoned) => poisoned.into_inner(),
         };
         file.seek(SeekFrom::Start(at))?;
-        let mut bytes = Vec::new();
+        // Room for all at once, since a vector that grows would be filled by a dozen small reads.
+        let there = most.min(self.size.saturating_sub(at));
+        let mut bytes = Vec::with_capacity(usize::try_from(there).unwrap_or_default());
         (&mut *file).take(most).read_to_end(&mut bytes)?;
         Ok(bytes)
     }

@@ -67,6 +67,18 @@ struct Reader<'a> {
     /// Index of each object as it was stated last.
     last: HashMap<usize, (u32, u64)>,
     layout: Option<Rc<Layout>>,
+    /// Segments with raw data so far.
+    count: usize,
+    /// Segments that end in no whole chunk.
+    cut: Cut,
+}
+
+/// Bytes behind the last whole chunk of segments: how many segments have some, their sum, and the place of the first.
+#[derive(Default)]
+struct Cut {
+    segments: usize,
+    bytes: u64,
+    first: u64,
 }
 
 pub(super) fn read(bytes: &Rc<Bytes>) -> Result<Found, RecordingError> {
@@ -82,11 +94,14 @@ pub(super) fn read(bytes: &Rc<Bytes>) -> Result<Found, RecordingError> {
         positions: HashMap::new(),
         last: HashMap::new(),
         layout: None,
+        count: 0,
+        cut: Cut::default(),
     };
     let mut at = 0;
     while at < bytes.len {
         at = reader.segment(at)?;
     }
+    reader.tell_cut();
     reader.found.objects.iter_mut().for_each(Object::settle);
     Ok(reader.found)
 }
@@ -155,6 +170,24 @@ impl Reader<'_> {
             self.raw(data, end, contents)?;
         }
         Ok(end)
+    }
+
+    /// Notes the bytes that are left out, once for all segments.
+    fn tell_cut(&mut self) {
+        let Cut {
+            segments,
+            bytes,
+            first,
+        } = self.cut;
+        match segments {
+            0 => {}
+            1 => self.note(format!(
+                "{bytes} bytes from byte {first} on are left out: they are no whole chunk of all channels"
+            )),
+            _ => self.note(format!(
+                "{bytes} bytes at the ends of {segments} segments, the first from byte {first} on, are left out: they are no whole chunks of all channels"
+            )),
+        }
     }
 
     fn note(&mut self, note: String) {
@@ -302,12 +335,14 @@ impl Reader<'_> {
         let chunks = (end - data) / layout.chunk;
         let rest = (end - data) % layout.chunk;
         if rest > 0 {
-            self.note(format!(
-                "{rest} bytes from byte {} on are left out: they are no whole chunk of all channels",
-                end - rest
-            ));
+            if self.cut.segments == 0 {
+                self.cut.first = end - rest;
+            }
+            self.cut.segments += 1;
+            self.cut.bytes += rest;
         }
-        if self.found.segments.len() >= SEGMENTS {
+        self.count += 1;
+        if self.count > SEGMENTS {
             return Err(self
                 .bytes
                 .malformed(place, "", "more segments", "at most 1048576"));

@@ -170,6 +170,12 @@ pub struct Found {
     pub work: Duration,
 }
 
+/// Names of the kinds of set-ups.
+#[must_use]
+pub fn cases() -> [&'static str; BENCHES.len()] {
+    BENCHES.map(|bench| bench.name)
+}
+
 /// Draws and examines. `progress` hears which share is done, and of which kind of set-up.
 ///
 /// # Errors
@@ -182,7 +188,14 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(f64, &str)) -> Result<Fou
             expected: "1 or 2".to_owned(),
         });
     }
-    let names: Vec<&str> = BENCHES.iter().map(|bench| bench.name).collect();
+    if options.setups + options.clean == 0 {
+        return Err(FaultsError::Option {
+            option: "setups",
+            found: "0".to_owned(),
+            expected: "at least one set-up, or --clean".to_owned(),
+        });
+    }
+    let names = cases();
     if let Some(found) = options.cases.iter().find(|c| !names.contains(&c.as_str())) {
         return Err(FaultsError::Option {
             option: "case",
