@@ -92,8 +92,8 @@ fn runs_stay_on_the_box_until_the_setup_is_another() {
     moved.known_mass = Some(12.0);
     moved.known_mass_uncertainty = Some(0.1);
     moved.estimation.tolerance *= 2.0;
-    moved.accelerometers[0].uncertainty.gain = Some(0.01);
-    moved.runs[0].checksum = Some("of the file".to_owned());
+    moved.accelerometers[0].uncertainty.calibration = Some(0.01);
+    moved.runs[0].checksum = None;
     let found = plan(&mut client, &moved)
         .identify(&mut client, false)
         .unwrap();

@@ -61,7 +61,19 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let inputs = arguments.recordings.iter().chain(&arguments.sensors);
     let existing = Existing::Keep.or_force(arguments.force);
     output::check(&arguments.out, inputs.map(PathBuf::as_path), existing)?;
-    let mut found = init::find(&arguments.recordings)?;
+    // `*.csv` has the table of sensors among the recordings where it lies beside them.
+    let is_table = |file: &&PathBuf| {
+        let table = arguments.sensors.as_ref();
+        table.is_some_and(|table| output::same_file(table, file))
+    };
+    let recordings = arguments.recordings.iter().filter(|file| !is_table(file));
+    let recordings: Vec<PathBuf> = recordings.cloned().collect();
+    if recordings.is_empty() {
+        return Err(Failure::input(
+            "no recording is left beside the table of sensors; name the recordings, one a run",
+        ));
+    }
+    let mut found = init::find(&recordings)?;
     (found.band, found.sample_rate) = (arguments.band, arguments.sample_rate);
     match &arguments.sensors {
         Some(table) => init::fill(&mut found, table)?,

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// Send recordings through the box and compare all it finds with this machine, bit by bit
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline replay fork/setup.toml --host\n  massline replay fork/setup.toml --emulator --blocks 8 --method a,c-squared,apparent-mass\n  massline replay fork/setup.toml --port /dev/ttyACM0 --method all --iterative\n  massline replay fork/setup.toml --host --flip 1:3000:a1:0\n\nExit code 0: identical. 1: something differs, and the first difference is named."
+    after_help = "Examples:\n  massline replay fork/setup.toml --host\n  massline replay fork/setup.toml --emulator --blocks 8 --method a,c-squared,apparent-mass\n  massline replay fork/setup.toml --port /dev/ttyACM0 --method all --iterative\n  massline replay fork/setup.toml --host --flip 1:3000:a1:20\n\nExit code 0: identical. 1: something differs, and the first difference is named."
 )]
 pub struct Arguments {
     /// The setup: sensors, processing and runs

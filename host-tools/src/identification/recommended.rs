@@ -1,6 +1,6 @@
 //! The method that is used: the one that is named, else the one that suits set-up and data best.
 
-use super::consistency::REFUSED;
+use super::consistency::WARNED;
 use super::likelihood::{LeftOut, widest_band};
 use super::{Answer, AnswerError, Choice, Likelihood, OnProgress, Session};
 use crate::measure::{MeasuredRun, Measurement};
@@ -68,7 +68,7 @@ impl Session<'_> {
             return Ok(answer);
         }
         if let Some(test) = answer.consistency
-            && test.probability < REFUSED
+            && test.probability < WARNED
         {
             return Ok(Answer {
                 likelihood: Some(Likelihood::stepped_back(format!(

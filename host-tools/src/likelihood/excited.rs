@@ -1,7 +1,8 @@
 //! Directions of base acceleration that rise above their noise.
 
-use super::record::Record;
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6};
+use super::record::{Record, highest};
+use nalgebra::{Complex, DMatrix, DVector, Matrix3, Matrix6, Vector6};
+use std::collections::BTreeMap;
 
 /// Power of a direction over its noise from which it counts as excited.
 const EXCITED: f64 = 3.0;
@@ -20,6 +21,14 @@ pub(super) fn believed(statistic: f64, terms: f64) -> f64 {
     (1.0 - chance / statistic).clamp(BELIEVED, 1.0)
 }
 
+/// Stretches of equal width in frequency in which the motion along directions that rest is looked at: these, then
+/// half as many, down to all lines together.
+const STRETCHES: usize = 16;
+/// Power over its noise from which a run's motion along the directions tells what moves with it.
+const STRONG: f64 = 10.0;
+/// Share by which the stated noise may be too small.
+const TOO_SMALL: f64 = 0.05;
+
 /// Directions in which the base moves.
 #[derive(Clone, Debug)]
 pub(super) struct Excited {
@@ -31,6 +40,8 @@ pub(super) struct Excited {
     pub(super) power: Vec<f64>,
     /// Accelerations along the other directions that the sensors see, 6 x m: noise of one each.
     pub(super) resting: DMatrix<f64>,
+    /// Coordinates of an acceleration along these other directions, m x 6: noise of one each.
+    rests: DMatrix<f64>,
     /// Lines of all records.
     pub(super) lines: f64,
     /// Share of the rotation along the directions that is taken for motion rather than noise.
@@ -98,15 +109,17 @@ impl Excited {
         }
         let k = excited.len();
         let turn = DMatrix::from_fn(seen.len(), k, |i, r| moving.eigenvectors[(i, excited[r])]);
-        let mut coordinates = turn.transpose() * white;
+        let mut coordinates = turn.transpose() * &white;
         let mut directions = &back * turn;
         let others: Vec<usize> = (0..seen.len()).filter(|i| !excited.contains(i)).collect();
         let still = DMatrix::from_fn(seen.len(), others.len(), |i, r| {
             moving.eigenvectors[(i, others[r])]
         });
+        let mut rests = still.transpose() * white;
         let mut resting = back * still;
         for j in 0..6 {
             for r in 0..others.len() {
+                rests[(r, j)] *= scale[j];
                 resting[(j, r)] *= if scale[j] > 0.0 { 1.0 / scale[j] } else { 0.0 };
             }
             for r in 0..k {
@@ -119,9 +132,51 @@ impl Excited {
             directions,
             power: excited.iter().map(|&i| moving.eigenvalues[i]).collect(),
             resting,
+            rests,
             lines,
             believed: 1.0,
         })
+    }
+
+    /// Largest deviation from chance, in standard deviations, of the motion along the directions that rest: by how much
+    /// it follows the motion along the others, run by run and stretch by stretch of frequency. What follows it
+    /// everywhere alike is no such motion, but turns the directions; a table whose shakers leak into each other
+    /// near a resonance moves otherwise at each frequency, and what is taken off with the noise is motion then.
+    ///
+    /// The square of a regression coefficient over its variance is exponential by chance; a sum of them
+    /// is made normal by its cube root (Wilson and Hilferty 1931).
+    pub(super) fn wandering(&self, records: &[Record]) -> f64 {
+        if self.rests.is_empty() {
+            return 0.0;
+        }
+        let most = highest(records);
+        let mut runs: BTreeMap<usize, Vec<Followed>> = BTreeMap::new();
+        for record in records {
+            let stretches = runs
+                .entry(record.run)
+                .or_insert_with(|| vec![Followed::new(self); STRETCHES]);
+            for (k, f) in record.frequencies.iter().enumerate() {
+                let at = (f / most * STRETCHES as f64) as usize;
+                stretches[at.min(STRETCHES - 1)].add(self, record, k);
+            }
+        }
+        let mut width = 1;
+        let mut largest = 0.0_f64;
+        while width <= STRETCHES {
+            let (mut sum, mut terms) = (0.0, 0.0);
+            for together in runs.values().flat_map(|all| all.chunks(width)) {
+                let (own, count) = Followed::of(together).statistic();
+                sum += own;
+                terms += count;
+            }
+            if terms > 0.0 {
+                let ratio = sum / (terms * (1.0 + TOO_SMALL));
+                let spread = 1.0 / (9.0 * terms);
+                largest = largest.max((ratio.cbrt() - (1.0 - spread)) / spread.sqrt());
+            }
+            width *= 2;
+        }
+        largest
     }
 
     /// Variance of the share of a direction that rests in the motion along coordinate `j`. Half of what noise
@@ -201,6 +256,88 @@ impl Excited {
     }
 }
 
+/// Products of the motion along the directions and along those that rest, over some lines of a run.
+#[derive(Clone)]
+struct Followed {
+    /// Of the directions, k x k.
+    moving: DMatrix<Complex<f64>>,
+    /// Of those that rest with these, m x k.
+    across: DMatrix<Complex<f64>>,
+    /// Noise of those that rest, summed over the lines.
+    noise: DVector<f64>,
+    lines: f64,
+}
+
+impl Followed {
+    fn new(excited: &Excited) -> Self {
+        let (k, m) = (excited.power.len(), excited.rests.nrows());
+        Self {
+            moving: DMatrix::zeros(k, k),
+            across: DMatrix::zeros(m, k),
+            noise: DVector::zeros(m),
+            lines: 0.0,
+        }
+    }
+
+    fn add(&mut self, excited: &Excited, record: &Record, k: usize) {
+        let Some(a) = record.base.get(k) else {
+            return;
+        };
+        let along = |rows: &DMatrix<f64>| {
+            let each = rows.row_iter();
+            let sums = each.map(|row| row.iter().zip(a.iter()).map(|(x, a)| a * *x).sum());
+            DVector::<Complex<f64>>::from_iterator(rows.nrows(), sums)
+        };
+        let level = record.level(k);
+        let (moves, rests) = (along(&excited.coordinates), along(&excited.rests));
+        let moves_conjugate = moves.adjoint() * Complex::from(1.0 / level);
+        self.moving += &moves * &moves_conjugate;
+        self.across += rests * moves_conjugate;
+        for (sum, row) in self.noise.iter_mut().zip(excited.rests.row_iter()) {
+            let row = Vector6::from_fn(|i, _| row[i]);
+            *sum += row.dot(&(record.noise.base * row));
+        }
+        self.lines += 1.0;
+    }
+
+    fn of(parts: &[Self]) -> Self {
+        let mut all = parts[0].clone();
+        for part in &parts[1..] {
+            all.moving += &part.moving;
+            all.across += &part.across;
+            all.noise += &part.noise;
+            all.lines += part.lines;
+        }
+        all
+    }
+
+    /// Sum of the squares of the regression coefficients over their variances, and their number.
+    fn statistic(&self) -> (f64, f64) {
+        let (mut sum, mut terms) = (0.0, 0.0);
+        if self.lines == 0.0 {
+            return (sum, terms);
+        }
+        let eigen = self.moving.clone().symmetric_eigen();
+        for (power, motion) in eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter())
+        {
+            if *power < STRONG * self.lines {
+                continue;
+            }
+            for (z, noise) in (&self.across * motion).iter().zip(&self.noise) {
+                let variance = power * noise / self.lines;
+                if variance > 0.0 {
+                    sum += z.norm_sqr() / variance;
+                    terms += 1.0;
+                }
+            }
+        }
+        (sum, terms)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -222,6 +359,7 @@ mod tests {
             directions,
             power: vec![51.0; 3],
             resting: DMatrix::from_fn(6, 3, |i, j| f64::from(u8::from(i == 3 + j))),
+            rests: DMatrix::from_fn(3, 6, |i, j| f64::from(u8::from(j == 3 + i))),
             lines: 100.0,
             believed: 1.0,
         }
@@ -282,6 +420,58 @@ mod tests {
             "{}",
             after / before
         );
+    }
+
+    /// Lines of three runs, each shaken along one axis at ten times the noise, of a base that rests otherwise but for a
+    /// share of that motion which rises from nothing to `leak` of it, with a phase of 90 degrees.
+    fn leaking(leak: f64, stream: &mut Stream) -> Vec<Record> {
+        let run = |run: usize| {
+            let frequencies: Vec<f64> = (1..=400).map(|k| 0.1 * f64::from(k)).collect();
+            let line = |f: &f64| {
+                let mut a = Vector6::from_fn(|_, _| stream.normal() * 0.5_f64.sqrt());
+                let motion = stream.normal() * 50.0_f64.sqrt();
+                a[run] += motion;
+                a[3 + run] += motion * Complex::new(0.0, leak * f / 40.0);
+                a
+            };
+            let base: Vec<_> = frequencies.iter().map(line).collect();
+            Record {
+                run,
+                force: vec![Vector6::zeros(); base.len()],
+                frequencies,
+                base,
+                noise: super::super::record::Noise {
+                    base: Matrix6::identity(),
+                    force: Matrix6::identity(),
+                },
+                level: Vec::new(),
+                equations: Matrix6::identity(),
+            }
+        };
+        (0..3).map(run).collect()
+    }
+
+    /// By chance the deviation is below 4.5 in all of 200 tests (one of 60,000 by the normal distribution, of each of
+    /// five looks) and on average that of the largest of five; a leak whose motion has no more than the noise's
+    /// power at the last lines, and a third of it on average, is seen.
+    #[test]
+    fn a_base_that_leaks_into_axes_at_rest_is_seen() {
+        let mut stream = Stream::new(10, &["wandering"]);
+        let mut of = |leak: f64| {
+            let records = leaking(leak, &mut stream);
+            let excited = Excited::of(&records).unwrap();
+            assert_eq!(excited.power.len(), 3);
+            excited.wandering(&records)
+        };
+        let quiet: Vec<f64> = (0..200).map(|_| of(0.0)).collect();
+        assert!(quiet.iter().all(|z| *z < 4.5), "{quiet:?}");
+        let above = quiet.iter().filter(|z| **z > 2.0).count();
+        // One in ten by chance, and 20 of them spread by 4.
+        assert!(above <= 32, "{above}");
+        for _ in 0..20 {
+            let z = of(0.1);
+            assert!(z > 4.5, "{z}");
+        }
     }
 
     /// A rotation that the sensors cannot have made up stays as it is.

@@ -28,6 +28,11 @@ const LOW: f64 = 0.35;
 /// Squared distance of the fits of low and of all lines from which they disagree.
 pub const DISAGREEMENT: f64 = 30.0;
 
+/// Deviation from chance, in standard deviations, from which the base moves along directions that were taken to be at
+/// rest: by chance one of five looks at a test exceeds it once in ten tests, which
+/// then has fewer lines.
+pub const WANDERING: f64 = 2.0;
+
 /// Reason why there is no fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
@@ -95,6 +100,8 @@ pub struct Fit {
     pub disagreement: Option<f64>,
     /// Number of directions of base acceleration that rise above their noise.
     pub excited: usize,
+    /// Largest deviation from chance, in standard deviations, of the base's motion along other directions.
+    pub wandering: f64,
     /// |ε|² over its expectation of each record, in stretches of frequency from low to high.
     pub residuals: Vec<Vec<f64>>,
     /// First and last line, Hz.
@@ -112,6 +119,8 @@ pub enum Doubt {
     Residuals(f64),
     /// Low and all lines disagree.
     LowLines(f64),
+    /// The base moves along directions that were taken to be at rest.
+    Wandering(f64),
 }
 
 impl std::fmt::Display for Doubt {
@@ -125,6 +134,10 @@ impl std::fmt::Display for Doubt {
             Self::LowLines(d) => write!(
                 f,
                 "a fit of the low lines alone gives another body (squared distance {d:.0}, limit {DISAGREEMENT})"
+            ),
+            Self::Wandering(z) => write!(
+                f,
+                "the base moves along axes that hardly rise above the accelerometers' noise, and otherwise at each frequency ({z:.0} standard deviations of chance, limit {WANDERING}): drive them, too"
             ),
         }
     }
@@ -146,6 +159,9 @@ impl Fit {
         let ratio = self.ratio();
         if ratio > RATIO {
             return Some(Doubt::Residuals(ratio));
+        }
+        if self.wandering > WANDERING {
+            return Some(Doubt::Wandering(self.wandering));
         }
         let far = self.disagreement.filter(|d| *d > DISAGREEMENT);
         far.map(Doubt::LowLines)
@@ -178,6 +194,7 @@ pub fn fit(
     }
     let mut excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
     excited.steady();
+    let wandering = excited.wandering(records);
     let count = records.len().max(1) as f64;
     let noise = records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / count;
     let mut projected = records.to_vec();
@@ -333,6 +350,7 @@ pub fn fit(
         converged: done.converged,
         disagreement,
         excited: excited.power.len(),
+        wandering,
         residuals,
         band: [
             first.copied().fold(f64::INFINITY, f64::min),

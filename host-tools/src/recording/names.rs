@@ -29,8 +29,27 @@ pub(super) fn position(channels: &[Channel], label: &str) -> Option<usize> {
     })
 }
 
-/// A label such as `T1:X [g]` as name and unit; a number in brackets is a part of the name.
+/// Units of acceleration, force, moment and voltage as they stand in round or other brackets, in which names have
+/// other things as well.
+const UNITS: [&str; 34] = [
+    "g", "G", "gn", "g_n", "m/s²", "m/s^2", "m/s2", "m/s/s", "m/s**2", "mm/s²", "mm/s^2", "mm/s2",
+    "in/s²", "in/s^2", "ft/s²", "ft/s^2", "N", "kN", "lbf", "lb", "kgf", "N m", "Nm", "N·m", "N*m",
+    "N.m", "N-m", "kNm", "kN m", "V", "mV", "pC", "counts", "count",
+];
+
+/// A label such as `T1:X [g]` or `T1:X (g)` as name and unit; a number in brackets is a part of the name.
 pub(crate) fn split(label: &str) -> (&str, Option<&str>) {
+    for (open, close) in [('(', ')'), ('{', '}'), ('<', '>')] {
+        let parts = label
+            .strip_suffix(close)
+            .and_then(|rest| rest.rsplit_once(open));
+        if let Some((name, unit)) = parts.map(|(name, unit)| (name.trim_end(), unit.trim()))
+            && !name.is_empty()
+            && UNITS.contains(&unit)
+        {
+            return (name, Some(unit));
+        }
+    }
     let parts = label
         .strip_suffix(']')
         .and_then(|rest| rest.rsplit_once('['));
@@ -59,6 +78,20 @@ pub(super) fn labelled(labels: &[String]) -> Vec<Channel> {
         }
     };
     labels.iter().map(channel).collect()
+}
+
+/// The channels of a file that states units elsewhere than in names: where it states none, the one in the name counts.
+pub(super) fn with_units(channels: Vec<Channel>) -> Vec<Channel> {
+    let labels: Vec<String> = channels.iter().map(|c| c.name.clone()).collect();
+    let both = channels.into_iter().zip(labelled(&labels));
+    both.map(|(own, labelled)| match own.unit {
+        Some(_) => own,
+        None => Channel {
+            direction: own.direction,
+            ..labelled
+        },
+    })
+    .collect()
 }
 
 /// The names of all channels of a file.
@@ -153,6 +186,10 @@ mod tests {
             "b [V]",
             "b [N]",
             "c []",
+            "T2:X (g)",
+            "F (kN)",
+            "side (A)",
+            "M<N m>",
         ];
         let channels = labelled(&labels.map(str::to_owned));
         let found: Vec<(&str, Option<&str>)> = channels
@@ -169,6 +206,10 @@ mod tests {
             ("b [V]", Some("V")),
             ("b [N]", Some("N")),
             ("c", None),
+            ("T2:X", Some("g")),
+            ("F", Some("kN")),
+            ("side (A)", None),
+            ("M", Some("N m")),
         ];
         assert_eq!(found, expected);
         for (label, at) in [

@@ -151,6 +151,9 @@ pub(crate) struct Unfit {
     pub(super) expected: String,
 }
 
+/// Share by which `scale` and the size of a unit differ at most where the one stands for the other.
+const TWICE: f64 = 0.02;
+
 /// SI units per recorded unit, without `scale`.
 fn factor(
     measured: Measured,
@@ -314,7 +317,8 @@ impl Units {
             (None, None) if self.sensitivity.is_some() => Err(
                 "the setup has a `sensitivity`, but neither the setup nor the recording states the unit of the readings; write `unit = \"V\"`, \"mV\" or \"pC\"".to_owned(),
             ),
-            (None, _) => Ok(1.0),
+            (None, Some(stated)) => self.once(measured, scale, stated),
+            (None, None) => Ok(1.0),
             (Some(found), Some(stated)) => {
                 let same = match (find(found), find(stated)) {
                     (Some(a), Some(b)) => a == b,
@@ -322,18 +326,19 @@ impl Units {
                     (None, _) => true,
                     _ => false,
                 };
-                same.then_some(1.0).ok_or_else(|| {
-                    format!(
+                if !same {
+                    return Err(format!(
                         "the recording says [{shown}], and the setup's `unit` says \"{}\"; correct the one that is wrong",
                         quoted(stated)
-                    )
-                })
+                    ));
+                }
+                self.once(measured, scale, stated)
             }
             (Some(found), None) => {
                 let has_scale = scale != 1.0;
                 let sensitivity = self.sensitivity.as_deref();
                 let size = factor(measured, found, sensitivity, has_scale).map_err(unfit)?;
-                if size != 1.0 && (scale.abs() / size - 1.0).abs() < 0.02 {
+                if size != 1.0 && (scale.abs() / size - 1.0).abs() < TWICE {
                     return Err(format!(
                         "the recording says [{shown}], and `scale` = {scale} of the setup would convert it a second time; leave `scale` out, or -1 for a sensor that is turned round"
                     ));
@@ -341,6 +346,23 @@ impl Units {
                 Ok(size)
             }
         }
+    }
+}
+
+impl Units {
+    /// One, where the total scale does not have the size of the stated unit twice.
+    fn once(&self, measured: Measured, total: f64, stated: &str) -> Result<f64, String> {
+        let Some((Kind::Of(_), size)) = find(stated) else {
+            return Ok(1.0);
+        };
+        let key = self.key_scale(measured, total);
+        if size != 1.0 && (key.abs() / size - 1.0).abs() < TWICE {
+            return Err(format!(
+                "`unit` = \"{}\" of the setup converts the readings, and `scale` = {key} would convert them a second time; leave `scale` out, or -1 for a sensor that is turned round",
+                quoted(stated)
+            ));
+        }
+        Ok(1.0)
     }
 }
 

@@ -91,7 +91,11 @@ fn six_recordings_become_the_right_numbers_in_four_steps() {
         "--sample-rate",
         "512",
     ];
-    let said = step(Some(init(folder, &recordings, &more))).unwrap();
+    // As the shell writes `*.csv`, with the table among the recordings.
+    let all: Vec<String> = (recordings.iter().cloned())
+        .chain(["sensors.csv".to_owned()])
+        .collect();
+    let said = step(Some(init(folder, &all, &more))).unwrap();
     said.says("10 sensors, 28 channels; 3 without an entry … next: massline sketch");
     step(Some(massline(folder, ["check", "setup.toml"])));
     let out = step(Some(massline(folder, ["identify", "setup.toml", "--json"]))).unwrap();

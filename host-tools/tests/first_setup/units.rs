@@ -123,6 +123,28 @@ fn units_of_the_header_are_used_and_held_against_the_setup() {
         std::fs::write(test.path().join("setup.toml"), text).unwrap();
         massline(test.path(), ["identify", "setup.toml"]).refused_input(words);
     }
+    // Round brackets say the same.
+    let found = numbers(&test, &plain);
+    rewrite_headers(&test, |name| {
+        name.replace("[g]", "(g)").replace("[lbf]", "(lbf)")
+    });
+    assert_eq!(numbers(&test, &plain), found);
+    rewrite_headers(&test, |name| {
+        name.replace("(g)", "[g]").replace("(lbf)", "[lbf]")
+    });
+    // A factor that the stated unit has already, with a header that says nothing.
+    let bare = |name: &str| name.split(" [").next().unwrap().to_owned();
+    let before: Vec<String> = (test.recordings().iter())
+        .map(|file| std::fs::read_to_string(file).unwrap())
+        .collect();
+    rewrite_headers(&test, bare);
+    let twice = units.replacen("scale = -1", "scale = -9.80665", 1);
+    std::fs::write(test.path().join("setup.toml"), twice).unwrap();
+    massline(test.path(), ["identify", "setup.toml"])
+        .refused_input("`unit` = \"g\" of the setup … `scale` = -9.80665 … second time");
+    for (file, text) in test.recordings().iter().zip(before) {
+        std::fs::write(file, text).unwrap();
+    }
     // No unit of an acceleration, and one that does not say how much it is.
     rewrite_headers(&test, |name| name.replace("[g]", "[kg]"));
     std::fs::write(test.path().join("setup.toml"), &plain).unwrap();

@@ -13,7 +13,7 @@ use std::io::{IsTerminal, Write};
 /// Show the levels and faults of the box's inputs as they are now
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  massline board monitor --port /dev/ttyACM0\n  massline board monitor --port /dev/ttyACM0 --inputs inputs.toml --seconds 10\n  massline board monitor --host --fault open --seconds 20 | grep open\n\nMean, RMS about it and peak are SI; the bar is the peak's share of the range. It ends by\nCtrl-C. Where stdout is no terminal, each second has a line for each channel."
+    after_help = "Examples:\n  massline board monitor --port /dev/ttyACM0\n  massline board monitor --port /dev/ttyACM0 --inputs inputs.toml --seconds 10\n  massline board monitor --host --fault open --fault-rate 10 --seconds 20 | grep open\n\nMean, RMS about it and peak are SI; the bar is the peak's share of the range. It ends by\nCtrl-C. Where stdout is no terminal, each second has a line for each channel."
 )]
 pub struct Arguments {
     #[command(flatten)]

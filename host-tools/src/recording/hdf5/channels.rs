@@ -2,6 +2,7 @@
 
 use super::tables::Table;
 use crate::printable::printable;
+use crate::recording::names::with_units;
 use crate::recording::source::Channel;
 use std::collections::HashMap;
 
@@ -50,5 +51,5 @@ pub(super) fn channels(tables: &[Table]) -> Vec<Channel> {
             ..channel
         }
     };
-    own.into_iter().map(name).collect()
+    with_units(own.into_iter().map(name).collect())
 }

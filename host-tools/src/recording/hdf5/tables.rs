@@ -8,6 +8,7 @@ use super::names::{self, Labels};
 use super::object::Object;
 use super::types::Element;
 use crate::limits;
+use crate::printable::printable;
 use crate::recording::number::Coding;
 use crate::recording::some_of;
 use crate::recording::{RecordingError, rate};
@@ -135,6 +136,16 @@ impl Walk<'_> {
             if names::is_dimension(file, &own)? {
                 continue;
             }
+            if own.iter().any(is_scaling) {
+                return Err(RecordingError::OtherKind {
+                    file: file.bytes.file.clone(),
+                    kind: format!(
+                        "a file whose dataset {} has packed values, by `scale_factor` or `add_offset`",
+                        printable(&format!("{path}{name}"))
+                    ),
+                    advice: "write the unpacked values, or take the attributes out and state `scale` in the setup",
+                });
+            }
             if let Some(number) = scalar(file, &dataset)? {
                 rate = rate::stated(&name, || Some(number)).or(rate);
                 continue;
@@ -222,6 +233,15 @@ impl Walk<'_> {
             rate: None,
             labels,
         }))
+    }
+}
+
+/// `true` for an attribute by which values are to be multiplied or shifted (conventions of netCDF).
+fn is_scaling(attribute: &Attribute) -> bool {
+    match &*attribute.name {
+        "scale_factor" => attribute.number() != Some(1.0),
+        "add_offset" => attribute.number() != Some(0.0),
+        _ => false,
     }
 }
 

@@ -26,6 +26,7 @@ pub(super) use write::ParquetRows;
 
 use super::about::About;
 use super::input::Input;
+use super::names::with_units;
 use super::source::{Block, Channel, Place, Source, StatedRate};
 use super::{Format, HEALTH_COLUMN, Mismatch, Preamble, RecordingError};
 use crate::limits;
@@ -194,6 +195,7 @@ impl ParquetFile {
             columns.push(position);
             sums.push(known.and_then(|c| c.crc32).filter(|_| own));
         }
+        let channels = with_units(channels);
         let used = columns.iter();
         codecs(&file, &footer, used)?;
         let mut notes = Vec::new();

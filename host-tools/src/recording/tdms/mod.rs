@@ -5,6 +5,7 @@ mod segments;
 
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
+use super::names::with_units;
 use super::source::{Channel, Place, StatedRate};
 use super::{Format, Mismatch, RecordingError};
 use crate::printable::printable;
@@ -72,7 +73,7 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         unit: object.unit.clone(),
         direction: None,
     };
-    let channels: Vec<Channel> = used.iter().map(channel).collect();
+    let channels = with_units(used.iter().map(channel).collect());
     let step = numbers.iter().filter(|n| count(n) == samples);
     let step = step.filter_map(|n| objects.get(*n)?.step).next();
     let rate = step.map(|step| StatedRate {

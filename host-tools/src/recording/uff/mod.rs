@@ -10,6 +10,7 @@ mod units;
 
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
+use super::names::with_units;
 use super::source::{Channel, Place, StatedRate};
 use super::{Format, Mismatch, RecordingError};
 use scan::Set;
@@ -95,6 +96,7 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         });
         parts.push((None, Part::Abscissa));
     }
+    let channels = with_units(channels);
     let time = (uneven && !complex).then_some(sets.len());
     let rate = (!uneven && !complex).then(|| StatedRate {
         value: 1.0 / shared.header.step,
