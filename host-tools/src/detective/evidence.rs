@@ -504,12 +504,6 @@ impl Evidence {
                 place.iter().for_each(|&i| sensors[i].position = *position);
             }
         }
-        // From a position that no unit explains no search would find back.
-        for sensor in &mut sensors {
-            if (sensor.position - centre).norm() > OUTLYING * size {
-                sensor.position = centre;
-            }
-        }
         let (state, bench) = self.state(&sensors, &[]).ok_or(Undecided::NoInterface)?;
         let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
         let before = outlying.len() + self.delays.len();

@@ -29,9 +29,9 @@ const LOW: f64 = 0.35;
 pub const DISAGREEMENT: f64 = 30.0;
 
 /// Deviation from chance, in standard deviations, from which the base moves along directions that were taken to be at
-/// rest: by chance one of five looks at a test exceeds it once in ten tests, which
-/// then has fewer lines.
-pub const WANDERING: f64 = 2.0;
+/// rest: by chance one of five looks at a test exceeds it once in 150 tests, which
+/// then has fewer lines. With 2 it would be one of ten, whose errors are three times as large.
+pub const WANDERING: f64 = 3.0;
 
 /// Reason why there is no fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -53,10 +53,10 @@ impl Store {
             Err(poisoned) => poisoned.into_inner(),
         };
         file.seek(SeekFrom::Start(at))?;
-        // Room for all at once, since a vector that grows would be filled by a dozen small reads.
+        // At once, since a vector that grows is filled by a dozen small reads.
         let there = most.min(self.size.saturating_sub(at));
-        let mut bytes = Vec::with_capacity(usize::try_from(there).unwrap_or_default());
-        (&mut *file).take(most).read_to_end(&mut bytes)?;
+        let mut bytes = vec![0; usize::try_from(there).unwrap_or_default()];
+        file.read_exact(&mut bytes)?;
         Ok(bytes)
     }
 }
