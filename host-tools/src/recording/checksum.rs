@@ -1,7 +1,10 @@
 //! Length and checksum of a recording, by which a setup tells it from another one.
 
-use std::io::{self, Read, Write};
+use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
+
+/// Bytes that are read together.
+const TOGETHER: usize = 128 << 10;
 
 /// Length and checksum of a file. It tells a file that was exchanged or cut, not one that
 /// somebody forged.
@@ -69,8 +72,10 @@ impl Checksum {
     /// # Errors
     /// The system's.
     pub fn of_file(file: &Path) -> io::Result<Self> {
-        let mut summed = Summed::new(std::fs::File::open(file)?);
-        io::copy(&mut summed, &mut io::sink())?;
+        let summed = Summed::new(std::fs::File::open(file)?);
+        let mut buffered = BufReader::with_capacity(TOGETHER, summed);
+        io::copy(&mut buffered, &mut io::sink())?;
+        let summed = buffered.into_inner();
         Ok(summed.checksum())
     }
 }
