@@ -88,6 +88,10 @@ fn wrong_usage_is_code_2_and_says_where_help_is() {
         (&["identify", "setup.toml", "-q", "-v"], "--verbose"),
         (&["simulate", "fork"], "--out <DIR>"),
         (&["demo", "--seed", "1"], "--seed"),
+        (
+            &["identify", "setup.toml", "--threads", "0"],
+            "whole number, at least 1",
+        ),
     ] {
         let finished = run(arguments);
         assert_eq!(finished.code, Some(2), "{arguments:?}");

@@ -78,12 +78,17 @@ fn a_body_without_mass_is_nobodys_sign() {
 
 #[test]
 fn options_that_mean_nothing_are_refused() {
-    for (option, value, words) in [
-        ("--faults", "3", "expected 1 or 2"),
-        ("--case", "bridge", "expected one of satellite, fork"),
+    for (options, words) in [
+        (&["--faults", "3"][..], "expected 1 or 2"),
+        (&["--case", "bridge"], "expected one of satellite, fork"),
+        (
+            &["--setups", "0", "--clean", "0"],
+            "--setups 0: expected at least one",
+        ),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_massline"))
-            .args(["study", "faults", option, value])
+            .args(["study", "faults"])
+            .args(options)
             .output()
             .unwrap();
         let errors = String::from_utf8_lossy(&output.stderr);

@@ -206,3 +206,22 @@ impl<'a> Regression<'a> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The channels beside the only one that moves.
+    #[test]
+    fn no_channels_have_no_directions() {
+        let lines = [Line {
+            frequency: 1.0,
+            products: DMatrix::identity(2, 2),
+        }];
+        assert!(Gauge::of(&lines, &[]).is_none());
+        assert_eq!(
+            Gauge::of(&lines, &[1]).map(|gauge| gauge.motions()),
+            Some(1)
+        );
+    }
+}

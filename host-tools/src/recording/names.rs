@@ -224,6 +224,29 @@ mod tests {
         assert_eq!(position(&channels, "b"), None);
     }
 
+    /// The unit in a name counts where the file states none elsewhere; what else it states of a channel stays.
+    #[test]
+    fn a_unit_that_the_file_states_goes_before_the_one_in_the_name() {
+        let channel = |name: &str, unit: Option<&str>| Channel {
+            name: name.to_owned(),
+            unit: unit.map(str::to_owned),
+            direction: Some([0.0, 0.0, 1.0]),
+        };
+        let found = with_units(vec![
+            channel("a1 [g]", None),
+            channel("a2 (g)", None),
+            channel("a3 [g]", Some("m/s²")),
+            channel("a4", None),
+        ]);
+        let expected = [
+            channel("a1", Some("g")),
+            channel("a2", Some("g")),
+            channel("a3 [g]", Some("m/s²")),
+            channel("a4", None),
+        ];
+        assert_eq!(found, expected);
+    }
+
     #[test]
     fn only_columns_without_a_sensor_are_suggested() {
         let text = hint(&["a1", "a2", "A3"], "a3", &["a1", "a2", "a3"]);

@@ -48,9 +48,6 @@ pub struct StatedRate {
     pub place: &'static str,
 }
 
-/// Channels whose samples are written together: their readings fill a line of the cache.
-const TOGETHER: usize = 8;
-
 /// Samples that were read together, in memory that does not grow with the file.
 #[derive(Debug, Default)]
 pub struct Block {
@@ -140,26 +137,12 @@ impl Block {
         &mut self,
         count: usize,
         place: impl Fn(usize) -> Place,
-        readings: impl Fn(usize) -> &'r [f64],
+        mut readings: impl FnMut(usize) -> &'r [f64],
     ) {
         let before = self.readings.len();
         self.readings.resize(before + count * self.width, f64::NAN);
         let added = self.readings.get_mut(before..).unwrap_or_default();
-        let mut k = 0;
-        while k + TOGETHER <= self.width {
-            let channels: [_; TOGETHER] =
-                std::array::from_fn(|n| readings(k + n).get(..count).unwrap_or_default());
-            for (n, sample) in added.chunks_exact_mut(self.width).enumerate() {
-                let slots = sample
-                    .get_mut(k..)
-                    .and_then(|s| s.first_chunk_mut::<TOGETHER>());
-                if let Some(slots) = slots {
-                    *slots = channels.map(|channel| channel.get(n).copied().unwrap_or(f64::NAN));
-                }
-            }
-            k += TOGETHER;
-        }
-        for k in k..self.width {
+        for k in 0..self.width {
             let samples = added.chunks_exact_mut(self.width);
             for (sample, reading) in samples.zip(readings(k)) {
                 if let Some(slot) = sample.get_mut(k) {

@@ -347,9 +347,7 @@ impl Units {
             }
         }
     }
-}
 
-impl Units {
     /// One, where the total scale does not have the size of the stated unit twice.
     fn once(&self, measured: Measured, total: f64, stated: &str) -> Result<f64, String> {
         let Some((Kind::Of(_), size)) = find(stated) else {

@@ -213,6 +213,14 @@ fn h5py_of_odd_form() {
     );
 }
 
+/// Whole numbers to be multiplied by an attribute, by the conventions of netCDF.
+#[test]
+fn h5py_of_packed_values() {
+    let packed = refusal("packed.h5", "a1");
+    let words = "dataset a1 has packed values, by `scale_factor` or `add_offset`";
+    assert!(packed.contains(words), "{packed}");
+}
+
 /// The first stream of the Rattlesnake controller; its specifications are no channels.
 #[test]
 fn netcdf4() {
