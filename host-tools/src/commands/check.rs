@@ -38,12 +38,15 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         return plan(&setup, arguments);
     }
     let mut session = Session::new(&setup);
-    let findings = reading(verbosity, |progress| Ok(session.examine(progress)?))?;
+    let (findings, drift) = reading(verbosity, |progress| {
+        let findings = session.examine(progress)?;
+        Ok((findings, session.drift(progress)))
+    })?;
     if arguments.json {
-        print_json(&document(&findings))?;
+        print_json(&document(&findings, drift.as_deref()))?;
     } else {
-        for line in lines(&findings) {
-            print_line(&line)?;
+        for line in lines(&findings).iter().chain(&drift) {
+            print_line(line)?;
         }
     }
     if findings.clean() {
@@ -165,7 +168,7 @@ fn untold(findings: &Findings) -> Option<String> {
     (!all.is_empty()).then(|| format!("these runs do not tell: {all}"))
 }
 
-fn document(findings: &Findings) -> serde_json::Value {
+fn document(findings: &Findings, drift: Option<&str>) -> serde_json::Value {
     let suspect = |suspect: &Suspect| {
         let explanations: Vec<serde_json::Value> = suspect
             .explanations
@@ -184,6 +187,7 @@ fn document(findings: &Findings) -> serde_json::Value {
         "whole": whole,
         "whole_repair": whole_repair,
         "untold": findings.untold,
+        "drift": drift,
         "contradiction": findings.contradiction,
         "repaired": findings.repaired,
         "freedom": findings.freedom,

@@ -129,7 +129,7 @@ pub fn print_numbers(
     if with_type_b {
         writeln!(
             out,
-            "{dim}95 % intervals: of the noise alone, and with the stated uncertainty of sensors; behind each where most of that comes from{dim:#}"
+            "{dim}95 % intervals: of the noise alone, and with type B uncertainty; behind each where most of that comes from{dim:#}"
         )?;
     }
     if truth.is_some() {
@@ -145,7 +145,7 @@ pub fn print_numbers(
         "", "value", "95 % interval"
     )?;
     if with_type_b {
-        write!(out, "{:<15}", "  with sensors")?;
+        write!(out, "{:<15}", "  with type B")?;
     }
     if truth.is_some() {
         write!(out, "{:>12}{:>11}", "truth", "error")?;

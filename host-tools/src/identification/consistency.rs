@@ -62,7 +62,7 @@ impl Consistency {
 }
 
 /// Probability that F with these degrees of freedom exceeds `ratio`.
-fn exceeded(ratio: f64, surplus: f64, freedom: f64) -> f64 {
+pub(super) fn exceeded(ratio: f64, surplus: f64, freedom: f64) -> f64 {
     if ratio.is_nan() {
         // What is no number is consistent with nothing.
         return 0.0;

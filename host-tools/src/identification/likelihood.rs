@@ -1,6 +1,7 @@
 //! The method `ml`: a maximum likelihood fit of the apparent mass through the resonances, beside the
 //! band's method, whose numbers stay where the fit does not pass its tests.
 
+use super::drift;
 use super::notice::notice;
 use super::refusal::refusal;
 use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, estimates};
@@ -321,6 +322,8 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
             warnings.extend(type_b.gaps(&answer.identification));
         }
         notice(&judged, &answer.measurement, &mut warnings);
+        let held = answer.type_b.is_some();
+        drift::notice(&answer.drifts, &answer.measurement, held, &mut warnings);
         let own = answer
             .warnings
             .iter()

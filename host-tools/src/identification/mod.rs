@@ -3,6 +3,7 @@
 
 mod condense;
 mod consistency;
+mod drift;
 mod error;
 mod likelihood;
 mod notice;
@@ -13,6 +14,7 @@ mod type_b;
 mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
+pub(crate) use drift::Drift;
 pub use error::{AnswerError, ExamineError};
 pub(crate) use likelihood::{DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, told_of};
 pub use likelihood::{Likelihood, NAME as LIKELIHOOD, widest_band};
@@ -85,6 +87,8 @@ pub struct Answer {
     pub modal: Option<Modal>,
     /// Constant offsets of the six resultants of each static run, N and N m.
     pub offsets: Vec<(String, [f64; 6])>,
+    /// Changes of the forces within runs.
+    pub(crate) drifts: Vec<Drift>,
     /// The maximum likelihood fit, or why there is none, where it was asked for or recommended.
     pub likelihood: Option<Likelihood>,
     /// Warnings to the user.
@@ -264,9 +268,11 @@ impl<'s> Session<'s> {
             Procedure::Direct
         };
         let found = identify_from(self.setup, method, procedure, &measurement)?;
+        let drifts = drift::drifts(&measurement, &found.identification);
         let type_b = if self.with_type_b {
             let data = (accelerations, &*measurement);
-            self.type_b(method, procedure, data, &found, progress)?
+            let from = (&found, drift::gains(&drifts, &measurement));
+            self.type_b(method, procedure, data, from, progress)?
         } else {
             None
         };
@@ -282,6 +288,7 @@ impl<'s> Session<'s> {
         };
         let refused = refusal(&judged);
         notice::notice(&judged, &measurement, &mut warnings);
+        drift::notice(&drifts, &measurement, type_b.is_some(), &mut warnings);
         if refused.is_none() {
             notice::notice_missing_modes(self.setup, &found.fits, &mut warnings);
         }
@@ -303,6 +310,7 @@ impl<'s> Session<'s> {
             free_modes: found.free_modes,
             modal: None,
             offsets: found.offsets,
+            drifts,
             likelihood: None,
             warnings,
         })
@@ -368,6 +376,12 @@ impl<'s> Session<'s> {
         let channels = measure::channels(setup, &measurement, self.limit, progress)
             .map_err(AnswerError::from)?;
         Ok(detective::examine(setup, &measurement, &channels)?)
+    }
+
+    /// Change of the forces within runs, in words; `None` where there is none, or the data allow no answer.
+    pub fn drift(&mut self, progress: OnProgress<'_>) -> Option<String> {
+        let answer = self.answer(&Choice::default(), progress).ok()?;
+        drift::in_words(&answer.drifts, &answer.measurement)
     }
 
     /// The setup this session is about.

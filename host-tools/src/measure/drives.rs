@@ -81,6 +81,51 @@ impl DrivesAverage {
         }
     }
 
+    /// The sums of some lines from another average, by line and place among those of a line.
+    pub(super) fn of_sums(
+        band: &std::ops::Range<usize>,
+        (drives, channels): (usize, usize),
+        blocks: u32,
+        sum: &dyn Fn(usize, usize) -> Complex<f64>,
+    ) -> Self {
+        let mut found = Self::within(band.clone(), 0, drives, channels);
+        let each = found.each().max(1);
+        for (line, sums) in band.clone().zip(found.sums.chunks_exact_mut(each)) {
+            for (at, slot) in sums.iter_mut().enumerate() {
+                *slot = sum(line, at);
+            }
+        }
+        Self { blocks, ..found }
+    }
+
+    /// The same of some of the lines.
+    pub(super) fn of_lines(&self, band: &std::ops::Range<usize>) -> Self {
+        let each = self.each();
+        let count = (self.drives, self.channels);
+        Self::of_sums(band, count, self.blocks, &|line, at| {
+            self.sums[line * each + at]
+        })
+    }
+
+    /// What was summed since these sums, which are of the same lines.
+    pub(super) fn since(mut self, earlier: &Self) -> Self {
+        for (sum, before) in self.sums.iter_mut().zip(&earlier.sums) {
+            *sum -= before;
+        }
+        self.blocks -= earlier.blocks;
+        self
+    }
+
+    /// Number of lines.
+    pub(super) fn lines(&self) -> usize {
+        self.lines
+    }
+
+    /// `true` if there are drives only.
+    pub(super) fn has_no_channels(&self) -> bool {
+        self.channels == 0
+    }
+
     fn each(&self) -> usize {
         self.drives * self.drives + self.channels * (self.drives + 1)
     }

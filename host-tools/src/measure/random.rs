@@ -1,6 +1,7 @@
 //! Random runs: Welch averages of the twelve resultants.
 
 use super::drives::{DrivesAverage, Parts};
+use super::early_late::{EarlyLate, Moments};
 use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::opened::{Ended, Opened};
@@ -16,6 +17,7 @@ use massline_core::spectra::{
     Average, BlockSettings, Complex32, CrossSums, DriveAverage, LineGrid, LineRange, RunResponses,
     SpectraError,
 };
+use std::sync::Arc;
 
 /// Averaged spectra of one run.
 #[derive(Clone)]
@@ -70,6 +72,8 @@ pub struct MeasuredRun {
     pub preamble: Preamble,
     /// State of each channel.
     pub health: Vec<ChannelHealth>,
+    /// Both halves of the run, of its first drive; `None` where it is too short for them.
+    pub(crate) early_late: Option<Arc<EarlyLate>>,
     pub(super) fingerprint: u64,
     /// Covariance of the noise of one sample of the resultants, where the setup states it of
     /// every sensor.
@@ -180,6 +184,7 @@ pub(super) struct Resultants<'s> {
     sums: Sums<'s>,
     /// Sums that tell a run which its drives do not explain.
     moved: Option<DrivesAverage>,
+    moments: Moments,
 }
 
 /// Averages of one run.
@@ -189,6 +194,7 @@ pub(super) struct Averaged {
     blocks: u32,
     notes: Vec<String>,
     unexplained: Option<String>,
+    early_late: Option<EarlyLate>,
 }
 
 impl<'s> Resultants<'s> {
@@ -205,6 +211,7 @@ impl<'s> Resultants<'s> {
             band,
             sums: sums.map_err(|source| opened.spectral(source))?,
             moved: (drives > 0).then(|| Unexplained::sums(band, drives)),
+            moments: Moments::new(band.indices()),
         })
     }
 
@@ -213,6 +220,7 @@ impl<'s> Resultants<'s> {
         let (run, band, settings) = (opened.run, self.band, &opened.settings);
         let spectral = |source| opened.spectral(source);
         let blocks = self.sums.blocks();
+        let early_late = self.moments.halves(&self.sums);
         let mut notes = Vec::new();
         let spectra = match self.sums {
             Sums::Cross(average) => {
@@ -257,6 +265,7 @@ impl<'s> Resultants<'s> {
             blocks,
             notes,
             unexplained,
+            early_late,
         })
     }
 }
@@ -273,6 +282,7 @@ impl Sink for Resultants<'_> {
 
     fn add(&mut self, block: &Seen<'_>) {
         self.sums.add(block);
+        self.moments.look(&self.sums);
         if let Some(moved) = &mut self.moved {
             moved.add_channels(&|c| block.channel(c));
         }
@@ -342,6 +352,7 @@ pub(super) fn conclude(
     warnings.extend(averaged.unexplained);
     let stated = Stated::of(setup, &geometry, warnings);
     let stated = stated.whole.iter().all(|w| *w).then_some(stated.noise);
+    let mut early_late = averaged.early_late.map(Arc::new);
     let runs = averaged.spectra.into_iter();
     let runs = runs.map(|(name, (spectra, density, _))| MeasuredRun {
         name,
@@ -356,6 +367,7 @@ pub(super) fn conclude(
         rejected: *rejected,
         preamble: ended.preamble.clone(),
         health: ended.health.clone(),
+        early_late: early_late.take(),
         fingerprint: ended.fingerprint,
         stated,
         settings: *settings,

@@ -122,6 +122,7 @@ fn averaged(
         rejected: Rejected::default(),
         preamble: Preamble::default(),
         health: Vec::new(),
+        early_late: None,
         fingerprint: 0,
         stated: None,
         settings,

@@ -1,4 +1,4 @@
-//! The section on uncertainty: the shares of noise and of stated errors of sensors.
+//! The section on uncertainty: the shares of noise and of errors of sensors.
 
 use super::markup::escape;
 use super::number::{significant, uncertain, with_unit};
@@ -8,13 +8,13 @@ use super::table::TERMS;
 use crate::result::{Number, ResultDocument};
 use std::fmt::Write;
 
-/// The section, or `None` where neither setup nor certificates state an uncertainty.
+/// The section, or `None` without type B uncertainty.
 pub(super) fn section(result: &ResultDocument) -> Option<Section> {
     result.covariance_type_b.as_ref()?;
     let mut html = String::from(
         "<p>Type A is what scatters from sample to sample, type B what the setup and the \
-         certificates state of calibrations, positions and directions; it would be the same in \
-         the next test with these sensors. Both columns are standard uncertainties (k = 1). The \
+         certificates state of calibrations, positions and directions, which would be the same in \
+         the next test with these sensors, and what forces change within a run. Both columns are standard uncertainties (k = 1). The \
          interval covers both, with the effective degrees of freedom of Welch and Satterthwaite.</p>\
          <div class=\"wide\"><table class=\"plain\"><thead><tr><th scope=\"col\">Property</th>\
          <th scope=\"col\" class=\"num\">Type A</th><th scope=\"col\" class=\"num\">Type B</th>\

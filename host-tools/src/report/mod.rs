@@ -9,7 +9,7 @@
 //! | `findings` | what the recordings contradict in the setup |
 //! | `verdict` | title, method, verdict, warnings |
 //! | `table` | the ten numbers with error bars |
-//! | `budget` | what of them comes from noise, what from stated errors of sensors |
+//! | `budget` | what of them comes from noise, what from errors of sensors |
 //! | `apparent_mass`, `response` | apparent mass with the fit |
 //! | `likelihood` | lines, modes and residuals of the maximum likelihood fit |
 //! | `modes` | modes with effective masses |

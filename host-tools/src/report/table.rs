@@ -321,7 +321,7 @@ fn footnote(result: &ResultDocument, truth: Option<&TrueBody>) -> String {
         text.insert_str(
             text.len()
                 - "Relative is the same in percent: of the mass; for coordinates, of the ".len(),
-            "It covers noise alone; the next section adds the stated errors of sensors. ",
+            "It covers noise alone; the next section adds type B uncertainty. ",
         );
     }
     text.push_str(if with_inertia {

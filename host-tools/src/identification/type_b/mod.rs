@@ -23,13 +23,13 @@ mod sources;
 
 use super::{AnswerError, Found, OnProgress, Session, identify_from};
 use crate::measure::{
-    self, Accelerations, Added, Channels, MeasureError, Measurement, RunGeometry,
+    self, Accelerations, Added, Channels, ForceGain, MeasureError, Measurement, RunGeometry,
 };
 use crate::parallel;
 use crate::setup::Setup;
 use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
 use massline_core::masslines::Method;
-use sources::{Error, Source, sources};
+use sources::{Error, Source, of_gains, sources};
 
 /// Numbers of an identification: mass, Δ, three of the centre of gravity, six of inertia about
 /// A, six about S.
@@ -190,7 +190,7 @@ pub fn estimates(i: &Identification) -> [Option<Estimate>; NUMBERS] {
 
 impl Session<'_> {
     /// Type B uncertainty of an answer; `None` where the setup and the certificates state
-    /// nothing.
+    /// nothing and no gains change within a run.
     ///
     /// # Errors
     /// [`AnswerError`] if the recordings cannot be read once more.
@@ -199,14 +199,21 @@ impl Session<'_> {
         method: Method,
         procedure: Procedure,
         (accelerations, measurement): (&Accelerations, &Measurement),
-        nominal: &Found,
+        (nominal, gains): (&Found, Vec<ForceGain>),
         progress: OnProgress<'_>,
     ) -> Result<Option<TypeB>, AnswerError> {
-        let sources = sources(self.setup, measurement);
+        let mut sources = sources(self.setup, measurement);
+        sources.extend(of_gains(gains));
         if sources.is_empty() {
             return Ok(None);
         }
-        let channels = measure::channels(self.setup, measurement, self.limit, progress)?;
+        let of_sensors = |source: &Source| matches!(source.error, Error::Sensors(_));
+        let channels = if sources.iter().any(of_sensors) {
+            let limit = self.limit;
+            Some(measure::channels(self.setup, measurement, limit, progress)?)
+        } else {
+            None
+        };
         let chain = Chain {
             setup: self.setup,
             method,
@@ -242,7 +249,8 @@ struct Chain<'a> {
     procedure: Procedure,
     accelerations: &'a Accelerations,
     measurement: &'a Measurement,
-    channels: Channels,
+    /// Those of all runs, if errors of sensors are among the sources.
+    channels: Option<Channels>,
     nominal: Choices,
     observable: [bool; NUMBERS],
 }
@@ -279,7 +287,7 @@ impl Chain<'_> {
     fn contribution(&self, source: &Source) -> Result<Contribution, AnswerError> {
         let added = match &source.error {
             Error::Sensors(change) => self.added(change)?,
-            Error::Mass(_) => Vec::new(),
+            Error::Mass(_) | Error::Forces(_) => Vec::new(),
         };
         let mut numbers = [None; NUMBERS];
         for step in STEPS {
@@ -325,11 +333,14 @@ impl Chain<'_> {
     }
 
     fn identify(&self, source: &Source, added: &[Added], step: f64) -> Result<Found, AnswerError> {
-        match source.error {
-            Error::Sensors(_) => {
-                let changed = self.channels.with_columns(self.measurement, added, step);
-                identify_from(self.setup, self.method, self.procedure, &changed)
-            }
+        let from =
+            |changed: Measurement| identify_from(self.setup, self.method, self.procedure, &changed);
+        match &source.error {
+            Error::Sensors(_) => from(match &self.channels {
+                Some(channels) => channels.with_columns(self.measurement, added, step),
+                None => self.measurement.clone(),
+            }),
+            Error::Forces(gains) => from(self.measurement.with_gains(gains, step)),
             Error::Mass(by) => {
                 let known_mass = self.setup.known_mass.map(|mass| mass + by * step);
                 let setup = Setup {

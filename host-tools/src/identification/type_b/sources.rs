@@ -1,6 +1,6 @@
 //! Sources of type B uncertainty: errors of sensors that a setup states, with their sizes.
 
-use crate::measure::{Change, Measurement};
+use crate::measure::{Change, ForceGain, Measurement};
 use crate::setup::{Mount, Setup, Uncertainty};
 use nalgebra::Vector3;
 
@@ -20,6 +20,8 @@ pub(super) enum Error {
     Sensors(Change),
     /// The weighed mass, kg.
     Mass(f64),
+    /// Gains of forces in single runs.
+    Forces(Vec<ForceGain>),
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -31,6 +33,14 @@ struct Channel {
     kind: u8,
     place: [u64; 3],
     stated: Uncertainty,
+}
+
+/// The error of gains that change within runs.
+pub(super) fn of_gains(gains: Vec<ForceGain>) -> Option<Source> {
+    (!gains.is_empty()).then(|| Source {
+        name: "forces that change within a run".to_owned(),
+        error: Error::Forces(gains),
+    })
 }
 
 /// All errors of a setup. Sensitivities that neither the sensor nor its kind states have the
