@@ -2,6 +2,7 @@
 //! pyarrow, pandas, Polars and DuckDB, by `make_parquet.py` there.
 
 use massline::recording::Recording;
+use massline::setup::Setup;
 use massline_firmware::wire::Health;
 use std::path::{Path, PathBuf};
 
@@ -267,6 +268,32 @@ fn scipy_wav() {
     }
 }
 
+/// A share of full scale is no acceleration: somebody has to say how much full scale is.
+#[test]
+fn whole_numbers_of_wav_need_a_scale() {
+    let open = |file: &str, scale: &str| {
+        let text = format!(
+            "[[accelerometer]]\nchannel = \"1\"\nposition = [0, 0, 0]\ndirection = [1, 0, 0]\n{scale}[processing]\naveraging_band = [1, 2]\n[[run]]\nname = \"x\"\nrecording = \"{}\"\n",
+            fixture(file).display()
+        );
+        let setup = Setup::from_str(&text, Path::new("setup.toml")).unwrap();
+        let opened = setup.open_recording(&setup.runs[0], &["1"]);
+        opened.map(|_| ()).map_err(|error| error.to_string())
+    };
+    for scale in ["", "scale = -1.0\n"] {
+        let error = open("pcm16.wav", scale).unwrap_err();
+        let words = "channel `1`: whole numbers of a WAV file are shares of full scale";
+        assert!(error.contains(words), "{error}");
+        assert!(
+            error.contains("m/s² at full scale ([[accelerometer]]"),
+            "{error}"
+        );
+    }
+    assert_eq!(open("pcm16.wav", "scale = 98.1\n"), Ok(()));
+    assert_eq!(open("pcm16.wav", "unit = \"g\"\n"), Ok(()));
+    assert_eq!(open("float.wav", ""), Ok(()));
+}
+
 #[test]
 fn parquet_of_others() {
     for name in [
@@ -329,4 +356,27 @@ fn parquet_of_counts() {
         assert_eq!(row.to_vec(), counts, "sample {n}");
     }
     assert!(!recording.next_row_f64(|_, _| ()).unwrap());
+}
+
+/// Decimals of five and of sixteen bytes, and of whole numbers, by pyarrow.
+#[test]
+fn parquet_of_decimals() {
+    for file in ["decimals.parquet", "whole-decimals.parquet"] {
+        let mut recording = Recording::open(&fixture(file), &NAMES).unwrap();
+        let mut row = [0.0; 3];
+        for (n, expected) in expected().iter().enumerate() {
+            assert!(recording.next_row_f64(|c, x| row[c] = x).unwrap());
+            let is_missing = [7, 8].contains(&n);
+            assert_eq!(recording.health().is_good(), !is_missing, "{file} {n}");
+            // Of six decimals, of twenty, and of six; a unit of the quotient in double precision.
+            for (c, half) in [(0, 0.5e-6), (1, 0.0), (2, 0.5e-6)] {
+                if !is_missing {
+                    let off = (row[c] - expected[c]).abs();
+                    let bound = half + f64::EPSILON * expected[c].abs();
+                    assert!(off <= bound, "{file} {n}: {row:?}, expected {expected:?}");
+                }
+            }
+        }
+        assert!(!recording.next_row_f64(|_, _| ()).unwrap());
+    }
 }

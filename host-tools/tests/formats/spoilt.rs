@@ -5,7 +5,7 @@ use massline::recording::{Recording, RecordingError};
 use std::path::{Path, PathBuf};
 
 /// Files of a program each, with two of their channels.
-const FILES: [(&str, [&str; 2]); 24] = [
+const FILES: [(&str, [&str; 2]); 25] = [
     ("double.uff", ["11:+Z", "13:+Y"]),
     ("binary.uff", ["a1", "fx"]),
     ("uneven.uff", ["11:+Z", "13:+Y"]),
@@ -29,6 +29,7 @@ const FILES: [(&str, [&str; 2]); 24] = [
     ("gzip.parquet", ["a1", "fx"]),
     ("split.parquet", ["a1", "fx"]),
     ("counts.parquet", ["a1", "fx"]),
+    ("decimals.parquet", ["a1", "fx"]),
     ("index.parquet", ["a1", "fx"]),
 ];
 

@@ -39,6 +39,8 @@ pub(super) enum Values {
     Double,
     Int32(Meaning),
     Int64(Meaning),
+    /// Whole numbers of so many bytes, in units of one over this.
+    Fixed(usize, f64),
     Text,
 }
 
@@ -59,6 +61,7 @@ impl Values {
         match self {
             Self::Float | Self::Int32(_) => Some(4),
             Self::Double | Self::Int64(_) => Some(8),
+            Self::Fixed(bytes, _) => Some(bytes),
             Self::Text => None,
         }
     }
@@ -95,6 +98,8 @@ pub(super) struct Chunk {
 struct Element {
     name: String,
     physical: Option<i64>,
+    /// Bytes of a value of a fixed length.
+    length: i64,
     repetition: i64,
     children: i64,
     converted: Option<i64>,
@@ -259,6 +264,7 @@ impl Element {
         let mut element = Self::default();
         thrift.structure(kind, |t, field, kind| match field {
             1 => t.whole(kind).map(|x| element.physical = Some(x)),
+            2 => t.whole(kind).map(|x| element.length = x),
             3 => t.whole(kind).map(|x| element.repetition = x),
             4 => t.text(kind).map(|text| element.name = words(text)),
             5 => t.whole(kind).map(|x| element.children = x),
@@ -301,8 +307,23 @@ impl Element {
             4 => Some(Values::Float),
             5 => Some(Values::Double),
             6 => Some(Values::Text),
+            7 => self.fixed(),
             _ => None,
         }
+    }
+
+    /// Decimals of a fixed length, as far as 128 bits hold them.
+    fn fixed(&self) -> Option<Values> {
+        let bytes = usize::try_from(self.length)
+            .ok()
+            .filter(|n| (1..=16).contains(n))?;
+        let scale = match (&self.logical, self.converted) {
+            (Some(Logical::Decimal(scale)), _) => *scale,
+            (None, Some(5)) => self.scale,
+            _ => return None,
+        };
+        let scale = i32::try_from(scale).ok().filter(|x| (0..=38).contains(x))?;
+        Some(Values::Fixed(bytes, 10_f64.powi(scale)))
     }
 }
 

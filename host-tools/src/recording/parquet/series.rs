@@ -5,7 +5,7 @@ use super::pages::{Pages, Store};
 use crate::recording::faults;
 use massline_firmware::wire::Health;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
-use parquet::data_type::{DataType, Int32Type, Int64Type};
+use parquet::data_type::{DataType, FixedLenByteArrayType, Int32Type, Int64Type};
 use parquet::errors::{ParquetError, Result};
 use parquet::schema::types::{ColumnDescriptor, ColumnPath, Type};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -208,6 +208,12 @@ impl Series {
             Some(ColumnReader::Int64ColumnReader(reader)) => {
                 batch.read::<Int64Type>(reader, most, |x| whole(*x, meaning, first))
             }
+            Some(ColumnReader::FixedLenByteArrayColumnReader(reader)) => {
+                let Some(Values::Fixed(_, unit)) = column.and_then(|c| c.values) else {
+                    return Err(ended());
+                };
+                batch.read::<FixedLenByteArrayType>(reader, most, |x| wide(x.data()) as f64 / unit)
+            }
             Some(ColumnReader::ByteArrayColumnReader(reader)) => {
                 let mut texts = Vec::with_capacity(most);
                 let levels = &mut batch.levels;
@@ -294,6 +300,14 @@ fn whole(value: i64, meaning: Meaning, first: &mut Option<i64>) -> f64 {
     }
 }
 
+/// A whole number whose bytes begin with the highest, in two's complement.
+fn wide(bytes: &[u8]) -> i128 {
+    let first = bytes.first().map_or(0, |first| i128::from(*first as i8));
+    let rest = bytes.get(1..).unwrap_or_default();
+    rest.iter()
+        .fold(first, |value, byte| value << 8 | i128::from(*byte))
+}
+
 fn reader(column: &Column, values: Values, pages: Pages) -> Result<ColumnReader> {
     use parquet::basic::{Repetition, Type as Physical};
     let physical = match values {
@@ -301,7 +315,12 @@ fn reader(column: &Column, values: Values, pages: Pages) -> Result<ColumnReader>
         Values::Double => Physical::DOUBLE,
         Values::Int32(_) => Physical::INT32,
         Values::Int64(_) => Physical::INT64,
+        Values::Fixed(..) => Physical::FIXED_LEN_BYTE_ARRAY,
         Values::Text => Physical::BYTE_ARRAY,
+    };
+    let length = match values {
+        Values::Fixed(bytes, _) => i32::try_from(bytes).unwrap_or(i32::MAX),
+        _ => -1,
     };
     let repetition = if column.nullable {
         Repetition::OPTIONAL
@@ -309,7 +328,10 @@ fn reader(column: &Column, values: Values, pages: Pages) -> Result<ColumnReader>
         Repetition::REQUIRED
     };
     let kind = Type::primitive_type_builder(&column.name, physical);
-    let kind = kind.with_repetition(repetition).build()?;
+    let kind = kind
+        .with_repetition(repetition)
+        .with_length(length)
+        .build()?;
     let path = ColumnPath::from(column.name.as_str());
     let described = ColumnDescriptor::new(Arc::new(kind), i16::from(column.nullable), 0, path);
     Ok(get_column_reader(Arc::new(described), Box::new(pages)))
